@@ -1,0 +1,1 @@
+"""What turns voltage commands and measured currents into position and speed, from a belief about the motor."""

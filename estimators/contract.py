@@ -1,0 +1,92 @@
+"""What every estimator is given and gives: commands and measurements in, position and speed out.
+
+An estimator is two functions,
+  init(belief, tuning, angle=None) -> state              state: flat float64 array, its only memory
+  step(state, sample, belief, tuning) -> Estimate        updates the state in place
+called once a sampling period.  A compiled one has the explicit signature STEP and is passed into the loop as a
+function pointer; one written in Python keeps whatever object it likes as state and runs on the slower path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numba
+from numba import types
+
+from model.energy import Energy
+
+MAX_PERIOD = 64  # samples in an injection period
+
+
+class Sample(NamedTuple):
+    """What the drive knows at t_k; nothing here comes from the true rotor."""
+
+    i_alpha: float  # A, as the sensors read it at t_k
+    i_beta: float
+    u_alpha: float  # V, commanded for the interval that ends at t_k
+    u_beta: float
+    carrier: float  # s, zero-mean primitive F of the injected waveform at t_k: flux ripple per volt
+
+
+class Estimate(NamedTuple):
+    """What the estimator makes of it."""
+
+    theta: float  # rad, electrical, of the magnet axis at t_k
+    omega: float  # rad/s, electrical
+    axis: float  # rad, where to inject
+    bias: float  # A, current to hold along theta while starting up
+    tracking: float  # 0 while starting up, 1 after
+    ripple_d: float  # A, ripple amplitude along and across the axis
+    ripple_q: float
+
+
+class Belief(NamedTuple):
+    """What the estimator believes of the motor; never the truth, never changed."""
+
+    energy: Energy
+    magnet_flux: float
+    resistance: float
+    pole_pairs: float
+
+
+class Tuning(NamedTuple):
+    """Everything set by design (`sandbox.design`), none of it measured."""
+
+    period: int  # samples in an injection period, N
+    settle: int  # injection periods to wait for, and to average, in each step of starting up
+    average: int
+    sampling_period: float  # s
+    amplitude: float  # V
+    power: float  # s^2, sum of F^2 over a period
+    peak: float  # s, max |F|
+    lag: float  # s^2, -<F, F''''>/<F, F''> of the sampled carrier: weight of the (R Gamma)^2 correction
+    kp: float  # 1/s
+    ki: float  # 1/s^2
+    bias: float  # A, polarity test
+    current_variance: float  # A^2, one axis
+    flux_variance: float  # Wb^2 a step
+    speed_variance: float  # (rad/s)^2 a step
+
+
+_ZERO_BELIEF = Belief(Energy(*7 * (0.0,)), 0.0, 0.0, 0.0)
+_ZERO_TUNING = Tuning(0, 0, 0, *11 * (0.0,))
+SAMPLE = numba.typeof(Sample(*5 * (0.0,)))
+ESTIMATE = numba.typeof(Estimate(*7 * (0.0,)))
+BELIEF = numba.typeof(_ZERO_BELIEF)
+TUNING = numba.typeof(_ZERO_TUNING)
+STATE = types.Array(types.float64, 1, "C")
+STEP = ESTIMATE(STATE, SAMPLE, BELIEF, TUNING)
+
+
+@dataclass(frozen=True)
+class Estimator:
+    """An estimator by name: its two functions and one line on what it does."""
+
+    name: str
+    summary: str
+    init: Callable[..., Any]
+    step: Callable[[Any, Sample, Belief, Tuning], Estimate]
+    compiled: bool = True

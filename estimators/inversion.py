@@ -1,0 +1,74 @@
+"""Direct inversion of both ripple components through the believed Hessian.
+
+With injection along the estimated d axis, the believed ripple at error e is
+  S(e) = R(e) Gamma_R(R(-e) i) R(-e) (1, 0),    Gamma_R = Gamma - lag (R Gamma)^2 Gamma,
+the second term being the first effect of the resistance on the in-phase ripple (the one of first order in R is
+in quadrature with F and drops out).  The error that minimises |y - S(e)| feeds the phase-locked loop: one
+Gauss-Newton step a sample.  It needs a non-zero slope vector S', not a saliency of a given sign.
+"""
+
+from __future__ import annotations
+
+from estimators.contract import STEP, Estimate, Estimator
+from estimators.demodulation import AXIS, FLUX_D, FLUX_Q, OMEGA, PHASE, blank, demodulate
+from estimators.startup import TRACKING, refill, start, tell
+from estimators.tracking import correct, predict
+from model.compiled import kernel, kernel_as
+from model.energy import SOLVED, flux_newton, hessian
+from model.frames import rotate
+from model.saliency import ripple
+
+DELTA = 0.02  # rad, half width of the difference for S'
+
+
+@kernel
+def believed_ripple(state, mean_d, mean_q, e, belief, tuning):
+    """Return S(e) in 1/H for the mean current (A) of the estimated frame."""
+    m = belief.energy
+    i_d, i_q = rotate(mean_d, mean_q, -e)
+    d, q, status = flux_newton(m, i_d, i_q, state[FLUX_D], state[FLUX_Q])
+    if status == SOLVED:
+        state[FLUX_D], state[FLUX_Q] = d, q
+    dd, dq, qq = hessian(m, state[FLUX_D], state[FLUX_Q])
+    c = tuning.lag * belief.resistance * belief.resistance
+    s_dd, s_dq, s_qq = dd * dd + dq * dq, dq * (dd + qq), dq * dq + qq * qq  # Gamma^2
+    r_dd = dd - c * (s_dd * dd + s_dq * dq)
+    r_dq = dq - c * (s_dd * dq + s_dq * qq)
+    r_qq = qq - c * (s_dq * dq + s_qq * qq)
+    return ripple(r_dd, r_dq, r_qq, e)
+
+
+@kernel
+def believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning):
+    """Return the Gauss-Newton step (rad) from e = 0 towards the minimum of |y - S(e)|."""
+    a_d, a_q = believed_ripple(state, mean_d, mean_q, -DELTA, belief, tuning)
+    b_d, b_q = believed_ripple(state, mean_d, mean_q, DELTA, belief, tuning)
+    s_d, s_q = believed_ripple(state, mean_d, mean_q, 0.0, belief, tuning)
+    g_d, g_q = (b_d - a_d) / (2.0 * DELTA), (b_q - a_q) / (2.0 * DELTA)
+    unsaturated = belief.energy.gamma_d - belief.energy.gamma_q
+    weakest = 0.01 * unsaturated * unsaturated  # below it the ripple carries no angle: hold rather than jump
+    return (g_d * (y_d - s_d) + g_q * (y_q - s_q)) / max(g_d * g_d + g_q * g_q, weakest)
+
+
+@kernel_as(STEP)
+def step(state, sample, belief, tuning):
+    """Take one sample; see the module's text."""
+    if state[PHASE] != TRACKING:
+        estimate = start(state, sample, belief, tuning)
+        if state[PHASE] == TRACKING:
+            refill(state, sample, tuning)
+        return estimate
+    axis = predict(state, tuning)
+    i_d, i_q = rotate(sample.i_alpha, sample.i_beta, -axis)
+    mean_d, mean_q, y_d, y_q = demodulate(state, i_d, i_q, sample.carrier, tuning)
+    correct(state, believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning), tuning)
+    amplitude = tuning.amplitude * tuning.peak
+    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+
+
+def init(belief, tuning, angle=None):
+    """Return the state before starting up, or ready to track from a known angle (rad)."""
+    return tell(blank(), angle)
+
+
+ESTIMATOR = Estimator("inversion", "both ripple components inverted through the believed Hessian", init, step)

@@ -1,0 +1,167 @@
+"""Extended Kalman filter with the energy model, compiled.
+
+State x = (psi_alpha, psi_beta, omega, theta): total stator flux linkage (Wb), electrical speed and angle.
+  d psi / dt = u - R i,   d omega / dt = noise,   d theta / dt = omega,
+  i = R(theta) grad H(R(-theta) psi - (phi_m, 0)),
+one Heun step a sampling period.  Injection makes theta observable at standstill: the ripple changes the
+Jacobian of i by theta through Gamma_dd - Gamma_qq.  Twin on filterpy: `estimators.kalman_filterpy`.
+"""
+
+from __future__ import annotations
+
+from estimators.contract import STEP, Estimate, Estimator
+from estimators.demodulation import AXIS, FREE, OMEGA, PHASE, blank, demodulate
+from estimators.startup import TRACKING, start, tell
+from model.compiled import kernel, kernel_as
+from model.energy import currents, hessian
+from model.frames import rotate
+
+X = FREE
+P = X + 4
+F = P + 16  # scratch: transition, later I - K H
+W = F + 16  # scratch: a product
+SIZE = 4 + 3 * 16
+START_ANGLE = 0.1  # rad, standard deviation after starting up
+START_SPEED = 1.0  # rad/s
+START_FLUX = 0.02  # of the magnet's
+
+
+@kernel
+def stator_current(psi_a, psi_b, theta, belief):
+    """Return i_alpha, i_beta (A) of the believed motor."""
+    d, q = rotate(psi_a, psi_b, -theta)
+    i_d, i_q = currents(belief.energy, d - belief.magnet_flux, q)
+    return rotate(i_d, i_q, theta)
+
+
+@kernel
+def current_jacobian(psi_a, psi_b, theta, belief):
+    """Return G_aa, G_ab, G_bb (1/H) and j_a, j_b (A/rad): derivatives of i by psi and by theta."""
+    d, q = rotate(psi_a, psi_b, -theta)
+    d -= belief.magnet_flux
+    dd, dq, qq = hessian(belief.energy, d, q)
+    x, y = rotate(dd - qq, 2.0 * dq, 2.0 * theta)  # the traceless part turns by twice the angle
+    g_aa, g_ab, g_bb = 0.5 * (dd + qq + x), 0.5 * y, 0.5 * (dd + qq - x)
+    i_a, i_b = stator_current(psi_a, psi_b, theta, belief)
+    j_a = -i_b - (-g_aa * psi_b + g_ab * psi_a)  # J i - G J psi
+    j_b = i_a - (-g_ab * psi_b + g_bb * psi_a)
+    return g_aa, g_ab, g_bb, j_a, j_b
+
+
+@kernel
+def sandwich(s, left, middle, out):
+    """Write left middle left^T (4 x 4, offsets into s) to `out`, through the scratch W; out may be middle."""
+    for i in range(4):
+        for j in range(4):
+            total = 0.0
+            for k in range(4):
+                total += s[left + 4 * i + k] * s[middle + 4 * k + j]
+            s[W + 4 * i + j] = total
+    for i in range(4):
+        for j in range(4):
+            total = 0.0
+            for k in range(4):
+                total += s[W + 4 * i + k] * s[left + 4 * j + k]
+            s[out + 4 * i + j] = total
+
+
+@kernel
+def predict(s, u_a, u_b, belief, tuning):
+    """Propagate mean (Heun) and covariance (Jacobian at the start) over one sampling period."""
+    t, r = tuning.sampling_period, belief.resistance
+    a, b, omega, theta = s[X], s[X + 1], s[X + 2], s[X + 3]
+    g_aa, g_ab, g_bb, j_a, j_b = current_jacobian(a, b, theta, belief)
+    i_a, i_b = stator_current(a, b, theta, belief)
+    da, db = u_a - r * i_a, u_b - r * i_b
+    n_a, n_b = stator_current(a + t * da, b + t * db, theta + t * omega, belief)
+    s[X] = a + 0.5 * t * (da + u_a - r * n_a)
+    s[X + 1] = b + 0.5 * t * (db + u_b - r * n_b)
+    s[X + 3] = theta + t * omega
+    for k in range(16):
+        s[F + k] = 0.0
+    s[F], s[F + 1], s[F + 3] = 1.0 - t * r * g_aa, -t * r * g_ab, -t * r * j_a
+    s[F + 4], s[F + 5], s[F + 7] = -t * r * g_ab, 1.0 - t * r * g_bb, -t * r * j_b
+    s[F + 10] = s[F + 15] = 1.0
+    s[F + 14] = t
+    sandwich(s, F, P, P)
+    s[P] += tuning.flux_variance
+    s[P + 5] += tuning.flux_variance
+    s[P + 10] += tuning.speed_variance
+
+
+@kernel
+def update(s, i_a, i_b, belief, tuning):
+    """Correct with one current sample (Joseph form)."""
+    g_aa, g_ab, g_bb, j_a, j_b = current_jacobian(s[X], s[X + 1], s[X + 3], belief)
+    e_a, e_b = stator_current(s[X], s[X + 1], s[X + 3], belief)
+    e_a, e_b = i_a - e_a, i_b - e_b
+    v = tuning.current_variance
+    s_aa = s_ab = s_bb = 0.0
+    for k in range(4):  # P H^T, two columns into the scratch W
+        p = P + 4 * k
+        s[W + k] = s[p] * g_aa + s[p + 1] * g_ab + s[p + 3] * j_a
+        s[W + 4 + k] = s[p] * g_ab + s[p + 1] * g_bb + s[p + 3] * j_b
+    s_aa = g_aa * s[W] + g_ab * s[W + 1] + j_a * s[W + 3] + v
+    s_ab = g_aa * s[W + 4] + g_ab * s[W + 5] + j_a * s[W + 7]
+    s_bb = g_ab * s[W + 4] + g_bb * s[W + 5] + j_b * s[W + 7] + v
+    det = s_aa * s_bb - s_ab * s_ab
+    for k in range(4):  # I - K H into F, K into the scratch behind it
+        k_a = (s[W + k] * s_bb - s[W + 4 + k] * s_ab) / det
+        k_b = (s[W + 4 + k] * s_aa - s[W + k] * s_ab) / det
+        s[W + 8 + k], s[W + 12 + k] = k_a, k_b
+        s[X + k] += k_a * e_a + k_b * e_b
+        s[F + 4 * k] = -(k_a * g_aa + k_b * g_ab)
+        s[F + 4 * k + 1] = -(k_a * g_ab + k_b * g_bb)
+        s[F + 4 * k + 2] = 0.0
+        s[F + 4 * k + 3] = -(k_a * j_a + k_b * j_b)
+        s[F + 5 * k] += 1.0
+    k0, k1, k2, k3 = s[W + 8], s[W + 9], s[W + 10], s[W + 11]
+    l0, l1, l2, l3 = s[W + 12], s[W + 13], s[W + 14], s[W + 15]
+    sandwich(s, F, P, P)
+    gains_a, gains_b = (k0, k1, k2, k3), (l0, l1, l2, l3)
+    for i in range(4):
+        for j in range(4):
+            s[P + 4 * i + j] += v * (gains_a[i] * gains_a[j] + gains_b[i] * gains_b[j])
+
+
+@kernel
+def begin(s, sample, belief):
+    """Set mean and covariance from the position found by starting up."""
+    theta = s[AXIS]
+    x, y = rotate(belief.magnet_flux, 0.0, theta)
+    g_aa, g_ab, g_bb, _, _ = current_jacobian(x, y, theta, belief)
+    det = g_aa * g_bb - g_ab * g_ab
+    s[X] = x + (g_bb * sample.i_alpha - g_ab * sample.i_beta) / det
+    s[X + 1] = y + (g_aa * sample.i_beta - g_ab * sample.i_alpha) / det
+    s[X + 2], s[X + 3] = 0.0, theta
+    for k in range(16):
+        s[P + k] = 0.0
+    s[P] = s[P + 5] = (START_FLUX * belief.magnet_flux) ** 2
+    s[P + 10] = START_SPEED**2
+    s[P + 15] = START_ANGLE**2
+
+
+@kernel_as(STEP)
+def step(state, sample, belief, tuning):
+    """Take one sample; see the module's text."""
+    if state[PHASE] != TRACKING:
+        estimate = start(state, sample, belief, tuning)
+        if state[PHASE] == TRACKING:
+            begin(state, sample, belief)
+        return estimate
+    predict(state, sample.u_alpha, sample.u_beta, belief, tuning)
+    update(state, sample.i_alpha, sample.i_beta, belief, tuning)
+    theta, omega = state[X + 3], state[X + 2]
+    state[AXIS], state[OMEGA] = theta, omega
+    i_d, i_q = rotate(sample.i_alpha, sample.i_beta, -theta)
+    _, _, y_d, y_q = demodulate(state, i_d, i_q, sample.carrier, tuning)  # shown, not used
+    amplitude = tuning.amplitude * tuning.peak
+    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+
+
+def init(belief, tuning, angle=None):
+    """Return the state before starting up, or ready to track from a known angle (rad)."""
+    return tell(blank(SIZE), angle)
+
+
+ESTIMATOR = Estimator("ekf", "extended Kalman filter on flux, speed and angle with the energy model", init, step)

@@ -1,0 +1,58 @@
+"""q-null: inject along an axis, turn it until the ripple across it vanishes.
+
+At the null the axis stands at the cross-saturation angle from the magnet.  The linear belief takes it for the
+magnet; the saturated belief adds the angle its Hessian predicts at the measured current, which makes axis and
+offset consistent with each other (the self-consistent offset).
+"""
+
+from __future__ import annotations
+
+import math
+
+from estimators.contract import STEP, Estimate, Estimator
+from estimators.demodulation import AXIS, FLUX_D, FLUX_Q, OFFSET, OMEGA, PHASE, blank, demodulate
+from estimators.startup import TRACKING, refill, start, tell
+from estimators.tracking import correct, predict
+from model.compiled import kernel, kernel_as
+from model.energy import SOLVED, flux_newton, hessian
+from model.frames import rotate
+from model.saliency import null_angle
+
+
+@kernel
+def believed_null(state, mean_d, mean_q, belief):
+    """Return null angle (rad) and ripple slope (1/H) that the belief gives at the mean current of the axis frame."""
+    e = belief.energy
+    sign = 1.0 if e.gamma_d >= e.gamma_q else -1.0
+    i_d, i_q = rotate(mean_d, mean_q, -state[OFFSET])  # into the estimated rotor frame
+    d, q, status = flux_newton(e, i_d, i_q, state[FLUX_D], state[FLUX_Q])
+    if status == SOLVED:
+        state[FLUX_D], state[FLUX_Q] = d, q
+    dd, dq, qq = hessian(e, state[FLUX_D], state[FLUX_Q])
+    return null_angle(dd, dq, qq, sign), sign * math.hypot(dd - qq, 2.0 * dq)
+
+
+@kernel_as(STEP)
+def step(state, sample, belief, tuning):
+    """Take one sample; see the module's text."""
+    if state[PHASE] != TRACKING:
+        estimate = start(state, sample, belief, tuning)
+        if state[PHASE] == TRACKING:
+            refill(state, sample, tuning)
+        return estimate
+    axis = predict(state, tuning)
+    i_d, i_q = rotate(sample.i_alpha, sample.i_beta, -axis)
+    mean_d, mean_q, y_d, y_q = demodulate(state, i_d, i_q, sample.carrier, tuning)
+    state[OFFSET], slope = believed_null(state, mean_d, mean_q, belief)
+    correct(state, y_q / slope, tuning)
+    amplitude = tuning.amplitude * tuning.peak
+    theta = state[AXIS] + state[OFFSET]
+    return Estimate(theta, state[OMEGA], state[AXIS], 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+
+
+def init(belief, tuning, angle=None):
+    """Return the state before starting up, or ready to track from a known angle (rad)."""
+    return tell(blank(), angle)
+
+
+ESTIMATOR = Estimator("qnull", "pulsating injection, null of the ripple across it, phase-locked loop", init, step)

@@ -1,0 +1,78 @@
+"""One decorator for every compiled function: numba, cached on disk, never stale.
+
+numba stamps a cached kernel with the modification time of its own file only, so a changed callee in another
+module would leave the caller's machine code in place.  The cache folder is therefore keyed by a hash of every
+source file that holds a kernel.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba.core import config
+
+ROOMS = ("model", "estimators", "sandbox")
+KEPT_DAYS = 30
+
+
+def cache_home() -> Path:
+    """Return the folder for compiled kernels and memoised designs (`SENSORLESS_CACHE` or the user's cache)."""
+    user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
+    return Path(os.environ.get("SENSORLESS_CACHE") or os.path.join(user, "sensorless-sandbox"))
+
+
+def source_key() -> str:
+    """Return a short hash of every source file that defines a kernel."""
+    root = Path(__file__).resolve().parent.parent
+    digest = hashlib.sha256(numba.__version__.encode())
+    for room in ROOMS:
+        for path in sorted((root / room).rglob("*.py")):
+            text = path.read_bytes()
+            if b"@kernel" in text or path.name == "compiled.py":
+                digest.update(path.name.encode() + text)
+    return digest.hexdigest()[:16]
+
+
+def _cache_dir() -> str:
+    path = cache_home() / f"kernels-{source_key()}"
+    try:
+        if not path.exists():
+            path.mkdir(parents=True, exist_ok=True)
+            for old in path.parent.glob("kernels-*"):
+                if time.time() - old.stat().st_mtime > KEPT_DAYS * 86400:
+                    shutil.rmtree(old, ignore_errors=True)
+        with tempfile.TemporaryFile(dir=path):  # a read-only home still runs, from a cache of this process alone
+            return str(path)
+    except OSError:
+        return tempfile.mkdtemp(prefix="sensorless-kernels-")
+
+
+_CACHE_DIR = _cache_dir()
+
+
+def kernel(function: Callable[..., Any]) -> Any:
+    """Compile a function on first use: strict IEEE arithmetic, no GIL, machine code cached under the source key."""
+    return kernel_as(None)(function)
+
+
+def kernel_as(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+    """Compile a function at import for one explicit signature, so that it can be passed as a function pointer."""
+
+    def compile_(function: Callable[..., Any]) -> Any:
+        before = config.CACHE_DIR
+        config.CACHE_DIR = _CACHE_DIR  # only while decorating: the caller's own kernels keep their own place
+        try:
+            options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+            return numba.njit(**options)(function) if signature is None else numba.njit(signature, **options)(function)
+        finally:
+            config.CACHE_DIR = before
+
+    return compile_

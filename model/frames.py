@@ -1,0 +1,46 @@
+"""Frames: phases a b c, stationary alpha beta, rotor d q; amplitude-invariant; angles electrical, rad."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from model.compiled import kernel
+
+SQRT3 = math.sqrt(3.0)
+
+
+@kernel
+def rotate(x, y, angle):
+    """Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back with -theta."""
+    c = math.cos(angle)
+    s = math.sin(angle)
+    return c * x - s * y, s * x + c * y
+
+
+@kernel
+def phases(alpha, beta):
+    """Return the three phase quantities of a zero-sum space vector."""
+    half = -0.5 * alpha
+    quadrature = 0.5 * SQRT3 * beta
+    return alpha, half + quadrature, half - quadrature
+
+
+@kernel
+def stationary(a, b, c):
+    """Return alpha, beta of three phase quantities; a common part drops out."""
+    return (2.0 * a - b - c) / 3.0, (b - c) / SQRT3
+
+
+@kernel
+def wrap(angle):
+    """Return the angle brought into [-pi, pi)."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+def wrapped(angle: ArrayLike) -> NDArray[np.float64]:
+    """Return angles (any shape, rad) brought into [-pi, pi)."""
+    a = np.asarray(angle, dtype=float)
+    return a - 2.0 * np.pi * np.floor((a + np.pi) / (2.0 * np.pi))

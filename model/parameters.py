@@ -1,0 +1,225 @@
+"""A drive as its engineer states it: motor, converter and sensors, injection; read from TOML, checked at birth.
+
+A built-in motor is a file of the same kind as a user's (`model/motors/*.toml`); a campaign's `campaign.toml`
+is one too, given its rated values.  Numbers are SI units, angles electrical unless a key ends in `_rpm`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import tomllib
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from model.energy import Energy
+from model.errors import BadInput, unknown
+
+MOTORS = Path(__file__).parent / "motors"
+OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording"}  # allowed, not read here
+
+
+def quantity(unit: str, low: float, high: float, *, default: Any = dataclasses.MISSING, open_low: bool = True) -> Any:
+    """Declare a dataclass field that is a finite number in a range of plausible values, with its unit."""
+    meta = {"unit": unit, "low": low, "high": high, "open_low": open_low}
+    return field(metadata=meta) if default is dataclasses.MISSING else field(default=default, metadata=meta)
+
+
+def check(thing: Any, table: str) -> None:
+    """Raise BadInput for the first field that is no finite number inside its declared range."""
+    for f in dataclasses.fields(thing):
+        if "low" not in f.metadata:
+            continue
+        value, low, high = getattr(thing, f.name), f.metadata["low"], f.metadata["high"]
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise BadInput(f"[{table}] {f.name} = {value!r} is not a number; give a value in {f.metadata['unit']}")
+        inside = low < value <= high if f.metadata["open_low"] else low <= value <= high
+        if not inside:  # NaN lands here too
+            bound = f"{'(' if f.metadata['open_low'] else '['}{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
+            raise BadInput(f"[{table}] {f.name} = {value} is out of range; give a finite value in {bound}")
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A two-axis permanent-magnet motor with the energy of the paper; currents peak, amplitude-invariant."""
+
+    name: str
+    pole_pairs: int = quantity("", 0, 100)
+    resistance: float = quantity("ohm", 0, 1e3)
+    magnet_flux: float = quantity("Wb", 0, 1e2, open_low=False)
+    inductance_d: float = quantity("H", 0, 10)
+    inductance_q: float = quantity("H", 0, 10)
+    inertia: float = quantity("kg m^2", 0, 1e4)
+    rated_current: float = quantity("A peak", 0, 1e5)
+    rated_torque: float = quantity("N m", 0, 1e6)
+    rated_speed_rpm: float = quantity("rpm", 0, 2e5)
+    alpha_30: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)
+    alpha_12: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)
+    alpha_40: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
+    alpha_22: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
+    alpha_04: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
+    viscous_friction: float = quantity("N m s/rad", 0, 1e4, default=0.0, open_low=False)
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        check(self, "motor")
+        if self.pole_pairs != int(self.pole_pairs):
+            raise BadInput(f"[motor] pole_pairs = {self.pole_pairs} is not whole; count pairs of poles, not poles")
+
+    @property
+    def energy(self) -> Energy:
+        """The saturated magnetic model."""
+        alphas = (self.alpha_30, self.alpha_12, self.alpha_40, self.alpha_22, self.alpha_04)
+        return Energy(1.0 / self.inductance_d, 1.0 / self.inductance_q, *(float(a) for a in alphas))
+
+    @property
+    def linear_energy(self) -> Energy:
+        """The linear magnetic model: the same motor without its alphas."""
+        return Energy(1.0 / self.inductance_d, 1.0 / self.inductance_q, 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    @property
+    def rated_omega(self) -> float:
+        """Rated speed, electrical rad/s."""
+        return self.pole_pairs * self.rated_speed_rpm * math.pi / 30.0
+
+
+@dataclass(frozen=True)
+class Converter:
+    """The inverter and the current sensors: one sample and one voltage update each sampling period."""
+
+    sampling_period: float = quantity("s", 1e-6, 0.01)
+    dc_bus_voltage: float = quantity("V", 0, 1e5)
+    current_resolution: float = quantity("A per count", 0, 1e4, open_low=False)
+    current_noise: float = quantity("A rms", 0, 1e4, open_low=False)
+    pwm_frequency: float | None = None
+    transformation: str = "amplitude-invariant"
+    encoder_counts: int | None = None
+
+    def __post_init__(self) -> None:
+        check(self, "drive")
+        if self.transformation != "amplitude-invariant":
+            raise BadInput(f"[drive] transformation = '{self.transformation}' is not known; only 'amplitude-invariant'")
+        if self.pwm_frequency is not None and not abs(self.pwm_frequency * self.sampling_period - 1.0) < 1e-6:
+            raise BadInput(
+                f"[drive] pwm_frequency = {self.pwm_frequency} Hz and sampling_period = {self.sampling_period} s do not "
+                "belong together; one sample per PWM period is simulated, so give pwm_frequency = 1 / sampling_period"
+            )
+
+    @property
+    def voltage_limit(self) -> float:
+        """Largest amplitude the inverter can give at every angle (circle inside the hexagon), V."""
+        return self.dc_bus_voltage / math.sqrt(3.0)
+
+
+@dataclass(frozen=True)
+class Injection:
+    """Pulsating voltage added along the estimated d axis."""
+
+    frequency: float = quantity("Hz", 0, 1e5)
+    amplitude: float = quantity("V", 0, 1e5)
+    waveform: str = "square"
+
+    def __post_init__(self) -> None:
+        check(self, "injection")
+        if self.waveform not in ("square", "sine"):
+            raise unknown("injection waveform", self.waveform, ("square", "sine"))
+
+
+@dataclass(frozen=True)
+class Drive:
+    """Motor, converter and injection together, and where the values come from."""
+
+    motor: Motor
+    converter: Converter
+    injection: Injection
+    provenance: dict[str, str]
+
+    @property
+    def name(self) -> str:
+        """The motor's name."""
+        return self.motor.name
+
+
+def motor_names() -> list[str]:
+    """Return the names of the motors that come with the package."""
+    return sorted(p.stem for p in MOTORS.glob("*.toml"))
+
+
+def load_drive(name: str | Path) -> Drive:
+    """Return the drive of a built-in name or of a TOML file; BadInput names what is wrong and the nearest key."""
+    path = Path(name)
+    if path.suffix != ".toml":
+        if str(name) not in motor_names():
+            raise unknown("motor", str(name), motor_names())
+        path = MOTORS / f"{name}.toml"
+    data = read_toml(path)
+    for table in data:
+        if table not in {"motor", "drive", "injection"} | OTHER_TABLES:
+            raise _in_file(path, unknown("table", table, ["motor", "drive", "injection", "provenance"]))
+    try:
+        motor = build(Motor, {"name": path.stem, **_table(data, "motor", required=True)}, "motor")
+        converter = build(Converter, {**_converter_defaults(motor), **_table(data, "drive")}, "drive")
+        injection = build(Injection, {**_injection_defaults(motor, converter), **_table(data, "injection")}, "injection")
+    except BadInput as error:
+        raise _in_file(path, error) from None
+    return Drive(motor, converter, injection, {k: str(v) for k, v in _table(data, "provenance").items()})
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return a TOML file's content; BadInput where it cannot be read or parsed."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise BadInput(f"file '{path}' does not exist; give a path to a TOML file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise BadInput(f"file '{path}' cannot be read as text: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"file '{path}' is not valid TOML: {error}") from None
+
+
+def build(kind: Any, values: dict[str, Any], table: str) -> Any:
+    """Return `kind(**values)`; BadInput for an unknown key (with the nearest) or a missing one."""
+    fields = {f.name: f for f in dataclasses.fields(kind)}
+    for key in values:
+        if key not in fields:
+            raise unknown(f"key in [{table}]", key, fields)
+    required = (f for f in fields.values() if f.default is dataclasses.MISSING)
+    for f in required:
+        if f.name not in values:
+            raise BadInput(f"[{table}] lacks '{f.name}'; add it in {f.metadata.get('unit') or 'its unit'}")
+    for key, f in fields.items():
+        if key in values and "low" in f.metadata and f.type == "float" and type(values[key]) is int:
+            values[key] = float(values[key])  # an int in a float field would make numba compile again
+    return kind(**values)
+
+
+def _table(data: dict[str, Any], name: str, required: bool = False) -> dict[str, Any]:
+    table = data.get(name, {})
+    if required and name not in data:
+        raise BadInput(f"no [{name}] table; a drive file needs one")
+    if not isinstance(table, dict):
+        raise BadInput(f"'{name}' is not a table; write [{name}]")
+    return dict(table)
+
+
+def _in_file(path: Path, error: BadInput) -> BadInput:
+    return BadInput(f"{path.name}: {error}")
+
+
+def _converter_defaults(motor: Motor) -> dict[str, Any]:
+    """The paper's 4 kHz and 400 V, with sensors of 0.2 % of rated current."""
+    rated = motor.rated_current
+    return {
+        "sampling_period": 250e-6,
+        "dc_bus_voltage": 400.0,
+        "current_resolution": 0.002 * rated,
+        "current_noise": 0.0017 * rated,
+    }
+
+
+def _injection_defaults(motor: Motor, converter: Converter) -> dict[str, Any]:
+    """Eight samples a period, and a ripple of about 15 % of rated current along the axis of larger inductance."""
+    frequency = 1.0 / (8.0 * converter.sampling_period)
+    largest = max(motor.inductance_d, motor.inductance_q)
+    return {"frequency": frequency, "amplitude": 0.6 * frequency * largest * motor.rated_current}

@@ -1,0 +1,167 @@
+"""The closed loop, one sample at a time: measure, estimate, control, record, advance the plant.
+
+`run_compiled` keeps all of it in one kernel and calls a compiled estimator through a function pointer;
+`run_python` is the same source interpreted: compiled pieces around an estimator written in Python.  The command computed at t_k
+acts over [t_{k+1}, t_{k+2}): the usual period of delay.  The estimator is handed a Sample, nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numba
+import numpy as np
+from numba import types
+
+from estimators.contract import BELIEF, STATE, STEP, TUNING, Sample
+from model.compiled import kernel, kernel_as
+from model.energy import hessian, min_eigenvalue
+from model.frames import phases, rotate, stationary
+from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control
+from sandbox.plant import OMEGA, PHI_D, PHI_Q, PLANT, THETA, advance, stator_currents
+from sandbox.recording import CHANNELS
+
+DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
+TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF = range(5)  # columns of a profile's breakpoints
+U_ALPHA, U_BETA, CURSOR = range(3)  # slots of the loop's own memory
+MEMORY = 3
+N_CHANNELS = len(CHANNELS)
+CLOSED, OPEN = 1, 0
+LOCKED, DRIVEN, FREE = 0, 1, 2
+
+
+class Rig(NamedTuple):
+    """Sensors, converter and the way the run is done."""
+
+    samples: int
+    stride: int  # every stride-th sample is recorded
+    plant_steps: int  # a sampling period
+    closed: int  # CLOSED: the estimate controls; OPEN: the encoder does
+    speed_controlled: int
+    rotor: int
+    sampling_period: float  # s
+    noise: float  # A rms a phase
+    resolution: float  # A per count, 0 none
+    start_time: float  # s, of starting up, before the profile begins
+
+
+RIG = numba.typeof(Rig(*6 * (0,), *4 * (0.0,)))
+RNG = numba.typeof(np.random.default_rng(0))
+VECTOR = types.Array(types.float64, 1, "C")
+TABLE = types.Array(types.float64, 2, "C")
+
+
+@kernel
+def interpolate(profile, t, cursor):
+    """Return the row of breakpoints at time t and the cursor; the cursor only moves forward."""
+    last = profile.shape[0] - 1
+    while cursor < last - 1 and t >= profile[cursor + 1, TIME]:
+        cursor += 1
+    span = profile[cursor + 1, TIME] - profile[cursor, TIME]
+    s = min(max((t - profile[cursor, TIME]) / span, 0.0), 1.0) if span > 0.0 else 1.0
+    a, b = profile[cursor], profile[cursor + 1]
+    load = a[LOAD] + s * (b[LOAD] - a[LOAD])
+    torque = a[LOAD_TORQUE] + s * (b[LOAD_TORQUE] - a[LOAD_TORQUE])
+    i_q = a[I_Q_REF] + s * (b[I_Q_REF] - a[I_Q_REF])
+    omega = a[OMEGA_REF] + s * (b[OMEGA_REF] - a[OMEGA_REF])
+    return (load, torque, i_q, omega), cursor
+
+
+@kernel
+def read_current(value, rig, rng):
+    """Return a phase current as its sensor reads it: noise, then quantisation."""
+    value += rig.noise * rng.standard_normal()
+    return rig.resolution * math.floor(value / rig.resolution + 0.5) if rig.resolution > 0.0 else value
+
+
+@kernel
+def measure(k, x, plant, rig, memory, primitive, rng):
+    """Return the estimator's sample at t_k, the three phase currents read, and the true i_d, i_q."""
+    i_alpha, i_beta, i_d, i_q = stator_currents(x, plant)
+    a, b, c = phases(i_alpha, i_beta)
+    a, b, c = read_current(a, rig, rng), read_current(b, rig, rng), read_current(c, rig, rng)
+    m_alpha, m_beta = stationary(a, b, c)
+    carrier = primitive[k % primitive.size]
+    return Sample(m_alpha, m_beta, memory[U_ALPHA], memory[U_BETA], carrier), (a, b, c), (i_d, i_q)
+
+
+@kernel
+def command(k, x, sample, estimate, wanted, rig, control, controller, waveform):
+    """Return the voltage (alpha, beta) for the next interval and the q current reference."""
+    h = control.sampling_period
+    _, _, i_q_ref, omega_ref = wanted
+    starting = estimate.tracking == 0.0
+    angle, omega = estimate.theta, estimate.omega
+    if rig.closed == OPEN and not starting:
+        angle, omega = x[THETA], x[OMEGA]
+    reorient(controller, angle)
+    i_d, i_q = average(controller, *rotate(sample.i_alpha, sample.i_beta, -angle), control.period)
+    i_d_ref = 0.0
+    if starting:
+        i_d_ref, i_q_ref = estimate.bias, 0.0
+    elif rig.speed_controlled:
+        i_q_ref = speed_control(controller, control, omega_ref, omega, 0.0)
+    u_d, u_q = current_control(controller, control, i_d, i_q, i_d_ref, i_q_ref, omega)
+    u_alpha, u_beta = rotate(u_d, u_q, angle + 1.5 * h * omega)  # centre of the interval it acts in
+    pulse = control.amplitude * waveform[(k + 1) % waveform.size]
+    p_alpha, p_beta = rotate(pulse, 0.0, estimate.axis + 1.5 * h * estimate.omega)
+    return u_alpha + p_alpha, u_beta + p_beta, i_q_ref
+
+
+@kernel
+def record(row, t, x, reading, true, acting, estimate, wanted, i_q_ref):
+    """Write one row in the order of CHANNELS; `acting` is the voltage of the interval that starts at t."""
+    row[0] = t
+    row[1], row[2], row[3] = reading
+    row[4], row[5] = acting
+    row[6], row[7], row[8], row[9] = x[THETA], estimate.theta, x[OMEGA], estimate.omega
+    row[10], row[11] = true
+    row[12], row[13] = estimate.ripple_d, estimate.ripple_q
+    row[14], row[15] = wanted[0], wanted[1]
+    row[16], row[17], row[18] = wanted[3], i_q_ref, estimate.tracking
+
+
+@kernel
+def progress(k, x, plant, rig, wanted, profile, memory, next_u):
+    """Advance the plant over [t_k, t_{k+1}) under the acting voltage; return DONE or what went wrong."""
+    imposed = 0.0
+    if rig.rotor == DRIVEN:
+        t = (k + 1) * rig.sampling_period - rig.start_time
+        later, _ = interpolate(profile, t, int(memory[CURSOR]))
+        imposed = (later[3] - x[OMEGA]) / rig.sampling_period
+    advance(x, plant, memory[U_ALPHA], memory[U_BETA], wanted[1], imposed, rig.plant_steps)
+    memory[U_ALPHA], memory[U_BETA] = next_u
+    if not math.isfinite(x[PHI_D] + x[PHI_Q] + x[OMEGA] + x[THETA] + next_u[0] + next_u[1]):
+        return NOT_FINITE
+    dd, dq, qq = hessian(plant.energy, x[PHI_D], x[PHI_Q])
+    return DONE if min_eigenvalue(dd, dq, qq) > 0.0 else OUTSIDE_DOMAIN
+
+
+RUN = types.UniTuple(types.int64, 2)(
+    types.FunctionType(STEP), STATE, VECTOR, PLANT, RIG, CONTROL, BELIEF, TUNING, TABLE, VECTOR, VECTOR, RNG, TABLE
+)  # fmt: skip
+
+
+@kernel_as(RUN)
+def run_compiled(step, state, x, plant, rig, control, belief, tuning, profile, waveform, primitive, rng, table):
+    """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped)."""
+    controller = np.zeros(SIZE)
+    memory = np.zeros(MEMORY)
+    for k in range(rig.samples):
+        t = k * rig.sampling_period
+        wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
+        memory[CURSOR] = cursor
+        sample, reading, true = measure(k, x, plant, rig, memory, primitive, rng)
+        estimate = step(state, sample, belief, tuning)
+        acting = (memory[U_ALPHA], memory[U_BETA])
+        u_alpha, u_beta, i_q = command(k, x, sample, estimate, wanted, rig, control, controller, waveform)
+        if k % rig.stride == 0:
+            record(table[k // rig.stride], t, x, reading, true, acting, estimate, wanted, i_q)
+        status = progress(k, x, plant, rig, wanted, profile, memory, (u_alpha, u_beta))
+        if status != DONE:
+            return status, k
+    return DONE, rig.samples
+
+
+run_python = run_compiled.py_func  # the same loop, interpreted, around an estimator of any kind

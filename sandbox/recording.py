@@ -1,0 +1,44 @@
+"""What a run leaves behind: one row a recorded sample, the columns by name."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.frames import wrapped
+
+Array = NDArray[np.float64]
+# Order of the kernel's record row; units in NOMENCLATURE.md.
+CHANNELS = (
+    "t", "i_a", "i_b", "i_c", "u_alpha", "u_beta", "theta", "theta_hat", "omega", "omega_hat", "i_d", "i_q",
+    "ripple_d", "ripple_q", "load", "load_torque", "omega_ref", "i_q_ref", "tracking",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Recording:
+    """Samples of one run; every channel of CHANNELS is an attribute, shape (n,).
+
+    Measured: i_a, i_b, i_c (A), commanded for the interval that starts there: u_alpha, u_beta (V).
+    True: theta (rad, electrical, unwrapped), omega (rad/s), i_d, i_q (A).  Estimated: theta_hat, omega_hat,
+    ripple_d, ripple_q (A).  load is in fractions of rated current, load_torque in N m.
+    """
+
+    table: Array
+
+    def __getattr__(self, name: str) -> Array:
+        if name in CHANNELS:
+            return self.table[:, CHANNELS.index(name)]
+        raise AttributeError(name)
+
+    @property
+    def error(self) -> Array:
+        """Position error theta - theta_hat, rad, in [-pi, pi)."""
+        return wrapped(self.theta - self.theta_hat)
+
+    def between(self, start: float, end: float) -> Recording:
+        """Return the samples with start <= t < end (s)."""
+        t = self.t
+        return Recording(self.table[(t >= start - 1e-9) & (t < end - 1e-9)])

@@ -1,0 +1,140 @@
+"""A scenario: what load and speed are asked for, segment by segment; built-in or a user's TOML file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from model.errors import BadInput, unknown
+from model.parameters import build, check, quantity, read_toml
+
+SCENARIOS = Path(__file__).parent / "scenarios"
+LONGEST = 3600.0  # s of simulated time
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch at one load and speed, reached by a linear ramp from the one before."""
+
+    duration: float = quantity("s", 0, LONGEST)
+    load: float = quantity("of rated current", -10, 10, default=0.0, open_low=False)
+    speed: float = quantity("of rated speed", -2, 2, default=0.0, open_low=False)
+    ramp: float = quantity("s", 0, LONGEST, default=0.0, open_low=False)
+    settle: float | None = None  # s before its errors count; None: the scenario's
+    score: bool = True
+
+    def __post_init__(self) -> None:
+        check(self, "segment")
+        if self.ramp > self.duration:
+            raise BadInput(
+                f"[[segment]] ramp = {self.ramp:g} s is longer than its duration = {self.duration:g} s"
+            )
+        if self.settle is not None and not 0.0 <= self.settle < self.duration:
+            raise BadInput(
+                f"[[segment]] settle = {self.settle!r} must lie in [0, duration = {self.duration:g}) s"
+            )
+        if not isinstance(self.score, bool):
+            raise BadInput(f"[[segment]] score = {self.score!r} is neither true nor false")
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Segments one after another, how the rotor is held, and what the drive controls.
+
+    rotor: locked, driven (speed imposed) or free; reference: `current` (i_d = 0, i_q = load x rated current) or
+    `speed` (speed controller; load is the torque that this i_q gives).  start_up: find the position first
+    (otherwise the estimator is told it).
+    """
+
+    name: str
+    segments: tuple[Segment, ...]
+    rotor: str = "locked"
+    reference: str = "current"
+    settle: float = quantity("s", 0, LONGEST, default=0.0, open_low=False)
+    description: str = ""
+    start_angle: float = quantity("rad", -10, 10, default=1.0, open_low=False)
+    start_up: bool = True
+
+    def __post_init__(self) -> None:
+        check(self, "scenario")
+        if self.rotor not in ("locked", "driven", "free"):
+            raise unknown("rotor", str(self.rotor), ("locked", "driven", "free"))
+        if self.reference not in ("current", "speed"):
+            raise unknown("reference", str(self.reference), ("current", "speed"))
+        if self.reference == "speed" and self.rotor != "free":
+            raise BadInput(
+                f"reference = 'speed' needs rotor = 'free', not '{self.rotor}'; a held rotor has no speed to control"
+            )
+        if self.rotor == "locked" and any(s.speed for s in self.segments):
+            raise BadInput("a locked rotor cannot follow a speed; give rotor = 'driven' or 'free'")
+        if not self.segments:
+            raise BadInput(
+                f"scenario '{self.name}' has no [[segment]]; add at least one with a duration in s"
+            )
+        if self.duration > LONGEST:
+            raise BadInput(
+                f"scenario '{self.name}' lasts {self.duration:g} s; at most {LONGEST:g} s are simulated"
+            )
+
+    @property
+    def duration(self) -> float:
+        """Length without starting up, s."""
+        return sum(s.duration for s in self.segments)
+
+    def settle_of(self, segment: Segment) -> float:
+        """Return how long (s) to wait in a segment before its errors count."""
+        wait = self.settle if segment.settle is None else segment.settle
+        return min(wait, 0.5 * segment.duration) if segment.settle is None else wait
+
+    def cut(self, duration: float) -> Scenario:
+        """Return the scenario ended after `duration` s."""
+        kept: list[Segment] = []
+        left = duration
+        for s in self.segments:
+            if left <= 1e-9:
+                break
+            length = min(s.duration, left)
+            settle = None if s.settle is None else min(s.settle, 0.5 * length)
+            kept.append(Segment(length, s.load, s.speed, min(s.ramp, length), settle, s.score))
+            left -= length
+        return _replace(self, segments=tuple(kept))
+
+
+def _replace(scenario: Scenario, **changes: Any) -> Scenario:
+    import dataclasses
+
+    return dataclasses.replace(scenario, **changes)
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios that come with the package."""
+    return sorted(p.stem for p in SCENARIOS.glob("*.toml"))
+
+
+def load_scenario(name: str | Path) -> Scenario:
+    """Return a scenario by name or from a TOML file; BadInput names what is wrong."""
+    path = Path(name)
+    if path.suffix != ".toml":
+        if str(name) not in scenario_names():
+            raise unknown("scenario", str(name), scenario_names())
+        path = SCENARIOS / f"{name}.toml"
+    data = read_toml(path)
+    try:
+        for table in data:
+            if table not in ("scenario", "segment"):
+                raise unknown("table", table, ("scenario", "segment"))
+        head, rows = data.get("scenario", {}), data.get("segment", [])
+        if (
+            not isinstance(head, dict)
+            or not isinstance(rows, list)
+            or not all(isinstance(r, dict) for r in rows)
+        ):
+            raise BadInput("a scenario is one [scenario] table and one [[segment]] table for each stretch")
+        if "segments" in head:
+            raise unknown("key in [scenario]", "segments", ("settle", "rotor", "reference"))
+        segments = tuple(build(Segment, dict(r), "segment") for r in rows)
+        scenario: Scenario = build(Scenario, {"name": path.stem, **head, "segments": segments}, "scenario")
+    except BadInput as error:
+        raise BadInput(f"{path.name}: {error}") from None
+    return scenario

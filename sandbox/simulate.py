@@ -1,0 +1,171 @@
+"""One run: a drive, a scenario, an estimator with its belief; from checks to recording."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.contract import Estimator
+from estimators.startup import start_periods
+from model.energy import Energy, flux_from_current, torque
+from model.errors import BadInput, PhysicsError
+from model.parameters import Drive
+from model.saliency import tracking_sign
+from sandbox import loop
+from sandbox.design import Design, belief_of, design
+from sandbox.injection import carrier
+from sandbox.plant import LARGEST_TURN, Plant, steps_per_period
+from sandbox.recording import Recording
+from sandbox.scenario import Scenario
+
+PLANT_STEP = 12.5e-6  # s
+MOST_SAMPLES = 20_000_000
+ROTORS = {"locked": loop.LOCKED, "driven": loop.DRIVEN, "free": loop.FREE}
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A finished run."""
+
+    recording: Recording
+    design: Design
+    start_time: float  # s of starting up, before the scenario begins
+    cpu_seconds: float
+
+
+def torque_at_load(drive: Drive, load: float) -> float:
+    """Return the motor's torque (N m) at i_d = 0, i_q = load x rated current."""
+    motor = drive.motor
+    d, q = flux_from_current(motor.energy, 0.0, load * motor.rated_current)
+    return float(torque.py_func(motor.energy, d, q, motor.magnet_flux, motor.pole_pairs))
+
+
+def profile_of(drive: Drive, scenario: Scenario) -> NDArray[np.float64]:
+    """Return the scenario's breakpoints: time, load, load torque (N m), i_q reference (A), speed (rad/s)."""
+    rows: list[list[float]] = []
+    t, load, speed = 0.0, scenario.segments[0].load, scenario.segments[0].speed
+    for s in scenario.segments:
+        rows.append(_breakpoint(drive, scenario, t, load, speed))
+        if s.ramp or s.load != load or s.speed != speed:
+            for part in np.linspace(0.0, 1.0, 9)[1:]:  # torque is not linear in load
+                x, y = load + part * (s.load - load), speed + part * (s.speed - speed)
+                rows.append(_breakpoint(drive, scenario, t + part * s.ramp, x, y))
+        t, load, speed = t + s.duration, s.load, s.speed
+        rows.append(_breakpoint(drive, scenario, t, load, speed))
+    return np.array(rows)
+
+
+def _breakpoint(drive: Drive, scenario: Scenario, t: float, load: float, speed: float) -> list[float]:
+    held = scenario.rotor != "free"
+    motor = drive.motor
+    return [
+        t,
+        load,
+        0.0 if held else torque_at_load(drive, load),
+        load * motor.rated_current if scenario.reference == "current" else 0.0,
+        speed * motor.rated_omega,
+    ]
+
+
+def check_feasible(drive: Drive, scenario: Scenario) -> None:
+    """Raise PhysicsError where the scenario leaves the model's domain or the voltage, BadInput without saliency."""
+    motor, m = drive.motor, drive.motor.energy
+    tracking_sign(m)
+    room = drive.converter.voltage_limit - drive.injection.amplitude
+    if scenario.start_up:
+        flux_from_current(m, np.array([-1.0, 1.0]) * motor.rated_current, 0.0)
+    for s in scenario.segments:
+        i_q, omega = s.load * motor.rated_current, s.speed * motor.rated_omega
+        d, q = (float(v) for v in flux_from_current(m, 0.0, i_q))
+        u = math.hypot(-omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
+        if u > room:
+            raise PhysicsError(
+                f"load {100 * s.load:g} % at {100 * s.speed:g} % speed needs {u:.4g} V, but the bus of "
+                f"{drive.converter.dc_bus_voltage:g} V leaves {max(room, 0.0):.4g} V beside an injection of "
+                f"{drive.injection.amplitude:g} V; lower load, speed or injection, or raise dc_bus_voltage"
+            )
+
+
+def simulate(
+    drive: Drive,
+    scenario: Scenario,
+    estimator: Estimator,
+    belief: str = "saturated",
+    *,
+    closed_loop: bool = True,
+    seed: int = 0,
+    stride: int = 1,
+    plant_step: float = PLANT_STEP,
+    truth: Energy | None = None,
+) -> Simulation:
+    """Run a scenario and return its recording.
+
+    belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls; stride: record
+    every stride-th sample; plant_step: s, an upper bound; truth: another magnetic model for the plant than the
+    one the estimator's belief comes from.  Raises BadInput or PhysicsError with one sentence.
+    """
+    if belief not in ("saturated", "linear"):
+        raise BadInput(f"belief '{belief}' is neither 'saturated' nor 'linear'")
+    check_feasible(drive, scenario)
+    largest = max(abs(s.load) for s in scenario.segments)
+    gains = design(drive, scenario.start_up, largest)
+    tuning, believed = gains.tuning, belief_of(drive, belief)
+    h = tuning.sampling_period
+    start_time = start_periods(tuning.settle, tuning.average) * tuning.period * h
+    samples = round((start_time + scenario.duration) / h)
+    if samples // stride > MOST_SAMPLES:
+        raise BadInput(
+            f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
+        )
+    plant, rig = _rig(drive, scenario, plant_step, truth or drive.motor.energy, closed_loop, samples, stride, start_time)
+    wave = carrier(drive.injection, drive.converter)
+    x = np.array([0.0, 0.0, 0.0, scenario.start_angle])
+    if scenario.rotor == "driven":
+        x[2] = scenario.segments[0].speed * drive.motor.rated_omega
+    state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle)
+    table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
+    run = loop.run_compiled if estimator.compiled else loop.run_python
+    begun = time.process_time()
+    status, at = run(
+        estimator.step, state, x, plant, rig, gains.control, believed, tuning, profile_of(drive, scenario),
+        wave.waveform, wave.primitive, np.random.default_rng(seed), table,
+    )  # fmt: skip
+    spent = time.process_time() - begun
+    if status != loop.DONE:
+        raise _failure(status, at * h, x, drive)
+    return Simulation(Recording(table), gains, start_time, spent)
+
+
+def _rig(
+    drive: Drive, scenario: Scenario, plant_step: float, truth: Energy, closed: bool, n: int, stride: int, start: float
+) -> tuple[Plant, loop.Rig]:
+    motor, c = drive.motor, drive.converter
+    top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
+    steps = steps_per_period(c.sampling_period, min(plant_step, LARGEST_TURN / max(top, 1.0)), top)
+    free = scenario.rotor == "free"
+    plant = Plant(
+        truth, motor.magnet_flux, motor.resistance, float(motor.pole_pairs),
+        motor.pole_pairs / motor.inertia if free else 0.0, motor.viscous_friction, c.sampling_period / steps,
+    )  # fmt: skip
+    rig = loop.Rig(
+        n, stride, steps, loop.CLOSED if closed else loop.OPEN, int(scenario.reference == "speed"),
+        ROTORS[scenario.rotor], c.sampling_period, c.current_noise, c.current_resolution, start,
+    )  # fmt: skip
+    return plant, rig
+
+
+def _failure(status: int, t: float, x: Any, drive: Drive) -> PhysicsError:
+    if status == loop.OUTSIDE_DOMAIN:
+        return PhysicsError(
+            f"after {t:.4g} s the fluxes ({x[0]:.4g}, {x[1]:.4g}) Wb left the domain in which the energy of "
+            f"'{drive.name}' is convex; lower the load or use another parameter set (see `sensorless audit`)"
+        )
+    return PhysicsError(
+        f"after {t:.4g} s the simulation of '{drive.name}' is no longer finite; check its values, or give a smaller "
+        "plant step"
+    )
