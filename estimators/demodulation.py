@@ -7,6 +7,8 @@ Normalising by the *sampled* F matters: the continuous factor is 5 % off at eigh
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from estimators.contract import MAX_PERIOD
@@ -15,9 +17,9 @@ from model.compiled import kernel
 # Slots of the state array.
 COUNT, PHASE, AXIS, OMEGA, OFFSET, FLUX_D, FLUX_Q, CURSOR = range(8)
 SUM_D, SUM_Q, M_11, M_21, RISE = range(8, 13)
-RING_D = 16
-RING_Q = RING_D + MAX_PERIOD
-RING_F = RING_Q + MAX_PERIOD
+RING_A = 16
+RING_B = RING_A + MAX_PERIOD
+RING_F = RING_B + MAX_PERIOD
 FREE = RING_F + MAX_PERIOD  # from here on an estimator's own
 
 
@@ -27,17 +29,29 @@ def blank(own: int = 0) -> np.ndarray:
 
 
 @kernel
-def demodulate(state, i_d, i_q, carrier, tuning):
-    """Take one sample in the injection frame; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) of the last period."""
+def demodulate(state, sample, axis, omega, tuning):
+    """Take one sample; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) of the last period in the axis' frame.
+
+    The whole window is looked at from one frame, the present axis turned back at the estimated speed.  Frames
+    remembered from sample to sample would carry the tracking loop's own jitter into the window, and the mean
+    current times that jitter comes out as ripple: enough to make the loop ring at high load.
+    """
     n = tuning.period
     j = int(state[CURSOR])
-    state[RING_D + j], state[RING_Q + j], state[RING_F + j] = i_d, i_q, carrier
+    state[RING_A + j], state[RING_B + j], state[RING_F + j] = sample.i_alpha, sample.i_beta, sample.carrier
     state[CURSOR] = (j + 1) % n
+    c, s = math.cos(axis), math.sin(axis)
+    turn = tuning.sampling_period * omega
+    dc, ds = math.cos(turn), math.sin(turn)
     mean_d = mean_q = y_d = y_q = 0.0
-    for k in range(n):
-        mean_d += state[RING_D + k]
-        mean_q += state[RING_Q + k]
-        y_d += state[RING_D + k] * state[RING_F + k]
-        y_q += state[RING_Q + k] * state[RING_F + k]
+    for _ in range(n):  # from the newest sample back
+        i_d = c * state[RING_A + j] + s * state[RING_B + j]
+        i_q = c * state[RING_B + j] - s * state[RING_A + j]
+        mean_d += i_d
+        mean_q += i_q
+        y_d += i_d * state[RING_F + j]
+        y_q += i_q * state[RING_F + j]
+        c, s = c * dc + s * ds, s * dc - c * ds
+        j = j - 1 if j > 0 else n - 1
     scale = 1.0 / (tuning.amplitude * tuning.power)
     return mean_d / n, mean_q / n, y_d * scale, y_q * scale

@@ -153,8 +153,7 @@ def step(state, sample, belief, tuning):
     update(state, sample.i_alpha, sample.i_beta, belief, tuning)
     theta, omega = state[X + 3], state[X + 2]
     state[AXIS], state[OMEGA] = theta, omega
-    i_d, i_q = rotate(sample.i_alpha, sample.i_beta, -theta)
-    _, _, y_d, y_q = demodulate(state, i_d, i_q, sample.carrier, tuning)  # shown, not used
+    _, _, y_d, y_q = demodulate(state, sample, theta, omega, tuning)  # shown, not used
     amplitude = tuning.amplitude * tuning.peak
     return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
 

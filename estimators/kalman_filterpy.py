@@ -99,11 +99,10 @@ def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estima
     f = state.filter
     f.predict(u=np.array([sample.u_alpha, sample.u_beta]))
     f.update(i, f.current_jacobian, f.current)
-    theta = float(f.x[3])
-    i_d, i_q = rotation(theta).T @ i
-    _, _, y_d, y_q = demodulate(state.memory, i_d, i_q, sample.carrier, tuning)
+    theta, omega = float(f.x[3]), float(f.x[2])
+    _, _, y_d, y_q = demodulate(state.memory, sample, theta, omega, tuning)
     amplitude = tuning.amplitude * tuning.peak
-    return Estimate(theta, float(f.x[2]), theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
 
 
 ESTIMATOR = Estimator("ekf_filterpy", "the same filter on filterpy, in Python (slow path)", init, step, compiled=False)

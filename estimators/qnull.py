@@ -11,7 +11,7 @@ import math
 
 from estimators.contract import STEP, Estimate, Estimator
 from estimators.demodulation import AXIS, FLUX_D, FLUX_Q, OFFSET, OMEGA, PHASE, blank, demodulate
-from estimators.startup import TRACKING, refill, start, tell
+from estimators.startup import TRACKING, start, tell
 from estimators.tracking import correct, predict
 from model.compiled import kernel, kernel_as
 from model.energy import SOLVED, flux_newton, hessian
@@ -36,13 +36,9 @@ def believed_null(state, mean_d, mean_q, belief):
 def step(state, sample, belief, tuning):
     """Take one sample; see the module's text."""
     if state[PHASE] != TRACKING:
-        estimate = start(state, sample, belief, tuning)
-        if state[PHASE] == TRACKING:
-            refill(state, sample, tuning)
-        return estimate
+        return start(state, sample, belief, tuning)
     axis = predict(state, tuning)
-    i_d, i_q = rotate(sample.i_alpha, sample.i_beta, -axis)
-    mean_d, mean_q, y_d, y_q = demodulate(state, i_d, i_q, sample.carrier, tuning)
+    mean_d, mean_q, y_d, y_q = demodulate(state, sample, axis, state[OMEGA], tuning)
     state[OFFSET], slope = believed_null(state, mean_d, mean_q, belief)
     correct(state, y_q / slope, tuning)
     amplitude = tuning.amplitude * tuning.peak

@@ -16,7 +16,6 @@ from estimators.contract import Estimate
 from estimators.demodulation import (
     AXIS,
     COUNT,
-    CURSOR,
     M_11,
     M_21,
     OMEGA,
@@ -28,7 +27,7 @@ from estimators.demodulation import (
 )
 from model.compiled import kernel
 from model.energy import hessian
-from model.frames import rotate, wrap
+from model.frames import wrap
 
 ALONG_ALPHA, ALONG_BETA, BIAS_PLUS, BIAS_MINUS, TRACKING, TOLD = range(6)
 
@@ -80,8 +79,7 @@ def start(state, sample, belief, tuning):
     if state[PHASE] == TOLD:
         state[PHASE] = TRACKING
         return Estimate(axis, 0.0, axis, 0.0, 0.0, 0.0, 0.0)
-    i_d, i_q = rotate(sample.i_alpha, sample.i_beta, -axis)
-    _, _, y_d, y_q = demodulate(state, i_d, i_q, sample.carrier, tuning)
+    _, _, y_d, y_q = demodulate(state, sample, axis, 0.0, tuning)
     bias = 0.0
     if state[PHASE] == BIAS_PLUS:
         bias = tuning.bias
@@ -98,12 +96,3 @@ def start(state, sample, belief, tuning):
             bias = 0.0
     amplitude = tuning.amplitude * tuning.peak
     return Estimate(state[AXIS], 0.0, state[AXIS], bias, 0.0, y_d * amplitude, y_q * amplitude)
-
-
-@kernel
-def refill(state, sample, tuning):
-    """Fill the demodulation window with one sample's current in the new frame, so that tracking starts calm."""
-    i_d, i_q = rotate(sample.i_alpha, sample.i_beta, -state[AXIS])
-    for _ in range(tuning.period):
-        demodulate(state, i_d, i_q, 0.0, tuning)
-    state[CURSOR] = 0.0

@@ -73,11 +73,14 @@ def speed_control(s, c, omega_ref, omega, feed_forward):
 
 
 @kernel
-def current_control(s, c, i_d, i_q, i_d_ref, i_q_ref, omega):
-    """Return u_d, u_q (V) for averaged currents: PI with back-EMF feed-forward, limited in amplitude."""
+def current_control(s, c, i_d, i_q, i_d_ref, i_q_ref, omega_ref):
+    """Return u_d, u_q (V) for averaged currents: PI with back-EMF feed-forward, limited in amplitude.
+
+    The feed-forward takes the speed asked for: the estimated one would close a loop through the magnet flux.
+    """
     e_d, e_q = i_d_ref - i_d, i_q_ref - i_q
     u_d = c.kp_d * e_d + s[INTEGRAL_D]
-    u_q = c.kp_q * e_q + s[INTEGRAL_Q] + omega * c.magnet_flux
+    u_q = c.kp_q * e_q + s[INTEGRAL_Q] + omega_ref * c.magnet_flux
     limit = c.voltage_limit - c.amplitude
     size = math.hypot(u_d, u_q)
     excess = limit / size if size > limit else 1.0

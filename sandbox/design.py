@@ -98,13 +98,15 @@ def design(drive: Drive, start_up: bool = True, largest_load: float = 2.0) -> De
     power = float(np.dot(wave.primitive, wave.primitive))
     variance = 2.0 / 3.0 * (converter.current_noise**2 + converter.current_resolution**2 / 12.0)
     saliency = injection.amplitude * abs(1.0 / l_d - 1.0 / l_q)
-    angle_variance = variance / (saliency**2 * power / n) if saliency else 0.0  # rad^2 a sample
+    flux_variance = (VOLTAGE_UNCERTAINTY * converter.dc_bus_voltage * h) ** 2
+    seen = variance + flux_variance / l_q**2  # what blurs a sample of the q ripple, A^2
+    angle_variance = seen / (saliency**2 * power / n) if saliency else 0.0  # rad^2 a sample
     tuning = Tuning(
         n,
         math.ceil(SETTLE_TIMES / current.bandwidth / (n * h)) if start_up else 0,
         math.ceil(AVERAGE_TIME / (n * h)) if start_up else 0,
         h, injection.amplitude, power, float(np.max(np.abs(wave.primitive))), wave.lag, track.kp, track.ki,
-        motor.rated_current, variance, (VOLTAGE_UNCERTAINTY * converter.dc_bus_voltage * h) ** 2,
+        motor.rated_current, variance, flux_variance,
         track.bandwidth**4 * angle_variance * h**2,
     )  # fmt: skip
     return Design(control, tuning, loops)
@@ -161,7 +163,11 @@ def current_loop(
 
 
 def tracking_loop(n: int, h: float, w: NDArray[np.float64], bandwidth: float) -> tuple[Complex, float, float]:
-    """Return open loop and gains of the type-2 loop behind n-sample demodulation."""
+    """Return open loop and gains of the type-2 loop behind n-sample demodulation.
+
+    The window's whole delay is counted; demodulating from the present frame takes its own part of it out again,
+    so the real margin is larger (`tests/sandbox/test_design.py` says by how much).
+    """
     z = np.exp(1j * w * h)
     kp, ki = 2.0 * DAMPING * bandwidth, bandwidth**2
     return _window(n, z) * (kp * h + ki * h * h * z / (z - 1)) / (z - 1), kp, ki

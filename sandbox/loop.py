@@ -24,8 +24,8 @@ from sandbox.recording import CHANNELS
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
 TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF = range(5)  # columns of a profile's breakpoints
-U_ALPHA, U_BETA, CURSOR = range(3)  # slots of the loop's own memory
-MEMORY = 3
+CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA = range(5)  # the loop's own memory: voltage now acting, and before
+MEMORY = 5
 N_CHANNELS = len(CHANNELS)
 CLOSED, OPEN = 1, 0
 LOCKED, DRIVEN, FREE = 0, 1, 2
@@ -83,7 +83,7 @@ def measure(k, x, plant, rig, memory, primitive, rng):
     a, b, c = read_current(a, rig, rng), read_current(b, rig, rng), read_current(c, rig, rng)
     m_alpha, m_beta = stationary(a, b, c)
     carrier = primitive[k % primitive.size]
-    return Sample(m_alpha, m_beta, memory[U_ALPHA], memory[U_BETA], carrier), (a, b, c), (i_d, i_q)
+    return Sample(m_alpha, m_beta, memory[LAST_ALPHA], memory[LAST_BETA], carrier), (a, b, c), (i_d, i_q)
 
 
 @kernel
@@ -102,7 +102,7 @@ def command(k, x, sample, estimate, wanted, rig, control, controller, waveform):
         i_d_ref, i_q_ref = estimate.bias, 0.0
     elif rig.speed_controlled:
         i_q_ref = speed_control(controller, control, omega_ref, omega, 0.0)
-    u_d, u_q = current_control(controller, control, i_d, i_q, i_d_ref, i_q_ref, omega)
+    u_d, u_q = current_control(controller, control, i_d, i_q, i_d_ref, i_q_ref, omega_ref)
     u_alpha, u_beta = rotate(u_d, u_q, angle + 1.5 * h * omega)  # centre of the interval it acts in
     pulse = control.amplitude * waveform[(k + 1) % waveform.size]
     p_alpha, p_beta = rotate(pulse, 0.0, estimate.axis + 1.5 * h * estimate.omega)
@@ -131,6 +131,7 @@ def progress(k, x, plant, rig, wanted, profile, memory, next_u):
         later, _ = interpolate(profile, t, int(memory[CURSOR]))
         imposed = (later[3] - x[OMEGA]) / rig.sampling_period
     advance(x, plant, memory[U_ALPHA], memory[U_BETA], wanted[1], imposed, rig.plant_steps)
+    memory[LAST_ALPHA], memory[LAST_BETA] = memory[U_ALPHA], memory[U_BETA]
     memory[U_ALPHA], memory[U_BETA] = next_u
     if not math.isfinite(x[PHI_D] + x[PHI_Q] + x[OMEGA] + x[THETA] + next_u[0] + next_u[1]):
         return NOT_FINITE

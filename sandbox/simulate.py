@@ -48,7 +48,7 @@ def torque_at_load(drive: Drive, load: float) -> float:
 def profile_of(drive: Drive, scenario: Scenario) -> NDArray[np.float64]:
     """Return the scenario's breakpoints: time, load, load torque (N m), i_q reference (A), speed (rad/s)."""
     rows: list[list[float]] = []
-    t, load, speed = 0.0, scenario.segments[0].load, scenario.segments[0].speed
+    t = load = speed = 0.0  # starting up happens at rest without load
     for s in scenario.segments:
         rows.append(_breakpoint(drive, scenario, t, load, speed))
         if s.ramp or s.load != load or s.speed != speed:
@@ -125,8 +125,6 @@ def simulate(
     plant, rig = _rig(drive, scenario, plant_step, truth or drive.motor.energy, closed_loop, samples, stride, start_time)
     wave = carrier(drive.injection, drive.converter)
     x = np.array([0.0, 0.0, 0.0, scenario.start_angle])
-    if scenario.rotor == "driven":
-        x[2] = scenario.segments[0].speed * drive.motor.rated_omega
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle)
     table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
     run = loop.run_compiled if estimator.compiled else loop.run_python
