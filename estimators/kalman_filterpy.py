@@ -30,6 +30,7 @@ class EnergyFilter(ExtendedKalmanFilter):
 
     def __init__(self, belief: Belief, tuning: Tuning) -> None:
         super().__init__(dim_x=4, dim_z=2)
+        self.x: np.ndarray
         self.belief, self.tuning = belief, tuning
         self.Q = np.diag([tuning.flux_variance, tuning.flux_variance, tuning.speed_variance, 0.0])
         self.R = tuning.current_variance * np.eye(2)

@@ -174,4 +174,4 @@ def inductances(
 def co_energy(m: Energy, i_d: ArrayLike, i_q: ArrayLike) -> NDArray[np.float64]:
     """Return the Legendre transform phi . i - H (J up to the factor 3/2); its gradient by current is the flux."""
     d, q = flux_from_current(m, i_d, i_q)
-    return np.asarray(d * i_d + q * i_q - energy.py_func(m, d, q))
+    return np.asarray(d * np.asarray(i_d) + q * np.asarray(i_q) - energy.py_func(m, d, q))

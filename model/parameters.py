@@ -102,8 +102,8 @@ class Converter:
             raise BadInput(f"[drive] transformation = '{self.transformation}' is not known; only 'amplitude-invariant'")
         if self.pwm_frequency is not None and not abs(self.pwm_frequency * self.sampling_period - 1.0) < 1e-6:
             raise BadInput(
-                f"[drive] pwm_frequency = {self.pwm_frequency} Hz and sampling_period = {self.sampling_period} s do not "
-                "belong together; one sample per PWM period is simulated, so give pwm_frequency = 1 / sampling_period"
+                f"[drive] pwm_frequency = {self.pwm_frequency} Hz and sampling_period = {self.sampling_period} s do "
+                "not belong together; one sample per PWM period is simulated, so give pwm_frequency = 1 / sampling_period"
             )
 
     @property
@@ -160,7 +160,9 @@ def load_drive(name: str | Path) -> Drive:
     try:
         motor = build(Motor, {"name": path.stem, **_table(data, "motor", required=True)}, "motor")
         converter = build(Converter, {**_converter_defaults(motor), **_table(data, "drive")}, "drive")
-        injection = build(Injection, {**_injection_defaults(motor, converter), **_table(data, "injection")}, "injection")
+        injection = build(
+            Injection, {**_injection_defaults(motor, converter), **_table(data, "injection")}, "injection"
+        )
     except BadInput as error:
         raise _in_file(path, error) from None
     return Drive(motor, converter, injection, {k: str(v) for k, v in _table(data, "provenance").items()})

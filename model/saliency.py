@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.optimize import brentq
 
 from model import energy as en
 from model.compiled import kernel
@@ -90,6 +90,8 @@ def current_for_torque(motor: Motor, torque: float, closed_loop: bool, steps: in
     Closed: the current is oriented by the erroneous estimate; open: by the encoder.  Raises PhysicsError where
     the torque (N m) is out of reach within six times rated current or lock is lost on the way.
     """
+    from scipy.optimize import brentq
+
     m = motor.energy
 
     def at(i_q: float) -> tuple[float, float]:
@@ -117,7 +119,12 @@ def current_for_torque(motor: Motor, torque: float, closed_loop: bool, steps: in
 
 @dataclass(frozen=True)
 class Audit:
-    """Where a motor's model may be used; currents A, eigenvalues 1/H, angles rad over `load` (of rated i_q)."""
+    """Where a motor's model may be used; currents A, eigenvalues 1/H, angles rad over `load` (of rated i_q).
+
+    valid_radius: None where the whole audited disc is convex; saliency_radius: where L_qq - L_dd changes sign,
+    None likewise; slope: of the null, relative to zero current; grid_eigenvalue: over (i_q, i_d) of `grid`, NaN
+    outside the domain.
+    """
 
     motor: str
     rated_current: float
@@ -131,6 +138,8 @@ class Audit:
     angle_local: Array
     angle_closed: Array
     slope: Array
+    grid: Array
+    grid_eigenvalue: Array
 
     @property
     def passed(self) -> bool:
@@ -164,13 +173,24 @@ def audit(motor: Motor, radius: float | None = None, rays: int = 72, points: int
         least, worst = v["eigenvalue"], (v["i_d"], v["i_q"])
     load = np.linspace(-1.8, 1.8, 37)
     local, closed, slope = _angles(motor, load)
+    grid = np.linspace(-radius, radius, 61)
     return Audit(
         motor.name, motor.rated_current, radius,
         math.hypot(*worst) if violations else None,
         least, worst, tuple(sorted(violations, key=lambda p: math.hypot(p["i_d"], p["i_q"]))),
         None if math.isinf(lost) else lost,
-        load, local, closed, slope,
+        load, local, closed, slope, grid, _eigenvalues(m, grid),
     )  # fmt: skip
+
+
+def _eigenvalues(m: Energy, grid: Array) -> Array:
+    """Return the smallest eigenvalue over the plane of currents (i_q, i_d), NaN where there is no valid point."""
+    values = np.full((grid.size, grid.size), np.nan)
+    for (row, y), (column, x) in product(enumerate(grid), enumerate(grid)):
+        d, q, status = en.flux_newton(m, x, y, 0.0, 0.0)
+        if not status and en.is_convex_to(m, d, q):
+            values[row, column] = en.min_eigenvalue(*en.hessian(m, d, q))
+    return values
 
 
 def _angles(motor: Motor, load: Array) -> tuple[Array, Array, Array]:

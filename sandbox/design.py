@@ -1,8 +1,9 @@
 """Gains from margins: current loop, tracking loop and speed loop, designed with python-control.
 
 Each loop is written down as the sampled loop that the kernel runs (one-period computing delay, held voltage,
-average over an injection period) and its one free bandwidth is the largest that keeps the phase margin asked for.
-`control` takes 1.5 s to import, so finished designs are kept on disk under a hash of everything they depend on.
+averages over the injection) and its one free bandwidth is the largest that keeps the phase margin asked for; the
+tracking loop also keeps the small gain of `jitter_gain` below one.  `control` takes 1.5 s to import, so finished
+designs are kept on disk under a hash of everything they depend on.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from model.compiled import cache_home
 from model.energy import Energy, flux_newton, hessian, min_eigenvalue
 from model.parameters import Drive
 from sandbox.control import Control
-from sandbox.injection import carrier, samples_per_period
+from sandbox.injection import carrier, primitive_of, samples_per_period
 
 PHASE_MARGIN = 60.0  # degrees, of every loop at its worst point
 DAMPING = 1.0  # tracking loop: kp = 2 DAMPING w0, ki = w0^2
@@ -33,7 +34,7 @@ INTEGRAL_SPLIT = 5.0  # speed loop: integral action this far below the bandwidth
 SETTLE_TIMES = 8.0  # starting up waits this many time constants of the current loop
 AVERAGE_TIME = 0.016  # s of ripple averaged in each step of starting up
 VOLTAGE_UNCERTAINTY = 0.0025  # of the DC bus, one sigma: what a compensated inverter leaves (EKF)
-CURRENT_MARGIN = 1.25  # current limit over the largest load asked for
+OVERLOAD = 2.5  # of rated current: the limit, and the worst point of every loop
 
 Complex = NDArray[np.complex128]
 
@@ -78,29 +79,29 @@ def smallest_inductance(m: Energy, radius: float) -> float:
     return least
 
 
-def design(drive: Drive, start_up: bool = True, largest_load: float = 2.0) -> Design:
-    """Return gains for a drive; `largest_load` (of rated current) sets the current limit."""
+def design(drive: Drive, start_up: bool = True) -> Design:
+    """Return gains for a drive; without starting up the estimator is told the first position."""
     motor, converter, injection = drive.motor, drive.converter, drive.injection
     n, h = samples_per_period(injection, converter), converter.sampling_period
-    worst = smallest_inductance(motor.energy, 2.0 * motor.rated_current)
-    torque_constant = 1.5 * motor.pole_pairs * motor.magnet_flux
-    key = (n, h, motor.resistance, worst, motor.pole_pairs / motor.inertia * torque_constant)
-    loops = _remembered(key)
+    wave = carrier(injection, converter)
+    power = float(np.dot(wave.primitive, wave.primitive))
+    largest = OVERLOAD * motor.rated_current
+    saliency = injection.amplitude * abs(1.0 / motor.inductance_d - 1.0 / motor.inductance_q)
+    loops = _remembered(
+        n, h, motor.resistance, smallest_inductance(motor.energy, largest),
+        1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia, largest / saliency, injection.waveform,
+    )  # fmt: skip
     current, track, speed = loops["current"], loops["tracking"], loops["speed"]
-    l_d, l_q = motor.inductance_d, motor.inductance_q
     ratio = current.ki / current.kp
     control = Control(
         n, h, current.kp, current.kp, current.kp * ratio, current.kp * ratio, motor.magnet_flux,
-        speed.kp, speed.ki, max(2.0, CURRENT_MARGIN * largest_load) * motor.rated_current,
+        speed.kp, speed.ki, largest,
         converter.voltage_limit, injection.amplitude,
     )  # fmt: skip
-    wave = carrier(injection, converter)
-    power = float(np.dot(wave.primitive, wave.primitive))
     variance = 2.0 / 3.0 * (converter.current_noise**2 + converter.current_resolution**2 / 12.0)
-    saliency = injection.amplitude * abs(1.0 / l_d - 1.0 / l_q)
     flux_variance = (VOLTAGE_UNCERTAINTY * converter.dc_bus_voltage * h) ** 2
-    seen = variance + flux_variance / l_q**2  # what blurs a sample of the q ripple, A^2
-    angle_variance = seen / (saliency**2 * power / n) if saliency else 0.0  # rad^2 a sample
+    seen = variance + flux_variance / motor.inductance_q**2  # what blurs a sample of the q ripple, A^2
+    angle_variance = seen / (saliency**2 * power / n)  # rad^2 a sample
     tuning = Tuning(
         n,
         math.ceil(SETTLE_TIMES / current.bandwidth / (n * h)) if start_up else 0,
@@ -112,8 +113,8 @@ def design(drive: Drive, start_up: bool = True, largest_load: float = 2.0) -> De
     return Design(control, tuning, loops)
 
 
-def _remembered(key: tuple[float, ...]) -> dict[str, Loop]:
-    """Return the loops for `key`, from disk where this version has designed them before."""
+def _remembered(*key: Any) -> dict[str, Loop]:
+    """Return `design_loops(*key)`, from disk where this version has designed them before."""
     version = hashlib.sha256(Path(__file__).read_bytes() + repr(key).encode()).hexdigest()[:24]
     path = cache_home() / "designs" / f"{version}.json"
     try:
@@ -131,13 +132,20 @@ def _remembered(key: tuple[float, ...]) -> dict[str, Loop]:
     return loops
 
 
-def design_loops(n: int, h: float, resistance: float, inductance: float, torque_gain: float) -> dict[str, Loop]:
-    """Return the three loops; `torque_gain` is electrical acceleration per q current, rad/s^2 per A."""
-    current = _tuned(partial(current_loop, n, h, resistance, inductance), h)
-    tracking = _tuned(partial(tracking_loop, n, h), h)
-    inner = partial(_closed_current, n, h, resistance, inductance, current.bandwidth)
-    speed = _tuned(partial(speed_loop, n, h, torque_gain, inner, tracking.bandwidth), h)
-    return {"current": current, "tracking": tracking, "speed": speed}
+def design_loops(
+    n: int, h: float, resistance: float, inductance: float, torque_gain: float, current: float, waveform: str
+) -> dict[str, Loop]:
+    """Return the three loops.
+
+    n, h: samples a period and sampling period (s); inductance: the smallest (H); torque_gain: electrical
+    acceleration per q current, rad/s^2 per A; current: the largest, over injected volts and saliency (s).
+    """
+    inner = _tuned(partial(current_loop, n, h, resistance, inductance), h)
+    follow = partial(_closed_current, n, h, resistance, inductance, inner.bandwidth)
+    jitter = partial(jitter_gain, n, h, current * demodulated_motion(n, h, waveform) * np.abs(follow(_grid(h))))
+    tracking = _tuned(partial(tracking_loop, n, h), h, jitter)
+    speed = _tuned(partial(speed_loop, n, h, torque_gain, follow, tracking.bandwidth), h)
+    return {"current": inner, "tracking": tracking, "speed": speed}
 
 
 def _grid(h: float) -> NDArray[np.float64]:
@@ -163,14 +171,34 @@ def current_loop(
 
 
 def tracking_loop(n: int, h: float, w: NDArray[np.float64], bandwidth: float) -> tuple[Complex, float, float]:
-    """Return open loop and gains of the type-2 loop behind n-sample demodulation.
+    """Return open loop and gains of the type-2 loop behind demodulation from the present frame.
 
-    The window's whole delay is counted; demodulating from the present frame takes its own part of it out again,
-    so the real margin is larger (`tests/sandbox/test_design.py` says by how much).
+    Turning the whole window into the present frame takes its delay, d samples on average, out of the loop; the
+    speed used to turn it comes in instead, with the opposite sign.
     """
     z = np.exp(1j * w * h)
-    kp, ki = 2.0 * DAMPING * bandwidth, bandwidth**2
-    return _window(n, z) * (kp * h + ki * h * h * z / (z - 1)) / (z - 1), kp, ki
+    kp, ki, d = 2.0 * DAMPING * bandwidth, bandwidth**2, 0.75 * n - 0.5
+    return (kp * h + ki * h * h * z / (z - 1) - ki * h * h * d) / (z - 1), kp, ki
+
+
+def demodulated_motion(n: int, h: float, waveform: str) -> NDArray[np.float64]:
+    """Return |sum w F exp(-jwt)| / sum F^2 (1/s) over the grid, at the worst phase: what moving currents feign."""
+    primitive = primitive_of(waveform, n, h)
+    weight = np.repeat([0.5, 1.0, 0.5], n // 2)
+    delay = np.exp(-1j * np.outer(_grid(h) * h, np.arange(weight.size)))
+    shifted = [weight * primitive[(phase - np.arange(weight.size)) % n] for phase in range(n)]
+    sums = np.abs(delay @ np.array(shifted).T)
+    return np.asarray(sums.max(axis=1) / np.dot(primitive, primitive))
+
+
+def jitter_gain(n: int, h: float, parasitic: NDArray[np.float64], bandwidth: float) -> float:
+    """Return the largest gain around tracking loop, current loop and demodulation, beside the wanted path.
+
+    An estimate that jitters turns the current reference; the current follows, and demodulation takes part of
+    its motion for ripple: the more, the smaller the ripple against the current.  Below one that path cannot ring.
+    """
+    loop, _, _ = tracking_loop(n, h, _grid(h), bandwidth)
+    return float(np.max(np.abs(loop / (1.0 + loop)) * parasitic))
 
 
 def _closed_current(
@@ -187,37 +215,41 @@ def speed_loop(
 ) -> tuple[Complex, float, float]:
     """Return open loop and PI gains of the speed controller around current loop and speed estimate."""
     z = np.exp(1j * w * h)
-    follow, t_kp, t_ki = tracking_loop(n, h, w, tracking)
-    # speed estimate over speed: the integral path of the closed tracking loop
-    estimate = follow / (1.0 + follow) * (t_ki * h * z / (z - 1)) / (t_kp + t_ki * h * z / (z - 1))
-    estimate *= (z - 1) / (1j * w * h)  # angle is the integral of speed; sampled difference against derivative
+    loop, _, t_ki = tracking_loop(n, h, w, tracking)
+    # Angle to speed estimate: what the window lets through, then the loop's integral path.
+    window = 0.5 * (1.0 + z ** (-n // 2)) * _window(n, z)
+    estimate = window / (1.0 + loop) * t_ki * h * z / (z - 1)
     kp = bandwidth / torque_gain
     ki = kp * bandwidth / INTEGRAL_SPLIT
-    return (kp + ki * h / (z - 1)) * inner(w) * torque_gain / (1j * w) * estimate, kp, ki
+    return (kp + ki * h / (z - 1)) * inner(w) * torque_gain / (1j * w) ** 2 * estimate, kp, ki
 
 
-def _margins(loop: Complex, w: NDArray[np.float64], h: float) -> tuple[float, float, float, float]:
+def _tuned(
+    loop: Callable[[Any, float], tuple[Complex, float, float]], h: float, gain: Callable[[float], float] | None = None
+) -> Loop:
+    """Return the loop at the largest bandwidth with the phase margin asked for, and `gain` of it below one."""
+    from scipy.optimize import brentq
+
+    w = _grid(h)
+
+    def spare(log_bandwidth: float) -> float:
+        bandwidth = math.exp(log_bandwidth)
+        margin = _phase_margin(loop(w, bandwidth)[0], w) / PHASE_MARGIN - 1.0
+        return min(margin, 1.0 - gain(bandwidth)) if gain else margin
+
+    bandwidth = math.exp(brentq(spare, math.log(0.1), math.log(0.3 / h), xtol=1e-6))
+    response, kp, ki = loop(w, bandwidth)
+    gain_margin, phase, disk, crossover = _margins(response, w)
+    return Loop(bandwidth, kp, ki, phase, gain_margin, disk, crossover)
+
+
+def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float, float]:
     """Return gain margin, phase margin (degrees), disk margin and crossover (rad/s) of an open loop."""
     import control
 
     gain, phase, _, _, crossover, _ = control.stability_margins(control.frd(loop, w))
     disk = 1.0 / float(np.max(np.abs((1.0 - loop) / (1.0 + loop) / 2.0)))  # balanced sensitivity (S - T) / 2
     return float(gain), float(phase), disk, float(crossover)
-
-
-def _tuned(loop: Callable[[Any, float], tuple[Complex, float, float]], h: float) -> Loop:
-    """Return the loop at the largest bandwidth with the phase margin asked for."""
-    from scipy.optimize import brentq
-
-    w = _grid(h)
-
-    def lacking(log_bandwidth: float) -> float:
-        return _phase_margin(loop(w, math.exp(log_bandwidth))[0], w) - PHASE_MARGIN
-
-    bandwidth = math.exp(brentq(lacking, math.log(0.1), math.log(0.3 / h), xtol=1e-6))
-    response, kp, ki = loop(w, bandwidth)
-    gain, phase, disk, crossover = _margins(response, w, h)
-    return Loop(bandwidth, kp, ki, phase, gain, disk, crossover)
 
 
 def _phase_margin(loop: Complex, w: NDArray[np.float64]) -> float:

@@ -28,11 +28,10 @@ def samples_per_period(injection: Injection, converter: Converter) -> int:
     sampling = 1.0 / converter.sampling_period
     ratio = sampling / injection.frequency
     n, fewest = round(ratio), FEWEST[injection.waveform]
-    whole = "square" if injection.waveform == "square" else "sine"
     if n < fewest or abs(ratio - n) > 1e-6 * ratio or n > MAX_PERIOD or n % 2:
         raise BadInput(
-            f"injection frequency {injection.frequency:g} Hz does not fit sampling at {sampling:g} Hz (ratio {ratio:.4g}): "
-            f"a {whole} wave needs an even number of samples a period from {fewest} to {MAX_PERIOD}; "
+            f"injection frequency {injection.frequency:g} Hz does not fit sampling at {sampling:g} Hz (ratio "
+            f"{ratio:.4g}): a {injection.waveform} wave needs an even number of samples a period from {fewest} to {MAX_PERIOD}; "
             f"inject at {sampling / max(fewest, 2 * round(ratio / 2) or 2):g} Hz or sample faster"
         )
     return n
@@ -41,13 +40,19 @@ def samples_per_period(injection: Injection, converter: Converter) -> int:
 def carrier(injection: Injection, converter: Converter) -> Carrier:
     """Return the carrier of an injection on a converter's sampling grid (voltages held over each interval)."""
     n, h = samples_per_period(injection, converter), converter.sampling_period
+    f = waveform_of(injection.waveform, n)
+    return Carrier(f, primitive_of(injection.waveform, n, h), second_order_lag(f, h))
+
+
+def waveform_of(waveform: str, n: int) -> NDArray[np.float64]:
+    """Return f on the n intervals of a period: `square` or `sine`, held over each interval."""
     k = np.arange(n)
-    if injection.waveform == "square":
-        f = np.where(k < n // 2, 1.0, -1.0)
-    else:
-        f = np.sin(2.0 * math.pi * (k + 0.5) / n)
-    primitive = np.concatenate([[0.0], np.cumsum(f)[:-1]]) * h
-    return Carrier(f, primitive - primitive.mean(), second_order_lag(f, h))
+    return np.where(k < n // 2, 1.0, -1.0) if waveform == "square" else np.sin(2.0 * math.pi * (k + 0.5) / n)
+
+
+def primitive_of(waveform: str, n: int, h: float) -> NDArray[np.float64]:
+    """Return the zero-mean primitive F (s) at the n samples of a period, h seconds apart."""
+    return _periodic(waveform_of(waveform, n) * h)
 
 
 def second_order_lag(f: NDArray[np.float64], h: float) -> float:

@@ -1,8 +1,9 @@
 """The closed loop, one sample at a time: measure, estimate, control, record, advance the plant.
 
 `run_compiled` keeps all of it in one kernel and calls a compiled estimator through a function pointer;
-`run_python` is the same source interpreted: compiled pieces around an estimator written in Python.  The command computed at t_k
-acts over [t_{k+1}, t_{k+2}): the usual period of delay.  The estimator is handed a Sample, nothing else.
+`run_python` is the same source interpreted: compiled pieces around an estimator written in Python.  The command
+computed at t_k acts over [t_{k+1}, t_{k+2}): the usual period of delay.  The estimator is handed a Sample, nothing
+else.
 """
 
 from __future__ import annotations

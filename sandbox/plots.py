@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,6 +14,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from model.parameters import Drive
+    from model.saliency import Audit
     from sandbox.compare import Comparison, Row, Run
 
 DPI = 150
@@ -47,7 +50,7 @@ def comparison_figure(comparison: Comparison, path: Path) -> None:
         axes_row[0].set_ylabel(f"{'closed' if closed else 'open'} loop\nposition error (° electrical)")
     for axes, estimator in zip(panels[0], estimators, strict=True):
         axes.set_title(estimator, fontweight="bold")
-    figure.suptitle(f"{comparison.motor.name}, {comparison.scenario.name}")
+    figure.suptitle(f"{comparison.drive.name}, {comparison.scenario.name}")
     figure.supxlabel(READING, fontsize=9, color="0.25")
     for axes in panels[-1]:
         axes.set_xlabel("load (% of rated)" if by_load else "segment: load (%), speed (rpm)")
@@ -80,7 +83,9 @@ def _draw_panel(axes: Axes, runs: Sequence[Run], by_load: bool) -> None:
     _label_beliefs(axes, [run.belief for run in runs], rows, places)
     axes.set_xlim(min(places) - 0.07 * reach, max(places) + 0.36 * reach)
     if by_load:
-        axes.set_xticks([place for place in range(0, int(max(places)) + 1, 50 if reach > 60 else 20)])
+        step = 100 if reach > 250 else 50 if reach > 60 else 20
+        first = step * math.ceil(min(places) / step)
+        axes.set_xticks(range(first, int(max(places)) + 1, step))
     else:
         axes.set_xticks(places, [f"{100 * row.load:.0f}\n{row.speed_rpm:.0f}" for row in segments])
     axes.tick_params(labelsize=9)
@@ -107,9 +112,7 @@ def _draw_belief(axes: Axes, belief: str, rows: Sequence[Row], places: Sequence[
         if row.lost_lock or mean is None:
             continue
         bar = max(0.0, (p95 or 0.0) - abs(mean))
-        axes.errorbar(
-            x, mean, yerr=bar, fmt=MARKERS.get(belief, "D"), color=colour, markersize=6, capsize=3, zorder=3
-        )
+        axes.errorbar(x, mean, yerr=bar, fmt=MARKERS.get(belief, "D"), color=colour, markersize=6, capsize=3, zorder=3)
 
 
 def _draw_lost(axes: Axes, belief: str, lost: Sequence[float], end: float, height: float) -> None:
@@ -130,9 +133,7 @@ def _draw_lost(axes: Axes, belief: str, lost: Sequence[float], end: float, heigh
     )
 
 
-def _label_beliefs(
-    axes: Axes, beliefs: Sequence[str], rows: Sequence[Sequence[Row]], places: Sequence[float]
-) -> None:
+def _label_beliefs(axes: Axes, beliefs: Sequence[str], rows: Sequence[Sequence[Row]], places: Sequence[float]) -> None:
     """Write each belief to the right of its last mean in lock; an upper label is lifted off a lower one."""
     ends = []
     for belief, run_rows in zip(beliefs, rows, strict=True):
@@ -150,6 +151,48 @@ def _label_beliefs(
             fontsize=10,
             va="center",
         )
+
+
+def audit_figure(drive: Drive, audit: Audit, path: Path) -> None:
+    """Draw the current plane (convexity, saliency) and the cross-saturation angle against load.
+
+    Raises as `comparison_figure`.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.5, 4.8), layout="constrained")
+    plane, angles = figure.subplots(1, 2)
+    _draw_plane(plane, drive, audit)
+    load = 100.0 * audit.load
+    for values, name, style in (
+        (audit.angle_local, "encoder controls (local)", "-"),
+        (audit.angle_closed, "estimate controls (self-consistent)", (0, (4, 2))),
+    ):
+        angles.plot(load, [math.degrees(v) for v in values], linestyle=style, color=_colour("linear"), label=name)
+    angles.axhline(0.0, color="0.6", linewidth=0.8)
+    angles.set(xlabel="load (% of rated, i_d = 0)", ylabel="error of a linear belief (° electrical)")
+    angles.set_title("cross-saturation angle")
+    angles.legend(frameon=False, fontsize=9)
+    figure.suptitle(f"{drive.name}: where the model may be used")
+    _save(figure, path)
+
+
+def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
+    """Draw min eigenvalue over the current plane, the audited disc, and where convexity ends."""
+    from matplotlib.patches import Circle
+
+    i, values = audit.grid, audit.grid_eigenvalue
+    filled = axes.contourf(i, i, values, levels=12, cmap="Blues")
+    filled.set_clip_path(Circle((0, 0), audit.radius, transform=axes.transData))
+    axes.figure.colorbar(filled, ax=axes, label="smallest eigenvalue of the Hessian (1/H)")
+    axes.add_patch(Circle((0, 0), audit.rated_current, fill=False, color="0.2", linewidth=1.2))
+    axes.annotate("rated", (0.0, audit.rated_current), (0, 3), textcoords="offset points", ha="center", fontsize=9)
+    if audit.violations:
+        x, y = [v["i_d"] for v in audit.violations], [v["i_q"] for v in audit.violations]
+        axes.plot(x, y, "x", color=_colour("linear"), label="convexity ends here")
+        axes.legend(frameon=False, fontsize=9, loc="upper right")
+    axes.set(xlabel="i_d (A)", ylabel="i_q (A)", aspect="equal", facecolor="0.85")
+    axes.set_title("valid" if audit.passed else "grey: not valid")
 
 
 def _save(figure: Figure, path: Path) -> None:

@@ -27,13 +27,9 @@ class Segment:
     def __post_init__(self) -> None:
         check(self, "segment")
         if self.ramp > self.duration:
-            raise BadInput(
-                f"[[segment]] ramp = {self.ramp:g} s is longer than its duration = {self.duration:g} s"
-            )
+            raise BadInput(f"[[segment]] ramp = {self.ramp:g} s is longer than its duration = {self.duration:g} s")
         if self.settle is not None and not 0.0 <= self.settle < self.duration:
-            raise BadInput(
-                f"[[segment]] settle = {self.settle!r} must lie in [0, duration = {self.duration:g}) s"
-            )
+            raise BadInput(f"[[segment]] settle = {self.settle!r} must lie in [0, duration = {self.duration:g}) s")
         if not isinstance(self.score, bool):
             raise BadInput(f"[[segment]] score = {self.score!r} is neither true nor false")
 
@@ -69,13 +65,9 @@ class Scenario:
         if self.rotor == "locked" and any(s.speed for s in self.segments):
             raise BadInput("a locked rotor cannot follow a speed; give rotor = 'driven' or 'free'")
         if not self.segments:
-            raise BadInput(
-                f"scenario '{self.name}' has no [[segment]]; add at least one with a duration in s"
-            )
+            raise BadInput(f"scenario '{self.name}' has no [[segment]]; add at least one with a duration in s")
         if self.duration > LONGEST:
-            raise BadInput(
-                f"scenario '{self.name}' lasts {self.duration:g} s; at most {LONGEST:g} s are simulated"
-            )
+            raise BadInput(f"scenario '{self.name}' lasts {self.duration:g} s; at most {LONGEST:g} s are simulated")
 
     @property
     def duration(self) -> float:
@@ -125,11 +117,7 @@ def load_scenario(name: str | Path) -> Scenario:
             if table not in ("scenario", "segment"):
                 raise unknown("table", table, ("scenario", "segment"))
         head, rows = data.get("scenario", {}), data.get("segment", [])
-        if (
-            not isinstance(head, dict)
-            or not isinstance(rows, list)
-            or not all(isinstance(r, dict) for r in rows)
-        ):
+        if not isinstance(head, dict) or not isinstance(rows, list) or not all(isinstance(r, dict) for r in rows):
             raise BadInput("a scenario is one [scenario] table and one [[segment]] table for each stretch")
         if "segments" in head:
             raise unknown("key in [scenario]", "segments", ("settle", "rotor", "reference"))

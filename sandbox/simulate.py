@@ -112,8 +112,7 @@ def simulate(
     if belief not in ("saturated", "linear"):
         raise BadInput(f"belief '{belief}' is neither 'saturated' nor 'linear'")
     check_feasible(drive, scenario)
-    largest = max(abs(s.load) for s in scenario.segments)
-    gains = design(drive, scenario.start_up, largest)
+    gains = design(drive, scenario.start_up)
     tuning, believed = gains.tuning, belief_of(drive, belief)
     h = tuning.sampling_period
     start_time = start_periods(tuning.settle, tuning.average) * tuning.period * h
@@ -122,7 +121,9 @@ def simulate(
         raise BadInput(
             f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
         )
-    plant, rig = _rig(drive, scenario, plant_step, truth or drive.motor.energy, closed_loop, samples, stride, start_time)
+    plant, rig = _rig(
+        drive, scenario, plant_step, truth or drive.motor.energy, closed_loop, samples, stride, start_time
+    )
     wave = carrier(drive.injection, drive.converter)
     x = np.array([0.0, 0.0, 0.0, scenario.start_angle])
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle)

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbox.report import comparison_markdown
+
 if TYPE_CHECKING:
     import rerun as rr
     import rerun.blueprint as rrb
@@ -231,7 +233,7 @@ def _send_properties(stream: rr.RecordingStream, comparison: Comparison, stride:
     """Send the summary and how the comparison was made."""
     import rerun as rr
 
-    motor, scenario = comparison.motor.name, comparison.scenario.name
+    motor, scenario = comparison.drive.name, comparison.scenario.name
     facts = {"motor": motor, "scenario": scenario, "sample_stride": stride, **comparison.properties}
     # All as text: rerun binds a property's name to its first type and drops other types with a warning only.
     made = {name: str(fact) for name, fact in facts.items()}
@@ -252,22 +254,9 @@ def _summary(comparison: Comparison, made: dict[str, str], stride: int) -> str:
         f"one sample in {SLOW * stride}."
     )
     provenance = [f"| {name} | {value} |" for name, value in made.items()]
-    title = f"# {comparison.motor.name}, {comparison.scenario.name}"
-    table = comparison.summary or _table(comparison)
+    title = f"# {comparison.drive.name}, {comparison.scenario.name}"
+    table = comparison_markdown(comparison)
     return "\n".join([title, reading, "", table, "", "| made with | |", "|---|---|", *provenance])
-
-
-def _table(comparison: Comparison) -> str:
-    """Return the rows of all runs as a markdown table."""
-    head = "| estimator | loop | belief | load % | speed rpm | mean ° | p95 ° | theory ° | |"
-    lines = [head, "|---|---|---|--:|--:|--:|--:|--:|---|"]
-    for row in (row for run in comparison.runs for row in run.rows):
-        loop, lost = "closed" if row.closed_loop else "open", "**lost lock**" if row.lost_lock else ""
-        errors = (row.error_deg.mean, row.error_deg.p95, row.predicted_mean_deg)
-        cells = [row.estimator, loop, row.belief, f"{100 * row.load:.0f}", f"{row.speed_rpm:.0f}"]
-        cells += ["–" if value is None else f"{value:.2f}" for value in errors]
-        lines.append(f"| {' | '.join(cells)} | {lost} |")
-    return "\n".join(lines)
 
 
 def _blueprint(comparison: Comparison) -> rrb.Blueprint:
@@ -342,9 +331,7 @@ def _slow_view(runs: list[Run], channel: str, name: str) -> rrb.TimeSeriesView:
     if channel == "load":
         high = 100.0 * max(float(run.recording.load.max()) for run in runs)
         return _view(name, ["/scenario/load"], -10.0, 1.3 * max(high, 10.0))
-    fields = {"current_d": ["i_d"], "current_q": ["i_q"], "speed": ["omega", "omega_hat"]}.get(
-        channel, [channel]
-    )
+    fields = {"current_d": ["i_d"], "current_q": ["i_q"], "speed": ["omega", "omega_hat"]}.get(channel, [channel])
     samples = np.concatenate([getattr(run.recording, field) for run in runs for field in fields])
     low, high = (float(bound) for bound in np.nanpercentile(samples, (0.5, 99.5)))
     room = max(high - low, 0.001 * abs(high), 1e-6)

@@ -1,0 +1,152 @@
+"""What the simulator costs, and beside it, in the same run, the C reference and the peer.
+
+Times are CPU seconds of one core, medians; absolute times depend on the machine, ratios hardly do.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import shutil
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimators.registry import load_estimator
+from model.compiled import kernel
+from model.errors import BadInput
+from model.parameters import Drive, load_drive
+from model.saliency import current_for_torque
+from sandbox.plant import Plant, advance
+from sandbox.scenario import Scenario, Segment
+from sandbox.score import error_of
+from sandbox.simulate import simulate
+
+PLANT_STEPS = 4_000_000
+PEER_REPETITIONS = 3
+
+
+@kernel
+def _many_periods(x, plant, periods):
+    """Advance through 500 Hz square-wave periods as reference_rk4.c does, voltage turned into the rotor frame."""
+    for k in range(periods):
+        advance(x, plant, -30.0 if k & 1 else 30.0, 10.0, 0.0, 0.0, 100)
+
+
+def plant_step() -> float:
+    """Return the cost of one plant step in ns: the very kernel of the closed loop."""
+    motor = load_drive("ipm").motor
+    plant = Plant(motor.energy, 0.2, motor.resistance, 6.0, 6.0 / 1e-3, 0.0, 1e-5)
+    _many_periods(np.zeros(4), plant, 10)
+    n = PLANT_STEPS // 100
+    return _median(lambda: _many_periods(np.zeros(4), plant, n)) / PLANT_STEPS * 1e9
+
+
+def c_reference(anchors: Path) -> float:
+    """Return the cost of one step of `reference_rk4.c` (mode 0, gcc -O3 -march=native) in ns."""
+    source = anchors / "reference_rk4.c"
+    if not source.is_file() or not shutil.which("gcc"):
+        raise BadInput(f"the C reference needs gcc and '{source}'; give the folder with --anchors")
+    with tempfile.TemporaryDirectory() as folder:
+        program = Path(folder) / "reference"
+        subprocess.run(["gcc", "-O3", "-march=native", str(source), "-o", str(program), "-lm"], check=True)
+        out = subprocess.run([str(program), "0", str(PLANT_STEPS), "5"], check=True, capture_output=True, text=True)
+    return float(re.findall(r"([\d.]+) ns/RK4-step", out.stdout)[0])
+
+
+def peer_case() -> tuple[Drive, Scenario]:
+    """Return motor, speed and load profile of motulator's `poly` case in `peer_motulator.py`."""
+    drive = load_drive("ipm")
+    motor = dataclasses.replace(drive.motor, magnet_flux=0.2, inertia=1e-3, viscous_friction=0.0)
+    converter = dataclasses.replace(
+        drive.converter, sampling_period=125e-6, pwm_frequency=8000.0, dc_bus_voltage=300.0,
+        current_noise=0.0, current_resolution=0.0,
+    )  # fmt: skip
+    injection = dataclasses.replace(drive.injection, frequency=4000.0, amplitude=60.0)
+    drive = dataclasses.replace(drive, motor=motor, converter=converter, injection=injection)
+    load = current_for_torque(motor, 0.2 * 2.0, closed_loop=False)[0] / motor.rated_current
+    speed = 0.1 * 2.0 * np.pi * 50.0 / motor.rated_omega
+    segments = (
+        Segment(0.125),
+        Segment(0.125, load),
+        Segment(0.125, load, speed),
+        Segment(0.125, load, 0.0, 0.125),
+        Segment(0.125, load, -speed, 0.125),
+        Segment(0.125, load, -speed),
+        Segment(0.125, load, 0.0),
+        Segment(0.125, 0.0, 0.0),
+    )
+    return drive, Scenario("peer", segments, "free", "speed", start_up=False, start_angle=0.0)
+
+
+def closed_loop(estimator: str) -> tuple[float, float]:
+    """Return CPU seconds per simulated second on the peer's case, and the error's rms in degrees after 1/8."""
+    drive, scenario = peer_case()
+    method = load_estimator(estimator)
+    runs = [simulate(drive, scenario, method) for _ in range(9)]
+    recording = runs[0].recording
+    rms = error_of(recording.between(scenario.duration / 8.0, scenario.duration)).rms
+    return statistics.median(r.cpu_seconds for r in runs[1:]) / scenario.duration, rms or 0.0
+
+
+def peer(anchors: Path, python: str) -> tuple[float, float]:
+    """Return motulator's CPU seconds per simulated second and error rms (degrees) on the same case."""
+    script = anchors / "peer_motulator.py"
+    if not script.is_file():
+        raise BadInput(f"'{script}' does not exist; give the folder with --anchors")
+    call = [python, str(script), "--t", "1.0", "--reps", str(PEER_REPETITIONS), "--only", "poly"]
+    try:
+        done = subprocess.run(call, capture_output=True, text=True, check=False)
+    except OSError:
+        raise BadInput(f"'{python}' cannot be run; give a Python >= 3.12 with motulator 0.18") from None
+    found = re.search(r"poly\s+0 .*?\|\s*([\d.]+) \(.*?\|.*?\|\s*([\d.]+) /", done.stdout)
+    if not found:
+        last = (done.stderr.strip() or done.stdout.strip() or "no output").splitlines()[-1]
+        raise BadInput(f"motulator did not run in '{python}' ({last}); give a Python >= 3.12 with motulator 0.18")
+    return float(found[1]), float(found[2])
+
+
+def warm_start() -> float:
+    """Return the wall seconds of a whole short command in a new process, everything compiled."""
+    call = [sys.executable, "-m", "sandbox.cli", "simulate", "--duration", "0.01", "--no-trace", "--quiet", "--out"]
+    with tempfile.TemporaryDirectory() as out:
+        times = []
+        for _ in range(4):
+            begun = time.perf_counter()
+            subprocess.run([*call, out], check=True)
+            times.append(time.perf_counter() - begun)
+    return statistics.median(times[1:])
+
+
+def bench(anchors: Path | None, python: str) -> dict[str, Any]:
+    """Return `measured` figures and, where the reference programs are given, `ratios` of ours to theirs."""
+    measured = {"plant_step_ns": plant_step(), "warm_start_s": warm_start()}
+    errors: dict[str, float] = {}
+    for name in ("qnull", "inversion", "ekf"):
+        cost, errors[name] = closed_loop(name)
+        measured[f"closed_loop_{name}_cpu_s_per_s"], measured[f"closed_loop_{name}_rms_deg"] = cost, errors[name]
+    ratios: dict[str, float] = {}
+    if anchors:
+        ratios["plant_step_to_c"] = measured["plant_step_ns"] / c_reference(anchors)
+        cost, rms = peer(anchors, python)
+        measured["peer_cpu_s_per_s"], measured["peer_rms_deg"] = cost, rms
+        for name, error in errors.items():
+            ratios[f"peer_to_{name}_cpu"] = cost / measured[f"closed_loop_{name}_cpu_s_per_s"]
+            ratios[f"{name}_to_peer_rms"] = error / rms
+    return {"measured": measured, "ratios": ratios}
+
+
+def _median(work: Callable[[], None], repetitions: int = 5) -> float:
+    times = []
+    for _ in range(repetitions):
+        begun = time.process_time()
+        work()
+        times.append(time.process_time() - begun)
+    return statistics.median(times)

@@ -1,0 +1,213 @@
+"""The command line: a thin layer over functions that a notebook can call as well."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, NoReturn
+
+from model.errors import BadInput, PhysicsError
+from sandbox import report
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse that answers a wrong call with one sentence and exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message alone."""
+        print(f"{self.prog}: {message} (see `{self.prog} --help`)", file=sys.stderr)
+        raise SystemExit(2)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; return its exit code (0 done, 2 bad input, 3 the physics failed)."""
+    options = build_parser().parse_args(arguments)
+    try:
+        options.run(options)
+    except (BadInput, PhysicsError) as error:
+        print(f"sensorless {options.command}: {error}", file=sys.stderr)
+        return error.exit_code
+    except OSError as error:
+        print(f"sensorless {options.command}: {error.filename or 'file'}: {error.strerror}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print(f"sensorless {options.command}: interrupted; nothing half-written", file=sys.stderr)
+        return 130
+    return 0
+
+
+def build_parser() -> Parser:
+    """Return the parser of all commands."""
+    parser = Parser(prog="sensorless", description="Sandbox for sensorless control of saturated PM motors.")
+    parser.add_argument("--version", action="version", version=f"sensorless {report.version()}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
+
+    def add(name: str, run: Callable[[argparse.Namespace], None], text: str, writes: bool = True) -> Parser:
+        command: Parser = commands.add_parser(name, help=text, description=text)
+        command.set_defaults(run=run)
+        if writes:
+            command.add_argument("--out", type=Path, help=f"folder for results (./sensorless-out/{name})")
+            command.add_argument("--quiet", action="store_true", help="print nothing but errors")
+        return command
+
+    c = add("compare", run_compare, "position error of a saturated against a linear belief (the main job)")
+    _which(c)
+    c.add_argument("--estimators", default="qnull,inversion,ekf", help="names, separated by commas")
+    c.add_argument("--jobs", type=positive_int, help="threads (all cores)")
+    c.add_argument("--no-trace", action="store_true", help="write no .rrd")
+    c = add("simulate", run_simulate, "one run of one estimator")
+    _which(c)
+    c.add_argument("--estimator", default="qnull")
+    c.add_argument("--belief", default="saturated", choices=("saturated", "linear"))
+    c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
+    c.add_argument("--duration", type=float, help="s of the scenario to run (all of it)")
+    c.add_argument("--no-trace", action="store_true", help="write no .rrd")
+    c = add("audit", run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
+    c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
+    c.add_argument("--radius", type=float, help="A, of the audited disc of currents (180 %% of rated)")
+    c = add("bench", run_bench, "cost per plant step and per closed-loop simulated second")
+    c.add_argument("--peer", action="store_true", help="measure the C reference and motulator in the same run, too")
+    c.add_argument("--anchors", type=Path, default=Path("../shared/anchors"), help="folder of the reference programs")
+    c.add_argument("--peer-python", default=sys.executable, help="Python >= 3.12 that has motulator 0.18")
+    c = add("list", run_list, "what there is", writes=False)
+    c.add_argument("kind", choices=("motors", "estimators", "scenarios"))
+    c = add("view", run_view, "open the rerun viewer on a trace", writes=False)
+    c.add_argument("file", type=Path, metavar="FILE.rrd")
+    return parser
+
+
+def positive_int(text: str) -> int:
+    """Parse a whole number of at least 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at least 1")
+    return int(text)
+
+
+def seed_number(text: str) -> int:
+    """Parse a whole number of at least 0."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at least 0")
+    return int(text)
+
+
+def _which(command: Parser) -> None:
+    command.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml")
+    command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml")
+    command.add_argument("--seed", type=seed_number, default=0, help="of the sensors' noise")
+
+
+def _out(options: argparse.Namespace) -> Path:
+    return report.output_folder(options.out or Path("sensorless-out") / options.command)
+
+
+def run_compare(options: argparse.Namespace) -> None:
+    """Compare beliefs; write compare.json, compare.png and compare.rrd."""
+    from model.parameters import load_drive
+    from sandbox.compare import compare
+    from sandbox.scenario import load_scenario
+
+    drive, scenario = load_drive(options.motor), load_scenario(options.scenario)
+    estimators = [name.strip() for name in options.estimators.split(",") if name.strip()]
+    with report.progress_bar("comparing", options.quiet) as progress:
+        result = compare(drive, scenario, estimators, seed=options.seed, jobs=options.jobs, progress=progress)
+    out, content = _out(options), result.as_json()
+    if not options.quiet:
+        report.print_comparison(result)
+    from sandbox.plots import comparison_figure
+
+    comparison_figure(result, out / "compare.png")
+    content["figure"], content["trace"] = "compare.png", None
+    if not options.no_trace:
+        from sandbox.trace import write_trace
+
+        write_trace(out / "compare.rrd", result)
+        content["trace"] = "compare.rrd"
+    report.write_json(out, "compare", content)
+    simulated = sum(r.recording.t[-1] for r in result.runs)
+    if not options.quiet:
+        print(f"{simulated:.0f} s simulated in {content['cpu_seconds']:.1f} s of CPU; results in {out}")
+
+
+def run_simulate(options: argparse.Namespace) -> None:
+    """Run one estimator; write simulate.json and simulate.rrd."""
+    from estimators.registry import load_estimator
+    from model.parameters import load_drive
+    from sandbox.compare import single
+    from sandbox.scenario import load_scenario
+    from sandbox.score import error_of, settled_part
+
+    drive, scenario = load_drive(options.motor), load_scenario(options.scenario)
+    if options.duration is not None:
+        scenario = scenario.cut(options.duration)
+    load_estimator(options.estimator)
+    result, gains = single(drive, scenario, options.estimator, options.belief, not options.open, options.seed)
+    out, run = _out(options), result.runs[0]
+    content: dict[str, Any] = {
+        "motor": drive.name, "scenario": scenario.name, "estimator": run.estimator, "belief": run.belief,
+        "closed_loop": run.closed_loop, "seed": options.seed, "simulated_seconds": float(run.recording.t[-1]),
+        "cpu_seconds": run.cpu_seconds, "lost_lock": any(r.lost_lock for r in run.rows),
+        "error_deg": asdict(error_of(settled_part(run.recording, run.rows), any(r.lost_lock for r in run.rows))),
+        "rows": [asdict(r) for r in run.rows], "loops": {k: asdict(v) for k, v in gains.loops.items()}, "trace": None,
+    }  # fmt: skip
+    if not options.no_trace:
+        from sandbox.trace import write_trace
+
+        write_trace(out / "simulate.rrd", result)
+        content["trace"] = "simulate.rrd"
+    report.write_json(out, "simulate", content)
+    if not options.quiet:
+        report.print_run(result, gains)
+        print(f"{content['simulated_seconds']:.2f} s simulated in {run.cpu_seconds:.3f} s of CPU; results in {out}")
+
+
+def run_audit(options: argparse.Namespace) -> None:
+    """Audit a motor; write audit.json and audit.png."""
+    from model.parameters import load_drive
+    from model.saliency import audit
+
+    drive = load_drive(options.motor)
+    if options.radius is not None and not 0.0 < options.radius <= 20.0 * drive.motor.rated_current:
+        raise BadInput(
+            f"radius {options.radius} A must lie in (0, {20.0 * drive.motor.rated_current:g}] A (20 x rated current)"
+        )
+    result = audit(drive.motor, options.radius)
+    out = _out(options)
+    from sandbox.plots import audit_figure
+
+    audit_figure(drive, result, out / "audit.png")
+    report.write_json(out, "audit", {**report.audit_content(drive, result), "figure": "audit.png"})
+    if not options.quiet:
+        report.print_audit(drive, result)
+        print(f"results in {out}")
+
+
+def run_bench(options: argparse.Namespace) -> None:
+    """Measure; write bench.json."""
+    from sandbox.bench import bench
+
+    result = bench(options.anchors if options.peer else None, options.peer_python)
+    out = _out(options)
+    report.write_json(out, "bench", result)
+    if not options.quiet:
+        rows = [[name, f"{value:.4g}"] for part in ("measured", "ratios") for name, value in result[part].items()]
+        report.print_table("cost", ["figure", "value"], rows)
+
+
+def run_list(options: argparse.Namespace) -> None:
+    """Print what there is, one line each."""
+    for name, text in report.catalogue(options.kind):
+        print(f"{name:<16} {text}")
+
+
+def run_view(options: argparse.Namespace) -> None:
+    """Open a trace in the viewer."""
+    from sandbox.trace import view
+
+    view(options.file)
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

@@ -1,0 +1,124 @@
+"""The main job: the same runs with an estimator that believes the saturated model and one that believes the linear."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from itertools import product
+
+from estimators.registry import load_estimator
+from model.errors import BadInput
+from model.parameters import Drive
+from sandbox.design import Design
+from sandbox.recording import Recording
+from sandbox.report import version
+from sandbox.scenario import Scenario
+from sandbox.score import Row, rows_of
+from sandbox.simulate import simulate
+
+BELIEFS = ("linear", "saturated")
+ESTIMATORS = ("qnull", "inversion", "ekf")
+
+
+@dataclass(frozen=True)
+class Run:
+    """One estimator with one belief, closed (its estimate controls) or open (the encoder does)."""
+
+    estimator: str
+    belief: str
+    closed_loop: bool
+    recording: Recording
+    rows: tuple[Row, ...]
+    cpu_seconds: float
+
+    @property
+    def name(self) -> str:
+        """estimator/closed or open/belief."""
+        return f"{self.estimator}/{'closed' if self.closed_loop else 'open'}/{self.belief}"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All runs of one scenario on one drive."""
+
+    drive: Drive
+    scenario: Scenario
+    runs: tuple[Run, ...]
+    properties: dict[str, str | float]
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The rows of every run."""
+        return tuple(row for run in self.runs for row in run.rows)
+
+    def as_json(self) -> dict[str, object]:
+        """Return what `compare.json` holds beyond its header."""
+        return {
+            "motor": self.drive.name,
+            "scenario": self.scenario.name,
+            "seed": self.properties["seed"],
+            "rows": [asdict(row) for row in self.rows],
+            "cpu_seconds": sum(run.cpu_seconds for run in self.runs),
+        }
+
+
+def compare(
+    drive: Drive,
+    scenario: Scenario,
+    estimators: Iterable[str] = ESTIMATORS,
+    *,
+    seed: int = 0,
+    jobs: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Comparison:
+    """Run every estimator with both beliefs, closed and open, on up to `jobs` threads.
+
+    The seed fixes the sensors' noise, the same in every run; `progress` is told the fraction done.  Raises
+    BadInput or PhysicsError as `simulate` does.
+    """
+    names = list(dict.fromkeys(estimators))
+    if not names:
+        raise BadInput("no estimator to compare; name at least one")
+    loaded = {name: load_estimator(name) for name in names}
+    cases = list(product(names, BELIEFS, (True, False)))
+    done = 0
+
+    def one(case: tuple[str, str, bool]) -> Run:
+        nonlocal done
+        name, belief, closed = case
+        run = simulate(drive, scenario, loaded[name], belief, closed_loop=closed, seed=seed)
+        rows = rows_of(drive, scenario, run.recording, run.start_time, name, belief, closed)
+        done += 1
+        if progress:
+            progress(done / len(cases))
+        return Run(name, belief, closed, run.recording, rows, run.cpu_seconds)
+
+    first = one(cases[0])  # alone: compiles and designs what the others share
+    with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
+        runs = (first, *pool.map(one, cases[1:]))
+    return Comparison(drive, scenario, runs, properties_of(drive, scenario, seed))
+
+
+def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str | float]:
+    """Return how runs were made: version, seed, motor and injection."""
+    converter, injection = drive.converter, drive.injection
+    made: dict[str, str | float] = {
+        "version": version(), "seed": float(seed), "scenario": scenario.name,
+        "sampling_period_s": converter.sampling_period, "dc_bus_voltage_V": converter.dc_bus_voltage,
+        "injection": f"{injection.waveform}, {injection.frequency:g} Hz, {injection.amplitude:g} V",
+        "source": drive.provenance.get("source", "user's file"),
+    }  # fmt: skip
+    motor = asdict(drive.motor)
+    return made | {f"motor.{key}": value for key, value in motor.items() if key != "description"}
+
+
+def single(
+    drive: Drive, scenario: Scenario, estimator: str, belief: str = "saturated", closed_loop: bool = True, seed: int = 0
+) -> tuple[Comparison, Design]:
+    """Return one run as a comparison of one, and the gains it used."""
+    done = simulate(drive, scenario, load_estimator(estimator), belief, closed_loop=closed_loop, seed=seed)
+    rows = rows_of(drive, scenario, done.recording, done.start_time, estimator, belief, closed_loop)
+    run = Run(estimator, belief, closed_loop, done.recording, rows, done.cpu_seconds)
+    return Comparison(drive, scenario, (run,), properties_of(drive, scenario, seed)), done.design

@@ -1,0 +1,231 @@
+"""Results for people and for scripts: terminal tables, markdown, JSON files that appear whole."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as installed
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from model.errors import BadInput
+
+if TYPE_CHECKING:
+    from model.parameters import Drive
+    from model.saliency import Audit
+    from sandbox.compare import Comparison
+    from sandbox.design import Design
+    from sandbox.score import ErrorDeg, Row
+
+SCHEMA = 1
+
+
+def version() -> str:
+    """Return the package's version, or `source` where it runs from a plain checkout."""
+    try:
+        return installed("sensorless-sandbox")
+    except PackageNotFoundError:
+        return "source"
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON knows it: arrays as lists, undefined numbers as None."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.integer):
+        return int(value)
+    return value
+
+
+def output_folder(out: Path) -> Path:
+    """Return the folder for results, made if need be; BadInput where it cannot be."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"cannot write to '{out}': {error.strerror}; give another --out") from None
+    if not os.access(out, os.W_OK):
+        raise BadInput(f"cannot write to '{out}': no permission; give another --out")
+    return out
+
+
+def write_json(out: Path, command: str, content: dict[str, Any]) -> Path:
+    """Write `<command>.json` with the common header into a folder, whole or not at all; return its path."""
+    path = out / f"{command}.json"
+    document = {"schema": SCHEMA, "command": command, "version": version(), **plain(content)}
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        aside.write_text(text, encoding="utf-8")
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
+    return path
+
+
+@contextmanager
+def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
+    """Give a function that shows the fraction done; None where nobody watches."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda fraction: bar.update(task, completed=fraction)
+
+
+def print_table(title: str, heads: list[str], rows: list[list[str]]) -> None:
+    """Print a table; the first column to the left, numbers to the right."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(title=title, title_justify="left", title_style="bold")
+    for k, head in enumerate(heads):
+        table.add_column(head, justify="left" if k == 0 else "right", no_wrap=True)
+    for row in rows:
+        table.add_row(*row)
+    wide = sum(max(len(r[k]) for r in [heads, *rows]) + 3 for k in range(len(heads))) + 1
+    Console(width=None if sys.stdout.isatty() else max(wide, 80)).print(table)
+
+
+def comparison_tables(c: Comparison) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Return title, heads and cells of one table for the closed and one for the open loop.
+
+    A line is a segment; a cell the mean error in degrees with the 95th percentile of its size.
+    """
+    tables = []
+    for closed in sorted({r.closed_loop for r in c.runs}, reverse=True):
+        runs = [r for r in c.runs if r.closed_loop == closed]
+        loop = "closed loop (the estimate controls)" if closed else "open loop (the encoder controls)"
+        heads = ["load %", "rpm", "theory °", *(f"{r.estimator} {r.belief[:3]}." for r in runs)]
+        lines = []
+        for k, row in enumerate(runs[0].rows):
+            theory = [r.rows[k].predicted_mean_deg for r in runs if r.belief == "linear"]
+            known = next((t for t in theory if t is not None), None)
+            cells = [_cell(r.rows[k]) for r in runs]
+            lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", _number(known), *cells])
+        tables.append((f"{c.drive.name}, {c.scenario.name}, {loop}", heads, lines))
+    return tables
+
+
+def _number(value: float | None) -> str:
+    return "–" if value is None else f"{value:+.2f}"
+
+
+def _cell(row: Row) -> str:
+    if row.lost_lock:
+        return "lost lock"
+    return f"{_number(row.error_deg.mean)} ({row.error_deg.p95:.1f})"
+
+
+def print_comparison(c: Comparison) -> None:
+    """Print both tables and how to read them."""
+    for title, heads, rows in comparison_tables(c):
+        print_table(title, heads, rows)
+    print(
+        "Position error in electrical degrees, mean (95th percentile of its size); theory: the cross-saturation "
+        "angle that a linear belief cannot see."
+    )
+
+
+def comparison_markdown(c: Comparison) -> str:
+    """Return the same tables as markdown."""
+    blocks = []
+    for title, heads, rows in comparison_tables(c):
+        lines = [f"**{title}**", "", f"| {' | '.join(heads)} |", "|" + "--:|" * len(heads)]
+        blocks.append("\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)]))
+    return "\n\n".join(blocks)
+
+
+def print_run(c: Comparison, gains: Design) -> None:
+    """Print the rows of a single run and the loops it was controlled by."""
+    run = c.runs[0]
+    heads = ["load %", "rpm", "theory °", "mean °", "rms °", "p95 °", "max °"]
+    lines = []
+    for row in run.rows:
+        e = row.error_deg
+        values = ["lost lock", "", "", ""] if row.lost_lock else [_number(e.mean), *(f"{v:.2f}" for v in _sizes(e))]
+        lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", _number(row.predicted_mean_deg), *values])
+    print_table(f"{c.drive.name}, {c.scenario.name}, {run.name}: position error", heads, lines)
+    heads = ["loop", "bandwidth rad/s", "phase margin °", "gain margin", "disk margin"]
+    loops = [
+        [name, f"{v.bandwidth:.1f}", f"{v.phase_margin_deg:.1f}", f"{v.gain_margin:.2f}", f"{v.disk_margin:.2f}"]
+        for name, v in gains.loops.items()
+    ]
+    print_table("designed loops, at their worst point", heads, loops)
+
+
+def _sizes(e: ErrorDeg) -> tuple[float, float, float]:
+    return (e.rms or 0.0, e.p95 or 0.0, e.max or 0.0)
+
+
+def audit_content(drive: Drive, a: Audit) -> dict[str, Any]:
+    """Return what `audit.json` holds beyond its header."""
+    ripple = drive.injection.amplitude / (4.0 * drive.injection.frequency)  # Wb, square wave
+    saliency = a.slope * abs(drive.motor.energy.gamma_d - drive.motor.energy.gamma_q) * ripple  # A/rad
+    return {
+        "motor": a.motor, "passed": a.passed, "radius": a.radius, "valid_radius": a.valid_radius,
+        "min_eigenvalue": a.min_eigenvalue, "worst_current": a.worst_current, "violations": a.violations,
+        "saliency_radius": a.saliency_radius, "load": a.load,
+        "angle_local_deg": np.degrees(a.angle_local), "angle_closed_deg": np.degrees(a.angle_closed),
+        "relative_slope": a.slope, "error_per_10mA_deg": np.degrees(0.01 / saliency),
+        "provenance": drive.provenance,
+    }  # fmt: skip
+
+
+def print_audit(drive: Drive, a: Audit) -> None:
+    """Print an audit: validity in sentences, then the cross-saturation angle against load."""
+    if a.passed:
+        print(
+            f"{a.motor}: valid up to {a.radius:.4g} A ({a.radius / a.rated_current:.0%} of rated current); smallest "
+            f"eigenvalue of the Hessian {a.min_eigenvalue:.4g} 1/H at ({a.worst_current[0]:.3f}, {a.worst_current[1]:.3f}) A"
+        )
+    else:
+        v = a.violations[0]
+        print(
+            f"{a.motor}: NOT valid over the audited {a.radius:.4g} A: the energy stops being convex at i_d = "
+            f"{v['i_d']:.4g} A, i_q = {v['i_q']:.3f} A, so it may be used up to {a.valid_radius:.4g} A "
+            f"({(a.valid_radius or 0.0) / a.rated_current:.0%} of rated current)"
+        )
+    where = "nowhere in the disc" if a.saliency_radius is None else f"from {a.saliency_radius:.4g} A on"
+    print(f"saliency L_qq - L_dd changes sign: {where}")
+    content = audit_content(drive, a)
+    heads = ["load %", "angle °, encoder controls", "angle °, estimate controls", "slope of the null", "° per 10 mA"]
+    keys = ("angle_local_deg", "angle_closed_deg", "relative_slope", "error_per_10mA_deg")
+    lines = [
+        [f"{100 * a.load[k]:+.0f}", *("–" if math.isnan(v) else f"{v:+.2f}" for v in (content[key][k] for key in keys))]
+        for k in range(0, a.load.size, 3)
+    ]
+    print_table("cross-saturation angle, i_d = 0", heads, lines)
+
+
+def catalogue(kind: str) -> list[tuple[str, str]]:
+    """Return name and one line of every motor, estimator or scenario."""
+    if kind == "motors":
+        from model.parameters import load_drive, motor_names
+
+        return [(name, load_drive(name).motor.description) for name in motor_names()]
+    if kind == "estimators":
+        from estimators.registry import estimator_names, load_estimator
+
+        return [(name, load_estimator(name).summary) for name in estimator_names()]
+    from sandbox.scenario import load_scenario, scenario_names
+
+    return [(name, load_scenario(name).description) for name in scenario_names()]
