@@ -56,6 +56,7 @@ class Tuning(NamedTuple):
     """Everything set by design (`sandbox.design`), none of it measured."""
 
     period: int  # samples in an injection period, N
+    present: int  # 1: the whole window is looked at from the present frame, 0: from the axis of each sample
     settle: int  # injection periods to wait for, and to average, in each step of starting up
     average: int
     sampling_period: float  # s
@@ -72,7 +73,7 @@ class Tuning(NamedTuple):
 
 
 _ZERO_BELIEF = Belief(Energy(*7 * (0.0,)), 0.0, 0.0, 0.0)
-_ZERO_TUNING = Tuning(0, 0, 0, *11 * (0.0,))
+_ZERO_TUNING = Tuning(0, 0, 0, 0, *11 * (0.0,))
 SAMPLE = numba.typeof(Sample(*5 * (0.0,)))
 ESTIMATE = numba.typeof(Estimate(*7 * (0.0,)))
 BELIEF = numba.typeof(_ZERO_BELIEF)

@@ -23,9 +23,8 @@ COUNT, PHASE, AXIS, OMEGA, OFFSET, FLUX_D, FLUX_Q, CURSOR = range(8)
 SUM_D, SUM_Q, M_11, M_21, RISE = range(8, 13)
 RING_A = 16
 RING = 3 * MAX_PERIOD // 2
-RING_B = RING_A + RING
-RING_F = RING_B + RING
-FREE = RING_F + RING  # from here on an estimator's own
+RING_B, RING_F, RING_C, RING_S = (RING_A + k * RING for k in range(1, 5))
+FREE = RING_S + RING  # from here on an estimator's own
 
 
 def blank(own: int = 0) -> np.ndarray:
@@ -37,28 +36,39 @@ def blank(own: int = 0) -> np.ndarray:
 def demodulate(state, sample, axis, omega, tuning):
     """Take one sample; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) in the axis' frame.
 
-    The whole window is looked at from one frame, the present axis turned back at the estimated speed.  Frames
-    remembered from sample to sample would carry the tracking loop's own jitter into the window, and the mean
-    current times that jitter comes out as ripple: enough to make the loop ring at high load.
+    The mean is looked at from one frame, the present axis turned back at the estimated speed, and taken off
+    first: in frames that carry the tracking loop's jitter, mean current times jitter would come out as ripple.
+    The ripple is then looked at from the present frame or from the axis of its own time (`tuning.present`).
     """
     half = tuning.period // 2
     n = 3 * half
-    j = int(state[CURSOR])
-    state[RING_A + j], state[RING_B + j], state[RING_F + j] = sample.i_alpha, sample.i_beta, sample.carrier
-    state[CURSOR] = (j + 1) % n
-    c, s = math.cos(axis), math.sin(axis)
-    turn = tuning.sampling_period * omega
-    dc, ds = math.cos(turn), math.sin(turn)
+    newest = int(state[CURSOR])
+    state[RING_A + newest], state[RING_B + newest], state[RING_F + newest] = (
+        sample.i_alpha,
+        sample.i_beta,
+        sample.carrier,
+    )
+    state[RING_C + newest], state[RING_S + newest] = math.cos(axis), math.sin(axis)
+    state[CURSOR] = (newest + 1) % n
+    dc, ds = math.cos(tuning.sampling_period * omega), math.sin(tuning.sampling_period * omega)
+    c, s, j = state[RING_C + newest], state[RING_S + newest], newest
     mean_d = mean_q = y_d = y_q = 0.0
     for k in range(n):  # from the newest sample back
         weight = 1.0 if half <= k < 2 * half else 0.5
-        i_d = weight * (c * state[RING_A + j] + s * state[RING_B + j])
-        i_q = weight * (c * state[RING_B + j] - s * state[RING_A + j])
-        mean_d += i_d
-        mean_q += i_q
-        y_d += i_d * state[RING_F + j]
-        y_q += i_q * state[RING_F + j]
+        mean_d += weight * (c * state[RING_A + j] + s * state[RING_B + j])
+        mean_q += weight * (c * state[RING_B + j] - s * state[RING_A + j])
+        c, s = c * dc + s * ds, s * dc - c * ds
+        j = j - 1 if j > 0 else n - 1
+    mean_d, mean_q = mean_d / (2 * half), mean_q / (2 * half)
+    c, s, j = state[RING_C + newest], state[RING_S + newest], newest
+    for k in range(n):
+        weight = state[RING_F + j] if half <= k < 2 * half else 0.5 * state[RING_F + j]
+        r_alpha = weight * (state[RING_A + j] - (c * mean_d - s * mean_q))
+        r_beta = weight * (state[RING_B + j] - (s * mean_d + c * mean_q))
+        v_c, v_s = (c, s) if tuning.present else (state[RING_C + j], state[RING_S + j])
+        y_d += v_c * r_alpha + v_s * r_beta
+        y_q += v_c * r_beta - v_s * r_alpha
         c, s = c * dc + s * ds, s * dc - c * ds
         j = j - 1 if j > 0 else n - 1
     scale = 1.0 / (tuning.amplitude * tuning.power)
-    return mean_d / (2 * half), mean_q / (2 * half), y_d * scale, y_q * scale
+    return mean_d, mean_q, y_d * scale, y_q * scale

@@ -3,6 +3,9 @@
 At the null the axis stands at the cross-saturation angle from the magnet.  The linear belief takes it for the
 magnet; the saturated belief adds the angle its Hessian predicts at the measured current, which makes axis and
 offset consistent with each other (the self-consistent offset).
+
+At speed the resistance leaves lag R omega (Gamma_dd + Gamma_qq) Gamma_qq / (Gamma_dd - Gamma_qq) rad uncorrected:
+0.1 degree at 5 % of rated speed for `ipm_exchanged`, 0.25 for `ipm`.
 """
 
 from __future__ import annotations

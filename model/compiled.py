@@ -17,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 import numba
-from numba.core import config
 
 ROOMS = ("model", "estimators", "sandbox")
 KEPT_DAYS = 30
@@ -67,6 +66,7 @@ def kernel_as(signature: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function at import for one explicit signature, so that it can be passed as a function pointer."""
 
     def compile_(function: Callable[..., Any]) -> Any:
+        config: Any = numba.config
         before = config.CACHE_DIR
         config.CACHE_DIR = _CACHE_DIR  # only while decorating: the caller's own kernels keep their own place
         try:

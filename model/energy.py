@@ -90,7 +90,7 @@ def flux_newton(m, i_d, i_q, d, q):
     c_d, c_q = currents(m, d, q)
     r_d, r_q = i_d - c_d, i_q - c_q
     residual = math.hypot(r_d, r_q)
-    goal = TOLERANCE * (math.hypot(i_d, i_q) + abs(m.gamma_d * d) + abs(m.gamma_q * q))
+    goal = TOLERANCE * (math.hypot(i_d, i_q) + abs(m.gamma_d * d) + abs(m.gamma_q * q)) + 1e-290  # 0 is a current, too
     for _ in range(NEWTON_STEPS):
         if residual <= goal:
             return d, q, SOLVED

@@ -20,9 +20,9 @@ MOTORS = Path(__file__).parent / "motors"
 OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording"}  # allowed, not read here
 
 
-def quantity(unit: str, low: float, high: float, *, default: Any = dataclasses.MISSING, open_low: bool = True) -> Any:
+def quantity(unit: str, low: float, high: float, *, default: Any = dataclasses.MISSING) -> Any:
     """Declare a dataclass field that is a finite number in a range of plausible values, with its unit."""
-    meta = {"unit": unit, "low": low, "high": high, "open_low": open_low}
+    meta = {"unit": unit, "low": low, "high": high}
     return field(metadata=meta) if default is dataclasses.MISSING else field(default=default, metadata=meta)
 
 
@@ -34,10 +34,12 @@ def check(thing: Any, table: str) -> None:
         value, low, high = getattr(thing, f.name), f.metadata["low"], f.metadata["high"]
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise BadInput(f"[{table}] {f.name} = {value!r} is not a number; give a value in {f.metadata['unit']}")
-        inside = low < value <= high if f.metadata["open_low"] else low <= value <= high
-        if not inside:  # NaN lands here too
-            bound = f"{'(' if f.metadata['open_low'] else '['}{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
+        if not low <= value <= high:  # NaN lands here too
+            bound = f"[{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
             raise BadInput(f"[{table}] {f.name} = {value} is out of range; give a finite value in {bound}")
+    for name in ("name", "description"):
+        if not isinstance(getattr(thing, name, ""), str):
+            raise BadInput(f"[{table}] {name} = {getattr(thing, name)!r} is not a text; put it in quotes")
 
 
 @dataclass(frozen=True)
@@ -45,21 +47,21 @@ class Motor:
     """A two-axis permanent-magnet motor with the energy of the paper; currents peak, amplitude-invariant."""
 
     name: str
-    pole_pairs: int = quantity("", 0, 100)
-    resistance: float = quantity("ohm", 0, 1e3)
-    magnet_flux: float = quantity("Wb", 0, 1e2, open_low=False)
-    inductance_d: float = quantity("H", 0, 10)
-    inductance_q: float = quantity("H", 0, 10)
-    inertia: float = quantity("kg m^2", 0, 1e4)
-    rated_current: float = quantity("A peak", 0, 1e5)
-    rated_torque: float = quantity("N m", 0, 1e6)
-    rated_speed_rpm: float = quantity("rpm", 0, 2e5)
+    pole_pairs: int = quantity("", 1, 100)
+    resistance: float = quantity("ohm", 1e-5, 1e3)
+    magnet_flux: float = quantity("Wb", 0, 1e2)
+    inductance_d: float = quantity("H", 1e-7, 10)
+    inductance_q: float = quantity("H", 1e-7, 10)
+    inertia: float = quantity("kg m^2", 1e-9, 1e4)
+    rated_current: float = quantity("A peak", 1e-3, 1e5)
+    rated_torque: float = quantity("N m", 1e-6, 1e6)
+    rated_speed_rpm: float = quantity("rpm", 0.01, 2e5)
     alpha_30: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)
     alpha_12: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)
     alpha_40: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
     alpha_22: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
     alpha_04: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
-    viscous_friction: float = quantity("N m s/rad", 0, 1e4, default=0.0, open_low=False)
+    viscous_friction: float = quantity("N m s/rad", 0, 1e4, default=0.0)
     description: str = ""
 
     def __post_init__(self) -> None:
@@ -89,9 +91,9 @@ class Converter:
     """The inverter and the current sensors: one sample and one voltage update each sampling period."""
 
     sampling_period: float = quantity("s", 1e-6, 0.01)
-    dc_bus_voltage: float = quantity("V", 0, 1e5)
-    current_resolution: float = quantity("A per count", 0, 1e4, open_low=False)
-    current_noise: float = quantity("A rms", 0, 1e4, open_low=False)
+    dc_bus_voltage: float = quantity("V", 0.1, 1e5)
+    current_resolution: float = quantity("A per count", 0, 1e4)
+    current_noise: float = quantity("A rms", 0, 1e4)
     pwm_frequency: float | None = None
     transformation: str = "amplitude-invariant"
     encoder_counts: int | None = None
@@ -103,7 +105,7 @@ class Converter:
         if self.pwm_frequency is not None and not abs(self.pwm_frequency * self.sampling_period - 1.0) < 1e-6:
             raise BadInput(
                 f"[drive] pwm_frequency = {self.pwm_frequency} Hz and sampling_period = {self.sampling_period} s do "
-                "not belong together; one sample per PWM period is simulated, so give pwm_frequency = 1 / sampling_period"
+                "not belong together; one sample a PWM period is simulated: give pwm_frequency = 1 / sampling_period"
             )
 
     @property
@@ -116,8 +118,8 @@ class Converter:
 class Injection:
     """Pulsating voltage added along the estimated d axis."""
 
-    frequency: float = quantity("Hz", 0, 1e5)
-    amplitude: float = quantity("V", 0, 1e5)
+    frequency: float = quantity("Hz", 0.1, 1e5)
+    amplitude: float = quantity("V", 1e-3, 1e5)
     waveform: str = "square"
 
     def __post_init__(self) -> None:

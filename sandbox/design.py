@@ -1,9 +1,9 @@
 """Gains from margins: current loop, tracking loop and speed loop, designed with python-control.
 
 Each loop is written down as the sampled loop that the kernel runs (one-period computing delay, held voltage,
-averages over the injection) and its one free bandwidth is the largest that keeps the phase margin asked for; the
-tracking loop also keeps the small gain of `jitter_gain` below one.  `control` takes 1.5 s to import, so finished
-designs are kept on disk under a hash of everything they depend on.
+averages over the injection) and its one free bandwidth is the largest that keeps the phase margin asked for and
+stays below the injection.  `control` takes 1.5 s to import, so finished designs are kept on disk under a hash of
+everything they depend on.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import os
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -26,14 +27,16 @@ from model.compiled import cache_home
 from model.energy import Energy, flux_newton, hessian, min_eigenvalue
 from model.parameters import Drive
 from sandbox.control import Control
-from sandbox.injection import carrier, primitive_of, samples_per_period
+from sandbox.injection import carrier, samples_per_period
 
-PHASE_MARGIN = 60.0  # degrees, of every loop at its worst point
+PHASE_MARGIN = 60.0  # degrees, of current and speed loop at their worst points
+TRACKING_MARGIN = 45.0  # degrees; a load step is lost at a slow tracking loop sooner than at a lively one
 DAMPING = 1.0  # tracking loop: kp = 2 DAMPING w0, ki = w0^2
 INTEGRAL_SPLIT = 5.0  # speed loop: integral action this far below the bandwidth
 SETTLE_TIMES = 8.0  # starting up waits this many time constants of the current loop
 AVERAGE_TIME = 0.016  # s of ripple averaged in each step of starting up
 VOLTAGE_UNCERTAINTY = 0.0025  # of the DC bus, one sigma: what a compensated inverter leaves (EKF)
+INJECTION_RATIO = 8.0  # current and tracking loop cross over this far below the injection they share the current with
 OVERLOAD = 2.5  # of rated current: the limit, and the worst point of every loop
 
 Complex = NDArray[np.complex128]
@@ -68,15 +71,16 @@ def belief_of(drive: Drive, name: str) -> Belief:
     return Belief(energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs))
 
 
-def smallest_inductance(m: Energy, radius: float) -> float:
-    """Return the smallest incremental inductance (H) within a circle of currents (A), as far as the model is valid."""
-    least = 1.0 / max(m.gamma_d, m.gamma_q)
-    for angle in np.linspace(0.0, math.pi, 19):  # the model is symmetric in i_q
-        d, q, status = flux_newton(m, radius * math.cos(angle), radius * math.sin(angle), 0.0, 0.0)
+def extreme_inductances(m: Energy, radius: float) -> tuple[float, float]:
+    """Return the smallest and largest incremental inductance (H) in a disc of currents (A), as far as it is valid."""
+    values = [1.0 / m.gamma_d, 1.0 / m.gamma_q]
+    for size, angle in product((0.5 * radius, radius), np.linspace(0.0, math.pi, 19)):  # symmetric in i_q
+        d, q, status = flux_newton(m, size * math.cos(angle), size * math.sin(angle), 0.0, 0.0)
         if not status:
             dd, dq, qq = hessian(m, d, q)
-            least = min(least, 1.0 / (dd + qq - min_eigenvalue(dd, dq, qq)))
-    return least
+            low = float(min_eigenvalue(dd, dq, qq))
+            values += [1.0 / (dd + qq - low), 1.0 / low]
+    return min(values), max(values)
 
 
 def design(drive: Drive, start_up: bool = True) -> Design:
@@ -88,13 +92,13 @@ def design(drive: Drive, start_up: bool = True) -> Design:
     largest = OVERLOAD * motor.rated_current
     saliency = injection.amplitude * abs(1.0 / motor.inductance_d - 1.0 / motor.inductance_q)
     loops = _remembered(
-        n, h, motor.resistance, smallest_inductance(motor.energy, largest),
-        1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia, largest / saliency, injection.waveform,
+        n, h, motor.resistance, *extreme_inductances(motor.energy, largest),
+        1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia,
+        motor.inductance_q / (motor.inductance_q - motor.inductance_d),
     )  # fmt: skip
     current, track, speed = loops["current"], loops["tracking"], loops["speed"]
-    ratio = current.ki / current.kp
     control = Control(
-        n, h, current.kp, current.kp, current.kp * ratio, current.kp * ratio, motor.magnet_flux,
+        n, h, current.kp, current.kp, current.ki, current.ki, motor.magnet_flux,
         speed.kp, speed.ki, largest,
         converter.voltage_limit, injection.amplitude,
     )  # fmt: skip
@@ -104,6 +108,7 @@ def design(drive: Drive, start_up: bool = True) -> Design:
     angle_variance = seen / (saliency**2 * power / n)  # rad^2 a sample
     tuning = Tuning(
         n,
+        int(motor.inductance_q > motor.inductance_d),
         math.ceil(SETTLE_TIMES / current.bandwidth / (n * h)) if start_up else 0,
         math.ceil(AVERAGE_TIME / (n * h)) if start_up else 0,
         h, injection.amplitude, power, float(np.max(np.abs(wave.primitive))), wave.lag, track.kp, track.ki,
@@ -133,18 +138,24 @@ def _remembered(*key: Any) -> dict[str, Loop]:
 
 
 def design_loops(
-    n: int, h: float, resistance: float, inductance: float, torque_gain: float, current: float, waveform: str
+    n: int,
+    h: float,
+    resistance: float,
+    low: float,
+    high: float,
+    torque_gain: float,
+    share: float,
 ) -> dict[str, Loop]:
     """Return the three loops.
 
-    n, h: samples a period and sampling period (s); inductance: the smallest (H); torque_gain: electrical
-    acceleration per q current, rad/s^2 per A; current: the largest, over injected volts and saliency (s).
+    n, h: samples a period and sampling period (s); low, high: extreme inductances (H); torque_gain:
+    electrical acceleration per q current, rad/s^2 per A; share: see `tracking_loop`.
     """
-    inner = _tuned(partial(current_loop, n, h, resistance, inductance), h)
-    follow = partial(_closed_current, n, h, resistance, inductance, inner.bandwidth)
-    jitter = partial(jitter_gain, n, h, current * demodulated_motion(n, h, waveform) * np.abs(follow(_grid(h))))
-    tracking = _tuned(partial(tracking_loop, n, h), h, jitter)
-    speed = _tuned(partial(speed_loop, n, h, torque_gain, follow, tracking.bandwidth), h)
+    highest = 2.0 * math.pi / (n * h) / INJECTION_RATIO
+    inner = _tuned(partial(current_loop, n, h, resistance, low, high), h, PHASE_MARGIN, highest)
+    follow = partial(_closed_current, n, h, resistance, low, high, inner.bandwidth)
+    tracking = _tuned(partial(tracking_loop, n, h, share), h, TRACKING_MARGIN, highest)
+    speed = _tuned(partial(speed_loop, n, h, share, torque_gain, follow, tracking.bandwidth), h, PHASE_MARGIN, highest)
     return {"current": inner, "tracking": tracking, "speed": speed}
 
 
@@ -158,86 +169,85 @@ def _window(n: int, z: Complex) -> Complex:
 
 
 def current_loop(
-    n: int, h: float, resistance: float, inductance: float, w: NDArray[np.float64], bandwidth: float
+    n: int, h: float, resistance: float, low: float, high: float, w: NDArray[np.float64], bandwidth: float
 ) -> tuple[Complex, float, float]:
-    """Return open loop and PI gains: one period of delay, held voltage (together 1.5 periods), n-sample average."""
+    """Return open loop and PI gains: one period of delay, held voltage (together 1.5 periods), n-sample average.
+
+    Proportional gain for the smallest inductance, where the loop is fastest; zero at the slowest winding pole, so
+    that no inductance in between has less margin.
+    """
     import control
 
     z = np.exp(1j * w * h)
-    kp, ki = bandwidth * inductance, bandwidth * resistance  # the zero cancels the winding's pole
-    winding = control.sample_system(control.tf([1.0], [inductance, resistance]), h, method="zoh")
-    held = np.asarray(winding(z))
-    return (kp + ki * h / (z - 1)) * held / z * _window(n, z), kp, ki
+    kp, ki = bandwidth * low, bandwidth * low * resistance / high
+    winding = control.sample_system(control.tf([1.0], [low, resistance]), h, method="zoh")
+    return (kp + ki * h / (z - 1)) * np.asarray(winding(z)) / z * _window(n, z), kp, ki
 
 
-def tracking_loop(n: int, h: float, w: NDArray[np.float64], bandwidth: float) -> tuple[Complex, float, float]:
-    """Return open loop and gains of the type-2 loop behind demodulation from the present frame.
+def tracking_loop(
+    n: int, h: float, share: float, w: NDArray[np.float64], bandwidth: float
+) -> tuple[Complex, float, float]:
+    """Return open loop and gains of the type-2 loop around demodulation.
 
-    Turning the whole window into the present frame takes its delay, d samples on average, out of the loop; the
-    speed used to turn it comes in instead, with the opposite sign.
+    An error of the estimate makes q ripple in two ways, y_q = (Gamma_dd - Gamma_qq) e: the frame it is looked at
+    from is turned (`share` = Gamma_dd over the difference), and so is the axis of injection (1 - share).  The
+    second acts one sample later and through the window.  The first does, too, where each sample is looked at
+    from its own axis (share < 0, L_d > L_q); looked at from the present frame it acts at once, except that the
+    frame is turned back with the estimated speed, d samples on average.
     """
     z = np.exp(1j * w * h)
     kp, ki, d = 2.0 * DAMPING * bandwidth, bandwidth**2, 0.75 * n - 0.5
-    return (kp * h + ki * h * h * z / (z - 1) - ki * h * h * d) / (z - 1), kp, ki
+    angle = (kp * h + ki * h * h * z / (z - 1)) / (z - 1)
+    window = _demodulation(n, z)
+    frame = angle * window if share < 0.0 else angle - ki * h * h * d / (z - 1)
+    return share * frame + (1.0 - share) * angle * window / z, kp, ki
 
 
-def demodulated_motion(n: int, h: float, waveform: str) -> NDArray[np.float64]:
-    """Return |sum w F exp(-jwt)| / sum F^2 (1/s) over the grid, at the worst phase: what moving currents feign."""
-    primitive = primitive_of(waveform, n, h)
-    weight = np.repeat([0.5, 1.0, 0.5], n // 2)
-    delay = np.exp(-1j * np.outer(_grid(h) * h, np.arange(weight.size)))
-    shifted = [weight * primitive[(phase - np.arange(weight.size)) % n] for phase in range(n)]
-    sums = np.abs(delay @ np.array(shifted).T)
-    return np.asarray(sums.max(axis=1) / np.dot(primitive, primitive))
-
-
-def jitter_gain(n: int, h: float, parasitic: NDArray[np.float64], bandwidth: float) -> float:
-    """Return the largest gain around tracking loop, current loop and demodulation, beside the wanted path.
-
-    An estimate that jitters turns the current reference; the current follows, and demodulation takes part of
-    its motion for ripple: the more, the smaller the ripple against the current.  Below one that path cannot ring.
-    """
-    loop, _, _ = tracking_loop(n, h, _grid(h), bandwidth)
-    return float(np.max(np.abs(loop / (1.0 + loop)) * parasitic))
+def _demodulation(n: int, z: Complex) -> Complex:
+    """Weights 1/2, 1, 1/2 over three half periods."""
+    return np.asarray(0.5 * (1.0 + z ** (-n // 2)) * _window(n, z))
 
 
 def _closed_current(
-    n: int, h: float, resistance: float, inductance: float, bandwidth: float, w: NDArray[np.float64]
+    n: int, h: float, resistance: float, low: float, high: float, bandwidth: float, w: NDArray[np.float64]
 ) -> Complex:
     """Return actual current over its reference: the average sits in the feedback path."""
     z = np.exp(1j * w * h)
-    loop, _, _ = current_loop(n, h, resistance, inductance, w, bandwidth)
+    loop, _, _ = current_loop(n, h, resistance, low, high, w, bandwidth)
     return loop / _window(n, z) / (1.0 + loop)
 
 
 def speed_loop(
-    n: int, h: float, torque_gain: float, inner: Callable[..., Complex], tracking: float, w: Any, bandwidth: float
+    n: int,
+    h: float,
+    share: float,
+    torque_gain: float,
+    inner: Callable[..., Complex],
+    tracking: float,
+    w: Any,
+    bandwidth: float,
 ) -> tuple[Complex, float, float]:
     """Return open loop and PI gains of the speed controller around current loop and speed estimate."""
     z = np.exp(1j * w * h)
-    loop, _, t_ki = tracking_loop(n, h, w, tracking)
+    loop, _, t_ki = tracking_loop(n, h, share, w, tracking)
     # Angle to speed estimate: what the window lets through, then the loop's integral path.
-    window = 0.5 * (1.0 + z ** (-n // 2)) * _window(n, z)
-    estimate = window / (1.0 + loop) * t_ki * h * z / (z - 1)
+    estimate = _demodulation(n, z) / (1.0 + loop) * t_ki * h * z / (z - 1)
     kp = bandwidth / torque_gain
     ki = kp * bandwidth / INTEGRAL_SPLIT
     return (kp + ki * h / (z - 1)) * inner(w) * torque_gain / (1j * w) ** 2 * estimate, kp, ki
 
 
-def _tuned(
-    loop: Callable[[Any, float], tuple[Complex, float, float]], h: float, gain: Callable[[float], float] | None = None
-) -> Loop:
-    """Return the loop at the largest bandwidth with the phase margin asked for, and `gain` of it below one."""
+def _tuned(loop: Callable[[Any, float], tuple[Complex, float, float]], h: float, margin: float, highest: float) -> Loop:
+    """Return the loop at the largest bandwidth with a phase margin (degrees) and a crossover of at most `highest`."""
     from scipy.optimize import brentq
 
     w = _grid(h)
 
     def spare(log_bandwidth: float) -> float:
-        bandwidth = math.exp(log_bandwidth)
-        margin = _phase_margin(loop(w, bandwidth)[0], w) / PHASE_MARGIN - 1.0
-        return min(margin, 1.0 - gain(bandwidth)) if gain else margin
+        phase, crossover = _crossing(loop(w, math.exp(log_bandwidth))[0], w)
+        return min(phase / margin - 1.0, 1.0 - crossover / highest)
 
-    bandwidth = math.exp(brentq(spare, math.log(0.1), math.log(0.3 / h), xtol=1e-6))
+    bandwidth = math.exp(brentq(spare, math.log(0.1), math.log(1.5 / h), xtol=1e-6))
     response, kp, ki = loop(w, bandwidth)
     gain_margin, phase, disk, crossover = _margins(response, w)
     return Loop(bandwidth, kp, ki, phase, gain_margin, disk, crossover)
@@ -252,11 +262,11 @@ def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float
     return float(gain), float(phase), disk, float(crossover)
 
 
-def _phase_margin(loop: Complex, w: NDArray[np.float64]) -> float:
-    """Return the phase margin in degrees at the first crossover, phase unwrapped from low frequency."""
+def _crossing(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float]:
+    """Return phase margin (degrees) and frequency (rad/s) of the first crossover, phase unwrapped from below."""
     size, phase = np.abs(loop), np.unwrap(np.angle(loop))
     k = int(np.argmax(size < 1.0))
     if k == 0:
-        return 180.0 if size[0] < 1.0 else -180.0
+        return (180.0, 0.0) if size[0] < 1.0 else (-180.0, float(w[-1]))
     lead = 2.0 * np.pi if phase[0] > 0.5 * np.pi else 0.0  # a double integrator starts at -180, not +180 degrees
-    return float(np.degrees(phase[k] - lead)) + 180.0
+    return float(np.degrees(phase[k] - lead)) + 180.0, float(w[k])

@@ -31,7 +31,8 @@ def samples_per_period(injection: Injection, converter: Converter) -> int:
     if n < fewest or abs(ratio - n) > 1e-6 * ratio or n > MAX_PERIOD or n % 2:
         raise BadInput(
             f"injection frequency {injection.frequency:g} Hz does not fit sampling at {sampling:g} Hz (ratio "
-            f"{ratio:.4g}): a {injection.waveform} wave needs an even number of samples a period from {fewest} to {MAX_PERIOD}; "
+            f"{ratio:.4g}): a {injection.waveform} wave needs an even number of samples a period, "
+            f"{fewest} to {MAX_PERIOD}; "
             f"inject at {sampling / max(fewest, 2 * round(ratio / 2) or 2):g} Hz or sample faster"
         )
     return n

@@ -195,7 +195,8 @@ def print_audit(drive: Drive, a: Audit) -> None:
     if a.passed:
         print(
             f"{a.motor}: valid up to {a.radius:.4g} A ({a.radius / a.rated_current:.0%} of rated current); smallest "
-            f"eigenvalue of the Hessian {a.min_eigenvalue:.4g} 1/H at ({a.worst_current[0]:.3f}, {a.worst_current[1]:.3f}) A"
+            f"eigenvalue of the Hessian {a.min_eigenvalue:.4g} 1/H "
+            f"at i = ({a.worst_current[0]:.3f}, {a.worst_current[1]:.3f}) A"
         )
     else:
         v = a.violations[0]

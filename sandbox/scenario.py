@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from model.errors import BadInput, unknown
 from model.parameters import build, check, quantity, read_toml
@@ -17,10 +17,10 @@ LONGEST = 3600.0  # s of simulated time
 class Segment:
     """A stretch at one load and speed, reached by a linear ramp from the one before."""
 
-    duration: float = quantity("s", 0, LONGEST)
-    load: float = quantity("of rated current", -10, 10, default=0.0, open_low=False)
-    speed: float = quantity("of rated speed", -2, 2, default=0.0, open_low=False)
-    ramp: float = quantity("s", 0, LONGEST, default=0.0, open_low=False)
+    duration: float = quantity("s", 1e-3, LONGEST)
+    load: float = quantity("of rated current", -10, 10, default=0.0)
+    speed: float = quantity("of rated speed", -2, 2, default=0.0)
+    ramp: float = quantity("s", 0, LONGEST, default=0.0)
     settle: float | None = None  # s before its errors count; None: the scenario's
     score: bool = True
 
@@ -28,7 +28,9 @@ class Segment:
         check(self, "segment")
         if self.ramp > self.duration:
             raise BadInput(f"[[segment]] ramp = {self.ramp:g} s is longer than its duration = {self.duration:g} s")
-        if self.settle is not None and not 0.0 <= self.settle < self.duration:
+        settle = self.settle
+        number = isinstance(settle, (int, float)) and not isinstance(settle, bool)
+        if settle is not None and not (number and 0.0 <= settle < self.duration):
             raise BadInput(f"[[segment]] settle = {self.settle!r} must lie in [0, duration = {self.duration:g}) s")
         if not isinstance(self.score, bool):
             raise BadInput(f"[[segment]] score = {self.score!r} is neither true nor false")
@@ -47,9 +49,9 @@ class Scenario:
     segments: tuple[Segment, ...]
     rotor: str = "locked"
     reference: str = "current"
-    settle: float = quantity("s", 0, LONGEST, default=0.0, open_low=False)
+    settle: float = quantity("s", 0, LONGEST, default=0.0)
     description: str = ""
-    start_angle: float = quantity("rad", -10, 10, default=1.0, open_low=False)
+    start_angle: float = quantity("rad", -10, 10, default=1.0)
     start_up: bool = True
 
     def __post_init__(self) -> None:
@@ -80,7 +82,11 @@ class Scenario:
         return min(wait, 0.5 * segment.duration) if segment.settle is None else wait
 
     def cut(self, duration: float) -> Scenario:
-        """Return the scenario ended after `duration` s."""
+        """Return the scenario ended after `duration` s; BadInput where it is not that long."""
+        if not 0.0 < duration <= self.duration * (1.0 + 1e-9):
+            raise BadInput(
+                f"duration {duration} s is out of range; '{self.name}' lasts {self.duration:g} s, give (0, that]"
+            )
         kept: list[Segment] = []
         left = duration
         for s in self.segments:
@@ -90,13 +96,7 @@ class Scenario:
             settle = None if s.settle is None else min(s.settle, 0.5 * length)
             kept.append(Segment(length, s.load, s.speed, min(s.ramp, length), settle, s.score))
             left -= length
-        return _replace(self, segments=tuple(kept))
-
-
-def _replace(scenario: Scenario, **changes: Any) -> Scenario:
-    import dataclasses
-
-    return dataclasses.replace(scenario, **changes)
+        return dataclasses.replace(self, segments=tuple(kept))
 
 
 def scenario_names() -> list[str]:

@@ -111,6 +111,10 @@ def simulate(
     """
     if belief not in ("saturated", "linear"):
         raise BadInput(f"belief '{belief}' is neither 'saturated' nor 'linear'")
+    if stride < 1:
+        raise BadInput(f"stride {stride} is out of range; record every stride-th sample, at least 1")
+    if not 1e-9 <= plant_step <= 1e-2:
+        raise BadInput(f"plant_step {plant_step} s is out of range; give a value in [1e-9, 0.01] s")
     check_feasible(drive, scenario)
     gains = design(drive, scenario.start_up)
     tuning, believed = gains.tuning, belief_of(drive, belief)

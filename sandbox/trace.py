@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import BadInput
 from sandbox.report import comparison_markdown
 
 if TYPE_CHECKING:
@@ -115,13 +116,13 @@ def read_properties(path: Path) -> dict[str, str]:
 def view(path: Path) -> None:
     """Open a trace in the rerun viewer of this environment and wait until it is closed.
 
-    Raises FileNotFoundError if the trace or the viewer is missing.
+    Raises BadInput if the trace or the viewer is missing.
     """
     if not path.is_file():
-        raise FileNotFoundError(f"no trace at {path}: `sensorless compare` writes one")
+        raise BadInput(f"no trace at '{path}'; `sensorless compare` writes one")
     viewer = Path(sys.executable).with_name("rerun.exe" if os.name == "nt" else "rerun")
     if not viewer.is_file():
-        raise FileNotFoundError(f"no rerun viewer at {viewer}: install rerun-sdk in this environment")
+        raise BadInput(f"no rerun viewer at '{viewer}'; install rerun-sdk in this environment")
     subprocess.run([str(viewer), str(path)], check=True)
 
 

@@ -41,7 +41,7 @@ def _comparison(**changes):
         for belief in ("saturated", "linear")
     )
     named = SimpleNamespace(name="ipm_exchanged"), SimpleNamespace(name="staircase")
-    return SimpleNamespace(motor=named[0], scenario=named[1], runs=runs)
+    return SimpleNamespace(drive=named[0], scenario=named[1], runs=runs)
 
 
 def _panel(runs):

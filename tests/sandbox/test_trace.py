@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from model.errors import BadInput
 from sandbox import trace
 
 SAMPLES = 800
@@ -70,14 +71,13 @@ def _run(belief, closed, seed, samples=SAMPLES):
     )
 
 
-def _comparison(samples=SAMPLES, summary=None):
+def _comparison(samples=SAMPLES):
     kinds = [(belief, closed) for closed in (True, False) for belief in ("saturated", "linear")]
     return SimpleNamespace(
-        motor=SimpleNamespace(name="ipm_exchanged"),
+        drive=SimpleNamespace(name="ipm_exchanged"),
         scenario=SimpleNamespace(name="staircase"),
         runs=tuple(_run(*kind, seed, samples) for seed, kind in enumerate(kinds)),
         properties={"version": "0.1.0", "seed": 7, "inductance_d": 0.0113, "note": "synthetic"},
-        summary=summary,
     )
 
 
@@ -143,10 +143,21 @@ def test_rerun_verifies_the_file(written):
     assert done.returncode == 0, done.stderr
 
 
-def test_summary_holds_table_or_the_given_text():
-    assert "| qnull | open | linear | 100 | 30 | – | – | -3.00 | **lost lock** |" in trace._table(_comparison())
-    assert "my own table" in trace._summary(_comparison(summary="my own table"), {"seed": "7"}, 1)
-    assert "one recorded sample in 3" in trace._summary(_comparison(), {}, 3)
+def test_summary_holds_the_table_and_how_much_was_kept():
+    text = trace._summary(_comparison(), {"seed": "7"}, 3)
+    assert "| +100 | +30 | -3.00 | lost lock |" in text
+    assert "one recorded sample in 3" in text
+
+
+def test_a_real_comparison_survives_the_round_trip(small_comparison, tmp_path):
+    """The numbers of the run are found again in the file: mean error of each row from the trace alone."""
+    trace.write_trace(tmp_path / "real.rrd", small_comparison)
+    found = trace.read_trace(tmp_path / "real.rrd")
+    for run in small_comparison.runs:
+        t, error = found[f"{run.name}/error"]
+        for row in run.rows:
+            window = (t >= row.t_start - 1e-9) & (t < row.t_end - 1e-9)
+            assert error[window].mean() == pytest.approx(row.error_deg.mean, rel=1e-12)
 
 
 def test_long_runs_are_thinned_and_say_so(tmp_path, monkeypatch):
@@ -186,7 +197,7 @@ def test_no_runs_is_an_error(tmp_path):
 
 
 def test_view_names_what_is_missing(tmp_path):
-    with pytest.raises(FileNotFoundError, match=r"no trace at .*none\.rrd"):
+    with pytest.raises(BadInput, match=r"no trace at .*none\.rrd"):
         trace.view(tmp_path / "none.rrd")
 
 

@@ -1,0 +1,39 @@
+"""The kernel cache must never hand out machine code of an older source."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import textwrap
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def answer(folder: Path, callee: str, cache: Path) -> str:
+    """Run a copy of the rooms in which `callee` returns another value; return what its caller prints."""
+    room = folder / "model"
+    room.mkdir(parents=True, exist_ok=True)
+    (room / "__init__.py").write_text("")
+    (room / "compiled.py").write_text((ROOT / "model" / "compiled.py").read_text())
+    (room / "callee.py").write_text(f"from model.compiled import kernel\n\n\n@kernel\ndef f(x):\n    return {callee}\n")
+    caller = """
+        from model.callee import f
+        from model.compiled import kernel
+
+        @kernel
+        def g(x):
+            return f(x) + 1.0
+    """
+    if not (room / "caller.py").exists():
+        (room / "caller.py").write_text(textwrap.dedent(caller))
+    run = [sys.executable, "-c", "from model.caller import g; print(g(2.0))"]
+    env = {**os.environ, "SENSORLESS_CACHE": str(cache), "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    return subprocess.run(run, cwd=folder, env=env, capture_output=True, text=True, check=True).stdout.strip()
+
+
+def test_changed_callee_recompiles_its_caller(tmp_path):
+    assert answer(tmp_path / "copy", "10.0 * x", tmp_path / "cache") == "21.0"
+    assert answer(tmp_path / "copy", "20.0 * x", tmp_path / "cache") == "41.0"
+    assert len(list((tmp_path / "cache").glob("kernels-*"))) == 2

@@ -1,0 +1,143 @@
+"""Motor files: what is printed, what is assumed, and what a wrong file is told."""
+
+from __future__ import annotations
+
+import dataclasses
+import tomllib
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from model.errors import BadInput
+from model.parameters import MOTORS, Converter, Injection, Motor, load_drive, motor_names
+
+# Rated values and parameters as the paper's two tables print them: SI units.
+PRINTED = {
+    "ipm": (6, 1.2, 1.06, 1800, 12.15, 91.9e-3, 45.8e-3, 7.70, 5.35, 19.42, 22.18, 6.62),
+    "spm": (2, 3.4, 29.0, 400, 6.69, 155.4e-3, 58.6e-3, 5.01, 4.83, 1.83, 8.76, 1.18),
+}
+NAMES = [
+    *("pole_pairs", "rated_current", "rated_torque", "rated_speed_rpm", "resistance", "inductance_d", "inductance_q"),
+    *("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04"),
+]
+GOOD = """
+[motor]
+pole_pairs = 4
+resistance = 1.0
+magnet_flux = 0.1
+inductance_d = 0.01
+inductance_q = 0.02
+inertia = 0.001
+rated_current = 5.0
+rated_torque = 3.0
+rated_speed_rpm = 3000
+"""
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_values_are_the_printed_ones(name):
+    motor = load_drive(name).motor
+    assert tuple(getattr(motor, n) for n in NAMES) == PRINTED[name]
+
+
+@pytest.mark.parametrize("name", PRINTED)
+def test_exchanged_differs_in_the_two_inductances_only(name):
+    printed, exchanged = load_drive(name).motor, load_drive(f"{name}_exchanged").motor
+    swapped = dataclasses.replace(
+        printed, name=exchanged.name, description=exchanged.description,
+        inductance_d=printed.inductance_q, inductance_q=printed.inductance_d,
+    )  # fmt: skip
+    assert swapped == exchanged
+
+
+def test_magnet_flux_follows_from_rated_torque_and_peak_current():
+    for name in PRINTED:
+        m = load_drive(name).motor
+        assert m.magnet_flux == pytest.approx(m.rated_torque / (1.5 * m.pole_pairs * m.rated_current), rel=2e-3)
+
+
+@pytest.mark.parametrize("name", motor_names())
+def test_every_value_says_where_it_comes_from(name):
+    data = tomllib.loads((MOTORS / f"{name}.toml").read_text())
+    notes = load_drive(name).provenance
+    assert "source" in notes
+    for table in ("motor", "drive", "injection"):
+        for key in data[table]:
+            if key not in ("name", "description"):
+                assert notes[key].split(":")[0].split(";")[0] in ("printed", "derived", "assumed"), key
+
+
+def drive_file(tmp_path, text):
+    path = tmp_path / "mine.toml"
+    path.write_text(text)
+    return path
+
+
+def test_user_motor_with_defaults(tmp_path):
+    drive = load_drive(drive_file(tmp_path, GOOD))
+    assert drive.name == "mine"
+    assert drive.converter == Converter(250e-6, 400.0, 0.002 * 5.0, 0.0017 * 5.0)
+    assert drive.injection == Injection(500.0, 0.6 * 500.0 * 0.02 * 5.0)
+    assert isinstance(drive.motor.rated_speed_rpm, float)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("resistance = 1.0|resistence = 1.0", ("resistence", "did you mean 'resistance'")),
+        ("resistance = 1.0|resistance = -1.0", ("resistance = -1.0", "[1e-05, 1000] ohm")),
+        ("resistance = 1.0|resistance = nan", ("resistance = nan", "finite", "ohm")),
+        ("resistance = 1.0|resistance = inf", ("resistance = inf", "ohm")),
+        ("resistance = 1.0|resistance = '1'", ("not a number", "ohm")),
+        ("resistance = 1.0|resistance = true", ("not a number", "ohm")),
+        ("resistance = 1.0|", ("lacks 'resistance'", "ohm")),
+        ("[motor]|[motor]\nname = 3", ("name = 3", "quotes")),
+        ("pole_pairs = 4|pole_pairs = 4.5", ("pole_pairs", "whole")),
+        ("[motor]|[moter]", ("moter", "did you mean 'motor'")),
+        ("[motor]|[motor", ("not valid TOML",)),
+        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nsampling_period = 250", ("250", "0.01] s")),
+        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\npwm_frequency = 8000", ("pwm_frequency", "1 / samp")),
+        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\nwaveform = 'squar'", ("mean 'square'",)),
+    ],
+)
+def test_wrong_file_is_told_value_bound_and_remedy(tmp_path, change, words):
+    old, new = change.split("|")
+    with pytest.raises(BadInput) as error:
+        load_drive(drive_file(tmp_path, GOOD.replace(old, new)))
+    assert "mine.toml" in str(error.value)
+    for word in words:
+        assert word in str(error.value)
+
+
+def test_unknown_motor_and_missing_file():
+    with pytest.raises(BadInput, match="did you mean 'ipm_exchanged'"):
+        load_drive("ipm_exchangd")
+    with pytest.raises(BadInput, match="does not exist"):
+        load_drive("nowhere.toml")
+
+
+SCALARS = st.one_of(st.floats(), st.integers(), st.booleans(), st.text(max_size=5), st.lists(st.integers(), max_size=2))
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.dictionaries(st.sampled_from([f.name for f in dataclasses.fields(Motor)] + ["x"]), SCALARS))
+def test_any_motor_table_is_taken_or_refused_in_one_sentence(values):
+    from model.parameters import build
+
+    base = tomllib.loads(GOOD)["motor"]
+    try:
+        motor = build(Motor, {"name": "m", **base, **values}, "motor")
+    except BadInput as error:
+        assert str(error)
+    else:
+        assert all(abs(v) < 1e13 for v in motor.energy)
+
+
+@settings(max_examples=60, deadline=None)
+@given(text=st.text(max_size=60))
+def test_any_text_is_taken_or_refused(tmp_path_factory, text):
+    path = tmp_path_factory.mktemp("fuzz") / "m.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(BadInput):
+        load_drive(path)

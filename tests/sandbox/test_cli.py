@@ -1,0 +1,212 @@
+"""The command line: contract of the JSON files, exit codes, one sentence for every wrong call, nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from model.parameters import MOTORS
+from sandbox.cli import build_parser, main
+
+SHORT = """
+[scenario]
+settle = 0.1
+[[segment]]
+duration = 0.2
+[[segment]]
+duration = 0.3
+load = 1.0
+ramp = 0.05
+settle = 0.2
+"""
+
+
+@pytest.fixture
+def short(tmp_path):
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT)
+    return path
+
+
+def content(folder, command):
+    document = json.loads((folder / f"{command}.json").read_text())
+    assert (document["schema"], document["command"]) == (1, command)
+    assert document["version"]
+    return document
+
+
+def test_compare(short, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["compare", "--scenario", str(short), "--estimators", "qnull,inversion", "--out", str(out)]) == 0
+    found = content(out, "compare")
+    assert (found["motor"], found["scenario"], found["trace"]) == ("ipm_exchanged", "short", "compare.rrd")
+    assert sorted(p.name for p in out.iterdir()) == ["compare.json", "compare.png", "compare.rrd"]
+    assert len(found["rows"]) == 2 * 2 * 2 * 2
+    for row in found["rows"]:
+        assert {"estimator", "belief", "closed_loop", "load", "speed_rpm", "error_deg", "predicted_mean_deg"} <= set(
+            row
+        )
+        assert set(row["error_deg"]) == {"mean", "rms", "p95", "max"}
+        assert row["lost_lock"] is False
+    said = capsys.readouterr().out
+    assert "theory" in said
+    assert "-5.89" in said  # the self-consistent angle at rated load
+
+
+def test_quiet_says_nothing_and_seed_repeats(short, tmp_path, capsys):
+    for k in (1, 2):
+        call = [
+            "compare",
+            "--scenario",
+            str(short),
+            "--estimators",
+            "ekf",
+            "--seed",
+            "9",
+            "--jobs",
+            str(k),
+            "--no-trace",
+        ]
+        assert main([*call, "--quiet", "--out", str(tmp_path / str(k))]) == 0
+    assert capsys.readouterr().out == ""
+    one, two = (content(tmp_path / k, "compare") for k in "12")
+    assert one["rows"] == two["rows"]
+    assert one["trace"] is None
+
+
+def test_simulate(short, tmp_path, capsys):
+    call = [
+        "simulate",
+        "--scenario",
+        str(short),
+        "--estimator",
+        "inversion",
+        "--belief",
+        "linear",
+        "--out",
+        str(tmp_path),
+    ]
+    assert main(call) == 0
+    found = content(tmp_path, "simulate")
+    assert found["rows"][1]["error_deg"]["mean"] == pytest.approx(-5.89, abs=0.2)
+    assert found["loops"]["current"]["phase_margin_deg"] > 59
+    assert (tmp_path / found["trace"]).is_file()
+    assert "phase margin" in capsys.readouterr().out
+
+
+def test_audit(tmp_path, capsys):
+    assert main(["audit", "spm", "--out", str(tmp_path)]) == 0
+    found = content(tmp_path, "audit")
+    assert found["passed"] is False
+    assert found["valid_radius"] == pytest.approx(0.786, abs=1e-3)
+    assert found["violations"][0]["i_d"] == pytest.approx(-0.786, abs=1e-3)
+    assert None in found["angle_local_deg"] or all(isinstance(v, float) for v in found["angle_local_deg"])
+    assert "NOT valid" in capsys.readouterr().out
+    assert main(["audit", "ipm_exchanged", "--out", str(tmp_path)]) == 0
+    assert content(tmp_path, "audit")["valid_radius"] is None
+
+
+def test_list_and_version(capsys):
+    for kind, name in (("motors", "spm_exchanged"), ("estimators", "ekf_filterpy"), ("scenarios", "creep_reversal")):
+        assert main(["list", kind]) == 0
+        assert name in capsys.readouterr().out
+
+
+def motor_file(tmp_path, old, new):
+    path = tmp_path / "m.toml"
+    path.write_text((MOTORS / "ipm_exchanged.toml").read_text().replace(old, new))
+    return str(path)
+
+
+WRONG = {
+    "unknown motor": (["compare", "--motor", "ipm_exchange"], 2, ["unknown motor", "did you mean 'ipm_exchanged'"]),
+    "unknown scenario": (["compare", "--scenario", "stairs"], 2, ["unknown scenario 'stairs'", "staircase"]),
+    "unknown estimator": (["compare", "--estimators", "qnul"], 2, ["unknown estimator 'qnul'", "mean 'qnull'"]),
+    "no estimator": (["compare", "--estimators", ","], 2, ["no estimator"]),
+    "missing file": (["compare", "--motor", "nowhere.toml"], 2, ["nowhere.toml", "does not exist"]),
+    "outside the domain": (["compare", "--motor", "spm"], 3, ["convex", "-0.786 A", "eigenvalue"]),
+    "duration too long": (["simulate", "--duration", "1e9"], 2, ["1000000000.0 s", "staircase"]),
+    "duration nan": (["simulate", "--duration", "nan"], 2, ["duration nan"]),
+    "radius": (["audit", "ipm", "--radius", "-1"], 2, ["radius -1.0 A", "24] A"]),
+    "unknown command": (["comparee"], 2, ["comparee"]),
+    "wrong kind": (["list", "motor"], 2, ["motor", "motors"]),
+    "wrong belief": (["simulate", "--belief", "quartic"], 2, ["quartic", "saturated"]),
+    "jobs": (["compare", "--jobs", "0"], 2, ["'0'", "at least 1"]),
+    "seed": (["compare", "--seed", "-1"], 2, ["'-1'"]),
+    "no trace to view": (["view", "nowhere.rrd"], 2, ["nowhere.rrd"]),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_calls(case, tmp_path, capsys, monkeypatch):
+    call, code, words = WRONG[case]
+    monkeypatch.chdir(tmp_path)
+    try:
+        found = main(call)
+    except SystemExit as stop:
+        found = stop.code
+    said = capsys.readouterr()
+    assert found == code
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    for word in words:
+        assert word in said.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "words"),
+    [
+        ("resistance = 12.15", "resistance = -12.15", 2, ["resistance = -12.15", "ohm"]),
+        ("resistance = 12.15", "resistance = nan", 2, ["resistance = nan", "ohm"]),
+        ("frequency = 500.0", "frequency = 3000.0", 2, ["3000 Hz", "4000 Hz", "sample faster"]),
+        ("dc_bus_voltage = 400.0", "dc_bus_voltage = 80.0", 3, ["80 V", "raise dc_bus_voltage"]),
+        ("inductance_q = 0.0919", "inductance_q = 0.0458", 2, ["no saliency"]),
+        ("alpha_04 = 6.62", "alpha_04 = -66.2", 3, ["convex", "eigenvalue"]),
+    ],
+)
+def test_wrong_motors(old, new, code, words, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["compare", "--motor", motor_file(tmp_path, old, new), "--out", str(out)]) == code
+    said = capsys.readouterr()
+    for word in words:
+        assert word in said.err
+    assert said.err.count("\n") == 1
+    assert not out.exists()
+
+
+def test_out_that_cannot_be_written(short, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    call = ["compare", "--scenario", str(short), "--estimators", "qnull", "--out", str(tmp_path / "file" / "below")]
+    assert main(call) == 2
+    assert "cannot write" in capsys.readouterr().err
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(
+        st.one_of(
+            st.sampled_from(["compare", "simulate", "audit", "--motor", "--jobs", "--seed"]), st.text(max_size=6)
+        ),
+        max_size=4,
+    )
+)
+def test_any_arguments_parse_or_are_refused(arguments):
+    try:
+        build_parser().parse_args(arguments)
+    except SystemExit as stop:
+        assert stop.code in (0, 2)
+
+
+def test_as_a_program(tmp_path):
+    root = Path(__file__).resolve().parents[2]
+    call = [sys.executable, "-m", "sandbox.cli", "audit", "nothing"]
+    done = subprocess.run(call, cwd=root, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr

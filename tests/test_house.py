@@ -1,0 +1,83 @@
+"""The house's rules that a machine can check."""
+
+from __future__ import annotations
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+ROOMS = ("model", "estimators", "sandbox")
+SOURCES = sorted(p for room in ROOMS for p in (ROOT / room).rglob("*.py"))
+
+
+def imported(path: Path) -> set[str]:
+    """Return the top-level names of all imports of a file, those inside functions included."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names.add(node.module or "")
+    return names
+
+
+def test_layers():
+    done = subprocess.run(
+        [sys.executable, "-c", "from importlinter.cli import lint_imports_command; lint_imports_command()"],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize(("library", "home"), [("rerun", "sandbox/trace.py"), ("matplotlib", "sandbox/plots.py")])
+def test_one_module_imports_it(library, home):
+    users = {p.relative_to(ROOT).as_posix() for p in SOURCES if any(n.split(".")[0] == library for n in imported(p))}
+    assert users == {home}
+
+
+def test_estimators_know_equations_only():
+    allowed = {
+        "model.frames",
+        "model.energy",
+        "model.fluxmap",
+        "model.saliency",
+        "model.compiled",
+        "model.errors",
+        "model",
+    }
+    for path in (ROOT / "estimators").glob("*.py"):
+        assert {n for n in imported(path) if n.split(".")[0] == "model"} <= allowed, path
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_public_names_have_docstrings_and_files_stay_small(path):
+    text = path.read_text()
+    tree = ast.parse(text)
+    assert ast.get_docstring(tree), path
+    assert text.count("\n") <= 400, path
+    classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
+    for node in [*tree.body, *(member for c in classes for member in c.body)]:
+        if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
+            assert ast.get_docstring(node), f"{path}: {node.name}"
+
+
+def test_no_path_of_one_machine():
+    pattern = re.compile(r"(?<![\w.])/(home/\w+|root|work)/")
+    for path in ROOT.rglob("*"):
+        parts = path.relative_to(ROOT).parts
+        hidden = any((p.startswith(".") and p != ".ci") or p in ("__pycache__", "sensorless-out") for p in parts)
+        if path.is_file() and not hidden and path.suffix in (".py", ".md", ".toml", ".cff"):
+            assert not pattern.search(path.read_text()), path
+
+
+def test_start_is_light():
+    """Heavy libraries come in only when a command needs them."""
+    heavy = ("numba", "rerun", "matplotlib", "control", "scipy", "rich")
+    code = f"import sys, sandbox.cli; print(set({heavy}) & set(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "set()"
