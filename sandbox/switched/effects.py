@@ -48,7 +48,7 @@ PARAMETERS: dict[str, Parameter] = {
     "skin_effect.time_constant": Parameter(2e-4, 1e-5, 1.0, "s"),
     "winding_asymmetry.delta_a": Parameter(0.0, -1e3, 1e3, "ohm"),
     "winding_asymmetry.delta_b": Parameter(0.0, -1e3, 1e3, "ohm"),
-    "dead_time.time": Parameter(0.0, 0.0, 5e-5, "s"),
+    "dead_time.time": Parameter(0.0, -5e-6, 5e-5, "s"),  # negative: over-compensated
     "device_drop.threshold": Parameter(0.0, 0.0, 50.0, "V"),
     "device_drop.on_resistance": Parameter(0.0, 0.0, 1e2, "ohm"),
     "dc_link_error.gain_error": Parameter(0.0, -0.5, 0.5, ""),

@@ -175,7 +175,8 @@ def settle(state, b, leg, acted, taken, n, t, current):
             state[WANTED + leg] = 1.0 - state[WANTED + leg]
             if b.dead_time != 0.0:
                 sign = soft_sign(b, current)
-                state[base + taken] += b.dead_time * 0.5 * (1.0 + (sign if rising else -sign))
+                late = b.dead_time * (sign if rising else -sign)
+                state[base + taken] += 0.5 * (abs(b.dead_time) + late)
             if acted < taken and state[base + taken] <= state[base + taken - 1]:  # the pulse vanishes
                 for j in range(taken + 1, n):
                     state[base + j - 2] = state[base + j]

@@ -76,11 +76,11 @@ def start(b: Bench, theta: float = 0.0, speed: float = 0.0, i_alpha: float = 0.0
 
 @kernel
 def encoder(b, theta):
-    """Return the electrical angle as the encoder reads it: offset, eccentricity, counts (rounded down)."""
+    """Return the electrical angle as the encoder reads it: offset, eccentricity, counts (the nearest)."""
     read = theta + b.encoder_offset
     if b.eccentricity != 0.0:
         read += b.eccentricity * math.sin(theta / b.pole_pairs + b.eccentricity_phase)
-    return math.floor(read / b.encoder_step) * b.encoder_step if b.encoder_step > 0.0 else read
+    return round(read / b.encoder_step) * b.encoder_step if b.encoder_step > 0.0 else read
 
 
 @kernel
