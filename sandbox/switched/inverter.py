@@ -21,7 +21,12 @@ FILTER_ALPHA, FILTER_BETA, I_ALPHA, I_BETA = range(10, 14)  # lagged and true te
 TIME = 14  # s, start of the coming period
 OFFSET, SAMPLE_ALPHA, SAMPLE_BETA = 15, 16, 17  # instant of the next sample less t_k, and the sample if before t_k
 INPUT, LOSS, OUTPUT = 18, 19, 20  # audited energies, J
-LAST_DUTY, LEVEL, WANTED, CARRIED = 21, 24, 27, 30  # three legs each: duty, level that acts, level commanded, late edges
+LAST_DUTY, LEVEL, WANTED, CARRIED = (
+    21,
+    24,
+    27,
+    30,
+)  # three legs each: duty, level that acts, level commanded, late edges
 EDGES = 33  # three legs of ROOM edge times relative to t_k
 ROOM = 8
 SIZE = EDGES + 3 * ROOM
