@@ -1,5 +1,7 @@
 """The switched bench against an independent rotor-frame integration with exact edges; steps, neutral values, errors."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -99,7 +101,7 @@ def reference(motor, period, u_link, u_dc, u_alpha, u_beta, load, x):
         legs = np.array([alpha, -alpha / 2 + np.sqrt(3) / 2 * beta, -alpha / 2 - np.sqrt(3) / 2 * beta])
         duty = 0.5 + (legs - 0.5 * (legs.max() + legs.min())) / u_dc
         edges = np.sort(np.concatenate([[0.0, period], 0.5 * (1 - duty) * period, 0.5 * (1 + duty) * period]))
-        for begin, end in zip(edges[:-1], edges[1:], strict=True):
+        for begin, end in itertools.pairwise(edges):
             middle = 0.5 * (begin + end)
             on = (np.abs(middle - 0.5 * period) < 0.5 * duty * period) * u_link
             v = (2 * on[0] - on[1] - on[2]) / 3, (on[1] - on[2]) / np.sqrt(3)
