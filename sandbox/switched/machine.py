@@ -26,7 +26,7 @@ ROOT = math.sqrt(3.0)
 
 @kernel
 def magnet(b, theta):
-    """Return the magnet's flux vector e^{j theta}(phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta) and its slope, Wb."""
+    """Return e^{j theta}(phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta), the magnet's flux, and its slope (Wb)."""
     e_1 = complex(math.cos(theta), math.sin(theta))
     if b.psi_d6 == 0.0 and b.psi_q6 == 0.0:
         return e_1 * b.magnet_flux, e_1 * complex(0.0, b.magnet_flux)

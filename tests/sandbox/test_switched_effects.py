@@ -196,7 +196,7 @@ def test_dead_time_is_soft_around_zero_current_and_its_fundamental_is_four_over_
     line = np.fft.fft((i[0] - i[1]) * 200.0)[[1, -5, 7]] / n
     v_1 = U * t_d / TS * 4 / np.pi
     mean_delay = 0.5 * t_d * 150.0 * 200.0 / 0.5  # V, see the test above
-    assert abs(line[0]) == pytest.approx(v_1 - mean_delay, rel=3e-3)
+    assert abs(line[0]) == pytest.approx(v_1 - mean_delay, rel=5e-3)
     assert np.abs(line[1:]) == pytest.approx([v_1 / 5, v_1 / 7], rel=0.1)  # 6k lines, backward and forward
 
 
