@@ -14,7 +14,6 @@ and at constant w only the Re z^n depend on the angle: d/dtheta Re z^n = n Im z^
 
 from __future__ import annotations
 
-import cmath
 import math
 
 from model.compiled import kernel
@@ -25,23 +24,30 @@ ROOT = math.sqrt(3.0)
 
 
 @kernel
-def magnet(b, theta):
+def sixth(e_1):
+    """Return exp(6 j theta) from exp(j theta)."""
+    e_2 = e_1 * e_1
+    return e_2 * e_2 * e_2
+
+
+@kernel
+def magnet(b, e_1):
     """Return e^{j theta}(phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta), the magnet's flux, and its slope (Wb)."""
-    e_1 = complex(math.cos(theta), math.sin(theta))
     if b.psi_d6 == 0.0 and b.psi_q6 == 0.0:
         return e_1 * b.magnet_flux, e_1 * complex(0.0, b.magnet_flux)
-    c, s = math.cos(6.0 * theta), math.sin(6.0 * theta)
-    m = complex(b.magnet_flux + b.psi_d6 * c, b.psi_q6 * s)
-    return e_1 * m, e_1 * complex(-m.imag - 6.0 * b.psi_d6 * s, m.real + 6.0 * b.psi_q6 * c)
+    e_6 = sixth(e_1)
+    m = complex(b.magnet_flux + b.psi_d6 * e_6.real, b.psi_q6 * e_6.imag)
+    return e_1 * m, e_1 * complex(-m.imag - 6.0 * b.psi_d6 * e_6.imag, m.real + 6.0 * b.psi_q6 * e_6.real)
 
 
 @kernel
 def stored_energy(b, psi, theta):
     """Return H (J up to the factor 3/2 of the transformation)."""
-    z = (psi - magnet(b, theta)[0]) * complex(math.cos(theta), -math.sin(theta))
+    e_1 = complex(math.cos(theta), math.sin(theta))
+    z = (psi - magnet(b, e_1)[0]) * e_1.conjugate()
     z_2 = z * z
     r_2 = z.real * z.real + z.imag * z.imag
-    h = 0.5 * (b.g_0 * r_2 + b.g_2 * z_2.real + b.gamma_6 * (z_2 * cmath.exp(-6j * theta)).real)
+    h = 0.5 * (b.g_0 * r_2 + b.g_2 * z_2.real + b.gamma_6 * (z_2 * sixth(e_1).conjugate()).real)
     h += r_2 * b.c_1 * z.real + b.c_3 * (z_2 * z).real
     return h + r_2 * (b.q_0 * r_2 + b.q_2 * z_2.real) + b.q_4 * (z_2 * z_2).real
 
@@ -50,7 +56,7 @@ def stored_energy(b, psi, theta):
 def current_and_torque(b, psi, theta):
     """Return the magnetising current vector (A) and the air-gap torque (N m)."""
     e_1 = complex(math.cos(theta), math.sin(theta))
-    m, slope = magnet(b, theta)
+    m, slope = magnet(b, e_1)
     z = (psi - m) * e_1.conjugate()
     back = z.conjugate()
     z_2 = z * z
@@ -61,7 +67,7 @@ def current_and_torque(b, psi, theta):
     turning = (b.g_2 + 2.0 * b.q_2 * r_2) * z_2.imag + b.c_1 * r_2 * z.imag
     turning += 3.0 * b.c_3 * (z_2 * z).imag + 4.0 * b.q_4 * (z_2 * z_2).imag
     if b.gamma_6 != 0.0:
-        e_6 = complex(math.cos(6.0 * theta), math.sin(6.0 * theta))
+        e_6 = sixth(e_1)
         i += b.gamma_6 * e_6 * back
         turning += 4.0 * b.gamma_6 * (z_2 * e_6.conjugate()).imag
     i *= e_1

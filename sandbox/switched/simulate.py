@@ -47,7 +47,7 @@ NEWTON_STEPS = 50
 
 def flux_for(b: Bench, i: complex, theta: float) -> complex:
     """Return the flux vector (Wb) whose magnetising current is i (A): Newton's method with a difference Jacobian."""
-    m = magnet(b, theta)[0]
+    m = magnet(b, complex(math.cos(theta), math.sin(theta)))[0]
     psi, h = m, 1e-6 * max(abs(b.magnet_flux), abs(i) / b.g_0, 1e-6)
     for _ in range(NEWTON_STEPS):
         at = current_and_torque(b, psi, theta)[0]
