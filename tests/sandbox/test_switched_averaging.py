@@ -5,8 +5,8 @@ The averaged plant is this bench's machine fed with the mean voltage; formulas a
 
 import numpy as np
 import pytest
-from test_switched import drive, vector
 
+from model.parameters import load_drive
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.inverter import FILTER_ALPHA, I_ALPHA, PSI_ALPHA, TIME, duties, integrate
 from sandbox.switched.machine import DRIVEN, current_and_torque
@@ -36,6 +36,7 @@ def ripple_lag(b, duty, tau):
     """Return what one period's flux ripple leaves in a lag tau at its end, per leg: q of AVERAGING.md."""
     t = b.period
     tail = np.exp(-0.5 * (1 - duty) * t / tau) - np.exp(-0.5 * (1 + duty) * t / tau)
+    tail *= np.exp(b.pwm_delay / tau)
     return b.link_voltage * tau * (duty * (1 - np.exp(-t / tau)) - tail)
 
 
@@ -69,6 +70,8 @@ def averaged(b, u, u_dc, theta, speed, correct):
         if b.filter_time:
             reading = complex(*state[FILTER_ALPHA : FILTER_ALPHA + 2])
             reading += gamma(b, psi, theta[k], filtered) if correct else 0.0
+            if correct and b.core_conductance:
+                reading -= (core_lag - filtered) * b.core_conductance / (b.core_time - b.filter_time)
         if b.sampling_delay:
             flux = b.sampling_delay * ((0.0 if correct else mean) - b.resistance * i)
             reading = current_and_torque(b, psi + flux, theta[k] + omega * b.sampling_delay)[0]
@@ -95,7 +98,7 @@ def averaged(b, u, u_dc, theta, speed, correct):
 
 def gap(effects, speed, correct):
     """Return rms of averaged less switched samples, in rated currents: a driven motor with injection on top."""
-    motor, converter = drive()
+    motor, converter = load_drive("ipm").motor, load_drive("ipm").converter
     b = quiet(bench(motor, converter, effects))
     k, omega = np.arange(N), motor.pole_pairs * speed
     theta = 0.3 + omega * b.period * k
@@ -103,7 +106,8 @@ def gap(effects, speed, correct):
     u = (12.0 + 0.6 * speed) * 1j * np.exp(1j * (middle + 0.03)) + 30.0 * np.where(k % 8 < 4, 1, -1) * np.exp(
         1j * middle
     )
-    switched = vector(replay(b, "driven", u.real, u.imag, 400.0, theta=theta, speed=speed))
+    out = replay(b, "driven", u.real, u.imag, 400.0, theta=theta, speed=speed)
+    switched = clarke(np.stack([out["i_a"], out["i_b"], out["i_c"]]))
     difference = averaged(b, u, 400.0, theta, speed, correct) - switched
     return np.sqrt(np.mean(np.abs(difference[80:]) ** 2)) / motor.rated_current
 
@@ -117,6 +121,12 @@ CASES = [  # effect, bound without and with the correction (share of rated curre
     ({"current_filter.time_constant": 1e-4}, 2e-3, 2e-4),
     ({"iron_loss.core_resistance": 2000.0, "iron_loss.time_constant": 1e-4}, 8e-4, 2.5e-4),
     ({"iron_loss.core_resistance": 2000.0, "iron_loss.time_constant": 2e-5}, 2e-3, 4e-4),
+    ({"pwm_delay.delay": 2e-5, "current_filter.time_constant": 3e-5}, 5e-3, 4e-4),
+    (
+        {"iron_loss.core_resistance": 2e3, "iron_loss.time_constant": 1e-4, "current_filter.time_constant": 3e-5},
+        2e-3,
+        4e-4,
+    ),
     ({"dead_time.time": 2e-6}, 3e-3, 5e-4),
 ]
 

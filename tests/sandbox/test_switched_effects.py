@@ -236,6 +236,23 @@ def test_pwm_delay_moves_the_pulses_but_not_the_volt_seconds():
     assert np.diff(i) * L == pytest.approx(steps[:-1] * TS, rel=1e-9)
 
 
+def test_pwm_delay_longer_than_the_zero_vector_moves_volt_seconds_to_the_next_period():
+    """psi_k+1 - psi_k = u_k-1 T_s - F_k-1(T_s - delay) + F_k(T_s - delay), F(t) volt-seconds until t."""
+    delay = 9e-5
+    b = make({"pwm_delay.delay": delay, "stator_resistance.resistance": 0.0}, NO_MAGNET)
+    u = np.array([0.0, 150.0, -150.0, 200.0, 50.0, 0.0])
+    i = vector(replay(b, "locked", u, 0 * u, U)).real
+
+    def until(u, t):
+        legs = np.array([u, -u / 2, -u / 2])
+        duty = 0.5 + (legs - u / 4) / U
+        on = U * np.clip(t - 0.5 * (1 - duty) * TS, 0.0, duty * TS)
+        return (2 * on[0] - on[1] - on[2]) / 3
+
+    early = np.array([until(x, TS - delay) for x in u])
+    assert np.diff(i)[1:] * L == pytest.approx(u[:-2] * TS - early[:-2] + early[1:-1], abs=1e-9)
+
+
 def shorted(effects, n=4000, omega=100 * math.pi):
     """Return the readings of a driven, shorted motor in the rotor frame over whole turns, after settling."""
     b = make(effects)
