@@ -1,0 +1,191 @@
+"""The machine in the stationary frame: space vectors are complex numbers alpha + j beta (amplitude-invariant).
+
+psi is the total flux linkage (Wb), w = psi - m(theta) its part due to currents, z = w exp(-j theta) the same seen
+from the rotor.  The paper's energy (eq. EnerSat), with inductance harmonics, is a harmonic series of z:
+
+    H = g_0/2 |z|^2 + g_2/2 Re z^2 + gamma_6/2 Re(z^2 e^{-6j theta}) + c_1 |z|^2 Re z + c_3 Re z^3
+        + q_0 |z|^4 + q_2 |z|^2 Re z^2 + q_4 Re z^4
+
+and at constant w only the Re z^n depend on the angle: d/dtheta Re z^n = n Im z^n.  Current i = 2 dH/dw*, torque
+= -3/2 p dH/dtheta at constant psi, so energy closes by construction.
+
+    dpsi/dt = v - R i - skin - phases,  i = i_m + i_c
+"""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+
+LOCKED, DRIVEN, FREE = 0, 1, 2
+A = complex(-0.5, 0.5 * math.sqrt(3.0))  # exp(2 pi j / 3)
+ROOT = math.sqrt(3.0)
+
+
+@kernel
+def sixth(e_1):
+    """Return exp(6 j theta) from exp(j theta)."""
+    e_2 = e_1 * e_1
+    return e_2 * e_2 * e_2
+
+
+@kernel
+def magnet(b, e_1):
+    """Return e^{j theta}(phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta), the magnet's flux, and its slope (Wb)."""
+    if b.psi_d6 == 0.0 and b.psi_q6 == 0.0:
+        return e_1 * b.magnet_flux, e_1 * complex(0.0, b.magnet_flux)
+    e_6 = sixth(e_1)
+    m = complex(b.magnet_flux + b.psi_d6 * e_6.real, b.psi_q6 * e_6.imag)
+    return e_1 * m, e_1 * complex(-m.imag - 6.0 * b.psi_d6 * e_6.imag, m.real + 6.0 * b.psi_q6 * e_6.real)
+
+
+@kernel
+def stored_energy(b, psi, theta):
+    """Return H (J up to the factor 3/2 of the transformation)."""
+    e_1 = complex(math.cos(theta), math.sin(theta))
+    z = (psi - magnet(b, e_1)[0]) * e_1.conjugate()
+    z_2 = z * z
+    r_2 = z.real * z.real + z.imag * z.imag
+    h = 0.5 * (b.g_0 * r_2 + b.g_2 * z_2.real + b.gamma_6 * (z_2 * sixth(e_1).conjugate()).real)
+    h += r_2 * b.c_1 * z.real + b.c_3 * (z_2 * z).real
+    return h + r_2 * (b.q_0 * r_2 + b.q_2 * z_2.real) + b.q_4 * (z_2 * z_2).real
+
+
+@kernel
+def current_and_torque(b, psi, theta):
+    """Return the magnetising current vector (A) and the air-gap torque (N m)."""
+    e_1 = complex(math.cos(theta), math.sin(theta))
+    m, slope = magnet(b, e_1)
+    z = (psi - m) * e_1.conjugate()
+    back = z.conjugate()
+    z_2 = z * z
+    r_2 = z.real * z.real + z.imag * z.imag
+    quadratic = b.g_0 + 2.0 * b.c_1 * z.real + 4.0 * b.q_0 * r_2 + 2.0 * b.q_2 * z_2.real
+    i = quadratic * z + (b.g_2 + 2.0 * b.q_2 * r_2) * back + b.c_1 * r_2
+    i += (3.0 * b.c_3 + 4.0 * b.q_4 * back) * z_2.conjugate()
+    turning = (b.g_2 + 2.0 * b.q_2 * r_2) * z_2.imag + b.c_1 * r_2 * z.imag
+    turning += 3.0 * b.c_3 * (z_2 * z).imag + 4.0 * b.q_4 * (z_2 * z_2).imag
+    if b.gamma_6 != 0.0:
+        e_6 = sixth(e_1)
+        i += b.gamma_6 * e_6 * back
+        turning += 4.0 * b.gamma_6 * (z_2 * e_6.conjugate()).imag
+    i *= e_1
+    return i, 1.5 * b.pole_pairs * (i.real * slope.real + i.imag * slope.imag - turning)
+
+
+@kernel
+def phase_currents(i):
+    """Return i_a, i_b, i_c of a current vector without zero sequence."""
+    half, side = -0.5 * i.real, 0.5 * ROOT * i.imag
+    return i.real, half + side, half - side
+
+
+@kernel
+def vector(a, b, c):
+    """Return the space vector of three phase quantities, amplitude-invariant: i_alpha = (2a-b-c)/3, ..."""
+    return complex((2.0 * a - b - c) / 3.0, (b - c) / ROOT)
+
+
+@kernel
+def soft_sign(b, current):
+    """Return the sign of a leg's current, linear within +-1.5 % of rated current."""
+    return min(max(current / b.soft_current, -1.0), 1.0)
+
+
+@kernel
+def phase_drop(b, i):
+    """Return the vector of what the phases lose one by one (V): device drop and winding asymmetry."""
+    if b.threshold == 0.0 and b.on_resistance == 0.0 and b.delta_a == 0.0 and b.delta_b == 0.0:
+        return complex(0.0, 0.0)
+    i_a, i_b, i_c = phase_currents(i)
+    v_a = b.threshold * soft_sign(b, i_a) + (b.on_resistance + b.delta_a) * i_a
+    v_b = b.threshold * soft_sign(b, i_b) + (b.on_resistance + b.delta_b) * i_b
+    return vector(v_a, v_b, b.threshold * soft_sign(b, i_c) + b.on_resistance * i_c)
+
+
+@kernel
+def link_voltage(b, t):
+    """Return the true DC-link voltage (V) at time t from the recording's start."""
+    if b.ripple_amplitude == 0.0:
+        return b.link_voltage
+    return b.link_voltage + b.ripple_amplitude * math.sin(b.ripple_rate * t + b.ripple_phase)
+
+
+@kernel
+def friction(b, omega_mech):
+    """Return Coulomb (with Stribeck) and viscous torque on the motor's side (N m)."""
+    drag = b.viscous * omega_mech
+    if b.coulomb == 0.0 and b.stribeck == 0.0:
+        return drag
+    level = b.coulomb + b.stribeck * math.exp(-((omega_mech / b.stribeck_speed) ** 2))
+    return drag + level * math.tanh(omega_mech / b.coulomb_width)
+
+
+@kernel
+def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
+    """Return the mechanical accelerations of motor and load (rad/s^2); the load torque acts on the load's side."""
+    net = torque - friction(b, speed)
+    if b.cogging != 0.0:
+        net += b.cogging * math.sin(b.cogging_order * theta / b.pole_pairs + b.cogging_phase)
+    if b.load_inertia == 0.0:
+        a = (net - load_torque) / b.inertia
+        return a, a
+    shaft = b.stiffness * twist + b.damping * (speed - load_speed)
+    return (net - shaft) / b.inertia, (shaft - load_torque) / b.load_inertia
+
+
+@kernel
+def slopes(b, mode, switches, t, load_torque, acceleration, psi, core, skin, theta, speed, load_speed, twist):
+    """Return the time derivatives of the seven states, and the terminal current.
+
+    psi, core, skin: flux, iron-loss current, slow part of the current (skin effect); theta electrical, speed,
+    load_speed mechanical, twist mechanical.  switches: vector of the legs' states (0/1), times the link voltage
+    the voltage.  A driven rotor moves with the given mechanical acceleration.
+    """
+    magnetising, torque = current_and_torque(b, psi, theta)
+    i = magnetising + core
+    d_psi = switches * link_voltage(b, t) - b.resistance * i - phase_drop(b, i)
+    d_core = d_skin = complex(0.0, 0.0)
+    if b.skin_resistance != 0.0:
+        fast = i - skin
+        d_psi -= b.skin_resistance * fast
+        d_skin = fast / b.skin_time
+    if b.core_conductance != 0.0:
+        d_core = (d_psi * b.core_conductance - core) / b.core_time
+    if mode == LOCKED:
+        return d_psi, d_core, d_skin, 0.0, 0.0, 0.0, 0.0, i
+    if mode == DRIVEN:
+        return d_psi, d_core, d_skin, b.pole_pairs * speed, acceleration, acceleration, 0.0, i
+    a, a_load = accelerations(b, torque, load_torque, theta, speed, load_speed, twist)
+    return d_psi, d_core, d_skin, b.pole_pairs * speed, a, a_load, speed - load_speed, i
+
+
+@kernel
+def powers(b, switches, t, load_torque, psi, core, skin, theta, speed, load_speed):
+    """Return electrical power from the DC link, all losses, and power given to the load (W)."""
+    magnetising, _ = current_and_torque(b, psi, theta)
+    i = magnetising + core
+    v = switches * link_voltage(b, t)
+    drop = phase_drop(b, i)
+    loss = b.resistance * abs(i) ** 2 + drop.real * i.real + drop.imag * i.imag
+    loss += b.skin_resistance * abs(i - skin) ** 2
+    if b.core_conductance != 0.0:
+        loss += abs(core) ** 2 / b.core_conductance
+    rubbing = friction(b, speed) * speed
+    if b.load_inertia != 0.0:
+        rubbing += b.damping * (speed - load_speed) ** 2
+    return 1.5 * (v.real * i.real + v.imag * i.imag), 1.5 * loss + rubbing, load_torque * load_speed
+
+
+@kernel
+def reservoir(b, psi, core, skin, theta, speed, load_speed, twist):
+    """Return all stored energy (J): magnetic, core, skin, kinetic, shaft and cogging potential."""
+    stored = stored_energy(b, psi, theta) + 0.5 * b.skin_resistance * b.skin_time * abs(skin) ** 2
+    if b.core_conductance != 0.0:
+        stored += 0.5 * b.core_time / b.core_conductance * abs(core) ** 2
+    total = 1.5 * stored + 0.5 * (b.inertia * speed**2 + b.load_inertia * load_speed**2 + b.stiffness * twist**2)
+    if b.cogging != 0.0:
+        angle = b.cogging_order * theta / b.pole_pairs + b.cogging_phase
+        total += b.cogging / b.cogging_order * math.cos(angle)
+    return total
