@@ -87,7 +87,7 @@ def current_at(t, flux_x, flux_y, start, gamma, resistance, omega, magnet_flux, 
 
 @kernel
 def lost_at_legs(v, links, duty, start, gamma, resistance, omega, magnet_flux, c, s):
-    """Return the vector (V) that dead time and device drop take on average over the period, stationary frame."""
+    """Return the two vectors (V) that dead time and device drop take on average over the period, stationary frame."""
     period, width = v.period, v.soft_current
     hi, mid, lo = ranked(duty[0], duty[1], duty[2])
     flux_x = flux_y = on_x = on_y = t = 0.0
@@ -125,8 +125,8 @@ def lost_at_legs(v, links, duty, start, gamma, resistance, omega, magnet_flux, c
                 late = max(fall, pick(leg, late_a, late_b, late_c) - d_leg * period)  # a pulse cannot be negative
             flux_x, flux_y = flux_x - sign * late * x, flux_y - sign * late * y
             lost_x, lost_y = lost_x + sign * late * x, lost_y + sign * late * y
-    d_alpha, d_beta = stationary(v.threshold * drop_a, v.threshold * drop_b, v.threshold * drop_c)
-    return (c * lost_x - s * lost_y) / period + d_alpha, (s * lost_x + c * lost_y) / period + d_beta
+    lost = ((c * lost_x - s * lost_y) / period, (s * lost_x + c * lost_y) / period)
+    return lost, stationary(v.threshold * drop_a, v.threshold * drop_b, v.threshold * drop_c)
 
 
 @kernel
@@ -184,10 +184,13 @@ def deliver(x, p, m, v, u_alpha, u_beta):
             w_alpha, w_beta = delayed(v, links, duty, last, x, p, m, start, resistance, c, s)
         if v.dead_time != 0.0 or v.threshold != 0.0:
             gamma = stiffness(p, m, c, s, start[0], start[1])
-            l_alpha, l_beta = lost_at_legs(
-                v, links, duty, start, gamma, resistance, x[OMEGA], p.magnet_flux, c, s
-            )
-            w_alpha, w_beta = w_alpha - l_alpha, w_beta - l_beta
+            lost, drop = lost_at_legs(v, links, duty, start, gamma, resistance, x[OMEGA], p.magnet_flux, c, s)
+            dd, dq, qq = gamma  # what dead time takes is late like the rest of the pattern
+            r_d, r_q = c * lost[0] + s * lost[1], c * lost[1] - s * lost[0]
+            g_d, g_q = dd * r_d + dq * r_q, dq * r_d + qq * r_q
+            moved = late * resistance
+            w_alpha -= lost[0] + drop[0] + moved * (c * g_d - s * g_q)
+            w_beta -= lost[1] + drop[1] + moved * (s * g_d + c * g_q)
     if v.filter_time > 0.0:
         keep_ripple(x, FILTER_RIPPLE, links, duty, last, v.period, late, v.filter_time)
     if v.core_time > 0.0:
