@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from model.effects.library import neutral, parameters
 from model.errors import BadInput
 from model.parameters import load_drive
-from sandbox.switched.effects import PARAMETERS, bench, neutral, quiet
+from sandbox.switched.effects import bench, quiet
 from sandbox.switched.inverter import INPUT, LOSS, OUTPUT, advance
 from sandbox.switched.machine import FREE, reservoir
 from sandbox.switched.simulate import measure, replay, start, true_angle
@@ -142,7 +143,7 @@ def test_step_is_short_enough(effects, bound):
     assert np.abs(vector(coarse) - vector(fine)).max() < bound * motor.rated_current
 
 
-@pytest.mark.parametrize("name", list(PARAMETERS))
+@pytest.mark.parametrize("name", list(parameters()))
 def test_neutral_value_builds_the_same_bench(name):
     motor, converter = drive()
     assert bench(motor, converter, {name: neutral(motor)[name]}) == bench(motor, converter)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from model.effects.library import parameters
 from model.parameters import Converter, Motor
-from sandbox.switched.effects import PARAMETERS, bench, quiet
+from sandbox.switched.effects import bench, quiet
 from sandbox.switched.inverter import CORE_ALPHA, I_ALPHA, SKIN_ALPHA, SPEED, TWIST, advance, integrate
 from sandbox.switched.machine import DRIVEN, FREE, LOCKED, current_and_torque, friction, powers, stored_energy
 from sandbox.switched.simulate import flux_for, replay, start
@@ -47,7 +48,7 @@ def paper(motor, d, q):
 
 def test_every_effect_has_a_test():
     tested = " ".join(name for name in globals() if name.startswith("test_"))
-    assert not [e for e in {name.partition(".")[0] for name in PARAMETERS} if e not in tested]
+    assert not [e for e in {name.partition(".")[0] for name in parameters()} if e not in tested]
 
 
 def pulsed(u, r, link=U):

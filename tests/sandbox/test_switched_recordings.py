@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
+from model.effects.library import parameters
 from model.parameters import Converter, Motor
-from sandbox.switched.effects import PARAMETERS, bench, quiet
+from sandbox.switched.effects import bench, quiet
 from sandbox.switched.simulate import replay
 
 parquet = pytest.importorskip("pyarrow.parquet")
@@ -120,7 +121,7 @@ def residuals(motor, converter, effects, columns):
 
 def without(nominal, true, effects):
     """Return the true motor with the values that the effects replace taken back to nominal."""
-    keys = {name.partition(".")[2] for name in effects if PARAMETERS[name].neutral is None}
+    keys = {name.partition(".")[2] for name in effects if parameters()[name].neutral is None}
     return dataclasses.replace(true, **{key: getattr(nominal, key) for key in keys})
 
 

@@ -1,0 +1,75 @@
+"""The card of an effect: what it is called, its equation, where it comes from, its parameters and how it shows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from model.parameters import Converter, Motor
+
+INF = math.inf
+SUBSYSTEMS = ("machine", "inverter", "sensor", "mechanics")
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A number of an effect: neutral value (None: the motor's own `of_motor`), closed bounds, unit, typical size.
+
+    The typical size is in units of `relative_to`, a key of `scales` ("": absolute; "neutral": of the neutral value).
+    """
+
+    name: str
+    unit: str
+    neutral: float | None
+    low: float
+    high: float
+    typical: float
+    relative_to: str = ""
+    of_motor: str = ""
+
+    def neutral_for(self, motor: Motor) -> float:
+        """Return the neutral value for a motor."""
+        return float(getattr(motor, self.of_motor)) if self.neutral is None else self.neutral
+
+    def typical_for(self, motor: Motor, converter: Converter) -> float:
+        """Return the typical size (in the parameter's unit) on a drive."""
+        if self.relative_to == "neutral":
+            return self.typical * self.neutral_for(motor)
+        return self.typical * scales(motor, converter)[self.relative_to]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One effect; equation and source as text, signature as axis, order and region of the residual it leaves."""
+
+    name: str
+    summary: str
+    subsystem: str
+    equation: str
+    source: str
+    parameters: tuple[Parameter, ...]
+    axis: str
+    order: str
+    region: str
+    confused_with: tuple[str, ...]
+    separated_by: str
+
+
+def scales(motor: Motor, converter: Converter) -> dict[str, float]:
+    """Return what typical sizes are relative to, on this drive (SI)."""
+    speed = motor.rated_omega / motor.pole_pairs
+    return {
+        "": 1.0,
+        "rated current": motor.rated_current,
+        "rated torque": motor.rated_torque,
+        "rated torque / rated speed": motor.rated_torque / speed,
+        "magnet flux": motor.magnet_flux,
+        "resistance": motor.resistance,
+        "1 / L_d": 1.0 / motor.inductance_d,
+        "rated reactance": motor.rated_omega * max(motor.inductance_d, motor.inductance_q),
+        "DC link": converter.dc_bus_voltage,
+        "PWM period": converter.sampling_period,
+        "pole pairs": float(motor.pole_pairs),
+        "inertia": motor.inertia,
+        "inertia x (2 pi 100 Hz)^2": motor.inertia * (math.tau * 100.0) ** 2,
+    }

@@ -1,0 +1,41 @@
+"""Torque of the magnets against the slots."""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+from model.effects.card import INF, Effect, Parameter
+
+CARD = Effect(
+    name="cogging_torque",
+    summary="torque of the magnets against the slots",
+    subsystem="mechanics",
+    equation="torque A sin(n theta_mech + phase), from the potential A/n cos(n theta_mech + phase)",
+    source=(
+        "Zhu, Howe, Influence of design parameters on cogging torque in permanent magnet machines, IEEE "
+        "Trans. Energy Conversion 15 (2000) 407"
+    ),
+    parameters=(
+        Parameter("amplitude", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque"),
+        Parameter("order_mech", "", 6.0, 0.0, 1e4, 6.0, "pole pairs"),
+        Parameter("phase", "rad", 0.0, -INF, INF, 0.0),
+    ),
+    axis="motion",
+    order="n/p electrical (lcm of poles and slots)",
+    region="free rotor at low speed, without current, too",
+    confused_with=("flux_harmonics", "encoder_eccentricity", "inductance_harmonics"),
+    separated_by="slow free run and coasting without current: ripple of speed bound to position",
+)
+
+
+@kernel
+def torque(amplitude, order_mech, phase, theta_mech):
+    """Return the torque (N m) at a mechanical angle."""
+    return amplitude * math.sin(order_mech * theta_mech + phase)
+
+
+@kernel
+def potential(amplitude, order_mech, phase, theta_mech):
+    """Return its potential energy (J)."""
+    return amplitude / order_mech * math.cos(order_mech * theta_mech + phase) if order_mech > 0.0 else 0.0

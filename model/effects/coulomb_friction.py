@@ -1,0 +1,39 @@
+"""Dry friction, with Stribeck's hump."""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="coulomb_friction",
+    summary="dry friction, with Stribeck's hump",
+    subsystem="mechanics",
+    equation=("torque [T_c + T_s exp(-(w/w_s)^2)] tanh(w/width) against the motion, w mechanical, on the motor's side"),
+    source=(
+        "Armstrong-Helouvry, Dupont, Canudas de Wit, A survey of models, analysis tools and compensation "
+        "methods for the control of machines with friction, Automatica 30 (1994) 1083"
+    ),
+    parameters=(
+        Parameter("torque", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque"),
+        Parameter("width", "rad/s", 2.0, 1e-3, 1e3, 2.0),
+        Parameter("stribeck_torque", "N m", 0.0, 0.0, 1e5, 0.0),
+        Parameter("stribeck_speed", "rad/s", 5.0, 1e-3, 1e3, 5.0),
+    ),
+    axis="motion (and i_q under speed control)",
+    order="0",
+    region="free rotor: constant drag, steps at reversals",
+    confused_with=("viscous_friction", "inertia", "cogging_torque"),
+    separated_by="coasting down to standstill: straight line against exponential; reversal",
+)
+
+
+@kernel
+def drag(torque, width, stribeck_torque, stribeck_speed, omega_mech):
+    """Return the torque (N m) against a mechanical speed (rad/s)."""
+    level = torque
+    if stribeck_torque != 0.0:
+        level += stribeck_torque * math.exp(-((omega_mech / stribeck_speed) ** 2))
+    return level * math.tanh(omega_mech / width)

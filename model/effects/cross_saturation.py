@@ -1,0 +1,25 @@
+"""Cross-saturation coefficients other than nominal."""
+
+from __future__ import annotations
+
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="cross_saturation",
+    summary="cross-saturation coefficients other than nominal",
+    subsystem="machine",
+    equation="H += alpha_12 d q^2 + alpha_22 d^2 q^2; L_dq = L_qd != 0: the axis of injection leans",
+    source=(
+        "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet Synchronous Motors"
+        " Through an Energy-Based Model, IEEE IEMDC 2011, eqs. (id), (iq)"
+    ),
+    parameters=(
+        Parameter("alpha_12", "A/Wb^2", None, -1e9, 1e9, 1.3, "neutral", "alpha_12"),
+        Parameter("alpha_22", "A/Wb^3", None, -1e12, 1e12, 1.3, "neutral", "alpha_22"),
+    ),
+    axis="d from q current and q from d current",
+    order="0 and the injection band",
+    region="where both fluxes, or q bias and d injection, are present",
+    confused_with=("saturation", "encoder_offset", "inductance_harmonics"),
+    separated_by="locked rotor, q bias staircase with injection along d",
+)

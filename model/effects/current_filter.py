@@ -1,0 +1,47 @@
+"""Analogue low-pass between sensor and sampler."""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="current_filter",
+    summary="analogue low-pass between sensor and sampler",
+    subsystem="sensor",
+    equation=(
+        "tau df/dt = i - f before sampling; under centred pulses f carries the lagged flux ripple: for a "
+        "short tau the reading is i + tau Gamma (e + R i), the slope of the zero vector"
+    ),
+    source=(
+        "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"
+        " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123; form under centred pulses: "
+        "AVERAGING 3"
+    ),
+    parameters=(Parameter("time_constant", "s", 0.0, 0.0, 1e-2, 3e-5),),
+    axis="along the current's slope",
+    order="1 at speed and the injection band",
+    region="grows with voltage and speed",
+    confused_with=("current_sampling", "pwm_delay", "iron_loss"),
+    separated_by=(
+        "none between a short filter and late sampling; a time constant beyond the zero vector shows at large duty"
+    ),
+)
+
+
+@kernel
+def lag_weights(step, tau):
+    """Return decay, weight of the old and of the new input for a step (s) of a lag with linear input between."""
+    x = step / tau
+    decay = math.exp(-x)
+    mean = (1.0 - decay) / x if x > 1e-5 else 1.0 - 0.5 * x
+    return decay, mean - decay, 1.0 - mean
+
+
+@kernel
+def after(filtered, start, end, s, tau):
+    """Return the lag s after it was `filtered`, its input going linearly from start to end."""
+    decay, old, new = lag_weights(s, tau)
+    return decay * filtered + old * start + new * end

@@ -1,0 +1,25 @@
+"""Offsets of the current sensors."""
+
+from __future__ import annotations
+
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="current_offset",
+    summary="offsets of the current sensors",
+    subsystem="sensor",
+    equation="reading = i + offset, offset_c = -offset_a - offset_b",
+    source=(
+        "Chung, Sul, Analysis and compensation of current measurement error in vector-controlled AC motor"
+        " drives, IEEE Trans. Ind. Appl. 34 (1998) 340"
+    ),
+    parameters=(
+        Parameter("offset_a", "A", 0.0, -1e4, 1e4, 0.01, "rated current"),
+        Parameter("offset_b", "A", 0.0, -1e4, 1e4, -0.007, "rated current"),
+    ),
+    axis="fixed in the stator",
+    order="1",
+    region="everywhere alike, at zero current, too",
+    confused_with=("winding_asymmetry", "dead_time", "encoder_eccentricity"),
+    separated_by="no voltage, rotor at rest: the readings' mean",
+)

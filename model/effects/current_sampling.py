@@ -1,0 +1,29 @@
+"""Samples taken beside the centre of the zero vector, and their jitter."""
+
+from __future__ import annotations
+
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="current_sampling",
+    summary="samples taken beside the centre of the zero vector, and their jitter",
+    subsystem="sensor",
+    equation=(
+        "reading = i(t_k + delay + jitter x normal): within the zero vector no voltage acts, i(psi - s R "
+        "i, theta + s omega)"
+    ),
+    source=(
+        "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"
+        " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123; form under centred pulses: "
+        "AVERAGING 2"
+    ),
+    parameters=(
+        Parameter("delay", "s", 0.0, -1e-2, 1e-2, 5e-6),
+        Parameter("jitter", "s rms", 0.0, 0.0, 1e-3, 0.0),
+    ),
+    axis="along the current's slope in the zero vector",
+    order="1 at speed, no injection band within the zero vector",
+    region="grows with speed (back-EMF) and current",
+    confused_with=("current_filter", "pwm_delay", "encoder_offset"),
+    separated_by=("driven rotor at high speed under current, both directions; large duty shortens the zero vector"),
+)

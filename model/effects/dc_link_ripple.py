@@ -1,0 +1,37 @@
+"""Ripple of the DC link that the reading does not show."""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+from model.effects.card import INF, Effect, Parameter
+
+CARD = Effect(
+    name="dc_link_ripple",
+    summary="ripple of the DC link that the reading does not show",
+    subsystem="inverter",
+    equation=(
+        "true link voltage += amplitude sin(2 pi f t + phase), t from the recording's start; a leg "
+        "delivers D T_s [V + A sin(w t_mid + phase) sinc(w D T_s/2)]"
+    ),
+    source=("rectified mains: six (two) times its frequency; volt-seconds of a centred pulse integrated exactly"),
+    parameters=(
+        Parameter("amplitude", "V", 0.0, 0.0, 1e3, 0.02, "DC link"),
+        Parameter("frequency", "Hz", 300.0, 0.0, 1e5, 300.0),
+        Parameter("phase", "rad", 0.0, -INF, INF, 0.0),
+    ),
+    axis="along the commanded voltage",
+    order="a fixed frequency, whatever the speed",
+    region="grows with voltage",
+    confused_with=("cogging_torque", "flux_harmonics"),
+    separated_by="constant large voltage at standstill, long enough to resolve the line",
+)
+
+
+@kernel
+def pulse_mean(amplitude, rate, phase, middle, width):
+    """Return the mean of the ripple (V) over a pulse of the given width around an instant (s)."""
+    x = 0.5 * rate * width
+    sinc = math.sin(x) / x if x > 1e-4 else 1.0 - x * x / 6.0
+    return amplitude * math.sin(rate * middle + phase) * sinc

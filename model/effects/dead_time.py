@@ -1,0 +1,43 @@
+"""Blanking time of the legs: late edges, chosen by the current's sign."""
+
+from __future__ import annotations
+
+from model.compiled import kernel
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="dead_time",
+    summary="blanking time of the legs: late edges, chosen by the current's sign",
+    subsystem="inverter",
+    equation=(
+        "current out of the leg: its rising edge is late by t_d; into the leg: its falling edge; mean "
+        "loss u_dc t_d/T_s times the vector of signs (fundamental 4/pi, lines 6k); sign linear within "
+        "+-1.5 % of rated current; the pattern is late by t_d/2 on average"
+    ),
+    source=(
+        "Jeong, Park, The analysis and compensation of dead-time effects in PWM inverters, IEEE Trans. "
+        "Ind. Electron. 38 (1991) 108; current at the edge: AVERAGING 5"
+    ),
+    parameters=(Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6),),
+    axis="against the current",
+    order="1 and 6k (5, 7 in phases)",
+    region="steps where a phase current crosses zero; size independent of current and speed",
+    confused_with=("device_drop", "flux_harmonics", "stator_resistance"),
+    separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",
+)
+
+
+SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
+
+
+@kernel
+def soft_sign(current, width):
+    """Return the sign of a current, linear within +-width (A)."""
+    return min(max(current / width, -1.0), 1.0)
+
+
+@kernel
+def lateness(time, sign):
+    """Return how late (s) a leg's rising and falling edge are for the soft sign of its current."""
+    size = abs(time)
+    return 0.5 * (size + time * sign), 0.5 * (size - time * sign)

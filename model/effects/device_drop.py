@@ -1,0 +1,43 @@
+"""Forward drop of the switches and diodes."""
+
+from __future__ import annotations
+
+from model.compiled import kernel
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="device_drop",
+    summary="forward drop of the switches and diodes",
+    subsystem="inverter",
+    equation="leg voltage -= threshold sign(i) + r i, sign linear within +-1.5 % of rated current",
+    source=(
+        "Choi, Sul, Inverter output voltage synthesis using novel dead time compensation, IEEE Trans. "
+        "Power Electron. 11 (1996) 221; mean of the soft sign between edges: AVERAGING 6"
+    ),
+    parameters=(
+        Parameter("threshold", "V", 0.0, 0.0, 50.0, 1.0),
+        Parameter("on_resistance", "ohm", 0.0, 0.0, 1e2, 0.02, "resistance"),
+    ),
+    axis="against the current",
+    order="1 and 6k",
+    region="steps at zero crossings, then constant",
+    confused_with=("dead_time", "stator_resistance"),
+    separated_by=(
+        "zero crossings at two DC-link voltages or PWM frequencies: dead time scales with them, the threshold does not"
+    ),
+)
+
+
+@kernel
+def primitive(x):
+    """Return the integral of the soft sign from 0 to x (current over soft width)."""
+    size = abs(x)
+    return 0.5 * x * x if size < 1.0 else size - 0.5
+
+
+@kernel
+def mean_sign(x, y):
+    """Return the mean of the soft sign while the current goes linearly from x to y (currents over soft width)."""
+    if abs(y - x) < 1e-6:
+        return min(max(0.5 * (x + y), -1.0), 1.0)
+    return (primitive(y) - primitive(x)) / (y - x)

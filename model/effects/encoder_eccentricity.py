@@ -1,0 +1,31 @@
+"""Eccentric code disc or magnet ring."""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+from model.effects.card import INF, Effect, Parameter
+
+CARD = Effect(
+    name="encoder_eccentricity",
+    summary="eccentric code disc or magnet ring",
+    subsystem="sensor",
+    equation="theta_read = theta + p A sin(theta_mech + phase)",
+    source="geometry of a disc off its centre; first harmonic",
+    parameters=(
+        Parameter("amplitude_mech", "rad", 0.0, -0.5, 0.5, 0.005),
+        Parameter("phase", "rad", 0.0, -INF, INF, 0.5),
+    ),
+    axis="d from q and q from d",
+    order="1/p (once a mechanical turn)",
+    region="all, position-bound",
+    confused_with=("cogging_torque", "current_offset"),
+    separated_by="slow driven turns at constant speed: angle against time, once a mechanical turn",
+)
+
+
+@kernel
+def deviation(amplitude_mech, phase, pole_pairs, theta):
+    """Return the reading's error (rad, electrical) at an electrical angle."""
+    return pole_pairs * amplitude_mech * math.sin(theta / pole_pairs + phase)

@@ -1,0 +1,32 @@
+"""Encoder not aligned with the magnet."""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="encoder_offset",
+    summary="encoder not aligned with the magnet",
+    subsystem="sensor",
+    equation="theta_read = theta + offset",
+    source="geometry",
+    parameters=(Parameter("offset", "rad", 0.0, -math.tau, math.tau, 0.05),),
+    axis="d from q and q from d",
+    order="0",
+    region="all; back-EMF on d at zero current",
+    confused_with=("current_sampling", "pwm_delay", "cross_saturation"),
+    separated_by=(
+        "driven rotor at zero current: back-EMF on d proportional to speed in both directions; a delay's "
+        "share is odd in speed, an offset's even"
+    ),
+)
+
+
+@kernel
+def read(theta, offset, deviation, step):
+    """Return the electrical angle as read (rad): offset, eccentricity, nearest count (step 0: no counts)."""
+    angle = theta + offset + deviation
+    return step * math.floor(angle / step + 0.5) if step > 0.0 else angle

@@ -1,0 +1,32 @@
+"""Unsaturated inductances other than nominal."""
+
+from __future__ import annotations
+
+from model.compiled import kernel
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="inductance",
+    summary="unsaturated inductances other than nominal",
+    subsystem="machine",
+    equation="Gamma_d = 1/(scale_d L_d), Gamma_q = 1/(scale_q L_q) in the energy",
+    source=(
+        "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet Synchronous Motors"
+        " Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
+    ),
+    parameters=(
+        Parameter("scale_d", "", 1.0, 0.2, 5.0, 0.9),
+        Parameter("scale_q", "", 1.0, 0.2, 5.0, 1.1),
+    ),
+    axis="d and q, each its own",
+    order="0 and the injection band",
+    region="slopes of current steps and ripple at low current; omega L i at speed",
+    confused_with=("saturation", "skin_effect", "current_filter"),
+    separated_by="injection along d, then along q, at locked rotor and small bias",
+)
+
+
+@kernel
+def inverse(nominal, scale):
+    """Return 1/L (1/H) of a nominal inductance (H) off by a factor."""
+    return 1.0 / (scale * nominal)

@@ -1,0 +1,43 @@
+"""Sixth harmonic of the inductances, with the torque that energy demands."""
+
+from __future__ import annotations
+
+from model.compiled import kernel
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="inductance_harmonics",
+    summary="sixth harmonic of the inductances, with the torque that energy demands",
+    subsystem="machine",
+    equation=(
+        "H += gamma/2 [cos 6 theta (d^2 - q^2) + 2 sin 6 theta d q]; current its gradient, torque -3/2 p dH/dtheta"
+    ),
+    source=(
+        "derivation: lowest slotting term of an energy H(phi, theta) with three-phase symmetry; angle-"
+        "resolved maps of measured motors show it"
+    ),
+    parameters=(Parameter("gamma_6", "1/H", 0.0, -1e4, 1e4, 0.04, "1 / L_d"),),
+    axis="d and q, rotating by 6 theta",
+    order="6 and the injection band +-6",
+    region="grows with current; at every speed, standstill included",
+    confused_with=("flux_harmonics", "cross_saturation", "winding_asymmetry"),
+    separated_by="locked rotor at several angles with injection; or slow driven rotor under current",
+)
+
+
+@kernel
+def current(gamma_6, cos_6, sin_6, d, q):
+    """Return the harmonic part of i_d, i_q (A) at fluxes d, q (Wb)."""
+    return gamma_6 * (cos_6 * d + sin_6 * q), gamma_6 * (sin_6 * d - cos_6 * q)
+
+
+@kernel
+def energy(gamma_6, cos_6, sin_6, d, q):
+    """Return the harmonic part of H (J up to the factor 3/2)."""
+    return 0.5 * gamma_6 * (cos_6 * (d * d - q * q) + 2.0 * sin_6 * d * q)
+
+
+@kernel
+def slope(gamma_6, cos_6, sin_6, d, q):
+    """Return dH/dtheta at constant fluxes, J/rad."""
+    return 3.0 * gamma_6 * (2.0 * cos_6 * d * q - sin_6 * (d * d - q * q))

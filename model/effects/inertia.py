@@ -1,0 +1,19 @@
+"""Inertia other than nominal."""
+
+from __future__ import annotations
+
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="inertia",
+    summary="inertia other than nominal",
+    subsystem="mechanics",
+    equation="J dw/dt = torque - load - friction; replaces the nominal value",
+    source="Newton",
+    parameters=(Parameter("inertia", "kg m^2", None, 1e-9, 1e4, 1.3, "neutral", "inertia"),),
+    axis="motion",
+    order="0",
+    region="free rotor: accelerations after steps of load and torque",
+    confused_with=("shaft_compliance", "coulomb_friction", "magnet_flux"),
+    separated_by="free rotor, known torque step: acceleration at the first instants",
+)

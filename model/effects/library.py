@@ -1,0 +1,188 @@
+"""All effects by name: found in this folder, checked together, neutral until told otherwise.
+
+Effects of a run are a plain mapping such as {"dead_time.time": 2e-6}; what is not named is neutral.
+`python -m model.effects.library` writes the table of README.md anew.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from model.effects.card import SUBSYSTEMS, Effect, Parameter
+from model.errors import BadInput, unknown
+from model.parameters import Converter, Motor
+
+FOLDER = Path(__file__).parent
+NOT_EFFECTS = ("__init__", "card", "library")
+SHARED = ("alpha_12", "alpha_22")  # cross_saturation is a part of saturation
+OF_MOTOR = {  # parameters that replace a value of the motor
+    "stator_resistance.resistance": "resistance",
+    "magnet_flux.magnet_flux": "magnet_flux",
+    "viscous_friction.coefficient": "viscous_friction",
+    "inertia.inertia": "inertia",
+    **{f"saturation.alpha_{n}": f"alpha_{n}" for n in ("30", "12", "40", "22", "04")},
+}
+BEGIN, END = "<!-- table: python -m model.effects.library -->\n", "<!-- end of table -->\n"
+
+
+@cache
+def effect_names() -> tuple[str, ...]:
+    """Return the names of all effects: machine, inverter, sensor, mechanics, each in the alphabet's order."""
+    cards = [load_effect(p.stem) for p in sorted(FOLDER.glob("*.py")) if p.stem not in NOT_EFFECTS]
+    return tuple(c.name for c in sorted(cards, key=lambda c: SUBSYSTEMS.index(c.subsystem)))
+
+
+def load_effect(name: str) -> Effect:
+    """Return an effect's card; BadInput with the nearest name for an unknown one."""
+    if name in NOT_EFFECTS or not (FOLDER / f"{name}.py").is_file():
+        raise unknown("effect", name, effect_names())
+    card: Effect = import_module(f"model.effects.{name}").CARD
+    return card
+
+
+@cache
+def parameters() -> dict[str, Parameter]:
+    """Return every parameter by its public name `effect.parameter`."""
+    return {f"{name}.{p.name}": p for name in effect_names() for p in load_effect(name).parameters}
+
+
+def parse(text: str) -> dict[str, float]:
+    """Return the effects written as "dead_time.time=2e-6,current_offset.offset_a=0.01"; BadInput says what is wrong."""
+    found: dict[str, float] = {}
+    for item in filter(None, (part.strip() for part in text.split(","))):
+        name, equals, number = (part.strip() for part in item.partition("="))
+        if not equals:
+            raise BadInput(f"effect '{item}' has no value; write effect.parameter=number, e.g. dead_time.time=2e-6")
+        if name in found:
+            raise BadInput(f"effect parameter '{name}' is given twice; give it once")
+        try:
+            value = float(number)
+        except ValueError:
+            raise BadInput(f"effect {name}: '{number}' is no number; write it as 2e-6") from None
+        found[name] = checked(name, value)
+    return found
+
+
+def checked(name: str, value: float) -> float:
+    """Return the value as a float; BadInput for an unknown name (with the nearest) or a value out of bounds."""
+    known = parameters()
+    if name not in known:
+        own = [k for k in known if k.partition(".")[0] == name.partition(".")[0]]
+        raise unknown("effect parameter", name, own or known)
+    p = known[name]
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not p.low <= value <= p.high:
+        raise BadInput(
+            f"{name} = {value!r} is out of range; give a number in [{p.low:g}, {p.high:g}] {p.unit}".rstrip()
+        )
+    if math.isinf(p.low) and not math.isfinite(value):
+        raise BadInput(f"{name} = {value!r} is not finite; give a number in {p.unit}")
+    return float(value)
+
+
+def neutral(motor: Motor) -> dict[str, float]:
+    """Return every parameter's neutral value for a motor."""
+    return {name: p.neutral_for(motor) for name, p in parameters().items()}
+
+
+def complete(motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None) -> dict[str, float]:
+    """Return all parameters, the given ones checked alone and together.
+
+    BadInput also where effects contradict each other: two values of one coefficient, a load heavier than the
+    total inertia, delays beyond half the PWM period.
+    """
+    given = dict(effects or {})
+    values = neutral(motor)
+    for name, value in given.items():
+        values[name] = checked(name, value)
+    for alpha in SHARED:
+        one, other = f"saturation.{alpha}", f"cross_saturation.{alpha}"
+        if one in given and other in given and values[one] != values[other]:
+            raise BadInput(f"{one} = {values[one]:g} and {other} = {values[other]:g} contradict each other; give one")
+        values[one] = values[other] = values[other] if other in given else values[one]
+    _check_timing(converter, values)
+    total, load = values["inertia.inertia"], values["shaft_compliance.load_inertia"]
+    if not load < total:
+        raise BadInput(
+            f"shaft_compliance.load_inertia = {load:g} is out of range; give less than the total inertia of "
+            f"{total:g} kg m^2"
+        )
+    return values
+
+
+def _check_timing(converter: Converter, values: Mapping[str, float]) -> None:
+    period = converter.sampling_period
+    timing = abs(values["current_sampling.delay"]), values["pwm_delay.delay"] + abs(values["dead_time.time"])
+    if max(timing) >= 0.5 * period:
+        raise BadInput(
+            f"current_sampling.delay, or pwm_delay.delay + dead_time.time, = {max(timing):g} s is out of range; "
+            f"give less than half the PWM period of {period:g} s"
+        )
+
+
+def true_motor(motor: Motor, values: Mapping[str, float]) -> Motor:
+    """Return the motor with the values that effects replace (`complete`d); BadInput where none can have them."""
+    changes: dict[str, Any] = {field: values[name] for name, field in OF_MOTOR.items()}
+    scaled = {f"inductance_{axis}": values[f"inductance.scale_{axis}"] for axis in "dq"}
+    changes |= {field: scale * getattr(motor, field) for field, scale in scaled.items()}
+    kept = {field: value for field, value in changes.items() if value != getattr(motor, field)}
+    return dataclasses.replace(motor, **kept) if kept else motor
+
+
+def typical(name: str, motor: Motor, converter: Converter) -> dict[str, float]:
+    """Return an effect's parameters at their typical size on a drive, as `simulate` takes them."""
+    return {f"{name}.{p.name}": p.typical_for(motor, converter) for p in load_effect(name).parameters}
+
+
+def card_text(card: Effect) -> str:
+    """Return a card as lines a person can read."""
+    lines = [f"{card.name} ({card.subsystem}): {card.summary}", "", f"equation      {card.equation}"]
+    lines += [f"source        {card.source}", "", "parameters (neutral; bounds; typical)"]
+    lines += [f"  {card.name}.{p.name:<18} {_parameter(p)}" for p in card.parameters]
+    lines += ["", f"axis          {card.axis}", f"order         {card.order}", f"region        {card.region}"]
+    lines += [f"confused with {', '.join(card.confused_with)}", f"separated by  {card.separated_by}"]
+    return "\n".join(lines)
+
+
+def _parameter(p: Parameter) -> str:
+    neutral_value = f"nominal {p.of_motor}" if p.neutral is None else f"{p.neutral:g}"
+    size = f"{p.typical:g}" + (f" x {p.relative_to}" if p.relative_to else f" {p.unit}")
+    return f"{neutral_value}; [{p.low:g}, {p.high:g}] {p.unit}; {size}".replace("  ", " ")
+
+
+def table() -> str:
+    """Return the markdown table of all cards."""
+    lines = ["| effect | parameters (unit, typical size) | equation | order | confused with | separated by |"]
+    lines.append("|---|---|---|---|---|---|")
+    for subsystem in SUBSYSTEMS:
+        lines.append(f"| **{subsystem}** | | | | | |")
+        for card in map(load_effect, effect_names()):
+            if card.subsystem == subsystem:
+                lines.append(_row(card))
+    return "\n".join(lines) + "\n"
+
+
+def _row(card: Effect) -> str:
+    sizes = []
+    for p in card.parameters:
+        relative = f"{p.typical:g} × {p.relative_to}" if p.relative_to else f"{p.typical:g}"
+        sizes.append(f"`.{p.name}` ({', '.join(filter(None, (p.unit, relative)))})")
+    confused = ", ".join(f"`{c}`" for c in card.confused_with)
+    cells = [f"[`{card.name}`]({card.name}.py)", " ".join(sizes), card.equation, card.order, confused]
+    return f"| {' | '.join([*cells, card.separated_by])} |"
+
+
+def readme() -> str:
+    """Return README.md with the table as it is now."""
+    text = (FOLDER / "README.md").read_text(encoding="utf-8")
+    head, _, rest = text.partition(BEGIN)
+    return head + BEGIN + "\n" + table() + "\n" + END + rest.partition(END)[2]
+
+
+if __name__ == "__main__":
+    (FOLDER / "README.md").write_text(readme(), encoding="utf-8")

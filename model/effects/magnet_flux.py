@@ -1,0 +1,19 @@
+"""Magnet flux other than nominal (temperature, tolerance, partial demagnetisation)."""
+
+from __future__ import annotations
+
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="magnet_flux",
+    summary="magnet flux other than nominal (temperature, tolerance, partial demagnetisation)",
+    subsystem="machine",
+    equation="back-EMF omega phi_m on q, torque 3/2 p phi_m i_q; replaces the nominal value",
+    source="Park's equations; NdFeB remanence about -0.12 %/K (data sheets)",
+    parameters=(Parameter("magnet_flux", "Wb", None, 0.0, 1e2, 0.94, "neutral", "magnet_flux"),),
+    axis="q",
+    order="0",
+    region="grows with speed, absent at standstill",
+    confused_with=("dc_link_error", "viscous_friction", "encoder_offset"),
+    separated_by="driven or coasting rotor at zero current: terminal voltage over speed",
+)

@@ -1,0 +1,31 @@
+"""Saturation coefficients other than nominal."""
+
+from __future__ import annotations
+
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="saturation",
+    summary="saturation coefficients other than nominal",
+    subsystem="machine",
+    equation=(
+        "H += alpha_30 d^3 + alpha_12 d q^2 + alpha_40 d^4 + alpha_22 d^2 q^2 + alpha_04 q^4 (d, q: "
+        "current-induced fluxes)"
+    ),
+    source=(
+        "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet Synchronous Motors"
+        " Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
+    ),
+    parameters=(
+        Parameter("alpha_30", "A/Wb^2", None, -1e9, 1e9, 1.3, "neutral", "alpha_30"),
+        Parameter("alpha_12", "A/Wb^2", None, -1e9, 1e9, 1.3, "neutral", "alpha_12"),
+        Parameter("alpha_40", "A/Wb^3", None, -1e12, 1e12, 1.3, "neutral", "alpha_40"),
+        Parameter("alpha_22", "A/Wb^3", None, -1e12, 1e12, 1.3, "neutral", "alpha_22"),
+        Parameter("alpha_04", "A/Wb^3", None, -1e12, 1e12, 1.3, "neutral", "alpha_04"),
+    ),
+    axis="both, coupled",
+    order="0 and the injection band",
+    region="second and third power of the bias flux; nothing at zero current",
+    confused_with=("inductance", "cross_saturation", "current_gain"),
+    separated_by=("locked-rotor staircases of d and of q bias with injection on top, up to rated current and above"),
+)

@@ -1,0 +1,41 @@
+"""A shaft that twists between motor and load."""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+from model.effects.card import INF, Effect, Parameter
+
+CARD = Effect(
+    name="shaft_compliance",
+    summary="a shaft that twists between motor and load",
+    subsystem="mechanics",
+    equation=(
+        "two masses, total inertia unchanged: J_m dw/dt = ... - shaft, J_l dw_l/dt = shaft - load, shaft "
+        "= K twist + D (w - w_l), D = 2 zeta sqrt(K J_m J_l/(J_m + J_l)); resonance sqrt(K (1/J_m + "
+        "1/J_l))"
+    ),
+    source=("Ellis, Lorenz, Resonant load control methods for industrial servo drives, IEEE IAS Annual Meeting 2000"),
+    parameters=(
+        Parameter("stiffness", "N m/rad", INF, 1e-3, INF, 0.25, "inertia x (2 pi 100 Hz)^2"),
+        Parameter("load_inertia", "kg m^2", 0.0, 0.0, 1e4, 0.5, "inertia"),
+        Parameter("damping_ratio", "", 0.01, 0.0, 1.0, 0.01),
+    ),
+    axis="motion",
+    order="a fixed frequency",
+    region="free rotor after steps of load or torque",
+    confused_with=("inertia", "cogging_torque", "dc_link_ripple"),
+    separated_by="free rotor, step of load or torque, sampled for several periods of the resonance",
+)
+
+
+@kernel
+def shaft_torque(stiffness, damping, twist, difference):
+    """Return the torque (N m) from motor to load; twist in rad, difference of speeds in rad/s, mechanical."""
+    return stiffness * twist + damping * difference
+
+
+def damping_of(ratio: float, stiffness: float, motor_inertia: float, load_inertia: float) -> float:
+    """Return D (N m s/rad) of a damping ratio."""
+    return 2.0 * ratio * math.sqrt(stiffness * motor_inertia * load_inertia / (motor_inertia + load_inertia))

@@ -1,0 +1,34 @@
+"""Winding resistance and inductance against frequency."""
+
+from __future__ import annotations
+
+from model.compiled import kernel
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="skin_effect",
+    summary="winding resistance and inductance against frequency",
+    subsystem="machine",
+    equation=(
+        "drop = R i + R_1 (i - x), tau dx/dt = i - x per stationary axis: R to R + R_1, and L lower by up"
+        " to R_1 tau, around 1/tau"
+    ),
+    source=(
+        "first-order ladder for Dowell, Effects of eddy currents in transformer windings, Proc. IEE 113 (1966) 1387"
+    ),
+    parameters=(
+        Parameter("resistance", "ohm", 0.0, 0.0, 1e3, 0.3, "resistance"),
+        Parameter("time_constant", "s", 2e-4, 1e-5, 1.0, 2e-4),
+    ),
+    axis="along the fast part of the current",
+    order="the injection band, and steps",
+    region="the first time constants after a step; nothing at rest",
+    confused_with=("iron_loss", "inductance", "stator_resistance"),
+    separated_by="locked-rotor voltage steps at full sampling rate against a slow ramp",
+)
+
+
+@kernel
+def slope(tau, i_d, i_q, slow_d, slow_q, omega):
+    """Return the slope of the slow part x of the current (A/s) in the rotor frame."""
+    return omega * slow_q + (i_d - slow_d) / tau, (i_q - slow_q) / tau - omega * slow_d

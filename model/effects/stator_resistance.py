@@ -1,0 +1,22 @@
+"""Stator resistance other than nominal (temperature, leads, contacts)."""
+
+from __future__ import annotations
+
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="stator_resistance",
+    summary="stator resistance other than nominal (temperature, leads, contacts)",
+    subsystem="machine",
+    equation="voltage drop R i in both axes; replaces the nominal value",
+    source=("Ohm's law; copper 0.39 %/K (IEC 60034-1: resistance proportional to 235 + temperature in degrees C)"),
+    parameters=(Parameter("resistance", "ohm", None, 0.0, 1e3, 1.2, "neutral", "resistance"),),
+    axis="along the current",
+    order="0 (fundamental), and the injection band at second order",
+    region="grows with current, not with speed; all regions",
+    confused_with=("device_drop", "current_gain", "skin_effect"),
+    separated_by=(
+        "locked-rotor staircase: voltage against current, intercept (device drop) and slope (R) apart; "
+        "steps against slow ramps for skin effect"
+    ),
+)

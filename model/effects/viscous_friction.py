@@ -1,0 +1,28 @@
+"""Viscous friction other than nominal."""
+
+from __future__ import annotations
+
+from model.compiled import kernel
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="viscous_friction",
+    summary="viscous friction other than nominal",
+    subsystem="mechanics",
+    equation="torque B w_mech (total), on the motor's side; replaces the nominal value",
+    source="Newton's law of viscosity in bearings; linear drag",
+    parameters=(
+        Parameter("coefficient", "N m s/rad", None, 0.0, 1e4, 0.05, "rated torque / rated speed", "viscous_friction"),
+    ),
+    axis="motion (and i_q under speed control)",
+    order="0",
+    region="free rotor, grows with speed",
+    confused_with=("coulomb_friction", "iron_loss", "magnet_flux"),
+    separated_by="coasting down from high speed: exponential against straight line",
+)
+
+
+@kernel
+def drag(coefficient, omega_mech):
+    """Return the torque (N m) against a mechanical speed (rad/s)."""
+    return coefficient * omega_mech

@@ -1,0 +1,36 @@
+"""Phases of unequal resistance (contacts, repairs, turn faults)."""
+
+from __future__ import annotations
+
+from model.compiled import kernel
+from model.effects.card import Effect, Parameter
+
+CARD = Effect(
+    name="winding_asymmetry",
+    summary="phases of unequal resistance (contacts, repairs, turn faults)",
+    subsystem="machine",
+    equation=(
+        "delta_a added to phase a, delta_b to phase b: drop (2 delta_a i_a - delta_b i_b)/3 along alpha, "
+        "delta_b i_b/sqrt(3) along beta"
+    ),
+    source="derivation: phase voltage equations seen through Clarke's transformation",
+    parameters=(
+        Parameter("delta_a", "ohm", 0.0, -1e3, 1e3, 0.03, "resistance"),
+        Parameter("delta_b", "ohm", 0.0, -1e3, 1e3, -0.02, "resistance"),
+    ),
+    axis="negative sequence: d and q alternating",
+    order="2",
+    region="grows with current; at standstill it depends on the angle",
+    confused_with=("current_gain", "inductance_harmonics", "current_offset"),
+    separated_by=(
+        "locked rotor at several angles (or a slow turn): drop at order 2 in voltage, while current gain "
+        "also acts where no voltage drops"
+    ),
+)
+
+
+@kernel
+def drop(delta_a, delta_b, i_alpha, i_beta):
+    """Return the additional voltage drop (V) in the stationary frame."""
+    v_a, v_b = delta_a * i_alpha, delta_b * (0.8660254037844386 * i_beta - 0.5 * i_alpha)
+    return (2.0 * v_a - v_b) / 3.0, v_b * 0.5773502691896258

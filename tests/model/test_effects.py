@@ -1,0 +1,176 @@
+"""The effect library: every card complete, names and bounds checked with advice, neutral values really neutral."""
+
+from __future__ import annotations
+
+import math
+import re
+
+import pytest
+
+from model.effects import library
+from model.effects.card import SUBSYSTEMS
+from model.errors import BadInput
+from model.parameters import load_drive
+from model.pulses import duties, flux_after, mean_deviation, on_area, on_time, ripple_lag
+
+DRIVE = load_drive("ipm_exchanged")
+MOTOR, CONVERTER = DRIVE.motor, DRIVE.converter
+CANONICAL = [
+    "stator_resistance",
+    "magnet_flux",
+    "inductance",
+    "saturation",
+    "cross_saturation",
+    "flux_harmonics",
+    "inductance_harmonics",
+    "iron_loss",
+    "skin_effect",
+    "winding_asymmetry",
+    "dead_time",
+    "device_drop",
+    "dc_link_error",
+    "dc_link_ripple",
+    "pwm_delay",
+    "current_gain",
+    "current_offset",
+    "current_filter",
+    "current_sampling",
+    "encoder_offset",
+    "encoder_eccentricity",
+    "coulomb_friction",
+    "viscous_friction",
+    "cogging_torque",
+    "inertia",
+    "shaft_compliance",
+]
+
+
+def test_all_canonical_effects_are_there():
+    assert set(library.effect_names()) == set(CANONICAL)
+
+
+@pytest.mark.parametrize("name", library.effect_names())
+def test_card_is_complete(name):
+    card = library.load_effect(name)
+    assert card.name == name
+    assert card.subsystem in SUBSYSTEMS
+    for text in (card.summary, card.equation, card.source, card.axis, card.order, card.region, card.separated_by):
+        assert text
+    assert card.confused_with
+    assert not set(card.confused_with) - set(library.effect_names()) - {name}
+    for p in card.parameters:
+        neutral, typical = p.neutral_for(MOTOR), p.typical_for(MOTOR, CONVERTER)
+        assert p.low <= neutral <= p.high
+        assert p.low <= typical <= p.high
+        assert math.isfinite(typical)
+    sizes = library.typical(name, MOTOR, CONVERTER)
+    assert any(sizes[k] != library.neutral(MOTOR)[k] for k in sizes)
+    assert library.complete(MOTOR, CONVERTER, sizes) != library.neutral(MOTOR)
+    text = library.card_text(card)
+    assert card.equation in text
+    assert all(f"{name}.{p.name}" in text for p in card.parameters)
+
+
+def test_table_in_the_readme_is_current():
+    """Regenerate with `python -m model.effects.library`."""
+    assert (library.FOLDER / "README.md").read_text(encoding="utf-8") == library.readme()
+
+
+def test_parse():
+    found = library.parse("dead_time.time=2e-6, current_offset.offset_a = 0.01")
+    assert found == {"dead_time.time": 2e-6, "current_offset.offset_a": 0.01}
+    assert library.parse("") == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("dead_tme.time=2e-6", "unknown effect parameter 'dead_tme.time'; did you mean 'dead_time.time'"),
+        ("dead_time.tim=2e-6", "did you mean 'dead_time.time'"),
+        ("dead_time=2e-6", "did you mean 'dead_time.time'"),
+        ("dead_time.time", "has no value"),
+        ("dead_time.time=two", "'two' is no number"),
+        ("dead_time.time=1,dead_time.time=1", "out of range"),
+        ("dead_time.time=1e-6,dead_time.time=2e-6", "given twice"),
+        ("dead_time.time=nan", r"dead_time.time = nan is out of range; give a number in \[-5e-06, 5e-05\] s"),
+        ("encoder_eccentricity.phase=inf", "not finite"),
+        ("card.x=1", "unknown effect"),
+    ],
+)
+def test_parse_refuses_with_advice(text, words):
+    with pytest.raises(BadInput, match=words):
+        library.parse(text)
+
+
+@pytest.mark.parametrize(
+    ("effects", "words"),
+    [
+        ({"saturation.alpha_12": 1.0, "cross_saturation.alpha_12": 2.0}, "contradict each other"),
+        ({"shaft_compliance.load_inertia": 0.0011}, "less than the total inertia of 0.0011"),
+        ({"shaft_compliance.load_inertia": 0.001, "inertia.inertia": 0.0009}, "less than the total inertia of 0.0009"),
+        ({"pwm_delay.delay": 1.24e-4, "dead_time.time": 2e-6}, "less than half the PWM period"),
+        ({"current_sampling.delay": -1.3e-4}, "less than half the PWM period"),
+        ({"dead_time.time": True}, "out of range"),
+    ],
+)
+def test_contradictions_are_refused(effects, words):
+    with pytest.raises(BadInput, match=words):
+        library.complete(MOTOR, CONVERTER, effects)
+
+
+def test_cross_saturation_is_a_part_of_saturation():
+    values = library.complete(MOTOR, CONVERTER, {"cross_saturation.alpha_12": 3.0})
+    assert values["saturation.alpha_12"] == 3.0
+    assert library.true_motor(MOTOR, values).alpha_12 == 3.0
+
+
+def test_replaced_parameters_make_the_true_motor():
+    assert library.true_motor(MOTOR, library.neutral(MOTOR)) == MOTOR
+    text = "stator_resistance.resistance=13,inductance.scale_d=0.9,inertia.inertia=0.002,magnet_flux.magnet_flux=0.1"
+    true = library.true_motor(MOTOR, library.complete(MOTOR, CONVERTER, library.parse(text)))
+    assert (true.resistance, true.inertia, true.magnet_flux) == (13.0, 0.002, 0.1)
+    assert (true.inductance_d, true.inductance_q) == (0.9 * MOTOR.inductance_d, MOTOR.inductance_q)
+    with pytest.raises(BadInput, match="magnet_flux"):
+        library.checked("magnet_flux.magnet_flux", -0.1)
+
+
+def test_every_file_says_what_its_kernels_return():
+    for name in library.effect_names():
+        text = (library.FOLDER / f"{name}.py").read_text()
+        assert text.count("@kernel") == len(re.findall(r'@kernel\ndef .*\n    """Return', text)), name
+
+
+T = 250e-6
+
+
+def test_duties_are_centred_and_limited():
+    d = duties(100.0, 30.0, 400.0)
+    assert max(d) - 0.5 == pytest.approx(0.5 - min(d))
+    assert (2 * d[0] - d[1] - d[2]) / 3 * 400.0 == pytest.approx(100.0)
+    assert min(duties(500.0, 0.0, 400.0)) == 0.0
+
+
+@pytest.mark.parametrize(("duty", "before", "delay"), [(0.6, 0.3, 2e-5), (0.9, 0.8, 6e-5), (0.2, 1.0, 1e-4), (0, 0, 0)])
+def test_pulse_integrals_against_a_fine_sum(duty, before, delay):
+    n = 200_000
+    t = [(k + 0.5) * T / n for k in range(n)]
+
+    def high(at):
+        old, new = abs(at - delay + T / 2) < before * T / 2, abs(at - delay - T / 2) < duty * T / 2
+        return (old if at < delay else new) * 1.0
+
+    level = [high(x) for x in t]
+    flux, total = [], 0.0
+    for v in level:
+        total += v * T / n
+        flux.append(total)
+    assert flux_after(duty, before, T, delay, T) == pytest.approx(total, abs=2e-9)
+    assert flux_after(duty, before, T, delay, 0.4 * T) == pytest.approx(flux[int(0.4 * n)], abs=3e-9)
+    deviation = [f - total * (k + 1) / n for k, f in enumerate(flux)]
+    assert mean_deviation(duty, before, T, delay) == pytest.approx(sum(deviation) / n, abs=2e-9)
+    tau, lagged = 4e-5, 0.0
+    for x in deviation:
+        lagged += (x - lagged) * T / n / tau
+    assert ripple_lag(duty, before, T, delay, tau) == pytest.approx(lagged, abs=3e-9)
+    assert on_time(duty, T, T) == pytest.approx(duty * T)
+    assert on_area(duty, T, T) == pytest.approx(0.5 * duty * T * T)
