@@ -87,10 +87,8 @@ class Scenario:
 
     def cut(self, duration: float) -> Scenario:
         """Return the scenario ended after `duration` s; BadInput where it is not that long."""
-        if not 0.0 < duration <= self.duration * (1.0 + 1e-9):
-            raise BadInput(
-                f"duration {duration} s is out of range; '{self.name}' lasts {self.duration:g} s, give (0, that]"
-            )
+        if not 1e-3 <= duration <= self.duration * (1.0 + 1e-9):
+            raise BadInput(f"duration {duration} s is out of range; '{self.name}' has [0.001, {self.duration:g}] s")
         kept: list[Segment] = []
         left = duration
         for s in self.segments:
@@ -100,6 +98,7 @@ class Scenario:
             settle = None if s.settle is None else min(s.settle, 0.5 * length)
             kept.append(Segment(length, s.load, s.speed, min(s.ramp, length), settle, s.score))
             left -= length
+        kept[-1] = dataclasses.replace(kept[-1], score=True)
         return dataclasses.replace(self, segments=tuple(kept))
 
 
