@@ -23,6 +23,7 @@ from model.drives.fitted import Fitted, jackknife
 from model.errors import BadInput
 
 POLE_PAIRS = 12
+WIDTH = 2.0  # rad/s, of the Coulomb friction's tanh: chosen, these runs cannot tell it
 ORDERS = (12, 18, 24, 36, 48, 54, 72, 90)
 COLUMNS = {"Time": "time", "Position": "position", "Velocity": "speed", "Iq": "current", "Uq": "voltage"}
 
@@ -46,7 +47,6 @@ class Friction:
     inertia: Fitted
     coulomb: Fitted
     viscous: Fitted
-    width: float
     speed: np.ndarray
     current: np.ndarray
     inertial: np.ndarray
@@ -54,7 +54,7 @@ class Friction:
 
     def current_at(self, speed: np.ndarray) -> np.ndarray:
         """Return the current (A) that friction takes at steady speeds (rad/s)."""
-        torque = self.coulomb.value * np.tanh(speed / self.width) + self.viscous.value * speed
+        torque = self.coulomb.value * np.tanh(speed / WIDTH) + self.viscous.value * speed
         return torque / self.torque_constant.value
 
 
@@ -100,26 +100,27 @@ def amplitudes(coefficients: np.ndarray) -> np.ndarray:
     return np.hypot(coefficients[1::2], coefficients[2::2])
 
 
-def friction(run: Run, width: float = 2.0, cutoff: float = 25.0, predict_at: float = 50.7) -> Friction:
+def friction(run: Run, above: float = 30.0, cutoff: float = 25.0, predict_at: float = 50.7) -> Friction:
     """Return inertia and friction from a run whose current is a slow sine; all signals are low-passed alike (Hz).
 
-    The jackknife (two seconds at a time) is far too narrow here, so the intervals are the range over what was chosen:
-    `width` 1 to 5 rad/s, `cutoff` 15 to 40 Hz, current delayed by 0 to 2 ms (delay and viscous friction look alike
-    under a sine).  `steady` is the current (A) predicted at `predict_at` (rad/s): value and range.
+    Only speeds above `above` (rad/s) count: below, cogging and the low-pass hide the friction's shape.  The jackknife
+    (two seconds at a time) is far too narrow here, so the intervals are the range over what was chosen: `above` 20 to
+    50 rad/s, `cutoff` 15 to 40 Hz, current delayed by 0 to 2 ms (delay and viscous friction look alike under a sine).
+    `steady` is the current (A) predicted at `predict_at` (rad/s): value and range.
     """
-    choices = [(w, f, d) for w in (1.0, 2.0, 5.0) for f in (15.0, 25.0, 40.0) for d in (0, 1, 2)]
-    values, errors, samples = _friction(run, width, cutoff, 0)
+    choices = [(a, f, d) for a in (20.0, 30.0, 50.0) for f in (15.0, 25.0, 40.0) for d in (0, 1, 2)]
+    values, _, samples = _friction(run, above, cutoff, 0)
     others = [_friction(run, *choice) for choice in choices]
     low = np.min([v - 2.0 * e for v, e, _ in others], axis=0)
     high = np.max([v + 2.0 * e for v, e, _ in others], axis=0)
-    basis = "range over width, filter and delay chosen, widened by the jackknife over 2 s blocks"
+    basis = "range over speeds, filter and delay chosen, widened by the jackknife over 2 s blocks"
     units = ("N m/A", "kg m^2", "N m", "N m s/rad", "A")
     values, low, high = (_with_steady(x, predict_at) for x in (values, low, high))
     steady = [_with_steady(v, predict_at)[-1] for v, _, _ in others]
     parts = [Fitted(*(float(x[k]) for x in (values, low, high)), units[k], basis) for k in range(4)]
     speed, current, acceleration = samples
     inertial = values[1] / values[0] * acceleration
-    return Friction(*parts, width, speed, current, inertial, (float(values[-1]), min(steady), max(steady)))
+    return Friction(*parts, speed, current, inertial, (float(values[-1]), float(min(steady)), float(max(steady))))
 
 
 def speed_ripple(run: Run, order: int, cutoff: float = 200.0) -> float:
@@ -142,7 +143,7 @@ def _with_steady(x: np.ndarray, speed: float) -> np.ndarray:
 
 
 def _friction(
-    run: Run, width: float, cutoff: float, delay: int
+    run: Run, above: float, cutoff: float, delay: int
 ) -> tuple[np.ndarray, np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
     """Return (K, J, T_c, B), jackknife errors, and (speed, current, acceleration) for one set of choices."""
     step = 1e-3
@@ -155,12 +156,13 @@ def _friction(
     current, voltage = np.roll(smooth[1], delay)[inner], smooth[2][inner]
     speed, acceleration = speed[inner], acceleration[inner]
     ones = np.ones_like(speed)
-    motion = np.c_[acceleration, np.tanh(speed / width), speed, ones]
+    motion = np.c_[acceleration, np.tanh(speed / WIDTH), speed, ones]
+    fast = np.abs(speed) > above
     electric = np.c_[speed, current, ones]
 
     def fit(mask: np.ndarray) -> np.ndarray:
         k = 1.5 * np.linalg.lstsq(electric[mask], voltage[mask], rcond=None)[0][0]
-        return np.r_[k, k * np.linalg.lstsq(motion[mask], current[mask], rcond=None)[0][:3]]
+        return np.r_[k, k * np.linalg.lstsq(motion[mask & fast], current[mask & fast], rcond=None)[0][:3]]
 
     values, errors = jackknife(fit, np.arange(len(speed)) // 2000)
     return values, errors, (speed, current, acceleration)

@@ -22,7 +22,7 @@ RATED_FREQUENCY = 85.0  # Hz electrical, likewise
 
 @dataclass(frozen=True)
 class Thor:
-    """Tables over (i_d, i_q), magnet axes; fluxes (n, n, 90) over theta; loss at `loss_frequency`, mean flux with it."""
+    """Tables over (i_d, i_q) in magnet axes; fluxes (n, n, 90) over theta; loss at `loss_frequency` and its flux."""
 
     pole_pairs: int
     resistance: float
@@ -140,10 +140,19 @@ def phasors(thor: Thor, table: np.ndarray, order: int) -> tuple[np.ndarray, np.n
     return value.real, -value.imag
 
 
-def flux_harmonics(thor: Thor, order: int = 6) -> tuple[float, float]:
-    """Return (psi_d, psi_q) of a 6k order without current: psi_d cos(order theta), psi_q sin(order theta), Wb."""
+def flux_harmonics(thor: Thor, order: int = 6) -> tuple[Fitted, Fitted]:
+    """Return (psi_d, psi_q) of a 6k order without current: psi_d cos(order theta), psi_q sin(order theta), Wb.
+
+    The interval is the amplitude of the phase that symmetry forbids (sin in d, cos in q): what the mesh leaves.
+    """
     a, b = int(np.argmin(np.abs(thor.i_d))), int(np.argmin(np.abs(thor.i_q)))
-    return float(phasors(thor, thor.psi_d, order)[0][a, b]), float(phasors(thor, thor.psi_q, order)[1][a, b])
+    cos_d, sin_d = (float(x[a, b]) for x in phasors(thor, thor.psi_d, order))
+    cos_q, sin_q = (float(x[a, b]) for x in phasors(thor, thor.psi_q, order))
+    basis = "amplitude of the phase that symmetry forbids"
+    return (
+        Fitted(cos_d, cos_d - abs(sin_d), cos_d + abs(sin_d), "Wb", basis),
+        Fitted(sin_q, sin_q - abs(cos_q), sin_q + abs(cos_q), "Wb", basis),
+    )
 
 
 def inductance_harmonic(thor: Thor, largest: float) -> tuple[Fitted, float, np.ndarray, np.ndarray]:
