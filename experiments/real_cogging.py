@@ -15,8 +15,9 @@ from model.drives.fitted import Fitted
 
 LIMITS = (
     "Amplitudes are currents × a torque constant that is not measured (1.5 × back-EMF, peak values assumed). "
-    "Orders 12, 24, 36, 72 are electrical 1, 2, 3, 6: faults of the current sensors look the same in i_q; order 18 (slots) is "
-    "torque for certain. Phases refer to the encoder's arbitrary zero. One motor, one turn each way."
+    "Orders 12, 24, 36, 72 are electrical 1, 2, 3, 6: faults of the current sensors look the same in i_q; "
+    "order 18 (slots) is torque for certain. Phases refer to the encoder's arbitrary zero. One motor, one turn "
+    "each way."
 )
 
 

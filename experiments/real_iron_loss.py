@@ -14,9 +14,9 @@ from model.drives import thor
 
 LIMITS = (
     "Finite elements with sinusoidal currents: no PWM loss, no measurement; frequency enters by SyR-e's own rule. Loss "
-    "grows less than (frequency × flux)², so R_c grows about as the root of frequency: one constant fits one frequency. "
-    "Where the flux is small (strong negative d-current) the loss stays and R_c falls far below. No time constant: a "
-    "loss table under sinusoidal current holds none."
+    "grows less than (frequency × flux)², so R_c grows about as the root of frequency: one constant fits one "
+    "frequency. Where the flux is small (strong negative d-current) the loss stays and R_c falls far below. "
+    "No time constant: a loss table under sinusoidal current holds none."
 )
 
 

@@ -8,6 +8,7 @@ each time.  The data themselves are not part of this package.
 from __future__ import annotations
 
 import hashlib
+import importlib
 import os
 from dataclasses import dataclass
 from pathlib import Path
@@ -273,7 +274,7 @@ def fetch(name: str) -> Path:
     if any(file.address is None for file in entry.files):
         raise BadInput(f"data set '{name}' is {where}, and has no public address of its own; {remedy}")
     try:
-        import pooch
+        pooch = importlib.import_module("pooch")  # only where something must be downloaded
     except ImportError:
         raise BadInput(
             f"data set '{name}' is {where}, and downloading needs pooch; "

@@ -61,8 +61,9 @@ class Friction:
 def read(path: Path) -> Run:
     """Return a LAAS text file's columns by name; BadInput where one is missing."""
     try:
-        header = [name.strip() for name in path.read_text(encoding="utf-8").splitlines()[0].split(",")]
-        table = np.loadtxt(path, delimiter=",", skiprows=1, ndmin=2)
+        lines = path.read_text(encoding="utf-8").splitlines()
+        header = [name.strip() for name in lines[0].split(",")]
+        table = np.array([line.split(",") for line in lines[1:]], dtype=float)
         columns = {field: table[:, header.index(name)] for name, field in COLUMNS.items() if name in header}
         return Run(**{"voltage": np.zeros(len(table)), **columns})
     except (OSError, ValueError, IndexError, TypeError) as error:
@@ -114,13 +115,14 @@ def friction(run: Run, above: float = 30.0, cutoff: float = 25.0, predict_at: fl
     low = np.min([v - 2.0 * e for v, e, _ in others], axis=0)
     high = np.max([v + 2.0 * e for v, e, _ in others], axis=0)
     basis = "range over speeds, filter and delay chosen, widened by the jackknife over 2 s blocks"
-    units = ("N m/A", "kg m^2", "N m", "N m s/rad", "A")
+    units = ("N m/A", "kg m^2", "N m", "N m s/rad")
     values, low, high = (_with_steady(x, predict_at) for x in (values, low, high))
     steady = [_with_steady(v, predict_at)[-1] for v, _, _ in others]
-    parts = [Fitted(*(float(x[k]) for x in (values, low, high)), units[k], basis) for k in range(4)]
+    parts = [Fitted(float(values[k]), float(low[k]), float(high[k]), units[k], basis) for k in range(4)]
     speed, current, acceleration = samples
     inertial = values[1] / values[0] * acceleration
-    return Friction(*parts, speed, current, inertial, (float(values[-1]), float(min(steady)), float(max(steady))))
+    predicted = (float(values[-1]), float(min(steady)), float(max(steady)))
+    return Friction(parts[0], parts[1], parts[2], parts[3], speed, current, inertial, predicted)
 
 
 def speed_ripple(run: Run, order: int, cutoff: float = 200.0) -> float:

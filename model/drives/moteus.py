@@ -120,8 +120,8 @@ def inverter_drop(lines: Intercepts) -> InverterDrop:
         i_q, (voltage, offset) = _best(lines, kept)
         with_drop.append(lines.intercept[k] - voltage * i_q / math.hypot(i_q, lines.i_d[k]) - offset)
         without.append(lines.intercept[k] - np.average(lines.intercept[kept], weights=lines.error[kept] ** -2))
-    errors = (float(np.sqrt(np.mean(np.square(e)))) for e in (with_drop, without))
-    return InverterDrop(*bounds, float(NO_LOAD_CURRENT[best]), float(NO_LOAD_CURRENT[allowed[-1]]), *errors)
+    i_q, below = float(NO_LOAD_CURRENT[best]), float(NO_LOAD_CURRENT[allowed[-1]])
+    return InverterDrop(bounds[0], bounds[1], i_q, below, _rms(with_drop), _rms(without))
 
 
 def dead_time(voltage: float, dc_link: float, pwm_frequency: float) -> float:
@@ -137,6 +137,10 @@ def _fit(lines: Intercepts, kept: np.ndarray, i_q: float) -> tuple[np.ndarray, n
     target = lines.intercept[kept] * weight
     values = covariance @ design.T @ target
     return values, np.sqrt(np.diag(covariance)), float(np.sum((target - design @ values) ** 2))
+
+
+def _rms(errors: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(errors))))
 
 
 def _best(lines: Intercepts, kept: np.ndarray) -> tuple[float, np.ndarray]:
