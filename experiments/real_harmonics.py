@@ -15,8 +15,8 @@ from model.drives import thor
 LIMITS = (
     "Finite elements, no measurement; 90 angles, so orders up to 42. Orders 12 and 18 are as large as 6 without "
     "current, and with it far larger in torque: order 6 alone is a small part of the ripple. gamma_6 explains little "
-    "of the change with current and depends on the range fitted: for this motor the one-parameter form gives a size, no "
-    "model."
+    "of the change with current and depends on the range fitted: for this motor the one-parameter form is a "
+    "size, no model."
 )
 
 

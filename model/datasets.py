@@ -1,8 +1,7 @@
 """Measured and third-party machine data: where each file lives, its SHA-256, licence and citation.
 
 `fetch` looks in the folder named by the environment variable SENSORLESS_DATA (one sub-folder per data set), then in
-the user's cache, then downloads with pooch (`pip install 'sensorless-sandbox[data]'`).  Every file is hash-checked
-each time.  The data themselves are not part of this package.
+the user's cache, then downloads with pooch (`pip install 'sensorless-sandbox[data]'`).  Every file is hash-checked.
 """
 
 from __future__ import annotations
@@ -42,11 +41,11 @@ class DataSet:
 
 def _github(repository: str, commit: str, *files: tuple[str, str, str]) -> tuple[DataFile, ...]:
     """Return files (name, path in the repository, SHA-256) of one commit."""
-    raw = f"https://raw.githubusercontent.com/{repository}/{commit}"
-    return tuple(DataFile(name, sha, f"{raw}/{path}") for name, path, sha in files)
+    address = f"https://raw.githubusercontent.com/{repository}/{commit}/"
+    return tuple(DataFile(name, sha, address + path) for name, path, sha in files)
 
 
-# The hashes were computed from these commits' own files, except that of thor_fea, which is a repacked file.
+# The hashes are those of these commits' files, except that of thor_fea, a repacked file.
 _MOTULATOR = "8c2981dc5ee66f4216a9f077dba04534d3dd55eb"  # mhinkkan/motulator, main, July 2026
 _MOTULATOR_2024 = "9103cc43a9b0fc762ef9c717046007be24e244a7"  # Aalto-Electric-Drives/motulator, August 2024
 _SYNRM = "ee4c65e763687c8a3ffd869fc4f5e6f3558eda1a"
@@ -268,8 +267,8 @@ def fetch(name: str) -> Path:
     folder = locate(name)
     if folder is not None:
         return folder
-    entry, named = dataset(name), os.environ.get(VARIABLE)
-    where = f"neither in {VARIABLE} ({named or 'not set'}) nor in the cache ({cache()})"
+    entry = dataset(name)
+    where = f"neither in {VARIABLE} ({os.environ.get(VARIABLE) or 'not set'}) nor in the cache ({cache()})"
     remedy = f"set {VARIABLE} to a folder that holds {name}/{entry.files[0].name}"
     if any(file.address is None for file in entry.files):
         raise BadInput(f"data set '{name}' is {where}, and has no public address of its own; {remedy}")
