@@ -107,7 +107,7 @@ DATASETS = (
     ),
     DataSet(
         "laas_bldc",
-        "runs of a small gearless motor at 1 kHz: slow scan (cogging), current sine (inertia, friction), coasting",
+        "runs of a small gearless motor at 1 kHz: slow scan (cogging), current sine (inertia, friction), rolling",
         _github(
             "heitor-andrade/laas_anti_cogging",
             _LAAS,
