@@ -116,4 +116,3 @@ def start(effects: Effects, theta: float) -> NDArray[np.float64]:
     x[PHI_D], x[PHI_Q], x[THETA] = m.psi_d6 * math.cos(6.0 * theta), m.psi_q6 * math.sin(6.0 * theta), theta
     x[DUTY : DUTY + 3] = 0.5
     return x
-

@@ -113,7 +113,7 @@ def drag(f, theta, omega, pole_pairs):
 
 @kernel
 def rates(p, m, f, c, n, theta, y, u_alpha, u_beta, load, imposed):
-    """Return the derivatives of y = (phi_d, phi_q, omega, core, slow part, load's speed, twist); c, n: exp(-j theta)."""
+    """Return the derivatives of y = (phi_d, phi_q, omega, core, slow, load's speed, twist); c, n: exp(-j theta)."""
     d, q, w, core_d, core_q, slow_d, slow_q, w_load, twist = y
     i_d, i_q, torque = magnetic(p, m, c, -n, d, q)
     i_d, i_q = i_d + core_d, i_q + core_q

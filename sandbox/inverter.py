@@ -131,7 +131,7 @@ def lost_at_legs(v, links, duty, start, gamma, resistance, omega, magnet_flux, c
 
 @kernel
 def delayed(v, links, duty, last, x, p, m, start, resistance, c, s):
-    """Return the voltage (V) of a delayed pattern: volt-seconds of the period, and R Gamma of the mean flux it moves."""
+    """Return the voltage (V) of a delayed pattern: volt-seconds of the period, R Gamma of the mean flux it moves."""
     late, t_s = late_by(v), v.period
     u_alpha, u_beta = stationary(
         links[0] / t_s * flux_after(duty[0], last[0], t_s, late, t_s),

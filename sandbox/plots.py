@@ -50,7 +50,7 @@ def comparison_figure(comparison: Comparison, path: Path) -> None:
         axes_row[0].set_ylabel(f"{'closed' if closed else 'open'} loop\nposition error (° electrical)")
     for axes, estimator in zip(panels[0], estimators, strict=True):
         axes.set_title(estimator, fontweight="bold")
-    figure.suptitle(f"{comparison.drive.name}, {comparison.scenario.name}")
+    figure.suptitle(f"{comparison.drive.name}, {comparison.scenario.name}", parse_math=False)
     figure.supxlabel(READING, fontsize=9, color="0.25")
     for axes in panels[-1]:
         axes.set_xlabel("load (% of rated)" if by_load else "segment: load (%), speed (rpm)")
@@ -173,7 +173,7 @@ def audit_figure(drive: Drive, audit: Audit, path: Path) -> None:
     angles.set(xlabel="load (% of rated, i_d = 0)", ylabel="error of a linear belief (° electrical)")
     angles.set_title("cross-saturation angle")
     angles.legend(frameon=False, fontsize=9)
-    figure.suptitle(f"{drive.name}: where the model may be used")
+    figure.suptitle(f"{drive.name}: where the model may be used", parse_math=False)
     _save(figure, path)
 
 

@@ -12,8 +12,18 @@ from model.compiled import kernel
 from model.effects import current_filter, encoder_eccentricity, encoder_offset, iron_loss
 from model.frames import stationary
 from model.pulses import duties, flux_after
-from sandbox.full import CLOCK, CORE_D, CORE_Q, CORE_RIPPLE, DUTY, FILTER_ALPHA, FILTER_BETA, FILTER_RIPPLE
-from sandbox.full import magnetic, stiffness
+from sandbox.full import (
+    CLOCK,
+    CORE_D,
+    CORE_Q,
+    CORE_RIPPLE,
+    DUTY,
+    FILTER_ALPHA,
+    FILTER_BETA,
+    FILTER_RIPPLE,
+    magnetic,
+    stiffness,
+)
 from sandbox.inverter import late_by, leg_link
 from sandbox.plant import OMEGA, PHI_D, PHI_Q, THETA, turn
 
@@ -108,4 +118,3 @@ def sampled(x, p, m, v, e, u_alpha, u_beta, rng):
             f_beta = current_filter.after(f_beta, i_beta, j_beta, back, e.filter_time)
         j_alpha, j_beta = f_alpha, f_beta
     return j_alpha, j_beta, i_d, i_q
-

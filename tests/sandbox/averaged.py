@@ -1,19 +1,16 @@
 """The averaged kernel and the switched bench fed with the same commands, for comparing their samples."""
 
-import dataclasses
-import math
-
 import numpy as np
 
 from model.effects.library import complete, true_motor
 from model.parameters import load_drive
 from sandbox.effects import compiled, longest_step, masses, start
-from sandbox.full import FILTER_ALPHA, advance
+from sandbox.full import advance
 from sandbox.inverter import deliver
-from sandbox.plant import OMEGA, PHI_D, THETA, Plant, steps_per_period
+from sandbox.plant import OMEGA, Plant, steps_per_period
 from sandbox.sensors import sampled
 from sandbox.switched.effects import bench, quiet
-from sandbox.switched.simulate import flux_for, replay
+from sandbox.switched.simulate import replay
 
 LOCKED, DRIVEN, FREE = 0, 1, 2
 
