@@ -67,7 +67,8 @@ def test_moving_scenarios(name):
     for row in result.rows:
         assert not row.lost_lock
         assert row.reference_held
-        assert row.error_deg.mean == pytest.approx(row.predicted_mean_deg, abs=0.2)
+        # 0.1 degree of that, and the tail of a load step: 1.6 s after it with a speed loop of 0.25 s
+        assert row.error_deg.mean == pytest.approx(row.predicted_mean_deg, abs=0.3)
     speeds = np.concatenate([r.recording.omega for r in result.runs])
     assert speeds.max() > 0 > speeds.min()
 
