@@ -8,9 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
-from model.identification import UNITS, Fit, Levels, exact, first_order
+from model.exact_fit import exact
+from model.identification import first_order
+from model.levels import UNITS, Fit, Levels
 from sandbox.campaign import Campaign, read_campaign
 from sandbox.staircase import levels_of
+
+LARGE_MISFIT = 5.0
 
 
 @dataclass(frozen=True)
@@ -65,4 +69,9 @@ def identify(folder: str | Path | Campaign) -> Identification:
             raise
         remarks.append(f"first_order left out: {error}")
     fits["exact"] = exact(levels, campaign.drive.motor, dict(campaign.background))
+    if fits["exact"].misfit > LARGE_MISFIT:
+        remarks.append(
+            f"the levels differ from the model {math.sqrt(fits['exact'].misfit):.0f} times as much as their noise: an effect "
+            "outside the model acts (inverter, delay, iron loss, other saturation); intervals may be too narrow"
+        )
     return Identification(campaign, levels, fits, tuple(remarks))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from model.identification import NONE, D, Levels, Q
+from model.levels import NONE, D, Levels, Q
 from model.parameters import Drive
 from model.ripple import flux_ripple
 from sandbox.campaign import Campaign, CampaignRecording
@@ -41,11 +41,18 @@ def levels_of(campaign: Campaign) -> Levels:
         )
     parts = [_levels(r, campaign.drive) for r in chosen]
 
-    def joined(name: str) -> Array:
-        return np.concatenate([getattr(p, name) for p in parts])
-
-    names = ("axis", "voltage", "current", "slope", "voltage_sd", "slope_sd", "waveform", "theta")
-    levels = Levels(parts[0].period, *(joined(n) for n in names), tuple(itertools.chain(*(p.source for p in parts))))
+    levels = Levels(
+        period=parts[0].period,
+        axis=np.concatenate([p.axis for p in parts]),
+        voltage=np.concatenate([p.voltage for p in parts]),
+        current=np.concatenate([p.current for p in parts]),
+        slope=np.concatenate([p.slope for p in parts]),
+        voltage_sd=np.concatenate([p.voltage_sd for p in parts]),
+        slope_sd=np.concatenate([p.slope_sd for p in parts]),
+        waveform=np.concatenate([p.waveform for p in parts]),
+        theta=np.concatenate([p.theta for p in parts]),
+        source=tuple(itertools.chain(*(p.source for p in parts))),
+    )
     check_units(levels, campaign.drive)
     return levels
 
@@ -59,8 +66,8 @@ def _levels(r: CampaignRecording, drive: Drive) -> Levels:
     i = _in_frame(*r.current, theta, n)
     axis = AXIS[r.injection_axis]
     stretches = steady(np.concatenate([i.mean(axis=1), u.mean(axis=1)], axis=1), r.file, n)
-    rows = [_level(u[a:b], i[a:b], axis, drive) for a, b in stretches]
     _check_injection(r, drive, u, axis, stretches, theta)
+    rows = [_level(u[a:b], i[a:b], axis, drive) for a, b in stretches]
     v, c, s, v_sd, s_sd, w = (np.array(x) for x in zip(*rows, strict=True))
     v_sd, s_sd = (np.sqrt((np.median(x, axis=0) ** 2 + x**2) / 2.0) for x in (v_sd, s_sd))  # few blocks scatter
     m = len(rows)
