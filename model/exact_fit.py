@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
-from model.energy import Energy
+from model.energy import Energy, flux_from_current
 from model.errors import BadInput, PhysicsError
 from model.frames import rotate
 from model.identification import first_order_estimate
@@ -129,7 +129,9 @@ def exact(levels: Levels, nominal: Motor, background: dict[str, float] | None = 
             "no start value gives a model valid at every level (strictly convex energy); the levels reach currents "
             "where the quartic energy cannot hold, or voltages and currents do not belong together"
         )
-    return _finish(levels, free, *_reweighted(levels, free, *best))
+    fit = _finish(levels, free, *_reweighted(levels, free, *best))
+    flux_from_current(fit.energy, *levels.current.T)  # raises where the way there from zero leaves the convex domain
+    return fit
 
 
 def _reweighted(

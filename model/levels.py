@@ -23,6 +23,7 @@ NAMES = (
 UNITS = dict(zip(NAMES, ("ohm", "H", "H", "A/Wb^2", "A/Wb^2", "A/Wb^3", "A/Wb^3", "A/Wb^3"), strict=True))
 D, Q, NONE = 0, 1, -1
 ON_AXIS = 0.08  # of the largest current: how far a level may lie from an axis to count as on it
+AT_ZERO = 0.02  # of the largest current: how far from zero to count as at zero
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Levels:
 
     def pick(self, axis: int, bias: int | None) -> NDArray[np.int64]:
         """Return the indices of levels injected on an axis with bias on `bias` alone (zero included), or at zero."""
-        near = ON_AXIS * np.max(np.hypot(*self.current.T))
+        near = (AT_ZERO if bias is None else ON_AXIS) * np.max(np.hypot(*self.current.T))
         off = np.hypot(*self.current.T) if bias is None else np.abs(self.current[:, 1 - bias])
         return np.flatnonzero((self.axis == axis) & (off <= near))
 

@@ -99,7 +99,11 @@ def steady(averages: Array, file: str, n: int) -> list[tuple[int, int]]:
     for k in np.flatnonzero(~still):
         good[k : k + WINDOW + 1] = False
     edges = np.flatnonzero(np.diff(np.concatenate([[0], good.astype(int), [0]])))
-    runs = [(a + MARGIN, b - MARGIN) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    runs, left = [], 0
+    for a, b in zip(edges[::2], edges[1::2], strict=True):
+        # a transient that took that long to sink into the noise gets as long again to vanish
+        runs.append((a + max(MARGIN, min(a - left, (b - a) // 2)), b - MARGIN))
+        left = b
     kept = [(int(a), int(b)) for a, b in runs if b - a >= FEWEST]
     if not kept:
         longest = max((b - a + 2 * MARGIN for a, b in runs), default=0)
