@@ -82,7 +82,10 @@ def _without(levels, keep):
     [
         (lambda lv: lv.axis == D, "no steady level with injection on d and bias on d: inductance_d"),
         (lambda lv: lv.axis == Q, "no steady level with injection on q and bias on q: inductance_q and alpha_04"),
-        (lambda lv: (lv.axis == D) & (lv.current[:, 1] != 0), "on q with injection on d has levels at 0 A only: alpha_12 and alpha_22 need"),
+        (
+            lambda lv: (lv.axis == D) & (lv.current[:, 1] != 0),
+            "on q with injection on d has levels at 0 A only: alpha_12 and alpha_22 need",
+        ),
         (lambda lv: (lv.axis == D) & (lv.current[:, 0] < 0), "no level at negative i_d"),
         (lambda lv: (lv.axis == Q) & (np.abs(lv.current[:, 1]) < 1.9), "at -2, 2 A only: inductance_q and alpha_04"),
         (lambda lv: np.hypot(*lv.current.T) < 0.1, "no level at zero current with injection on d"),
