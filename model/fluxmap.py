@@ -97,7 +97,9 @@ def write_map(path: str | Path, m: FluxMap) -> None:
     psi_d, psi_q, i_d, i_q = m.points()
     if path.suffix == ".npz":
         body: dict[str, Any] = {"i_s_dq": (i_d + 1j * i_q).reshape(m.psi_d.shape), "psi_s_dq": m.psi_d + 1j * m.psi_q}
-        np.savez(path, **body, **({} if m.torque is None else {"tau": m.torque}))
+        if m.torque is not None:
+            body["tau"] = m.torque
+        np.savez(path, **body)
     elif path.suffix == ".mat":
         from scipy.io import savemat
 

@@ -214,8 +214,9 @@ def fit_map(m: FluxMap) -> SplineEnergy:
         for fold in range(FOLDS):
             out = group == fold
             try:
-                s = fit(*[x[~out] for x in data], cells, smooth)
-                d, q = flux_from_current(s, *[x[out] for x in data[2:]])
+                kept = [x[~out] for x in data]
+                s = fit(kept[0], kept[1], kept[2], kept[3], cells, smooth)
+                d, q = flux_from_current(s, data[2][out], data[3][out])
                 error += float(np.sum((d - data[0][out]) ** 2 + (q - data[1][out]) ** 2))
             except PhysicsError:  # this choice does not reach every point of the map
                 error = np.inf
@@ -223,7 +224,7 @@ def fit_map(m: FluxMap) -> SplineEnergy:
         errors.append(error)
     good = [k for k, e in enumerate(errors) if e <= TOLERATED * min(errors)]
     cells, smooth = CHOICES[max(good, key=lambda k: (CHOICES[k][1], -CHOICES[k][0][0]))]
-    return fit(*data, cells, smooth)
+    return fit(data[0], data[1], data[2], data[3], cells, smooth)
 
 
 class _Box:
