@@ -13,7 +13,7 @@ from model.parameters import load_drive
 from sandbox.identify import identify
 from sandbox.locked_test import Bench, paper_campaign
 
-REPETITIONS, LEVELS, DWELL = 400, 7, 80
+REPETITIONS, LEVELS, DWELL = 400, 7, 120
 
 
 def study(name: str, repetitions: int = REPETITIONS) -> np.ndarray:

@@ -21,7 +21,7 @@ def true_slopes(drive: Drive, i_d: float, i_q: float, axis: str) -> tuple[float,
     v = np.zeros((len(shape), 2))
     v[:, "dq".index(axis)] = shape
     out = np.empty_like(v)
-    _, _, status = periodic(drive.motor.energy, drive.motor.resistance, 0.0, 1.0, 0.0, v, h, i_d, i_q, out)
+    _, _, status = periodic(drive.motor.energy, drive.motor.resistance, 0.0, 1.0, 0.0, v, h, 0.0, i_d, i_q, out)
     if status:
         raise PhysicsError(f"no valid periodic solution of '{drive.name}' at i_d = {i_d:.3g} A, i_q = {i_q:.3g} A")
     return slopes(out, flux_ripple(shape, h))

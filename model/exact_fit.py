@@ -1,11 +1,11 @@
 """Unbiased identification: every steady level at once through the exact periodic solution of `model.ripple`.
 
 Neither large alphas nor a finite injection frequency bias it.  Free beside the motor's eight parameters: the
-inverter's voltage error (threshold and width), the error of the lock angle, and, with stated standard deviations,
+inverter's voltage error (threshold and width), its delay against the reading, the error of the lock angle, and, with stated standard deviations,
 gains and offsets of the current sensors.
 
 Checked: recovery of planted motors, coverage of the intervals, bench campaigns (tests/model, tests/sandbox).
-Not in the model, and told by `Fit.misfit` only: PWM delay, iron loss, a saturation the quartic cannot follow.
+Not in the model, and told by `Fit.misfit` only: iron loss, current filters, a saturation the quartic cannot follow.
 """
 
 from __future__ import annotations
@@ -29,11 +29,12 @@ from model.ripple import periodic, slopes
 WIDTH = 0.01  # of the largest current: the sign of a phase current goes linearly through zero within it
 WIDTH_SD = 0.7  # of its logarithm
 ANGLE_SD = 0.1  # rad, weak prior on the error of the lock angle; symmetry in i_q finds it
+DELAY_SD = 0.2  # of the sampling period, prior on pulses later than the reading amid their zero vector
 SINGULAR = 1e-10
 
 
 @kernel
-def _predict(m, resistance, threshold, width, error, theta, gain, offset, waveform, psi, current, h, out):
+def _predict(m, resistance, threshold, width, error, theta, gain, offset, waveform, psi, current, h, delay, out):
     """Fill out (n, 4): mean voltage d, q (V) and slopes d, q (1/H) as the bench reads them; return 0 if solved."""
     n, samples = psi.shape
     v = np.empty((samples, 2))
@@ -48,7 +49,7 @@ def _predict(m, resistance, threshold, width, error, theta, gain, offset, wavefo
         i_d, i_q = rotate(x, y, -angle)
         for j in range(samples):
             v[j, 0], v[j, 1] = rotate(waveform[k, j, 0], waveform[k, j, 1], -error[k])
-        u_d, u_q, status = periodic(m, resistance, threshold, width, angle, v, h, i_d, i_q, ripple)
+        u_d, u_q, status = periodic(m, resistance, threshold, width, angle, v, h, delay, i_d, i_q, ripple)
         if status == 1:
             return 1
         for j in range(samples):
@@ -85,10 +86,10 @@ class _Problem:
         m = Energy(1 / p[1], 1 / p[2], p[3], p[4], p[5], p[6], p[7])
         gain, offset = sensor_gain(p[9], p[10], p[11]), np.array([p[12], (p[12] + 2 * p[13]) / math.sqrt(3.0)])
         out = np.empty((len(lv.axis), 4))
-        error = np.ascontiguousarray(p[15:][self.locks])
+        error = np.ascontiguousarray(p[16:][self.locks])
         width = self.width * math.exp(min(max(p[14], -5.0), 5.0))
         status = _predict(
-            m, p[0], p[8], width, error, lv.theta, gain, offset, lv.waveform, lv.flux, lv.current, lv.period, out
+            m, p[0], p[8], width, error, lv.theta, gain, offset, lv.waveform, lv.flux, lv.current, lv.period, p[15], out
         )
         if status:
             return None
@@ -109,7 +110,9 @@ def exact(levels: Levels, nominal: Motor, background: dict[str, float] | None = 
     background = background or {}
     angles, locks = np.unique(np.round(levels.theta, 4), return_inverse=True)
     gain, offset = background.get("current_gain", 0.0), background.get("current_offset", 0.0)
-    prior = np.concatenate([[np.inf], 3 * [gain], 2 * [offset], [WIDTH_SD], len(angles) * [ANGLE_SD]])
+    prior = np.concatenate(
+        [[np.inf], 3 * [gain], 2 * [offset], [WIDTH_SD], [DELAY_SD * levels.period], len(angles) * [ANGLE_SD]]
+    )
     free = np.concatenate([np.ones(9, bool), prior[1:] > 0])
     biggest = float(np.max(np.hypot(*levels.current.T)))
     best: tuple[float, Array, Array, _Problem] | None = None
@@ -255,9 +258,10 @@ def _finish(levels: Levels, free: NDArray[np.bool_], cost: float, x: Array, j: A
         "offset_b": float(p[13]),
         "width": problem.width * math.exp(p[14]),
     }
-    nuisance |= {"angle_error": float(np.mean(p[15:]))}
-    names = NAMES + tuple(k for k, f in zip([*nuisance][:-1], free[8:15], strict=True) if f)
-    names += tuple(f"angle_{k}" for k in range(int(free[15:].sum())))
+    nuisance |= {"delay": float(p[15])}
+    nuisance |= {"angle_error": float(np.mean(p[16:]))}
+    names = NAMES + tuple(k for k, f in zip([*nuisance][:-1], free[8:16], strict=True) if f)
+    names += tuple(f"angle_{k}" for k in range(int(free[16:].sum())))
     return Fit(
         "exact", names, dict(zip(NAMES, p[:8].tolist(), strict=True)), covariance,
         float(np.sqrt(np.mean(left**2))), misfit, nuisance,

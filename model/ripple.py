@@ -65,8 +65,11 @@ def voltage_error(i_d, i_q, angle, threshold, width):
 
 
 @kernel
-def periodic(m, resistance, threshold, width, angle, v, h, mean_d, mean_q, out):
+def periodic(m, resistance, threshold, width, angle, v, h, delay, mean_d, mean_q, out):
     """Find the periodic solution whose sampled current has a given mean (A); v (N, 2) V in the rotor frame.
+
+    `delay` (s): by how much pulses come after the reading that should stand amid their zero vector, where current
+    falls by its own voltage drop: what is read is i + delay x Gamma (R i + e).
 
     Fills out (N, 2) with the sampled current less that mean; returns the mean voltage u_bar (d, q) that goes
     with it, and 0 or 1 (outside the convex domain, or not converged).
@@ -87,13 +90,17 @@ def periodic(m, resistance, threshold, width, angle, v, h, mean_d, mean_q, out):
         for k in range(n):
             for j in range(4):
                 i_d, i_q = currents(m, x + a[k, j], y + b[k, j])
-                if j == 0:
-                    out[k, 0], out[k, 1] = i_d - mean_d, i_q - mean_q
-                    c_d, c_q = c_d + out[k, 0] / n, c_q + out[k, 1] / n
                 e_d = e_q = 0.0
                 if threshold != 0.0:
                     e_d, e_q = voltage_error(i_d, i_q, angle, threshold, width)
                 r[k, j], s[k, j] = resistance * i_d + e_d, resistance * i_q + e_q
+                if j == 0:
+                    if delay != 0.0:
+                        dd, dq, qq = hessian(m, x + a[k, j], y + b[k, j])
+                        i_d += delay * (dd * r[k, j] + dq * s[k, j])
+                        i_q += delay * (dq * r[k, j] + qq * s[k, j])
+                    out[k, 0], out[k, 1] = i_d - mean_d, i_q - mean_q
+                    c_d, c_q = c_d + out[k, 0] / n, c_q + out[k, 1] / n
                 u_d += WEIGHTS[3, j] * r[k, j] / n
                 u_q += WEIGHTS[3, j] * s[k, j] / n
         dd, dq, qq = hessian(m, x, y)

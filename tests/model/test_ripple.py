@@ -19,9 +19,9 @@ def _square(amplitude, axis=0, n=N):
     return v
 
 
-def _solve(m, resistance, v, h, mean, threshold=0.0):
+def _solve(m, resistance, v, h, mean, threshold=0.0, delay=0.0):
     out = np.empty_like(v)
-    u_d, u_q, status = periodic(m, resistance, threshold, 0.02, 0.3, v, h, *map(float, mean), out)
+    u_d, u_q, status = periodic(m, resistance, threshold, 0.02, 0.3, v, h, delay, *map(float, mean), out)
     assert status == 0
     return np.array([u_d, u_q]), out
 
@@ -109,3 +109,12 @@ def test_voltage_error_is_a_saturated_sign_of_each_phase():
     # the same in a turned frame
     turned = voltage_error(math.cos(0.4), -math.sin(0.4), 0.4, 2.0, 0.01)
     assert np.hypot(*turned) == pytest.approx(8 / 3)
+
+
+def test_late_pulses_are_read_in_the_zero_vector():
+    """Bench practice/p09: with pulses late by tau the reading stands tau before the middle of the zero vector."""
+    resistance, inductance, tau = 12.0, 0.05, 40e-6
+    m = Energy(1 / inductance, 1 / 0.08, *5 * (0.0,))
+    read = 1.5  # A, of a constant current i with di/dt = -R i / L in the zero vector: i + tau R i / L
+    u, _ = _solve(m, resistance, _square(0.0), H, (read, 0.0), delay=tau)
+    assert u[0] == pytest.approx(resistance * read / (1 + tau * resistance / inductance), rel=1e-12)

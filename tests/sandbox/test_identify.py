@@ -85,14 +85,29 @@ def test_intervals_cover_the_truth():
     assert np.mean(inside) > 0.95 - 2.5 * 0.022
 
 
-@pytest.mark.parametrize("name", ["p01", "p03", "p06", "p10"])
+@pytest.mark.parametrize("name", ["p01", "p02", "p03", "p06", "p09", "p10", "p12"])
 def test_bench_campaigns_give_their_true_motor(name):
     folder = recordings_folder() / "practice"
     truth = tomllib.loads((folder / f"{name}.truth.toml").read_text())["true_motor"]
     fit = identify(folder / name).fits["exact"]
     z = {n: (fit.values[n] - truth[TRUTH[n]]) / fit.sd[n] for n in NAMES}
-    assert max(map(abs, z.values())) < 3.5, z  # 4 campaigns x 8: one beyond 3.5 in 70 runs of this test
-    assert all(fit.sd[n] < 0.03 * abs(fit.values[n]) for n in NAMES)
+    assert max(map(abs, z.values())) < 3.5, z  # 7 campaigns x 8: one beyond 3.5 in 40 runs of this test
+    assert all(fit.sd[n] < 0.04 * abs(fit.values[n]) for n in NAMES)
+
+
+def test_nuisances_of_the_bench_are_found_beside_the_motor():
+    folder = recordings_folder() / "practice"
+    late = identify(folder / "p09").fits["exact"].nuisance["delay"]
+    assert late == pytest.approx(3.866e-5, rel=0.03)  # p09.truth.toml, pwm_delay
+    dead = identify(folder / "p02").fits["exact"].nuisance["voltage_threshold"]
+    assert dead == pytest.approx(1.2213e-6 / 250e-6 * 400.0, rel=0.03)  # p02.truth.toml: dead time x U_dc / T_s
+    turned = identify(folder / "p06").fits["exact"].nuisance["angle_error"]
+    assert turned == pytest.approx(0.0469, abs=0.005)  # p06.truth.toml: encoder_offset, read = true + offset
+
+
+def test_iron_loss_is_outside_the_model_and_said_so():
+    report = identify(recordings_folder() / "practice" / "p11")
+    assert any("an effect outside the model acts" in remark for remark in report.remarks)
 
 
 def _changed(campaign, **columns):
