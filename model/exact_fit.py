@@ -250,7 +250,9 @@ def _finish(levels: Levels, free: NDArray[np.bool_], cost: float, x: Array, j: A
     bias = levels.voltage.size
     misfit = max(1e-300, cost * float(np.max(problem.inflate)) ** 2 / max(1, bias + 2 * int(rows.sum()) - 9))
     peak = np.max(np.abs(levels.flux), axis=1)[rows, None]
-    left = r[bias : bias + 2 * int(rows.sum())].reshape(-1, 2) * levels.slope_sd[rows] * problem.inflate[1] * peak
+    left = np.full((len(levels.axis), 2), np.nan)
+    scaled = r[bias : bias + 2 * int(rows.sum())].reshape(-1, 2) * problem.inflate[1]
+    left[rows] = scaled * levels.slope_sd[rows] * peak
     nuisance = {"voltage_threshold": float(p[8]), "gain_a": float(p[9]), "gain_b": float(p[10])}
     nuisance |= {
         "gain_c": float(p[11]),
@@ -264,5 +266,5 @@ def _finish(levels: Levels, free: NDArray[np.bool_], cost: float, x: Array, j: A
     names += tuple(f"angle_{k}" for k in range(int(free[16:].sum())))
     return Fit(
         "exact", names, dict(zip(NAMES, p[:8].tolist(), strict=True)), covariance,
-        float(np.sqrt(np.mean(left**2))), misfit, nuisance,
+        float(np.sqrt(np.nanmean(left**2))), misfit, nuisance, left,
     )  # fmt: skip

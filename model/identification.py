@@ -59,7 +59,7 @@ def first_order(levels: Levels, current_uncertainty: float | None = None) -> Fit
     values = dict(zip(NAMES, [r, *x.tolist()], strict=True))
     left = (levels.slope - _first_order_slopes(levels, x)) * peak[:, None]
     rows = levels.axis != NONE
-    return Fit("first_order", NAMES, values, covariance, float(np.sqrt(np.mean(left[rows] ** 2))), math.nan, {})
+    return Fit("first_order", NAMES, values, covariance, float(np.sqrt(np.mean(left[rows] ** 2))), math.nan, {}, left)
 
 
 def sensitivity(levels: Levels) -> Array:

@@ -66,6 +66,7 @@ class Fit:
     residual_rms: float  # A, peak of the ripple left unexplained
     misfit: float  # how many times its noise the worse of voltages and ripples leaves, 1 where noise explains all
     nuisance: dict[str, float]
+    residuals: Array  # (n, 2) A, peak of the ripple less its prediction at each level
 
     @property
     def sd(self) -> dict[str, float]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ from model.errors import BadInput
 from model.exact_fit import exact
 from model.identification import first_order
 from model.levels import UNITS, Fit, Levels
+from model.parameters import Motor
 from sandbox.campaign import Campaign, read_campaign
 from sandbox.staircase import levels_of
 
@@ -25,6 +27,11 @@ class Identification:
     levels: Levels
     fits: dict[str, Fit]
     remarks: tuple[str, ...]
+
+    def motor(self, method: str = "exact") -> Motor:
+        """Return the nominal motor with the identified values in place, e.g. for `model.saliency.audit`."""
+        values: dict[str, Any] = dict(self.fits[method].values)
+        return dataclasses.replace(self.campaign.drive.motor, **values)
 
     def as_json(self) -> dict[str, Any]:
         """Return the command's JSON body: methods, parameters in SI units, null where a number is undefined."""

@@ -123,6 +123,15 @@ def good():
     return paper_campaign(load_drive("ipm_exchanged"), np.linspace(-1.92, 1.92, 7), 60, bench)
 
 
+def test_result_hands_back_a_motor_and_its_residuals(good):
+    found = identify(good)
+    assert found.motor().inductance_q == found.fits["exact"].values["inductance_q"]
+    assert found.motor("first_order").pole_pairs == good.drive.motor.pole_pairs
+    for fit in found.fits.values():
+        assert fit.residuals.shape == found.levels.slope.shape
+        assert fit.residual_rms == pytest.approx(np.sqrt(np.mean(fit.residuals**2)))
+
+
 def test_json_holds_names_of_the_contract(good, tmp_path):
     report = identify(write_campaign(tmp_path / "c", good)).as_json()
     for method in ("first_order", "exact"):
