@@ -24,6 +24,7 @@ Array = NDArray[np.float64]
 AXIS = {"d": D, "q": Q, "none": NONE}
 WINDOW = 4  # periods over which a steady average may not drift
 FEWEST = 8  # periods of a steady stretch
+BLOCKS = 8  # degrees of freedom of a level's own noise
 MARGIN = 2  # periods left out at either end
 DRIFT = 6.0  # noise levels
 STILL = 2e-4  # of the largest average: drift allowed where there is no noise
@@ -69,7 +70,8 @@ def _levels(r: CampaignRecording, drive: Drive) -> Levels:
     _check_injection(r, drive, u, axis, stretches, theta)
     rows = [_level(u[a:b], i[a:b], axis, drive) for a, b in stretches]
     v, c, s, v_sd, s_sd, w = (np.array(x) for x in zip(*rows, strict=True))
-    v_sd, s_sd = (np.sqrt((np.median(x, axis=0) ** 2 + x**2) / 2.0) for x in (v_sd, s_sd))  # few blocks scatter
+    periods = np.sqrt([[b - a] for a, b in stretches])
+    v_sd, s_sd = (_pooled(x * periods) / periods for x in (v_sd, s_sd))
     m = len(rows)
     return Levels(
         drive.converter.sampling_period, np.full(m, axis), v, c, s, v_sd, s_sd, w, np.full(m, theta), m * (r.file,)
@@ -129,10 +131,16 @@ def _level(u: Array, i: Array, axis: int, drive: Drive) -> tuple[Array, ...]:
 
 def _error_of_mean(x: Array) -> Array:
     """Return the standard error of the mean of (P, 2), from blocks long enough to carry the control's correlation."""
-    blocks = max(min(len(x), 8), len(x) // 10)
+    blocks = max(min(len(x), BLOCKS + 1), len(x) // 10)
     size = len(x) // blocks
     means = x[: blocks * size].reshape(blocks, size, -1).mean(axis=1)
     return np.asarray(means.std(axis=0, ddof=1) / math.sqrt(blocks))
+
+
+def _pooled(x: Array) -> Array:
+    """Return noise levels (n, 2), each from few blocks, drawn to what is common to all levels."""
+    common = np.median(x**2, axis=0) / (1 - 2 / (9 * BLOCKS)) ** 3  # median of chi-squared over its mean
+    return np.asarray(np.sqrt(0.75 * common + 0.25 * x**2))
 
 
 def _lock_angle(r: CampaignRecording) -> float:
