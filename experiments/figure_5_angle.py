@@ -1,6 +1,7 @@
 """Figure 5: ripple at a current angle of 60 degrees, which no fit has seen: model against data.
 
-Data: exact ripple of the true motor with +-10 mA (two standard deviations).  Model: the exact fit to the paper's on-axis test (noise on),
+Data: exact ripple of the true motor with +-10 mA (two standard deviations).  Model: the exact fit to the paper's
+on-axis test (noise on),
 and the paper's own formulas with its own estimates from the same test.
 """
 

@@ -1,6 +1,7 @@
 """Figures 3 and 4: ripple against bias, (saturation1) and (saturation3q), both motors; why the printed SPM cannot be.
 
-Circles: ripple a bench would see, simulated through the exact model (+-10 mA, two standard deviations, on its peak).  Where the model as
+Circles: ripple a bench would see, simulated through the exact model (+-10 mA, two standard deviations, on its peak).
+Where the model as
 printed stops being convex there is none.  Solid: the paper's formula with its parameters.
 """
 
@@ -57,7 +58,8 @@ def main() -> None:
                 axis.axvspan(-8, c["convexity_ends_at"], color="0.9", zorder=0)
                 low, high = c["formula_negative_between"]  # type: ignore[misc]
                 axis.axvspan(low, high, ymax=0.25, color=COLOURS["first"], alpha=0.3, zorder=1)
-                text = f"left of {c['convexity_ends_at']:.2f} A the energy is not convex:\nno such motor; formula < 0 (orange)"
+                text = f"left of {c['convexity_ends_at']:.2f} A the energy is not convex:\n"
+                text += "no such motor; formula < 0 (orange)"
                 axis.annotate(text, (-7.8, 0.97), xycoords=("data", "axes fraction"), va="top", fontsize=8)
             axis.set(title=name, xlabel=f"i_{bias} (A)", ylabel="i~_d (A)" if bias == "d" else "i~_q (A)")
             axis.legend(fontsize=8, loc="lower right")

@@ -16,7 +16,8 @@ from model.energy import Energy
 from model.errors import PhysicsError
 from model.fluxmap import FluxMap, read_map
 
-# file, axis of the magnet, pole pairs, rated current (A peak): name plate, motulator's example (THOR), half the map (Brusa)
+# file, axis of the magnet, pole pairs, rated current (A peak) by name plate (Baldor),
+# motulator's example (THOR), half the map (Brusa)
 MAPS = {
     "brusa": ("brusa_hsm1/brusa_meas.npz", "d", 5, 72.5),
     "baldor": ("baldor_pmsyrm/baldor_meas.npz", "d", 2, 12.4),
@@ -94,17 +95,18 @@ def judge(name: str) -> tuple[dict[str, object], dict[str, np.ndarray]]:
     inner[[0, -1]] = inner[:, [0, -1]] = False
     scale = float(np.median(fd[2][inner]))
     numbers: dict[str, object] = {
-        "rated_current": rated, "rated_flux": rated_flux, "rated_torque": rated_torque, "held_out_points": int(held.sum()),
-        "map_not_reciprocal_rms": float(np.sqrt(np.mean((fd[1] - np.gradient(full.psi_q, full.i_d, axis=0))[inner] ** 2)) / scale),
+        "rated_current": rated, "rated_flux": rated_flux, "rated_torque": rated_torque,
+        "held_out_points": int(held.sum()),
+        "map_not_reciprocal_rms": _rms((fd[1] - np.gradient(full.psi_q, full.i_d, axis=0))[inner]) / scale,
         "map_torque_rms": float(np.sqrt(np.mean((torque - measured)[held] ** 2)) / rated_torque),
         "map_points_not_passive": int(np.sum(fd[0] * fd[2] - fd[1] ** 2 <= 0)) + int(np.sum(fd[0] <= 0)),
     }  # fmt: skip
-    for model, (psi_d, psi_q, *l) in carried(train, rated, x, y).items():
+    for model, (psi_d, psi_q, *found) in carried(train, rated, x, y).items():
         valid = held & np.isfinite(psi_d)
         flux = np.hypot(psi_d - full.psi_d, psi_q - full.psi_q)
         t = 1.5 * pairs * (psi_d * y - psi_q * x) - measured
         good, size = inner & valid, np.hypot(x, y)
-        error = np.array([a - b for a, b in zip(l, fd, strict=True)])
+        error = np.array([a - b for a, b in zip(found, fd, strict=True)])
         numbers[model] = {
             "flux_rms": _rms(flux[valid]) / rated_flux,
             "flux_rms_within_rated": _rms(flux[valid & (size <= rated)]) / rated_flux,

@@ -1,7 +1,8 @@
 """Unbiased identification: every steady level at once through the exact periodic solution of `model.ripple`.
 
 Neither large alphas nor a finite injection frequency bias it.  Free beside the motor's eight parameters: the
-inverter's voltage error (threshold and width), its delay against the reading, the error of the lock angle, and, with stated standard deviations,
+inverter's voltage error (threshold and width), its delay against the reading, the error of the lock angle, and,
+with stated standard deviations,
 gains and offsets of the current sensors.
 
 Checked: recovery of planted motors, coverage of the intervals, bench campaigns (tests/model, tests/sandbox).
@@ -10,6 +11,7 @@ Not in the model, and told by `Fit.misfit` only: iron loss, current filters, a s
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -178,15 +180,14 @@ def _starts(levels: Levels, nominal: Motor) -> list[Array]:
     l_d, l_q = (1.0 / levels.slope[next(k for k in near_zero if levels.axis[k] == a), a] for a in (D, Q))
     if not (r > 0 and l_d > 0 and l_q > 0):
         raise BadInput(
-            f"the levels give R = {r:.3g} ohm, L_d = {l_d:.3g} H, L_q = {l_q:.3g} H, which must be > 0: currents do not "
+            f"the levels give R = {r:.3g} ohm, L_d = {l_d:.3g} H, L_q = {l_q:.3g} H, which must be > "
+            "0: currents do not "
             "follow the voltages; check the order of the phases and the signs"
         )
     e = nominal.energy
     alphas = [np.array(e[2:])]
-    try:
+    with contextlib.suppress(BadInput):  # no level at zero current: the exact fit does not need one
         alphas.append(first_order_estimate(levels, levels.slope)[2:])
-    except BadInput:  # no level at zero current: the exact fit does not need one
-        pass
     alphas += [0.5 * alphas[0], np.zeros(5)]
     return [np.concatenate([[r, l_d, l_q], a]) for a in alphas]
 
@@ -215,7 +216,7 @@ def _levenberg(
             return float(r @ r), x, j
         gained, moved = r @ r - new @ new, np.max(np.abs(trial - x))
         x, r, damping = trial, new, max(1e-12, 0.1 * damping)
-        if moved < 1e-9 or gained < 1e-9 * (new @ new) and damping <= 1e-6:
+        if moved < 1e-9 or (gained < 1e-9 * (new @ new) and damping <= 1e-6):
             break
     j = _jacobian(residuals, x, r, columns)
     return None if j is None else (float(r @ r), x, j)

@@ -51,7 +51,8 @@ class FluxMap:
             if not np.all(np.isfinite(values)):
                 k = tuple(int(n) for n in np.argwhere(~np.isfinite(values))[0])
                 raise BadInput(
-                    f"map '{self.name}': {name} is {values[k]} at i_d = {self.i_d[k[0]]:.4g} A, i_q = {self.i_q[k[1]]:.4g} A; "
+                    f"map '{self.name}': {name} is {values[k]} at i_d = {self.i_d[k[0]]:.4g} A, i_q = "
+                    f"{self.i_q[k[1]]:.4g} A; "
                     "give finite values"
                 )
         if np.any(np.diff(self.i_d) <= 0) or np.any(np.diff(self.i_q) <= 0) or min(shape) < 3:

@@ -22,7 +22,8 @@ def first_order_estimate(levels: Levels, slope: Array) -> Array:
     for rows, axis in ((zero_d, "d"), (zero_q, "q")):
         if rows.size == 0:
             raise BadInput(
-                f"no level at zero current with injection on {axis}: eq. (LdLq) cannot give inductance_{axis}; record one"
+                f"no level at zero current with injection on {axis}: eq. (LdLq) cannot give "
+                f"inductance_{axis}; record one"
             )
     l_d, l_q = 1.0 / slope[zero_d, D].mean(), 1.0 / slope[zero_q, Q].mean()  # (LdLq)
     s1, s3, s4 = levels.pick(D, D), levels.pick(D, Q), levels.pick(Q, Q)

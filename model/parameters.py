@@ -160,9 +160,7 @@ def load_drive(name: str | Path) -> Drive:
     try:
         motor = build(Motor, {"name": path.stem, **_table(data, "motor", required=True)}, "motor")
         converter = build(Converter, {**_converter_defaults(motor), **_table(data, "drive")}, "drive")
-        injection = build(
-            Injection, {**_injection_defaults(motor, converter), **_table(data, "injection")}, "injection"
-        )
+        injection = build(Injection, {**_injection_defaults(motor, converter), **_table(data, "injection")}, "injection")
     except BadInput as error:
         raise _in_file(path, error) from None
     return Drive(motor, converter, injection, {k: str(v) for k, v in _table(data, "provenance").items()})

@@ -146,7 +146,8 @@ def flux_from_current(m: SplineEnergy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[
         if outside:
             raise PhysicsError(
                 f"current i_d = {a[k]:.4g} A, i_q = {b[k]:.4g} A lies outside the flux map (psi_d in "
-                f"{m.low_d:.3g} to {m.low_d + m.cells.shape[0] / m.per_d:.3g} Wb, |psi_q| up to {-m.low_q:.3g} Wb); stay inside it"
+                f"{m.low_d:.3g} to {m.low_d + m.cells.shape[0] / m.per_d:.3g} Wb, |psi_q| up to "
+                f"{-m.low_q:.3g} Wb); stay inside it"
             )
     return d, q
 
@@ -171,8 +172,8 @@ def fit(
 ) -> SplineEnergy:
     """Fit a strictly convex spline energy, even in psi_q, to points of a flux map (all shape (n,), Wb and A).
 
-    `cells`: number along d and along |q|; `smooth`: weight of a cell's bend against a data point.  Raises PhysicsError if no convex
-    energy is found.
+    `cells`: number along d and along |q|; `smooth`: weight of a cell's bend against a data point.
+    Raises PhysicsError if no convex energy is found.
     """
     if len(psi_d) < 12 or np.ptp(i_d) == 0 or np.ptp(i_q) == 0:
         raise BadInput(f"{len(psi_d)} points of a flux map do not span both axes; give a map over i_d and i_q")
@@ -341,5 +342,6 @@ def _convex_least_squares(rows: Array, goal: Array, box: _Box, curvature: list[A
         planes = planes[keep]
     raise PhysicsError(
         f"no strictly convex spline energy found for this map after {ROUNDS} rounds (smallest curvature "
-        f"{float(smallest.min()):.2g}, wanted {least:.2g}); use fewer cells, or remove points that contradict each other"
+        f"{float(smallest.min()):.2g}, wanted {least:.2g}); use fewer cells, or remove points that "
+        "contradict each other"
     )

@@ -78,7 +78,8 @@ def identify(folder: str | Path | Campaign) -> Identification:
     fits["exact"] = exact(levels, campaign.drive.motor, dict(campaign.background))
     if fits["exact"].misfit > LARGE_MISFIT:
         remarks.append(
-            f"the levels differ from the model {math.sqrt(fits['exact'].misfit):.0f} times as much as their noise: an effect "
+            f"the levels differ from the model {math.sqrt(fits['exact'].misfit):.0f} times as much as "
+            "their noise: an effect "
             "outside the model acts (inverter, delay, iron loss, other saturation); intervals may be too narrow"
         )
     return Identification(campaign, levels, fits, tuple(remarks))

@@ -38,7 +38,8 @@ def levels_of(campaign: Campaign) -> Levels:
     chosen = [r for r in campaign.recordings if r.rotor == "locked" and r.injection_axis != "none"]
     if not chosen:
         raise BadInput(
-            "no recording has a locked rotor and injection_axis 'd' or 'q'; identification needs bias staircases with injection"
+            "no recording has a locked rotor and injection_axis 'd' or 'q'; identification needs "
+            "bias staircases with injection"
         )
     parts = [_levels(r, campaign.drive) for r in chosen]
 
@@ -110,7 +111,8 @@ def steady(averages: Array, file: str, n: int) -> list[tuple[int, int]]:
     if not kept:
         longest = max((b - a + 2 * MARGIN for a, b in runs), default=0)
         raise BadInput(
-            f"{file}: no steady level: the longest stretch in which current and voltage stand still has {longest} injection "
+            f"{file}: no steady level: the longest stretch in which current and voltage stand still "
+            f"has {longest} injection "
             f"periods ({longest * n} samples), needed are {FEWEST + 2 * MARGIN}; dwell longer at each level"
         )
     return kept
@@ -164,14 +166,16 @@ def _check_injection(
     if size < 0.05 * stated:
         raise BadInput(
             f"{r.file}: no injection in the commanded voltage (level at rows {a * len(wave)} to {b * len(wave)}: "
-            f"{size:.3g} V at {drive.injection.frequency:g} Hz, [injection] says {stated:g} V); inject, or correct [injection]"
+            f"{size:.3g} V at {drive.injection.frequency:g} Hz, [injection] says {stated:g} V); "
+            "inject, or correct [injection]"
         )
     moment = wave.T @ wave
     along = 0.5 * math.atan2(2 * moment[0, 1], moment[0, 0] - moment[1, 1])
     off = abs((along - axis * math.pi / 2 + math.pi / 2) % math.pi - math.pi / 2)
     if off > WRONG_AXIS:
         raise BadInput(
-            f"{r.file}: the injected voltage lies {math.degrees(off):.0f} degrees off axis {r.injection_axis} at theta = "
+            f"{r.file}: the injected voltage lies {math.degrees(off):.0f} degrees off axis "
+            f"{r.injection_axis} at theta = "
             f"{theta:.4g}; give theta in electrical rad (not degrees, not mechanical) and the right injection_axis"
         )
 
@@ -186,8 +190,10 @@ def check_sensors(r: CampaignRecording, drive: Drive) -> None:
         at_limit = bad & (np.abs(i) >= np.max(np.abs(i)) * (1 - 1e-9))
         if at_limit.sum() >= 3:
             raise BadInput(
-                f"{r.file}: sensor of i_{name} is saturated at {np.max(np.abs(i)):.4g} A (row {np.flatnonzero(at_limit)[0]}, "
-                f"{int(at_limit.sum())} rows; the three currents no longer sum to zero); lower the bias or widen the range"
+                f"{r.file}: sensor of i_{name} is saturated at {np.max(np.abs(i)):.4g} A (row "
+                f"{np.flatnonzero(at_limit)[0]}, "
+                f"{int(at_limit.sum())} rows; the three currents no longer sum to zero); lower the "
+                "bias or widen the range"
             )
     if bad.mean() > 0.5:
         raise BadInput(
@@ -205,14 +211,17 @@ def check_units(levels: Levels, drive: Drive) -> None:
         order = _order_that_fits(levels, big)
         hint = f"the phase order {order} fits" if order else "no order of the phases fits; check signs and theta"
         raise BadInput(
-            f"{levels.source[k]}: at the level with u = ({u[k].real:.3g}, {u[k].imag:.3g}) V the current is ({i[k].real:.3g}, "
-            f"{i[k].imag:.3g}) A, {math.degrees(np.max(np.abs(turn))):.0f} degrees off: phases swapped ({hint}); reorder i_a, i_b, i_c"
+            f"{levels.source[k]}: at the level with u = ({u[k].real:.3g}, {u[k].imag:.3g}) V the "
+            f"current is ({i[k].real:.3g}, "
+            f"{i[k].imag:.3g}) A, {math.degrees(np.max(np.abs(turn))):.0f} degrees off: phases "
+            f"swapped ({hint}); reorder i_a, i_b, i_c"
         )
     found, nominal = float(np.median(np.abs(u[big]) / np.abs(i[big]))), drive.motor.resistance
     if not 1 / WRONG_UNIT < found / nominal < WRONG_UNIT:
         guess = "mA" if found < nominal else "kA"
         raise BadInput(
-            f"{levels.source[0]}: the bias levels give a resistance of {found:.3g} ohm, nominal is {nominal:.3g} ohm; are "
+            f"{levels.source[0]}: the bias levels give a resistance of {found:.3g} ohm, nominal is "
+            f"{nominal:.3g} ohm; are "
             f"currents in {guess}? convert them to A (amplitude-invariant) and voltages to V"
         )
 

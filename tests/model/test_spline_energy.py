@@ -73,7 +73,8 @@ def test_energy_is_even_in_q_smooth_and_strictly_convex(fitted):
             i_d, i_q = se.currents(s, d, q)
             assert se.currents(s, d, -q) == pytest.approx((i_d, -i_q), abs=1e-9)
             dd, dq, qq = se.hessian(s, d, q)
-            assert dd * qq > dq * dq and dd > 0
+            assert dd * qq > dq * dq
+            assert dd > 0
     edge = s.low_d + 3 / s.per_d  # across a cell's border the Hessian neither jumps nor kinks (C3)
     h = 1e-6
     left = [np.array(se.hessian(s, edge - k * h, 0.02)) for k in (2, 1)]
@@ -89,7 +90,7 @@ def test_convexity_is_imposed_where_data_contradict_it():
     for d in np.linspace(s.low_d, s.low_d + 8 / s.per_d, 49):
         for q in np.linspace(0, -s.low_q, 37):
             dd, dq, qq = se.hessian(s, d, q)
-            assert dd * qq - dq * dq > 0 and dd > 0, (d, q)
+            assert se._least_eigenvalue(dd, dq, qq) > 0, (d, q)
 
 
 def test_outside_the_map_is_an_error_that_names_the_current(fitted):
@@ -118,7 +119,7 @@ def _many_spline(m, n):
 
 
 def test_cost_of_one_evaluation(fitted):
-    """Latency in a dependent chain: measured 3.8 quartics, 3.1 in the plant's step (goal 3; experiments/spline_cost)."""
+    """Latency in a dependent chain: measured 3.8 quartics, 3.1 in a plant's step (goal 3; experiments/spline_cost)."""
     quartic = Energy(*load_drive("ipm").motor.energy)
 
     pairs = ((_many_spline, fitted[0]), (_many_quartic, quartic))
@@ -135,7 +136,8 @@ def test_cost_of_one_evaluation(fitted):
 
 @pytest.mark.parametrize(
     ("file", "magnet", "goal"),  # held-out rms over the map's largest flux; issue: 0.5 % of rated flux
-    [("baldor_pmsyrm/baldor_meas.npz", "d", 0.002), ("thor_fea/thor_fea.npz", "-q", 0.001), ("brusa_hsm1/brusa_meas.npz", "d", 0.0045)],
+    [("baldor_pmsyrm/baldor_meas.npz", "d", 0.002), ("thor_fea/thor_fea.npz", "-q", 0.001),
+     ("brusa_hsm1/brusa_meas.npz", "d", 0.0045)],
 )  # fmt: skip
 def test_measured_maps_are_carried_between_their_points(file, magnet, goal):
     m = read_map(real_data() / file, magnet)

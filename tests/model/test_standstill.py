@@ -46,7 +46,8 @@ def test_resistance_voltage_error_and_flux_come_back(planted):
     # trapezoids of the current on a 0.1 ms grid: h^2/12 i'' over corners of 2 * 60 V / 0.05 H leaves 1 % of a step
     assert fit.resistance == pytest.approx(MOTOR.resistance, rel=0.01)
     assert fit.threshold == pytest.approx(THRESHOLD, abs=0.1)
-    assert fit.delay == pytest.approx(0.0, abs=3e-5) and fit.residual < 2e-4
+    assert fit.delay == pytest.approx(0.0, abs=3e-5)
+    assert fit.residual < 2e-4
     psi_d, _, i_d, i_q = flux_of(planted[0], fit)
     inside = np.abs(i_d) < TOP
     wanted, _ = flux_from_current(MOTOR.energy, i_d[inside], i_q[inside])
@@ -76,4 +77,5 @@ def test_the_real_recording_is_carried():
     fit = fit_axes([(data["d"], 0), (data["q"], 1)])
     # no certified values: plausibility (drop at 4 A known to 5 %) and the residual of the loops, iron left out
     assert 35.0 < 4.0 * fit.resistance + fit.threshold < 55.0
-    assert 1.0e-4 <= fit.delay <= 4.0e-4 and fit.residual < 0.01 * 1.45
+    assert 1.0e-4 <= fit.delay <= 4.0e-4
+    assert fit.residual < 0.01 * 1.45

@@ -64,7 +64,7 @@ def test_another_size_rate_and_waveform():
     """A motor 20 times larger in current at 10 kHz, with a sine of 20 samples."""
     base = load_drive("ipm_exchanged")
     scale = {"inductance_d": 1 / 20, "inductance_q": 1 / 20, "resistance": 1 / 20, "rated_current": 20}
-    scale |= {n: 20.0 for n in ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")}  # same fluxes
+    scale |= dict.fromkeys(("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04"), 20.0)  # same fluxes
     motor = dataclasses.replace(base.motor, **{n: f * getattr(base.motor, n) for n, f in scale.items()})
     converter = dataclasses.replace(base.converter, sampling_period=1e-4, pwm_frequency=None)
     injection = dataclasses.replace(base.injection, waveform="sine")
@@ -160,7 +160,7 @@ def test_mistakes_of_a_bench_are_named(good, columns, message):
 
 def test_too_short_a_dwell_is_named():
     drive = load_drive("ipm_exchanged")
-    with pytest.raises(BadInput, match="locked_d.parquet: no steady level: the longest stretch .* dwell longer"):
+    with pytest.raises(BadInput, match=r"locked_d.parquet: no steady level: the longest stretch .* dwell longer"):
         identify(paper_campaign(drive, np.linspace(-1.92, 1.92, 7), 9))
 
 

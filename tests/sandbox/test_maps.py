@@ -19,7 +19,8 @@ def test_maps_are_the_point_functions():
     assert m.angle[k] == pytest.approx(float(local_angle(motor.energy, *at)))
     np.testing.assert_allclose(m.l_dd, m.l_dd[:, ::-1], rtol=1e-9)  # even in i_q
     np.testing.assert_allclose(m.angle, -m.angle[:, ::-1], atol=1e-12)
-    assert m.gain[4, 4] == pytest.approx(1.0) and m.first_order["gain"][4, 4] == pytest.approx(1.0)
+    assert m.gain[4, 4] == pytest.approx(1.0)
+    assert m.first_order["gain"][4, 4] == pytest.approx(1.0)
 
 
 def test_rated_load_angle_is_that_of_the_notes():
@@ -33,7 +34,8 @@ def test_first_order_errors_are_no_small_corrections():
 
 def test_outside_the_valid_domain_is_nan():
     m = maps(load_drive("spm").motor, radius=4.0, points=17)
-    assert np.isnan(m.l_dd[0, 8]) and np.isfinite(m.l_dd[12, 8])  # convexity ends at i_d = -0.786 A (NOTES)
+    assert np.isnan(m.l_dd[0, 8])
+    assert np.isfinite(m.l_dd[12, 8])
     assert 0 < m.summary()["valid_share"] < 1
     with pytest.raises(BadInput, match="radius = -1"):
         maps(load_drive("spm").motor, radius=-1)
