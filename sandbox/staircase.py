@@ -125,10 +125,20 @@ def _level(u: Array, i: Array, axis: int, drive: Drive) -> tuple[Array, ...]:
     psi = flux_ripple(wave[:, axis], h)
     slope = np.einsum("pkc,k->pc", i, psi) / (psi @ psi)
     bias, current = u.mean(axis=1), i.mean(axis=1)
+    rest = _rest_of_transient(current, drive, len(wave) * h)
     lost = drive.motor.resistance * _error_of_mean(current)  # a misread mean current is a misread voltage
-    v_sd = np.maximum(np.hypot(_error_of_mean(bias), lost), 1e-7 * np.max(np.abs(wave)) + 1e-9)
+    v_sd = np.maximum(
+        np.sqrt(_error_of_mean(bias) ** 2 + lost**2 + (0.5 * rest) ** 2), 1e-7 * np.max(np.abs(wave)) + 1e-9
+    )
     s_sd = np.maximum(_error_of_mean(slope), 1e-7 * np.max(np.abs(slope)))
-    return bias.mean(axis=0), current.mean(axis=0), slope.mean(axis=0), v_sd, s_sd, wave
+    return bias.mean(axis=0) - rest, current.mean(axis=0), slope.mean(axis=0), v_sd, s_sd, wave
+
+
+def _rest_of_transient(current: Array, drive: Drive, period: float) -> Array:
+    """Return L di/dt (V) that is left of the approach to a level, from the drift of the period averages (P, 2)."""
+    place = (np.arange(len(current)) - 0.5 * (len(current) - 1)) * period
+    drift = place @ current / (place @ place)
+    return np.asarray(drift * np.array([drive.motor.inductance_d, drive.motor.inductance_q]))
 
 
 def _error_of_mean(x: Array) -> Array:

@@ -8,7 +8,7 @@ import pytest
 from scipy.interpolate import BSpline
 
 from model import spline_energy as se
-from model.energy import Energy, currents, flux_from_current, inductances
+from model.energy import Energy, currents, flux_from_current, inductances, min_eigenvalue
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, read_map, write_map
 from model.parameters import load_drive
@@ -90,7 +90,7 @@ def test_convexity_is_imposed_where_data_contradict_it():
     for d in np.linspace(s.low_d, s.low_d + 8 / s.per_d, 49):
         for q in np.linspace(0, -s.low_q, 37):
             dd, dq, qq = se.hessian(s, d, q)
-            assert se._least_eigenvalue(dd, dq, qq) > 0, (d, q)
+            assert min_eigenvalue(dd, dq, qq) > 0, (d, q)
 
 
 def test_outside_the_map_is_an_error_that_names_the_current(fitted):
