@@ -28,7 +28,8 @@ def _row(belief, closed, load, speed, lost):
 
 def _run(estimator, belief, closed, loads=LOADS, speeds=(60.0,) * 4, lost=()):
     rows = tuple(
-        _row(belief, closed, load, speed, k in lost) for k, (load, speed) in enumerate(zip(loads, speeds, strict=True))
+        _row(belief, closed, load, speed, k in lost)
+        for k, (load, speed) in enumerate(zip(loads, speeds, strict=True))
     )
     return SimpleNamespace(estimator=estimator, belief=belief, closed_loop=closed, rows=rows)
 

@@ -110,7 +110,9 @@ def test_currents_are_means_without_the_injected_ripple(written):
 def test_slow_channels_are_recorded_samples(written):
     comparison, path = written
     found, run = trace.read_trace(path), comparison.runs[1]
-    np.testing.assert_array_equal(found[f"{run.name}/ripple_q"][1][:, 0], run.recording.ripple_q[:: trace.SLOW])
+    np.testing.assert_array_equal(
+        found[f"{run.name}/ripple_q"][1][:, 0], run.recording.ripple_q[:: trace.SLOW]
+    )
     np.testing.assert_array_equal(found[f"{run.name}/speed"][1][:, 1], run.recording.omega_hat[:: trace.SLOW])
     np.testing.assert_array_equal(found["scenario/load"][1][:, 0], 100.0 * run.recording.load[:: trace.SLOW])
 
@@ -144,7 +146,9 @@ def test_rerun_verifies_the_file(written):
 
 
 def test_summary_holds_table_or_the_given_text():
-    assert "| qnull | open | linear | 100 | 30 | – | – | -3.00 | **lost lock** |" in trace._table(_comparison())
+    assert "| qnull | open | linear | 100 | 30 | – | – | -3.00 | **lost lock** |" in trace._table(
+        _comparison()
+    )
     assert "my own table" in trace._summary(_comparison(summary="my own table"), {"seed": "7"}, 1)
     assert "one recorded sample in 3" in trace._summary(_comparison(), {}, 3)
 
