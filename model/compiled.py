@@ -63,7 +63,12 @@ def kernel(function: Callable[..., Any]) -> Any:
     return kernel_as(None)(function)
 
 
-def kernel_as(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile as `kernel` does, the machine code always placed inside the caller: for what runs at every stage."""
+    return kernel_as(None, forceinline=True)(function)
+
+
+def kernel_as(signature: Any, **more: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function at import for one explicit signature, so that it can be passed as a function pointer."""
 
     def compile_(function: Callable[..., Any]) -> Any:
@@ -71,7 +76,7 @@ def kernel_as(signature: Any) -> Callable[[Callable[..., Any]], Any]:
         before = config.CACHE_DIR
         config.CACHE_DIR = _CACHE_DIR  # only while decorating: the caller's own kernels keep their own place
         try:
-            options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+            options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", **more}
             return numba.njit(**options)(function) if signature is None else numba.njit(signature, **options)(function)
         finally:
             config.CACHE_DIR = before

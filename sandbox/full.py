@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from model.compiled import kernel
+from model.compiled import inlined, kernel
 from model.effects import (
     coulomb_friction,
     current_filter,
@@ -71,7 +71,7 @@ def sixth(c, s):
     return c_4 * c_2 - s_4 * s_2, s_4 * c_2 + c_4 * s_2
 
 
-@kernel
+@inlined
 def magnetic(p, m, c, s, d, q):
     """Return magnetising i_d, i_q (A) and torque (N m) at rotor-frame fluxes and the angle of cos c, sin s."""
     psi_d, psi_q = d + p.magnet_flux, q
@@ -111,9 +111,12 @@ def drag(f, theta, omega, pole_pairs):
     return lost
 
 
-@kernel
-def rates(p, m, f, c, n, theta, y, u_alpha, u_beta, load, imposed):
-    """Return the derivatives of y = (phi_d, phi_q, omega, core, slow, load's speed, twist); c, n: exp(-j theta)."""
+@inlined
+def rates(p, m, shaft, c, n, y, u_alpha, u_beta, resisting, load, imposed):
+    """Return the derivatives of y = (phi_d, phi_q, omega, core, slow part, load's speed, twist); c, n: exp(-j theta).
+
+    shaft: stiffness, damping and load_acceleration; resisting: `drag` of the step, N m.
+    """
     d, q, w, core_d, core_q, slow_d, slow_q, w_load, twist = y
     i_d, i_q, torque = magnetic(p, m, c, -n, d, q)
     i_d, i_q = i_d + core_d, i_q + core_q
@@ -129,17 +132,16 @@ def rates(p, m, f, c, n, theta, y, u_alpha, u_beta, load, imposed):
         x_d, x_q = skin_effect.slope(m.skin_time, i_d, i_q, slow_d, slow_q, w)
     if m.core_conductance != 0.0:
         k_d, k_q = iron_loss.slope(m.core_conductance, m.core_time, e_d, e_q, core_d, core_q, w)
-    net, difference = torque - p.viscous * w / p.pole_pairs - drag(f, theta, w, p.pole_pairs), 0.0
-    taken = load
-    if f.stiffness != 0.0:
+    net, difference, taken = torque - p.viscous * w / p.pole_pairs - resisting, 0.0, load
+    if shaft[0] != 0.0:
         difference = (w - w_load) / p.pole_pairs
-        taken = shaft_compliance.shaft_torque(f.stiffness, f.damping, twist, difference)
-        a_load = f.load_acceleration * (taken - load) + imposed
+        taken = shaft_compliance.shaft_torque(shaft[0], shaft[1], twist, difference)
+        a_load = shaft[2] * (taken - load) + imposed
     a = p.acceleration * (net - taken) + imposed
     return (e_d + w * q, e_q - w * (d + p.magnet_flux), a, k_d, k_q, x_d, x_q, a_load, difference)
 
 
-@kernel
+@inlined
 def moved(y, k, h):
     """Return y + h k."""
     return (
@@ -149,22 +151,19 @@ def moved(y, k, h):
 
 
 @kernel
-def rk4(p, m, f, c, n, theta, y, u_alpha, u_beta, load, imposed):
+def rk4(p, m, shaft, c, n, theta, y, u_alpha, u_beta, resisting, load, imposed):
     """Return exp(-j theta) as (c, n), the angle and y one step later (classic Runge-Kutta)."""
     h, half = p.step, 0.5 * p.step
-    k_a = rates(p, m, f, c, n, theta, y, u_alpha, u_beta, load, imposed)
-    turned = half * y[2]
-    c_b, n_b = turn(c, n, turned)
+    k_a = rates(p, m, shaft, c, n, y, u_alpha, u_beta, resisting, load, imposed)
+    c_b, n_b = turn(c, n, half * y[2])
     y_b = moved(y, k_a, half)
-    k_b = rates(p, m, f, c_b, n_b, theta + turned, y_b, u_alpha, u_beta, load, imposed)
-    turned = half * y_b[2]
-    c_c, n_c = turn(c, n, turned)
+    k_b = rates(p, m, shaft, c_b, n_b, y_b, u_alpha, u_beta, resisting, load, imposed)
+    c_c, n_c = turn(c, n, half * y_b[2])
     y_c = moved(y, k_b, half)
-    k_c = rates(p, m, f, c_c, n_c, theta + turned, y_c, u_alpha, u_beta, load, imposed)
-    turned = h * y_c[2]
-    c_e, n_e = turn(c, n, turned)
+    k_c = rates(p, m, shaft, c_c, n_c, y_c, u_alpha, u_beta, resisting, load, imposed)
+    c_e, n_e = turn(c, n, h * y_c[2])
     y_e = moved(y, k_c, h)
-    k_e = rates(p, m, f, c_e, n_e, theta + turned, y_e, u_alpha, u_beta, load, imposed)
+    k_e = rates(p, m, shaft, c_e, n_e, y_e, u_alpha, u_beta, resisting, load, imposed)
     part = h / 6.0
     swept = part * (y[2] + 2.0 * (y_b[2] + y_c[2]) + y_e[2])
     c, n = turn(c, n, swept)
@@ -182,7 +181,10 @@ def terminal(p, m, c, n, y):
 
 @kernel
 def advance(x, p, m, f, filter_time, u_alpha, u_beta, load, imposed, steps):
-    """Advance the state x (SIZE,) in place by `steps` steps under a voltage held in the stator frame (V)."""
+    """Advance the state x (SIZE,) in place by `steps` steps under a voltage held in the stator frame (V).
+
+    Friction and cogging are taken once a step, in its middle (speed extrapolated): second order in the step.
+    """
     y = (x[0], x[1], x[2], x[4], x[5], x[6], x[7], x[8], x[9])
     theta = x[THETA]
     c, n = math.cos(theta), -math.sin(theta)
@@ -191,8 +193,12 @@ def advance(x, p, m, f, filter_time, u_alpha, u_beta, load, imposed, steps):
     if filter_time > 0.0:
         decay, old, new = current_filter.lag_weights(p.step, filter_time)
         i_alpha, i_beta = terminal(p, m, c, n, y)
+    shaft, before = (f.stiffness, f.damping, f.load_acceleration), y[2]
     for _ in range(steps):
-        c, n, theta, y = rk4(p, m, f, c, n, theta, y, u_alpha, u_beta, load, imposed)
+        middle = y[2] + 0.5 * (y[2] - before)
+        resisting = drag(f, theta + 0.5 * p.step * middle, middle, p.pole_pairs)
+        before = y[2]
+        c, n, theta, y = rk4(p, m, shaft, c, n, theta, y, u_alpha, u_beta, resisting, load, imposed)
         if filter_time > 0.0:
             j_alpha, j_beta = terminal(p, m, c, n, y)
             x[FILTER_ALPHA] = decay * x[FILTER_ALPHA] + old * i_alpha + new * j_alpha

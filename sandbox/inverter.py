@@ -17,7 +17,7 @@ from model.pulses import duties, flux_after, mean_deviation, ripple_lag
 from sandbox.full import CLOCK, CORE_RIPPLE, DUTY, FILTER_RIPPLE, stator_currents, stiffness
 from sandbox.plant import OMEGA, PHI_D, PHI_Q, THETA, turn
 
-SIDE = math.sqrt(1.0 / 3.0)
+FAR = 1.0  # s: an edge that has not come yet
 
 
 class Inverter(NamedTuple):
@@ -86,52 +86,52 @@ def current_at(t, flux_x, flux_y, start, gamma, resistance, omega, magnet_flux, 
 
 
 @kernel
+def put(k, value, three):
+    """Return three values, the k-th replaced."""
+    return (value if k == 0 else three[0], value if k == 1 else three[1], value if k == 2 else three[2])
+
+
+@kernel
 def lost_at_legs(v, links, duty, start, gamma, resistance, omega, magnet_flux, c, s):
     """Return the two vectors (V) that dead time and device drop take on average over the period, stationary frame."""
     period, width = v.period, v.soft_current
-    hi, mid, lo = ranked(duty[0], duty[1], duty[2])
-    flux_x = flux_y = on_x = on_y = t = 0.0
-    drop_a = drop_b = drop_c = late_a = late_b = late_c = lost_x = lost_y = 0.0
+    first, second, third = ranked(duty[0], duty[1], duty[2])
+    rise, fall = (FAR, FAR, FAR), (FAR, FAR, FAR)  # when the legs really switch
+    drop_a = drop_b = drop_c = t = 0.0
     before = current_at(0.0, 0.0, 0.0, start, gamma, resistance, omega, magnet_flux, c, s)
-    for k in range(7):
-        leg = pick(k if k < 3 else 5 - k, hi, mid, lo)
+    for k in range(7):  # three legs rise, the widest pulse first, and fall the other way round; then the end
+        leg = pick(k if k < 3 else 5 - k, first, second, third)
         d_leg = pick(leg, duty[0], duty[1], duty[2])
         edge = 0.5 * period * (1.0 - d_leg if k < 3 else 1.0 + d_leg) + v.delay if k < 6 else period
-        flux_x, flux_y = flux_x + (edge - t) * on_x, flux_y + (edge - t) * on_y
-        now = current_at(edge, flux_x, flux_y, start, gamma, resistance, omega, magnet_flux, c, s)
+        x, y = stationary(
+            links[0] * (max(edge - rise[0], 0.0) - max(edge - fall[0], 0.0)),
+            links[1] * (max(edge - rise[1], 0.0) - max(edge - fall[1], 0.0)),
+            links[2] * (max(edge - rise[2], 0.0) - max(edge - fall[2], 0.0)),
+        )
+        now = current_at(edge, c * x + s * y, c * y - s * x, start, gamma, resistance, omega, magnet_flux, c, s)
         if v.threshold != 0.0:
             share = (edge - t) / period
             drop_a += share * device_drop.mean_sign(before[0] / width, now[0] / width)
             drop_b += share * device_drop.mean_sign(before[1] / width, now[1] / width)
             drop_c += share * device_drop.mean_sign(before[2] / width, now[2] / width)
         t, before = edge, now
-        if k == 6:
-            break
-        x, y = pick(leg, 2.0 / 3.0, -1.0 / 3.0, -1.0 / 3.0), pick(leg, 0.0, SIDE, -SIDE)
-        volt = pick(leg, links[0], links[1], links[2])
-        x, y = volt * (c * x + s * y), volt * (c * y - s * x)
-        sign = 1.0 if k < 3 else -1.0
-        on_x, on_y = on_x + sign * x, on_y + sign * y
-        if v.dead_time != 0.0:
-            rise, fall = dead_time.lateness(v.dead_time, dead_time.soft_sign(pick(leg, now[0], now[1], now[2]), width))
-            if k < 3:
-                late = rise
-                late_a, late_b, late_c = (
-                    rise if leg == 0 else late_a,
-                    rise if leg == 1 else late_b,
-                    rise if leg == 2 else late_c,
-                )
-            else:
-                late = max(fall, pick(leg, late_a, late_b, late_c) - d_leg * period)  # a pulse cannot be negative
-            flux_x, flux_y = flux_x - sign * late * x, flux_y - sign * late * y
-            lost_x, lost_y = lost_x + sign * late * x, lost_y + sign * late * y
-    lost = ((c * lost_x - s * lost_y) / period, (s * lost_x + c * lost_y) / period)
-    return lost, stationary(v.threshold * drop_a, v.threshold * drop_b, v.threshold * drop_c)
+        sign = dead_time.soft_sign(pick(leg, now[0], now[1], now[2]), width)
+        late_rise, late_fall = dead_time.lateness(v.dead_time, sign)
+        if k < 3:
+            rise = put(leg, edge + late_rise, rise)
+        elif k < 6:
+            end = max(edge + late_fall, pick(leg, rise[0], rise[1], rise[2]))  # a pulse cannot be negative
+            fall = put(leg, end, fall)
+    lost_a = links[0] * (duty[0] - (fall[0] - rise[0]) / period)
+    lost_b = links[1] * (duty[1] - (fall[1] - rise[1]) / period)
+    lost_c = links[2] * (duty[2] - (fall[2] - rise[2]) / period)
+    drop = stationary(v.threshold * drop_a, v.threshold * drop_b, v.threshold * drop_c)
+    return stationary(lost_a, lost_b, lost_c), drop
 
 
 @kernel
 def delayed(v, links, duty, last, x, p, m, start, resistance, c, s):
-    """Return the voltage (V) of a delayed pattern: volt-seconds of the period, R Gamma of the mean flux it moves."""
+    """Return the voltage (V) of a delayed pattern: its volt-seconds in the period, less R Gamma of the mean flux."""
     late, t_s = late_by(v), v.period
     u_alpha, u_beta = stationary(
         links[0] / t_s * flux_after(duty[0], last[0], t_s, late, t_s),

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from model.saliency import Audit
     from sandbox.compare import Comparison
     from sandbox.design import Design
+    from sandbox.identify import Identification
     from sandbox.score import ErrorDeg, Row
 
 SCHEMA = 1
@@ -270,7 +271,11 @@ def print_audit(drive: Drive, a: Audit) -> None:
 
 
 def catalogue(kind: str) -> list[tuple[str, str]]:
-    """Return name and one line of every motor, estimator or scenario."""
+    """Return name and one line of every motor, effect, estimator or scenario."""
+    if kind == "effects":
+        from model.effects.library import effect_names, load_effect
+
+        return [(name, f"{load_effect(name).subsystem}: {load_effect(name).summary}") for name in effect_names()]
     if kind == "motors":
         from model.parameters import load_drive, motor_names
 
@@ -279,6 +284,29 @@ def catalogue(kind: str) -> list[tuple[str, str]]:
         from estimators.registry import estimator_names, load_estimator
 
         return [(name, load_estimator(name).summary) for name in estimator_names()]
+    if kind == "datasets":
+        from model.datasets import catalogue as datasets
+
+        return datasets()
     from sandbox.scenario import load_scenario, scenario_names
 
     return [(name, load_scenario(name).description) for name in scenario_names()]
+
+
+def print_identification(result: Identification) -> None:
+    """Print both fits beside the nominal values, and what there is to remark."""
+    nominal = result.campaign.drive.motor
+    names = list(result.fits["exact"].values)
+    lines = []
+    for name in names:
+        cells = [name, f"{getattr(nominal, name):.5g}"]
+        for fit in result.fits.values():
+            low, high = fit.ci95(name) if name in fit.values else (math.nan, math.nan)
+            cells.append(f"{fit.values[name]:.5g} [{low:.4g}, {high:.4g}]" if name in fit.values else "–")
+        lines.append(cells)
+    print_table(f"{result.campaign.name}: identified motor (SI)", ["parameter", "nominal", *result.fits], lines)
+    for name, fit in result.fits.items():
+        share = "" if math.isnan(fit.misfit) else f", {fit.misfit:.3g} x what noise explains"
+        print(f"{name}: residual {1e3 * fit.residual_rms:.3g} mA rms{share}")
+    for remark in result.remarks:
+        print(remark)

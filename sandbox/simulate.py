@@ -15,7 +15,7 @@ from estimators.contract import Estimator
 from estimators.startup import start_periods
 from model.effects.library import complete, true_motor
 from model.energy import Energy, flux_from_current, torque
-from model.errors import BadInput, PhysicsError
+from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
 from sandbox import loop
 from sandbox.design import Design, belief_of, design
@@ -29,6 +29,7 @@ from sandbox.scenario import Scenario
 PLANT_STEP = 12.5e-6  # s
 MOST_SAMPLES = 5_000_000  # recorded: 0.8 GB
 LARGEST_DECAY = 0.5  # of a winding's time constant at zero current in one plant step
+PLANTS = ("averaged", "switched")
 ROTORS = {"locked": loop.LOCKED, "driven": loop.DRIVEN, "free": loop.FREE}
 
 
@@ -88,15 +89,19 @@ def simulate(
     plant_step: float = PLANT_STEP,
     truth: Energy | None = None,
     effects: Mapping[str, float] | None = None,
+    plant: str = "averaged",
 ) -> Simulation:
     """Run a scenario and return its recording.
 
     belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls; stride: record
     every stride-th sample; plant_step: s, an upper bound; truth: another magnetic model for the plant than the
     one the estimator's belief comes from; effects: what the plant has and the model lacks, by public name such as
-    {"dead_time.time": 2e-6}.  Raises BadInput or PhysicsError with one sentence.
+    {"dead_time.time": 2e-6}; plant: `averaged` or `switched` (every leg inside the PWM period).  Raises
+    BadInput or PhysicsError with one sentence.
     """
     check_call(estimator, belief, seed, stride, plant_step)
+    if plant not in PLANTS:
+        raise unknown("plant", plant, PLANTS)
     values = complete(drive.motor, drive.converter, effects)
     gains = design(drive, scenario.start_up)
     check_feasible(dataclasses.replace(drive, motor=true_motor(drive.motor, values)), scenario, gains)
@@ -108,19 +113,17 @@ def simulate(
         raise BadInput(
             f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
         )
-    true = dataclasses.replace(drive, motor=true_motor(drive.motor, values))
-    plant, rig = _rig(true, scenario, plant_step, values, truth, closed_loop, samples, stride, start_time)
-    lacking = compiled(drive.motor, drive.converter, values, scenario.rotor == "free")
     wave = carrier(drive.injection, drive.converter)
-    x = start(lacking, scenario.start_angle)
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle)
     table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
-    run = loop.run_compiled if estimator.compiled else loop.run_python
+    on = _switched if plant == "switched" else _averaged
+    run, x, *bench = on(drive, scenario, values, plant_step, truth, estimator.compiled)
+    rig = _rig(drive, scenario, bench[0].step, closed_loop, samples, stride, start_time)
     step = estimator.step if estimator.compiled else checked(estimator)
     profile = profile_of(drive, scenario)
     begun = time.thread_time()
     status, at = run(
-        step, state, x, plant, lacking, rig, gains.control, believed, tuning, profile,
+        step, state, x, *bench, rig, gains.control, believed, tuning, profile,
         wave.waveform, wave.primitive, np.random.default_rng(seed), table,
     )  # fmt: skip
     spent = time.thread_time() - begun
@@ -129,25 +132,48 @@ def simulate(
     return Simulation(Recording(table), gains, start_time, spent)
 
 
-def _rig(
-    drive: Drive, scenario: Scenario, plant_step: float, values: Mapping[str, float], truth: Energy | None,
-    closed: bool, n: int, stride: int, start: float,
-) -> tuple[Plant, loop.Rig]:  # fmt: skip
-    motor, c = drive.motor, drive.converter
+def _averaged(
+    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: Energy | None, fast: bool
+) -> tuple[Any, ...]:
+    """Return the loop's kernel, the plant's state, the plant and its effects."""
+    motor, c = true_motor(drive.motor, values), drive.converter
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
     fastest = motor.resistance * max(motor.energy.gamma_d, motor.energy.gamma_q)
     step = longest_step(values, min(plant_step, LARGEST_TURN / max(top, 1.0), LARGEST_DECAY / fastest))
-    steps = steps_per_period(c.sampling_period, step, top)
     free = scenario.rotor == "free"
     plant = Plant(
         truth or motor.energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs),
-        motor.pole_pairs / masses(values)[0] if free else 0.0, motor.viscous_friction, c.sampling_period / steps,
+        motor.pole_pairs / masses(values)[0] if free else 0.0, motor.viscous_friction,
+        c.sampling_period / steps_per_period(c.sampling_period, step, top),
     )  # fmt: skip
-    rig = loop.Rig(
-        n, stride, steps, loop.CLOSED if closed else loop.OPEN, int(scenario.reference == "speed"),
-        ROTORS[scenario.rotor], c.sampling_period, c.current_noise, c.current_resolution, start,
+    effects = compiled(drive.motor, c, values, free)
+    run = loop.run_compiled if fast else loop.run_python
+    return run, start(effects, scenario.start_angle), plant, effects
+
+
+def _switched(
+    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: Energy | None, fast: bool
+) -> tuple[Any, ...]:
+    """Return the loop's kernel, the bench's state, the bench and the link voltage as read."""
+    from sandbox.switched import loop as switched
+    from sandbox.switched import simulate as bench_of
+    from sandbox.switched.effects import bench
+
+    if truth is not None:
+        raise BadInput("the switched plant takes no other magnetic model; give effects such as saturation.alpha_30")
+    b = bench(drive.motor, drive.converter, values)
+    b = b._replace(step=min(b.step, plant_step)) if plant_step != PLANT_STEP else b
+    run = switched.run_compiled if fast else switched.run_python
+    return run, bench_of.start(b, scenario.start_angle), b, drive.converter.dc_bus_voltage
+
+
+def _rig(drive: Drive, scenario: Scenario, step: float, closed: bool, n: int, stride: int, start: float) -> loop.Rig:
+    c = drive.converter
+    return loop.Rig(
+        n, stride, max(1, round(c.sampling_period / step)), loop.CLOSED if closed else loop.OPEN,
+        int(scenario.reference == "speed"), ROTORS[scenario.rotor],
+        c.sampling_period, c.current_noise, c.current_resolution, start,
     )  # fmt: skip
-    return plant, rig
 
 
 def _failure(status: int, t: float, x: Any, drive: Drive) -> PhysicsError:

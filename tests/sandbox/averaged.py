@@ -18,7 +18,7 @@ LOCKED, DRIVEN, FREE = 0, 1, 2
 class Averaged:
     """The full kernel of a drive with effects, without noise; state, plant and effects as attributes."""
 
-    def __init__(self, motor, converter, effects=None, free=False, theta=0.0, omega=0.0, step=12.5e-6):
+    def __init__(self, motor, converter, effects=None, free=False, theta=0.0, omega=0.0, step=12.5e-6, resistance=None):
         values = complete(motor, converter, effects)
         true = true_motor(motor, values)
         self.effects = compiled(motor, converter, values, free)
@@ -28,7 +28,8 @@ class Averaged:
         self.x[OMEGA] = self.x[8] = omega
         acceleration = motor.pole_pairs / masses(values)[0] if free else 0.0
         self.plant = Plant(
-            true.energy, true.magnet_flux, true.resistance, float(motor.pole_pairs), acceleration,
+            true.energy, true.magnet_flux, true.resistance if resistance is None else resistance,
+            float(motor.pole_pairs), acceleration,
             true.viscous_friction, self.period / self.steps,
         )  # fmt: skip
         self.rng = np.random.default_rng(0)
