@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-from pathlib import Path
-
 import pytest
 
 from model.parameters import load_drive
@@ -18,12 +15,3 @@ def small_comparison():
     segments = (Segment(0.2), Segment(0.3, 1.0, ramp=0.05))
     scenario = Scenario("two_steps", segments, settle=0.15)
     return compare(load_drive("ipm_exchanged"), scenario, ("qnull", "ekf"), seed=3)
-
-
-@pytest.fixture(scope="session")
-def shared() -> Path:
-    """The folder of reference programs and data beside the checkout; skips where it is not."""
-    folder = Path(os.environ.get("SENSORLESS_SHARED") or Path(__file__).resolve().parents[2] / "shared")
-    if not folder.is_dir():
-        pytest.skip(f"needs the shared data folder, not found at {folder}")
-    return folder

@@ -70,5 +70,7 @@ def test_lag_is_the_second_order_of_the_exact_response(waveform, n):
 def test_sampling_that_does_not_fit_is_refused(frequency):
     drive = load_drive("ipm")
     injection = dataclasses.replace(drive.injection, frequency=frequency)
-    with pytest.raises(BadInput, match=rf"{frequency:g} Hz does not fit sampling at 4000 Hz.*2 to 64"):
+    with pytest.raises(BadInput, match=rf"{frequency:g} Hz does not fit sampling at 4000 Hz.*2 to 64") as error:
         samples_per_period(injection, drive.converter)
+    advice = float(str(error.value).split("inject at ")[1].split(" Hz")[0])
+    assert samples_per_period(dataclasses.replace(injection, frequency=advice), drive.converter) % 2 == 0
