@@ -1,6 +1,6 @@
 """How an effect hurts position: every effect at its typical size, every estimator with the saturated belief.
 
-python experiments/effects_on_position.py        writes experiments/results/effects_on_position.{json,md,png}
+python -m experiments.effects_on_position        writes experiments/results/effects_on_position.{json,md,png}
 
 Mean and ripple: the motor turns freely at 5 % of rated speed under its estimate (injection, speed control), rated
 load, over one mechanical turn, so rotor-bound effects are seen whole.  Lock range: a driven rotor at half the rated
