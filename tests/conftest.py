@@ -2,11 +2,19 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
+
 import pytest
 
 from model.parameters import load_drive
 from sandbox.compare import compare
 from sandbox.scenario import Scenario, Segment
+
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+for variable, folder in (("SENSORLESS_DATA", "realdata"), ("SENSORLESS_RECORDINGS", "recordings")):
+    if (SHARED / folder).is_dir():  # data that are not part of the repository, beside the checkout
+        os.environ.setdefault(variable, str(SHARED / folder))
 
 
 @pytest.fixture(scope="session")
