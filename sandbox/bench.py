@@ -97,16 +97,26 @@ def closed_loop(estimator: str) -> tuple[float, float]:
     return statistics.median(r.cpu_seconds for r in runs[1:]) / scenario.duration, rms or 0.0
 
 
-def effects_cost() -> tuple[float, float]:
-    """Return CPU seconds per simulated second of the peer's case without effects and with every effect on."""
+def effects_cost() -> dict[str, float]:
+    """Return cost over that without effects on the peer's case: all neutral, one tiny effect, every effect.
+
+    The four kinds of run take turns, so that the machine's moods cancel in the ratios.
+    """
     drive, scenario = peer_case()
     method, everything = load_estimator("qnull"), {"current_sampling.jitter": 1e-7}
     for name in effect_names():
         if name != "saturation":  # shares two coefficients with cross_saturation
             everything = typical(name, drive.motor, drive.converter) | everything
-    runs = [simulate(drive, scenario, method, effects=on) for on in (9 * [None] + 9 * [everything])]
-    costs = [r.cpu_seconds / scenario.duration for r in runs]
-    return statistics.median(costs[1:9]), statistics.median(costs[10:])
+    cases = {
+        "none": None, "neutral": {"dead_time.time": 0.0}, "one_effect": {"coulomb_friction.torque": 1e-9},
+        "all_effects": everything,
+    }  # fmt: skip
+    costs: dict[str, list[float]] = {name: [] for name in cases}
+    for _ in range(9):
+        for name, on in cases.items():
+            costs[name].append(simulate(drive, scenario, method, effects=on).cpu_seconds)
+    middle = {name: statistics.median(times[1:]) for name, times in costs.items()}
+    return {f"{name}_to_none_cpu": middle[name] / middle["none"] for name in cases if name != "none"}
 
 
 def peer(anchors: Path, python: str) -> tuple[float, float]:
@@ -145,9 +155,7 @@ def bench(anchors: Path | None, python: str) -> dict[str, Any]:
     for name in ("qnull", "inversion", "ekf"):
         cost, errors[name] = closed_loop(name)
         measured[f"closed_loop_{name}_cpu_s_per_s"], measured[f"closed_loop_{name}_rms_deg"] = cost, errors[name]
-    bare, full = effects_cost()
-    measured["closed_loop_all_effects_cpu_s_per_s"] = full
-    ratios = {"all_effects_to_none_cpu": full / bare}
+    ratios = effects_cost()
     if anchors:
         ratios["plant_step_to_c"] = measured["plant_step_ns"] / c_reference(anchors)
         cost, rms = peer(anchors, python)

@@ -196,8 +196,8 @@ def run_simulate(options: argparse.Namespace) -> None:
         scenario = scenario.cut(options.duration)
     load_estimator(options.estimator)
     effects = parse(options.effects)
-    if options.record is not None and options.record.exists():
-        raise BadInput(f"folder '{options.record}' exists already; give a new one or remove it first")
+    if options.record is not None:
+        check_new_folder(options.record, _folder(options))
     result, gains = single(
         drive, scenario, options.estimator, options.belief, not options.open, options.seed, effects, options.plant
     )
@@ -216,18 +216,29 @@ def run_simulate(options: argparse.Namespace) -> None:
     with report.results(_folder(options), "simulate") as out:
         if not options.no_trace:
             write_trace(out / "simulate.rrd", result)
-        if options.record is not None:
-            from sandbox.campaign import write_campaign
-            from sandbox.record import campaign_of
-
-            write_campaign(options.record, campaign_of(drive, scenario, run.recording, options.record.name))
         report.write_json(out, "simulate", content)
+    if options.record is not None:
+        from sandbox.campaign import write_campaign
+        from sandbox.record import campaign_of
+
+        write_campaign(options.record, campaign_of(drive, scenario, run.recording, options.record.name))
     if not options.quiet:
         report.print_run(result, gains)
         print(
             f"{content['simulated_seconds']:.2f} s simulated in {run.cpu_seconds:.3f} s of CPU; "
             f"results in {_folder(options)}"
         )
+
+
+def check_new_folder(folder: Path, out: Path) -> None:
+    """Raise BadInput, before the run, where a campaign could not be written afterwards."""
+    if not folder.name or folder.exists() or folder.resolve() == out.resolve():
+        raise BadInput(
+            f"--record '{folder}' is no new folder of its own; give one that does not exist, apart from --out"
+        )
+    parent = next(p for p in folder.resolve().parents if p.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise BadInput(f"--record '{folder}' cannot be made below '{parent}'; give another place")
 
 
 def run_audit(options: argparse.Namespace) -> None:

@@ -18,11 +18,12 @@ from numba import types
 from estimators.contract import BELIEF, STATE, STEP, TUNING, Sample
 from model.compiled import kernel, kernel_as
 from model.effects.current_gain import read
-from model.energy import hessian, min_eigenvalue
+from model.energy import min_eigenvalue
 from model.frames import phases, rotate, stationary
 from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control
 from sandbox.effects import BARE, EFFECTS
 from sandbox.full import advance as advance_full
+from sandbox.full import stiffness
 from sandbox.inverter import deliver
 from sandbox.plant import OMEGA, PHI_D, PHI_Q, PLANT, THETA, advance, stator_currents
 from sandbox.recording import CHANNELS
@@ -184,7 +185,8 @@ def progress(k, x, plant, effects, rig, wanted, profile, memory, next_u):
     keep(memory, next_u)
     if not math.isfinite(x[PHI_D] + x[PHI_Q] + x[OMEGA] + x[THETA] + next_u[0] + next_u[1]):
         return NOT_FINITE
-    dd, dq, qq = hessian(plant.energy, x[PHI_D], x[PHI_Q])
+    c, s = (math.cos(x[THETA]), math.sin(x[THETA])) if effects.path != BARE else (1.0, 0.0)
+    dd, dq, qq = stiffness(plant, effects.machine, c, s, x[PHI_D], x[PHI_Q])
     return DONE if min_eigenvalue(dd, dq, qq) > 0.0 else OUTSIDE_DOMAIN
 
 

@@ -113,7 +113,38 @@ def complete(motor: Motor, converter: Converter, effects: Mapping[str, float] | 
             f"shaft_compliance.load_inertia = {load:g} is out of range; give less than the total inertia of "
             f"{total:g} kg m^2"
         )
+    _check_sizes(motor, converter, values, given)
     return values
+
+
+def _check_sizes(motor: Motor, converter: Converter, v: Mapping[str, float], given: Mapping[str, float]) -> None:
+    """Raise BadInput for sizes that no drive can have beside the rest of it."""
+    idle = neutral(motor)
+    shaft = [f"shaft_compliance.{p}" for p in ("stiffness", "load_inertia")]
+    changed = [name for name in shaft if given.get(name, idle[name]) != idle[name]]
+    if len(changed) == 1:
+        raise BadInput(f"{changed[0]} alone does nothing; give shaft_compliance.stiffness and .load_inertia together")
+    resistance = v["stator_resistance.resistance"] + min(v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"])
+    least = min(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
+    stiffness, load = v["shaft_compliance.stiffness"], v["shaft_compliance.load_inertia"]
+    rate = 0.0
+    if load > 0.0 and math.isfinite(stiffness) and load < v["inertia.inertia"]:
+        rate = math.sqrt(stiffness * (1.0 / load + 1.0 / (v["inertia.inertia"] - load)))
+    bounds = (
+        ("dc_link_ripple.amplitude", abs(v["dc_link_ripple.amplitude"]), converter.dc_bus_voltage, "V, the DC link"),
+        ("current_sampling.jitter", 6.0 * v["current_sampling.jitter"], 0.5 * converter.sampling_period,
+         "s in six sigma, half the PWM period"),
+        ("inductance_harmonics.gamma_6", abs(v["inductance_harmonics.gamma_6"]), least, "1/H, where H is not convex"),
+        ("flux_harmonics.psi_d6", abs(v["flux_harmonics.psi_d6"]), motor.magnet_flux, "Wb, the magnet flux"),
+        ("flux_harmonics.psi_q6", abs(v["flux_harmonics.psi_q6"]), motor.magnet_flux, "Wb, the magnet flux"),
+        ("shaft_compliance resonance", rate, math.pi / converter.sampling_period,
+         "rad/s, half the sampling frequency (give stiffness = inf for a rigid shaft)"),
+    )  # fmt: skip
+    for name, size, bound, what in bounds:
+        if size > 0.0 and not size < bound:
+            raise BadInput(f"{name}: {size:g} is out of range; it must stay below {bound:g} {what}")
+    if resistance < 0.0:
+        raise BadInput(f"winding_asymmetry leaves a phase {resistance:g} ohm; give more than minus the resistance")
 
 
 def _check_timing(converter: Converter, values: Mapping[str, float]) -> None:

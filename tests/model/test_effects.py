@@ -174,3 +174,21 @@ def test_pulse_integrals_against_a_fine_sum(duty, before, delay):
     assert ripple_lag(duty, before, T, delay, tau) == pytest.approx(lagged, abs=3e-9)
     assert on_time(duty, T, T) == pytest.approx(duty * T)
     assert on_area(duty, T, T) == pytest.approx(0.5 * duty * T * T)
+
+
+@pytest.mark.parametrize(
+    ("effects", "words"),
+    [
+        ({"shaft_compliance.stiffness": 1e15, "shaft_compliance.load_inertia": 5e-4}, "resonance.*rigid shaft"),
+        ({"shaft_compliance.stiffness": 100.0}, "alone does nothing"),
+        ({"inductance_harmonics.gamma_6": 30.0}, "gamma_6: 30 .*not convex"),
+        ({"dc_link_ripple.amplitude": 1000.0}, "below 400 V"),
+        ({"current_sampling.jitter": 1e-3}, "half the PWM period"),
+        ({"winding_asymmetry.delta_a": -100.0}, "leaves a phase"),
+        ({"flux_harmonics.psi_d6": 10.0}, "the magnet flux"),
+    ],
+)
+def test_sizes_that_no_drive_can_have_are_refused(effects, words):
+    drive = load_drive("ipm_exchanged")
+    with pytest.raises(BadInput, match=words):
+        library.complete(drive.motor, drive.converter, effects)

@@ -10,8 +10,11 @@ from scipy.linalg import expm
 from model.effects import library
 from model.effects.coulomb_friction import drag as coulomb_drag
 from model.effects.inductance_harmonics import energy as harmonic_energy
+from model.effects.library import complete as library_complete
 from model.energy import currents, energy
-from model.parameters import Converter, Motor
+from model.parameters import Converter, Motor, load_drive
+from sandbox.effects import compiled as effects_compiled
+from sandbox.effects import start as effects_start
 from sandbox.full import CORE_D, LOAD_OMEGA, SLOW_D, TWIST, advance, magnetic, sixth, terminal
 from sandbox.loop import Rig, read_phases
 from sandbox.plant import OMEGA, PHI_D, PHI_Q, THETA
@@ -411,3 +414,13 @@ def deliver_to(a, u):
     from sandbox.inverter import deliver
 
     return complex(*deliver(a.x, a.plant, a.effects.machine, a.effects.inverter, u.real, u.imag))
+
+
+def test_plant_starts_without_current_and_torque_beside_flux_harmonics():
+    drive = load_drive("ipm_exchanged")
+    harmonics = {"flux_harmonics.psi_d6": 2e-3, "flux_harmonics.psi_q6": 1e-3}
+    values = library_complete(drive.motor, drive.converter, harmonics)
+    for theta in (0.0, 0.37, 1.9):
+        x = effects_start(effects_compiled(drive.motor, drive.converter, values, True), theta)
+        magnet = (2e-3 * np.cos(6 * theta), 1e-3 * np.sin(6 * theta))
+        assert (x[0], x[1]) == (pytest.approx(magnet[0], abs=1e-15), pytest.approx(magnet[1], abs=1e-15))

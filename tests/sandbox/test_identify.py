@@ -74,7 +74,7 @@ def test_another_size_rate_and_waveform():
 
 
 def test_intervals_cover_the_truth():
-    """One in a short run of the study in experiments/coverage.py (>= 400 repetitions, 93-97 %)."""
+    """One in a short run of the study in experiments/interval_coverage.py (>= 400 repetitions, 93-97 %)."""
     drive, inside = load_drive("ipm_exchanged"), []
     levels = np.linspace(-1.92, 1.92, 5)
     for k in range(100):

@@ -47,7 +47,7 @@ def main() -> None:
             "all_parameters": float(np.mean(share)),
             "mean_z": dict(zip(NAMES, z.mean(axis=0), strict=True)),
         }
-    save("coverage", {"motors": numbers, "levels": LEVELS, "periods_per_level": DWELL}, figure)
+    save("interval_coverage", {"motors": numbers, "levels": LEVELS, "periods_per_level": DWELL}, figure)
 
 
 if __name__ == "__main__":
