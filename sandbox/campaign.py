@@ -1,0 +1,244 @@
+"""A measurement campaign on one drive: a folder with `campaign.toml` and one Parquet table a recording.
+
+Read and checked, or written whole; the format is the one of a bench's engineer (units SI, angles electrical,
+transformation amplitude-invariant).  Only this module imports pyarrow, lazily.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput, unknown
+from model.parameters import Converter, Drive, Injection, Motor, build, read_toml
+
+Array = NDArray[np.float64]
+REQUIRED = ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc")
+OPTIONAL = ("load_torque", "temperature", "torque", "theta_hat")
+ROTORS = ("locked", "driven", "free")
+AXES = ("d", "q", "none")
+TABLES = ("campaign", "drive", "motor", "uncertainty", "background", "injection", "provenance", "recording")
+RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
+
+
+@dataclass(frozen=True)
+class CampaignRecording:
+    """One table of a campaign; every column is an attribute too, float64, shape (n,)."""
+
+    file: str
+    rotor: str
+    injection_axis: str
+    columns: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        if self.rotor not in ROTORS:
+            raise BadInput(f"{self.file}: {unknown('rotor', self.rotor, ROTORS)}")
+        if self.injection_axis not in AXES:
+            raise BadInput(f"{self.file}: {unknown('injection_axis', self.injection_axis, AXES)}")
+        _check_columns(self.file, self.columns)
+
+    def __getattr__(self, name: str) -> Array:
+        columns = self.__dict__.get("columns", {})
+        if name in columns:
+            return np.asarray(columns[name])
+        raise AttributeError(name)
+
+    @property
+    def current(self) -> tuple[Array, Array]:
+        """i_alpha, i_beta (A) as the three sensors give them."""
+        a, b, c = self.columns["i_a"], self.columns["i_b"], self.columns["i_c"]
+        return (2.0 * a - b - c) / 3.0, (b - c) / math.sqrt(3.0)
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """A drive's nominal model and what was recorded on it.
+
+    `rated_from_data`: the rated values missing in [motor] were taken from the recordings (largest current and
+    speed in them, and the torque that current gives on the magnet flux): scales, not ratings.
+    """
+
+    name: str
+    drive: Drive
+    recordings: tuple[CampaignRecording, ...]
+    uncertainty: Mapping[str, float]
+    background: Mapping[str, float]
+    rated_from_data: bool
+
+    def __getitem__(self, file: str) -> CampaignRecording:
+        for r in self.recordings:
+            if file in (r.file, Path(r.file).stem):
+                return r
+        raise unknown("recording", file, [r.file for r in self.recordings])
+
+
+def read_campaign(folder: str | Path, rotors: Sequence[str] = ROTORS) -> Campaign:
+    """Read a campaign folder; BadInput names the file, column, row or key that is wrong.
+
+    `rotors` limits the tables read (identification needs the locked ones only).
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise BadInput(f"campaign '{folder}' is not a folder; give the folder that holds campaign.toml")
+    data = read_toml(folder / "campaign.toml")
+    for table in data:
+        if table not in TABLES:
+            raise BadInput(f"campaign.toml: {unknown('table', table, TABLES)}")
+    entries = data.get("recording", [])
+    if not isinstance(entries, list) or not entries:
+        raise BadInput("campaign.toml: no [[recording]] entry; list at least one table of the campaign")
+    recordings = tuple(r for e in entries if (r := _recording(folder, e, rotors)) is not None)
+    try:
+        motor, from_data = _motor(data, recordings)
+        converter = build(
+            Converter, {"current_resolution": 0.0, "current_noise": 0.0, **data.get("drive", {})}, "drive"
+        )
+        injection = build(Injection, dict(data.get("injection", {})), "injection")
+    except BadInput as error:
+        raise BadInput(f"campaign.toml: {error}") from None
+    for r in recordings:
+        _check_period(r, converter.sampling_period)
+    name = str(data.get("campaign", {}).get("name", folder.name))
+    provenance = {k: str(v) for k, v in data.get("provenance", {}).items()}
+    return Campaign(
+        name, Drive(motor, converter, injection, provenance), recordings,
+        _numbers(data, "uncertainty"), _numbers(data, "background"), from_data,
+    )  # fmt: skip
+
+
+def _recording(folder: Path, entry: Any, rotors: Sequence[str]) -> CampaignRecording | None:
+    if not isinstance(entry, dict) or "file" not in entry:
+        raise BadInput("campaign.toml: a [[recording]] lacks 'file'; name its table, e.g. file = \"locked_d.parquet\"")
+    for key in entry:
+        if key not in ("file", "rotor", "injection_axis", "note"):
+            raise BadInput(
+                f"campaign.toml: {unknown('key in [[recording]]', key, ('file', 'rotor', 'injection_axis'))}"
+            )
+    file, rotor, axis = str(entry["file"]), str(entry.get("rotor", "")), str(entry.get("injection_axis", "none"))
+    if rotor in ROTORS and rotor not in rotors:
+        return None
+    return CampaignRecording(file, rotor, axis, _table(folder / file))
+
+
+def _table(path: Path) -> dict[str, Array]:
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise BadInput(f"{path.name}: reading Parquet needs pyarrow; install it with 'pip install pyarrow'") from None
+    try:
+        table = parquet.read_table(path)
+        return {n: np.asarray(table[n].to_numpy(), dtype=np.float64) for n in table.column_names}
+    except FileNotFoundError:
+        raise BadInput(f"{path.name}: the file does not exist in '{path.parent}'; correct [[recording]]") from None
+    except (pyarrow.ArrowException, OSError, TypeError, ValueError) as error:
+        raise BadInput(f"{path.name}: not a Parquet table of numbers ({str(error).splitlines()[0]})") from None
+
+
+def _check_columns(file: str, columns: Mapping[str, Array]) -> None:
+    for name in REQUIRED:
+        if name not in columns:
+            raise BadInput(f"{file}: column '{name}' is missing; needed are {', '.join(REQUIRED)}")
+    for name in columns:
+        if name not in REQUIRED + OPTIONAL:
+            raise BadInput(f"{file}: {unknown('column', name, REQUIRED + OPTIONAL)}")
+    n = len(columns["t"])
+    for name, values in columns.items():
+        if values.ndim != 1 or len(values) != n:
+            raise BadInput(f"{file}: column '{name}' has {values.size} rows, 't' has {n}; they must be equal")
+        if n < 2:
+            raise BadInput(f"{file}: {n} rows; a recording needs at least 2")
+        bad = np.flatnonzero(~np.isfinite(values))
+        if bad.size:
+            raise BadInput(f"{file}: row {bad[0]} of column '{name}' is {values[bad[0]]}; give finite numbers only")
+
+
+def _check_period(r: CampaignRecording, period: float) -> None:
+    step = np.diff(r.columns["t"])
+    bad = np.flatnonzero(np.abs(step - period) > 0.01 * period)
+    if bad.size:
+        k = int(bad[0])
+        raise BadInput(
+            f"{r.file}: t steps by {step[k]:.6g} s from row {k} to {k + 1}, sampling_period is {period:.6g} s; "
+            "samples must follow without gaps"
+        )
+
+
+def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording]) -> tuple[Motor, bool]:
+    """Return the nominal motor, its missing rated values replaced by the largest recorded ones."""
+    values = {"name": str(data.get("campaign", {}).get("name", "campaign")), **data.get("motor", {})}
+    missing = [k for k in RATED if k not in values]
+    if missing:
+        current = max((float(np.max(np.hypot(*r.current))) for r in recordings), default=0.0)
+        moving = [r for r in recordings if r.rotor != "locked"]
+        omega = max((float(np.ptp(r.theta) / np.ptp(r.t)) for r in moving), default=0.0)
+        pairs, flux = values.get("pole_pairs", 1), values.get("magnet_flux", 0.0)
+        found = {
+            "rated_current": current or 1.0,
+            "rated_torque": 1.5 * pairs * flux * current or 1.0,
+            "rated_speed_rpm": omega * 30.0 / math.pi / pairs or 1.0,
+        }
+        values = {**values, **{k: found[k] for k in missing}}
+    return build(Motor, values, "motor"), bool(missing)
+
+
+def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:
+    values = data.get(table, {})
+    for key, value in values.items():
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not value >= 0.0:
+            raise BadInput(f"campaign.toml: [{table}] {key} = {value!r} is no standard deviation; give a number >= 0")
+    return {k: float(v) for k, v in values.items()}
+
+
+def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
+    """Write a campaign as a new folder, whole or not at all; returns it.  BadInput where it exists already."""
+    import pyarrow
+    from pyarrow import parquet
+
+    folder = Path(folder)
+    if folder.exists():
+        raise BadInput(f"folder '{folder}' exists already; give a new one or remove it first")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        (partial / "campaign.toml").write_text(_toml(campaign), encoding="utf-8")
+        for r in campaign.recordings:
+            parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file)
+        partial.chmod(0o755)
+        os.replace(partial, folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return folder
+
+
+def _toml(c: Campaign) -> str:
+    motor = {k: v for k, v in dataclasses.asdict(c.drive.motor).items() if k != "name" and v != ""}
+    if c.rated_from_data:
+        motor = {k: v for k, v in motor.items() if k not in RATED}
+    tables: list[tuple[str, Mapping[str, Any]]] = [
+        ("[campaign]", {"name": c.name}),
+        ("[drive]", dataclasses.asdict(c.drive.converter)),
+        ("[motor]", motor),
+        ("[uncertainty]", c.uncertainty),
+        ("[background]", c.background),
+        ("[injection]", dataclasses.asdict(c.drive.injection)),
+        ("[provenance]", c.drive.provenance),
+    ]
+    for r in c.recordings:
+        tables.append(("[[recording]]", {"file": r.file, "rotor": r.rotor, "injection_axis": r.injection_axis}))
+    return "\n".join(
+        head + "\n" + "".join(f"{k} = {json.dumps(v, ensure_ascii=False)}\n" for k, v in t.items() if v is not None)
+        for head, t in tables
+        if t
+    )
