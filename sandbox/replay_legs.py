@@ -1,0 +1,215 @@
+"""The inverter with all its effects for LANES parameter sets at once: what a recorded command delivers.
+
+Duties follow from recorded commands and link voltage, so pulses and the order of their edges are common to all
+sets; how late edges act, the drop between them and the ripple that lags keep are each set's own.  Closed forms of
+`sandbox/switched/AVERAGING.md`.
+"""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+from model.pulses import flux_after, mean_deviation
+from sandbox.plant import turn
+from sandbox.replay_lanes import (
+    C_0, DEAD, DELAY, GAMMA_6, GAMMA_DD, GAMMA_DQ, GAMMA_QQ, I_A, I_B, I_D, I_Q, LANES, LATE, LINK, LINK_A, LINK_B,
+    LINK_C, M_A, M_B, MAGNET, PSI_A, PSI_B, PSI_D6, PSI_Q6, RESISTANCE, RIPPLE, RIPPLE_PHASE, RIPPLE_RATE, S_0,
+    SAMPLE_A, SAMPLE_B, SAMPLING, SOFT, THRESHOLD, U_A, U_B, X_D, X_Q, fading, incremental, sine_cosine,
+)  # fmt: skip
+from sandbox.replay_machine import full_current, sixth
+
+ROOT = math.sqrt(3.0)
+
+
+@kernel
+def link_mean(w, j, clock, period, duty):
+    """Return the true link voltage (V) of lane j over a centred pulse: mean and ripple."""
+    rate = w[RIPPLE_RATE * LANES + j]
+    x = 0.5 * rate * duty * period
+    sine, _ = sine_cosine(rate * (clock + 0.5 * period + w[DELAY * LANES + j]) + w[RIPPLE_PHASE * LANES + j])
+    width, _ = sine_cosine(x)
+    small = x < 1e-4
+    sinc = 1.0 - x * x / 6.0 if small else width / (1.0 if small else x)
+    return w[LINK * LANES + j] + w[RIPPLE * LANES + j] * sine * sinc
+
+
+@kernel
+def links(w, clock, period, d_a, d_b, d_c, ripple):
+    """Write the link voltage each leg sees."""
+    if ripple:
+        for j in range(LANES):
+            w[LINK_A * LANES + j] = link_mean(w, j, clock, period, d_a)
+            w[LINK_B * LANES + j] = link_mean(w, j, clock, period, d_b)
+            w[LINK_C * LANES + j] = link_mean(w, j, clock, period, d_c)
+    else:
+        for j in range(LANES):
+            v = w[LINK * LANES + j]
+            w[LINK_A * LANES + j], w[LINK_B * LANES + j], w[LINK_C * LANES + j] = v, v, v
+
+
+@kernel
+def mean_voltage(w, d_a, d_b, d_c):
+    """Write the mean voltage of the period (V)."""
+    for j in range(LANES):
+        a, b, c = d_a * w[LINK_A * LANES + j], d_b * w[LINK_B * LANES + j], d_c * w[LINK_C * LANES + j]
+        w[U_A * LANES + j], w[U_B * LANES + j] = (2.0 * a - b - c) / 3.0, (b - c) / ROOT
+
+
+@kernel
+def late_voltage(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
+    """Write the voltage of a late pattern: volt-seconds of the period, and R Gamma of the mean flux it moves (1)."""
+    half = 0.5 * period
+    for j in range(LANES):
+        late, r = w[LATE * LANES + j], w[RESISTANCE * LANES + j]
+        v_a, v_b, v_c = w[LINK_A * LANES + j], w[LINK_B * LANES + j], w[LINK_C * LANES + j]
+        x = v_a / period * flux_after(d_a, b_a, period, late, period)
+        y = v_b / period * flux_after(d_b, b_b, period, late, period)
+        z = v_c / period * flux_after(d_c, b_c, period, late, period)
+        u_a, u_b = (2.0 * x - y - z) / 3.0, (y - z) / ROOT
+        x = v_a * mean_deviation(d_a, b_a, period, late)
+        y = v_b * mean_deviation(d_b, b_b, period, late)
+        z = v_c * mean_deviation(d_c, b_c, period, late)
+        rho_a, rho_b = (2.0 * x - y - z) / 3.0, (y - z) / ROOT
+        c, s = turn(w[C_0 * LANES + j], w[S_0 * LANES + j], -half * omega)  # the frame in the middle of the period
+        a = w[PSI_A * LANES + j] + half * (u_a - r * w[I_A * LANES + j])
+        b = w[PSI_B * LANES + j] + half * (u_b - r * w[I_B * LANES + j])
+        c_6, s_6 = sixth(c, s)
+        d = c * a + s * b - w[MAGNET * LANES + j] - w[PSI_D6 * LANES + j] * c_6
+        q = c * b - s * a - w[PSI_Q6 * LANES + j] * s_6
+        dd, dq, qq = incremental(w, j, d, q)
+        g = w[GAMMA_6 * LANES + j]
+        r_d, r_q = c * rho_a + s * rho_b, c * rho_b - s * rho_a
+        g_d = (dd + g * c_6) * r_d + (dq + g * s_6) * r_q
+        g_q = (dq + g * s_6) * r_d + (qq - g * c_6) * r_q
+        w[U_A * LANES + j], w[U_B * LANES + j] = u_a - r * (c * g_d - s * g_q), u_b - r * (s * g_d + c * g_q)
+
+
+@kernel
+def current_at(w, j, t, omega, f_a, f_b):
+    """Return the terminal current (A, stationary) t after the sample, f volt-seconds later: linear in the rotor frame."""
+    r = w[RESISTANCE * LANES + j]
+    a = w[PSI_A * LANES + j] + f_a - t * r * w[I_A * LANES + j]
+    b = w[PSI_B * LANES + j] + f_b - t * r * w[I_B * LANES + j]
+    c, s = turn(w[C_0 * LANES + j], w[S_0 * LANES + j], -omega * t)
+    x, y = c * a + s * b - w[X_D * LANES + j], c * b - s * a - w[X_Q * LANES + j]
+    i_d = w[I_D * LANES + j] + w[GAMMA_DD * LANES + j] * x + w[GAMMA_DQ * LANES + j] * y
+    i_q = w[I_Q * LANES + j] + w[GAMMA_DQ * LANES + j] * x + w[GAMMA_QQ * LANES + j] * y
+    return c * i_d - s * i_q, s * i_d + c * i_q
+
+
+@kernel
+def edge(w, j, omega, e, side, lost_a, lost_b):
+    """Return volt-seconds lost after one edge (V s), the edge's instant and the current there.
+
+    e: instant, unit flux (alpha, beta) and unit vector of its leg; side: +1 rises, -1 falls.
+    """
+    t, v = e[0] + w[DELAY * LANES + j], w[LINK_A * LANES + j]
+    i_a, i_b = current_at(w, j, t, omega, v * e[1] + lost_a, v * e[2] + lost_b)
+    sign = min(max((e[3] * i_a + e[4] * i_b) * w[SOFT * LANES + j], -1.0), 1.0)
+    dead = w[DEAD * LANES + j]
+    late = (2.0 / 3.0) * v * 0.5 * (abs(dead) + side * dead * sign)
+    return lost_a - side * late * e[3], lost_b - side * late * e[4], t, i_a, i_b
+
+
+@kernel
+def dead_time(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period):
+    """Take from the period's voltage what late edges lose (5)."""
+    for j in range(LANES):
+        x, y, _, _, _ = edge(w, j, omega, e_0, 1.0, 0.0, 0.0)
+        x, y, _, _, _ = edge(w, j, omega, e_1, 1.0, x, y)
+        x, y, _, _, _ = edge(w, j, omega, e_2, 1.0, x, y)
+        x, y, _, _, _ = edge(w, j, omega, e_3, -1.0, x, y)
+        x, y, _, _, _ = edge(w, j, omega, e_4, -1.0, x, y)
+        x, y, _, _, _ = edge(w, j, omega, e_5, -1.0, x, y)
+        w[U_A * LANES + j], w[U_B * LANES + j] = w[U_A * LANES + j] + x / period, w[U_B * LANES + j] + y / period
+
+
+@kernel
+def primitive(x):
+    """Return the integral of the soft sign from 0 to x."""
+    size = abs(x)
+    return 0.5 * x * x if size < 1.0 else size - 0.5
+
+
+@kernel
+def mean_sign(x, y):
+    """Return the mean soft sign on the way from x to y (`model.effects.device_drop`), without a branch."""
+    step = y - x
+    flat = abs(step) < 1e-6
+    return min(max(0.5 * (x + y), -1.0), 1.0) if flat else (primitive(y) - primitive(x)) / (1.0 if flat else step)
+
+
+@kernel
+def signs(w, j, a, b, x, y, share, sum_a, sum_b):
+    """Add to a vector the mean signs of three legs while the current goes from (a, b) to (x, y) for a share of time."""
+    k = w[SOFT * LANES + j]
+    one = mean_sign(k * a, k * x)
+    p, q, o, r = -0.5 * a, 0.5 * ROOT * b, -0.5 * x, 0.5 * ROOT * y
+    two, three = mean_sign(k * (p + q), k * (o + r)), mean_sign(k * (p - q), k * (o - r))
+    return sum_a + share * (2.0 * one - two - three) / 3.0, sum_b + share * (two - three) / ROOT
+
+
+@kernel
+def dead_time_and_drop(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period):
+    """Take from the period's voltage what late edges and the devices' thresholds lose (5, 6)."""
+    per = 1.0 / period
+    for j in range(LANES):
+        a, b = w[I_A * LANES + j], w[I_B * LANES + j]
+        x, y, t, p, q = edge(w, j, omega, e_0, 1.0, 0.0, 0.0)
+        s_a, s_b = signs(w, j, a, b, p, q, t * per, 0.0, 0.0)
+        x, y, v, a, b = edge(w, j, omega, e_1, 1.0, x, y)
+        s_a, s_b = signs(w, j, p, q, a, b, (v - t) * per, s_a, s_b)
+        x, y, t, p, q = edge(w, j, omega, e_2, 1.0, x, y)
+        s_a, s_b = signs(w, j, a, b, p, q, (t - v) * per, s_a, s_b)
+        x, y, v, a, b = edge(w, j, omega, e_3, -1.0, x, y)
+        s_a, s_b = signs(w, j, p, q, a, b, (v - t) * per, s_a, s_b)
+        x, y, t, p, q = edge(w, j, omega, e_4, -1.0, x, y)
+        s_a, s_b = signs(w, j, a, b, p, q, (t - v) * per, s_a, s_b)
+        x, y, v, a, b = edge(w, j, omega, e_5, -1.0, x, y)
+        s_a, s_b = signs(w, j, p, q, a, b, (v - t) * per, s_a, s_b)
+        f_a, f_b = w[U_A * LANES + j] * period + x, w[U_B * LANES + j] * period + y
+        p, q = current_at(w, j, period, omega, f_a, f_b)
+        s_a, s_b = signs(w, j, a, b, p, q, (period - v) * per, s_a, s_b)
+        drop = w[THRESHOLD * LANES + j]
+        w[U_A * LANES + j] = w[U_A * LANES + j] + x * per - drop * s_a
+        w[U_B * LANES + j] = w[U_B * LANES + j] + y * per - drop * s_b
+
+
+@kernel
+def lagged(duty, before, period, late, tau, inverse):
+    """Return `model.pulses.ripple_lag` of one leg, vectorisable; inverse: 1/tau, large where tau is 0."""
+    rise, fall = min(0.5 * (1.0 - duty) * period + late, period), min(0.5 * (1.0 + duty) * period + late, period)
+    on, left = fall - rise, fading((fall - period) * inverse) - fading((rise - period) * inverse)
+    rise, fall = 0.5 * (1.0 - before) * period + late - period, 0.5 * (1.0 + before) * period + late - period
+    rise, fall = max(rise, 0.0), max(fall, 0.0)
+    on, left = on + fall - rise, left + fading((fall - period) * inverse) - fading((rise - period) * inverse)
+    return tau * (on / period * (1.0 - fading(-period * inverse)) - left)
+
+
+@kernel
+def keep_ripple(w, row, time_row, inverse_row, keep_row, d_a, d_b, d_c, b_a, b_b, b_c, period):
+    """Move a vector of lagged flux ripple (V s) on by one period (3)."""
+    for j in range(LANES):
+        late, inverse, keep = w[LATE * LANES + j], w[inverse_row * LANES + j], w[keep_row * LANES + j]
+        tau = w[time_row * LANES + j]
+        a = w[LINK_A * LANES + j] * lagged(d_a, b_a, period, late, tau, inverse)
+        b = w[LINK_B * LANES + j] * lagged(d_b, b_b, period, late, tau, inverse)
+        c = w[LINK_C * LANES + j] * lagged(d_c, b_c, period, late, tau, inverse)
+        w[row * LANES + j] = keep * w[row * LANES + j] + (2.0 * a - b - c) / 3.0
+        w[(row + 1) * LANES + j] = keep * w[(row + 1) * LANES + j] + (b - c) / ROOT
+
+
+@kernel
+def shifted_sample(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
+    """Write what sampling beside t_k adds to the current (A): no voltage acts in the zero vector, pulses beyond (2)."""
+    for j in range(LANES):
+        late, s, r = w[LATE * LANES + j], w[SAMPLING * LANES + j], w[RESISTANCE * LANES + j]
+        x = w[LINK_A * LANES + j] * flux_after(d_a, b_a, period, late, s)
+        y = w[LINK_B * LANES + j] * flux_after(d_b, b_b, period, late, s)
+        z = w[LINK_C * LANES + j] * flux_after(d_c, b_c, period, late, s)
+        a = w[PSI_A * LANES + j] + (2.0 * x - y - z) / 3.0 - s * r * w[I_A * LANES + j]
+        b = w[PSI_B * LANES + j] + (y - z) / ROOT - s * r * w[I_B * LANES + j]
+        c, n = turn(w[C_0 * LANES + j], w[S_0 * LANES + j], -omega * s)
+        i_a, i_b = full_current(w, j, c, n, a, b)
+        w[SAMPLE_A * LANES + j], w[SAMPLE_B * LANES + j] = i_a - w[M_A * LANES + j], i_b - w[M_B * LANES + j]

@@ -1,0 +1,236 @@
+"""Machine, sensors and shaft with all their effects, LANES parameter sets at once; angles are prescribed.
+
+Stationary frame throughout: a held voltage is constant there, and only the resistive drop needs integrating.  The
+terms are those of `model/effects`, written on rows of `sandbox.replay_lanes`; tests compare them with the effects'
+own kernels and with the switched bench.
+"""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+from sandbox.replay_lanes import (
+    ACCELERATION, BACK_DECAY, BACK_NEW, BACK_OLD, C_0, C_1, C_2, CLAG_A, CLAG_B, COG, COG_ORDER, COG_PHASE, CORE_A,
+    CORE_B, CORE_DECAY, CORE_FILTER, CORE_G, CORE_INV, CORE_NEW, CORE_OLD, COULOMB, DELTA_A, DELTA_B, DEVIATION,
+    ECC_COS, ECC_SIN, FILTER_A, FILTER_B, FILTER_DECAY, FILTER_NEW, FILTER_OLD, FLAG_A, FLAG_B, FRICTION, GAIN_A,
+    GAIN_B, GAIN_C, GAMMA_6, GAMMA_DD, GAMMA_DQ, GAMMA_QQ, I_A, I_B, I_D, I_Q, KF_ANGLE, KF_SPEED, LANES,
+    LAST_TORQUE, LOAD_GAIN, LOAD_INV, LOAD_OFFSET, LOAD_SHARE, M_A, M_B, MAGNET, MISS, MOTOR_INV, OFF_C, OFF_S,
+    OFFSET, OFFSET_A, OFFSET_B, OSC_11, OSC_12, OSC_21, OSC_22, OSC_REST, PAIRS, PSI_A, PSI_B, PSI_D6, PSI_Q6, READ_A,
+    READ_B, READ_C, RESISTANCE, S_0, S_1, S_2, SAMPLE_A, SAMPLE_B, SKIN_DECAY, SKIN_NEW, SKIN_OLD, SKIN_R, SLIP,
+    SLOW_A, SLOW_B, STRIBECK, STRIBECK_INV, TORQUE, TWIST, U_A, U_B, WIDTH_INV, X_D, X_Q, fading, incremental,
+    magnetising, sine_cosine,
+)  # fmt: skip
+
+ROOT = math.sqrt(3.0)
+
+
+@kernel
+def deviations(w, sine, cosine, row):
+    """Write the eccentric encoder's error p A sin(theta_mech + phase) (rad, electrical)."""
+    for j in range(LANES):
+        w[row * LANES + j] = w[ECC_COS * LANES + j] * sine + w[ECC_SIN * LANES + j] * cosine
+
+
+@kernel
+def turn_by_deviation(w, from_row, to_row, share, c, s, c_row, s_row):
+    """Write cos and sin of the true rotor angle: offset and eccentricity off; the error between two samples' rows."""
+    for j in range(LANES):
+        x, y = w[OFF_C * LANES + j], w[OFF_S * LANES + j]
+        e = w[from_row * LANES + j] + share * (w[to_row * LANES + j] - w[from_row * LANES + j])
+        e_s, e_c = sine_cosine(e)
+        c_t, s_t = c * x + s * y, s * x - c * y
+        w[c_row * LANES + j], w[s_row * LANES + j] = c_t * e_c + s_t * e_s, s_t * e_c - c_t * e_s
+
+
+@kernel
+def sixth(c, s):
+    """Return cos and sin of six times the angle of cos c and sin s."""
+    c_2, s_2 = c * c - s * s, 2.0 * c * s
+    c_4, s_4 = c_2 * c_2 - s_2 * s_2, 2.0 * c_2 * s_2
+    return c_4 * c_2 - s_4 * s_2, s_4 * c_2 + c_4 * s_2
+
+
+@kernel
+def full_current(w, j, c, s, a, b):
+    """Return the magnetising current (A, stationary), harmonics included."""
+    c_6, s_6 = sixth(c, s)
+    d = c * a + s * b - w[MAGNET * LANES + j] - w[PSI_D6 * LANES + j] * c_6
+    q = c * b - s * a - w[PSI_Q6 * LANES + j] * s_6
+    i_d, i_q = magnetising(w, j, d, q)
+    g = w[GAMMA_6 * LANES + j]
+    i_d, i_q = i_d + g * (c_6 * d + s_6 * q), i_q + g * (s_6 * d - c_6 * q)
+    return c * i_d - s * i_q, s * i_d + c * i_q
+
+
+@kernel
+def full_sample(w):
+    """Set currents, torque and incremental inductance of the sample from the states."""
+    for j in range(LANES):
+        a, b, c, s = w[PSI_A * LANES + j], w[PSI_B * LANES + j], w[C_0 * LANES + j], w[S_0 * LANES + j]
+        c_6, s_6 = sixth(c, s)
+        h_d, h_q, g = w[PSI_D6 * LANES + j], w[PSI_Q6 * LANES + j], w[GAMMA_6 * LANES + j]
+        x_d, x_q = c * a + s * b, c * b - s * a
+        d, q = x_d - w[MAGNET * LANES + j] - h_d * c_6, x_q - h_q * s_6
+        i_d, i_q = magnetising(w, j, d, q)
+        i_d, i_q = i_d + g * (c_6 * d + s_6 * q), i_q + g * (s_6 * d - c_6 * q)
+        dd, dq, qq = incremental(w, j, d, q)
+        turning = 3.0 * g * (2.0 * c_6 * d * q - s_6 * (d * d - q * q)) + 6.0 * (h_d * s_6 * i_d - h_q * c_6 * i_q)
+        w[TORQUE * LANES + j] = 1.5 * w[PAIRS * LANES + j] * (x_d * i_q - x_q * i_d - turning)
+        m_a, m_b = c * i_d - s * i_q, s * i_d + c * i_q
+        k_a, k_b = w[CORE_A * LANES + j], w[CORE_B * LANES + j]
+        w[M_A * LANES + j], w[M_B * LANES + j] = m_a, m_b
+        w[I_A * LANES + j], w[I_B * LANES + j] = m_a + k_a, m_b + k_b
+        w[I_D * LANES + j], w[I_Q * LANES + j] = i_d + c * k_a + s * k_b, i_q + c * k_b - s * k_a
+        w[X_D * LANES + j], w[X_Q * LANES + j] = x_d, x_q
+        w[GAMMA_DD * LANES + j], w[GAMMA_DQ * LANES + j] = dd + g * c_6, dq + g * s_6
+        w[GAMMA_QQ * LANES + j] = qq - g * c_6
+
+
+@kernel
+def close_lags(w):
+    """Give the lags of current their share of the sample's current (`full_step` left it out)."""
+    for j in range(LANES):
+        i_a, i_b = w[I_A * LANES + j], w[I_B * LANES + j]
+        new, own = w[FILTER_NEW * LANES + j], w[SKIN_NEW * LANES + j]
+        w[FILTER_A * LANES + j], w[FILTER_B * LANES + j] = (
+            w[FILTER_A * LANES + j] + new * i_a,
+            w[FILTER_B * LANES + j] + new * i_b,
+        )
+        w[SLOW_A * LANES + j], w[SLOW_B * LANES + j] = w[SLOW_A * LANES + j] + own * i_a, w[SLOW_B * LANES + j] + own * i_b
+
+
+@kernel
+def phase_drop(w, j, i_a, i_b):
+    """Return resistive drop and winding asymmetry (V)."""
+    r, x = w[RESISTANCE * LANES + j], w[DELTA_A * LANES + j] * i_a
+    y = w[DELTA_B * LANES + j] * (0.5 * ROOT * i_b - 0.5 * i_a)
+    return r * i_a + (2.0 * x - y) / 3.0, r * i_b + y / ROOT
+
+
+@kernel
+def full_step(w, h):
+    """Move fluxes, iron-loss current and the current's lags on by a step of h (s).
+
+    Lags (iron, skin, filter) go by half steps, exact for an input linear over each, so they may be short.
+    """
+    half, part = 0.5 * h, h / 6.0
+    for j in range(LANES):
+        a, b, u_a, u_b = w[PSI_A * LANES + j], w[PSI_B * LANES + j], w[U_A * LANES + j], w[U_B * LANES + j]
+        c_1, s_1, c_2, s_2 = w[C_1 * LANES + j], w[S_1 * LANES + j], w[C_2 * LANES + j], w[S_2 * LANES + j]
+        g, r_1 = w[CORE_G * LANES + j], w[SKIN_R * LANES + j]
+        k_decay, k_old, k_new = w[CORE_DECAY * LANES + j], w[CORE_OLD * LANES + j], w[CORE_NEW * LANES + j]
+        x_decay, x_old, x_new = w[SKIN_DECAY * LANES + j], w[SKIN_OLD * LANES + j], w[SKIN_NEW * LANES + j]
+        k_a, k_b, x_a, x_b = w[CORE_A * LANES + j], w[CORE_B * LANES + j], w[SLOW_A * LANES + j], w[SLOW_B * LANES + j]
+        i_a, i_b = w[I_A * LANES + j], w[I_B * LANES + j]
+        v_a, v_b = phase_drop(w, j, i_a, i_b)
+        p_a, p_b = u_a - v_a - r_1 * (i_a - x_a), u_b - v_b - r_1 * (i_b - x_b)
+        kept_a, kept_b = k_decay * k_a + k_old * g * p_a, k_decay * k_b + k_old * g * p_b
+        slow_a, slow_b = x_decay * x_a + x_old * i_a, x_decay * x_b + x_old * i_b
+        j_a, j_b = full_current(w, j, c_1, s_1, a + half * p_a, b + half * p_b)
+        j_a, j_b = j_a + kept_a + k_new * g * p_a, j_b + kept_b + k_new * g * p_b
+        v_a, v_b = phase_drop(w, j, j_a, j_b)
+        q_a, q_b = u_a - v_a - r_1 * (j_a - slow_a - x_new * j_a), u_b - v_b - r_1 * (j_b - slow_b - x_new * j_b)
+        k_a, k_b = kept_a + k_new * g * q_a, kept_b + k_new * g * q_b  # iron-loss current in the middle
+        j_a, j_b = full_current(w, j, c_1, s_1, a + half * q_a, b + half * q_b)
+        j_a, j_b = j_a + k_a, j_b + k_b
+        x_a, x_b = slow_a + x_new * j_a, slow_b + x_new * j_b
+        v_a, v_b = phase_drop(w, j, j_a, j_b)
+        r_a, r_b = u_a - v_a - r_1 * (j_a - x_a), u_b - v_b - r_1 * (j_b - x_b)
+        kept_a, kept_b = k_decay * k_a + k_old * g * r_a, k_decay * k_b + k_old * g * r_b
+        slow_a, slow_b = x_decay * x_a + x_old * j_a, x_decay * x_b + x_old * j_b
+        y_a, y_b = full_current(w, j, c_2, s_2, a + h * r_a, b + h * r_b)
+        y_a, y_b = y_a + kept_a + k_new * g * r_a, y_b + kept_b + k_new * g * r_b
+        v_a, v_b = phase_drop(w, j, y_a, y_b)
+        e_a, e_b = u_a - v_a - r_1 * (y_a - slow_a - x_new * y_a), u_b - v_b - r_1 * (y_b - slow_b - x_new * y_b)
+        w[CORE_A * LANES + j], w[CORE_B * LANES + j] = kept_a + k_new * g * e_a, kept_b + k_new * g * e_b
+        w[SLOW_A * LANES + j], w[SLOW_B * LANES + j] = slow_a, slow_b  # `close_lags` adds the coming sample's share
+        f_decay, f_old, f_new = w[FILTER_DECAY * LANES + j], w[FILTER_OLD * LANES + j], w[FILTER_NEW * LANES + j]
+        f_a = f_decay * w[FILTER_A * LANES + j] + f_old * i_a + f_new * j_a
+        f_b = f_decay * w[FILTER_B * LANES + j] + f_old * i_b + f_new * j_b
+        w[FILTER_A * LANES + j], w[FILTER_B * LANES + j] = f_decay * f_a + f_old * j_a, f_decay * f_b + f_old * j_b
+        w[PSI_A * LANES + j] = a + part * (p_a + 2.0 * (q_a + r_a) + e_a)
+        w[PSI_B * LANES + j] = b + part * (p_b + 2.0 * (q_b + r_b) + e_b)
+
+
+@kernel
+def hold_sample(w, iron, filtered, shifted):
+    """Set the current (A) that the samplers hold: iron loss and filter under pulses, instant of sampling."""
+    for j in range(LANES):
+        i_a, i_b = w[I_A * LANES + j], w[I_B * LANES + j]
+        g, lag_a, lag_b = w[CORE_G * LANES + j], w[CLAG_A * LANES + j], w[CLAG_B * LANES + j]
+        if iron:
+            i_a -= g * w[CORE_INV * LANES + j] * lag_a
+            i_b -= g * w[CORE_INV * LANES + j] * lag_b
+        s_a, s_b = i_a, i_b
+        if shifted:
+            s_a, s_b = i_a + w[SAMPLE_A * LANES + j], i_b + w[SAMPLE_B * LANES + j]
+        if filtered:
+            c, s, f_a, f_b = w[C_0 * LANES + j], w[S_0 * LANES + j], w[FLAG_A * LANES + j], w[FLAG_B * LANES + j]
+            r_d, r_q = c * f_a + s * f_b, c * f_b - s * f_a
+            g_d = w[GAMMA_DD * LANES + j] * r_d + w[GAMMA_DQ * LANES + j] * r_q
+            g_q = w[GAMMA_DQ * LANES + j] * r_d + w[GAMMA_QQ * LANES + j] * r_q
+            o_a, o_b = w[FILTER_A * LANES + j] + c * g_d - s * g_q, w[FILTER_B * LANES + j] + s * g_d + c * g_q
+            if iron:
+                o_a -= g * w[CORE_FILTER * LANES + j] * (lag_a - f_a)
+                o_b -= g * w[CORE_FILTER * LANES + j] * (lag_b - f_b)
+            if shifted:
+                back, old, new = w[BACK_DECAY * LANES + j], w[BACK_OLD * LANES + j], w[BACK_NEW * LANES + j]
+                o_a, o_b = back * o_a + old * i_a + new * s_a, back * o_b + old * i_b + new * s_b
+            s_a, s_b = o_a, o_b
+        w[READ_A * LANES + j], w[READ_B * LANES + j] = s_a, s_b
+
+
+@kernel
+def read_sensors(w, plain):
+    """Turn the sampled vector (or, plain, the current itself) into three readings (A): gains and offsets."""
+    for j in range(LANES):
+        i_a, i_b = w[READ_A * LANES + j], w[READ_B * LANES + j]
+        if plain:
+            i_a, i_b = w[I_A * LANES + j], w[I_B * LANES + j]
+        side, half = 0.5 * ROOT * i_b, -0.5 * i_a
+        off_a, off_b = w[OFFSET_A * LANES + j], w[OFFSET_B * LANES + j]
+        w[READ_A * LANES + j] = w[GAIN_A * LANES + j] * i_a + off_a
+        w[READ_B * LANES + j] = w[GAIN_B * LANES + j] * (half + side) + off_b
+        w[READ_C * LANES + j] = w[GAIN_C * LANES + j] * (half - side) - off_a - off_b
+
+
+@kernel
+def predict_motion(w, period, load, angle, speed, twisted):
+    """Advance the motion filter of a free rotor to this sample (mean torque of the two samples, s, N m).
+
+    angle, speed: smoothed electrical angle (rad) and speed (rad/s) in the middle of the interval, for friction and
+    cogging; load: asked of the load machine over it.
+    """
+    for j in range(LANES):
+        pairs, total = w[PAIRS * LANES + j], w[ACCELERATION * LANES + j]  # p/J
+        taken = load * (1.0 + w[LOAD_GAIN * LANES + j]) + w[LOAD_OFFSET * LANES + j]
+        omega = speed / pairs
+        slow = (omega * w[STRIBECK_INV * LANES + j]) ** 2
+        level = w[COULOMB * LANES + j] + w[STRIBECK * LANES + j] * fading(-slow)
+        x = omega * w[WIDTH_INV * LANES + j]
+        e = fading(-2.0 * abs(x))
+        side = (1.0 - e) / (1.0 + e)
+        sine, _ = sine_cosine(w[COG_ORDER * LANES + j] * (angle - w[OFFSET * LANES + j]) / pairs + w[COG_PHASE * LANES + j])
+        net = 0.5 * (w[LAST_TORQUE * LANES + j] + w[TORQUE * LANES + j])
+        net += w[COG * LANES + j] * sine - w[FRICTION * LANES + j] * omega - level * (side if x >= 0.0 else -side)
+        a = total * (net - taken)
+        w[KF_ANGLE * LANES + j] += period * (w[KF_SPEED * LANES + j] + 0.5 * period * a)
+        w[KF_SPEED * LANES + j] += period * a
+        w[LAST_TORQUE * LANES + j] = w[TORQUE * LANES + j]
+        if twisted:  # twist and slip (difference of speeds) swing about rest
+            rest = w[OSC_REST * LANES + j] * (net * w[MOTOR_INV * LANES + j] + taken * w[LOAD_INV * LANES + j])
+            t, v = w[TWIST * LANES + j] - rest, w[SLIP * LANES + j]
+            w[TWIST * LANES + j] = rest + w[OSC_11 * LANES + j] * t + w[OSC_12 * LANES + j] * v
+            w[SLIP * LANES + j] = w[OSC_21 * LANES + j] * t + w[OSC_22 * LANES + j] * v
+
+
+@kernel
+def correct_motion(w, read, gain_angle, gain_speed, scale):
+    """Set the innovation of the encoder's reading over its standard deviation, and correct the filter with it."""
+    for j in range(LANES):
+        predicted = w[KF_ANGLE * LANES + j] + w[PAIRS * LANES + j] * w[LOAD_SHARE * LANES + j] * w[TWIST * LANES + j]
+        miss = read - w[OFFSET * LANES + j] - w[DEVIATION * LANES + j] - predicted
+        w[KF_ANGLE * LANES + j] += gain_angle * miss
+        w[KF_SPEED * LANES + j] += gain_speed * miss
+        w[MISS * LANES + j] = scale * miss
