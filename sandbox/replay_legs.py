@@ -14,7 +14,7 @@ from model.pulses import flux_after, mean_deviation
 from sandbox.plant import turn
 from sandbox.replay_lanes import (
     C_0, DEAD, DELAY, GAMMA_6, GAMMA_DD, GAMMA_DQ, GAMMA_QQ, I_A, I_B, I_D, I_Q, LANES, LATE, LINK, LINK_A, LINK_B,
-    LINK_C, M_A, M_B, MAGNET, PSI_A, PSI_B, PSI_D6, PSI_Q6, RESISTANCE, RIPPLE, RIPPLE_PHASE, RIPPLE_RATE, S_0,
+    LINK_C, M_A, M_B, MAGNET, PAIRS, PSI_A, PSI_B, PSI_D6, PSI_Q6, PULSE_TORQUE, RESISTANCE, RIPPLE, RIPPLE_PHASE, RIPPLE_RATE, S_0,
     SAMPLE_A, SAMPLE_B, SAMPLING, SOFT, THRESHOLD, U_A, U_B, X_D, X_Q, fading, incremental, sine_cosine,
 )  # fmt: skip
 from sandbox.replay_machine import full_current, sixth
@@ -58,7 +58,7 @@ def mean_voltage(w, d_a, d_b, d_c):
 
 @kernel
 def late_voltage(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
-    """Write the voltage of a late pattern: volt-seconds of the period, and R Gamma of the mean flux it moves (1)."""
+    """Write the voltage of a late pattern: volt-seconds of the period, R Gamma of the mean flux it moves (1); its torque."""
     half = 0.5 * period
     for j in range(LANES):
         late, r = w[LATE * LANES + j], w[RESISTANCE * LANES + j]
@@ -82,7 +82,10 @@ def late_voltage(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
         r_d, r_q = c * rho_a + s * rho_b, c * rho_b - s * rho_a
         g_d = (dd + g * c_6) * r_d + (dq + g * s_6) * r_q
         g_q = (dq + g * s_6) * r_d + (qq - g * c_6) * r_q
-        w[U_A * LANES + j], w[U_B * LANES + j] = u_a - r * (c * g_d - s * g_q), u_b - r * (s * g_d + c * g_q)
+        g_a, g_b = c * g_d - s * g_q, s * g_d + c * g_q  # mean current beside the samples' straight line
+        w[U_A * LANES + j], w[U_B * LANES + j] = u_a - r * g_a, u_b - r * g_b
+        pull = a * g_b - b * g_a + rho_a * w[I_B * LANES + j] - rho_b * w[I_A * LANES + j]
+        w[PULSE_TORQUE * LANES + j] = 1.5 * w[PAIRS * LANES + j] * pull
 
 
 @kernel

@@ -11,12 +11,13 @@ import math
 
 from model.compiled import kernel
 from sandbox.replay_lanes import (
-    ACCELERATION, BACK_DECAY, BACK_NEW, BACK_OLD, C_0, C_1, C_2, CLAG_A, CLAG_B, COG, COG_ORDER, COG_PHASE, CORE_A,
-    CORE_B, CORE_DECAY, CORE_FILTER, CORE_G, CORE_INV, CORE_NEW, CORE_OLD, COULOMB, DELTA_A, DELTA_B, DEVIATION,
+    ACCELERATION, BACK_DECAY, BACK_NEW, BACK_OLD, C_0, C_1, C_2, CLAG_A, CLAG_B, COG, COG_ORDER, COG_PHASE, COMMON,
+    CORE_A, CORE_B, CORE_DECAY, CORE_FILTER, CORE_G, CORE_INV, CORE_NEW, CORE_OLD, COULOMB, DELTA_A, DELTA_B, DEVIATION,
     ECC_COS, ECC_SIN, FILTER_A, FILTER_B, FILTER_DECAY, FILTER_NEW, FILTER_OLD, FLAG_A, FLAG_B, FRICTION, GAIN_A,
     GAIN_B, GAIN_C, GAMMA_6, GAMMA_DD, GAMMA_DQ, GAMMA_QQ, I_A, I_B, I_D, I_Q, KF_ANGLE, KF_SPEED, LANES,
     LAST_TORQUE, LOAD_GAIN, LOAD_INV, LOAD_OFFSET, LOAD_SHARE, M_A, M_B, MAGNET, MISS, MOTOR_INV, OFF_C, OFF_S,
-    OFFSET, OFFSET_A, OFFSET_B, OSC_11, OSC_12, OSC_21, OSC_22, OSC_REST, PAIRS, PSI_A, PSI_B, PSI_D6, PSI_Q6, READ_A,
+    OFFSET, OFFSET_A, OFFSET_B, OSC_11, OSC_12, OSC_21, OSC_22, OSC_REST, PAIRS, PSI_A, PSI_B, PSI_D6, PSI_Q6,
+    PULSE_TORQUE, READ_A,
     READ_B, READ_C, RESISTANCE, S_0, S_1, S_2, SAMPLE_A, SAMPLE_B, SKIN_DECAY, SKIN_NEW, SKIN_OLD, SKIN_R, SLIP,
     SLOW_A, SLOW_B, STRIBECK, STRIBECK_INV, TORQUE, TWIST, U_A, U_B, WIDTH_INV, X_D, X_Q, fading, incremental,
     magnetising, sine_cosine,
@@ -189,15 +190,15 @@ def read_sensors(w, plain):
         if plain:
             i_a, i_b = w[I_A * LANES + j], w[I_B * LANES + j]
         side, half = 0.5 * ROOT * i_b, -0.5 * i_a
-        off_a, off_b = w[OFFSET_A * LANES + j], w[OFFSET_B * LANES + j]
-        w[READ_A * LANES + j] = w[GAIN_A * LANES + j] * i_a + off_a
-        w[READ_B * LANES + j] = w[GAIN_B * LANES + j] * (half + side) + off_b
-        w[READ_C * LANES + j] = w[GAIN_C * LANES + j] * (half - side) - off_a - off_b
+        off_a, off_b, common = w[OFFSET_A * LANES + j], w[OFFSET_B * LANES + j], w[COMMON * LANES + j]
+        w[READ_A * LANES + j] = w[GAIN_A * LANES + j] * i_a + off_a + common
+        w[READ_B * LANES + j] = w[GAIN_B * LANES + j] * (half + side) + off_b + common
+        w[READ_C * LANES + j] = w[GAIN_C * LANES + j] * (half - side) - off_a - off_b + common
 
 
 @kernel
 def predict_motion(w, period, load, angle, speed, twisted):
-    """Advance the motion filter of a free rotor to this sample (mean torque of the two samples, s, N m).
+    """Advance the motion filter of a free rotor to this sample (mean torque of the two samples and what late pulses add).
 
     angle, speed: smoothed electrical angle (rad) and speed (rad/s) in the middle of the interval, for friction and
     cogging; load: asked of the load machine over it.
@@ -212,7 +213,7 @@ def predict_motion(w, period, load, angle, speed, twisted):
         e = fading(-2.0 * abs(x))
         side = (1.0 - e) / (1.0 + e)
         sine, _ = sine_cosine(w[COG_ORDER * LANES + j] * (angle - w[OFFSET * LANES + j]) / pairs + w[COG_PHASE * LANES + j])
-        net = 0.5 * (w[LAST_TORQUE * LANES + j] + w[TORQUE * LANES + j])
+        net = 0.5 * (w[LAST_TORQUE * LANES + j] + w[TORQUE * LANES + j]) + w[PULSE_TORQUE * LANES + j]
         net += w[COG * LANES + j] * sine - w[FRICTION * LANES + j] * omega - level * (side if x >= 0.0 else -side)
         a = total * (net - taken)
         w[KF_ANGLE * LANES + j] += period * (w[KF_SPEED * LANES + j] + 0.5 * period * a)

@@ -36,6 +36,7 @@ BENCH = {
     "bench.lock_angle": BenchParameter("rad", 0.0, -math.pi, math.pi),  # added to a locked rotor's angle
     "bench.load_torque_gain": BenchParameter("", 0.0, -1.0, 1.0),  # relative error of the load machine's torque
     "bench.load_torque_offset": BenchParameter("N m", 0.0, -1e5, 1e5),
+    "bench.common_offset": BenchParameter("A", 0.0, -1e4, 1e4),  # in all three current readings alike
     "bench.soft_current": BenchParameter("A", None, 1e-9, 1e5),  # half the width in which sign(i) goes through zero
 }
 
@@ -133,6 +134,7 @@ def compile_set(motor: Motor, converter: Converter, v: Mapping[str, float], step
     for j, phase in enumerate("abc"):
         row[lanes.GAIN_A + j] = v[f"current_gain.gain_{phase}"]
     row[lanes.OFFSET_A], row[lanes.OFFSET_B] = v["current_offset.offset_a"], v["current_offset.offset_b"]
+    row[lanes.COMMON] = v["bench.common_offset"]
     offset = v["encoder_offset.offset"]
     row[lanes.OFFSET], row[lanes.OFF_C], row[lanes.OFF_S] = offset, math.cos(offset), math.sin(offset)
     amplitude, phase_ = pairs * v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
