@@ -24,19 +24,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.energy import SOLVED, flux_newton
+from model.energy import SOLVED, Energy, flux_newton
 from model.errors import BadInput
+from model.frames import stationary
 from sandbox import replay_lanes as lanes
 from sandbox.campaign import Campaign
 from sandbox.replay_inputs import Inputs, inputs_of, noise_floor
-from sandbox.replay_kernel import run
+from sandbox.replay_kernel import COSINE, READ, SINE, run
 from sandbox.replay_sets import compile_sets, complete, features_of
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
 STEPS = (1, 2, 4, 8)
+ENERGY_ROWS = ((lanes.GAMMA_D, 1), (lanes.GAMMA_Q, 1), (lanes.A3, 3), (lanes.B2, 1), (lanes.A4, 4), (lanes.C2, 1), (lanes.B4, 4))  # fmt: skip
 ACCURACY = 0.02  # of the noise floor: largest rms change on halving the plant's step
-AT_REST = 4.0  # noise floors: a first reading below is a start without current
 
 
 @dataclass(frozen=True)
@@ -160,7 +161,7 @@ def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
     for r, current, motion, angle in zip(
         prepared.recordings, prediction.currents, prediction.motion, prediction.angle, strict=True
     ):
-        turned = None if angle is None else (r.table[:, 9, None] - angle) / r.angle_floor
+        turned = None if angle is None else (r.table[:, READ, None] - angle) / r.angle_floor
         out.append(Residual(r.file, r.rotor, (r.read[:, :, None] - current) / prepared.floor, motion, turned))
     return out
 
@@ -204,39 +205,32 @@ def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Ar
     if r.rotor == "locked":
         rows[lanes.OFFSET] -= block.lock
         rows[lanes.OFF_C], rows[lanes.OFF_S] = np.cos(rows[lanes.OFFSET]), np.sin(rows[lanes.OFFSET])
-    _start(rows, r, prepared.floor)
+    _start(rows, r)
     period = prepared.campaign.drive.converter.sampling_period
     free = r.rotor == "free"
     run(rows.ravel(), block.features, r.table, r.edges, r.turns, period, prepared.steps, free, out, moved, first)
 
 
-def _start(rows: Array, r: Inputs, floor: float) -> None:
-    """Set the states at the first sample: the current as read (none below AT_REST noise floors), motion from rest."""
-    a, b, c = r.read[0]
-    i_a, i_b = (2.0 * a - b - c) / 3.0, (b - c) / math.sqrt(3.0)
-    if math.hypot(i_a, i_b) < AT_REST * floor:
-        i_a = i_b = 0.0
+def _start(rows: Array, r: Inputs) -> None:
+    """Set the states at the first sample: without current, or (`Inputs.loaded`) with the current as read."""
     for j in range(rows.shape[1]):
         p = rows[:, j]
-        error = p[lanes.ECC_COS] * r.table[0, 6] + p[lanes.ECC_SIN] * r.table[0, 7]
+        error = p[lanes.ECC_COS] * r.table[0, SINE] + p[lanes.ECC_SIN] * r.table[0, COSINE]
         theta = math.atan2(r.turns[0, 0, 1], r.turns[0, 0, 0]) - p[lanes.OFFSET] - error
         co, si = math.cos(theta), math.sin(theta)
         d = q = 0.0
-        if i_a or i_b:
-            energy = (p[lanes.GAMMA_D], p[lanes.GAMMA_Q], p[lanes.A3] / 3, p[lanes.B2], p[lanes.A4] / 4, p[lanes.C2])
-            d, q, status = flux_newton(_energy(*energy, p[lanes.B4] / 4), co * i_a + si * i_b, co * i_b - si * i_a, d, q)
+        if r.loaded:
+            off_a, off_b = p[lanes.OFFSET_A], p[lanes.OFFSET_B]
+            phases = (r.read[0] - p[lanes.COMMON] - (off_a, off_b, -off_a - off_b)) / p[lanes.GAIN_A : lanes.GAIN_C + 1]
+            i_a, i_b = stationary(*(float(x) for x in phases))
+            own = Energy(*(float(p[row] / n) for row, n in ENERGY_ROWS))
+            d, q, status = flux_newton(own, co * i_a + si * i_b, co * i_b - si * i_a, 0.0, 0.0)
             if status != SOLVED:
                 raise BadInput(f"{r.file}: no flux of this motor gives the first reading of {math.hypot(i_a, i_b):.3g} A")
+            p[[lanes.SLOW_A, lanes.FILTER_A]], p[[lanes.SLOW_B, lanes.FILTER_B]] = i_a, i_b
         d += p[lanes.MAGNET] + p[lanes.PSI_D6] * math.cos(6.0 * theta)
         q += p[lanes.PSI_Q6] * math.sin(6.0 * theta)
         p[lanes.PSI_A], p[lanes.PSI_B] = co * d - si * q, si * d + co * q
-        p[[lanes.SLOW_A, lanes.FILTER_A]], p[[lanes.SLOW_B, lanes.FILTER_B]] = i_a, i_b
-
-
-def _energy(*coefficients: float):  # type: ignore[no-untyped-def]
-    from model.energy import Energy
-
-    return Energy(*map(float, coefficients))
 
 
 def in_threads(task, jobs, workers: int) -> None:  # type: ignore[no-untyped-def]

@@ -13,6 +13,7 @@ from model.compiled import kernel
 from model.effects.library import true_motor
 from model.energy import flux_newton
 from model.errors import BadInput
+from model.frames import stationary
 from model.parameters import Converter
 from sandbox import replay_lanes as lanes
 from sandbox.campaign import Campaign, CampaignRecording
@@ -22,6 +23,7 @@ from sandbox.smoothing import Motion, driven_motion, free_motion, locked_motion,
 
 Array = NDArray[np.float64]
 LOAD_SHARE = 0.01  # standard deviation of the load machine's torque, a share of what was asked, sample by sample
+AT_REST = 0.05  # of rated current: a first reading below is a start without current
 LEGS = np.array([[1.0, 0.0], [-0.5, math.sqrt(0.75)], [-0.5, -math.sqrt(0.75)]])
 
 
@@ -38,6 +40,7 @@ class Inputs:
     motion: Motion
     angle_floor: float  # rad rms of one encoder reading
     pole_pairs: float
+    loaded: bool  # current flows at the first sample
 
     def with_steps(self, period: float, steps: int) -> Inputs:
         """Return the same for another number of plant steps a period."""
@@ -92,9 +95,13 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
         table[:, 14] = 0.5 * (motion.speed + np.append(motion.speed[1:], motion.speed[-1]))
     read = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
     edges = edge_table(duty, period)
+    v = complete(motor, converter, base)
+    off_a, off_b = v["current_offset.offset_a"], v["current_offset.offset_b"]
+    start = math.hypot(*stationary(read[0, 0] - off_a, read[0, 1] - off_b, read[0, 2] + off_a + off_b))
     first = Inputs(
-        r.file, r.rotor, table, edges, np.empty((0, 0, 2)), read, motion, math.sqrt(variance), float(motor.pole_pairs)
-    )
+        r.file, r.rotor, table, edges, np.empty((0, 0, 2)), read, motion, math.sqrt(variance), float(motor.pole_pairs),
+        start > AT_REST * motor.rated_current,
+    )  # fmt: skip
     return first.with_steps(period, steps)
 
 
