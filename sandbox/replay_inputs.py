@@ -18,7 +18,7 @@ from model.parameters import Converter
 from sandbox import replay_lanes as lanes
 from sandbox.campaign import Campaign, CampaignRecording
 from sandbox.replay_kernel import COLUMNS, EDGE
-from sandbox.replay_sets import complete
+from sandbox.replay_sets import compile_set, complete
 from sandbox.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
 
 Array = NDArray[np.float64]
@@ -133,24 +133,46 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
             raise BadInput(f"{r.file}: rotor = 'locked', but theta moves by {np.ptp(r.theta):.3g} rad; correct 'rotor'")
         return locked_motion(r.theta)
     if r.rotor == "driven":
-        try:
-            return driven_motion(r.t, r.theta, motor.pole_pairs, count)
-        except BadInput as error:
-            raise BadInput(f"{r.file}: {error}") from None
+        return driven_motion(r.t, r.theta, motor.pole_pairs, count)
     v = complete(motor, converter, base)
     m = true_motor(motor, v)
     pairs, period = m.pole_pairs, converter.sampling_period
     i_alpha, i_beta = r.current
     angle, speed = r.theta, np.zeros(len(r.theta))
+    row = compile_set(motor, converter, v, 1)
     for _ in range(2):
         torque = torque_of(m.energy, m.magnet_flux, float(pairs), i_alpha, i_beta, angle - v["encoder_offset.offset"])
-        drag = m.viscous_friction * speed / pairs + v["coulomb_friction.torque"] * np.tanh(
-            speed / pairs / v["coulomb_friction.width"]
-        )
-        taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"] + drag
-        motion = free_motion(r.theta, pairs / m.inertia * (torque - taken), period, count)
+        omega, turn = speed / pairs, (angle - v["encoder_offset.offset"]) / pairs
+        net = torque - m.viscous_friction * omega
+        net -= v["coulomb_friction.torque"] * np.tanh(omega / v["coulomb_friction.width"])
+        net += v["cogging_torque.amplitude"] * np.sin(v["cogging_torque.order_mech"] * turn + v["cogging_torque.phase"])
+        taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
+        acceleration = pairs / m.inertia * (net - taken) + pairs * swing(row, net, taken)
+        motion = free_motion(r.theta, acceleration, period, count)
         angle, speed = motion.angle, motion.speed
     return motion
+
+
+@kernel
+def swing(row, net, taken):
+    """Return what a compliant shaft adds to the motor's acceleration (n,) in rad/s^2 mechanical, from rest."""
+    out = np.zeros(len(net))
+    if row[lanes.LOAD_SHARE] == 0.0:
+        return out
+    t = v = 0.0
+    rate_2 = 1.0 / row[lanes.OSC_REST]
+    damping = (row[lanes.OSC_11] - row[lanes.OSC_22]) / row[lanes.OSC_12]  # 2 x ratio x rate
+    for k in range(len(net)):
+        rest = row[lanes.OSC_REST] * (net[k] * row[lanes.MOTOR_INV] + taken[k] * row[lanes.LOAD_INV])
+        out[k] = row[lanes.LOAD_SHARE] * (rate_2 * (rest - t) - damping * v)
+        if k + 1 < len(net):
+            mean = 0.5 * (net[k] + net[k + 1])
+            rest = row[lanes.OSC_REST] * (mean * row[lanes.MOTOR_INV] + taken[k] * row[lanes.LOAD_INV])
+        t, v = (
+            rest + row[lanes.OSC_11] * (t - rest) + row[lanes.OSC_12] * v,
+            row[lanes.OSC_21] * (t - rest) + row[lanes.OSC_22] * v,
+        )
+    return out
 
 
 @kernel

@@ -13,7 +13,7 @@ from model.compiled import kernel
 from sandbox.replay_lanes import (
     ACCELERATION, BACK_DECAY, BACK_NEW, BACK_OLD, C_0, C_1, C_2, CLAG_A, CLAG_B, COG, COG_ORDER, COG_PHASE, COMMON,
     CORE_A, CORE_B, CORE_DECAY, CORE_FILTER, CORE_G, CORE_INV, CORE_NEW, CORE_OLD, COULOMB, DELTA_A, DELTA_B, DEVIATION,
-    ECC_COS, ECC_SIN, FILTER_A, FILTER_B, FILTER_DECAY, FILTER_NEW, FILTER_OLD, FLAG_A, FLAG_B, FRICTION, GAIN_A,
+    ECC_COS, ECC_SIN, FILTER_A, FILTER_B, FILTER_DECAY, FILTER_MID, FILTER_NEW, FILTER_OLD, FLAG_A, FLAG_B, FRICTION, GAIN_A,
     GAIN_B, GAIN_C, GAMMA_6, GAMMA_DD, GAMMA_DQ, GAMMA_QQ, I_A, I_B, I_D, I_Q, KF_ANGLE, KF_SPEED, LANES,
     LAST_TORQUE, LOAD_GAIN, LOAD_INV, LOAD_OFFSET, LOAD_SHARE, M_A, M_B, MAGNET, MISS, MOTOR_INV, OFF_C, OFF_S,
     OFFSET, OFFSET_A, OFFSET_B, OSC_11, OSC_12, OSC_21, OSC_22, OSC_REST, PAIRS, PSI_A, PSI_B, PSI_D6, PSI_Q6,
@@ -113,7 +113,7 @@ def phase_drop(w, j, i_a, i_b):
 def full_step(w, h):
     """Move fluxes, iron-loss current and the current's lags on by a step of h (s).
 
-    Lags (iron, skin, filter) go by half steps, exact for an input linear over each, so they may be short.
+    Lags may be short: iron's and skin's are exact for an input linear over half steps, the filter's for a parabola.
     """
     half, part = 0.5 * h, h / 6.0
     for j in range(LANES):
@@ -146,10 +146,9 @@ def full_step(w, h):
         e_a, e_b = u_a - v_a - r_1 * (y_a - slow_a - x_new * y_a), u_b - v_b - r_1 * (y_b - slow_b - x_new * y_b)
         w[CORE_A * LANES + j], w[CORE_B * LANES + j] = kept_a + k_new * g * e_a, kept_b + k_new * g * e_b
         w[SLOW_A * LANES + j], w[SLOW_B * LANES + j] = slow_a, slow_b  # `close_lags` adds the coming sample's share
-        f_decay, f_old, f_new = w[FILTER_DECAY * LANES + j], w[FILTER_OLD * LANES + j], w[FILTER_NEW * LANES + j]
-        f_a = f_decay * w[FILTER_A * LANES + j] + f_old * i_a + f_new * j_a
-        f_b = f_decay * w[FILTER_B * LANES + j] + f_old * i_b + f_new * j_b
-        w[FILTER_A * LANES + j], w[FILTER_B * LANES + j] = f_decay * f_a + f_old * j_a, f_decay * f_b + f_old * j_b
+        decay, old, mid = w[FILTER_DECAY * LANES + j], w[FILTER_OLD * LANES + j], w[FILTER_MID * LANES + j]
+        w[FILTER_A * LANES + j] = decay * w[FILTER_A * LANES + j] + old * i_a + mid * j_a  # here, too
+        w[FILTER_B * LANES + j] = decay * w[FILTER_B * LANES + j] + old * i_b + mid * j_b
         w[PSI_A * LANES + j] = a + part * (p_a + 2.0 * (q_a + r_a) + e_a)
         w[PSI_B * LANES + j] = b + part * (p_b + 2.0 * (q_b + r_b) + e_b)
 

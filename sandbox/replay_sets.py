@@ -101,6 +101,21 @@ def lag_weights(step: float, tau: float) -> tuple[float, float, float]:
     return decay, mean - decay, 1.0 - mean
 
 
+def parabola_weights(step: float, tau: float) -> tuple[float, float, float, float]:
+    """Return decay and weights of input at start, middle and end of a step, its input a parabola (tau 0: the end's)."""
+    if tau <= 0.0:
+        return 0.0, 0.0, 0.0, 1.0
+    x = step / tau
+    if x < 1e-4:
+        zeroth, first, second = x, x / 2.0, x / 3.0
+    else:
+        zeroth = -math.expm1(-x)
+        first = 1.0 - zeroth / x
+        second = 1.0 - 2.0 * first / x
+    weights = zeroth - 3.0 * first + 2.0 * second, 4.0 * (first - second), 2.0 * second - first
+    return math.exp(-x), *weights
+
+
 def compile_set(motor: Motor, converter: Converter, v: Mapping[str, float], steps: int) -> Array:
     """Return the rows (ROWS,) of one completed set; the states are zero.  steps: plant steps a sampling period."""
     row = np.zeros(lanes.ROWS)
@@ -126,7 +141,8 @@ def compile_set(motor: Motor, converter: Converter, v: Mapping[str, float], step
     _inverter(row, converter, v)
     row[lanes.FILTER_TIME] = filter_time
     row[lanes.FILTER_INV] = min(1.0 / filter_time, LARGEST_RATE) if filter_time > 0.0 else LARGEST_RATE
-    row[lanes.FILTER_DECAY : lanes.FILTER_NEW + 1] = lag_weights(half, filter_time)
+    places = [lanes.FILTER_DECAY, lanes.FILTER_OLD, lanes.FILTER_MID, lanes.FILTER_NEW]
+    row[places] = parabola_weights(2.0 * half, filter_time)
     row[lanes.FILTER_KEEP] = lag_weights(period, filter_time)[0]
     s = v["current_sampling.delay"]
     row[lanes.SAMPLING] = s

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
-from model.errors import BadInput
 
 Array = NDArray[np.float64]
 UNEXPLAINED = 1e6  # (rad/s^2)^2/s electrical: 1000 rad/s^2 of unexplained acceleration gathered in a second
@@ -67,12 +66,12 @@ def driven_motion(t: Array, theta: Array, pole_pairs: float, count: float) -> Mo
     """Return the motion of a rotor at imposed speed: straight pieces, as few corners as the reading's counts allow.
 
     An eccentric encoder's sine, once a mechanical turn, is fitted beside and left out of the motion (where the rotor
-    turns more than 1.5 times).  count: rad, electrical; BadInput where no few corners will do.
+    turns more than once).  count: rad, electrical.  Where few corners will not do, a smooth motion without torque.
     """
     period = float(t[1] - t[0])
     end = float(t[-1]) + period
     wobble = np.empty((len(t), 0))
-    if np.ptp(theta) > 3.0 * math.pi * pole_pairs:
+    if np.ptp(theta) > 2.0 * math.pi * pole_pairs:
         wobble = np.stack([np.sin(theta / pole_pairs), np.cos(theta / pole_pairs)], axis=1)
 
     def fit(corners: Array) -> tuple[Motion, Array]:
@@ -93,7 +92,7 @@ def driven_motion(t: Array, theta: Array, pole_pairs: float, count: float) -> Mo
         if math.sqrt(float(np.mean(miss**2))) <= goal:
             return motion
         start = np.sort(np.append(start, _best_new(fit, start, end)))
-    raise BadInput("the angle of a driven rotor is no sequence of a few speed ramps; record it as rotor = 'free'")
+    return free_motion(theta, np.zeros_like(theta), period, count, UNEXPLAINED)
 
 
 def _best_new(fit, corners: Array, end: float) -> float:  # type: ignore[no-untyped-def]
