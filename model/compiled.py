@@ -35,7 +35,7 @@ def source_key() -> str:
     for room in ROOMS:
         for path in sorted((root / room).rglob("*.py")):
             text = path.read_bytes()
-            if b"@kernel" in text or path.name == "compiled.py":
+            if b"@kernel" in text or b"@inlined" in text or path.name == "compiled.py":
                 digest.update(path.name.encode() + text)
     return digest.hexdigest()[:16]
 
@@ -62,7 +62,12 @@ def kernel(function: Callable[..., Any]) -> Any:
     return kernel_as(None)(function)
 
 
-def kernel_as(signature: Any) -> Callable[[Callable[..., Any]], Any]:
+def inlined(function: Callable[..., Any]) -> Any:
+    """Compile a function as `kernel` does, always into its caller: loops over lanes then become vector code."""
+    return kernel_as(None, forceinline=True)(function)
+
+
+def kernel_as(signature: Any, **more: Any) -> Callable[[Callable[..., Any]], Any]:
     """Compile a function at import for one explicit signature, so that it can be passed as a function pointer."""
 
     def compile_(function: Callable[..., Any]) -> Any:
@@ -70,7 +75,7 @@ def kernel_as(signature: Any) -> Callable[[Callable[..., Any]], Any]:
         before = config.CACHE_DIR
         config.CACHE_DIR = _CACHE_DIR  # only while decorating: the caller's own kernels keep their own place
         try:
-            options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+            options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", **more}
             return numba.njit(**options)(function) if signature is None else numba.njit(signature, **options)(function)
         finally:
             config.CACHE_DIR = before

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import kernel
+from model.compiled import inlined, kernel
 
 LANES = 16
 HALF_PI = 0.5 * math.pi
@@ -20,7 +20,8 @@ PI_HIGH, PI_LOW = 1.5707963267341256, 6.077100506506192e-11  # pi/2 in two parts
 (CORE_RATE_A, CORE_RATE_B, KF_ANGLE, KF_SPEED, TWIST, SLIP, LAST_TORQUE, DEVIATION) = range(12, 20)
 # scratch of one period
 (I_A, I_B, M_A, M_B, TORQUE, U_A, U_B, GAMMA_DD, GAMMA_DQ, GAMMA_QQ, I_D, I_Q, X_D, X_Q) = range(20, 34)
-(READ_A, READ_B, READ_C, MISS, C_0, S_0, C_1, S_1, C_2, S_2, LINK_A, LINK_B, LINK_C, STEEP_A, STEEP_B) = range(34, 49)
+(READ_A, READ_B, READ_C, MISS, _, _, C_1, S_1, C_2, S_2, LINK_A, LINK_B, LINK_C, STEEP_A, STEEP_B) = range(34, 49)
+C_0, S_0 = C_2, S_2  # the end of one step is the start of the next
 SAMPLE_A, SAMPLE_B, NEXT_DEVIATION, PULSE_TORQUE = range(49, 53)
 # parameters, as `sandbox.replay_sets` compiles them
 (RESISTANCE, GAMMA_D, GAMMA_Q, A3, B2, A4, C2, B4, MAGNET) = range(56, 65)  # 3 a30, a12, 4 a40, a22, 4 a04
@@ -35,10 +36,10 @@ ROWS = 134
 
 # features that a block of sets can need
 ECCENTRIC, HARMONICS, IRON, SKIN, ASYMMETRY, EDGES, DROP, LATE_PULSES, LINK_RIPPLE, FILTER = (1 << k for k in range(10))
-SHIFTED_SAMPLE, SHAFT_TWIST, FULL = 1 << 10, 1 << 11, 1 << 12
+SHIFTED_SAMPLE, SHAFT_TWIST, DRY = 1 << 10, 1 << 11, 1 << 12
 
 
-@kernel
+@inlined
 def sine_cosine(x):
     """Return sin x, cos x without a library call (|x| below 1e5, error below 1e-15 or so)."""
     n = math.floor(x * (1.0 / HALF_PI) + 0.5)
@@ -54,7 +55,7 @@ def sine_cosine(x):
     return (-sine if turn >= 2.0 else sine), (-cosine if (turn == 1.0) | (turn == 2.0) else cosine)
 
 
-@kernel
+@inlined
 def fading(x):
     """Return exp(x) for x <= 0 without a library call: relative error below 1e-13 down to exp(-8), absolute beyond."""
     y = max(x, -60.0) * (1.0 / 64.0)
@@ -68,7 +69,7 @@ def fading(x):
     return e * e
 
 
-@kernel
+@inlined
 def magnetising(w, j, d, q):
     """Return i_d, i_q (A) of lane j at current-induced fluxes (Wb), eqs. (id), (iq)."""
     qq = q * q
@@ -78,7 +79,7 @@ def magnetising(w, j, d, q):
     return i_d, i_q
 
 
-@kernel
+@inlined
 def incremental(w, j, d, q):
     """Return Gamma_dd, Gamma_dq, Gamma_qq (1/H) of lane j."""
     b_2, c_2 = w[B2 * LANES + j], w[C2 * LANES + j]
@@ -87,7 +88,7 @@ def incremental(w, j, d, q):
     return dd, 2.0 * q * (b_2 + 2.0 * c_2 * d), qq
 
 
-@kernel
+@inlined
 def current(w, j, c, s, a, b):
     """Return the magnetising current (A, stationary) at total flux (a, b) (V s) and the rotor angle of cos c, sin s."""
     i_d, i_q = magnetising(w, j, c * a + s * b - w[MAGNET * LANES + j], c * b - s * a)
@@ -126,8 +127,19 @@ def plain_step(w, h):
 
 
 @kernel
-def turn_by_offset(w, c, s, c_row, s_row):
-    """Write cos and sin of the true rotor angle: encoder's angle of cos c, sin s less the constant offset."""
+def turn_by_offset(w, c_1, s_1, c_2, s_2):
+    """Write cos and sin of the true rotor angle in the middle and at the end of a step: encoder's less the offset."""
     for j in range(LANES):
         x, y = w[OFF_C * LANES + j], w[OFF_S * LANES + j]
-        w[c_row * LANES + j], w[s_row * LANES + j] = c * x + s * y, s * x - c * y
+        w[C_1 * LANES + j], w[S_1 * LANES + j] = c_1 * x + s_1 * y, s_1 * x - c_1 * y
+        w[C_2 * LANES + j], w[S_2 * LANES + j] = c_2 * x + s_2 * y, s_2 * x - c_2 * y
+
+
+@kernel
+def turn_and_hold(w, c_1, s_1, c_2, s_2, mean_a, mean_b):
+    """The same, and the voltage of a period without effects of the inverter: link times mean duties."""
+    for j in range(LANES):
+        x, y, v = w[OFF_C * LANES + j], w[OFF_S * LANES + j], w[LINK * LANES + j]
+        w[C_1 * LANES + j], w[S_1 * LANES + j] = c_1 * x + s_1 * y, s_1 * x - c_1 * y
+        w[C_2 * LANES + j], w[S_2 * LANES + j] = c_2 * x + s_2 * y, s_2 * x - c_2 * y
+        w[U_A * LANES + j], w[U_B * LANES + j] = v * mean_a, v * mean_b

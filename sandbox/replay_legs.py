@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import kernel
+from model.compiled import inlined, kernel
 from model.pulses import flux_after, mean_deviation
 from sandbox.plant import turn
 from sandbox.replay_lanes import (
-    C_0, DEAD, DELAY, GAMMA_6, GAMMA_DD, GAMMA_DQ, GAMMA_QQ, I_A, I_B, I_D, I_Q, LANES, LATE, LINK, LINK_A, LINK_B,
+    C_0, CLAG_A, CLAG_B, CORE_INV, CORE_KEEP, CORE_TIME, DEAD, DELAY, FILTER_INV, FILTER_KEEP, FILTER_TIME, FLAG_A,
+    FLAG_B, GAMMA_6, GAMMA_DD, GAMMA_DQ, GAMMA_QQ, I_A, I_B, I_D, I_Q, LANES, LATE, LINK, LINK_A, LINK_B,
     LINK_C, M_A, M_B, MAGNET, PAIRS, PSI_A, PSI_B, PSI_D6, PSI_Q6, PULSE_TORQUE, RESISTANCE, RIPPLE, RIPPLE_PHASE, RIPPLE_RATE, S_0,
     SAMPLE_A, SAMPLE_B, SAMPLING, SOFT, THRESHOLD, U_A, U_B, X_D, X_Q, fading, incremental, sine_cosine,
 )  # fmt: skip
@@ -22,7 +23,7 @@ from sandbox.replay_machine import full_current, sixth
 ROOT = math.sqrt(3.0)
 
 
-@kernel
+@inlined
 def link_mean(w, j, clock, period, duty):
     """Return the true link voltage (V) of lane j over a centred pulse: mean and ripple."""
     rate = w[RIPPLE_RATE * LANES + j]
@@ -49,11 +50,11 @@ def links(w, clock, period, d_a, d_b, d_c, ripple):
 
 
 @kernel
-def mean_voltage(w, d_a, d_b, d_c):
+def mean_voltage(w, d_a, d_b, d_c, width):
     """Write the mean voltage of the period (V)."""
-    for j in range(LANES):
+    for j in range(width):
         a, b, c = d_a * w[LINK_A * LANES + j], d_b * w[LINK_B * LANES + j], d_c * w[LINK_C * LANES + j]
-        w[U_A * LANES + j], w[U_B * LANES + j] = (2.0 * a - b - c) / 3.0, (b - c) / ROOT
+        w[U_A * LANES + j], w[U_B * LANES + j] = (2.0 * a - b - c) * (1.0 / 3.0), (b - c) * (1.0 / ROOT)
 
 
 @kernel
@@ -66,11 +67,11 @@ def late_voltage(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
         x = v_a / period * flux_after(d_a, b_a, period, late, period)
         y = v_b / period * flux_after(d_b, b_b, period, late, period)
         z = v_c / period * flux_after(d_c, b_c, period, late, period)
-        u_a, u_b = (2.0 * x - y - z) / 3.0, (y - z) / ROOT
+        u_a, u_b = (2.0 * x - y - z) * (1.0 / 3.0), (y - z) * (1.0 / ROOT)
         x = v_a * mean_deviation(d_a, b_a, period, late)
         y = v_b * mean_deviation(d_b, b_b, period, late)
         z = v_c * mean_deviation(d_c, b_c, period, late)
-        rho_a, rho_b = (2.0 * x - y - z) / 3.0, (y - z) / ROOT
+        rho_a, rho_b = (2.0 * x - y - z) * (1.0 / 3.0), (y - z) * (1.0 / ROOT)
         c, s = turn(w[C_0 * LANES + j], w[S_0 * LANES + j], -half * omega)  # the frame in the middle of the period
         a = w[PSI_A * LANES + j] + half * (u_a - r * w[I_A * LANES + j])
         b = w[PSI_B * LANES + j] + half * (u_b - r * w[I_B * LANES + j])
@@ -88,7 +89,7 @@ def late_voltage(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
         w[PULSE_TORQUE * LANES + j] = 1.5 * w[PAIRS * LANES + j] * pull
 
 
-@kernel
+@inlined
 def current_at(w, j, t, omega, f_a, f_b):
     """Return the terminal current (A, stationary) t after the sample, f volt-seconds later: linear in the rotor frame."""
     r = w[RESISTANCE * LANES + j]
@@ -101,7 +102,7 @@ def current_at(w, j, t, omega, f_a, f_b):
     return c * i_d - s * i_q, s * i_d + c * i_q
 
 
-@kernel
+@inlined
 def edge(w, j, omega, e, side, lost_a, lost_b):
     """Return volt-seconds lost after one edge (V s), the edge's instant and the current there.
 
@@ -128,14 +129,14 @@ def dead_time(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period):
         w[U_A * LANES + j], w[U_B * LANES + j] = w[U_A * LANES + j] + x / period, w[U_B * LANES + j] + y / period
 
 
-@kernel
+@inlined
 def primitive(x):
     """Return the integral of the soft sign from 0 to x."""
     size = abs(x)
     return 0.5 * x * x if size < 1.0 else size - 0.5
 
 
-@kernel
+@inlined
 def mean_sign(x, y):
     """Return the mean soft sign on the way from x to y (`model.effects.device_drop`), without a branch."""
     step = y - x
@@ -143,14 +144,14 @@ def mean_sign(x, y):
     return min(max(0.5 * (x + y), -1.0), 1.0) if flat else (primitive(y) - primitive(x)) / (1.0 if flat else step)
 
 
-@kernel
+@inlined
 def signs(w, j, a, b, x, y, share, sum_a, sum_b):
     """Add to a vector the mean signs of three legs while the current goes from (a, b) to (x, y) for a share of time."""
     k = w[SOFT * LANES + j]
     one = mean_sign(k * a, k * x)
     p, q, o, r = -0.5 * a, 0.5 * ROOT * b, -0.5 * x, 0.5 * ROOT * y
     two, three = mean_sign(k * (p + q), k * (o + r)), mean_sign(k * (p - q), k * (o - r))
-    return sum_a + share * (2.0 * one - two - three) / 3.0, sum_b + share * (two - three) / ROOT
+    return sum_a + share * (2.0 * one - two - three) * (1.0 / 3.0), sum_b + share * (two - three) * (1.0 / ROOT)
 
 
 @kernel
@@ -179,7 +180,7 @@ def dead_time_and_drop(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period):
         w[U_B * LANES + j] = w[U_B * LANES + j] + y * per - drop * s_b
 
 
-@kernel
+@inlined
 def lagged(duty, before, period, late, tau, inverse):
     """Return `model.pulses.ripple_lag` of one leg, vectorisable; inverse: 1/tau, large where tau is 0."""
     rise, fall = min(0.5 * (1.0 - duty) * period + late, period), min(0.5 * (1.0 + duty) * period + late, period)
@@ -190,17 +191,34 @@ def lagged(duty, before, period, late, tau, inverse):
     return tau * (on / period * (1.0 - fading(-period * inverse)) - left)
 
 
+@inlined
+def lagged_vector(w, j, tau, inverse, d_a, d_b, d_c, b_a, b_b, b_c, period):
+    """Return the vector of what this period's flux ripple leaves in a lag (V s) at its end (3)."""
+    late = w[LATE * LANES + j]
+    a = w[LINK_A * LANES + j] * lagged(d_a, b_a, period, late, tau, inverse)
+    b = w[LINK_B * LANES + j] * lagged(d_b, b_b, period, late, tau, inverse)
+    c = w[LINK_C * LANES + j] * lagged(d_c, b_c, period, late, tau, inverse)
+    return (2.0 * a - b - c) * (1.0 / 3.0), (b - c) * (1.0 / ROOT)
+
+
 @kernel
-def keep_ripple(w, row, time_row, inverse_row, keep_row, d_a, d_b, d_c, b_a, b_b, b_c, period):
-    """Move a vector of lagged flux ripple (V s) on by one period (3)."""
+def keep_filter_ripple(w, d_a, d_b, d_c, b_a, b_b, b_c, period):
+    """Move the current filter's share of flux ripple on by one period."""
     for j in range(LANES):
-        late, inverse, keep = w[LATE * LANES + j], w[inverse_row * LANES + j], w[keep_row * LANES + j]
-        tau = w[time_row * LANES + j]
-        a = w[LINK_A * LANES + j] * lagged(d_a, b_a, period, late, tau, inverse)
-        b = w[LINK_B * LANES + j] * lagged(d_b, b_b, period, late, tau, inverse)
-        c = w[LINK_C * LANES + j] * lagged(d_c, b_c, period, late, tau, inverse)
-        w[row * LANES + j] = keep * w[row * LANES + j] + (2.0 * a - b - c) / 3.0
-        w[(row + 1) * LANES + j] = keep * w[(row + 1) * LANES + j] + (b - c) / ROOT
+        tau, inverse, keep = w[FILTER_TIME * LANES + j], w[FILTER_INV * LANES + j], w[FILTER_KEEP * LANES + j]
+        a, b = lagged_vector(w, j, tau, inverse, d_a, d_b, d_c, b_a, b_b, b_c, period)
+        w[FLAG_A * LANES + j] = keep * w[FLAG_A * LANES + j] + a
+        w[FLAG_B * LANES + j] = keep * w[FLAG_B * LANES + j] + b
+
+
+@kernel
+def keep_core_ripple(w, d_a, d_b, d_c, b_a, b_b, b_c, period):
+    """Move the iron-loss current's share of flux ripple on by one period."""
+    for j in range(LANES):
+        tau, inverse, keep = w[CORE_TIME * LANES + j], w[CORE_INV * LANES + j], w[CORE_KEEP * LANES + j]
+        a, b = lagged_vector(w, j, tau, inverse, d_a, d_b, d_c, b_a, b_b, b_c, period)
+        w[CLAG_A * LANES + j] = keep * w[CLAG_A * LANES + j] + a
+        w[CLAG_B * LANES + j] = keep * w[CLAG_B * LANES + j] + b
 
 
 @kernel
@@ -211,8 +229,8 @@ def shifted_sample(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
         x = w[LINK_A * LANES + j] * flux_after(d_a, b_a, period, late, s)
         y = w[LINK_B * LANES + j] * flux_after(d_b, b_b, period, late, s)
         z = w[LINK_C * LANES + j] * flux_after(d_c, b_c, period, late, s)
-        a = w[PSI_A * LANES + j] + (2.0 * x - y - z) / 3.0 - s * r * w[I_A * LANES + j]
-        b = w[PSI_B * LANES + j] + (y - z) / ROOT - s * r * w[I_B * LANES + j]
+        a = w[PSI_A * LANES + j] + (2.0 * x - y - z) * (1.0 / 3.0) - s * r * w[I_A * LANES + j]
+        b = w[PSI_B * LANES + j] + (y - z) * (1.0 / ROOT) - s * r * w[I_B * LANES + j]
         c, n = turn(w[C_0 * LANES + j], w[S_0 * LANES + j], -omega * s)
         i_a, i_b = full_current(w, j, c, n, a, b)
         w[SAMPLE_A * LANES + j], w[SAMPLE_B * LANES + j] = i_a - w[M_A * LANES + j], i_b - w[M_B * LANES + j]

@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import kernel
+from model.compiled import inlined, kernel
 from sandbox.replay_lanes import (
     ACCELERATION, BACK_DECAY, BACK_NEW, BACK_OLD, C_0, C_1, C_2, CLAG_A, CLAG_B, COG, COG_ORDER, COG_PHASE, COMMON,
     CORE_A, CORE_B, CORE_DECAY, CORE_FILTER, CORE_G, CORE_INV, CORE_NEW, CORE_OLD, COULOMB, DELTA_A, DELTA_B, DEVIATION,
     ECC_COS, ECC_SIN, FILTER_A, FILTER_B, FILTER_DECAY, FILTER_MID, FILTER_NEW, FILTER_OLD, FLAG_A, FLAG_B, FRICTION, GAIN_A,
     GAIN_B, GAIN_C, GAMMA_6, GAMMA_DD, GAMMA_DQ, GAMMA_QQ, I_A, I_B, I_D, I_Q, KF_ANGLE, KF_SPEED, LANES,
-    LAST_TORQUE, LOAD_GAIN, LOAD_INV, LOAD_OFFSET, LOAD_SHARE, M_A, M_B, MAGNET, MISS, MOTOR_INV, OFF_C, OFF_S,
+    LAST_TORQUE, LOAD_GAIN, LOAD_INV, LOAD_OFFSET, LOAD_SHARE, M_A, M_B, MAGNET, MISS, MOTOR_INV,
+    NEXT_DEVIATION, OFF_C, OFF_S,
     OFFSET, OFFSET_A, OFFSET_B, OSC_11, OSC_12, OSC_21, OSC_22, OSC_REST, PAIRS, PSI_A, PSI_B, PSI_D6, PSI_Q6,
     PULSE_TORQUE, READ_A,
     READ_B, READ_C, RESISTANCE, S_0, S_1, S_2, SAMPLE_A, SAMPLE_B, SKIN_DECAY, SKIN_NEW, SKIN_OLD, SKIN_R, SLIP,
@@ -27,24 +28,27 @@ ROOT = math.sqrt(3.0)
 
 
 @kernel
-def deviations(w, sine, cosine, row):
-    """Write the eccentric encoder's error p A sin(theta_mech + phase) (rad, electrical)."""
-    for j in range(LANES):
-        w[row * LANES + j] = w[ECC_COS * LANES + j] * sine + w[ECC_SIN * LANES + j] * cosine
+def deviations(w, sine, cosine, width):
+    """Write the coming sample's error of an eccentric encoder, p A sin(theta_mech + phase) (rad, electrical)."""
+    for j in range(width):
+        w[NEXT_DEVIATION * LANES + j] = w[ECC_COS * LANES + j] * sine + w[ECC_SIN * LANES + j] * cosine
 
 
 @kernel
-def turn_by_deviation(w, from_row, to_row, share, c, s, c_row, s_row):
-    """Write cos and sin of the true rotor angle: offset and eccentricity off; the error between two samples' rows."""
+def turn_by_deviation(w, mid, end, c_1, s_1, c_2, s_2):
+    """Write cos and sin of the true angle, offset and eccentricity off; mid, end: shares of the way between samples."""
     for j in range(LANES):
-        x, y = w[OFF_C * LANES + j], w[OFF_S * LANES + j]
-        e = w[from_row * LANES + j] + share * (w[to_row * LANES + j] - w[from_row * LANES + j])
-        e_s, e_c = sine_cosine(e)
-        c_t, s_t = c * x + s * y, s * x - c * y
-        w[c_row * LANES + j], w[s_row * LANES + j] = c_t * e_c + s_t * e_s, s_t * e_c - c_t * e_s
+        x, y, last = w[OFF_C * LANES + j], w[OFF_S * LANES + j], w[DEVIATION * LANES + j]
+        change = w[NEXT_DEVIATION * LANES + j] - last
+        e_s, e_c = sine_cosine(last + mid * change)
+        c, s = c_1 * x + s_1 * y, s_1 * x - c_1 * y
+        w[C_1 * LANES + j], w[S_1 * LANES + j] = c * e_c + s * e_s, s * e_c - c * e_s
+        e_s, e_c = sine_cosine(last + end * change)
+        c, s = c_2 * x + s_2 * y, s_2 * x - c_2 * y
+        w[C_2 * LANES + j], w[S_2 * LANES + j] = c * e_c + s * e_s, s * e_c - c * e_s
 
 
-@kernel
+@inlined
 def sixth(c, s):
     """Return cos and sin of six times the angle of cos c and sin s."""
     c_2, s_2 = c * c - s * s, 2.0 * c * s
@@ -52,7 +56,7 @@ def sixth(c, s):
     return c_4 * c_2 - s_4 * s_2, s_4 * c_2 + c_4 * s_2
 
 
-@kernel
+@inlined
 def full_current(w, j, c, s, a, b):
     """Return the magnetising current (A, stationary), harmonics included."""
     c_6, s_6 = sixth(c, s)
@@ -101,12 +105,12 @@ def close_lags(w):
         w[SLOW_A * LANES + j], w[SLOW_B * LANES + j] = w[SLOW_A * LANES + j] + own * i_a, w[SLOW_B * LANES + j] + own * i_b
 
 
-@kernel
+@inlined
 def phase_drop(w, j, i_a, i_b):
     """Return resistive drop and winding asymmetry (V)."""
     r, x = w[RESISTANCE * LANES + j], w[DELTA_A * LANES + j] * i_a
     y = w[DELTA_B * LANES + j] * (0.5 * ROOT * i_b - 0.5 * i_a)
-    return r * i_a + (2.0 * x - y) / 3.0, r * i_b + y / ROOT
+    return r * i_a + (2.0 * x - y) * (1.0 / 3.0), r * i_b + y * (1.0 / ROOT)
 
 
 @kernel
@@ -196,7 +200,7 @@ def read_sensors(w, plain):
 
 
 @kernel
-def predict_motion(w, period, load, angle, speed, twisted):
+def predict_motion(w, period, load, angle, speed, dry, twisted):
     """Advance the motion filter of a free rotor to this sample (mean torque of the two samples and what late pulses add).
 
     angle, speed: smoothed electrical angle (rad) and speed (rad/s) in the middle of the interval, for friction and
@@ -206,14 +210,17 @@ def predict_motion(w, period, load, angle, speed, twisted):
         pairs, total = w[PAIRS * LANES + j], w[ACCELERATION * LANES + j]  # p/J
         taken = load * (1.0 + w[LOAD_GAIN * LANES + j]) + w[LOAD_OFFSET * LANES + j]
         omega = speed / pairs
-        slow = (omega * w[STRIBECK_INV * LANES + j]) ** 2
-        level = w[COULOMB * LANES + j] + w[STRIBECK * LANES + j] * fading(-slow)
-        x = omega * w[WIDTH_INV * LANES + j]
-        e = fading(-2.0 * abs(x))
-        side = (1.0 - e) / (1.0 + e)
-        sine, _ = sine_cosine(w[COG_ORDER * LANES + j] * (angle - w[OFFSET * LANES + j]) / pairs + w[COG_PHASE * LANES + j])
         net = 0.5 * (w[LAST_TORQUE * LANES + j] + w[TORQUE * LANES + j]) + w[PULSE_TORQUE * LANES + j]
-        net += w[COG * LANES + j] * sine - w[FRICTION * LANES + j] * omega - level * (side if x >= 0.0 else -side)
+        net -= w[FRICTION * LANES + j] * omega
+        if dry:
+            slow = omega * w[STRIBECK_INV * LANES + j]
+            level = w[COULOMB * LANES + j] + w[STRIBECK * LANES + j] * fading(-slow * slow)
+            x = omega * w[WIDTH_INV * LANES + j]
+            e = fading(-2.0 * abs(x))
+            side = (1.0 - e) / (1.0 + e)
+            turned = w[COG_ORDER * LANES + j] * (angle - w[OFFSET * LANES + j]) / pairs + w[COG_PHASE * LANES + j]
+            sine, _ = sine_cosine(turned)
+            net += w[COG * LANES + j] * sine - level * (side if x >= 0.0 else -side)
         a = total * (net - taken)
         w[KF_ANGLE * LANES + j] += period * (w[KF_SPEED * LANES + j] + 0.5 * period * a)
         w[KF_SPEED * LANES + j] += period * a

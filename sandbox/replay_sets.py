@@ -84,6 +84,9 @@ def features_of(v: Mapping[str, float]) -> int:
         (lanes.FILTER, v["current_filter.time_constant"]),
         (lanes.SHIFTED_SAMPLE, v["current_sampling.delay"]),
         (lanes.SHAFT_TWIST, compliant),
+        (lanes.DRY, v["coulomb_friction.torque"]),
+        (lanes.DRY, v["coulomb_friction.stribeck_torque"]),
+        (lanes.DRY, v["cogging_torque.amplitude"]),
     )
     out = 0
     for bit, on in needs:
