@@ -3,7 +3,7 @@
 1. Inject along alpha, then along beta: the ripples are the columns of R(theta) Gamma R(-theta) at zero current,
    whose principal axis is theta modulo pi, in closed form (no loop that could hang at 90 degrees).
 2. Inject along that axis while holding +bias, then -bias, along it: the magnet's own direction saturates, so
-   the ripple is larger there (sign of the third derivative of the believed H, plus for a linear belief).
+   the ripple is larger there (a saturated belief says which way, a linear one takes that for granted).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from estimators.demodulation import (
     demodulate,
 )
 from model.compiled import kernel
-from model.energy import hessian
+from model.energy import flux_newton, hessian
 from model.frames import wrap
 
 ALONG_ALPHA, ALONG_BETA, BIAS_PLUS, BIAS_MINUS, TRACKING, TOLD = range(6)
@@ -45,15 +45,15 @@ def start_periods(settle: int, average: int) -> int:
 
 
 @kernel
-def polarity_sign(energy):
-    """Return the sign of d Gamma_dd / d phi_d at zero flux: which way of the axis has the larger ripple."""
-    step = 1e-4 / energy.gamma_d
-    rise = hessian(energy, step, 0.0)[0] - hessian(energy, -step, 0.0)[0]
-    return -1.0 if rise < 0.0 else 1.0
+def polarity_rise(energy, bias):
+    """Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the ripple is there."""
+    d_plus, q_plus, _ = flux_newton(energy, bias, 0.0, 0.0, 0.0)
+    d_minus, q_minus, _ = flux_newton(energy, -bias, 0.0, 0.0, 0.0)
+    return hessian(energy, d_plus, q_plus)[0] - hessian(energy, d_minus, q_minus)[0]
 
 
 @kernel
-def next_phase(state, belief, y_d, y_q):
+def next_phase(state, belief, tuning, y_d, y_q):
     """Move on to the next measurement, y being the averaged ripple of the one that ends."""
     phase = int(state[PHASE])
     if phase == ALONG_ALPHA:
@@ -65,7 +65,8 @@ def next_phase(state, belief, y_d, y_q):
     elif phase == BIAS_PLUS:
         state[RISE] = y_d
     else:
-        if (state[RISE] - y_d) * polarity_sign(belief.energy) < 0.0:
+        expected = -1.0 if polarity_rise(belief.energy, tuning.bias) < 0.0 else 1.0
+        if (state[RISE] - y_d) * expected < 0.0:
             state[AXIS] = wrap(state[AXIS] + math.pi)
         state[OMEGA] = 0.0
     state[PHASE] = phase + 1
@@ -91,7 +92,7 @@ def start(state, sample, belief, tuning):
         state[SUM_Q] += y_q
     if state[COUNT] >= (tuning.settle + tuning.average) * tuning.period:
         n = tuning.average * tuning.period
-        next_phase(state, belief, state[SUM_D] / n, state[SUM_Q] / n)
+        next_phase(state, belief, tuning, state[SUM_D] / n, state[SUM_Q] / n)
         if state[PHASE] != TRACKING:
             bias = 0.0
     amplitude = tuning.amplitude * tuning.peak

@@ -35,7 +35,7 @@ def source_key() -> str:
     for room in ROOMS:
         for path in sorted((root / room).rglob("*.py")):
             text = path.read_bytes()
-            if b"@kernel" in text or b"@inlined" in text or path.name == "compiled.py":
+            if b"@kernel" in text or path.name == "compiled.py":
                 digest.update(path.name.encode() + text)
     return digest.hexdigest()[:16]
 
@@ -63,7 +63,7 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 
 def inlined(function: Callable[..., Any]) -> Any:
-    """Compile a function as `kernel` does, always into its caller: loops over lanes then become vector code."""
+    """Compile as `kernel` does, the machine code always placed inside the caller: for what runs at every stage."""
     return kernel_as(None, forceinline=True)(function)
 
 

@@ -18,9 +18,10 @@ class PhysicsError(RuntimeError):
     exit_code = 3
 
 
-def unknown(kind: str, name: str, known: Iterable[str]) -> BadInput:
+def unknown(kind: str, name: object, known: Iterable[str]) -> BadInput:
     """Return the error for an unknown name, with the nearest known one."""
     names = sorted(known)
+    name = str(name)[:60]
     near = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     hint = f"did you mean '{near[0]}'?" if near else ""
     return BadInput(f"unknown {kind} '{name}'; {hint or 'known: ' + ', '.join(names)}")

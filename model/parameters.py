@@ -32,12 +32,15 @@ def check(thing: Any, table: str) -> None:
         if "low" not in f.metadata:
             continue
         value, low, high = getattr(thing, f.name), f.metadata["low"], f.metadata["high"]
+        if value is None and f.default is None:
+            continue
         if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise BadInput(f"[{table}] {f.name} = {value!r} is not a number; give a value in {f.metadata['unit']}")
+            unit = f.metadata["unit"] or "no unit"
+            raise BadInput(f"[{table}] {f.name} = {value!r:.40} is not a number; give one ({unit})")
         if not low <= value <= high:  # NaN lands here too
             bound = f"[{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
-            raise BadInput(f"[{table}] {f.name} = {value} is out of range; give a finite value in {bound}")
-    for name in ("name", "description"):
+            raise BadInput(f"[{table}] {f.name} = {str(value)[:40]} is out of range; give a finite value in {bound}")
+    for name in ("name", "description", "waveform", "transformation", "rotor", "reference"):
         if not isinstance(getattr(thing, name, ""), str):
             raise BadInput(f"[{table}] {name} = {getattr(thing, name)!r} is not a text; put it in quotes")
 
@@ -94,9 +97,9 @@ class Converter:
     dc_bus_voltage: float = quantity("V", 0.1, 1e5)
     current_resolution: float = quantity("A per count", 0, 1e4)
     current_noise: float = quantity("A rms", 0, 1e4)
-    pwm_frequency: float | None = None
+    pwm_frequency: float | None = quantity("Hz", 1, 1e6, default=None)
     transformation: str = "amplitude-invariant"
-    encoder_counts: int | None = None
+    encoder_counts: int | None = quantity("counts per revolution", 1, 1e9, default=None)
 
     def __post_init__(self) -> None:
         check(self, "drive")
@@ -118,7 +121,7 @@ class Converter:
 class Injection:
     """Pulsating voltage added along the estimated d axis."""
 
-    frequency: float = quantity("Hz", 0.1, 1e5)
+    frequency: float = quantity("Hz", 0.1, 1e6)
     amplitude: float = quantity("V", 1e-3, 1e5)
     waveform: str = "square"
 
@@ -151,7 +154,7 @@ def motor_names() -> list[str]:
 def load_drive(name: str | Path) -> Drive:
     """Return the drive of a built-in name or of a TOML file; BadInput names what is wrong and the nearest key."""
     path = Path(name)
-    if path.suffix != ".toml":
+    if not is_file_name(path):
         if str(name) not in motor_names():
             raise unknown("motor", str(name), motor_names())
         path = MOTORS / f"{name}.toml"
@@ -170,16 +173,21 @@ def load_drive(name: str | Path) -> Drive:
     return Drive(motor, converter, injection, {k: str(v) for k, v in _table(data, "provenance").items()})
 
 
+def is_file_name(path: Path) -> bool:
+    """Tell whether a user means a file rather than a built-in name."""
+    return path.suffix.lower() == ".toml" or len(path.parts) > 1
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """Return a TOML file's content; BadInput where it cannot be read or parsed."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise BadInput(f"file '{path}' does not exist; give a path to a TOML file") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
+        if isinstance(error, tomllib.TOMLDecodeError):
+            raise BadInput(f"file '{path}' is not valid TOML: {error}") from None
         raise BadInput(f"file '{path}' cannot be read as text: {error}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"file '{path}' is not valid TOML: {error}") from None
 
 
 def build(kind: Any, values: dict[str, Any], table: str) -> Any:
@@ -193,8 +201,8 @@ def build(kind: Any, values: dict[str, Any], table: str) -> Any:
         if f.name not in values:
             raise BadInput(f"[{table}] lacks '{f.name}'; add it in {f.metadata.get('unit') or 'its unit'}")
     for key, f in fields.items():
-        if key in values and "low" in f.metadata and f.type == "float" and type(values[key]) is int:
-            values[key] = float(values[key])  # an int in a float field would make numba compile again
+        if key in values and "low" in f.metadata and f.type in ("float", "float | None") and type(values[key]) is int:
+            values[key] = float(min(max(values[key], -(10**300)), 10**300))  # numba would compile again for an int
     return kind(**values)
 
 
@@ -223,7 +231,7 @@ def _converter_defaults(motor: Motor) -> dict[str, Any]:
 
 
 def _injection_defaults(motor: Motor, converter: Converter) -> dict[str, Any]:
-    """Eight samples a period, and a ripple of about 15 % of rated current along the axis of larger inductance."""
+    """Eight samples a period; a ripple of 20 % of rated current on d, as far as a quarter of the voltage gives it."""
     frequency = 1.0 / (8.0 * converter.sampling_period)
-    largest = max(motor.inductance_d, motor.inductance_q)
-    return {"frequency": frequency, "amplitude": 0.6 * frequency * largest * motor.rated_current}
+    amplitude = 0.8 * frequency * motor.inductance_d * motor.rated_current
+    return {"frequency": frequency, "amplitude": min(amplitude, 0.25 * converter.voltage_limit)}

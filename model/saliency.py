@@ -22,6 +22,7 @@ from model.errors import BadInput, PhysicsError
 from model.parameters import Motor
 
 Array = NDArray[np.float64]
+LEAST_SALIENCY = 0.01  # relative difference of L_d and L_q below which injection finds nothing
 
 
 @kernel
@@ -42,10 +43,11 @@ def ripple(dd, dq, qq, e):
 
 def tracking_sign(m: Energy) -> float:
     """Return the sign of L_q - L_d at zero current: the sense in which a q-null loop must turn."""
-    if m.gamma_d == m.gamma_q:
+    if abs(m.gamma_d - m.gamma_q) < LEAST_SALIENCY * max(m.gamma_d, m.gamma_q):
         raise BadInput(
-            f"inductance_d = inductance_q = {1 / m.gamma_d:.4g} H: no saliency at zero current, so injection cannot "
-            "find the rotor; use a motor whose L_d and L_q differ"
+            f"inductance_d = {1 / m.gamma_d:.4g} H and inductance_q = {1 / m.gamma_q:.4g} H: no saliency at zero "
+            f"current (less than {LEAST_SALIENCY:.0%}), so injection cannot find the rotor; use a motor whose L_d and "
+            "L_q differ"
         )
     return 1.0 if m.gamma_d > m.gamma_q else -1.0
 
@@ -200,10 +202,8 @@ def _angles(motor: Motor, load: Array) -> tuple[Array, Array, Array]:
     for k, i_q in enumerate(load * motor.rated_current):
         try:
             d, q = en.flux_from_current(m, 0.0, i_q)
-            if m.gamma_d == m.gamma_q:
-                continue
             local[k], closed[k] = local_angle(m, 0.0, i_q), self_consistent_angle(m, 0.0, float(i_q))
-        except PhysicsError:
+        except (BadInput, PhysicsError):
             continue
         dd, dq, qq = en.hessian.py_func(m, d, q)
         slope[k] = np.hypot(dd - qq, 2 * dq) / abs(m.gamma_d - m.gamma_q)

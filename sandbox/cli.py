@@ -65,6 +65,10 @@ def build_parser() -> Parser:
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
     c.add_argument("--duration", type=float, help="s of the scenario to run (all of it)")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
+    text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
+    c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
+    c.add_argument("--plant", default="averaged", choices=("averaged", "switched"))
+    c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
     c = add("audit", run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=float, help="A, of the audited disc of currents (180 %% of rated)")
@@ -73,7 +77,8 @@ def build_parser() -> Parser:
     c.add_argument("--anchors", type=Path, default=Path("../shared/anchors"), help="folder of the reference programs")
     c.add_argument("--peer-python", default=sys.executable, help="Python >= 3.12 that has motulator 0.18")
     c = add("list", run_list, "what there is", writes=False)
-    c.add_argument("kind", choices=("motors", "estimators", "scenarios"))
+    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios"))
+    c.add_argument("name", nargs="?", help="an effect, to print its card")
     c = add("view", run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")
     return parser
@@ -134,6 +139,7 @@ def run_compare(options: argparse.Namespace) -> None:
 def run_simulate(options: argparse.Namespace) -> None:
     """Run one estimator; write simulate.json and simulate.rrd."""
     from estimators.registry import load_estimator
+    from model.effects.library import parse
     from model.parameters import load_drive
     from sandbox.compare import single
     from sandbox.scenario import load_scenario
@@ -143,11 +149,17 @@ def run_simulate(options: argparse.Namespace) -> None:
     if options.duration is not None:
         scenario = scenario.cut(options.duration)
     load_estimator(options.estimator)
-    result, gains = single(drive, scenario, options.estimator, options.belief, not options.open, options.seed)
+    effects = parse(options.effects)
+    if options.record is not None and options.record.exists():
+        raise BadInput(f"folder '{options.record}' exists already; give a new one or remove it first")
+    result, gains = single(
+        drive, scenario, options.estimator, options.belief, not options.open, options.seed, effects, options.plant
+    )
     out, run = _out(options), result.runs[0]
     content: dict[str, Any] = {
         "motor": drive.name, "scenario": scenario.name, "estimator": run.estimator, "belief": run.belief,
-        "closed_loop": run.closed_loop, "seed": options.seed, "simulated_seconds": float(run.recording.t[-1]),
+        "closed_loop": run.closed_loop, "seed": options.seed, "plant": options.plant, "effects": effects,
+        "simulated_seconds": float(run.recording.t[-1]),
         "cpu_seconds": run.cpu_seconds, "lost_lock": any(r.lost_lock for r in run.rows),
         "error_deg": asdict(error_of(settled_part(run.recording, run.rows), any(r.lost_lock for r in run.rows))),
         "rows": [asdict(r) for r in run.rows], "loops": {k: asdict(v) for k, v in gains.loops.items()}, "trace": None,
@@ -157,6 +169,11 @@ def run_simulate(options: argparse.Namespace) -> None:
 
         write_trace(out / "simulate.rrd", result)
         content["trace"] = "simulate.rrd"
+    if options.record is not None:
+        from sandbox.campaign import write_campaign
+        from sandbox.record import campaign_of
+
+        write_campaign(options.record, campaign_of(drive, scenario, run.recording, options.record.name))
     report.write_json(out, "simulate", content)
     if not options.quiet:
         report.print_run(result, gains)
@@ -197,9 +214,16 @@ def run_bench(options: argparse.Namespace) -> None:
 
 
 def run_list(options: argparse.Namespace) -> None:
-    """Print what there is, one line each."""
+    """Print what there is, one line each, or the card of one effect."""
+    if options.name is not None:
+        if options.kind != "effects":
+            raise BadInput(f"'{options.kind}' have no cards; only `list effects NAME` prints one")
+        from model.effects.library import card_text, load_effect
+
+        print(card_text(load_effect(options.name)))
+        return
     for name, text in report.catalogue(options.kind):
-        print(f"{name:<16} {text}")
+        print(f"{name:<20} {text}")
 
 
 def run_view(options: argparse.Namespace) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -115,10 +115,21 @@ def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str 
 
 
 def single(
-    drive: Drive, scenario: Scenario, estimator: str, belief: str = "saturated", closed_loop: bool = True, seed: int = 0
+    drive: Drive,
+    scenario: Scenario,
+    estimator: str,
+    belief: str = "saturated",
+    closed_loop: bool = True,
+    seed: int = 0,
+    effects: Mapping[str, float] | None = None,
+    plant: str = "averaged",
 ) -> tuple[Comparison, Design]:
-    """Return one run as a comparison of one, and the gains it used."""
-    done = simulate(drive, scenario, load_estimator(estimator), belief, closed_loop=closed_loop, seed=seed)
+    """Return one run as a comparison of one, and the gains it used; effects and plant as `simulate`."""
+    done = simulate(
+        drive, scenario, load_estimator(estimator), belief,
+        closed_loop=closed_loop, seed=seed, effects=effects, plant=plant,
+    )  # fmt: skip
     rows = rows_of(drive, scenario, done.recording, done.start_time, estimator, belief, closed_loop)
     run = Run(estimator, belief, closed_loop, done.recording, rows, done.cpu_seconds)
-    return Comparison(drive, scenario, (run,), properties_of(drive, scenario, seed)), done.design
+    made = properties_of(drive, scenario, seed) | {"plant": plant} | dict(effects or {})
+    return Comparison(drive, scenario, (run,), made), done.design

@@ -13,7 +13,7 @@ import json
 import math
 import os
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -25,12 +25,14 @@ from numpy.typing import NDArray
 from estimators.contract import Belief, Tuning
 from model.compiled import cache_home
 from model.energy import Energy, flux_newton, hessian, min_eigenvalue
+from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.control import Control
 from sandbox.injection import carrier, samples_per_period
 
 PHASE_MARGIN = 60.0  # degrees, of current and speed loop at their worst points
 TRACKING_MARGIN = 45.0  # degrees; a load step is lost at a slow tracking loop sooner than at a lively one
+LEAST_MODULUS = 0.4  # distance of the current loop from -1 at the highest speed
 DAMPING = 1.0  # tracking loop: kp = 2 DAMPING w0, ki = w0^2
 INTEGRAL_SPLIT = 5.0  # speed loop: integral action this far below the bandwidth
 SETTLE_TIMES = 8.0  # starting up waits this many time constants of the current loop
@@ -44,7 +46,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class Loop:
-    """One loop as designed: bandwidth (rad/s), gains, and margins at its worst point."""
+    """One loop as designed: bandwidth (rad/s), gains, margins at its worst point, and the speed it is good for."""
 
     bandwidth: float
     kp: float
@@ -53,6 +55,7 @@ class Loop:
     gain_margin: float
     disk_margin: float
     crossover: float
+    highest: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -62,6 +65,11 @@ class Design:
     control: Control
     tuning: Tuning
     loops: dict[str, Loop]
+
+    @property
+    def top_omega(self) -> float:
+        """Electrical speed (rad/s) up to which the current loop holds, see `top_speed`."""
+        return self.loops["current"].highest
 
 
 def belief_of(drive: Drive, name: str) -> Belief:
@@ -87,6 +95,8 @@ def design(drive: Drive, start_up: bool = True) -> Design:
     """Return gains for a drive; without starting up the estimator is told the first position."""
     motor, converter, injection = drive.motor, drive.converter, drive.injection
     n, h = samples_per_period(injection, converter), converter.sampling_period
+    if not motor.magnet_flux > 0.0:
+        raise BadInput("[motor] magnet_flux = 0: with i_d = 0 such a motor has no torque to control; give a value > 0 Wb")
     wave = carrier(injection, converter)
     power = float(np.dot(wave.primitive, wave.primitive))
     largest = OVERLOAD * motor.rated_current
@@ -123,8 +133,9 @@ def _remembered(*key: Any) -> dict[str, Loop]:
     version = hashlib.sha256(Path(__file__).read_bytes() + repr(key).encode()).hexdigest()[:24]
     path = cache_home() / "designs" / f"{version}.json"
     try:
-        return {name: Loop(**loop) for name, loop in json.loads(path.read_text()).items()}
-    except (OSError, ValueError, TypeError):
+        stored = json.loads(path.read_text())
+        return {name: Loop(**stored[name]) for name in ("current", "tracking", "speed")}
+    except (OSError, ValueError, TypeError, KeyError):
         pass
     loops = design_loops(*key)
     try:
@@ -153,6 +164,7 @@ def design_loops(
     """
     highest = 2.0 * math.pi / (n * h) / INJECTION_RATIO
     inner = _tuned(partial(current_loop, n, h, resistance, low, high), h, PHASE_MARGIN, highest)
+    inner = replace(inner, highest=top_speed(n, h, resistance, low, high, inner))
     follow = partial(_closed_current, n, h, resistance, low, high, inner.bandwidth)
     tracking = _tuned(partial(tracking_loop, n, h, share), h, TRACKING_MARGIN, highest)
     speed = _tuned(partial(speed_loop, n, h, share, torque_gain, follow, tracking.bandwidth), h, PHASE_MARGIN, highest)
@@ -182,6 +194,26 @@ def current_loop(
     kp, ki = bandwidth * low, bandwidth * low * resistance / high
     winding = control.sample_system(control.tf([1.0], [low, resistance]), h, method="zoh")
     return (kp + ki * h / (z - 1)) * np.asarray(winding(z)) / z * _window(n, z), kp, ki
+
+
+def top_speed(n: int, h: float, resistance: float, low: float, high: float, loop: Loop) -> float:
+    """Return the electrical speed (rad/s) up to which the current loop keeps a modulus margin of LEAST_MODULUS.
+
+    At speed omega the winding's pole seen from the rotor frame is complex, R/L + j omega; with the delay and the
+    average in the loop, cross-coupling eats the margin: held voltage, all in the rotor frame, both senses.
+    """
+    nu = np.concatenate([-_grid(h)[::-1], _grid(h)])[::8]
+    z = np.exp(1j * nu * h)
+    best = math.inf
+    for inductance in (low, high):
+        gain = -math.expm1(-resistance / inductance * h) / resistance
+        pi = loop.kp + loop.ki * h / (z - 1)
+        for omega in np.geomspace(1.0, 0.5 / h, 120):
+            pole = np.exp(-(resistance / inductance + 1j * omega) * h)
+            if np.min(np.abs(1.0 + pi * gain / (z - pole) / z * _window(n, z))) < LEAST_MODULUS:
+                best = min(best, float(omega))
+                break
+    return best
 
 
 def tracking_loop(
@@ -247,7 +279,13 @@ def _tuned(loop: Callable[[Any, float], tuple[Complex, float, float]], h: float,
         phase, crossover = _crossing(loop(w, math.exp(log_bandwidth))[0], w)
         return min(phase / margin - 1.0, 1.0 - crossover / highest)
 
-    bandwidth = math.exp(brentq(spare, math.log(0.1), math.log(1.5 / h), xtol=1e-6))
+    ends = math.log(0.1), math.log(1.5 / h)
+    if not spare(ends[0]) > 0.0 > spare(ends[1]):
+        raise BadInput(
+            f"no bandwidth gives a loop the margin of {margin:g} degrees at a sampling period of {h:.4g} s; check the "
+            "motor's resistance, inductances and alphas (SI units), or sample faster"
+        )
+    bandwidth = math.exp(brentq(spare, *ends, xtol=1e-6))
     response, kp, ki = loop(w, bandwidth)
     gain_margin, phase, disk, crossover = _margins(response, w)
     return Loop(bandwidth, kp, ki, phase, gain_margin, disk, crossover)

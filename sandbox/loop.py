@@ -17,11 +17,16 @@ from numba import types
 
 from estimators.contract import BELIEF, STATE, STEP, TUNING, Sample
 from model.compiled import kernel, kernel_as
+from model.effects.current_gain import read
 from model.energy import hessian, min_eigenvalue
 from model.frames import phases, rotate, stationary
 from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control
+from sandbox.effects import BARE, EFFECTS
+from sandbox.full import advance as advance_full
+from sandbox.inverter import deliver
 from sandbox.plant import OMEGA, PHI_D, PHI_Q, PLANT, THETA, advance, stator_currents
 from sandbox.recording import CHANNELS
+from sandbox.sensors import encoder, sampled
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
 TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF = range(5)  # columns of a profile's breakpoints
@@ -77,25 +82,49 @@ def read_current(value, rig, rng):
 
 
 @kernel
-def measure(k, x, plant, rig, memory, primitive, rng):
-    """Return the estimator's sample at t_k, the three phase currents read, and the true i_d, i_q."""
-    i_alpha, i_beta, i_d, i_q = stator_currents(x, plant)
+def read_phases(i_alpha, i_beta, sensors, rig, rng):
+    """Return the three phase currents (A) as their sensors read them."""
     a, b, c = phases(i_alpha, i_beta)
-    a, b, c = read_current(a, rig, rng), read_current(b, rig, rng), read_current(c, rig, rng)
-    m_alpha, m_beta = stationary(a, b, c)
-    carrier = primitive[k % primitive.size]
-    return Sample(m_alpha, m_beta, memory[LAST_ALPHA], memory[LAST_BETA], carrier), (a, b, c), (i_d, i_q)
+    a = read_current(read(a, sensors.gain_a, sensors.offset_a), rig, rng)
+    b = read_current(read(b, sensors.gain_b, sensors.offset_b), rig, rng)
+    c = read_current(read(c, sensors.gain_c, -sensors.offset_a - sensors.offset_b), rig, rng)
+    return a, b, c
 
 
 @kernel
-def command(k, x, sample, estimate, wanted, rig, control, controller, waveform):
-    """Return the voltage (alpha, beta) for the next interval and the q current reference."""
+def sample_of(k, reading, memory, primitive):
+    """Return what the estimator is given at t_k."""
+    m_alpha, m_beta = stationary(reading[0], reading[1], reading[2])
+    carrier = primitive[k % primitive.size]
+    return Sample(m_alpha, m_beta, memory[LAST_ALPHA], memory[LAST_BETA], carrier)
+
+
+@kernel
+def measure(x, plant, effects, rig, memory, rng):
+    """Return at t_k the three phase currents read, the true i_d, i_q, angle and speed as the encoder gives them."""
+    sensors = effects.sensors
+    if effects.path == BARE:
+        i_alpha, i_beta, i_d, i_q = stator_currents(x, plant)
+    else:
+        i_alpha, i_beta, i_d, i_q = sampled(
+            x, plant, effects.machine, effects.inverter, sensors, memory[U_ALPHA], memory[U_BETA], rng
+        )
+    reading = read_phases(i_alpha, i_beta, sensors, rig, rng)
+    return reading, (i_d, i_q), encoder(sensors, plant.pole_pairs, x[THETA], x[OMEGA])
+
+
+@kernel
+def command(k, measured, sample, estimate, wanted, rig, control, controller, waveform):
+    """Return the voltage (alpha, beta) for the next interval and the q current reference.
+
+    measured: angle and speed from the encoder, by which an open loop controls.
+    """
     h = control.sampling_period
     _, _, i_q_ref, omega_ref = wanted
     starting = estimate.tracking == 0.0
     angle, omega = estimate.theta, estimate.omega
     if rig.closed == OPEN and not starting:
-        angle, omega = x[THETA], x[OMEGA]
+        angle, omega = measured
     reorient(controller, angle)
     i_d, i_q = average(controller, *rotate(sample.i_alpha, sample.i_beta, -angle), control.period)
     i_d_ref = 0.0
@@ -111,29 +140,48 @@ def command(k, x, sample, estimate, wanted, rig, control, controller, waveform):
 
 
 @kernel
-def record(row, t, x, reading, true, acting, estimate, wanted, i_q_ref):
+def record(row, t, motion, measured, reading, true, acting, estimate, wanted, i_q_ref):
     """Write one row in the order of CHANNELS; `acting` is the voltage of the interval that starts at t."""
     row[0] = t
     row[1], row[2], row[3] = reading
     row[4], row[5] = acting
-    row[6], row[7], row[8], row[9] = x[THETA], estimate.theta, x[OMEGA], estimate.omega
+    row[6], row[7], row[8], row[9] = motion[0], estimate.theta, motion[1], estimate.omega
     row[10], row[11] = true
     row[12], row[13] = estimate.ripple_d, estimate.ripple_q
     row[14], row[15] = wanted[0], wanted[1]
-    row[16], row[17], row[18] = wanted[3], i_q_ref, estimate.tracking
+    row[16], row[17], row[18], row[19] = wanted[3], i_q_ref, estimate.tracking, measured[0]
 
 
 @kernel
-def progress(k, x, plant, rig, wanted, profile, memory, next_u):
-    """Advance the plant over [t_k, t_{k+1}) under the acting voltage; return DONE or what went wrong."""
-    imposed = 0.0
-    if rig.rotor == DRIVEN:
-        t = (k + 1) * rig.sampling_period - rig.start_time
-        later, _ = interpolate(profile, t, int(memory[CURSOR]))
-        imposed = (later[3] - x[OMEGA]) / rig.sampling_period
-    advance(x, plant, memory[U_ALPHA], memory[U_BETA], wanted[1], imposed, rig.plant_steps)
+def imposed_on(k, omega, rig, profile, memory):
+    """Return the acceleration (rad/s^2, electrical) that takes a driven rotor to its speed at t_{k+1}."""
+    if rig.rotor != DRIVEN:
+        return 0.0
+    t = (k + 1) * rig.sampling_period - rig.start_time
+    later, _ = interpolate(profile, t, int(memory[CURSOR]))
+    return (later[3] - omega) / rig.sampling_period
+
+
+@kernel
+def keep(memory, next_u):
+    """Remember the voltage that acted as the last one and the command as the one that acts next."""
     memory[LAST_ALPHA], memory[LAST_BETA] = memory[U_ALPHA], memory[U_BETA]
     memory[U_ALPHA], memory[U_BETA] = next_u
+
+
+@kernel
+def progress(k, x, plant, effects, rig, wanted, profile, memory, next_u):
+    """Advance the plant over [t_k, t_{k+1}) under the acting voltage; return DONE or what went wrong."""
+    imposed = imposed_on(k, x[OMEGA], rig, profile, memory)
+    if effects.path == BARE:
+        advance(x, plant, memory[U_ALPHA], memory[U_BETA], wanted[1], imposed, rig.plant_steps)
+    else:
+        machine, shaft, inverter = effects.machine, effects.shaft, effects.inverter
+        u_alpha, u_beta = deliver(x, plant, machine, inverter, memory[U_ALPHA], memory[U_BETA])
+        advance_full(
+            x, plant, machine, shaft, inverter.filter_time, u_alpha, u_beta, wanted[1], imposed, rig.plant_steps
+        )
+    keep(memory, next_u)
     if not math.isfinite(x[PHI_D] + x[PHI_Q] + x[OMEGA] + x[THETA] + next_u[0] + next_u[1]):
         return NOT_FINITE
     dd, dq, qq = hessian(plant.energy, x[PHI_D], x[PHI_Q])
@@ -141,12 +189,15 @@ def progress(k, x, plant, rig, wanted, profile, memory, next_u):
 
 
 RUN = types.UniTuple(types.int64, 2)(
-    types.FunctionType(STEP), STATE, VECTOR, PLANT, RIG, CONTROL, BELIEF, TUNING, TABLE, VECTOR, VECTOR, RNG, TABLE
+    types.FunctionType(STEP), STATE, VECTOR, PLANT, EFFECTS, RIG, CONTROL, BELIEF, TUNING, TABLE, VECTOR, VECTOR,
+    RNG, TABLE,
 )  # fmt: skip
 
 
 @kernel_as(RUN)
-def run_compiled(step, state, x, plant, rig, control, belief, tuning, profile, waveform, primitive, rng, table):
+def run_compiled(
+    step, state, x, plant, effects, rig, control, belief, tuning, profile, waveform, primitive, rng, table
+):
     """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped)."""
     controller = np.zeros(SIZE)
     memory = np.zeros(MEMORY)
@@ -154,13 +205,15 @@ def run_compiled(step, state, x, plant, rig, control, belief, tuning, profile, w
         t = k * rig.sampling_period
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
         memory[CURSOR] = cursor
-        sample, reading, true = measure(k, x, plant, rig, memory, primitive, rng)
+        reading, true, measured = measure(x, plant, effects, rig, memory, rng)
+        sample = sample_of(k, reading, memory, primitive)
         estimate = step(state, sample, belief, tuning)
         acting = (memory[U_ALPHA], memory[U_BETA])
-        u_alpha, u_beta, i_q = command(k, x, sample, estimate, wanted, rig, control, controller, waveform)
+        u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
-            record(table[k // rig.stride], t, x, reading, true, acting, estimate, wanted, i_q)
-        status = progress(k, x, plant, rig, wanted, profile, memory, (u_alpha, u_beta))
+            motion = (x[THETA], x[OMEGA])
+            record(table[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q)
+        status = progress(k, x, plant, effects, rig, wanted, profile, memory, (u_alpha, u_beta))
         if status != DONE:
             return status, k
     return DONE, rig.samples

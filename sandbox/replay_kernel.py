@@ -101,7 +101,7 @@ def run(w, features, table, edges, turns, period, steps, motion, out, moved, fir
     """
     h, share, width = period / steps, 0.5 / steps, len(w) // ROWS
     eccentric, twisted, dry = features & ECCENTRIC != 0, features & SHAFT_TWIST != 0, features & DRY != 0
-    machine_effects, simple = features & (MACHINE | FILTER) != 0, features & (INVERTER | ECCENTRIC) == 0
+    machine_effects, simple = features & (MACHINE | FILTER) != 0, features & INVERTER == 0
     c, s = turns[0, 0, 0], turns[0, 0, 1]
     machine.deviations(w, table[0, SINE], table[0, COSINE], width)
     for j in range(LANES):
@@ -131,9 +131,9 @@ def run(w, features, table, edges, turns, period, steps, motion, out, moved, fir
                 substep_start(w, machine_effects)
             if simple:
                 turn_and_hold(w, c_1, s_1, c_2, s_2, table[k, MEAN_A], table[k, MEAN_B])
-            elif eccentric:
+            if eccentric:
                 machine.turn_by_deviation(w, (2 * m + 1) * share, (2 * m + 2) * share, c_1, s_1, c_2, s_2)
-            else:
+            elif not simple:
                 turn_by_offset(w, c_1, s_1, c_2, s_2)
             if machine_effects:
                 machine.full_step(w, h)

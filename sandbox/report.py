@@ -218,7 +218,11 @@ def print_audit(drive: Drive, a: Audit) -> None:
 
 
 def catalogue(kind: str) -> list[tuple[str, str]]:
-    """Return name and one line of every motor, estimator or scenario."""
+    """Return name and one line of every motor, effect, estimator or scenario."""
+    if kind == "effects":
+        from model.effects.library import effect_names, load_effect
+
+        return [(name, f"{load_effect(name).subsystem}: {load_effect(name).summary}") for name in effect_names()]
     if kind == "motors":
         from model.parameters import load_drive, motor_names
 

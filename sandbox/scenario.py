@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from model.errors import BadInput, unknown
-from model.parameters import build, check, quantity, read_toml
+from model.parameters import build, check, is_file_name, quantity, read_toml
 
 SCENARIOS = Path(__file__).parent / "scenarios"
 LONGEST = 3600.0  # s of simulated time
@@ -31,9 +31,9 @@ class Segment:
         settle = self.settle
         number = isinstance(settle, (int, float)) and not isinstance(settle, bool)
         if settle is not None and not (number and 0.0 <= settle < self.duration):
-            raise BadInput(f"[[segment]] settle = {self.settle!r} must lie in [0, duration = {self.duration:g}) s")
+            raise BadInput(f"[[segment]] settle = {self.settle!r:.40} must lie in [0, duration = {self.duration:g}) s")
         if not isinstance(self.score, bool):
-            raise BadInput(f"[[segment]] score = {self.score!r} is neither true nor false")
+            raise BadInput(f"[[segment]] score = {self.score!r:.40} is neither true nor false")
 
 
 @dataclass(frozen=True)
@@ -66,6 +66,10 @@ class Scenario:
             )
         if self.rotor == "locked" and any(s.speed for s in self.segments):
             raise BadInput("a locked rotor cannot follow a speed; give rotor = 'driven' or 'free'")
+        if not isinstance(self.start_up, bool):
+            raise BadInput(f"[scenario] start_up = {self.start_up!r:.40} is neither true nor false")
+        if not any(s.score for s in self.segments) and self.segments:
+            raise BadInput(f"scenario '{self.name}' scores no segment; leave score = false away in at least one")
         if not self.segments:
             raise BadInput(f"scenario '{self.name}' has no [[segment]]; add at least one with a duration in s")
         if self.duration > LONGEST:
@@ -83,10 +87,8 @@ class Scenario:
 
     def cut(self, duration: float) -> Scenario:
         """Return the scenario ended after `duration` s; BadInput where it is not that long."""
-        if not 0.0 < duration <= self.duration * (1.0 + 1e-9):
-            raise BadInput(
-                f"duration {duration} s is out of range; '{self.name}' lasts {self.duration:g} s, give (0, that]"
-            )
+        if not 1e-3 <= duration <= self.duration * (1.0 + 1e-9):
+            raise BadInput(f"duration {duration} s is out of range; '{self.name}' has [0.001, {self.duration:g}] s")
         kept: list[Segment] = []
         left = duration
         for s in self.segments:
@@ -96,6 +98,7 @@ class Scenario:
             settle = None if s.settle is None else min(s.settle, 0.5 * length)
             kept.append(Segment(length, s.load, s.speed, min(s.ramp, length), settle, s.score))
             left -= length
+        kept[-1] = dataclasses.replace(kept[-1], score=True)
         return dataclasses.replace(self, segments=tuple(kept))
 
 
@@ -107,7 +110,7 @@ def scenario_names() -> list[str]:
 def load_scenario(name: str | Path) -> Scenario:
     """Return a scenario by name or from a TOML file; BadInput names what is wrong."""
     path = Path(name)
-    if path.suffix != ".toml":
+    if not is_file_name(path):
         if str(name) not in scenario_names():
             raise unknown("scenario", str(name), scenario_names())
         path = SCENARIOS / f"{name}.toml"

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,12 +14,14 @@ from numpy.typing import NDArray
 
 from estimators.contract import Estimator
 from estimators.startup import start_periods
+from model.effects.library import complete, true_motor
 from model.energy import Energy, flux_from_current, torque
-from model.errors import BadInput, PhysicsError
+from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
 from model.saliency import tracking_sign
 from sandbox import loop
 from sandbox.design import Design, belief_of, design
+from sandbox.effects import compiled, longest_step, masses, start
 from sandbox.injection import carrier
 from sandbox.plant import LARGEST_TURN, Plant, steps_per_period
 from sandbox.recording import Recording
@@ -25,6 +29,7 @@ from sandbox.scenario import Scenario
 
 PLANT_STEP = 12.5e-6  # s
 MOST_SAMPLES = 20_000_000
+PLANTS = ("averaged", "switched")
 ROTORS = {"locked": loop.LOCKED, "driven": loop.DRIVEN, "free": loop.FREE}
 
 
@@ -102,12 +107,16 @@ def simulate(
     stride: int = 1,
     plant_step: float = PLANT_STEP,
     truth: Energy | None = None,
+    effects: Mapping[str, float] | None = None,
+    plant: str = "averaged",
 ) -> Simulation:
     """Run a scenario and return its recording.
 
     belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls; stride: record
     every stride-th sample; plant_step: s, an upper bound; truth: another magnetic model for the plant than the
-    one the estimator's belief comes from.  Raises BadInput or PhysicsError with one sentence.
+    one the estimator's belief comes from; effects: what the plant has and the model lacks, by public name such as
+    {"dead_time.time": 2e-6}; plant: `averaged` or `switched` (every leg inside the PWM period).  Raises
+    BadInput or PhysicsError with one sentence.
     """
     if belief not in ("saturated", "linear"):
         raise BadInput(f"belief '{belief}' is neither 'saturated' nor 'linear'")
@@ -115,7 +124,10 @@ def simulate(
         raise BadInput(f"stride {stride} is out of range; record every stride-th sample, at least 1")
     if not 1e-9 <= plant_step <= 1e-2:
         raise BadInput(f"plant_step {plant_step} s is out of range; give a value in [1e-9, 0.01] s")
-    check_feasible(drive, scenario)
+    if plant not in PLANTS:
+        raise unknown("plant", plant, PLANTS)
+    values = complete(drive.motor, drive.converter, effects)
+    check_feasible(dataclasses.replace(drive, motor=true_motor(drive.motor, values)), scenario)
     gains = design(drive, scenario.start_up)
     tuning, believed = gains.tuning, belief_of(drive, belief)
     h = tuning.sampling_period
@@ -125,17 +137,15 @@ def simulate(
         raise BadInput(
             f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
         )
-    plant, rig = _rig(
-        drive, scenario, plant_step, truth or drive.motor.energy, closed_loop, samples, stride, start_time
-    )
     wave = carrier(drive.injection, drive.converter)
-    x = np.array([0.0, 0.0, 0.0, scenario.start_angle])
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle)
     table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
-    run = loop.run_compiled if estimator.compiled else loop.run_python
+    on = _switched if plant == "switched" else _averaged
+    run, x, *bench = on(drive, scenario, values, plant_step, truth, estimator.compiled)
+    rig = _rig(drive, scenario, bench[0].step, closed_loop, samples, stride, start_time)
     begun = time.process_time()
     status, at = run(
-        estimator.step, state, x, plant, rig, gains.control, believed, tuning, profile_of(drive, scenario),
+        estimator.step, state, x, *bench, rig, gains.control, believed, tuning, profile_of(drive, scenario),
         wave.waveform, wave.primitive, np.random.default_rng(seed), table,
     )  # fmt: skip
     spent = time.process_time() - begun
@@ -144,22 +154,47 @@ def simulate(
     return Simulation(Recording(table), gains, start_time, spent)
 
 
-def _rig(
-    drive: Drive, scenario: Scenario, plant_step: float, truth: Energy, closed: bool, n: int, stride: int, start: float
-) -> tuple[Plant, loop.Rig]:
-    motor, c = drive.motor, drive.converter
+def _averaged(
+    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: Energy | None, fast: bool
+) -> tuple[Any, ...]:
+    """Return the loop's kernel, the plant's state, the plant and its effects."""
+    motor, c = true_motor(drive.motor, values), drive.converter
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
-    steps = steps_per_period(c.sampling_period, min(plant_step, LARGEST_TURN / max(top, 1.0)), top)
+    step = longest_step(values, min(plant_step, LARGEST_TURN / max(top, 1.0)))
     free = scenario.rotor == "free"
     plant = Plant(
-        truth, motor.magnet_flux, motor.resistance, float(motor.pole_pairs),
-        motor.pole_pairs / motor.inertia if free else 0.0, motor.viscous_friction, c.sampling_period / steps,
+        truth or motor.energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs),
+        motor.pole_pairs / masses(values)[0] if free else 0.0, motor.viscous_friction,
+        c.sampling_period / steps_per_period(c.sampling_period, step, top),
     )  # fmt: skip
-    rig = loop.Rig(
-        n, stride, steps, loop.CLOSED if closed else loop.OPEN, int(scenario.reference == "speed"),
-        ROTORS[scenario.rotor], c.sampling_period, c.current_noise, c.current_resolution, start,
+    effects = compiled(drive.motor, c, values, free)
+    run = loop.run_compiled if fast else loop.run_python
+    return run, start(effects, scenario.start_angle), plant, effects
+
+
+def _switched(
+    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: Energy | None, fast: bool
+) -> tuple[Any, ...]:
+    """Return the loop's kernel, the bench's state, the bench and the link voltage as read."""
+    from sandbox.switched import loop as switched
+    from sandbox.switched import simulate as bench_of
+    from sandbox.switched.effects import bench
+
+    if truth is not None:
+        raise BadInput("the switched plant takes no other magnetic model; give effects such as saturation.alpha_30")
+    b = bench(drive.motor, drive.converter, values)
+    b = b._replace(step=min(b.step, plant_step)) if plant_step != PLANT_STEP else b
+    run = switched.run_compiled if fast else switched.run_python
+    return run, bench_of.start(b, scenario.start_angle), b, drive.converter.dc_bus_voltage
+
+
+def _rig(drive: Drive, scenario: Scenario, step: float, closed: bool, n: int, stride: int, start: float) -> loop.Rig:
+    c = drive.converter
+    return loop.Rig(
+        n, stride, max(1, round(c.sampling_period / step)), loop.CLOSED if closed else loop.OPEN,
+        int(scenario.reference == "speed"), ROTORS[scenario.rotor],
+        c.sampling_period, c.current_noise, c.current_resolution, start,
     )  # fmt: skip
-    return plant, rig
 
 
 def _failure(status: int, t: float, x: Any, drive: Drive) -> PhysicsError:

@@ -331,7 +331,8 @@ def _slow_view(runs: list[Run], channel: str, name: str) -> rrb.TimeSeriesView:
     own = [f"/{run.name}/{channel}" for run in runs]
     if channel == "load":
         high = 100.0 * max(float(run.recording.load.max()) for run in runs)
-        return _view(name, ["/scenario/load"], -10.0, 1.3 * max(high, 10.0))
+        low = 100.0 * min(float(run.recording.load.min()) for run in runs)
+        return _view(name, ["/scenario/load"], 1.1 * low - 10.0, 1.3 * max(high, 10.0))
     fields = {"current_d": ["i_d"], "current_q": ["i_q"], "speed": ["omega", "omega_hat"]}.get(channel, [channel])
     samples = np.concatenate([getattr(run.recording, field) for run in runs for field in fields])
     low, high = (float(bound) for bound in np.nanpercentile(samples, (0.5, 99.5)))

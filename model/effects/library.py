@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import textwrap
 from collections.abc import Mapping
 from functools import cache
 from importlib import import_module
@@ -141,12 +142,17 @@ def typical(name: str, motor: Motor, converter: Converter) -> dict[str, float]:
 
 def card_text(card: Effect) -> str:
     """Return a card as lines a person can read."""
-    lines = [f"{card.name} ({card.subsystem}): {card.summary}", "", f"equation      {card.equation}"]
-    lines += [f"source        {card.source}", "", "parameters (neutral; bounds; typical)"]
-    lines += [f"  {card.name}.{p.name:<18} {_parameter(p)}" for p in card.parameters]
-    lines += ["", f"axis          {card.axis}", f"order         {card.order}", f"region        {card.region}"]
-    lines += [f"confused with {', '.join(card.confused_with)}", f"separated by  {card.separated_by}"]
-    return "\n".join(lines)
+    sizes = [f"  {card.name}.{p.name:<18} {_parameter(p)}" for p in card.parameters]
+    lines = [f"{card.name} ({card.subsystem}): {card.summary}", "", _entry("equation", card.equation)]
+    lines += [_entry("source", card.source), "", "parameters: neutral; bounds; typical", *sizes, ""]
+    lines += [_entry("axis", card.axis), _entry("order", card.order), _entry("region", card.region)]
+    return "\n".join(
+        [*lines, _entry("confused with", ", ".join(card.confused_with)), _entry("separated by", card.separated_by)]
+    )
+
+
+def _entry(head: str, text: str) -> str:
+    return textwrap.fill(text, 110, initial_indent=f"{head:<14}", subsequent_indent=14 * " ")
 
 
 def _parameter(p: Parameter) -> str:

@@ -210,3 +210,38 @@ def test_as_a_program(tmp_path):
     done = subprocess.run(call, cwd=root, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("plant", ["averaged", "switched"])
+def test_simulate_with_effects_on_both_plants_records_a_campaign(short, tmp_path, plant):
+    from sandbox.campaign import read_campaign
+
+    out, folder = tmp_path / "out", tmp_path / "recorded"
+    call = ["simulate", "--scenario", str(short), "--no-trace", "--plant", plant, "--out", str(out)]
+    effects = "encoder_offset.offset=0.05,current_offset.offset_a=0.2"
+    assert main([*call, "--effects", effects, "--record", str(folder)]) == 0
+    found = content(out, "simulate")
+    assert found["plant"] == plant
+    assert found["effects"] == {"encoder_offset.offset": 0.05, "current_offset.offset_a": 0.2}
+    recording = read_campaign(folder).recordings[0]
+    assert recording.rotor == "locked"
+    assert recording.theta[0] == pytest.approx(1.05)  # the encoder's reading, not the true 1.0 rad
+    assert recording.i_a[:2] == pytest.approx([0.2] * 2, abs=0.02)  # nothing acts in the first period
+    assert (recording.u_dc == 400.0).all()
+    assert main([*call, "--record", str(folder)]) == 2
+
+
+def test_list_effects_prints_all_and_one_card(capsys):
+    assert main(["list", "effects"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) >= 26
+    assert main(["list", "effects", "dead_time"]) == 0
+    said = capsys.readouterr().out
+    assert all(word in said for word in ("equation", "source", "confused with", "separated by", "dead_time.time"))
+    assert main(["list", "effects", "dead_tme"]) == 2
+    assert "did you mean 'dead_time'" in capsys.readouterr().err
+    assert main(["list", "motors", "ipm"]) == 2
+
+
+def test_simulate_refuses_wrong_effects(capsys, tmp_path):
+    assert main(["simulate", "--effects", "dead_time.time=1", "--out", str(tmp_path)]) == 2
+    assert "give a number in [-5e-06, 5e-05] s" in capsys.readouterr().err

@@ -33,7 +33,7 @@ def test_current_loop_margin_at_its_worst_point_and_better_elsewhere(name):
         controller = control.tf([loop.kp, loop.ki * H - loop.kp], [1, -1], H)
         whole = controller * winding * control.tf([1], [1, 0], H) * window()
         assert np.abs(control.feedback(whole, 1).poles()).max() < 1.0
-        margins.append(control.margin(whole)[1])
+        margins.append(control.stability_margins(whole, method="frd")[1])
     assert margins[0] == pytest.approx(loop.phase_margin_deg, abs=0.5)
     assert loop.crossover <= 2 * np.pi * 500.0 / ds.INJECTION_RATIO * 1.001
     assert min(margins) > 59.9

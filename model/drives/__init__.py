@@ -1,0 +1,1 @@
+"""Importers of real drives' data, and the effects' equations fitted to them."""

@@ -1,0 +1,54 @@
+"""Each script on real drives runs, and writes a figure and a complete record."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from model.datasets import locate
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPTS = {
+    "real_dead_time": "moteus_ld",
+    "real_cogging": "laas_bldc",
+    "real_friction": "laas_bldc",
+    "real_iron_loss": "thor_fea",
+    "real_skin_effect": "thor_fea",
+    "real_harmonics": "thor_fea",
+}
+
+
+def test_every_script_is_here():
+    assert {p.stem for p in (ROOT / "experiments").glob("real_*.py")} - {"real_results"} == set(SCRIPTS)
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_kept_record_is_complete(name):
+    record = json.loads((ROOT / "experiments" / "results" / f"{name}.json").read_text(encoding="utf-8"))
+    assert record["data"]["name"] == SCRIPTS[name]
+    assert record["date"]
+    assert record["limits"]
+    assert (ROOT / "experiments" / "results" / f"{name}.png").stat().st_size > 10_000
+    for value in record["values"].values():
+        assert value["low"] <= value["value"] <= value["high"]
+        assert value["unit"]
+        assert value["basis"]
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_script_repeats_the_kept_values(name, tmp_path):
+    if locate(SCRIPTS[name]) is None:
+        pytest.skip(f"data set {SCRIPTS[name]} is not here; set SENSORLESS_DATA")
+    environment = {**os.environ, "SENSORLESS_RESULTS": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    script = ROOT / "experiments" / f"{name}.py"
+    done = subprocess.run([sys.executable, script], env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    fresh = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))["values"]
+    kept = json.loads((ROOT / "experiments" / "results" / f"{name}.json").read_text(encoding="utf-8"))["values"]
+    for key, value in fresh.items():
+        assert value["value"] == pytest.approx(kept[key]["value"], rel=1e-3)

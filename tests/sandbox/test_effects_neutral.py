@@ -1,0 +1,77 @@
+"""An effect at its neutral value leaves every output as it was, bit by bit: on the bare path and beside others."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from estimators.registry import load_estimator
+from model.effects import library
+from model.errors import BadInput
+from model.parameters import load_drive
+from sandbox.effects import BARE, FULL, compiled
+from sandbox.scenario import Scenario, Segment
+from sandbox.simulate import simulate
+
+DRIVE = load_drive("ipm_exchanged")
+RUN = Scenario("run", (Segment(0.02), Segment(0.06, 0.8, 0.05, ramp=0.02)), rotor="free", reference="speed")
+OTHERS = {
+    "pwm_delay.delay": 1e-5, "iron_loss.core_resistance": 2000.0, "current_filter.time_constant": 2e-5,
+    "coulomb_friction.torque": 0.02, "skin_effect.resistance": 1.0,
+}  # fmt: skip
+
+
+def table(effects, plant="averaged"):
+    return simulate(DRIVE, RUN, load_estimator("qnull"), seed=3, effects=effects, plant=plant).recording.table
+
+
+@pytest.fixture(scope="module")
+def bare():
+    return table(None)
+
+
+@pytest.fixture(scope="module")
+def full():
+    return table(OTHERS)
+
+
+@pytest.mark.parametrize("name", list(library.parameters()))
+def test_neutral_value_changes_nothing(name, bare, full):
+    value = {name: library.neutral(DRIVE.motor)[name]}
+    assert np.array_equal(table(value), bare)
+    if name not in OTHERS:
+        assert np.array_equal(table(OTHERS | value), full)
+
+
+@pytest.mark.parametrize("name", library.effect_names())
+def test_typical_size_changes_something(name, bare):
+    effects = library.typical(name, DRIVE.motor, DRIVE.converter)
+    same = np.array_equal(table(effects), bare)
+    assert not same
+
+
+def test_path_is_bare_where_only_numbers_are_replaced():
+    for name in library.effect_names():
+        values = library.complete(DRIVE.motor, DRIVE.converter, library.typical(name, DRIVE.motor, DRIVE.converter))
+        found = compiled(DRIVE.motor, DRIVE.converter, values, True).path
+        replaced = {"stator_resistance", "magnet_flux", "inductance", "saturation", "cross_saturation", "inertia"}
+        reading = {"viscous_friction", "current_gain", "current_offset", "encoder_offset", "encoder_eccentricity"}
+        assert found == (BARE if name in replaced | reading else FULL), name
+
+
+def test_all_at_once_run_on_both_plants():
+    everything = {}
+    for name in library.effect_names():
+        if name != "saturation":  # contradicts cross_saturation unless equal
+            everything |= library.typical(name, DRIVE.motor, DRIVE.converter)
+    for plant in ("averaged", "switched"):
+        assert np.isfinite(table(everything, plant)).all()
+
+
+def test_bad_effects_are_refused():
+    with pytest.raises(BadInput, match=r"did you mean 'dead_time\.time'"):
+        table({"dead_time.tim": 1e-6})
+    with pytest.raises(BadInput, match="unknown plant 'swiched'; did you mean 'switched'"):
+        table({}, "swiched")
+    with pytest.raises(BadInput, match="takes no other magnetic model"):
+        simulate(DRIVE, RUN, load_estimator("qnull"), plant="switched", truth=DRIVE.motor.energy)
