@@ -112,7 +112,9 @@ def with_steps(prepared: Prepared, steps: int) -> Prepared:
     """Return the same with another number of plant steps a sampling period."""
     if isinstance(steps, bool) or not isinstance(steps, int) or steps < 1:
         raise BadInput(f"steps = {steps!r} is no number of plant steps a period; give a whole number >= 1")
-    recordings = tuple(r.with_steps(prepared.campaign.drive.converter.sampling_period, steps) for r in prepared.recordings)
+    recordings = tuple(
+        r.with_steps(prepared.campaign.drive.converter.sampling_period, steps) for r in prepared.recordings
+    )
     return Prepared(prepared.campaign, recordings, steps, prepared.floor, prepared.base)
 
 
@@ -226,7 +228,9 @@ def _start(rows: Array, r: Inputs) -> None:
             own = Energy(*(float(p[row] / n) for row, n in ENERGY_ROWS))
             d, q, status = flux_newton(own, co * i_a + si * i_b, co * i_b - si * i_a, 0.0, 0.0)
             if status != SOLVED:
-                raise BadInput(f"{r.file}: no flux of this motor gives the first reading of {math.hypot(i_a, i_b):.3g} A")
+                raise BadInput(
+                    f"{r.file}: no flux of this motor gives the first reading of {math.hypot(i_a, i_b):.3g} A"
+                )
             p[[lanes.SLOW_A, lanes.FILTER_A]], p[[lanes.SLOW_B, lanes.FILTER_B]] = i_a, i_b
         d += p[lanes.MAGNET] + p[lanes.PSI_D6] * math.cos(6.0 * theta)
         q += p[lanes.PSI_Q6] * math.sin(6.0 * theta)

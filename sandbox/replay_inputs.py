@@ -139,10 +139,13 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
     pairs, period = m.pole_pairs, converter.sampling_period
     i_alpha, i_beta = r.current
     angle, speed = r.theta, np.zeros(len(r.theta))
+    eccentric, phase = v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
     row = compile_set(motor, converter, v, 1)
     for _ in range(2):
-        torque = torque_of(m.energy, m.magnet_flux, float(pairs), i_alpha, i_beta, angle - v["encoder_offset.offset"])
-        omega, turn = speed / pairs, (angle - v["encoder_offset.offset"]) / pairs
+        turn = (angle - v["encoder_offset.offset"]) / pairs
+        turn = turn - eccentric * np.sin(turn + phase)
+        torque = torque_of(m.energy, m.magnet_flux, float(pairs), i_alpha, i_beta, pairs * turn)
+        omega = speed / pairs
         net = torque - m.viscous_friction * omega
         net -= v["coulomb_friction.torque"] * np.tanh(omega / v["coulomb_friction.width"])
         net += v["cogging_torque.amplitude"] * np.sin(v["cogging_torque.order_mech"] * turn + v["cogging_torque.phase"])

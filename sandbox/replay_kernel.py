@@ -10,9 +10,23 @@ from sandbox.replay_lanes import (
 )  # fmt: skip
 
 # columns of the table that all sets share, one row a sample
-(MEAN_A, MEAN_B, D_A, D_B, D_C, OMEGA, SINE, COSINE, LOAD, READ, GAIN_ANGLE, GAIN_SPEED, SCALE, MID_ANGLE, MID_SPEED) = (
-    range(15)
-)
+(
+    MEAN_A,
+    MEAN_B,
+    D_A,
+    D_B,
+    D_C,
+    OMEGA,
+    SINE,
+    COSINE,
+    LOAD,
+    READ,
+    GAIN_ANGLE,
+    GAIN_SPEED,
+    SCALE,
+    MID_ANGLE,
+    MID_SPEED,
+) = range(15)
 COLUMNS = 15
 EDGE = 5  # instant, unit flux (2), unit vector of the leg (2)
 MACHINE = HARMONICS | IRON | SKIN | ASYMMETRY  # what `plain_step` cannot do
@@ -35,18 +49,20 @@ def deliver(w, features, table, edges, k, period, width):
         legs.late_voltage(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period)
     else:
         legs.mean_voltage(w, d_a, d_b, d_c, width)
-    if features & (EDGES | DROP):
-        e = edges[k]
-        e_0, e_1, e_2 = edge_of(e, 0), edge_of(e, 1), edge_of(e, 2)
-        e_3, e_4, e_5 = edge_of(e, 3), edge_of(e, 4), edge_of(e, 5)
-        if features & DROP:
-            legs.dead_time_and_drop(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period)
-        else:
-            legs.dead_time(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period)
+    e = edges[k]
+    e_0, e_1, e_2, e_3, e_4, e_5 = edge_of(e, 0), edge_of(e, 1), edge_of(e, 2), edge_of(e, 3), edge_of(e, 4), edge_of(e, 5)
+    if features & DROP:
+        legs.dead_time_and_drop(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period)
+    elif features & EDGES:
+        legs.dead_time(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period, features & IRON != 0)
     if features & FILTER:
         legs.keep_filter_ripple(w, d_a, d_b, d_c, b_a, b_b, b_c, period)
+        if features & EDGES:
+            legs.kick_filter(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
     if features & IRON:
         legs.keep_core_ripple(w, d_a, d_b, d_c, b_a, b_b, b_c, period)
+        if features & EDGES:
+            legs.kick_core(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
 
 
 @kernel

@@ -31,8 +31,11 @@ SAMPLE_A, SAMPLE_B, NEXT_DEVIATION, PULSE_TORQUE = range(49, 53)
 (FILTER_KEEP, SAMPLING, BACK_DECAY, BACK_OLD, BACK_NEW, GAIN_A, GAIN_B, GAIN_C, OFFSET_A, OFFSET_B) = range(94, 104)
 (OFF_C, OFF_S, ECC_COS, ECC_SIN, OFFSET, FRICTION, COULOMB, WIDTH_INV, STRIBECK, STRIBECK_INV) = range(104, 114)
 (COG, COG_ORDER, COG_PHASE, ACCELERATION, LOAD_GAIN, LOAD_OFFSET, LOAD_SHARE) = range(114, 121)
-(OSC_11, OSC_12, OSC_21, OSC_22, OSC_REST, MOTOR_INV, LOAD_INV, PAIRS, CORE_FILTER, CORE_TIME, COMMON, FILTER_MID) = range(121, 133)
-ROWS = 134
+(OSC_11, OSC_12, OSC_21, OSC_22, OSC_REST, MOTOR_INV, LOAD_INV, PAIRS, CORE_FILTER, CORE_TIME, COMMON, FILTER_MID) = (
+    range(121, 133)
+)
+LATE_0, LATE_1, LATE_2, LATE_3, LATE_4, LATE_5 = range(133, 139)  # of the period's edges, scratch
+ROWS = 139
 
 # features that a block of sets can need
 ECCENTRIC, HARMONICS, IRON, SKIN, ASYMMETRY, EDGES, DROP, LATE_PULSES, LINK_RIPPLE, FILTER = (1 << k for k in range(10))
@@ -46,7 +49,9 @@ def sine_cosine(x):
     r = (x - n * PI_HIGH) - n * PI_LOW
     a = r * r
     s = 1.0 / 6227020800.0 - a / 1307674368000.0
-    s = r * (1.0 - a * (1.0 / 6 - a * (1.0 / 120 - a * (1.0 / 5040 - a * (1.0 / 362880 - a * (1.0 / 39916800 - a * s))))))
+    s = r * (
+        1.0 - a * (1.0 / 6 - a * (1.0 / 120 - a * (1.0 / 5040 - a * (1.0 / 362880 - a * (1.0 / 39916800 - a * s)))))
+    )
     c = 1.0 / 479001600.0 - a * (1.0 / 87178291200.0 - a / 20922789888000.0)
     c = 1.0 - a * (0.5 - a * (1.0 / 24 - a * (1.0 / 720 - a * (1.0 / 40320 - a * (1.0 / 3628800 - a * c)))))
     turn = n - 4.0 * math.floor(0.25 * n)
@@ -60,7 +65,9 @@ def fading(x):
     """Return exp(x) for x <= 0 without a library call: relative error below 1e-13 down to exp(-8), absolute beyond."""
     y = max(x, -60.0) * (1.0 / 64.0)
     e = 1.0 + y * (1.0 / 8 + y * (1.0 / 72 + y * (1.0 / 720 + y / 7920.0)))
-    e = 1.0 + y * (1.0 + y * (0.5 + y * (1.0 / 6 + y * (1.0 / 24 + y * (1.0 / 120 + y * (1.0 / 720 + y / 5040.0 * e))))))
+    e = 1.0 + y * (
+        1.0 + y * (0.5 + y * (1.0 / 6 + y * (1.0 / 24 + y * (1.0 / 120 + y * (1.0 / 720 + y / 5040.0 * e)))))
+    )
     e *= e
     e *= e
     e *= e

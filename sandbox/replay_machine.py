@@ -86,7 +86,7 @@ def full_sample(w):
         k_a, k_b = w[CORE_A * LANES + j], w[CORE_B * LANES + j]
         w[M_A * LANES + j], w[M_B * LANES + j] = m_a, m_b
         w[I_A * LANES + j], w[I_B * LANES + j] = m_a + k_a, m_b + k_b
-        w[I_D * LANES + j], w[I_Q * LANES + j] = i_d + c * k_a + s * k_b, i_q + c * k_b - s * k_a
+        w[I_D * LANES + j], w[I_Q * LANES + j] = i_d, i_q
         w[X_D * LANES + j], w[X_Q * LANES + j] = x_d, x_q
         w[GAMMA_DD * LANES + j], w[GAMMA_DQ * LANES + j] = dd + g * c_6, dq + g * s_6
         w[GAMMA_QQ * LANES + j] = qq - g * c_6
@@ -102,7 +102,10 @@ def close_lags(w):
             w[FILTER_A * LANES + j] + new * i_a,
             w[FILTER_B * LANES + j] + new * i_b,
         )
-        w[SLOW_A * LANES + j], w[SLOW_B * LANES + j] = w[SLOW_A * LANES + j] + own * i_a, w[SLOW_B * LANES + j] + own * i_b
+        w[SLOW_A * LANES + j], w[SLOW_B * LANES + j] = (
+            w[SLOW_A * LANES + j] + own * i_a,
+            w[SLOW_B * LANES + j] + own * i_b,
+        )
 
 
 @inlined
@@ -218,7 +221,8 @@ def predict_motion(w, period, load, angle, speed, dry, twisted):
             x = omega * w[WIDTH_INV * LANES + j]
             e = fading(-2.0 * abs(x))
             side = (1.0 - e) / (1.0 + e)
-            turned = w[COG_ORDER * LANES + j] * (angle - w[OFFSET * LANES + j]) / pairs + w[COG_PHASE * LANES + j]
+            turn = (angle - w[OFFSET * LANES + j] - w[DEVIATION * LANES + j]) / pairs
+            turned = w[COG_ORDER * LANES + j] * turn + w[COG_PHASE * LANES + j]
             sine, _ = sine_cosine(turned)
             net += w[COG * LANES + j] * sine - level * (side if x >= 0.0 else -side)
         a = total * (net - taken)

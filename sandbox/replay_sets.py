@@ -109,8 +109,10 @@ def parabola_weights(step: float, tau: float) -> tuple[float, float, float, floa
     if tau <= 0.0:
         return 0.0, 0.0, 0.0, 1.0
     x = step / tau
-    if x < 1e-4:
-        zeroth, first, second = x, x / 2.0, x / 3.0
+    if x < 1e-3:
+        zeroth = -math.expm1(-x)
+        first = x * (1.0 / 2.0 - x * (1.0 / 6.0 - x / 24.0))
+        second = x * (1.0 / 3.0 - x * (1.0 / 12.0 - x / 60.0))
     else:
         zeroth = -math.expm1(-x)
         first = 1.0 - zeroth / x
@@ -133,7 +135,11 @@ def compile_set(motor: Motor, converter: Converter, v: Mapping[str, float], step
     row[lanes.PSI_D6], row[lanes.PSI_Q6] = v["flux_harmonics.psi_d6"], v["flux_harmonics.psi_q6"]
     row[lanes.GAMMA_6] = v["inductance_harmonics.gamma_6"]
     core, filter_time = v["iron_loss.time_constant"], v["current_filter.time_constant"]
-    row[lanes.CORE_G], row[lanes.CORE_INV], row[lanes.CORE_TIME] = 1.0 / v["iron_loss.core_resistance"], 1.0 / core, core
+    row[lanes.CORE_G], row[lanes.CORE_INV], row[lanes.CORE_TIME] = (
+        1.0 / v["iron_loss.core_resistance"],
+        1.0 / core,
+        core,
+    )
     row[lanes.CORE_DECAY : lanes.CORE_NEW + 1] = lag_weights(half, core)
     row[lanes.CORE_KEEP] = math.exp(-period / core)
     difference = core - filter_time

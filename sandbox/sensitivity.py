@@ -102,9 +102,10 @@ def typical_change(prepared: Prepared, name: str, value: float) -> float:
 
 def displaced(prepared: Prepared, base: Set, name: str, share: float) -> tuple[dict[str, float], float, str]:
     """Return the set with one parameter moved by a share of its typical change, the step and the coordinate's name."""
-    step = max(share, SECANT.get(name, 0.0)) * typical_change(prepared, name, base[name])
-    value = base[name]
+    value, size = base[name], typical_change(prepared, name, base[name])
+    step = share * size
     if math.isinf(value):
+        step = max(abs(share), SECANT.get(name, 0.0)) * size
         return {**base, name: 1.0 / step}, step, f"1/{name}"
     p = BENCH.get(name) or library.parameters()[name]
     if value + step > p.high:

@@ -124,7 +124,9 @@ def _refined(fit, corners: Array, miss: Array, end: float, period: float):  # ty
     return motion, miss, corners
 
 
-def free_motion(theta: Array, acceleration: Array, period: float, count: float, unexplained: float = UNEXPLAINED) -> Motion:
+def free_motion(
+    theta: Array, acceleration: Array, period: float, count: float, unexplained: float = UNEXPLAINED
+) -> Motion:
     """Return the motion of a free rotor from counts and the torque's acceleration.
 
     theta: (n,) rad; acceleration: (n,) rad/s^2 electrical, at the samples, by torque less load and friction; period: s;
