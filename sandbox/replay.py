@@ -36,7 +36,9 @@ from sandbox.replay_sets import compile_sets, complete, features_of
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
 STEPS = (1, 2, 4, 8)
-ENERGY_ROWS = ((lanes.GAMMA_D, 1), (lanes.GAMMA_Q, 1), (lanes.A3, 3), (lanes.B2, 1), (lanes.A4, 4), (lanes.C2, 1), (lanes.B4, 4))  # fmt: skip
+ENERGY_ROWS = (
+    (lanes.GAMMA_D, 1), (lanes.GAMMA_Q, 1), (lanes.A3, 3), (lanes.B2, 1), (lanes.A4, 4), (lanes.C2, 1), (lanes.B4, 4)
+)  # fmt: skip
 ACCURACY = 0.02  # of the noise floor: largest rms change on halving the plant's step
 
 
@@ -137,7 +139,8 @@ def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Pred
     width = len(blocks) * lanes.LANES
     shapes = [(len(r.table), width) for r in prepared.recordings]
     currents = [np.empty((n, 3, width)) for n, width in shapes]
-    moved = [np.empty(shape if r.rotor == "free" else (1, lanes.LANES)) for r, shape in zip(prepared.recordings, shapes, strict=True)]  # fmt: skip
+    free = [r.rotor == "free" for r in prepared.recordings]
+    moved = [np.empty(shape if f else (1, lanes.LANES)) for f, shape in zip(free, shapes, strict=True)]
 
     def task(job: tuple[int, int]) -> None:
         r, b = job
@@ -152,7 +155,7 @@ def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Pred
     rows = rows[:, np.argsort(np.concatenate([b.members for b in blocks]))]
     return Prediction(
         tuple(c[:, :, pick] for c in currents),
-        tuple(m[:, pick] if r.rotor == "free" else None for r, m in zip(prepared.recordings, moved, strict=True)),
+        tuple(m[:, pick] if f else None for f, m in zip(free, moved, strict=True)),
         tuple(r.encoder(rows) if r.rotor == "driven" else None for r in prepared.recordings),
     )
 
@@ -237,7 +240,7 @@ def _start(rows: Array, r: Inputs) -> None:
         p[lanes.PSI_A], p[lanes.PSI_B] = co * d - si * q, si * d + co * q
 
 
-def in_threads(task, jobs, workers: int) -> None:  # type: ignore[no-untyped-def]
+def in_threads(task, jobs, workers: int) -> None:
     """Run task(job) for all jobs on so many threads; compiled code releases the interpreter."""
     if workers < 1:
         raise BadInput(f"workers = {workers} is no number of threads; give 1 or more")

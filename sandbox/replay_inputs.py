@@ -113,7 +113,7 @@ def duties(u_alpha: Array, u_beta: Array, u_dc: Array) -> Array:
 
 
 def edge_table(duty: Array, period: float) -> Array:
-    """Return the six edges of each period in order of time (n, 6, EDGE): instant, unit flux until then, leg's vector."""
+    """Return the six edges of each period in order of time (n, 6, EDGE): instant, unit flux till then, leg's vector."""
     order = np.argsort(-duty, axis=1, kind="stable")
     n, rows = len(duty), np.arange(len(duty))
     out = np.empty((n, 6, EDGE))

@@ -3,10 +3,38 @@
 from __future__ import annotations
 
 from model.compiled import kernel
+from sandbox import replay_edges as late
 from sandbox import replay_legs as legs
 from sandbox import replay_machine as machine
+from sandbox import replay_sensors as sensors
 from sandbox.replay_lanes import (
-    ASYMMETRY, DEVIATION, DROP, DRY, ECCENTRIC, EDGES, FILTER, HARMONICS, IRON, KF_ANGLE, LANES, LAST_TORQUE, LATE_PULSES, LINK_RIPPLE, MISS, NEXT_DEVIATION, OFFSET, READ_A, ROWS, SHAFT_TWIST, SHIFTED_SAMPLE, SKIN, TORQUE, plain_sample, plain_step, turn_and_hold, turn_by_offset,
+    ASYMMETRY,
+    DEVIATION,
+    DROP,
+    DRY,
+    ECCENTRIC,
+    EDGES,
+    FILTER,
+    HARMONICS,
+    IRON,
+    KF_ANGLE,
+    LANES,
+    LAST_TORQUE,
+    LATE_PULSES,
+    LINK_RIPPLE,
+    MISS,
+    NEXT_DEVIATION,
+    OFFSET,
+    READ_A,
+    ROWS,
+    SHAFT_TWIST,
+    SHIFTED_SAMPLE,
+    SKIN,
+    TORQUE,
+    plain_sample,
+    plain_step,
+    turn_and_hold,
+    turn_by_offset,
 )  # fmt: skip
 
 # columns of the table that all sets share, one row a sample
@@ -50,19 +78,26 @@ def deliver(w, features, table, edges, k, period, width):
     else:
         legs.mean_voltage(w, d_a, d_b, d_c, width)
     e = edges[k]
-    e_0, e_1, e_2, e_3, e_4, e_5 = edge_of(e, 0), edge_of(e, 1), edge_of(e, 2), edge_of(e, 3), edge_of(e, 4), edge_of(e, 5)
+    e_0, e_1, e_2, e_3, e_4, e_5 = (
+        edge_of(e, 0),
+        edge_of(e, 1),
+        edge_of(e, 2),
+        edge_of(e, 3),
+        edge_of(e, 4),
+        edge_of(e, 5),
+    )
     if features & DROP:
-        legs.dead_time_and_drop(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period)
+        late.dead_time_and_drop(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period)
     elif features & EDGES:
-        legs.dead_time(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period, features & IRON != 0)
+        late.dead_time(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period, features & IRON != 0)
     if features & FILTER:
         legs.keep_filter_ripple(w, d_a, d_b, d_c, b_a, b_b, b_c, period)
         if features & EDGES:
-            legs.kick_filter(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
+            late.kick_filter(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
     if features & IRON:
         legs.keep_core_ripple(w, d_a, d_b, d_c, b_a, b_b, b_c, period)
         if features & EDGES:
-            legs.kick_core(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
+            late.kick_core(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
 
 
 @kernel
@@ -82,8 +117,8 @@ def sample(w, features, table, k, period):
         b_a, b_b, b_c = (table[k - 1, D_A], table[k - 1, D_B], table[k - 1, D_C]) if k > 0 else (0.5, 0.5, 0.5)
         legs.shifted_sample(w, d_a, d_b, d_c, b_a, b_b, b_c, table[k, OMEGA], period)
     if features & SAMPLED:
-        machine.hold_sample(w, features & IRON != 0, features & FILTER != 0, features & SHIFTED_SAMPLE != 0)
-    machine.read_sensors(w, features & SAMPLED == 0)
+        sensors.hold_sample(w, features & IRON != 0, features & FILTER != 0, features & SHIFTED_SAMPLE != 0)
+    sensors.read_sensors(w, features & SAMPLED == 0)
 
 
 @kernel
@@ -95,8 +130,8 @@ def move(w, table, k, period, dry, twisted):
             w[LAST_TORQUE * LANES + j] = w[TORQUE * LANES + j]
     else:
         load, mid, speed = table[k - 1, LOAD], table[k - 1, MID_ANGLE], table[k - 1, MID_SPEED]
-        machine.predict_motion(w, period, load, mid, speed, dry, twisted)
-    machine.correct_motion(w, table[k, READ], table[k, GAIN_ANGLE], table[k, GAIN_SPEED], table[k, SCALE])
+        sensors.predict_motion(w, period, load, mid, speed, dry, twisted)
+    sensors.correct_motion(w, table[k, READ], table[k, GAIN_ANGLE], table[k, GAIN_SPEED], table[k, SCALE])
 
 
 @kernel
@@ -119,10 +154,10 @@ def run(w, features, table, edges, turns, period, steps, motion, out, moved, fir
     eccentric, twisted, dry = features & ECCENTRIC != 0, features & SHAFT_TWIST != 0, features & DRY != 0
     machine_effects, simple = features & (MACHINE | FILTER) != 0, features & INVERTER == 0
     c, s = turns[0, 0, 0], turns[0, 0, 1]
-    machine.deviations(w, table[0, SINE], table[0, COSINE], width)
+    sensors.deviations(w, table[0, SINE], table[0, COSINE], width)
     for j in range(LANES):
         w[DEVIATION * LANES + j] = w[NEXT_DEVIATION * LANES + j]
-    machine.turn_by_deviation(w, 0.0, 0.0, c, s, c, s)
+    sensors.turn_by_deviation(w, 0.0, 0.0, c, s, c, s)
     last = len(table) - 1
     for k in range(last + 1):
         sample(w, features, table, k, period)
@@ -139,7 +174,7 @@ def run(w, features, table, edges, turns, period, steps, motion, out, moved, fir
         if features & INVERTER:
             deliver(w, features, table, edges, k, period, width)
         if eccentric:
-            machine.deviations(w, table[k + 1, SINE], table[k + 1, COSINE], width)
+            sensors.deviations(w, table[k + 1, SINE], table[k + 1, COSINE], width)
         for m in range(steps):
             c_1, s_1 = turns[k, 2 * m + 1, 0], turns[k, 2 * m + 1, 1]
             c_2, s_2 = turns[k, 2 * m + 2, 0], turns[k, 2 * m + 2, 1]
@@ -148,7 +183,7 @@ def run(w, features, table, edges, turns, period, steps, motion, out, moved, fir
             if simple:
                 turn_and_hold(w, c_1, s_1, c_2, s_2, table[k, MEAN_A], table[k, MEAN_B])
             if eccentric:
-                machine.turn_by_deviation(w, (2 * m + 1) * share, (2 * m + 2) * share, c_1, s_1, c_2, s_2)
+                sensors.turn_by_deviation(w, (2 * m + 1) * share, (2 * m + 2) * share, c_1, s_1, c_2, s_2)
             elif not simple:
                 turn_by_offset(w, c_1, s_1, c_2, s_2)
             if machine_effects:

@@ -92,7 +92,12 @@ def typical_change(prepared: Prepared, name: str, value: float) -> float:
     p = library.parameters()[name]
     neutral, size = p.neutral_for(motor), p.typical_for(motor, converter)
     if math.isinf(neutral):
-        return 1.0 / size
+        return 1.0 / size if math.isinf(value) else size
+    if name == "dc_link_ripple.frequency":  # a radian at the end of the longest recording
+        return 1.0 / (math.tau * converter.sampling_period * max(len(r.table) for r in prepared.recordings))
+    if name == "cogging_torque.order_mech":  # likewise
+        free = [float(np.ptp(r.motion.angle)) for r in prepared.recordings if r.rotor == "free"]
+        return min(1.0, motor.pole_pairs / max(1.0, *free, 1.0))
     if name == "coulomb_friction.stribeck_torque":
         return library.parameters()["coulomb_friction.torque"].typical_for(motor, converter)
     if name == "current_gain.gain_c":
@@ -148,7 +153,7 @@ def sensitivities(
         jobs += [(r, block, columns) for block, columns in wanted]
     jobs.sort(key=lambda job: -len(prepared.recordings[job[0]].table) * job[1].features.bit_count())
 
-    def task(job) -> None:  # type: ignore[no-untyped-def]
+    def task(job) -> None:
         r, block, columns = job
         inputs, n = prepared.recordings[r], len(prepared.recordings[r].table)
         current = np.empty((n, 3, lanes.LANES))
@@ -171,7 +176,7 @@ def _mechanical(name: str) -> bool:
     return name.partition(".")[0] in MECHANICAL or name.startswith("bench.load_torque")
 
 
-def _empty(prepared: Prepared, p: int):  # type: ignore[no-untyped-def]
+def _empty(prepared: Prepared, p: int):
     n = [len(r.table) for r in prepared.recordings]
     free = [r.rotor == "free" for r in prepared.recordings]
     driven = [r.rotor == "driven" for r in prepared.recordings]
@@ -181,8 +186,8 @@ def _empty(prepared: Prepared, p: int):  # type: ignore[no-untyped-def]
     return currents, motion, angle
 
 
-def _blocks(prepared: Prepared, sets: Sequence[Mapping[str, float]], columns: Sequence[int]):  # type: ignore[no-untyped-def]
-    """Return blocks of the base and up to LANES - 1 displaced sets each, alike in what they need, with their columns."""
+def _blocks(prepared: Prepared, sets: Sequence[Mapping[str, float]], columns: Sequence[int]):
+    """Return blocks of the base and up to LANES - 1 displaced sets each, alike in needs, with their columns."""
     needs = [features_of(sets[k + 1]) for k in columns]
     order = [k for _, k in sorted(zip(needs, columns, strict=True), key=lambda x: (x[0].bit_count(), x[0], x[1]))]
     out = []

@@ -95,14 +95,14 @@ def driven_motion(t: Array, theta: Array, pole_pairs: float, count: float) -> Mo
     return free_motion(theta, np.zeros_like(theta), period, count, UNEXPLAINED)
 
 
-def _best_new(fit, corners: Array, end: float) -> float:  # type: ignore[no-untyped-def]
+def _best_new(fit, corners: Array, end: float) -> float:
     grid = end * np.arange(1, 40) / 40.0
     cost = [np.sum(fit(np.sort(np.append(corners, g)))[1] ** 2) if np.all(np.abs(corners - g) > 1e-3 * end) else np.inf
             for g in grid]  # fmt: skip
     return float(grid[int(np.argmin(cost))])
 
 
-def _refined(fit, corners: Array, miss: Array, end: float, period: float):  # type: ignore[no-untyped-def]
+def _refined(fit, corners: Array, miss: Array, end: float, period: float):
     """Move the corners by damped Gauss-Newton steps; each differenced by one sample."""
     motion = fit(corners)[0]
     for _ in range(12):

@@ -31,7 +31,7 @@ MOTION = 0.1  # standard deviations: what may be left of a free rotor's innovati
 
 
 def record(effects, rotor, speed=0.0, n=700, load_torque=True):
-    """Return a recording of the switched bench without noise: voltage, injection, and steps of load for a free rotor."""
+    """Return a recording of the switched bench without noise: voltage, injection, a step of load for a free rotor."""
     b, period, pairs = quiet(bench(DRIVE.motor, DRIVE.converter, effects)), DRIVE.converter.sampling_period, 6
     k = np.arange(n)
     theta, middle = (0.3 + pairs * speed * period * (k + x) for x in (0.0, 0.5))
@@ -67,7 +67,7 @@ def gaps(recorded, prepared, values):
     return np.array(out), max(float(np.sqrt(np.mean(m**2))) for m in p.motion if m is not None)
 
 
-@pytest.mark.parametrize("name", ("none", *library.effect_names()))
+@pytest.mark.parametrize("name", ["none", *library.effect_names()])
 def test_effect_is_that_of_the_switched_bench(name):
     effects = {} if name == "none" else typical(name)
     recorded = campaign(effects)
@@ -87,7 +87,7 @@ def test_all_effects_together_are_those_of_the_switched_bench():
     current, motion = gaps(recorded, prepare(recorded, effects, steps=1), effects)
     without, _ = gaps(recorded, prepare(recorded, effects, steps=1), {})
     print(f"all effects: {current} of rated current with them, {without} without; motion {motion}")
-    assert current.max() < 2.5e-3
+    assert current.max() < 1.7e-3  # the sensors' noise
     assert without.min() > 50 * current.max()
 
 
@@ -96,11 +96,11 @@ def test_threads_batches_and_neutral_values_change_no_bit():
     sets = [{"stator_resistance.resistance": 12.0 + 0.01 * k, "dead_time.time": 1e-7 * (k % 3)} for k in range(40)]
     one, two = replay(prepared, sets), replay(prepared, sets, workers=2)
     for a, b in zip((*one.currents, *one.motion), (*two.currents, *two.motion), strict=True):
-        assert (a is None and b is None) or np.array_equal(a, b)
+        assert (a is b is None) or np.array_equal(a, b)
     neutral = complete(DRIVE.motor, DRIVE.converter)
     few = replay(prepared, [{}, neutral, {}])
     for current in few.currents:
-        assert np.array_equal(current[:, :, 0], current[:, :, 1]) and np.array_equal(current[:, :, 0], current[:, :, 2])
+        assert np.array_equal(current[:, :, [0, 0]], current[:, :, 1:])
     first, second = sensitivities(prepared), sensitivities(prepared, workers=2)
     assert all(np.array_equal(a, b) for a, b in zip(first.currents, second.currents, strict=True))
 
@@ -155,7 +155,7 @@ def test_sensitivities_against_richardson():
             worst[name] = np.linalg.norm(x - y) / max(np.linalg.norm(y), 1e-300) if np.any(y) else 0.0
         assert np.any(y) or not np.any(x), name
     print({k: float(f"{v:.1e}") for k, v in sorted(worst.items(), key=lambda i: -i[1])[:8]})
-    assert max(worst.values()) < 2e-2  # dead time's soft sign has corners
+    assert max(worst.values()) < 5e-3  # dead time: its soft sign has corners
     assert np.median(list(worst.values())) < 1e-4
 
 
@@ -164,22 +164,23 @@ def test_sensitivity_coordinates_and_companions():
     s = sensitivities(prepared)
     by_name = dict(zip(s.names, s.coordinates, strict=True))
     assert by_name["iron_loss.core_resistance"] == "1/iron_loss.core_resistance"
-    assert s.base["cogging_torque.order_mech"] == 36.0 and s.base["cogging_torque.amplitude"] == 0.0
+    assert s.base["cogging_torque.order_mech"] == 36.0
+    assert s.base["cogging_torque.amplitude"] == 0.0
     k = s.names.index("current_offset.offset_a")
     assert s.currents[0][:, :, k] == pytest.approx(np.broadcast_to([1.0, 0.0, -1.0], (300, 3)), abs=1e-6)
     k = s.names.index("encoder_eccentricity.amplitude_mech")
-    assert np.any(s.currents[2][:, :, k]) and np.any(s.motion[2][:, k])
+    assert np.any(s.currents[2][:, :, k])
+    assert np.any(s.motion[2][:, k])
     k = s.names.index("coulomb_friction.torque")
-    assert not np.any(s.currents[2][:, :, k]) and np.any(s.motion[2][:, k])
+    assert not np.any(s.currents[2][:, :, k])
+    assert np.any(s.motion[2][:, k])
 
 
 def test_arithmetic_without_a_library():
-    x = np.zeros(4 * lanes.LANES)
     angle, below = np.linspace(-300.0, 5000.0, 4 * lanes.LANES), np.linspace(-8.0, 0.0, 4 * lanes.LANES)
     pairs = np.array([lanes.sine_cosine.py_func(a) for a in angle])
-    assert np.abs(pairs - np.stack([np.sin(angle), np.cos(angle)], axis=1)).max() < 1e-13 * 10
+    assert np.abs(pairs - np.stack([np.sin(angle), np.cos(angle)], axis=1)).max() < 1e-12
     assert [lanes.fading.py_func(float(a)) for a in below] == pytest.approx(np.exp(below), rel=1e-13)
-    assert x.sum() == 0.0
     for tau in (0.0, 1e-6, 1e-4, 3.0):
         decay, old, new = lag_weights(1e-4, tau)
         assert decay + old + new == pytest.approx(1.0, abs=1e-14)
@@ -209,9 +210,9 @@ def test_bad_input_is_named():
         replay(prepared, [])
     with pytest.raises(BadInput, match="threads"):
         replay(prepared, [{}], workers=0)
-    with pytest.raises(BadInput, match="unknown|bench"):
+    with pytest.raises(BadInput, match="lock_angle"):
         sensitivities(prepared, ["bench.lock_angel"])
-    with pytest.raises(BadInput, match="unknown|locked_0"):
+    with pytest.raises(BadInput, match="locked_0"):
         prepare(recorded, files=["locked_1"])
     with pytest.raises(BadInput, match="steps"):
         with_steps(prepared, 0)
@@ -239,7 +240,7 @@ def test_features_and_rows():
     for name in library.effect_names():
         values = complete(motor, converter, typical(name))
         row = compile_set(motor, converter, values, 1)
-        assert row.shape == (lanes.ROWS,) and np.all(np.isfinite(row)), name
+        assert np.all(np.isfinite(row)), name
 
 
 # ---- recordings of a foreign bench ----
@@ -296,7 +297,8 @@ def test_p01_is_met_to_its_noise_floor():
     """No effect, no deviation, nothing fitted: every recording at the stated noise, and the free rotor's motion too."""
     recorded = read_campaign(recordings_folder() / "practice" / "p01")
     prepared = prepare(recorded)
-    assert prepared.steps == 1 and max(halving_error(prepared)) < 2e-3
+    assert prepared.steps == 1
+    assert max(halving_error(prepared)) < 2e-3
     found = residuals(prepared, replay(prepared, [{}]))
     current, motion = rms(found)
     for r, c, m in zip(found, current, motion, strict=True):
@@ -318,7 +320,7 @@ def test_true_effect_brings_the_residual_to_the_noise_floor(name):
 
 
 def test_a_fit_finds_dead_time_from_sensitivities():
-    """p02 without its effect: linear steps of all ordinary deviations, residual dead time among them, find the truth."""
+    """p02 without its effect: linear steps of the ordinary deviations, residual dead time too, find the truth."""
     recorded, values, _ = practice("p02")
     found, _ = fitted(recorded, {k: v for k, v in values.items() if not k.startswith("dead_time")}, rounds=4)
     assert found["dead_time.time"] == pytest.approx(values["dead_time.time"], abs=2e-8)
