@@ -35,7 +35,8 @@ SAMPLE_A, SAMPLE_B, NEXT_DEVIATION, PULSE_TORQUE = range(49, 53)
     range(121, 133)
 )
 LATE_0, LATE_1, LATE_2, LATE_3, LATE_4, LATE_5 = range(133, 139)  # of the period's edges, scratch
-ROWS = 139
+CORE_SHIFT = 139
+ROWS = 140
 
 # features that a block of sets can need
 ECCENTRIC, HARMONICS, IRON, SKIN, ASYMMETRY, EDGES, DROP, LATE_PULSES, LINK_RIPPLE, FILTER = (1 << k for k in range(10))

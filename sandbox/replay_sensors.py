@@ -26,6 +26,7 @@ from sandbox.replay_lanes import (
     CORE_FILTER,
     CORE_G,
     CORE_INV,
+    CORE_SHIFT,
     COULOMB,
     DEVIATION,
     ECC_COS,
@@ -51,6 +52,8 @@ from sandbox.replay_lanes import (
     LOAD_INV,
     LOAD_OFFSET,
     LOAD_SHARE,
+    M_A,
+    M_B,
     MISS,
     MOTOR_INV,
     NEXT_DEVIATION,
@@ -69,6 +72,7 @@ from sandbox.replay_lanes import (
     READ_A,
     READ_B,
     READ_C,
+    RESISTANCE,
     S_0,
     S_1,
     S_2,
@@ -120,6 +124,10 @@ def hold_sample(w, iron, filtered, shifted):
         s_a, s_b = i_a, i_b
         if shifted:
             s_a, s_b = i_a + w[SAMPLE_A * LANES + j], i_b + w[SAMPLE_B * LANES + j]
+            if iron:  # in the zero vector the iron-loss current goes towards that of the resistive drop
+                r, k = g * w[RESISTANCE * LANES + j], w[CORE_SHIFT * LANES + j]
+                s_a += k * (i_a - w[M_A * LANES + j] + r * w[I_A * LANES + j])
+                s_b += k * (i_b - w[M_B * LANES + j] + r * w[I_B * LANES + j])
         if filtered:
             c, s, f_a, f_b = w[C_0 * LANES + j], w[S_0 * LANES + j], w[FLAG_A * LANES + j], w[FLAG_B * LANES + j]
             r_d, r_q = c * f_a + s * f_b, c * f_b - s * f_a

@@ -155,6 +155,7 @@ def compile_set(motor: Motor, converter: Converter, v: Mapping[str, float], step
     row[lanes.FILTER_KEEP] = lag_weights(period, filter_time)[0]
     s = v["current_sampling.delay"]
     row[lanes.SAMPLING] = s
+    row[lanes.CORE_SHIFT] = math.expm1(-max(s, -core) / core)
     row[lanes.BACK_DECAY : lanes.BACK_NEW + 1] = _back(s, filter_time)
     for j, phase in enumerate("abc"):
         row[lanes.GAIN_A + j] = v[f"current_gain.gain_{phase}"]
