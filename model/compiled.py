@@ -2,11 +2,12 @@
 
 numba stamps a cached kernel with the modification time of its own file only, so a changed callee in another
 module would leave the caller's machine code in place.  The cache folder is therefore keyed by a hash of every
-source file that holds a kernel.
+source file.
 """
 
 from __future__ import annotations
 
+import atexit
 import hashlib
 import os
 import shutil
@@ -29,14 +30,12 @@ def cache_home() -> Path:
 
 
 def source_key() -> str:
-    """Return a short hash of every source file that defines a kernel."""
+    """Return a short hash of every source file of the rooms: a constant or a field's place goes into kernels, too."""
     root = Path(__file__).resolve().parent.parent
     digest = hashlib.sha256(numba.__version__.encode())
     for room in ROOMS:
         for path in sorted((root / room).rglob("*.py")):
-            text = path.read_bytes()
-            if b"@kernel" in text or path.name == "compiled.py":
-                digest.update(path.name.encode() + text)
+            digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -51,7 +50,9 @@ def _cache_dir() -> str:
         with tempfile.TemporaryFile(dir=path):  # a read-only home still runs, from a cache of this process alone
             return str(path)
     except OSError:
-        return tempfile.mkdtemp(prefix="sensorless-kernels-")
+        own = tempfile.mkdtemp(prefix="sensorless-kernels-")
+        atexit.register(shutil.rmtree, own, ignore_errors=True)
+        return own
 
 
 _CACHE_DIR = _cache_dir()

@@ -77,6 +77,16 @@ def torque(m, d, q, magnet_flux, pole_pairs):
 
 
 @kernel
+def convex_between(m, d, q, n_d, n_q):
+    """Tell whether H is strictly convex at the quarter points between two fluxes: no step jumps over a gap."""
+    for k in (0.25, 0.5, 0.75):
+        dd, dq, qq = hessian(m, d + k * (n_d - d), q + k * (n_q - q))
+        if not min_eigenvalue(dd, dq, qq) > 0.0:
+            return False
+    return True
+
+
+@kernel
 def flux_newton(m, i_d, i_q, d, q):
     """Solve grad H = i by Newton's method from (d, q), staying where H is strictly convex.
 
@@ -104,7 +114,7 @@ def flux_newton(m, i_d, i_q, d, q):
             c_d, c_q = currents(m, n_d, n_q)
             r_d, r_q = i_d - c_d, i_q - c_q
             trial = math.hypot(r_d, r_q)
-            if min_eigenvalue(dd, dq, qq) > 0.0 and trial < residual:
+            if trial < residual and convex_between(m, d, q, n_d, n_q) and min_eigenvalue(dd, dq, qq) > 0.0:
                 break
             if trial <= 16.0 * goal and trial >= residual:  # stalled at rounding level
                 return d, q, SOLVED

@@ -57,7 +57,14 @@ def mean_deviation(duty, before, period, delay):
 @kernel
 def ripple_lag(duty, before, period, delay, tau):
     """Return what the flux ripple of one period leaves in a first-order lag tau at its end (AVERAGING 3)."""
-    rise, fall = min(0.5 * (1.0 - duty) * period + delay, period), min(0.5 * (1.0 + duty) * period + delay, period)
+    rise, fall = 0.5 * (1.0 - duty) * period + delay, 0.5 * (1.0 + duty) * period + delay
+    return ripple_lag_between(rise, fall, before, period, delay, tau)
+
+
+@kernel
+def ripple_lag_between(rise, fall, before, period, delay, tau):
+    """Return the same for a pulse from rise to fall (s after the period began), wherever they are."""
+    rise, fall = min(rise, period), min(fall, period)
     on = fall - rise
     left = math.exp((fall - period) / tau) - math.exp((rise - period) / tau)
     rise, fall = 0.5 * (1.0 - before) * period + delay - period, 0.5 * (1.0 + before) * period + delay - period

@@ -123,19 +123,19 @@ def current_for_torque(motor: Motor, torque: float, closed_loop: bool, steps: in
 class Audit:
     """Where a motor's model may be used; currents A, eigenvalues 1/H, angles rad over `load` (of rated i_q).
 
-    valid_radius: None where the whole audited disc is convex; saliency_radius: where L_qq - L_dd changes sign,
-    None likewise; slope: of the null, relative to zero current; grid_eigenvalue: over (i_q, i_d) of `grid`, NaN
-    outside the domain.
+    valid_radius: up to which the model is convex (the audited radius where all of it is); saliency_radius: up to
+    which L_qq - L_dd keeps its sign, so that q-null injection is feasible, likewise; slope: of the null, relative
+    to zero current; grid_eigenvalue: over (i_q, i_d) of `grid`, NaN outside the domain.
     """
 
     motor: str
     rated_current: float
     radius: float
-    valid_radius: float | None
+    valid_radius: float
     min_eigenvalue: float | None
     worst_current: tuple[float, float]
     violations: tuple[dict[str, float], ...]
-    saliency_radius: float | None
+    saliency_radius: float
     load: Array
     angle_local: Array
     angle_closed: Array
@@ -178,9 +178,9 @@ def audit(motor: Motor, radius: float | None = None, rays: int = 72, points: int
     grid = np.linspace(-radius, radius, 61)
     return Audit(
         motor.name, motor.rated_current, radius,
-        math.hypot(*worst) if violations else None,
+        math.hypot(*worst) if violations else radius,
         least, worst, tuple(sorted(violations, key=lambda p: math.hypot(p["i_d"], p["i_q"]))),
-        None if math.isinf(lost) else lost,
+        min(lost, radius),
         load, local, closed, slope, grid, _eigenvalues(m, grid),
     )  # fmt: skip
 

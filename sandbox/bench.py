@@ -21,6 +21,7 @@ import numpy as np
 
 from estimators.registry import load_estimator
 from model.compiled import kernel
+from model.effects.library import effect_names, typical
 from model.errors import BadInput
 from model.parameters import Drive, load_drive
 from model.saliency import current_for_torque
@@ -96,6 +97,18 @@ def closed_loop(estimator: str) -> tuple[float, float]:
     return statistics.median(r.cpu_seconds for r in runs[1:]) / scenario.duration, rms or 0.0
 
 
+def effects_cost() -> tuple[float, float]:
+    """Return CPU seconds per simulated second of the peer's case without effects and with every effect on."""
+    drive, scenario = peer_case()
+    method, everything = load_estimator("qnull"), {"current_sampling.jitter": 1e-7}
+    for name in effect_names():
+        if name != "saturation":  # shares two coefficients with cross_saturation
+            everything = typical(name, drive.motor, drive.converter) | everything
+    runs = [simulate(drive, scenario, method, effects=on) for on in (9 * [None] + 9 * [everything])]
+    costs = [r.cpu_seconds / scenario.duration for r in runs]
+    return statistics.median(costs[1:9]), statistics.median(costs[10:])
+
+
 def peer(anchors: Path, python: str) -> tuple[float, float]:
     """Return motulator's CPU seconds per simulated second and error rms (degrees) on the same case."""
     script = anchors / "peer_motulator.py"
@@ -132,7 +145,9 @@ def bench(anchors: Path | None, python: str) -> dict[str, Any]:
     for name in ("qnull", "inversion", "ekf"):
         cost, errors[name] = closed_loop(name)
         measured[f"closed_loop_{name}_cpu_s_per_s"], measured[f"closed_loop_{name}_rms_deg"] = cost, errors[name]
-    ratios: dict[str, float] = {}
+    bare, full = effects_cost()
+    measured["closed_loop_all_effects_cpu_s_per_s"] = full
+    ratios = {"all_effects_to_none_cpu": full / bare}
     if anchors:
         ratios["plant_step_to_c"] = measured["plant_step_ns"] / c_reference(anchors)
         cost, rms = peer(anchors, python)

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import io
+import os
+import pickle
+import shutil
 import sys
+import threading
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -23,20 +28,56 @@ class Parser(argparse.ArgumentParser):
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; return its exit code (0 done, 2 bad input, 3 the physics failed)."""
+    """Run a command; return its exit code (0 done, 2 bad input, 3 the physics failed).
+
+    The work is done in a thread, so that Ctrl-C is answered at once while a kernel runs (exit code 130).
+    """
     options = build_parser().parse_args(arguments)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without our letters still gets the rest
+    codes: list[int] = []
+    worker = threading.Thread(target=lambda: codes.append(attempt(options)), daemon=True)
+    worker.start()
+    try:
+        while worker.is_alive():
+            worker.join(0.2)
+    except KeyboardInterrupt:
+        print(f"sensorless {options.command}: interrupted; nothing half-written", file=sys.stderr, flush=True)
+        report.discard(_folder(options))
+        os._exit(130)  # the kernel would run on to its end
+    return codes[0] if codes else 1
+
+
+def attempt(options: argparse.Namespace) -> int:
+    """Run a command; turn what a user can cause into one sentence and an exit code."""
     try:
         options.run(options)
+        sys.stdout.flush()
     except (BadInput, PhysicsError) as error:
-        print(f"sensorless {options.command}: {error}", file=sys.stderr)
-        return error.exit_code
+        return _refuse(options, str(error), error.exit_code)
+    except BrokenPipeError:  # the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        print(f"sensorless {options.command}: {error.filename or 'file'}: {error.strerror}", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print(f"sensorless {options.command}: interrupted; nothing half-written", file=sys.stderr)
-        return 130
+        return _refuse(options, f"{error.filename or 'output'}: {error.strerror or error}")
+    except MemoryError:
+        return _refuse(options, "not enough memory for this run; shorten the scenario or compare fewer estimators")
+    except (EOFError, pickle.UnpicklingError):
+        shutil.rmtree(kernel_folder(), ignore_errors=True)
+        return _refuse(options, "the cache of compiled kernels was damaged and has been removed; call again")
     return 0
+
+
+def _refuse(options: argparse.Namespace, sentence: str, code: int = 2) -> int:
+    print(f"sensorless {options.command}: {sentence}", file=sys.stderr)
+    return code
+
+
+def kernel_folder() -> Path:
+    """Return the folder of this version's compiled kernels."""
+    from model.compiled import _CACHE_DIR
+
+    return Path(_CACHE_DIR)
 
 
 def build_parser() -> Parser:
@@ -50,18 +91,19 @@ def build_parser() -> Parser:
         command.set_defaults(run=run)
         if writes:
             command.add_argument("--out", type=Path, help=f"folder for results (./sensorless-out/{name})")
+            command.add_argument("--jobs", type=positive_int, help="threads, where a command can use them (all cores)")
+            command.add_argument("--seed", type=seed_number, default=0, help="of the sensors' noise")
             command.add_argument("--quiet", action="store_true", help="print nothing but errors")
         return command
 
     c = add("compare", run_compare, "position error of a saturated against a linear belief (the main job)")
     _which(c)
     c.add_argument("--estimators", default="qnull,inversion,ekf", help="names, separated by commas")
-    c.add_argument("--jobs", type=positive_int, help="threads (all cores)")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
     c = add("simulate", run_simulate, "one run of one estimator")
     _which(c)
-    c.add_argument("--estimator", default="qnull")
-    c.add_argument("--belief", default="saturated", choices=("saturated", "linear"))
+    c.add_argument("--estimator", default="qnull", help="(qnull)")
+    c.add_argument("--belief", default="saturated", choices=("saturated", "linear"), help="(saturated)")
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
     c.add_argument("--duration", type=float, help="s of the scenario to run (all of it)")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
@@ -72,12 +114,19 @@ def build_parser() -> Parser:
     c = add("audit", run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=float, help="A, of the audited disc of currents (180 %% of rated)")
+    c = add(
+        "identify", run_identify, "the motor from a campaign's locked recordings: paper's least squares and exact fit"
+    )
+    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    c = add("maps", run_maps, "inductances, cross-saturation angle and gain over the current plane")
+    c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
+    c.add_argument("--radius", type=float, help="A, half width of the plane (180 %% of rated)")
     c = add("bench", run_bench, "cost per plant step and per closed-loop simulated second")
     c.add_argument("--peer", action="store_true", help="measure the C reference and motulator in the same run, too")
     c.add_argument("--anchors", type=Path, default=Path("../shared/anchors"), help="folder of the reference programs")
     c.add_argument("--peer-python", default=sys.executable, help="Python >= 3.12 that has motulator 0.18")
     c = add("list", run_list, "what there is", writes=False)
-    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios"))
+    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets"))
     c.add_argument("name", nargs="?", help="an effect, to print its card")
     c = add("view", run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")
@@ -99,13 +148,12 @@ def seed_number(text: str) -> int:
 
 
 def _which(command: Parser) -> None:
-    command.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml")
-    command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml")
-    command.add_argument("--seed", type=seed_number, default=0, help="of the sensors' noise")
+    command.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="(ipm_exchanged)")
+    command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml", help="(staircase)")
 
 
-def _out(options: argparse.Namespace) -> Path:
-    return report.output_folder(options.out or Path("sensorless-out") / options.command)
+def _folder(options: argparse.Namespace) -> Path:
+    return getattr(options, "out", None) or Path("sensorless-out") / options.command
 
 
 def run_compare(options: argparse.Namespace) -> None:
@@ -118,22 +166,20 @@ def run_compare(options: argparse.Namespace) -> None:
     estimators = [name.strip() for name in options.estimators.split(",") if name.strip()]
     with report.progress_bar("comparing", options.quiet) as progress:
         result = compare(drive, scenario, estimators, seed=options.seed, jobs=options.jobs, progress=progress)
-    out, content = _out(options), result.as_json()
+    content = result.as_json() | {"figure": "compare.png", "trace": None if options.no_trace else "compare.rrd"}
     if not options.quiet:
         report.print_comparison(result)
     from sandbox.plots import comparison_figure
+    from sandbox.trace import write_trace
 
-    comparison_figure(result, out / "compare.png")
-    content["figure"], content["trace"] = "compare.png", None
-    if not options.no_trace:
-        from sandbox.trace import write_trace
-
-        write_trace(out / "compare.rrd", result)
-        content["trace"] = "compare.rrd"
-    report.write_json(out, "compare", content)
+    with report.results(_folder(options), "compare") as out:
+        comparison_figure(result, out / "compare.png")
+        if not options.no_trace:
+            write_trace(out / "compare.rrd", result)
+        report.write_json(out, "compare", content)
     simulated = sum(r.recording.t[-1] for r in result.runs)
     if not options.quiet:
-        print(f"{simulated:.0f} s simulated in {content['cpu_seconds']:.1f} s of CPU; results in {out}")
+        print(f"{simulated:.0f} s simulated in {content['cpu_seconds']:.1f} s of CPU; results in {_folder(options)}")
 
 
 def run_simulate(options: argparse.Namespace) -> None:
@@ -155,29 +201,33 @@ def run_simulate(options: argparse.Namespace) -> None:
     result, gains = single(
         drive, scenario, options.estimator, options.belief, not options.open, options.seed, effects, options.plant
     )
-    out, run = _out(options), result.runs[0]
+    run = result.runs[0]
+    lost = any(r.lost_lock for r in run.rows)
     content: dict[str, Any] = {
         "motor": drive.name, "scenario": scenario.name, "estimator": run.estimator, "belief": run.belief,
         "closed_loop": run.closed_loop, "seed": options.seed, "plant": options.plant, "effects": effects,
-        "simulated_seconds": float(run.recording.t[-1]),
-        "cpu_seconds": run.cpu_seconds, "lost_lock": any(r.lost_lock for r in run.rows),
-        "error_deg": asdict(error_of(settled_part(run.recording, run.rows), any(r.lost_lock for r in run.rows))),
-        "rows": [asdict(r) for r in run.rows], "loops": {k: asdict(v) for k, v in gains.loops.items()}, "trace": None,
+        "simulated_seconds": float(run.recording.t[-1]), "cpu_seconds": run.cpu_seconds, "lost_lock": lost,
+        "error_deg": asdict(error_of(settled_part(run.recording, run.rows), lost)),
+        "rows": [asdict(r) for r in run.rows], "loops": {k: asdict(v) for k, v in gains.loops.items()},
+        "trace": None if options.no_trace else "simulate.rrd",
     }  # fmt: skip
-    if not options.no_trace:
-        from sandbox.trace import write_trace
+    from sandbox.trace import write_trace
 
-        write_trace(out / "simulate.rrd", result)
-        content["trace"] = "simulate.rrd"
-    if options.record is not None:
-        from sandbox.campaign import write_campaign
-        from sandbox.record import campaign_of
+    with report.results(_folder(options), "simulate") as out:
+        if not options.no_trace:
+            write_trace(out / "simulate.rrd", result)
+        if options.record is not None:
+            from sandbox.campaign import write_campaign
+            from sandbox.record import campaign_of
 
-        write_campaign(options.record, campaign_of(drive, scenario, run.recording, options.record.name))
-    report.write_json(out, "simulate", content)
+            write_campaign(options.record, campaign_of(drive, scenario, run.recording, options.record.name))
+        report.write_json(out, "simulate", content)
     if not options.quiet:
         report.print_run(result, gains)
-        print(f"{content['simulated_seconds']:.2f} s simulated in {run.cpu_seconds:.3f} s of CPU; results in {out}")
+        print(
+            f"{content['simulated_seconds']:.2f} s simulated in {run.cpu_seconds:.3f} s of CPU; "
+            f"results in {_folder(options)}"
+        )
 
 
 def run_audit(options: argparse.Namespace) -> None:
@@ -191,14 +241,49 @@ def run_audit(options: argparse.Namespace) -> None:
             f"radius {options.radius} A must lie in (0, {20.0 * drive.motor.rated_current:g}] A (20 x rated current)"
         )
     result = audit(drive.motor, options.radius)
-    out = _out(options)
     from sandbox.plots import audit_figure
 
-    audit_figure(drive, result, out / "audit.png")
-    report.write_json(out, "audit", {**report.audit_content(drive, result), "figure": "audit.png"})
+    with report.results(_folder(options), "audit") as out:
+        audit_figure(drive, result, out / "audit.png")
+        report.write_json(out, "audit", {**report.audit_content(drive, result), "figure": "audit.png"})
     if not options.quiet:
         report.print_audit(drive, result)
-        print(f"results in {out}")
+        print(f"results in {_folder(options)}")
+
+
+def run_identify(options: argparse.Namespace) -> None:
+    """Identify a motor from a campaign; write identify.json and identify.png."""
+    from sandbox.identify import identify
+    from sandbox.plots import identification_figure
+
+    result = identify(options.campaign)
+    with report.results(_folder(options), "identify") as out:
+        identification_figure(result, out / "identify.png")
+        report.write_json(out, "identify", {**result.as_json(), "figure": "identify.png"})
+    if not options.quiet:
+        report.print_identification(result)
+        print(f"results in {_folder(options)}")
+
+
+def run_maps(options: argparse.Namespace) -> None:
+    """Write a motor's maps over the current plane: maps.npz, maps.png, maps.json."""
+    import numpy as np
+
+    from model.parameters import load_drive
+    from sandbox.maps import maps
+    from sandbox.plots import maps_figure
+
+    result = maps(load_drive(options.motor).motor, options.radius)
+    summary = result.summary()
+    with report.results(_folder(options), "maps") as out:
+        arrays: dict[str, Any] = dict(result.arrays())
+        np.savez_compressed(out / "maps.npz", **arrays)
+        maps_figure(result, out / "maps.png")
+        report.write_json(out, "maps", {"motor": result.motor, "arrays": "maps.npz", "figure": "maps.png", **summary})
+    if not options.quiet:
+        rows = [[name, "–" if value is None else f"{value:.4g}"] for name, value in summary.items()]
+        report.print_table(f"{result.motor}: exact against first order (H, rad)", ["figure", "value"], rows)
+        print(f"results in {_folder(options)}")
 
 
 def run_bench(options: argparse.Namespace) -> None:
@@ -206,8 +291,8 @@ def run_bench(options: argparse.Namespace) -> None:
     from sandbox.bench import bench
 
     result = bench(options.anchors if options.peer else None, options.peer_python)
-    out = _out(options)
-    report.write_json(out, "bench", result)
+    with report.results(_folder(options), "bench") as out:
+        report.write_json(out, "bench", result)
     if not options.quiet:
         rows = [[name, f"{value:.4g}"] for part in ("measured", "ratios") for name, value in result[part].items()]
         report.print_table("cost", ["figure", "value"], rows)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -20,6 +21,7 @@ from sandbox.simulate import simulate
 
 BELIEFS = ("linear", "saturated")
 ESTIMATORS = ("qnull", "inversion", "ekf")
+MOST_SAMPLES = 10_000_000  # recorded in all runs together, 1.6 GB; longer ones are thinned
 
 
 @dataclass(frozen=True)
@@ -75,8 +77,8 @@ def compare(
 ) -> Comparison:
     """Run every estimator with both beliefs, closed and open, on up to `jobs` threads.
 
-    The seed fixes the sensors' noise, the same in every run; `progress` is told the fraction done.  Raises
-    BadInput or PhysicsError as `simulate` does.
+    The seed fixes the sensors' noise, the same in every run; very long runs are recorded thinned; `progress` is
+    told the fraction done.  Raises BadInput or PhysicsError as `simulate` does.
     """
     names = list(dict.fromkeys(estimators))
     if not names:
@@ -85,10 +87,13 @@ def compare(
     cases = list(product(names, BELIEFS, (True, False)))
     done = 0
 
+    samples = scenario.duration / drive.converter.sampling_period * len(cases)
+    stride = math.ceil(samples / MOST_SAMPLES)
+
     def one(case: tuple[str, str, bool]) -> Run:
         nonlocal done
         name, belief, closed = case
-        run = simulate(drive, scenario, loaded[name], belief, closed_loop=closed, seed=seed)
+        run = simulate(drive, scenario, loaded[name], belief, closed_loop=closed, seed=seed, stride=stride)
         rows = rows_of(drive, scenario, run.recording, run.start_time, name, belief, closed)
         done += 1
         if progress:
@@ -105,7 +110,7 @@ def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str 
     """Return how runs were made: version, seed, motor and injection."""
     converter, injection = drive.converter, drive.injection
     made: dict[str, str | float] = {
-        "version": version(), "seed": float(seed), "scenario": scenario.name,
+        "version": version(), "seed": seed, "scenario": scenario.name,
         "sampling_period_s": converter.sampling_period, "dc_bus_voltage_V": converter.dc_bus_voltage,
         "injection": f"{injection.waveform}, {injection.frequency:g} Hz, {injection.amplitude:g} V",
         "source": drive.provenance.get("source", "user's file"),

@@ -23,6 +23,9 @@ RING_Q = RING_D + MAX_PERIOD
 SIZE = RING_Q + MAX_PERIOD
 
 
+JUMP = 0.1  # sine of half the angle: 0.2 rad, more than tracking corrects in a sample
+
+
 class Control(NamedTuple):
     """Gains and limits of the drive's controllers, and the injection."""
 
@@ -91,10 +94,13 @@ def current_control(s, c, i_d, i_q, i_d_ref, i_q_ref, omega_ref):
 
 
 @kernel
-def reorient(s, angle):
-    """Keep the integrators' voltage and the averaged currents where they are when the control frame jumps."""
-    change = angle - s[FRAME]
-    if abs(math.sin(0.5 * change)) > 0.1:
+def reorient(s, angle, turned):
+    """Keep the integrators' voltage and the averaged currents where they are when the control frame jumps.
+
+    turned: rad that the frame should have turned by since the last sample; a jump is what goes beyond that.
+    """
+    change = angle - s[FRAME] - turned
+    if abs(math.sin(0.5 * change)) > JUMP:
         s[INTEGRAL_D], s[INTEGRAL_Q] = rotate(s[INTEGRAL_D], s[INTEGRAL_Q], -change)
         for k in range(MAX_PERIOD):
             s[RING_D + k], s[RING_Q + k] = rotate(s[RING_D + k], s[RING_Q + k], -change)

@@ -1,9 +1,9 @@
 """Gains from margins: current loop, tracking loop and speed loop, designed with python-control.
 
-Each loop is written down as the sampled loop that the kernel runs (one-period computing delay, held voltage,
-averages over the injection) and its one free bandwidth is the largest that keeps the phase margin asked for and
-stays below the injection.  `control` takes 1.5 s to import, so finished designs are kept on disk under a hash of
-everything they depend on.
+Each loop is written down as the sampled loop that the kernel runs, averaged over the carrier's phase (one-period
+computing delay, held voltage, averages over the injection), and its one free bandwidth is the largest that keeps the
+phase margin asked for and stays below the injection.  `control` takes 1.5 s to import, so finished designs are kept
+on disk under a hash of everything they depend on.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
@@ -27,6 +27,7 @@ from model.compiled import cache_home
 from model.energy import Energy, flux_newton, hessian, min_eigenvalue
 from model.errors import BadInput
 from model.parameters import Drive
+from model.saliency import tracking_sign
 from sandbox.control import Control
 from sandbox.injection import carrier, samples_per_period
 
@@ -42,6 +43,7 @@ INJECTION_RATIO = 8.0  # current and tracking loop cross over this far below the
 OVERLOAD = 2.5  # of rated current: the limit, and the worst point of every loop
 
 Complex = NDArray[np.complex128]
+Response = Callable[[NDArray[np.float64], float], tuple[Complex, float, float]]  # (grid, bandwidth): loop, kp, ki
 
 
 @dataclass(frozen=True)
@@ -95,8 +97,11 @@ def design(drive: Drive, start_up: bool = True) -> Design:
     """Return gains for a drive; without starting up the estimator is told the first position."""
     motor, converter, injection = drive.motor, drive.converter, drive.injection
     n, h = samples_per_period(injection, converter), converter.sampling_period
+    tracking_sign(motor.energy)
     if not motor.magnet_flux > 0.0:
-        raise BadInput("[motor] magnet_flux = 0: with i_d = 0 such a motor has no torque to control; give a value > 0 Wb")
+        raise BadInput(
+            "[motor] magnet_flux = 0: with i_d = 0 such a motor has no torque to control; give a value > 0 Wb"
+        )
     wave = carrier(injection, converter)
     power = float(np.dot(wave.primitive, wave.primitive))
     largest = OVERLOAD * motor.rated_current
@@ -163,11 +168,13 @@ def design_loops(
     electrical acceleration per q current, rad/s^2 per A; share: see `tracking_loop`.
     """
     highest = 2.0 * math.pi / (n * h) / INJECTION_RATIO
-    inner = _tuned(partial(current_loop, n, h, resistance, low, high), h, PHASE_MARGIN, highest)
+    inner = _tuned([partial(current_loop, n, h, resistance, low, high)], h, PHASE_MARGIN, highest)
     inner = replace(inner, highest=top_speed(n, h, resistance, low, high, inner))
-    follow = partial(_closed_current, n, h, resistance, low, high, inner.bandwidth)
-    tracking = _tuned(partial(tracking_loop, n, h, share), h, TRACKING_MARGIN, highest)
-    speed = _tuned(partial(speed_loop, n, h, share, torque_gain, follow, tracking.bandwidth), h, PHASE_MARGIN, highest)
+    tracking = _tuned([partial(tracking_loop, n, h, share)], h, TRACKING_MARGIN, highest)
+    rest = n, h, share, torque_gain
+    followed = [partial(_closed_current, n, h, resistance, inner, inductance) for inductance in (low, high)]
+    ends = [partial(speed_loop, *rest, follow, tracking.bandwidth) for follow in followed]
+    speed = _tuned(ends, h, PHASE_MARGIN, highest)
     return {"current": inner, "tracking": tracking, "speed": speed}
 
 
@@ -188,12 +195,18 @@ def current_loop(
     Proportional gain for the smallest inductance, where the loop is fastest; zero at the slowest winding pole, so
     that no inductance in between has less margin.
     """
+    kp, ki = bandwidth * low, bandwidth * low * resistance / high
+    return _current_loop(n, h, resistance, kp, ki, low, w), kp, ki
+
+
+def _current_loop(
+    n: int, h: float, resistance: float, kp: float, ki: float, inductance: float, w: NDArray[np.float64]
+) -> Complex:
     import control
 
     z = np.exp(1j * w * h)
-    kp, ki = bandwidth * low, bandwidth * low * resistance / high
-    winding = control.sample_system(control.tf([1.0], [low, resistance]), h, method="zoh")
-    return (kp + ki * h / (z - 1)) * np.asarray(winding(z)) / z * _window(n, z), kp, ki
+    winding = control.sample_system(control.tf([1.0], [inductance, resistance]), h, method="zoh")
+    return np.asarray((kp + ki * h / (z - 1)) * np.asarray(winding(z)) / z * _window(n, z))
 
 
 def top_speed(n: int, h: float, resistance: float, low: float, high: float, loop: Loop) -> float:
@@ -241,11 +254,11 @@ def _demodulation(n: int, z: Complex) -> Complex:
 
 
 def _closed_current(
-    n: int, h: float, resistance: float, low: float, high: float, bandwidth: float, w: NDArray[np.float64]
+    n: int, h: float, resistance: float, tuned: Loop, inductance: float, w: NDArray[np.float64]
 ) -> Complex:
-    """Return actual current over its reference: the average sits in the feedback path."""
+    """Return actual current over its reference at an inductance: the average sits in the feedback path."""
     z = np.exp(1j * w * h)
-    loop, _, _ = current_loop(n, h, resistance, low, high, w, bandwidth)
+    loop = _current_loop(n, h, resistance, tuned.kp, tuned.ki, inductance, w)
     return loop / _window(n, z) / (1.0 + loop)
 
 
@@ -259,7 +272,7 @@ def speed_loop(
     w: Any,
     bandwidth: float,
 ) -> tuple[Complex, float, float]:
-    """Return open loop and PI gains of the speed controller around current loop and speed estimate."""
+    """Return open loop and PI gains of the speed controller around current loop and the tracking loop's speed."""
     z = np.exp(1j * w * h)
     loop, _, t_ki = tracking_loop(n, h, share, w, tracking)
     # Angle to speed estimate: what the window lets through, then the loop's integral path.
@@ -269,15 +282,18 @@ def speed_loop(
     return (kp + ki * h / (z - 1)) * inner(w) * torque_gain / (1j * w) ** 2 * estimate, kp, ki
 
 
-def _tuned(loop: Callable[[Any, float], tuple[Complex, float, float]], h: float, margin: float, highest: float) -> Loop:
-    """Return the loop at the largest bandwidth with a phase margin (degrees) and a crossover of at most `highest`."""
+def _tuned(loops: Sequence[Response], h: float, margin: float, highest: float) -> Loop:
+    """Return the largest bandwidth with which every variant of a loop keeps its phase margin and crossover.
+
+    margin: degrees; highest: crossover, rad/s.  The margins returned are the smallest of the variants.
+    """
     from scipy.optimize import brentq
 
     w = _grid(h)
 
     def spare(log_bandwidth: float) -> float:
-        phase, crossover = _crossing(loop(w, math.exp(log_bandwidth))[0], w)
-        return min(phase / margin - 1.0, 1.0 - crossover / highest)
+        found = (_crossing(loop(w, math.exp(log_bandwidth))[0], w) for loop in loops)
+        return min(min(phase / margin - 1.0, 1.0 - crossover / highest) for phase, crossover in found)
 
     ends = math.log(0.1), math.log(1.5 / h)
     if not spare(ends[0]) > 0.0 > spare(ends[1]):
@@ -286,9 +302,9 @@ def _tuned(loop: Callable[[Any, float], tuple[Complex, float, float]], h: float,
             "motor's resistance, inductances and alphas (SI units), or sample faster"
         )
     bandwidth = math.exp(brentq(spare, *ends, xtol=1e-6))
-    response, kp, ki = loop(w, bandwidth)
-    gain_margin, phase, disk, crossover = _margins(response, w)
-    return Loop(bandwidth, kp, ki, phase, gain_margin, disk, crossover)
+    _, kp, ki = loops[0](w, bandwidth)
+    gains, phases, disks, crossovers = zip(*(_margins(loop(w, bandwidth)[0], w) for loop in loops), strict=True)
+    return Loop(bandwidth, kp, ki, min(phases), min(gains), min(disks), max(crossovers))
 
 
 def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float, float]:

@@ -29,11 +29,11 @@ def samples_per_period(injection: Injection, converter: Converter) -> int:
     ratio = sampling / injection.frequency
     n, fewest = round(ratio), FEWEST[injection.waveform]
     if n < fewest or abs(ratio - n) > 1e-6 * ratio or n > MAX_PERIOD or n % 2:
+        better = sampling / min(max(fewest, 2 * round(ratio / 2)), MAX_PERIOD)
         raise BadInput(
             f"injection frequency {injection.frequency:g} Hz does not fit sampling at {sampling:g} Hz (ratio "
             f"{ratio:.4g}): a {injection.waveform} wave needs an even number of samples a period, "
-            f"{fewest} to {MAX_PERIOD}; "
-            f"inject at {sampling / max(fewest, 2 * round(ratio / 2) or 2):g} Hz or sample faster"
+            f"{fewest} to {MAX_PERIOD}; inject at {better:.12g} Hz"
         )
     return n
 

@@ -125,7 +125,7 @@ def command(k, measured, sample, estimate, wanted, rig, control, controller, wav
     angle, omega = estimate.theta, estimate.omega
     if rig.closed == OPEN and not starting:
         angle, omega = measured
-    reorient(controller, angle)
+    reorient(controller, angle, h * omega)
     i_d, i_q = average(controller, *rotate(sample.i_alpha, sample.i_beta, -angle), control.period)
     i_d_ref = 0.0
     if starting:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from model.parameters import Drive
     from model.saliency import Audit
     from sandbox.compare import Comparison, Row, Run
+    from sandbox.identify import Identification
+    from sandbox.maps import Maps
 
 DPI = 150
 MARKERS = {"saturated": "o", "linear": "s"}
@@ -50,7 +52,7 @@ def comparison_figure(comparison: Comparison, path: Path) -> None:
         axes_row[0].set_ylabel(f"{'closed' if closed else 'open'} loop\nposition error (° electrical)")
     for axes, estimator in zip(panels[0], estimators, strict=True):
         axes.set_title(estimator, fontweight="bold")
-    figure.suptitle(f"{comparison.drive.name}, {comparison.scenario.name}")
+    figure.suptitle(f"{comparison.drive.name}, {comparison.scenario.name}", parse_math=False)
     figure.supxlabel(READING, fontsize=9, color="0.25")
     for axes in panels[-1]:
         axes.set_xlabel("load (% of rated)" if by_load else "segment: load (%), speed (rpm)")
@@ -173,7 +175,7 @@ def audit_figure(drive: Drive, audit: Audit, path: Path) -> None:
     angles.set(xlabel="load (% of rated, i_d = 0)", ylabel="error of a linear belief (° electrical)")
     angles.set_title("cross-saturation angle")
     angles.legend(frameon=False, fontsize=9)
-    figure.suptitle(f"{drive.name}: where the model may be used")
+    figure.suptitle(f"{drive.name}: where the model may be used", parse_math=False)
     _save(figure, path)
 
 
@@ -193,6 +195,46 @@ def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
         axes.legend(frameon=False, fontsize=9, loc="upper right")
     axes.set(xlabel="i_d (A)", ylabel="i_q (A)", aspect="equal", facecolor="0.85")
     axes.set_title("valid" if audit.passed else "grey: not valid")
+
+
+def maps_figure(maps: Maps, path: Path) -> None:
+    """Draw inductances, cross-saturation angle and gain over the current plane, and the first order's error of L_dd."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(12.5, 7.2), layout="constrained")
+    axes = figure.subplots(2, 3, sharex=True, sharey=True)
+    panels = (
+        ("L_dd (mH)", 1e3 * maps.l_dd),
+        ("L_dq (mH)", 1e3 * maps.l_dq),
+        ("L_qq (mH)", 1e3 * maps.l_qq),
+        ("cross-saturation angle (°)", maps.angle * 180.0 / math.pi),
+        ("gain of the null (of zero current)", maps.gain),
+        ("L_dd, first order − exact (mH)", 1e3 * (maps.first_order["l_dd"] - maps.l_dd)),
+    )
+    for panel, (title, values) in zip(axes.flat, panels, strict=True):
+        filled = panel.contourf(maps.i_d, maps.i_q, values.T, levels=14, cmap="viridis")
+        figure.colorbar(filled, ax=panel)
+        panel.set(title=title, aspect="equal", facecolor="0.85")
+    for panel in axes[-1]:
+        panel.set_xlabel("i_d (A)")
+    for panel in axes[:, 0]:
+        panel.set_ylabel("i_q (A)")
+    figure.suptitle(f"{maps.motor}: incremental inductances and what injection sees", parse_math=False)
+    _save(figure, path)
+
+
+def identification_figure(result: Identification, path: Path) -> None:
+    """Draw each method's residuals over the bias levels."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.5, 4.5), layout="constrained")
+    panels = figure.subplots(1, len(result.fits), squeeze=False)[0]
+    for panel, (name, fit) in zip(panels, result.fits.items(), strict=True):
+        panel.plot([1e3 * r for r in fit.residuals.ravel()], ".", color=_colour("saturated"), markersize=4)
+        panel.axhline(0.0, color="0.6", linewidth=0.8)
+        panel.set(title=f"{name}: {1e3 * fit.residual_rms:.3g} mA rms", xlabel="reading", ylabel="residual (mA)")
+    figure.suptitle(f"{result.campaign.name}: what the fits leave", parse_math=False)
+    _save(figure, path)
 
 
 def _save(figure: Figure, path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
+import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,13 +16,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from model.errors import BadInput
+from model.errors import BadInput, PhysicsError
 
 if TYPE_CHECKING:
     from model.parameters import Drive
     from model.saliency import Audit
     from sandbox.compare import Comparison
     from sandbox.design import Design
+    from sandbox.identify import Identification
     from sandbox.score import ErrorDeg, Row
 
 SCHEMA = 1
@@ -63,6 +65,37 @@ def output_folder(out: Path) -> Path:
     return out
 
 
+KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html")
+
+
+def _aside(out: Path) -> Path:
+    return out / f".part-{os.getpid()}"
+
+
+@contextmanager
+def results(out: Path, command: str) -> Iterator[Path]:
+    """Give a folder for a command's files; they appear in `out` together, the JSON last, or not at all.
+
+    What an earlier call left there under the same names goes, so that the files in a folder belong together.
+    """
+    aside = _aside(output_folder(out))
+    aside.mkdir(exist_ok=True)
+    try:
+        yield aside
+        for old in out.glob(f"{command}.*"):
+            if old.suffix in KINDS and not (aside / old.name).exists():
+                old.unlink()
+        for new in sorted(aside.iterdir(), key=lambda path: path.suffix == ".json"):
+            new.replace(out / new.name)
+    finally:
+        discard(out)
+
+
+def discard(out: Path) -> None:
+    """Remove what this process had not finished writing into a folder."""
+    shutil.rmtree(_aside(out), ignore_errors=True)
+
+
 def write_json(out: Path, command: str, content: dict[str, Any]) -> Path:
     """Write `<command>.json` with the common header into a folder, whole or not at all; return its path."""
     path = out / f"{command}.json"
@@ -102,7 +135,8 @@ def print_table(title: str, heads: list[str], rows: list[list[str]]) -> None:
     for row in rows:
         table.add_row(*row)
     wide = sum(max(len(r[k]) for r in [heads, *rows]) + 3 for k in range(len(heads))) + 1
-    Console(width=None if sys.stdout.isatty() else max(wide, 80)).print(table)
+    terminal = shutil.get_terminal_size().columns if sys.stdout.isatty() else 80
+    Console(width=max(wide, terminal), markup=False, highlight=False, soft_wrap=True).print(table)  # never cut a number
 
 
 def comparison_tables(c: Comparison) -> list[tuple[str, list[str], list[list[str]]]]:
@@ -126,13 +160,15 @@ def comparison_tables(c: Comparison) -> list[tuple[str, list[str], list[list[str
 
 
 def _number(value: float | None) -> str:
-    return "–" if value is None else f"{value:+.2f}"
+    return "–" if value is None else f"{value + 0.0 if abs(value) >= 0.005 else 0.0:+.2f}"
 
 
 def _cell(row: Row) -> str:
     if row.lost_lock:
         return "lost lock"
-    return f"{_number(row.error_deg.mean)} ({row.error_deg.p95:.1f})"
+    if row.error_deg.p95 is None:
+        return "–"
+    return f"{_number(row.error_deg.mean)} ({row.error_deg.p95:.1f}){'' if row.reference_held else ' speed missed'}"
 
 
 def print_comparison(c: Comparison) -> None:
@@ -141,7 +177,7 @@ def print_comparison(c: Comparison) -> None:
         print_table(title, heads, rows)
     print(
         "Position error in electrical degrees, mean (95th percentile of its size); theory: the cross-saturation "
-        "angle that a linear belief cannot see."
+        "angle that a linear belief cannot see, for small ripple."
     )
 
 
@@ -162,6 +198,7 @@ def print_run(c: Comparison, gains: Design) -> None:
     for row in run.rows:
         e = row.error_deg
         values = ["lost lock", "", "", ""] if row.lost_lock else [_number(e.mean), *(f"{v:.2f}" for v in _sizes(e))]
+        values[0] += "" if row.reference_held else " (speed missed)"
         lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", _number(row.predicted_mean_deg), *values])
     print_table(f"{c.drive.name}, {c.scenario.name}, {run.name}: position error", heads, lines)
     heads = ["loop", "bandwidth rad/s", "phase margin °", "gain margin", "disk margin"]
@@ -169,7 +206,7 @@ def print_run(c: Comparison, gains: Design) -> None:
         [name, f"{v.bandwidth:.1f}", f"{v.phase_margin_deg:.1f}", f"{v.gain_margin:.2f}", f"{v.disk_margin:.2f}"]
         for name, v in gains.loops.items()
     ]
-    print_table("designed loops, at their worst point", heads, loops)
+    print_table("designed loops (tracking loop: at zero load; the filter `ekf` has its own)", heads, loops)
 
 
 def _sizes(e: ErrorDeg) -> tuple[float, float, float]:
@@ -177,17 +214,31 @@ def _sizes(e: ErrorDeg) -> tuple[float, float, float]:
 
 
 def audit_content(drive: Drive, a: Audit) -> dict[str, Any]:
-    """Return what `audit.json` holds beyond its header."""
-    ripple = drive.injection.amplitude / (4.0 * drive.injection.frequency)  # Wb, square wave
+    """Return what `audit.json` holds beyond its header; radii in A, up to the audited one."""
+    from sandbox.injection import carrier
+
+    primitive = carrier(drive.injection, drive.converter).primitive
+    ripple = drive.injection.amplitude * float(np.max(np.abs(primitive)))  # Wb
     saliency = a.slope * abs(drive.motor.energy.gamma_d - drive.motor.energy.gamma_q) * ripple  # A/rad
     return {
         "motor": a.motor, "passed": a.passed, "radius": a.radius, "valid_radius": a.valid_radius,
         "min_eigenvalue": a.min_eigenvalue, "worst_current": a.worst_current, "violations": a.violations,
-        "saliency_radius": a.saliency_radius, "load": a.load,
+        "saliency_radius": a.saliency_radius,
+        "torque_at_rated_current": _torque(drive), "rated_torque": drive.motor.rated_torque, "load": a.load,
         "angle_local_deg": np.degrees(a.angle_local), "angle_closed_deg": np.degrees(a.angle_closed),
         "relative_slope": a.slope, "error_per_10mA_deg": np.degrees(0.01 / saliency),
         "provenance": drive.provenance,
     }  # fmt: skip
+
+
+def _torque(drive: Drive) -> float:
+    """Return the torque (N m) at rated current on q, NaN outside the valid domain."""
+    from sandbox.simulate import torque_at_load
+
+    try:
+        return torque_at_load(drive, 1.0)
+    except PhysicsError:
+        return math.nan
 
 
 def print_audit(drive: Drive, a: Audit) -> None:
@@ -203,10 +254,12 @@ def print_audit(drive: Drive, a: Audit) -> None:
         print(
             f"{a.motor}: NOT valid over the audited {a.radius:.4g} A: the energy stops being convex at i_d = "
             f"{v['i_d']:.4g} A, i_q = {v['i_q']:.3f} A, so it may be used up to {a.valid_radius:.4g} A "
-            f"({(a.valid_radius or 0.0) / a.rated_current:.0%} of rated current)"
+            f"({a.valid_radius / a.rated_current:.0%} of rated current)"
         )
-    where = "nowhere in the disc" if a.saliency_radius is None else f"from {a.saliency_radius:.4g} A on"
-    print(f"saliency L_qq - L_dd changes sign: {where}")
+    kept = "in the whole disc" if a.saliency_radius >= a.radius else f"up to {a.saliency_radius:.4g} A"
+    print(f"saliency L_qq - L_dd keeps its sign, so that q-null injection is feasible: {kept}")
+    rated = drive.motor.rated_torque
+    print(f"torque at rated current on q: {_torque(drive):.4g} N m (rated torque {rated:.4g} N m; currents are peak)")
     content = audit_content(drive, a)
     heads = ["load %", "angle °, encoder controls", "angle °, estimate controls", "slope of the null", "° per 10 mA"]
     keys = ("angle_local_deg", "angle_closed_deg", "relative_slope", "error_per_10mA_deg")
@@ -231,6 +284,29 @@ def catalogue(kind: str) -> list[tuple[str, str]]:
         from estimators.registry import estimator_names, load_estimator
 
         return [(name, load_estimator(name).summary) for name in estimator_names()]
+    if kind == "datasets":
+        from model.datasets import catalogue as datasets
+
+        return datasets()
     from sandbox.scenario import load_scenario, scenario_names
 
     return [(name, load_scenario(name).description) for name in scenario_names()]
+
+
+def print_identification(result: Identification) -> None:
+    """Print both fits beside the nominal values, and what there is to remark."""
+    nominal = result.campaign.drive.motor
+    names = list(result.fits["exact"].values)
+    lines = []
+    for name in names:
+        cells = [name, f"{getattr(nominal, name):.5g}"]
+        for fit in result.fits.values():
+            low, high = fit.ci95(name) if name in fit.values else (math.nan, math.nan)
+            cells.append(f"{fit.values[name]:.5g} [{low:.4g}, {high:.4g}]" if name in fit.values else "–")
+        lines.append(cells)
+    print_table(f"{result.campaign.name}: identified motor (SI)", ["parameter", "nominal", *result.fits], lines)
+    for name, fit in result.fits.items():
+        share = "" if math.isnan(fit.misfit) else f", {fit.misfit:.3g} x what noise explains"
+        print(f"{name}: residual {1e3 * fit.residual_rms:.3g} mA rms{share}")
+    for remark in result.remarks:
+        print(remark)

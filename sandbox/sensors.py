@@ -59,7 +59,10 @@ def encoder(e, pole_pairs, theta, omega):
 
 @kernel
 def shifted(x, p, m, v, s, i_d, i_q, u_alpha, u_beta, c, n):
-    """Return i_alpha, i_beta (A, magnetising) s after t_k, before it where s < 0; the command acts from t_k on."""
+    """Return i_alpha, i_beta (A, magnetising) s after t_k, before it where s < 0, and the mean flux slope (V) between.
+
+    The command acts from t_k on.
+    """
     late, last = late_by(v), v.period
     duty = duties(u_alpha, u_beta, v.read_voltage)
     f_alpha, f_beta = stationary(
@@ -72,9 +75,12 @@ def shifted(x, p, m, v, s, i_d, i_q, u_alpha, u_beta, c, n):
     psi_q = x[PHI_Q] + c * f_beta + n * f_alpha - drop * i_q
     turned = x[OMEGA] * s
     psi_d, psi_q = turn(psi_d, psi_q, turned)
+    ahead = turn(c, n, turned)
+    j_d, j_q, _ = magnetic(p, m, ahead[0], -ahead[1], psi_d - p.magnet_flux, psi_q)
+    v_alpha = (f_alpha - drop * (c * i_d + n * i_q)) / s
+    v_beta = (f_beta - drop * (c * i_q - n * i_d)) / s
     c, n = turn(c, n, turned)
-    j_d, j_q, _ = magnetic(p, m, c, -n, psi_d - p.magnet_flux, psi_q)
-    return c * j_d + n * j_q, c * j_q - n * j_d
+    return c * j_d + n * j_q, c * j_q - n * j_d, v_alpha, v_beta
 
 
 @kernel
@@ -108,8 +114,12 @@ def sampled(x, p, m, v, e, u_alpha, u_beta, rng):
         s = min(max(s + e.jitter * rng.standard_normal(), -0.45 * v.period), 0.45 * v.period)
     j_alpha, j_beta = i_alpha, i_beta
     if s != 0.0:
-        a, b = shifted(x, p, m, v, s, i_d, i_q, u_alpha, u_beta, c, n)
-        j_alpha, j_beta = i_alpha + a - (c * m_d + n * m_q), i_beta + b - (c * m_q - n * m_d)
+        j_alpha, j_beta, v_alpha, v_beta = shifted(x, p, m, v, s, i_d, i_q, u_alpha, u_beta, c, n)
+        if iron:
+            decay = math.exp(min(-s / m.core_time, LARGEST_GROWTH))
+            core_alpha, core_beta = i_alpha - (c * m_d + n * m_q), i_beta - (c * m_q - n * m_d)
+            j_alpha += decay * core_alpha + (1.0 - decay) * m.core_conductance * v_alpha
+            j_beta += decay * core_beta + (1.0 - decay) * m.core_conductance * v_beta
     if e.filter_time > 0.0:
         f_alpha, f_beta = filtered(x, p, m, v, e, c, n, iron)
         if s != 0.0:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,17 +17,18 @@ from model.effects.library import complete, true_motor
 from model.energy import Energy, flux_from_current, torque
 from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
-from model.saliency import tracking_sign
 from sandbox import loop
 from sandbox.design import Design, belief_of, design
 from sandbox.effects import compiled, longest_step, masses, start
+from sandbox.feasible import check_call, check_feasible, checked
 from sandbox.injection import carrier
 from sandbox.plant import LARGEST_TURN, Plant, steps_per_period
 from sandbox.recording import Recording
 from sandbox.scenario import Scenario
 
 PLANT_STEP = 12.5e-6  # s
-MOST_SAMPLES = 20_000_000
+MOST_SAMPLES = 5_000_000  # recorded: 0.8 GB
+LARGEST_DECAY = 0.5  # of a winding's time constant at zero current in one plant step
 PLANTS = ("averaged", "switched")
 ROTORS = {"locked": loop.LOCKED, "driven": loop.DRIVEN, "free": loop.FREE}
 
@@ -77,25 +77,6 @@ def _breakpoint(drive: Drive, scenario: Scenario, t: float, load: float, speed: 
     ]
 
 
-def check_feasible(drive: Drive, scenario: Scenario) -> None:
-    """Raise PhysicsError where the scenario leaves the model's domain or the voltage, BadInput without saliency."""
-    motor, m = drive.motor, drive.motor.energy
-    tracking_sign(m)
-    room = drive.converter.voltage_limit - drive.injection.amplitude
-    if scenario.start_up:
-        flux_from_current(m, np.array([-1.0, 1.0]) * motor.rated_current, 0.0)
-    for s in scenario.segments:
-        i_q, omega = s.load * motor.rated_current, s.speed * motor.rated_omega
-        d, q = (float(v) for v in flux_from_current(m, 0.0, i_q))
-        u = math.hypot(-omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
-        if u > room:
-            raise PhysicsError(
-                f"load {100 * s.load:g} % at {100 * s.speed:g} % speed needs {u:.4g} V, but the bus of "
-                f"{drive.converter.dc_bus_voltage:g} V leaves {max(room, 0.0):.4g} V beside an injection of "
-                f"{drive.injection.amplitude:g} V; lower load, speed or injection, or raise dc_bus_voltage"
-            )
-
-
 def simulate(
     drive: Drive,
     scenario: Scenario,
@@ -118,17 +99,12 @@ def simulate(
     {"dead_time.time": 2e-6}; plant: `averaged` or `switched` (every leg inside the PWM period).  Raises
     BadInput or PhysicsError with one sentence.
     """
-    if belief not in ("saturated", "linear"):
-        raise BadInput(f"belief '{belief}' is neither 'saturated' nor 'linear'")
-    if stride < 1:
-        raise BadInput(f"stride {stride} is out of range; record every stride-th sample, at least 1")
-    if not 1e-9 <= plant_step <= 1e-2:
-        raise BadInput(f"plant_step {plant_step} s is out of range; give a value in [1e-9, 0.01] s")
+    check_call(estimator, belief, seed, stride, plant_step)
     if plant not in PLANTS:
         raise unknown("plant", plant, PLANTS)
     values = complete(drive.motor, drive.converter, effects)
-    check_feasible(dataclasses.replace(drive, motor=true_motor(drive.motor, values)), scenario)
     gains = design(drive, scenario.start_up)
+    check_feasible(dataclasses.replace(drive, motor=true_motor(drive.motor, values)), scenario, gains)
     tuning, believed = gains.tuning, belief_of(drive, belief)
     h = tuning.sampling_period
     start_time = start_periods(tuning.settle, tuning.average) * tuning.period * h
@@ -143,12 +119,14 @@ def simulate(
     on = _switched if plant == "switched" else _averaged
     run, x, *bench = on(drive, scenario, values, plant_step, truth, estimator.compiled)
     rig = _rig(drive, scenario, bench[0].step, closed_loop, samples, stride, start_time)
-    begun = time.process_time()
+    step = estimator.step if estimator.compiled else checked(estimator)
+    profile = profile_of(drive, scenario)
+    begun = time.thread_time()
     status, at = run(
-        estimator.step, state, x, *bench, rig, gains.control, believed, tuning, profile_of(drive, scenario),
+        step, state, x, *bench, rig, gains.control, believed, tuning, profile,
         wave.waveform, wave.primitive, np.random.default_rng(seed), table,
     )  # fmt: skip
-    spent = time.process_time() - begun
+    spent = time.thread_time() - begun
     if status != loop.DONE:
         raise _failure(status, at * h, x, drive)
     return Simulation(Recording(table), gains, start_time, spent)
@@ -160,7 +138,8 @@ def _averaged(
     """Return the loop's kernel, the plant's state, the plant and its effects."""
     motor, c = true_motor(drive.motor, values), drive.converter
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
-    step = longest_step(values, min(plant_step, LARGEST_TURN / max(top, 1.0)))
+    fastest = motor.resistance * max(motor.energy.gamma_d, motor.energy.gamma_q)
+    step = longest_step(values, min(plant_step, LARGEST_TURN / max(top, 1.0), LARGEST_DECAY / fastest))
     free = scenario.rotor == "free"
     plant = Plant(
         truth or motor.energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs),
@@ -204,6 +183,6 @@ def _failure(status: int, t: float, x: Any, drive: Drive) -> PhysicsError:
             f"'{drive.name}' is convex; lower the load or use another parameter set (see `sensorless audit`)"
         )
     return PhysicsError(
-        f"after {t:.4g} s the simulation of '{drive.name}' is no longer finite; check its values, or give a smaller "
-        "plant step"
+        f"after {t:.4g} s the simulation of '{drive.name}' is no longer finite, in the plant or in the estimate; check "
+        "the motor's values (SI units) and that sampling_period is short against L/R"
     )

@@ -123,7 +123,9 @@ def view(path: Path) -> None:
     viewer = Path(sys.executable).with_name("rerun.exe" if os.name == "nt" else "rerun")
     if not viewer.is_file():
         raise BadInput(f"no rerun viewer at '{viewer}'; install rerun-sdk in this environment")
-    subprocess.run([str(viewer), str(path)], check=True)
+    done = subprocess.run([str(viewer), str(path)], check=False)
+    if done.returncode:
+        raise BadInput(f"the rerun viewer could not show '{path}' (exit code {done.returncode}); is it a trace?")
 
 
 def _send(

@@ -11,6 +11,11 @@ from model.parameters import load_drive
 from sandbox.compare import compare
 from sandbox.scenario import Scenario, Segment
 
+SHARED = Path(__file__).resolve().parents[2] / "shared"
+for variable, folder in (("SENSORLESS_DATA", "realdata"), ("SENSORLESS_RECORDINGS", "recordings")):
+    if (SHARED / folder).is_dir():  # data that are not part of the repository, beside the checkout
+        os.environ.setdefault(variable, str(SHARED / folder))
+
 
 @pytest.fixture(scope="session")
 def small_comparison():
@@ -18,12 +23,3 @@ def small_comparison():
     segments = (Segment(0.2), Segment(0.3, 1.0, ramp=0.05))
     scenario = Scenario("two_steps", segments, settle=0.15)
     return compare(load_drive("ipm_exchanged"), scenario, ("qnull", "ekf"), seed=3)
-
-
-@pytest.fixture(scope="session")
-def shared() -> Path:
-    """The folder of reference programs and data beside the checkout; skips where it is not."""
-    folder = Path(os.environ.get("SENSORLESS_SHARED") or Path(__file__).resolve().parents[2] / "shared")
-    if not folder.is_dir():
-        pytest.skip(f"needs the shared data folder, not found at {folder}")
-    return folder

@@ -16,7 +16,7 @@ CARD = Effect(
         "derivation: lowest slotting term of an energy H(phi, theta) with three-phase symmetry; angle-"
         "resolved maps of measured motors show it"
     ),
-    parameters=(Parameter("gamma_6", "1/H", 0.0, -1e4, 1e4, 0.04, "1 / L_d"),),
+    parameters=(Parameter("gamma_6", "1/H", 0.0, -1e4, 1e4, 0.01, "1 / L_d"),),
     axis="d and q, rotating by 6 theta",
     order="6 and the injection band +-6",
     region="grows with current; at every speed, standstill included",

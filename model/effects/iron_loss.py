@@ -14,9 +14,9 @@ CARD = Effect(
         "the magnetising current; loss 3/2 R_c i_c^2"
     ),
     source=(
-        "Mi, Slemon, Bonert, Modeling of iron losses of permanent-magnet synchronous motors, IEEE Trans. "
-        "Ind. Appl. 39 (2003) 734; the time constant keeps i_c finite under pulses; reading under pulses:"
-        " AVERAGING 4"
+        "size of the losses: Mi, Slemon, Bonert, Modeling of iron losses of permanent-magnet synchronous motors, "
+        "IEEE Trans. Ind. Appl. 39 (2003) 734; resistance across the flux slope: the usual equivalent circuit, its "
+        "time constant (derivation) keeps i_c finite under pulses; reading under pulses: AVERAGING 4"
     ),
     parameters=(
         Parameter("core_resistance", "ohm", INF, 1.0, INF, 20.0, "rated reactance"),

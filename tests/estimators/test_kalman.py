@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
 from estimators import kalman
 from estimators.contract import Sample
+from estimators.demodulation import PHASE
 from estimators.kalman_filterpy import EnergyFilter, begin
+from estimators.registry import load_estimator
+from estimators.startup import TRACKING
 from model.parameters import load_drive
 from sandbox.design import belief_of, design
+from sandbox.scenario import Scenario, Segment
+from sandbox.simulate import simulate
 
 DRIVE = load_drive("ipm_exchanged")
 BELIEF = belief_of(DRIVE, "saturated")
@@ -56,3 +63,30 @@ def test_covariance_stays_symmetric_and_positive():
     p = state[kalman.P : kalman.P + 16].reshape(4, 4)
     assert p == pytest.approx(p.T, rel=1e-9, abs=1e-15)
     assert np.linalg.eigvalsh(p).min() > 0
+
+
+def test_innovations_are_as_large_as_the_filter_says(monkeypatch):
+    """Normalised innovations squared of two currents average 2 when the tuning states the noise that is there.
+
+    The plant has no inverter error, so its share is taken out; a variance off by 30 % would leave the band, which
+    is 2 +- 4 sigma of a mean of 1000 (sigma = 2/sqrt(1000)) and 10 % for the Heun step.
+    """
+    monkeypatch.setattr("sandbox.design.VOLTAGE_UNCERTAINTY", 1e-4)
+    drive = DRIVE
+    ekf, seen = load_estimator("ekf"), []
+    twin = design(drive).tuning
+
+    def spy(state, sample, belief, tuning):
+        if state[PHASE] == TRACKING:
+            ahead = state.copy()
+            kalman.predict(ahead, sample.u_alpha, sample.u_beta, belief, tuning)
+            x, p = ahead[kalman.X : kalman.X + 4], ahead[kalman.P : kalman.P + 16].reshape(4, 4)
+            g_aa, g_ab, g_bb, j_a, j_b = kalman.current_jacobian(x[0], x[1], x[3], belief)
+            h = np.array([[g_aa, g_ab, 0.0, j_a], [g_ab, g_bb, 0.0, j_b]])
+            r = np.array([sample.i_alpha, sample.i_beta]) - kalman.stator_current(x[0], x[1], x[3], belief)
+            seen.append(r @ np.linalg.solve(h @ p @ h.T + twin.current_variance * np.eye(2), r))
+        return ekf.step(state, sample, belief, tuning)
+
+    scenario = Scenario("s", (Segment(0.1), Segment(0.3, 1.0, ramp=0.05)))
+    simulate(drive, scenario, dataclasses.replace(ekf, step=spy, compiled=False), seed=2)
+    assert np.mean(seen[300:]) == pytest.approx(2.0, abs=0.45)

@@ -37,3 +37,12 @@ def test_changed_callee_recompiles_its_caller(tmp_path):
     assert answer(tmp_path / "copy", "10.0 * x", tmp_path / "cache") == "21.0"
     assert answer(tmp_path / "copy", "20.0 * x", tmp_path / "cache") == "41.0"
     assert len(list((tmp_path / "cache").glob("kernels-*"))) == 2
+
+
+def test_changed_constant_of_a_file_without_kernels_recompiles(tmp_path):
+    """`estimators.contract` holds no kernel, but its constants and fields are compiled into others."""
+    (tmp_path / "copy" / "model").mkdir(parents=True)
+    for value in ("3.0", "4.0"):
+        (tmp_path / "copy" / "model" / "constants.py").write_text(f"K = {value}\n")
+        callee = "K * x\n\n\nfrom model.constants import K  # noqa: E402"
+        assert answer(tmp_path / "copy", callee, tmp_path / "cache") == str(2.0 * float(value) + 1.0)

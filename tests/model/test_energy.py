@@ -116,6 +116,18 @@ def test_spm_as_printed_ends_where_its_quadratic_says():
             en.flux_from_current(m, beyond, 0.0)
 
 
+def test_newton_does_not_jump_over_a_gap():
+    """At -7.5 A the SPM as printed has a stationary point beyond a stretch of negative Gamma_dd; it is not ours."""
+    m = load_drive("spm").motor.energy
+    assert en.flux_newton(m, -7.5, 0.0, 0.0, 0.0)[2] == en.OUTSIDE
+
+
+def test_convexity_needs_trace_and_determinant():
+    """A Hessian that is negative definite has a positive determinant, too."""
+    m = en.Energy(-1.0, -2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert not en.is_convex_to(m, 0.1, 0.1)
+
+
 def test_not_finite_current_is_refused():
     with pytest.raises(PhysicsError, match="not finite"):
         en.flux_from_current(load_drive("ipm").motor.energy, math.nan, 0.0)

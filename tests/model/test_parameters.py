@@ -78,7 +78,7 @@ def test_user_motor_with_defaults(tmp_path):
     drive = load_drive(drive_file(tmp_path, GOOD))
     assert drive.name == "mine"
     assert drive.converter == Converter(250e-6, 400.0, 0.002 * 5.0, 0.0017 * 5.0)
-    assert drive.injection == Injection(500.0, 0.6 * 500.0 * 0.02 * 5.0)
+    assert drive.injection == Injection(500.0, 0.8 * 500.0 * 0.01 * 5.0)
     assert isinstance(drive.motor.rated_speed_rpm, float)
 
 
@@ -92,6 +92,11 @@ def test_user_motor_with_defaults(tmp_path):
         ("resistance = 1.0|resistance = '1'", ("not a number", "ohm")),
         ("resistance = 1.0|resistance = true", ("not a number", "ohm")),
         ("resistance = 1.0|", ("lacks 'resistance'", "ohm")),
+        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\npwm_frequency = '4000'", ("pwm_frequency", "number")),
+        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nencoder_counts = -1", ("encoder_counts = -1",)),
+        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\nwaveform = 3", ("waveform = 3", "quotes")),
+        ("resistance = 1.0|resistance = 1" + 400 * "0", ("resistance = 1e+300", "ohm")),
+        ("[motor]|x = " + 3000 * "[" + "\n[motor]", ("mine.toml",)),
         ("[motor]|[motor]\nname = 3", ("name = 3", "quotes")),
         ("pole_pairs = 4|pole_pairs = 4.5", ("pole_pairs", "whole")),
         ("[motor]|[moter]", ("moter", "did you mean 'motor'")),

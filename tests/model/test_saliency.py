@@ -110,7 +110,7 @@ def test_audit(name):
         assert np.isnan(result.grid_eigenvalue).any()
     else:
         assert result.passed
-        assert result.valid_radius is None
+        assert result.valid_radius == result.radius == result.saliency_radius
         assert result.min_eigenvalue > 0
         assert np.isfinite(result.angle_local).all()
 

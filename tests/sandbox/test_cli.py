@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -106,10 +108,12 @@ def test_audit(tmp_path, capsys):
     assert found["passed"] is False
     assert found["valid_radius"] == pytest.approx(0.786, abs=1e-3)
     assert found["violations"][0]["i_d"] == pytest.approx(-0.786, abs=1e-3)
-    assert None in found["angle_local_deg"] or all(isinstance(v, float) for v in found["angle_local_deg"])
+    assert found["error_per_10mA_deg"][18] == pytest.approx(2.7, abs=0.05)  # the notes' value for the SPM at 40 V
     assert "NOT valid" in capsys.readouterr().out
     assert main(["audit", "ipm_exchanged", "--out", str(tmp_path)]) == 0
-    assert content(tmp_path, "audit")["valid_radius"] is None
+    assert content(tmp_path, "audit")["valid_radius"] == pytest.approx(1.8 * 1.2)
+    # 10 mA of ripple error, IPM at 30 V: the notes' 3.5 degrees
+    assert content(tmp_path, "audit")["error_per_10mA_deg"][18] == pytest.approx(3.5, abs=0.05)
 
 
 def test_list_and_version(capsys):
@@ -134,6 +138,8 @@ WRONG = {
     "duration too long": (["simulate", "--duration", "1e9"], 2, ["1000000000.0 s", "staircase"]),
     "duration nan": (["simulate", "--duration", "nan"], 2, ["duration nan"]),
     "radius": (["audit", "ipm", "--radius", "-1"], 2, ["radius -1.0 A", "24] A"]),
+    "duration tiny": (["simulate", "--duration", "1e-12"], 2, ["[0.001, "]),
+    "jobs of an audit": (["audit", "nothing", "--jobs", "2", "--seed", "1"], 2, ["unknown motor 'nothing'"]),
     "unknown command": (["comparee"], 2, ["comparee"]),
     "wrong kind": (["list", "motor"], 2, ["motor", "motors"]),
     "wrong belief": (["simulate", "--belief", "quartic"], 2, ["quartic", "saturated"]),
@@ -165,8 +171,11 @@ def test_wrong_calls(case, tmp_path, capsys, monkeypatch):
     [
         ("resistance = 12.15", "resistance = -12.15", 2, ["resistance = -12.15", "ohm"]),
         ("resistance = 12.15", "resistance = nan", 2, ["resistance = nan", "ohm"]),
-        ("frequency = 500.0", "frequency = 3000.0", 2, ["3000 Hz", "4000 Hz", "sample faster"]),
+        ("frequency = 500.0", "frequency = 3000.0", 2, ["3000 Hz", "4000 Hz", "inject at 2000 Hz"]),
         ("dc_bus_voltage = 400.0", "dc_bus_voltage = 80.0", 3, ["80 V", "raise dc_bus_voltage"]),
+        ("dc_bus_voltage = 400.0", "dc_bus_voltage = 20.0", 3, ["injection of 30 V exceeds", "11.55 V"]),
+        ("magnet_flux = 0.0981", "magnet_flux = 0.0", 2, ["magnet_flux = 0", "> 0 Wb"]),
+        ("resistance = 12.15", "resistance = 900.0", 3, ["starting up holds 1.2 A", "1080 V"]),
         ("inductance_q = 0.0919", "inductance_q = 0.0458", 2, ["no saliency"]),
         ("alpha_04 = 6.62", "alpha_04 = -66.2", 3, ["convex", "eigenvalue"]),
     ],
@@ -210,6 +219,50 @@ def test_as_a_program(tmp_path):
     done = subprocess.run(call, cwd=root, capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
+
+
+def test_interrupt_leaves_nothing_half_written(tmp_path):
+    """Ctrl-C in the middle of an hour of simulated time is answered at once, with 130."""
+    scenario = tmp_path / "long.toml"
+    scenario.write_text("[[segment]]\nduration = 1200.0\n")
+    root, out = Path(__file__).resolve().parents[2], tmp_path / "out"
+    call = [sys.executable, "-m", "sandbox.cli", "simulate", "--scenario", str(scenario), "--out", str(out)]
+    process = subprocess.Popen(call, cwd=root, stderr=subprocess.PIPE, text=True)
+    time.sleep(2.0)
+    begun = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "interrupted" in said
+    assert time.monotonic() - begun < 3.0
+    assert not out.exists() or list(out.iterdir()) == []
+
+
+def test_stale_files_go_and_strangers_stay(short, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "compare.rrd").write_text("old")
+    (out / "compare.notes").write_text("mine")
+    call = ["compare", "--scenario", str(short), "--estimators", "qnull", "--no-trace", "--quiet", "--out", str(out)]
+    assert main(call) == 0
+    assert sorted(p.name for p in out.iterdir()) == ["compare.json", "compare.notes", "compare.png"]
+
+
+def test_names_with_markup_are_names(short, tmp_path, capsys):
+    motor = motor_file(tmp_path, 'name = "ipm_exchanged"', 'name = "[/bold] $\\\\frac{$"')
+    call = [
+        "compare",
+        "--motor",
+        motor,
+        "--scenario",
+        str(short),
+        "--estimators",
+        "qnull",
+        "--out",
+        str(tmp_path / "o"),
+    ]
+    assert main(call) == 0
+    assert "[/bold] $" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("plant", ["averaged", "switched"])

@@ -29,15 +29,18 @@ def test_linear_belief_errs_by_the_theory(staircase):
     motor = staircase.drive.motor
     checked = 0
     for row in staircase.rows:
-        if row.belief != "linear" or row.estimator == "ekf":
+        exchanged_ekf = row.estimator == "ekf" and motor.name == "ipm_exchanged"
+        if row.belief != "linear" or (row.estimator == "ekf" and not exchanged_ekf):
             continue
         i_q = row.load * motor.rated_current
         angle = self_consistent_angle(motor.energy, 0.0, i_q) if row.closed_loop else local_angle(motor.energy, 0, i_q)
-        assert row.predicted_mean_deg == pytest.approx(np.degrees(float(angle)), abs=1e-9)
+        expected = np.degrees(float(angle))
         assert not row.lost_lock
-        assert row.error_deg.mean == pytest.approx(row.predicted_mean_deg, abs=0.2)
+        assert row.error_deg.mean == pytest.approx(expected, abs=0.2)
+        if not exchanged_ekf:
+            assert row.predicted_mean_deg == pytest.approx(expected, abs=1e-9)
         checked += 1
-    assert checked == 2 * 2 * 13
+    assert checked == (3 if motor.name == "ipm_exchanged" else 2) * 2 * 13
 
 
 def test_saturated_belief_is_right_at_every_load(staircase):
@@ -59,12 +62,13 @@ def test_same_seed_same_numbers(small_comparison):
 
 @pytest.mark.parametrize("name", ["creep_reversal", "speed_steps"])
 def test_moving_scenarios(name):
-    """Settled means meet the quasi-static theory; its first segment is a ramp of load in creep_reversal."""
+    """Settled means meet the quasi-static theory; the rest is lag R omega of the ripple, see `estimators.qnull`."""
     result = compare(load_drive("ipm_exchanged"), load_scenario(name), ("qnull", "inversion"), seed=2)
     for row in result.rows:
         assert not row.lost_lock
-        if name == "speed_steps" or row.t_start > 2.5:
-            assert row.error_deg.mean == pytest.approx(row.predicted_mean_deg, abs=0.2)
+        assert row.reference_held
+        # 0.1 degree of that, and the tail of a load step: 1.6 s after it with a speed loop of 0.25 s
+        assert row.error_deg.mean == pytest.approx(row.predicted_mean_deg, abs=0.3)
     speeds = np.concatenate([r.recording.omega for r in result.runs])
     assert speeds.max() > 0 > speeds.min()
 
@@ -111,7 +115,9 @@ def test_other_sampling_rates(period, frequency):
     )  # fmt: skip
     result = compare(fast, Scenario("s", (Segment(0.5, 1.0, ramp=0.1),), settle=0.3), ("qnull", "inversion", "ekf"))
     for row in result.rows:
-        expected = 0.0 if row.belief == "saturated" else -5.89 if row.closed_loop else -6.07
+        m = drive.motor.energy
+        angle = self_consistent_angle(m, 0.0, 1.2) if row.closed_loop else float(local_angle(m, 0.0, 1.2))
+        expected = 0.0 if row.belief == "saturated" else np.degrees(angle)
         assert row.error_deg.mean == pytest.approx(expected, abs=0.2)
 
 

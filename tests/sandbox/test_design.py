@@ -12,6 +12,7 @@ from estimators.registry import load_estimator
 from model.parameters import load_drive, motor_names
 from sandbox import design as ds
 from sandbox.scenario import Scenario, Segment
+from sandbox.simulate import simulate
 
 H, N = 250e-6, 8
 
@@ -79,6 +80,33 @@ def spread(drive, w0):
         patch.setattr(sim, "design", lambda *_: tuned)
         run = sim.simulate(drive, Scenario("still", (Segment(0.5),)), load_estimator("qnull"), seed=1)
     return float(np.degrees(run.recording.between(run.start_time + 0.3, 9.0).error).std())
+
+
+def test_disk_margin_is_python_controls():
+    """Balanced disk margin of the current loop as a transfer function."""
+    motor = load_drive("ipm_exchanged").motor
+    loop = ds.design(load_drive("ipm_exchanged")).loops["current"]
+    low, _ = ds.extreme_inductances(motor.energy, ds.OVERLOAD * motor.rated_current)
+    winding = control.sample_system(control.tf([1], [low, motor.resistance]), H, "zoh")
+    whole = control.tf([loop.kp, loop.ki * H - loop.kp], [1, -1], H) * winding * control.tf([1], [1, 0], H) * window()
+    omega = np.geomspace(1.0, 0.999 * np.pi / H, 4000)
+    assert loop.disk_margin == pytest.approx(control.disk_margins(whole, omega)[0], rel=2e-3)
+
+
+def test_speed_loop_by_simulation():
+    """A step of the designed loop: crossover sets the rise, 60 degrees of phase margin keep the overshoot small.
+
+    (The SPM's assumed magnet is so strong that the feed-forward's kick alone carries most of a step.)
+    """
+    drive = load_drive("ipm_exchanged")
+    loop = ds.design(drive).loops["speed"]
+    wait = 12.0 / loop.crossover
+    scenario = Scenario("s", (Segment(0.2), Segment(wait, 0.0, 0.01)), rotor="free", reference="speed")
+    r = simulate(drive, scenario, load_estimator("ekf"), closed_loop=False).recording
+    t, w = r.t - (r.t[-1] - wait), r.omega / (0.01 * drive.motor.rated_omega)
+    reached = t[np.argmax((t > 0) & (w > 0.63))]
+    assert 0.5 / loop.crossover < reached < 1.8 / loop.crossover  # first order with that crossover: 1/crossover
+    assert w.max() < 1.35
 
 
 def test_design_is_remembered(tmp_path, monkeypatch):

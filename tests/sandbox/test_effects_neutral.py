@@ -8,7 +8,7 @@ import pytest
 from estimators.registry import load_estimator
 from model.effects import library
 from model.errors import BadInput
-from model.parameters import load_drive
+from model.parameters import load_drive, motor_names
 from sandbox.effects import BARE, FULL, compiled
 from sandbox.scenario import Scenario, Segment
 from sandbox.simulate import simulate
@@ -75,3 +75,27 @@ def test_bad_effects_are_refused():
         table({}, "swiched")
     with pytest.raises(BadInput, match="takes no other magnetic model"):
         simulate(DRIVE, RUN, load_estimator("qnull"), plant="switched", truth=DRIVE.motor.energy)
+
+
+def test_an_estimator_in_python_runs_with_effects_on_both_plants():
+    short = Scenario("short", (Segment(0.005),), start_up=False)
+    for plant in ("averaged", "switched"):
+        runs = [
+            simulate(DRIVE, short, load_estimator(name), seed=1, effects=OTHERS, plant=plant).recording
+            for name in ("ekf", "ekf_filterpy")
+        ]
+        assert runs[0].theta_hat == pytest.approx(runs[1].theta_hat, abs=1e-6)
+
+
+@pytest.mark.parametrize("motor", motor_names())
+def test_typical_sizes_suit_every_motor(motor):
+    drive = load_drive(motor)
+    values = {}
+    for name in library.effect_names():
+        sizes = library.typical(name, drive.motor, drive.converter)
+        assert library.complete(drive.motor, drive.converter, sizes), name
+        values |= {} if name == "saturation" else sizes
+    if motor == "spm":  # as printed its energy is not convex at starting up, with or without effects
+        return
+    run = simulate(drive, RUN, load_estimator("qnull"), seed=3, effects=values)
+    assert np.isfinite(run.recording.table).all()

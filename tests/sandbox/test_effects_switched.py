@@ -16,6 +16,10 @@ from sandbox.simulate import simulate
 from tests.sandbox.averaged import gap
 
 DRIVE = load_drive("ipm")
+MANY = {
+    "iron_loss.core_resistance": 2e3, "skin_effect.resistance": 3.0, "pwm_delay.delay": 2e-5,
+    "winding_asymmetry.delta_a": 0.3, "inductance_harmonics.gamma_6": 0.3, "flux_harmonics.psi_d6": 1e-3,
+}  # fmt: skip
 CASES = [  # effects, bound at 20 rad/s, at 100 rad/s
     ({}, 9e-5, 1.3e-4),
     ({"pwm_delay.delay": 3e-5}, 7e-5, 5e-5),
@@ -36,6 +40,13 @@ CASES = [  # effects, bound at 20 rad/s, at 100 rad/s
     ({"dead_time.time": 2e-6, "pwm_delay.delay": 2e-5}, 2.7e-4, 5e-4),
     ({"device_drop.threshold": 2.0}, 3.4e-4, 3.4e-4),
     ({"dead_time.time": 2e-6, "device_drop.threshold": 1.0}, 4.3e-4, 6.3e-4),
+    ({"dead_time.time": 5e-6}, 6e-4, 8e-4),
+    ({"dead_time.time": 2e-6, "current_filter.time_constant": 3e-5}, 3e-4, 5.2e-4),
+    ({"dead_time.time": 2e-6, "iron_loss.core_resistance": 2e3}, 3.2e-4, 4e-4),
+    ({"iron_loss.core_resistance": 2e3, "current_sampling.delay": 1e-5}, 1e-4, 1.6e-4),
+    ({"current_sampling.delay": 6e-5}, 2e-4, 4.5e-4),  # beyond the zero vector
+    ({"pwm_delay.delay": 9e-5, "current_filter.time_constant": 3e-5}, 1e-4, 5.7e-4),
+    (MANY, 1.8e-4, 5e-4),
 ]  # fmt: skip
 ELECTRICAL = [n for n in library.effect_names() if library.load_effect(n).subsystem != "mechanics"]
 

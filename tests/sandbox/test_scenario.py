@@ -8,9 +8,11 @@ from hypothesis import strategies as st
 
 from model.errors import BadInput, PhysicsError
 from model.parameters import load_drive
+from sandbox.design import design
+from sandbox.feasible import check_feasible
 from sandbox.loop import LOAD, LOAD_TORQUE, OMEGA_REF, TIME
 from sandbox.scenario import Scenario, Segment, load_scenario, scenario_names
-from sandbox.simulate import check_feasible, profile_of, torque_at_load
+from sandbox.simulate import profile_of, torque_at_load
 
 GOOD = """
 [scenario]
@@ -36,7 +38,8 @@ def scenario_file(tmp_path, text):
 def test_built_in_scenarios(name):
     scenario = load_scenario(name)
     assert scenario.description
-    check_feasible(load_drive("ipm_exchanged"), scenario)
+    drive = load_drive("ipm_exchanged")
+    check_feasible(drive, scenario, design(drive))
     assert max(s.load for s in scenario.segments) <= 1.8
 
 
@@ -98,12 +101,12 @@ def test_voltage_too_low_for_the_load():
     drive = load_drive("ipm_exchanged")
     low = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, dc_bus_voltage=90.0))
     with pytest.raises(PhysicsError, match=r"needs .* V, but the bus of 90 V leaves 21\.96 V.*raise dc_bus_voltage"):
-        check_feasible(low, load_scenario("staircase"))
+        check_feasible(low, load_scenario("staircase"), design(low))
 
 
 def test_load_outside_the_valid_domain_is_refused():
     with pytest.raises(PhysicsError, match="convex"):
-        check_feasible(load_drive("spm"), load_scenario("staircase"))
+        check_feasible(load_drive("spm"), load_scenario("staircase"), design(load_drive("spm")))
 
 
 VALUES = st.one_of(st.floats(), st.integers(-5, 5), st.text(max_size=3), st.booleans(), st.none())

@@ -49,6 +49,7 @@ def _row(belief, closed, load, start, predicted, lost=False):
         error_deg=none if lost else error,
         predicted_mean_deg=predicted,
         lost_lock=lost,
+        reference_held=True,
         t_start=start,
         t_end=start + 0.04,
     )
@@ -203,9 +204,17 @@ def test_view_names_what_is_missing(tmp_path):
 
 def test_view_starts_the_viewer_of_this_environment(written, monkeypatch):
     calls = []
-    monkeypatch.setattr(subprocess, "run", lambda command, **_: calls.append(command))
+    code = iter((0, 101))
+
+    def run(command, **_):
+        calls.append(command)
+        return SimpleNamespace(returncode=next(code))
+
+    monkeypatch.setattr(subprocess, "run", run)
     trace.view(written[1])
     assert calls == [[str(Path(sys.executable).with_name("rerun")), str(written[1])]]
+    with pytest.raises(BadInput, match="exit code 101"):
+        trace.view(written[1])
 
 
 def test_import_does_not_load_rerun():

@@ -1,0 +1,347 @@
+"""A magnetic energy beyond the quartic: a tensor-product spline of total flux, fitted to a flux map.
+
+H(psi_d, psi_q) is of degree 4 in each flux on a uniform grid of cells (so three times continuously differentiable:
+inductances have no staircase and no kink), even in psi_q, strictly convex on its whole box.  Currents are its
+gradient, hence reciprocal; the magnet flux is where the gradient vanishes.
+
+Fit: linear least squares on grad H(psi) = i, each row weighted by the incremental inductance so that flux errors
+count; a light penalty on third differences fills cells without data; convexity is a set of linear inequalities
+(curvature along the worst direction at several points a cell), added until none is violated.
+
+Checked: gradient and Hessian against SciPy's BSpline, planted motors, symmetry, convexity (tests/model).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.interpolate import BSpline
+from scipy.linalg import cho_solve, solve_triangular
+from scipy.optimize import nnls
+
+from model.compiled import kernel
+from model.errors import BadInput, PhysicsError
+from model.fluxmap import FluxMap
+
+Array = NDArray[np.float64]
+DEGREE = 4
+MARGIN = 0.03  # of the flux range: the box reaches beyond the data
+FLOOR = 0.1  # of the smallest curvature in the data: least curvature anywhere in the box
+CHOICES = [(c, s) for c in ((10, 8), (14, 12), (20, 16)) for s in (1e-4, 3e-4, 1e-3, 3e-3)]  # cells, smoothness
+FOLDS = 5
+TOLERATED = 1.2  # of the least squared error: the smoothest choice within it is taken
+ROUNDS = 60
+
+
+class SplineEnergy(NamedTuple):
+    """Polynomials of each cell: H = sum c[i, j, a, b] x^a y^b, x and y in [0, 1] across the cell; fluxes in Wb."""
+
+    cells: Array  # (n_d, n_q, 5, 5), J
+    low_d: float
+    low_q: float
+    per_d: float  # cells per Wb
+    per_q: float
+
+
+@kernel
+def _locate(m, d, q):
+    x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
+    i = min(max(int(x), 0), m.cells.shape[0] - 1)
+    j = min(max(int(y), 0), m.cells.shape[1] - 1)
+    return m.cells[i, j], x - i, y - j
+
+
+@kernel
+def currents(m, d, q):
+    """Return i_d, i_q in A at total fluxes in Wb; beyond the box the outermost polynomial goes on."""
+    c, x, y = _locate(m, d, q)
+    xx, yy = x * x, y * y  # pairwise sums: a third less latency than Horner's rule
+    y2, y3, y4 = 2.0 * y, 3.0 * yy, 4.0 * y * yy
+    r1 = (c[1, 0] + c[1, 1] * y) + yy * ((c[1, 2] + c[1, 3] * y) + c[1, 4] * yy)
+    r2 = (c[2, 0] + c[2, 1] * y) + yy * ((c[2, 2] + c[2, 3] * y) + c[2, 4] * yy)
+    r3 = (c[3, 0] + c[3, 1] * y) + yy * ((c[3, 2] + c[3, 3] * y) + c[3, 4] * yy)
+    r4 = (c[4, 0] + c[4, 1] * y) + yy * ((c[4, 2] + c[4, 3] * y) + c[4, 4] * yy)
+    g0 = (c[0, 1] + c[0, 2] * y2) + (c[0, 3] * y3 + c[0, 4] * y4)
+    g1 = (c[1, 1] + c[1, 2] * y2) + (c[1, 3] * y3 + c[1, 4] * y4)
+    g2 = (c[2, 1] + c[2, 2] * y2) + (c[2, 3] * y3 + c[2, 4] * y4)
+    g3 = (c[3, 1] + c[3, 2] * y2) + (c[3, 3] * y3 + c[3, 4] * y4)
+    g4 = (c[4, 1] + c[4, 2] * y2) + (c[4, 3] * y3 + c[4, 4] * y4)
+    i_d = (r1 + 2.0 * r2 * x) + xx * (3.0 * r3 + 4.0 * r4 * x)
+    i_q = (g0 + g1 * x) + xx * ((g2 + g3 * x) + g4 * xx)
+    return i_d * m.per_d, i_q * m.per_q
+
+
+@kernel
+def hessian(m, d, q):
+    """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H at total fluxes in Wb."""
+    c, x, y = _locate(m, d, q)
+    h = h_d = h_dd = g = g_d = k = 0.0
+    for a in range(DEGREE, -1, -1):
+        row, row_q, row_qq = c[a, DEGREE], 0.0, 0.0
+        for b in range(DEGREE - 1, -1, -1):
+            row_qq = row_qq * y + row_q
+            row_q = row_q * y + row
+            row = row * y + c[a, b]
+        h_dd = h_dd * x + h_d
+        h_d = h_d * x + h
+        h = h * x + row
+        g_d = g_d * x + g
+        g = g * x + row_q
+        k = k * x + row_qq
+    return 2.0 * h_dd * m.per_d**2, g_d * m.per_d * m.per_q, 2.0 * k * m.per_q**2
+
+
+@kernel
+def energy(m, d, q):
+    """Return H in J, up to the factor 3/2 of the transformation and a constant."""
+    c, x, y = _locate(m, d, q)
+    h = 0.0
+    for a in range(DEGREE, -1, -1):
+        row = 0.0
+        for b in range(DEGREE, -1, -1):
+            row = row * y + c[a, b]
+        h = h * x + row
+    return h
+
+
+@kernel
+def _newton(m, i_d, i_q, d, q):
+    """Solve grad H = i inside the box by damped Newton steps; return flux and 0, or 1 where it lies outside."""
+    high_d = m.low_d + m.cells.shape[0] / m.per_d
+    high_q = m.low_q + m.cells.shape[1] / m.per_q
+    c_d, c_q = currents(m, d, q)
+    left = math.hypot(i_d - c_d, i_q - c_q)
+    for _ in range(100):
+        if left <= 1e-11 * (1.0 + math.hypot(i_d, i_q)):
+            return d, q, 0
+        dd, dq, qq = hessian(m, d, q)
+        det = dd * qq - dq * dq
+        s_d = (qq * (i_d - c_d) - dq * (i_q - c_q)) / det
+        s_q = (dd * (i_q - c_q) - dq * (i_d - c_d)) / det
+        t = 1.0
+        while t > 1e-9:
+            x = min(max(d + t * s_d, m.low_d), high_d)
+            y = min(max(q + t * s_q, m.low_q), high_q)
+            c_d, c_q = currents(m, x, y)
+            new = math.hypot(i_d - c_d, i_q - c_q)
+            if new < left:
+                break
+            t *= 0.5
+        else:
+            return d, q, 1 if left > 1e-7 * (1.0 + math.hypot(i_d, i_q)) else 0
+        d, q, left = x, y, new
+    return d, q, 1
+
+
+def flux_from_current(m: SplineEnergy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[Array, Array]:
+    """Return total psi_d, psi_q (Wb) at currents (A); PhysicsError names a current whose flux is outside the box."""
+    a, b = np.broadcast_arrays(np.asarray(i_d, dtype=float), np.asarray(i_q, dtype=float))
+    d, q = np.empty(a.shape), np.empty(a.shape)
+    middle = m.low_d + 0.5 * m.cells.shape[0] / m.per_d
+    for k in np.ndindex(a.shape):
+        d[k], q[k], outside = _newton(m, float(a[k]), float(b[k]), middle, 0.0)
+        if outside:
+            raise PhysicsError(
+                f"current i_d = {a[k]:.4g} A, i_q = {b[k]:.4g} A lies outside the flux map (psi_d in "
+                f"{m.low_d:.3g} to {m.low_d + m.cells.shape[0] / m.per_d:.3g} Wb, |psi_q| up to "
+                f"{-m.low_q:.3g} Wb); stay inside it"
+            )
+    return d, q
+
+
+def magnet_flux(m: SplineEnergy) -> float:
+    """Return the flux at zero current, Wb."""
+    return float(flux_from_current(m, 0.0, 0.0)[0])
+
+
+def inductances(m: SplineEnergy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[Array, Array, Array]:
+    """Return the incremental L_dd, L_dq, L_qq (H) at currents (A)."""
+    g = np.array(
+        [hessian(m, float(x), float(y)) for x, y in zip(*map(np.ravel, flux_from_current(m, i_d, i_q)), strict=True)]
+    )
+    det = g[:, 0] * g[:, 2] - g[:, 1] ** 2
+    shape = np.broadcast(i_d, i_q).shape
+    return (g[:, 2] / det).reshape(shape), (-g[:, 1] / det).reshape(shape), (g[:, 0] / det).reshape(shape)
+
+
+def fit(
+    psi_d: Array, psi_q: Array, i_d: Array, i_q: Array, cells: tuple[int, int] = (14, 12), smooth: float = 1e-3
+) -> SplineEnergy:
+    """Fit a strictly convex spline energy, even in psi_q, to points of a flux map (all shape (n,), Wb and A).
+
+    `cells`: number along d and along |q|; `smooth`: weight of a cell's bend against a data point.
+    Raises PhysicsError if no convex energy is found.
+    """
+    if len(psi_d) < 12 or np.ptp(i_d) == 0 or np.ptp(i_q) == 0:
+        raise BadInput(f"{len(psi_d)} points of a flux map do not span both axes; give a map over i_d and i_q")
+    box = _Box(psi_d, psi_q, cells)
+    grad_d, grad_q = box.rows(psi_d, psi_q, 1, 0), box.rows(psi_d, psi_q, 0, 1)
+    points = box.check_points()
+    curvature = [box.rows(*points, a, b) for a, b in ((2, 0), (1, 1), (0, 2))]
+    linear = np.polyfit(psi_d, i_d, 1)[0], float(psi_q @ i_q / (psi_q @ psi_q))
+    weight = np.tile(np.array([1 / linear[0], 0.0, 1 / linear[1]]), (len(psi_d), 1))
+    floor = FLOOR * min(linear)
+    c: Array | None = None
+    for _ in range(4):  # the weights depend on the solution
+        rows = np.concatenate(
+            [
+                weight[:, :1] * grad_d + weight[:, 1:2] * grad_q,
+                weight[:, 1:2] * grad_d + weight[:, 2:] * grad_q,
+            ]
+        )
+        goal = np.concatenate([weight[:, 0] * i_d + weight[:, 1] * i_q, weight[:, 1] * i_d + weight[:, 2] * i_q])
+        size = float(np.sqrt(np.mean(goal**2)))
+        rough = smooth / size * box.roughness(c, floor, linear) * len(goal) ** 0.5
+        c = _convex_least_squares(np.concatenate([rows / size, rough]), goal / size, box, curvature, floor)
+        g = [r @ c for r in (box.rows(psi_d, psi_q, *o) for o in ((2, 0), (1, 1), (0, 2)))]
+        det = g[0] * g[2] - g[1] ** 2
+        weight = np.column_stack([g[2] / det, -g[1] / det, g[0] / det])
+    assert c is not None
+    return box.spline(c)
+
+
+def fit_map(m: FluxMap) -> SplineEnergy:
+    """Fit a map with cells and smoothness chosen by cross-validation over FOLDS groups of its inner points."""
+    data = m.points()
+    a, b = np.meshgrid(np.arange(len(m.i_d)), np.arange(len(m.i_q)), indexing="ij")
+    border = (a == 0) | (b == 0) | (a == a[-1, 0]) | (b == b[0, -1])  # always fitted: the box must hold the rest
+    group = np.where(border, -1, (a + 2 * b) % FOLDS).ravel()
+    errors = []
+    for cells, smooth in CHOICES:
+        error = 0.0
+        for fold in range(FOLDS):
+            out = group == fold
+            try:
+                kept = [x[~out] for x in data]
+                s = fit(kept[0], kept[1], kept[2], kept[3], cells, smooth)
+                d, q = flux_from_current(s, data[2][out], data[3][out])
+                error += float(np.sum((d - data[0][out]) ** 2 + (q - data[1][out]) ** 2))
+            except PhysicsError:  # this choice does not reach every point of the map
+                error = np.inf
+                break
+        errors.append(error)
+    good = [k for k, e in enumerate(errors) if e <= TOLERATED * min(errors)]
+    cells, smooth = CHOICES[max(good, key=lambda k: (CHOICES[k][1], -CHOICES[k][0][0]))]
+    return fit(data[0], data[1], data[2], data[3], cells, smooth)
+
+
+class _Box:
+    """The cells over the data, and the map from free coefficients (even in q) to values and derivatives."""
+
+    def __init__(self, psi_d: Array, psi_q: Array, cells: tuple[int, int]) -> None:
+        self.n_d, self.n_q = cells[0], 2 * cells[1]
+        low, high = float(np.min(psi_d)), float(np.max(psi_d))
+        self.low_d, self.high_d = low - MARGIN * (high - low), high + MARGIN * (high - low)
+        self.high_q = float(np.max(np.abs(psi_q))) * (1 + MARGIN)
+        self.knots_d = self.low_d + (self.high_d - self.low_d) / self.n_d * np.arange(-DEGREE, self.n_d + DEGREE + 1)
+        self.knots_q = self.high_q * (2 / self.n_q * np.arange(-DEGREE, self.n_q + DEGREE + 1) - 1)
+        m_q = self.n_q + DEGREE
+        self.half = (m_q + 1) // 2
+        self.fold = np.zeros((m_q, self.half))  # even in q: coefficient j equals coefficient m_q - 1 - j
+        for j in range(m_q):
+            self.fold[j, min(j, m_q - 1 - j)] = 1.0
+        self.unknowns = (self.n_d + DEGREE) * self.half
+
+    def _basis(self, knots: Any, x: Any, order: int) -> Array:
+        b = BSpline(knots, np.eye(len(knots) - DEGREE - 1), DEGREE)
+        return np.asarray(b(x, nu=order))
+
+    def rows(self, d: Array, q: Array, order_d: int, order_q: int) -> Array:
+        """Return the matrix (points, unknowns) of a mixed derivative of H."""
+        a = self._basis(self.knots_d, d, order_d)
+        b = self._basis(self.knots_q, q, order_q) @ self.fold
+        return np.asarray(np.einsum("pi,pj->pij", a, b).reshape(len(d), -1))
+
+    def check_points(self) -> tuple[Array, Array]:
+        """Return the points of the box (upper half) at which convexity is imposed."""
+        d = np.linspace(self.low_d, self.high_d, 3 * self.n_d + 1)
+        q = np.linspace(0.0, self.high_q, 3 * self.n_q // 2 + 1)
+        x, y = np.meshgrid(d, q, indexing="ij")
+        return x.ravel(), y.ravel()
+
+    def roughness(self, c: Array | None, floor: float, start: tuple[float, float]) -> Array:
+        """Return the third differences of H along both axes as flux errors (Wb), by the free coefficients.
+
+        A bend of the current over one cell counts by the inductance there, as data do; `c`: the solution so far.
+        """
+        m_d, m_q = self.n_d + DEGREE, self.n_q + DEGREE
+        step_d, step_q = self.knots_d[1] - self.knots_d[0], self.knots_q[1] - self.knots_q[0]
+        x = np.clip(self.low_d + step_d * (np.arange(m_d) + 0.5 - 0.5 * DEGREE), self.low_d, self.high_d)
+        y = np.clip(step_q * (np.arange(m_q) + 0.5 - 0.5 * m_q), -self.high_q, self.high_q)
+        a, b = (z.ravel() for z in np.meshgrid(x, y, indexing="ij"))
+        l_d, l_q = np.full((m_d, m_q), 1 / start[0]), np.full((m_d, m_q), 1 / start[1])
+        if c is not None:
+            l_d = (1 / np.maximum(self.rows(a, b, 2, 0) @ c, floor)).reshape(m_d, m_q)
+            l_q = (1 / np.maximum(self.rows(a, b, 0, 2) @ c, floor)).reshape(m_d, m_q)
+        fold, both = self.fold, np.sqrt(l_d * l_q)
+        along_d = np.kron(np.diff(np.eye(m_d), 3, axis=0), fold) * (l_d[1:-2].ravel() / step_d)[:, None]
+        along_q = (
+            np.kron(np.eye(m_d), np.diff(np.eye(m_q), 3, axis=0) @ fold) * (l_q[:, 1:-2].ravel() / step_q)[:, None]
+        )
+        mixed = np.kron(np.diff(np.eye(m_d), 2, axis=0), np.diff(np.eye(m_q), 2, axis=0) @ fold)
+        mixed = mixed * (both[1:-1, 1:-1].ravel() / np.sqrt(step_d * step_q))[:, None]
+        return np.concatenate([along_d, along_q, mixed])
+
+    def spline(self, c: Array) -> SplineEnergy:
+        """Return the cells' polynomials, by Taylor series at each cell's corner."""
+        full = c.reshape(self.n_d + DEGREE, self.half) @ self.fold.T
+        corner_d, corner_q = self.knots_d[DEGREE : DEGREE + self.n_d], self.knots_q[DEGREE : DEGREE + self.n_q]
+        step_d, step_q = self.knots_d[1] - self.knots_d[0], self.knots_q[1] - self.knots_q[0]
+
+        def taylor(knots: Any, corner: Any, step: float) -> Array:
+            inside = corner + 0.5 * step  # derivatives at the middle, shifted: safe from the corner's side
+            at = [self._basis(knots, inside, k) * step**k / math.factorial(k) for k in range(DEGREE + 1)]
+            shift = [
+                [math.comb(k, a) * (-0.5) ** (k - a) if k >= a else 0.0 for k in range(DEGREE + 1)]
+                for a in range(DEGREE + 1)
+            ]
+            return np.einsum("ak,kcn->can", np.array(shift), np.array(at))
+
+        a = taylor(self.knots_d, corner_d, float(step_d))
+        b = taylor(self.knots_q, corner_q, float(step_q))
+        cells = np.einsum("ian,jbm,nm->ijab", a, b, full)
+        return SplineEnergy(np.ascontiguousarray(cells), self.low_d, -self.high_q, 1 / float(step_d), 1 / float(step_q))
+
+
+def _convex_least_squares(rows: Array, goal: Array, box: _Box, curvature: list[Array], floor: float) -> Array:
+    """Return coefficients of least squares whose Hessian's smaller eigenvalue is at least `floor` at every point.
+
+    Cutting planes: where the eigenvalue is too small, its eigenvector's curvature becomes a linear inequality; each
+    quadratic programme is a least-distance problem solved by NNLS (Lawson and Hanson, ch. 23).
+    """
+    span = (box.high_d - box.low_d, 2 * box.high_q)
+    dd, dq, qq = curvature[0] * span[0] ** 2, curvature[1] * span[0] * span[1], curvature[2] * span[1] ** 2
+    least = floor * min(span) ** 2
+    normal = rows.T @ rows
+    normal += 1e-13 * np.trace(normal) / box.unknowns * np.eye(box.unknowns)
+    low = np.linalg.cholesky(normal)
+    best = c = cho_solve((low, True), rows[: len(goal)].T @ goal)
+    planes = np.zeros((0, box.unknowns))
+    for _ in range(ROUNDS):
+        a, b, d = dd @ c, dq @ c, qq @ c
+        smallest = 0.5 * (a + d) - np.sqrt(0.25 * (a - d) ** 2 + b**2)
+        short = np.flatnonzero(smallest < 0.5 * least)
+        if short.size == 0:
+            return c
+        angle = 0.5 * np.arctan2(2 * b[short], a[short] - d[short]) + 0.5 * np.pi  # of the smaller eigenvalue
+        cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+        new = dd[short] * cos**2 + 2 * dq[short] * cos * sin + qq[short] * sin**2
+        planes = np.concatenate([planes, new])
+        g = solve_triangular(low, planes.T, lower=True)
+        h = least - planes @ best
+        size = np.linalg.norm(g, axis=0)
+        e = np.vstack([g / size, h / size])
+        dual, _ = nnls(e, np.append(np.zeros(box.unknowns), 1.0), maxiter=30 * e.shape[1])
+        r = e @ dual
+        r[-1] -= 1.0
+        c = best + solve_triangular(low.T, -r[:-1] / r[-1], lower=False)
+        keep = (dual > 0) | (np.arange(len(dual)) >= len(dual) - len(new))
+        planes = planes[keep]
+    raise PhysicsError(
+        f"no strictly convex spline energy found for this map after {ROUNDS} rounds (smallest curvature "
+        f"{float(smallest.min()):.2g}, wanted {least:.2g}); use fewer cells, or remove points that "
+        "contradict each other"
+    )

@@ -1,0 +1,75 @@
+"""Maps over the current plane: incremental inductances, cross-saturation angle and gain, exact and to first order."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model import first_order
+from model.energy import flux_newton, hessian, is_convex_to
+from model.errors import BadInput
+from model.parameters import Motor
+from model.saliency import tracking_sign
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Maps:
+    """Arrays (n, n) over i_d (first axis) and i_q, NaN where the model is not valid.
+
+    inductances in H; angle: cross-saturation error e of a q-null estimator, rad; gain: slope of its null relative
+    to zero current.  `first_order` holds the same by the paper's formulas.
+    """
+
+    motor: str
+    i_d: Array  # (n,) A
+    i_q: Array
+    l_dd: Array
+    l_dq: Array
+    l_qq: Array
+    angle: Array
+    gain: Array
+    first_order: dict[str, Array]
+
+    def arrays(self) -> dict[str, Array]:
+        """Return everything by name, as written to an .npz; first-order maps carry the prefix `first_`."""
+        names = ("i_d", "i_q", "l_dd", "l_dq", "l_qq", "angle", "gain")
+        return {n: getattr(self, n) for n in names} | {f"first_{k}": v for k, v in self.first_order.items()}
+
+    def summary(self) -> dict[str, float | None]:
+        """Return the share of valid points and the largest errors of first order (H, rad) over them."""
+        valid = np.isfinite(self.l_dd)
+        out: dict[str, float | None] = {"valid_share": float(valid.mean())}
+        for name in ("l_dd", "l_dq", "l_qq", "angle"):
+            error = np.abs(self.first_order[name] - getattr(self, name))[valid]
+            out[f"first_order_error_{name}"] = float(error.max()) if error.size else None
+        return out
+
+
+def maps(motor: Motor, radius: float | None = None, points: int = 61) -> Maps:
+    """Return the maps on a square of half-width `radius` (A; default 180 % of rated current), `points` a side."""
+    radius = 1.8 * motor.rated_current if radius is None else radius
+    if not (math.isfinite(radius) and radius > 0) or points < 3:
+        raise BadInput(f"radius = {radius} A, points = {points}; give a radius > 0 and at least 3 points a side")
+    m, sign = motor.energy, tracking_sign(motor.energy)
+    i = np.linspace(-radius, radius, points)
+    x, y = np.meshgrid(i, i, indexing="ij")
+    gamma = np.full((3, points, points), np.nan)
+    for k in np.ndindex(x.shape):
+        d, q, outside = flux_newton(m, float(x[k]), float(y[k]), 0.0, 0.0)
+        if not outside and is_convex_to(m, d, q):
+            gamma[(slice(None), *k)] = hessian(m, d, q)
+    dd, dq, qq = gamma
+    det = dd * qq - dq * dq
+    zero = abs(m.gamma_d - m.gamma_q)
+    f_dd, f_dq, f_qq = first_order.inductances(m, x, y)
+    f_det = f_dd * f_qq - f_dq**2
+    first = {"l_dd": f_dd, "l_dq": f_dq, "l_qq": f_qq}
+    first["angle"] = 0.5 * np.arctan2(2 * sign * f_dq, sign * (f_qq - f_dd))
+    first["gain"] = np.hypot(f_qq - f_dd, 2 * f_dq) / np.abs(f_det) / zero
+    angle, gain = 0.5 * np.arctan2(-2 * sign * dq, sign * (dd - qq)), np.hypot(dd - qq, 2 * dq) / zero
+    return Maps(motor.name, i, i, qq / det, -dq / det, dd / det, angle, gain, first)
