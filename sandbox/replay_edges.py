@@ -42,11 +42,15 @@ from sandbox.replay_lanes import (
     LATE_4,
     LATE_5,
     LINK_A,
+    PAIRS,
     PSI_A,
     PSI_B,
+    PULSE_TORQUE,
     RESISTANCE,
     S_0,
     SOFT,
+    SWING_D,
+    SWING_Q,
     THRESHOLD,
     U_A,
     U_B,
@@ -65,7 +69,9 @@ def current_at(w, j, t, omega, f_a, f_b):
     a = w[PSI_A * LANES + j] + f_a - t * r * w[I_A * LANES + j]
     b = w[PSI_B * LANES + j] + f_b - t * r * w[I_B * LANES + j]
     c, s = turn(w[C_0 * LANES + j], w[S_0 * LANES + j], -omega * t)
-    x, y = c * a + s * b - w[X_D * LANES + j], c * b - s * a - w[X_Q * LANES + j]
+    turned = omega * t
+    x = c * a + s * b - w[X_D * LANES + j] - turned * w[SWING_D * LANES + j]
+    y = c * b - s * a - w[X_Q * LANES + j] - turned * w[SWING_Q * LANES + j]
     i_d = w[I_D * LANES + j] + w[GAMMA_DD * LANES + j] * x + w[GAMMA_DQ * LANES + j] * y
     i_q = w[I_Q * LANES + j] + w[GAMMA_DQ * LANES + j] * x + w[GAMMA_QQ * LANES + j] * y
     return c * i_d - s * i_q, s * i_d + c * i_q
@@ -149,18 +155,33 @@ def six_edges(w, j, iron, omega, e_0, e_1, e_2, e_3, e_4, e_5):
     return t_0, x_0, y_0, t_1, x_1, y_1, t_2, x_2, y_2, t_3, x_3, y_3, t_4, x_4, y_4, t_5, x_5, y_5, a, b
 
 
+@inlined
+def lost_voltage(w, j, x, y, period):
+    """Return the mean voltage (V) of lost volt-seconds with R Gamma of the flux they move by being late (1)."""
+    a, b, late = x / period, y / period, w[LATE * LANES + j]
+    c, s, r = w[C_0 * LANES + j], w[S_0 * LANES + j], w[RESISTANCE * LANES + j]
+    d, q = late * (c * a + s * b), late * (c * b - s * a)
+    g_d = w[GAMMA_DD * LANES + j] * d + w[GAMMA_DQ * LANES + j] * q
+    g_q = w[GAMMA_DQ * LANES + j] * d + w[GAMMA_QQ * LANES + j] * q
+    g_a, g_b = c * g_d - s * g_q, s * g_d + c * g_q
+    pull = w[PSI_A * LANES + j] * g_b - w[PSI_B * LANES + j] * g_a
+    pull += late * (a * w[I_B * LANES + j] - b * w[I_A * LANES + j])
+    w[PULSE_TORQUE * LANES + j] -= 1.5 * w[PAIRS * LANES + j] * pull  # mean current beside the samples' straight line
+    return a + r * g_a, b + r * g_b
+
+
 @kernel
 def dead_time(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period, iron):
     """Take from the period's voltage what late edges lose (5)."""
     if iron:
         for j in range(LANES):
             out = six_edges(w, j, True, omega, e_0, e_1, e_2, e_3, e_4, e_5)
-            x, y = out[18] / period, out[19] / period
+            x, y = lost_voltage(w, j, out[18], out[19], period)
             w[U_A * LANES + j], w[U_B * LANES + j] = w[U_A * LANES + j] + x, w[U_B * LANES + j] + y
     else:
         for j in range(LANES):
             out = six_edges(w, j, False, omega, e_0, e_1, e_2, e_3, e_4, e_5)
-            x, y = out[18] / period, out[19] / period
+            x, y = lost_voltage(w, j, out[18], out[19], period)
             w[U_A * LANES + j], w[U_B * LANES + j] = w[U_A * LANES + j] + x, w[U_B * LANES + j] + y
 
 
@@ -208,8 +229,9 @@ def dead_time_and_drop(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period):
         a, b = a + w[CORE_A * LANES + j], b + w[CORE_B * LANES + j]
         s_a, s_b = signs(w, j, x_5, y_5, a, b, (period - t_5) * per, s_a, s_b)
         drop = w[THRESHOLD * LANES + j]
-        w[U_A * LANES + j] = w[U_A * LANES + j] + x * per - drop * s_a
-        w[U_B * LANES + j] = w[U_B * LANES + j] + y * per - drop * s_b
+        x, y = lost_voltage(w, j, x, y, period)
+        w[U_A * LANES + j] = w[U_A * LANES + j] + x - drop * s_a
+        w[U_B * LANES + j] = w[U_B * LANES + j] + y - drop * s_b
 
 
 @inlined

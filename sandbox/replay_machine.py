@@ -55,6 +55,8 @@ from sandbox.replay_lanes import (
     SKIN_R,
     SLOW_A,
     SLOW_B,
+    SWING_D,
+    SWING_Q,
     TORQUE,
     U_A,
     U_B,
@@ -107,6 +109,7 @@ def full_sample(w):
         w[I_A * LANES + j], w[I_B * LANES + j] = m_a + k_a, m_b + k_b
         w[I_D * LANES + j], w[I_Q * LANES + j] = i_d, i_q
         w[X_D * LANES + j], w[X_Q * LANES + j] = x_d, x_q
+        w[SWING_D * LANES + j], w[SWING_Q * LANES + j] = -6.0 * h_d * s_6, 6.0 * h_q * c_6
         w[GAMMA_DD * LANES + j], w[GAMMA_DQ * LANES + j] = dd + g * c_6, dq + g * s_6
         w[GAMMA_QQ * LANES + j] = qq - g * c_6
 

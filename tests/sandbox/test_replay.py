@@ -91,6 +91,23 @@ def test_all_effects_together_are_those_of_the_switched_bench():
     assert without.min() > 50 * current.max()
 
 
+PAIRS = (  # whose effects meet inside the period
+    ("dead_time", "pwm_delay"), ("dead_time", "iron_loss"), ("dead_time", "device_drop"),
+    ("dead_time", "flux_harmonics"), ("dead_time", "current_filter"), ("iron_loss", "current_sampling"), ("current_filter", "iron_loss"),
+    ("pwm_delay", "current_filter"), ("encoder_eccentricity", "cogging_torque"),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("names", PAIRS, ids=" ".join)
+def test_pairs_are_those_of_the_switched_bench(names):
+    effects = {k: v for name in names for k, v in typical(name).items()}
+    recorded = campaign(effects, n=500)
+    current, motion = gaps(recorded, prepare(recorded, effects, steps=1), effects)
+    print(f"{names}: {np.round(current * 1e6)} ppm of rated current, motion {motion:.3f}")
+    assert current.max() < 9e-4
+    assert motion < MOTION
+
+
 def test_threads_batches_and_neutral_values_change_no_bit():
     prepared = prepare(campaign({}, CASES[1:]), steps=1)
     sets = [{"stator_resistance.resistance": 12.0 + 0.01 * k, "dead_time.time": 1e-7 * (k % 3)} for k in range(40)]
