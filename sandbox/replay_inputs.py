@@ -1,0 +1,191 @@
+"""What a recording gives to every parameter set alike: pulses, edges, the rotor's motion, the motion filter's gains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import kernel
+from model.effects.library import true_motor
+from model.energy import flux_newton
+from model.errors import BadInput
+from model.frames import stationary
+from model.parameters import Converter
+from sandbox import replay_lanes as lanes
+from sandbox.campaign import Campaign, CampaignRecording
+from sandbox.replay_kernel import COLUMNS, EDGE
+from sandbox.replay_sets import compile_set, complete
+from sandbox.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
+
+Array = NDArray[np.float64]
+LOAD_SHARE = 0.01  # standard deviation of the load machine's torque, a share of what was asked, sample by sample
+AT_REST = 0.05  # of rated current: a first reading below is a start without current
+LEGS = np.array([[1.0, 0.0], [-0.5, math.sqrt(0.75)], [-0.5, -math.sqrt(0.75)]])
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """One recording's inputs: table (n, COLUMNS), edges (n, 6, EDGE), turns (n, 2 steps + 1, 2), readings (n, 3) A."""
+
+    file: str
+    rotor: str
+    table: Array
+    edges: Array
+    turns: Array
+    read: Array
+    motion: Motion
+    angle_floor: float  # rad rms of one encoder reading
+    pole_pairs: float
+    loaded: bool  # current flows at the first sample
+
+    def with_steps(self, period: float, steps: int) -> Inputs:
+        """Return the same for another number of plant steps a period."""
+        angle = self.motion.at(period, np.arange(2 * steps + 1) / (2.0 * steps))
+        return replace(self, turns=np.ascontiguousarray(np.stack([np.cos(angle), np.sin(angle)], axis=-1)))
+
+    def encoder(self, rows: Array) -> Array:
+        """Return the encoder's reading (n, sets) that sets predict for a driven rotor; rows (ROWS, sets)."""
+        x = self.motion.angle[:, None]
+        if self.motion.eccentric:
+            return np.asarray(np.broadcast_to(x, (len(x), rows.shape[1])))
+        turn = x / self.pole_pairs
+        return np.asarray(x + np.sin(turn) * rows[lanes.ECC_COS] + np.cos(turn) * rows[lanes.ECC_SIN])
+
+
+def noise_floor(converter: Converter) -> float:
+    """Return the rms (A) of one current reading about its true value: noise and counts."""
+    floor = math.hypot(converter.current_noise, converter.current_resolution / math.sqrt(12.0))
+    if floor <= 0.0:
+        raise BadInput(
+            "[drive] current_noise and current_resolution are both 0, so no residual can be judged; give at least one"
+        )
+    return floor
+
+
+def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float], steps: int) -> Inputs:
+    """Return a recording's inputs; base: the set at which a free rotor is smoothed."""
+    motor, converter = campaign.drive.motor, campaign.drive.converter
+    period, n = converter.sampling_period, len(r.t)
+    if np.any(r.u_dc <= 0.0):
+        k = int(np.argmax(r.u_dc <= 0.0))
+        raise BadInput(f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V; duties need a positive link voltage")
+    count = math.tau * motor.pole_pairs / converter.encoder_counts if converter.encoder_counts else 1e-4
+    table = np.zeros((n, COLUMNS))
+    duty = duties(r.u_alpha, r.u_beta, r.u_dc)
+    table[:, 0:2] = (2.0 / 3.0) * duty @ LEGS
+    table[:, 2:5] = duty
+    load = np.asarray(r.columns.get("load_torque", np.zeros(n)))
+    motion = _motion(campaign, r, base, load, count)
+    table[:, 5] = motion.speed
+    if motion.eccentric:
+        turn = motion.angle / motor.pole_pairs
+        table[:, 6], table[:, 7] = np.sin(turn), np.cos(turn)
+    table[:, 8], table[:, 9] = load, r.theta
+    variance = max(count, 1e-9) ** 2 / 12.0
+    if r.rotor == "free":
+        torque_error = 1.5 * motor.pole_pairs * motor.magnet_flux * noise_floor(converter)
+        table[:, 10:13] = motion_gains(
+            load, motor.pole_pairs / motor.inertia, period, variance, torque_error**2, LOAD_SHARE, (count / period) ** 2
+        )
+        table[:, 13] = motion.at(period, np.array([0.5]))[:, 0]
+        table[:, 14] = 0.5 * (motion.speed + np.append(motion.speed[1:], motion.speed[-1]))
+    read = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
+    edges = edge_table(duty, period)
+    v = complete(motor, converter, base)
+    off_a, off_b = v["current_offset.offset_a"], v["current_offset.offset_b"]
+    start = math.hypot(*stationary(read[0, 0] - off_a, read[0, 1] - off_b, read[0, 2] + off_a + off_b))
+    first = Inputs(
+        r.file, r.rotor, table, edges, np.empty((0, 0, 2)), read, motion, math.sqrt(variance), float(motor.pole_pairs),
+        start > AT_REST * motor.rated_current,
+    )  # fmt: skip
+    return first.with_steps(period, steps)
+
+
+def duties(u_alpha: Array, u_beta: Array, u_dc: Array) -> Array:
+    """Return the legs' duties (n, 3): commanded phase voltages centred, limited to what legs can do."""
+    legs = np.stack([u_alpha, u_beta], axis=1) @ LEGS.T
+    middle = 0.5 * (legs.max(axis=1) + legs.min(axis=1))
+    return np.asarray(np.clip(0.5 + (legs - middle[:, None]) / u_dc[:, None], 0.0, 1.0))
+
+
+def edge_table(duty: Array, period: float) -> Array:
+    """Return the six edges of each period in order of time (n, 6, EDGE): instant, unit flux till then, leg's vector."""
+    order = np.argsort(-duty, axis=1, kind="stable")
+    n, rows = len(duty), np.arange(len(duty))
+    out = np.empty((n, 6, EDGE))
+    for m in range(6):
+        leg = order[:, m if m < 3 else 5 - m]
+        side = -1.0 if m < 3 else 1.0
+        t = 0.5 * (1.0 + side * duty[rows, leg]) * period
+        on = np.clip(t[:, None] - 0.5 * (1.0 - duty) * period, 0.0, duty * period)
+        out[:, m, 0], out[:, m, 1:3], out[:, m, 3:5] = t, (2.0 / 3.0) * on @ LEGS, LEGS[leg]
+    return out
+
+
+def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float], load: Array, count: float) -> Motion:
+    motor, converter = campaign.drive.motor, campaign.drive.converter
+    if r.rotor == "locked":
+        if np.ptp(r.theta) > 4.0 * count:
+            raise BadInput(f"{r.file}: rotor = 'locked', but theta moves by {np.ptp(r.theta):.3g} rad; correct 'rotor'")
+        return locked_motion(r.theta)
+    if r.rotor == "driven":
+        return driven_motion(r.t, r.theta, motor.pole_pairs, count)
+    v = complete(motor, converter, base)
+    m = true_motor(motor, v)
+    pairs, period = m.pole_pairs, converter.sampling_period
+    i_alpha, i_beta = r.current
+    angle, speed = r.theta, np.zeros(len(r.theta))
+    eccentric, phase = v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
+    row = compile_set(motor, converter, v, 1)
+    for _ in range(2):
+        turn = (angle - v["encoder_offset.offset"]) / pairs
+        turn = turn - eccentric * np.sin(turn + phase)
+        torque = torque_of(m.energy, m.magnet_flux, float(pairs), i_alpha, i_beta, pairs * turn)
+        omega = speed / pairs
+        net = torque - m.viscous_friction * omega
+        net -= v["coulomb_friction.torque"] * np.tanh(omega / v["coulomb_friction.width"])
+        net += v["cogging_torque.amplitude"] * np.sin(v["cogging_torque.order_mech"] * turn + v["cogging_torque.phase"])
+        taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
+        acceleration = pairs / m.inertia * (net - taken) + pairs * swing(row, net, taken)
+        motion = free_motion(r.theta, acceleration, period, count)
+        angle, speed = motion.angle, motion.speed
+    return motion
+
+
+@kernel
+def swing(row, net, taken):
+    """Return what a compliant shaft adds to the motor's acceleration (n,) in rad/s^2 mechanical, from rest."""
+    out = np.zeros(len(net))
+    if row[lanes.LOAD_SHARE] == 0.0:
+        return out
+    t = v = 0.0
+    rate_2 = 1.0 / row[lanes.OSC_REST]
+    damping = (row[lanes.OSC_11] - row[lanes.OSC_22]) / row[lanes.OSC_12]  # 2 x ratio x rate
+    for k in range(len(net)):
+        rest = row[lanes.OSC_REST] * (net[k] * row[lanes.MOTOR_INV] + taken[k] * row[lanes.LOAD_INV])
+        out[k] = row[lanes.LOAD_SHARE] * (rate_2 * (rest - t) - damping * v)
+        if k + 1 < len(net):
+            mean = 0.5 * (net[k] + net[k + 1])
+            rest = row[lanes.OSC_REST] * (mean * row[lanes.MOTOR_INV] + taken[k] * row[lanes.LOAD_INV])
+        t, v = (
+            rest + row[lanes.OSC_11] * (t - rest) + row[lanes.OSC_12] * v,
+            row[lanes.OSC_21] * (t - rest) + row[lanes.OSC_22] * v,
+        )
+    return out
+
+
+@kernel
+def torque_of(m, magnet_flux, pole_pairs, i_alpha, i_beta, theta):
+    """Return the air-gap torque (n,) in N m of measured currents (A) at measured angles (rad)."""
+    out = np.empty(len(theta))
+    d = q = 0.0
+    for k in range(len(theta)):
+        c, s = math.cos(theta[k]), math.sin(theta[k])
+        i_d, i_q = c * i_alpha[k] + s * i_beta[k], c * i_beta[k] - s * i_alpha[k]
+        d, q, _ = flux_newton(m, i_d, i_q, d, q)
+        out[k] = 1.5 * pole_pairs * ((d + magnet_flux) * i_q - q * i_d)
+    return out

@@ -1,0 +1,206 @@
+"""Sensitivities of a replayed campaign: d(predicted reading)/d(parameter), by differences side by side.
+
+Each block of lanes carries the base set in its first lane and one displaced set in each other, so a difference is
+between numbers of the same code; steps are SHARE of the parameter's typical size (or of what a bench deviates by).
+Replay is in strict double precision, so so small a step costs no digits that matter: the error is the second
+derivative's, SHARE / 2 of the typical effect's own curvature (checked against Richardson's extrapolation).
+
+Where an effect is off, its other parameters (a ripple's frequency, a cogging order, ...) are at their typical values,
+which changes no bit of the base and lets its size be screened.  A neutral value of infinity is left along the
+reciprocal: `coordinates` then says "1/...".
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import kernel
+from model.effects import library
+from model.errors import BadInput, unknown
+from sandbox import replay_lanes as lanes
+from sandbox.replay import Prepared, Set, block_of, in_threads, run_block
+from sandbox.replay_sets import BENCH, complete, features_of, parameter_names
+
+Array = NDArray[np.float64]
+SHARE = 1e-4
+SWITCHES = {  # an effect is off while these are neutral
+    "iron_loss": ("core_resistance",),
+    "skin_effect": ("resistance",),
+    "dc_link_ripple": ("amplitude",),
+    "encoder_eccentricity": ("amplitude_mech",),
+    "coulomb_friction": ("torque", "stribeck_torque"),
+    "cogging_torque": ("amplitude",),
+    "shaft_compliance": ("stiffness",),
+}
+SECANT = {"shaft_compliance.stiffness": 1.0}  # of typical size: at infinite stiffness a slope says nothing
+MECHANICAL = ("coulomb_friction", "viscous_friction", "cogging_torque", "inertia", "shaft_compliance")
+FALLBACK = {"dc_link_ripple.phase": 1.0, "cogging_torque.phase": 1.0}  # rad; these have no typical size
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """Derivatives per recording: currents (n, 3, p) in A, motion (n, p) in standard deviations (free, else None),
+    angle (n, p) in rad (driven, else None), each per unit of the parameter's coordinate.
+
+    names: (p,); coordinates: (p,) a name, or "1/name"; steps: (p,) differences taken in the coordinate; typical: (p,)
+    the coordinate's change at typical size; base: the completed set.
+    """
+
+    names: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    steps: Array
+    typical: Array
+    base: Set
+    currents: tuple[Array, ...]
+    motion: tuple[Array | None, ...]
+    angle: tuple[Array | None, ...]
+
+
+def all_parameters() -> tuple[str, ...]:
+    """Return every parameter that moves a prediction: all but the jitter (zero mean) and doubles of one number."""
+    doubles = {f"cross_saturation.{alpha}" for alpha in library.SHARED}
+    return tuple(n for n in parameter_names() if n != "current_sampling.jitter" and n not in doubles)
+
+
+def base_set(prepared: Prepared, base: Set | None = None) -> dict[str, float]:
+    """Return the completed set, typical values given to the companions of effects that are off (see above)."""
+    drive = prepared.campaign.drive
+    out = complete(drive.motor, drive.converter, prepared.base if base is None else base)
+    neutral = library.neutral(drive.motor)
+    for effect, switches in SWITCHES.items():
+        if all(out[f"{effect}.{s}"] == neutral[f"{effect}.{s}"] for s in switches):
+            for name, value in library.typical(effect, drive.motor, drive.converter).items():
+                if name.partition(".")[2] not in switches and out[name] == neutral[name]:
+                    out[name] = value
+    return out
+
+
+def typical_change(prepared: Prepared, name: str, value: float) -> float:
+    """Return the size of a parameter's typical change in its coordinate (the reciprocal where it is infinite)."""
+    motor, converter = prepared.campaign.drive.motor, prepared.campaign.drive.converter
+    if name in BENCH:
+        if name == "bench.soft_current":
+            return 0.2 * value
+        if name == "bench.common_offset":
+            return 1e-2 * motor.rated_current
+        return 1e-2 * (motor.rated_torque if name.endswith("torque_offset") else 1.0)
+    p = library.parameters()[name]
+    neutral, size = p.neutral_for(motor), p.typical_for(motor, converter)
+    if math.isinf(neutral):
+        return 1.0 / size if math.isinf(value) else size
+    if name == "dc_link_ripple.frequency":  # a radian at the end of the longest recording
+        return 1.0 / (math.tau * converter.sampling_period * max(len(r.table) for r in prepared.recordings))
+    if name == "cogging_torque.order_mech":  # likewise
+        free = [float(np.ptp(r.motion.angle)) for r in prepared.recordings if r.rotor == "free"]
+        return min(1.0, motor.pole_pairs / max(1.0, *free, 1.0))
+    if name == "coulomb_friction.stribeck_torque":
+        return library.parameters()["coulomb_friction.torque"].typical_for(motor, converter)
+    if name == "current_gain.gain_c":
+        return 0.01
+    return abs(size - neutral) or abs(size) or FALLBACK[name]
+
+
+def displaced(prepared: Prepared, base: Set, name: str, share: float) -> tuple[dict[str, float], float, str]:
+    """Return the set with one parameter moved by a share of its typical change, the step and the coordinate's name."""
+    value, size = base[name], typical_change(prepared, name, base[name])
+    step = share * size
+    if math.isinf(value):
+        step = max(abs(share), SECANT.get(name, 0.0)) * size
+        return {**base, name: 1.0 / step}, step, f"1/{name}"
+    p = BENCH.get(name) or library.parameters()[name]
+    if value + step > p.high:
+        step = -step
+    moved = {**base, name: value + step}
+    if name.startswith("saturation.") and f"cross_{name}" in base:
+        moved[f"cross_{name}"] = value + step
+    return moved, step, name
+
+
+def sensitivities(
+    prepared: Prepared,
+    names: Sequence[str] | None = None,
+    base: Set | None = None,
+    *,
+    workers: int = 1,
+    share: float = SHARE,
+) -> Sensitivity:
+    """Return d(reading)/d(parameter) of the whole campaign at a base set (default: the prepared one).
+
+    names: parameters, all by default; workers: threads, any number gives the same bits; share: step over typical size.
+    """
+    chosen = all_parameters() if names is None else tuple(names)
+    for name in chosen:
+        if name not in parameter_names():
+            raise unknown("parameter", name, parameter_names())
+    if not chosen or not 0.0 < abs(share) <= 1.0:
+        raise BadInput(f"{len(chosen)} parameters, share = {share!r}; give at least one name and a share in (0, 1]")
+    at = base_set(prepared, base)
+    moves = [displaced(prepared, at, name, share) for name in chosen]
+    steps = np.array([m[1] for m in moves])
+    results = _empty(prepared, len(chosen))
+    electrical = [k for k, name in enumerate(chosen) if not _mechanical(name)]
+    mechanical = [k for k, name in enumerate(chosen) if _mechanical(name)]
+    sets = [at, *(m[0] for m in moves)]
+    blocks = _blocks(prepared, sets, electrical), _blocks(prepared, sets, mechanical)
+    jobs = []
+    for r, inputs in enumerate(prepared.recordings):
+        wanted = blocks[0] + blocks[1] if inputs.rotor == "free" else blocks[0]
+        jobs += [(r, block, columns) for block, columns in wanted]
+    jobs.sort(key=lambda job: -len(prepared.recordings[job[0]].table) * job[1].features.bit_count())
+
+    def task(job) -> None:
+        r, block, columns = job
+        inputs, n = prepared.recordings[r], len(prepared.recordings[r].table)
+        current = np.empty((n, 3, lanes.LANES))
+        moved = np.empty((n, lanes.LANES)) if inputs.rotor == "free" else np.empty((1, lanes.LANES))
+        run_block(prepared, inputs, block, current, moved, 0)
+        inverse = 1.0 / steps[columns]
+        differences(current.reshape(3 * n, -1), inverse, columns, results[0][r].reshape(3 * n, -1))
+        if inputs.rotor == "free":
+            differences(moved, inverse, columns, results[1][r])
+        if inputs.rotor == "driven":
+            read = inputs.encoder(block.rows)
+            results[2][r][:, columns] = (read[:, 1 : len(columns) + 1] - read[:, :1]) * inverse
+
+    in_threads(task, jobs, workers)
+    typical = np.array([typical_change(prepared, name, at[name]) for name in chosen])
+    return Sensitivity(chosen, tuple(m[2] for m in moves), steps, typical, at, *(tuple(x) for x in results))
+
+
+def _mechanical(name: str) -> bool:
+    return name.partition(".")[0] in MECHANICAL or name.startswith("bench.load_torque")
+
+
+def _empty(prepared: Prepared, p: int):
+    n = [len(r.table) for r in prepared.recordings]
+    free = [r.rotor == "free" for r in prepared.recordings]
+    driven = [r.rotor == "driven" for r in prepared.recordings]
+    currents = [np.zeros((k, 3, p)) for k in n]
+    motion = [np.zeros((k, p)) if f else None for k, f in zip(n, free, strict=True)]
+    angle = [np.zeros((k, p)) if d else None for k, d in zip(n, driven, strict=True)]
+    return currents, motion, angle
+
+
+def _blocks(prepared: Prepared, sets: Sequence[Mapping[str, float]], columns: Sequence[int]):
+    """Return blocks of the base and up to LANES - 1 displaced sets each, alike in needs, with their columns."""
+    needs = [features_of(sets[k + 1]) for k in columns]
+    order = [k for _, k in sorted(zip(needs, columns, strict=True), key=lambda x: (x[0].bit_count(), x[0], x[1]))]
+    out = []
+    for first in range(0, len(order), lanes.LANES - 1):
+        own = np.array(order[first : first + lanes.LANES - 1])
+        out.append((block_of(prepared, [0, *(own + 1)], sets), own))
+    return out
+
+
+@kernel
+def differences(values, inverse, columns, out):
+    """Write (values[:, j + 1] - values[:, 0]) inverse[j] to out[:, columns[j]]."""
+    for k in range(len(values)):
+        base = values[k, 0]
+        for j in range(len(columns)):
+            out[k, columns[j]] = (values[k, j + 1] - base) * inverse[j]

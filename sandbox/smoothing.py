@@ -1,0 +1,185 @@
+"""The rotor's motion behind an encoder's counts, as a replay needs it at every sample.
+
+A locked rotor stands.  A driven one moves at constant speed or along straight ramps: their corners are fitted.  A
+free one follows its torque: angle and measured-current torque are smoothed together by least squares,
+
+    sum (read - theta)^2 / r  +  sum (third difference of theta - that of the torque's motion)^2 / (q T^5),
+
+that is a random walk of strength q in the unexplained acceleration; a banded system, linear in the reading.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import kernel
+
+Array = NDArray[np.float64]
+UNEXPLAINED = 1e6  # (rad/s^2)^2/s electrical: 1000 rad/s^2 of unexplained acceleration gathered in a second
+LARGEST_MISS = 1.25  # of a count over sqrt(12): a driven rotor's motion is known better than that, or another corner
+CORNERS = 8
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Encoder-side angle (rad, electrical, counts removed) and speed (rad/s, electrical), one value a sample (n,).
+
+    `eccentric`: an eccentric encoder's error is still in the angle.
+    """
+
+    angle: Array
+    speed: Array
+    eccentric: bool = True
+
+    def at(self, period: float, share: Array) -> Array:
+        """Return the angle (n, shares) at t_k + share x period: cubic from angles and speeds of both samples."""
+        a, v = self.angle, self.speed
+        b, w = np.append(a[1:], a[-1] + period * v[-1]), np.append(v[1:], v[-1])
+        x = np.asarray(share)[None, :]
+        y = x * x * (3.0 - 2.0 * x)
+        out = a[:, None] + (b - a)[:, None] * y
+        return np.asarray(out + period * x * (1.0 - x) * (v[:, None] * (1.0 - x) - w[:, None] * x))
+
+
+def locked_motion(theta: Array) -> Motion:
+    """Return the motion of a rotor that stands: the mean reading."""
+    return Motion(np.full(len(theta), float(np.mean(theta))), np.zeros(len(theta)))
+
+
+def _ramps(t: Array, knots: Array) -> tuple[Array, Array]:
+    """Angle and speed (n, knots) of unit tents of speed."""
+    j = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
+    dt, width = t - knots[j], np.diff(knots)
+    tents = np.eye(len(knots))
+    whole = np.zeros((len(knots), len(knots)))
+    whole[1:] = np.cumsum(0.5 * (tents[1:] + tents[:-1]) * width[:, None], axis=0)
+    x = (dt / width[j])[:, None]
+    speed = tents[j] * (1.0 - x) + tents[j + 1] * x
+    return whole[j] + dt[:, None] * 0.5 * (tents[j] + speed), speed
+
+
+def driven_motion(t: Array, theta: Array, pole_pairs: float, count: float) -> Motion:
+    """Return the motion of a rotor at imposed speed: straight pieces, as few corners as the reading's counts allow.
+
+    An eccentric encoder's sine, once a mechanical turn, is fitted beside and left out of the motion (where the rotor
+    turns more than once).  count: rad, electrical.  Where few corners will not do, a smooth motion without torque.
+    """
+    period = float(t[1] - t[0])
+    end = float(t[-1]) + period
+    wobble = np.empty((len(t), 0))
+    if np.ptp(theta) > 2.0 * math.pi * pole_pairs:
+        wobble = np.stack([np.sin(theta / pole_pairs), np.cos(theta / pole_pairs)], axis=1)
+
+    def fit(corners: Array) -> tuple[Motion, Array]:
+        angle, speed = _ramps(t, np.concatenate([[0.0], corners, [end]]))
+        a = np.column_stack([np.ones_like(t), angle, wobble])
+        x = np.linalg.lstsq(a, theta, rcond=1e-12)[0]
+        m = angle.shape[1] + 1
+        return Motion(a[:, :m] @ x[:m], speed @ x[1:m], wobble.shape[1] == 0), theta - a @ x
+
+    goal = LARGEST_MISS * max(count, 1e-6) / math.sqrt(12.0)
+    if np.ptp(theta) == 0.0:
+        return locked_motion(theta)
+    start = np.empty(0)
+    for _ in range(CORNERS + 1):
+        motion, miss = fit(start)
+        if start.size:
+            motion, miss, start = _refined(fit, start, miss, end, period)
+        if math.sqrt(float(np.mean(miss**2))) <= goal:
+            return motion
+        start = np.sort(np.append(start, _best_new(fit, start, end)))
+    return free_motion(theta, np.zeros_like(theta), period, count, UNEXPLAINED)
+
+
+def _best_new(fit, corners: Array, end: float) -> float:
+    grid = end * np.arange(1, 40) / 40.0
+    cost = [np.sum(fit(np.sort(np.append(corners, g)))[1] ** 2) if np.all(np.abs(corners - g) > 1e-3 * end) else np.inf
+            for g in grid]  # fmt: skip
+    return float(grid[int(np.argmin(cost))])
+
+
+def _refined(fit, corners: Array, miss: Array, end: float, period: float):
+    """Move the corners by damped Gauss-Newton steps; each differenced by one sample."""
+    motion = fit(corners)[0]
+    for _ in range(12):
+        slope = np.stack([(fit(corners + period * e)[1] - miss) / period for e in np.eye(len(corners))], axis=1)
+        step, size = np.linalg.lstsq(slope, -miss, rcond=1e-10)[0], 1.0
+        while size > 0.02:
+            trial = np.sort(np.clip(corners + size * step, 2 * period, end - 2 * period))
+            if np.all(np.diff(trial) > 2 * period):
+                new_motion, new_miss = fit(trial)
+                if np.sum(new_miss**2) < np.sum(miss**2):
+                    break
+            size *= 0.5
+        else:
+            break
+        gained = 1.0 - np.sum(new_miss**2) / np.sum(miss**2)
+        corners, motion, miss = trial, new_motion, new_miss
+        if gained < 1e-4:
+            break
+    return motion, miss, corners
+
+
+def free_motion(
+    theta: Array, acceleration: Array, period: float, count: float, unexplained: float = UNEXPLAINED
+) -> Motion:
+    """Return the motion of a free rotor from counts and the torque's acceleration.
+
+    theta: (n,) rad; acceleration: (n,) rad/s^2 electrical, at the samples, by torque less load and friction; period: s;
+    count: rad, electrical; unexplained: strength q of the acceleration's random walk, (rad/s^2)^2/s.
+    """
+    angle = smooth(theta, acceleration, period, count, unexplained)
+    mean = 0.5 * (acceleration[1:] + acceleration[:-1])  # constant over each interval
+    speed = np.empty_like(angle)
+    speed[1:-1] = (angle[2:] - angle[:-2]) / (2.0 * period) - 0.25 * period * (mean[1:] - mean[:-1])
+    speed[0] = (angle[1] - angle[0]) / period - 0.5 * period * mean[0]
+    speed[-1] = (angle[-1] - angle[-2]) / period + 0.5 * period * mean[-1]
+    return Motion(angle, speed)
+
+
+def smooth(theta: Array, acceleration: Array, period: float, count: float, unexplained: float) -> Array:
+    """Return the smoothed angle (n,) of `free_motion`, rad."""
+    from scipy.linalg import solveh_banded
+
+    n = len(theta)
+    weight = max(count, 1e-9) ** 2 / 12.0 / (unexplained * period**5)
+    mean = 0.5 * (acceleration[1:] + acceleration[:-1])
+    third = 0.5 * period**2 * (mean[2:] - mean[:-2])
+    mask = np.array([-1.0, 3.0, -3.0, 1.0])
+    band, right = np.zeros((4, n)), np.zeros(n)
+    band[3] = 1.0
+    base = theta - theta[0]
+    right += base
+    for i in range(4):
+        right[i : n - 3 + i] += weight * mask[i] * third
+        for j in range(i, 4):
+            band[3 - (j - i), j : n - 3 + j] += weight * mask[i] * mask[j]
+    return np.asarray(theta[0] + solveh_banded(band, right))
+
+
+@kernel
+def motion_gains(load, acceleration, period, count_variance, torque_variance, load_share, speed_variance):
+    """Return gains for angle and speed and the scale 1/standard deviation of the innovation, (n, 3).
+
+    The Kalman filter of a free rotor's reading: white torque error (N m)^2 a sample plus `load_share` of the load
+    (n,), counts of the given variance (rad^2); acceleration: p/J; the first reading starts the angle.
+    """
+    n = len(load)
+    out = np.zeros((n, 3))
+    p_11, p_12, p_22 = count_variance, 0.0, speed_variance
+    for k in range(1, n):
+        q = acceleration * acceleration * (torque_variance + (load_share * load[k - 1]) ** 2)
+        p_11 += period * (2.0 * p_12 + period * p_22) + 0.25 * period**4 * q
+        p_12 += period * p_22 + 0.5 * period**3 * q
+        p_22 += period * period * q
+        s = p_11 + count_variance
+        g_1, g_2 = p_11 / s, p_12 / s
+        out[k, 0], out[k, 1], out[k, 2] = g_1, g_2, 1.0 / math.sqrt(s)
+        p_22 -= g_2 * p_12
+        p_12 -= g_2 * p_11
+        p_11 -= g_1 * p_11
+    return out
