@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from model.effects import library
-from sandbox import replay_lanes as lanes
 from sandbox.campaign import read_campaign
-from sandbox.replay import Prepared, halving_error, in_threads, plan, prepare, replay, residuals, run_block
-from sandbox.sensitivity import all_parameters, sensitivities
+from sandbox.replay import lanes
+from sandbox.replay.replay import Prepared, halving_error, in_threads, plan, prepare, replay, residuals, run_block
+from sandbox.replay.sensitivity import all_parameters, sensitivities
 
 
 def step_time(prepared: Prepared, effects: dict[str, float], workers: int = 1, sets: int = 64) -> float:
@@ -67,4 +67,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1] if len(sys.argv) > 1 else os.environ["SENSORLESS_RECORDINGS"]))
+    main(Path(sys.argv[1] if len(sys.argv) > 1 else os.environ.get("SENSORLESS_RECORDINGS", "../shared/recordings")))

@@ -1,4 +1,4 @@
-"""Parameter sets for replay: effects by their public names, checked, compiled to the rows of `sandbox.replay_lanes`.
+"""Parameter sets for replay: effects by their public names, checked, compiled to the rows of `sandbox.replay.lanes`.
 
 Beside the effect library's parameters a bench has deviations that are no effect, named `bench.*`.
 """
@@ -16,7 +16,7 @@ from model.effects import library
 from model.effects.dead_time import SOFT_SIGN
 from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor
-from sandbox import replay_lanes as lanes
+from sandbox.replay import lanes
 
 Array = NDArray[np.float64]
 LARGEST_RATE = 1e12  # 1/s: a lag without time constant
@@ -65,7 +65,7 @@ def complete(motor: Motor, converter: Converter, values: Mapping[str, float] | N
 
 
 def features_of(v: Mapping[str, float]) -> int:
-    """Return the features (bits of `replay_lanes`) that a completed set needs."""
+    """Return the features (bits of `lanes`) that a completed set needs."""
     iron = math.isfinite(v["iron_loss.core_resistance"])
     compliant = math.isfinite(v["shaft_compliance.stiffness"]) and v["shaft_compliance.load_inertia"] > 0.0
     needs = (

@@ -11,7 +11,7 @@ import math
 
 from model.compiled import inlined, kernel
 from sandbox.plant import turn
-from sandbox.replay_lanes import (
+from sandbox.replay.lanes import (
     C_0,
     CLAG_A,
     CLAG_B,

@@ -1,7 +1,7 @@
 """The machine with all its effects, LANES parameter sets at once; angles are prescribed.
 
 Stationary frame throughout: a held voltage is constant there, and only the resistive drop needs integrating.  The
-terms are those of `model/effects`, written on rows of `sandbox.replay_lanes`; tests compare them with the switched
+terms are those of `model/effects`, written on rows of `sandbox.replay.lanes`; tests compare them with the switched
 bench, effect by effect.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from model.compiled import inlined, kernel
-from sandbox.replay_lanes import (
+from sandbox.replay.lanes import (
     C_0,
     C_1,
     C_2,

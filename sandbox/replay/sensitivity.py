@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from model.compiled import kernel
 from model.effects import library
 from model.errors import BadInput, unknown
-from sandbox import replay_lanes as lanes
-from sandbox.replay import Prepared, Set, block_of, in_threads, run_block
-from sandbox.replay_sets import BENCH, complete, features_of, parameter_names
+from sandbox.replay import lanes
+from sandbox.replay.replay import Prepared, Set, block_of, in_threads, run_block
+from sandbox.replay.sets import BENCH, complete, features_of, parameter_names
 
 Array = NDArray[np.float64]
 SHARE = 1e-4

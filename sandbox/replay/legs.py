@@ -12,7 +12,7 @@ import math
 from model.compiled import inlined, kernel
 from model.pulses import flux_after, mean_deviation
 from sandbox.plant import turn
-from sandbox.replay_lanes import (
+from sandbox.replay.lanes import (
     C_0,
     CLAG_A,
     CLAG_B,
@@ -57,7 +57,7 @@ from sandbox.replay_lanes import (
     incremental,
     sine_cosine,
 )
-from sandbox.replay_machine import full_current, sixth
+from sandbox.replay.machine import full_current, sixth
 
 ROOT = math.sqrt(3.0)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from model.compiled import kernel
-from sandbox.replay_lanes import (
+from sandbox.replay.lanes import (
     ACCELERATION,
     BACK_DECAY,
     BACK_NEW,

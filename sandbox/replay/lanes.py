@@ -23,7 +23,7 @@ PI_HIGH, PI_LOW = 1.5707963267341256, 6.077100506506192e-11  # pi/2 in two parts
 (READ_A, READ_B, READ_C, MISS, _, _, C_1, S_1, C_2, S_2, LINK_A, LINK_B, LINK_C, STEEP_A, STEEP_B) = range(34, 49)
 C_0, S_0 = C_2, S_2  # the end of one step is the start of the next
 SAMPLE_A, SAMPLE_B, NEXT_DEVIATION, PULSE_TORQUE = range(49, 53)
-# parameters, as `sandbox.replay_sets` compiles them
+# parameters, as `sandbox.replay.sets` compiles them
 (RESISTANCE, GAMMA_D, GAMMA_Q, A3, B2, A4, C2, B4, MAGNET) = range(56, 65)  # 3 a30, a12, 4 a40, a22, 4 a04
 (PSI_D6, PSI_Q6, GAMMA_6, CORE_G, CORE_INV, CORE_DECAY, CORE_OLD, CORE_NEW, CORE_KEEP) = range(65, 74)
 (SKIN_R, SKIN_DECAY, SKIN_OLD, SKIN_NEW, DELTA_A, DELTA_B, LINK, RIPPLE, RIPPLE_RATE, RIPPLE_PHASE) = range(74, 84)

@@ -15,11 +15,11 @@ from model.energy import flux_newton
 from model.errors import BadInput
 from model.frames import stationary
 from model.parameters import Converter
-from sandbox import replay_lanes as lanes
 from sandbox.campaign import Campaign, CampaignRecording
-from sandbox.replay_kernel import COLUMNS, EDGE
-from sandbox.replay_sets import compile_set, complete
-from sandbox.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
+from sandbox.replay import lanes
+from sandbox.replay.kernel import COLUMNS, EDGE
+from sandbox.replay.sets import compile_set, complete
+from sandbox.replay.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
 
 Array = NDArray[np.float64]
 LOAD_SHARE = 0.01  # standard deviation of the load machine's torque, a share of what was asked, sample by sample

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from model.compiled import kernel
-from sandbox import replay_edges as late
-from sandbox import replay_legs as legs
-from sandbox import replay_machine as machine
-from sandbox import replay_sensors as sensors
-from sandbox.replay_lanes import (
+from sandbox.replay import edges as late
+from sandbox.replay import legs, machine, sensors
+from sandbox.replay.lanes import (
     ASYMMETRY,
     DEVIATION,
     DROP,

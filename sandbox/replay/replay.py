@@ -1,9 +1,9 @@
 """Replay: a recorded campaign drives the averaged plant, many parameter sets side by side.
 
-In: commanded voltages, the link voltage as read, and the rotor's motion behind the encoder (`sandbox.smoothing`).
+In: commanded voltages, the link voltage as read, and the rotor's motion behind the encoder (`smoothing`).
 Out: what the three current sensors would read at each sample and, for a free rotor, the innovations of the encoder's
 reading: predicted torque through the shaft's equations against the measured angle, one sample ahead.  All 26 effects
-act (`sandbox.replay_machine`, `replay_legs`).  With the angle prescribed nothing feeds back, so predictions stay
+act (`sandbox.replay.machine`, `legs`).  With the angle prescribed nothing feeds back, so predictions stay
 stable however wrong a set is, and each set costs the same.
 
     prepared = prepare(read_campaign(folder))
@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 from model.energy import SOLVED, Energy, flux_newton
 from model.errors import BadInput
 from model.frames import stationary
-from sandbox import replay_lanes as lanes
 from sandbox.campaign import Campaign
-from sandbox.replay_inputs import Inputs, inputs_of, noise_floor
-from sandbox.replay_kernel import COSINE, READ, SINE, run
-from sandbox.replay_sets import compile_sets, complete, features_of
+from sandbox.replay import lanes
+from sandbox.replay.inputs import Inputs, inputs_of, noise_floor
+from sandbox.replay.kernel import COSINE, READ, SINE, run
+from sandbox.replay.sets import compile_sets, complete, features_of
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]

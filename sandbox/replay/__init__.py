@@ -1,0 +1,1 @@
+"""Recorded campaigns through the model: batches of parameter sets side by side, residuals, sensitivities."""
