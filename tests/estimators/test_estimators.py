@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
-from estimators import inversion
+from estimators import demodulation, inversion, tracking
 from estimators.contract import Estimate, Estimator
 from estimators.registry import estimator_names, load_estimator
 from model import energy
@@ -195,3 +195,13 @@ def test_belief_of_another_motor_changes_the_estimate_not_the_plant():
     run = simulate(drive, LOADED, load_estimator("qnull"), "linear", truth=linear)
     late = run.recording.between(run.start_time + 0.25, 9.0)
     assert abs(np.degrees(late.error.mean())) < 0.1  # a linear motor has no cross-saturation to miss
+
+
+def test_tracking_takes_no_error_beyond_half_a_radian():
+    """A slipped pole or a noise peak moves angle and speed by what 0.5 rad would, and no more."""
+    tuning = design(load_drive("ipm_exchanged")).tuning
+    for error, taken in ((0.3, 0.3), (7.0, 0.5), (-7.0, -0.5)):
+        state = demodulation.blank()
+        tracking.correct(state, error, tuning)
+        assert state[demodulation.AXIS] == pytest.approx(tuning.sampling_period * tuning.kp * taken, rel=1e-12)
+        assert state[demodulation.OMEGA] == pytest.approx(tuning.sampling_period * tuning.ki * taken, rel=1e-12)
