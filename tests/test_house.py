@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from model.compiled import NO_KERNELS
+
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("model", "estimators", "sandbox")
 SOURCES = sorted(p for room in ROOMS for p in (ROOT / room).rglob("*.py"))
@@ -64,6 +66,12 @@ def test_public_names_have_docstrings_and_files_stay_small(path):
     for node in [*tree.body, *(member for c in classes for member in c.body)]:
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
             assert ast.get_docstring(node), f"{path}: {node.name}"
+
+
+def test_no_kernel_where_sources_leave_the_cache_alone():
+    for folder in NO_KERNELS:
+        for path in (ROOT / folder).rglob("*.py"):
+            assert not imported(path) & {"numba", "model.compiled"}, path
 
 
 def test_no_path_of_one_machine():

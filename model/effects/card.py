@@ -16,6 +16,10 @@ class Parameter:
     """A number of an effect: neutral value (None: the motor's own `of_motor`), closed bounds, unit, typical size.
 
     The typical size is in units of `relative_to`, a key of `scales` ("": absolute; "neutral": of the neutral value).
+    How a diagnosis fits it: `fit` is "linear", "log", "reciprocal" (the coordinate in which readings are close to
+    linear) or "fixed" (kept neutral); `spread` the prior's standard deviation in that coordinate where the typical size
+    does not say it; `starts` values to begin from, in units of the typical size; `scan` (first, last, step) in the
+    parameter's unit, step 0: as fine as the recordings resolve.
     """
 
     name: str
@@ -26,6 +30,10 @@ class Parameter:
     typical: float
     relative_to: str = ""
     of_motor: str = ""
+    fit: str = "linear"
+    spread: float = 0.0
+    starts: tuple[float, ...] = (1.0,)
+    scan: tuple[float, float, float] | None = None
 
     def neutral_for(self, motor: Motor) -> float:
         """Return the neutral value for a motor."""
@@ -53,6 +61,7 @@ class Effect:
     region: str
     confused_with: tuple[str, ...]
     separated_by: str
+    polar: tuple[str, str] | None = None  # amplitude and phase that are fitted as cosine and sine
 
 
 def scales(motor: Motor, converter: Converter) -> dict[str, float]:

@@ -18,7 +18,7 @@ CARD = Effect(
     ),
     parameters=(
         Parameter("amplitude", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque"),
-        Parameter("order_mech", "", 6.0, 0.0, 1e4, 6.0, "pole pairs"),
+        Parameter("order_mech", "", 6.0, 0.0, 1e4, 6.0, "pole pairs", fit="fixed", scan=(1.0, 72.0, 1.0)),
         Parameter("phase", "rad", 0.0, -INF, INF, 0.0),
     ),
     axis="motion",
@@ -26,6 +26,7 @@ CARD = Effect(
     region="free rotor at low speed, without current, too",
     confused_with=("flux_harmonics", "encoder_eccentricity", "inductance_harmonics"),
     separated_by="slow free run and coasting without current: ripple of speed bound to position",
+    polar=("amplitude", "phase"),
 )
 
 

@@ -22,6 +22,7 @@ CARD = Effect(
     region="all, position-bound",
     confused_with=("cogging_torque", "current_offset"),
     separated_by="slow driven turns at constant speed: angle against time, once a mechanical turn",
+    polar=("amplitude_mech", "phase"),
 )
 
 

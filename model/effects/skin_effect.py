@@ -18,7 +18,7 @@ CARD = Effect(
     ),
     parameters=(
         Parameter("resistance", "ohm", 0.0, 0.0, 1e3, 0.3, "resistance"),
-        Parameter("time_constant", "s", 2e-4, 1e-5, 1.0, 2e-4),
+        Parameter("time_constant", "s", 2e-4, 1e-5, 1.0, 2e-4, fit="log", spread=1.0, starts=(0.2, 1.0, 5.0)),
     ),
     axis="along the fast part of the current",
     order="the injection band, and steps",

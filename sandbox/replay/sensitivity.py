@@ -142,11 +142,24 @@ def sensitivities(
     at = base_set(prepared, base)
     moves = [displaced(prepared, at, name, share) for name in chosen]
     steps = np.array([m[1] for m in moves])
-    results = _empty(prepared, len(chosen))
-    electrical = [k for k, name in enumerate(chosen) if not _mechanical(name)]
-    mechanical = [k for k, name in enumerate(chosen) if _mechanical(name)]
-    sets = [at, *(m[0] for m in moves)]
-    blocks = _blocks(prepared, sets, electrical), _blocks(prepared, sets, mechanical)
+    mechanical = [mechanical_only(name) for name in chosen]
+    results = slopes(prepared, at, [m[0] for m in moves], steps, mechanical, workers=workers)
+    typical = np.array([typical_change(prepared, name, at[name]) for name in chosen])
+    return Sensitivity(chosen, tuple(m[2] for m in moves), steps, typical, at, *results)
+
+
+def slopes(
+    prepared: Prepared, at: Set, moved: Sequence[Set], steps: Array, mechanical: Sequence[bool], *, workers: int = 1
+) -> tuple[tuple[Array, ...], tuple[Array | None, ...], tuple[Array | None, ...]]:
+    """Return (reading at a moved set - reading at `at`) / step per recording: currents, motion, angle of `Sensitivity`.
+
+    steps: (p,) in any unit, one per moved set; mechanical: (p,) this move acts on free rotors only.
+    """
+    results = _empty(prepared, len(moved))
+    electrical_columns = [k for k, m in enumerate(mechanical) if not m]
+    mechanical_columns = [k for k, m in enumerate(mechanical) if m]
+    sets = [at, *moved]
+    blocks = _blocks(prepared, sets, electrical_columns), _blocks(prepared, sets, mechanical_columns)
     jobs = []
     for r, inputs in enumerate(prepared.recordings):
         wanted = blocks[0] + blocks[1] if inputs.rotor == "free" else blocks[0]
@@ -157,22 +170,22 @@ def sensitivities(
         r, block, columns = job
         inputs, n = prepared.recordings[r], len(prepared.recordings[r].table)
         current = np.empty((n, 3, lanes.LANES))
-        moved = np.empty((n, lanes.LANES)) if inputs.rotor == "free" else np.empty((1, lanes.LANES))
-        run_block(prepared, inputs, block, current, moved, 0)
+        moved_on = np.empty((n, lanes.LANES)) if inputs.rotor == "free" else np.empty((1, lanes.LANES))
+        run_block(prepared, inputs, block, current, moved_on, 0)
         inverse = 1.0 / steps[columns]
         differences(current.reshape(3 * n, -1), inverse, columns, results[0][r].reshape(3 * n, -1))
         if inputs.rotor == "free":
-            differences(moved, inverse, columns, results[1][r])
+            differences(moved_on, inverse, columns, results[1][r])
         if inputs.rotor == "driven":
             read = inputs.encoder(block.rows)
             results[2][r][:, columns] = (read[:, 1 : len(columns) + 1] - read[:, :1]) * inverse
 
     in_threads(task, jobs, workers)
-    typical = np.array([typical_change(prepared, name, at[name]) for name in chosen])
-    return Sensitivity(chosen, tuple(m[2] for m in moves), steps, typical, at, *(tuple(x) for x in results))
+    return tuple(results[0]), tuple(results[1]), tuple(results[2])
 
 
-def _mechanical(name: str) -> bool:
+def mechanical_only(name: str) -> bool:
+    """Return whether a parameter acts on the motion of a free rotor only."""
     return name.partition(".")[0] in MECHANICAL or name.startswith("bench.load_torque")
 
 

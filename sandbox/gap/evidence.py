@@ -1,0 +1,111 @@
+"""Evidence by algebra: what a hypothesis reaches from one point's normal equations, and how far they can be trusted.
+
+Priors are Gaussian, cut off at a parameter's bounds: where the most probable value would lie beyond, it is held there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.gap.normal import Normal
+from sandbox.gap.space import Coordinate
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Means, deviations (0: held at the mean) and bounds, each (p,)."""
+
+    mean: Array
+    deviation: Array
+    low: Array
+    high: Array
+
+    def with_deviation(self, deviation: Array) -> Prior:
+        """Return the same with other deviations."""
+        return Prior(self.mean, deviation, self.low, self.high)
+
+
+def prior_of(coordinates: Sequence[Coordinate]) -> Prior:
+    """Return the priors that coordinates carry."""
+    bounds = [c.bounds() for c in coordinates]
+    return Prior(
+        np.array([c.mean for c in coordinates]), np.array([c.deviation for c in coordinates]),
+        np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds]),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Algebra:
+    """Normal equations of all coordinates: A (p, p), g (p,), r'r at the values x (p,)."""
+
+    a: Array
+    g: Array
+    rr: float
+    x: Array
+
+    def most_probable(self, prior: Prior) -> tuple[Array, NDArray[np.bool_], float]:
+        """Return the most probable values (p,), which of them are free (inside their bounds), and the objective.
+
+        An active set: values beyond a bound are held at it, all at once, and released where the slope says so.
+        """
+        x = np.clip(prior.mean, prior.low, prior.high)
+        free = prior.deviation > 0.0
+        weight = np.where(free, prior.deviation, 1.0) ** -2 * free
+        hessian, slope = self.a + np.diag(weight), self.g + self.a @ self.x + weight * prior.mean
+        movable = free.copy()
+        for _ in range(12):
+            held = ~free
+            own = np.ix_(free, free)
+            x[free] = np.linalg.solve(hessian[own], slope[free] - hessian[np.ix_(free, held)] @ x[held])
+            beyond = free & ((x < prior.low) | (x > prior.high))
+            x = np.clip(x, prior.low, prior.high)
+            pull = slope - hessian @ x  # along the descent
+            release = movable & held & (((x <= prior.low) & (pull > 0.0)) | ((x >= prior.high) & (pull < 0.0)))
+            if not beyond.any() and not release.any():
+                break
+            free = (free & ~beyond) | release
+        shift = x - self.x
+        objective = self.rr - 2.0 * shift @ self.g + shift @ self.a @ shift + np.sum(weight * (x - prior.mean) ** 2)
+        return x, free, float(objective)
+
+    def log_evidence(self, prior: Prior) -> float:
+        """Return the log evidence (Laplace) under a prior."""
+        _, free, objective = self.most_probable(prior)
+        m = self.a[np.ix_(free, free)] + np.diag(prior.deviation[free] ** -2)
+        _, log_det = np.linalg.slogdet(m)
+        return float(-0.5 * objective - 0.5 * log_det - np.sum(np.log(prior.deviation[free])))
+
+    def covariance(self, prior: Prior) -> Array:
+        """Return the covariance (p, p) of all coordinates under a prior; zero where held."""
+        _, free, _ = self.most_probable(prior)
+        out = np.zeros_like(self.a)
+        own = np.ix_(free, free)
+        out[own] = np.linalg.inv(self.a[own] + np.diag(prior.deviation[free] ** -2))
+        return out
+
+
+def algebra(n: Normal, weights=None) -> Algebra:
+    """Return the summed normal equations of a point."""
+    a, g, rr = n.summed(weights)
+    return Algebra(a, g, rr, n.x)
+
+
+def sandwich(n: Normal, x: Array, covariance: Array) -> Array:
+    """Return the covariance (p, p) of estimates x that allows for residuals alike within a block.
+
+    Sum over blocks of score times score between two plain covariances (Huber 1967; White, Econometrica 48 (1980) 817);
+    the priors' part of the plain covariance is kept.
+    """
+    v, a = np.zeros_like(covariance), np.zeros_like(covariance)
+    for s in n.segments:
+        own = np.ix_(s.places, s.places)
+        score = s.g - s.a @ (x - n.x)[s.places]
+        v[own] += score.T @ score
+        a[own] += s.a.sum(0)
+    return np.asarray(covariance + covariance @ (v - a) @ covariance)

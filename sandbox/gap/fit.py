@@ -1,0 +1,118 @@
+"""Fit of one hypothesis: damped Gauss-Newton to the most probable point, and the evidence of a hypothesis there.
+
+A hypothesis is a list of effects.  Its coordinates are the ordinary deviations with their narrow priors, and its
+effects' with wide ones; the objective is the sum of squared residuals over their floor plus that of deviations over
+their priors.  Near the most probable point all is Gaussian:
+
+    log evidence = -1/2 objective - 1/2 log det(A + P^-1) - sum log deviation,
+
+A summed over recordings (Laplace's approximation; MacKay, Neural Comput. 4 (1992) 415).  Checked against direct
+integration in tests/sandbox/gap/test_fit.py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput
+from sandbox.gap.evidence import algebra, prior_of
+from sandbox.gap.normal import Normal, Point, normal
+from sandbox.gap.space import Coordinate, of_effect, ordinary
+from sandbox.replay.replay import replay, residuals
+
+Array = NDArray[np.float64]
+Weights = Mapping[tuple[int, str], float]
+TOLERANCE = 0.2  # of the objective: below that a step changes no decision
+SHORTEST = 1.0 / 16.0  # of a Gauss-Newton step
+STEPS = 8
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A hypothesis at its most probable point; effects (), one or several; simulations it took."""
+
+    effects: tuple[str, ...]
+    point: Point
+    normal: Normal
+    objective: float
+    simulations: int
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Its coordinates, lock angles last."""
+        return self.normal.coordinates
+
+
+def coordinates_of(point: Point, effects: Sequence[str]) -> list[Coordinate]:
+    """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others."""
+    campaign = point.prepared.campaign
+    wide: dict[str, Coordinate] = {}
+    for effect in effects:
+        wide |= {c.label: c for c in of_effect(effect, campaign.drive, point.values)}
+    own = ordinary(campaign)
+    known = {c.label for c in own}
+    return [wide.get(c.label, c) for c in own] + [c for c in wide.values() if c.label not in known]
+
+
+def objective_at(point: Point, coordinates: Sequence[Coordinate], weights: Weights) -> float:
+    """Return the objective by one simulation; infinite where the point is none that a drive can have."""
+    prepared = point.prepared
+    try:
+        shown = residuals(prepared, replay(prepared, [point.values]))
+    except BadInput:
+        return float("inf")
+    total = 0.0
+    for k, r in enumerate(shown):
+        parts = (("current", r.current), ("motion", r.motion), ("angle", r.angle))
+        total += sum(weights.get((k, name), 0.0) * float(np.sum(x**2)) for name, x in parts if x is not None)
+    x = np.array([c.value(point.values) for c in coordinates])
+    mean, deviation = _prior(coordinates)
+    lock = [((r.motion.angle[0] - np.mean(r.table[:, 9])) / r.angle_floor) ** 2 for r in prepared.recordings
+            if r.rotor == "locked"]  # fmt: skip
+    return total + float(np.sum(((x - mean) / deviation) ** 2) + np.sum(lock))
+
+
+def fit(
+    start: Point, effects: Sequence[str], weights: Weights, *, steps: int = STEPS, workers: int = 1, smooth: bool = True
+) -> Fit:
+    """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton."""
+    point, cost = start, 0
+    coordinates = coordinates_of(start, effects)
+    n = normal(point, coordinates, workers=workers)
+    value, cost = _objective(n, weights), n.simulations
+    for k in range(steps):
+        step = _step(n, weights)
+        size = 1.0
+        while True:
+            trial = point.moved(n.coordinates, n.x + size * step)
+            reached = objective_at(trial, coordinates, weights)
+            cost += 1
+            if reached < value or size <= SHORTEST:
+                break
+            size *= 0.5
+        if not reached < value:
+            break
+        gained, value = value - reached, reached
+        point = trial.resmoothed() if smooth and k == 1 else trial
+        n = normal(point, coordinates, workers=workers)
+        value, cost = _objective(n, weights), cost + n.simulations
+        if gained < max(TOLERANCE, 1e-5 * value):
+            break
+    return Fit(tuple(effects), point, n, value, cost)
+
+
+def _prior(coordinates: Sequence[Coordinate]) -> tuple[Array, Array]:
+    return np.array([c.mean for c in coordinates]), np.array([c.deviation for c in coordinates])
+
+
+def _objective(n: Normal, weights: Weights) -> float:
+    mean, deviation = _prior(n.coordinates)
+    return n.summed(weights)[2] + float(np.sum(((n.x - mean) / deviation) ** 2))
+
+
+def _step(n: Normal, weights: Weights) -> Array:
+    return np.asarray(algebra(n, weights).most_probable(prior_of(n.coordinates))[0] - n.x)
