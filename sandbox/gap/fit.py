@@ -12,8 +12,9 @@ integration in tests/sandbox/gap/test_fit.py.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,13 +48,16 @@ class Fit:
         return self.normal.coordinates
 
 
-def coordinates_of(point: Point, effects: Sequence[str]) -> list[Coordinate]:
-    """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others."""
+def coordinates_of(point: Point, effects: Sequence[str], within: float = math.inf) -> list[Coordinate]:
+    """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others.
+
+    within: how many deviations an ordinary coordinate may move.
+    """
     campaign = point.prepared.campaign
     wide: dict[str, Coordinate] = {}
     for effect in effects:
         wide |= {c.label: c for c in of_effect(effect, campaign.drive, point.values)}
-    own = ordinary(campaign)
+    own = [replace(c, within=within) for c in ordinary(campaign)]
     known = {c.label for c in own}
     return [wide.get(c.label, c) for c in own] + [c for c in wide.values() if c.label not in known]
 
@@ -77,11 +81,18 @@ def objective_at(point: Point, coordinates: Sequence[Coordinate], weights: Weigh
 
 
 def fit(
-    start: Point, effects: Sequence[str], weights: Weights, *, steps: int = STEPS, workers: int = 1, smooth: bool = True
+    start: Point,
+    effects: Sequence[str],
+    weights: Weights,
+    *,
+    steps: int = STEPS,
+    workers: int = 1,
+    smooth: bool = True,
+    within: float = math.inf,
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton."""
     point, cost = start, 0
-    coordinates = coordinates_of(start, effects)
+    coordinates = coordinates_of(start, effects, within)
     n = normal(point, coordinates, workers=workers)
     value, cost = _objective(n, weights), n.simulations
     for k in range(steps):

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from model.errors import BadInput
-from sandbox.gap.evidence import Algebra, Prior, algebra, prior_of, sandwich
+from sandbox.gap.evidence import Algebra, Prior, algebra, prior_of
 from sandbox.gap.fit import Fit, Weights, fit
 from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.space import Coordinate, of_effect
@@ -85,6 +85,18 @@ def probes(point: Point, exclude: Sequence[str] = ()) -> list[Probe]:
     return out
 
 
+def probes_at_typical(point: Point, exclude: Sequence[str] = ()) -> list[Probe]:
+    """Return one probe an effect, its companions at typical values: what can be known before looking at residuals."""
+    drive = point.prepared.campaign.drive
+    out = []
+    for effect in library.effect_names():
+        own = library.load_effect(effect).parameters
+        start = {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own if p.fit == "log"}
+        if effect not in exclude:
+            out.append(Probe(effect, start))
+    return out
+
+
 def probe_coordinates(point: Point, probe: Probe, label: str) -> list[Coordinate]:
     """Return what a probe adds to a screening: coordinates that act at neutral, or one straight way to its start."""
     own = of_effect(probe.effect, point.prepared.campaign.drive, {**point.values, **probe.start})
@@ -104,16 +116,9 @@ def judge(found: Fit, candidates: Sequence[Probe], weights: Weights, workers: in
     x, _, _ = first.equations.most_probable(first.prior)
     own = {c.label for c in found.coordinates}
     moves = np.abs(x - first.prior.mean) > MOVES * first.prior.deviation
-    to = np.array(
-        [
-            x[k]
-            if c.label in own or (moves[k] and c.form != "share")
-            else c.value(found.point.values)
-            if c.form != "lock"
-            else x[k]
-            for k, c in enumerate(first.normal.coordinates)
-        ]
-    )
+    fitted = np.array([c.label in own for c in first.normal.coordinates])
+    ways = np.array([c.form == "share" for c in first.normal.coordinates])
+    to = np.where(fitted | (moves & ~ways), x, first.normal.x)
     return _judge(found, found.point.moved(first.normal.coordinates, to), candidates, weights, workers)
 
 
@@ -157,15 +162,18 @@ def _judge(found: Fit, point: Point, candidates: Sequence[Probe], weights: Weigh
 
 
 def search(
-    start: Point, weights: Weights, *, exclude: Sequence[str] = (), workers: int = 1,
+    start: Point, fitted: Weights, judged_on: Weights, *, exclude: Sequence[str] = (), workers: int = 1,
     report: Callable[[str], None] = lambda _: None,
 ) -> tuple[list[Judged], int]:  # fmt: skip
-    """Return the hypotheses that were worth judging (the empty one first) and the simulations they took."""
+    """Return the hypotheses that were worth judging (the empty one first) and the simulations they took.
+
+    fitted: recordings that move parameters; judged_on: recordings whose evidence counts.
+    """
     report("ordinary deviations")
-    null = fit(start, (), weights, workers=workers)
-    judged = [judge(null, probes(null.point, exclude), weights, workers)]
+    null = fit(start, (), fitted, workers=workers)
+    judged = [judge(null, probes(null.point, exclude), judged_on, workers)]
     tried: set[tuple[str, ...]] = {()}
-    cost = null.simulations + judged[0].normal.simulations
+    cost = null.simulations + 2 * judged[0].normal.simulations
     parents = judged[:1]
     for depth in range(MOST):
         best = max(j.log_evidence for j in judged)
@@ -187,23 +195,14 @@ def search(
             tried.add(key)
             point = parent.fit.point
             try:
-                new.append(fit(Point(point.prepared, {**point.values, **probe.start}), key, weights, workers=workers))
+                new.append(fit(Point(point.prepared, {**point.values, **probe.start}), key, fitted, workers=workers))
             except BadInput:
                 continue
             cost += new[-1].simulations
-        fresh = [judge(f, probes(f.point, exclude), weights, workers) for f in new]
-        cost += sum(j.normal.simulations for j in fresh)
+        fresh = [judge(f, probes(f.point, exclude), judged_on, workers) for f in new]
+        cost += sum(2 * j.normal.simulations for j in fresh)
         judged += fresh
         parents = sorted(fresh, key=lambda j: -j.log_evidence)[:PARENTS]
         if not parents or parents[0].log_evidence < best + WORTH:
             break
     return judged, cost
-
-
-def misfit(j: Judged) -> float:
-    """Return by how much residuals that are alike within a block widen estimates' variance, mean over coordinates."""
-    x, free, _ = j.equations.most_probable(j.prior)
-    plain = j.equations.covariance(j.prior)
-    robust = sandwich(j.normal, x, plain)
-    own = np.flatnonzero(free & (np.diag(j.equations.a) * j.prior.deviation**2 > 1.0))
-    return float(np.mean(np.diag(robust)[own] / np.diag(plain)[own]))

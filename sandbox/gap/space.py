@@ -46,6 +46,7 @@ class Coordinate:
     form: str
     names: tuple[str, ...]
     along: tuple[tuple[str, float], ...] = ()
+    within: float = math.inf  # deviations from the mean beyond which it is no longer ordinary
 
     @property
     def effect(self) -> str:
@@ -92,6 +93,10 @@ class Coordinate:
 
     def bounds(self) -> tuple[float, float]:
         """Return the lowest and highest value of the coordinate (signs included)."""
+        low, high = self._own_bounds()
+        return max(low, self.mean - self.within * self.deviation), min(high, self.mean + self.within * self.deviation)
+
+    def _own_bounds(self) -> tuple[float, float]:
         if self.form == "reciprocal":
             return 0.0, math.inf
         if self.form == "share":

@@ -1,0 +1,148 @@
+"""A campaign diagnosed: where the gap lies, which effect causes it, how far it shrinks.
+
+    diagnosis = diagnose("campaign-folder")
+    diagnosis.json            # the contract, DIAGNOSIS.md
+
+Only the campaign folder is read; everything follows from it and the nominal model in it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sandbox.campaign import Campaign, read_campaign
+from sandbox.gap.estimates import Estimate, estimates
+from sandbox.gap.fit import Fit, coordinates_of, fit
+from sandbox.gap.normal import Normal, Point, normal
+from sandbox.gap.posterior import Hypothesis, tempered, with_unknown
+from sandbox.gap.remainder import Remainder, remainder
+from sandbox.gap.search import Judged, search
+from sandbox.gap.size import ORDINARY, Size, size_of
+from sandbox.gap.split import held_out, weights_of
+from sandbox.replay.replay import prepare
+from sandbox.replay.sets import complete
+
+CREDIBLE = 0.95
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """All that a diagnosis found; `json` (in `sandbox.gap.contract`) is its contract.
+
+    nominal, before, after: the campaign at the nominal model, after refitting ordinary deviations only, and with the
+    best hypothesis.  hypotheses: the most probable first.  temperature: how much log evidence was divided by.
+    """
+
+    campaign: Campaign
+    start: Point
+    nominal: Normal
+    before: Fit
+    after: Fit
+    held_out: tuple[int, ...]
+    judged: tuple[Judged, ...]
+    hypotheses: tuple[Hypothesis, ...]
+    parameters: tuple[dict[str, Estimate], ...]  # of each hypothesis
+    temperature: float
+    remainder: Remainder
+    size: Size
+    simulations: int
+    seconds: float
+
+    @property
+    def best(self) -> Hypothesis:
+        """The most probable hypothesis."""
+        return self.hypotheses[0]
+
+    @property
+    def ambiguity_set(self) -> tuple[Hypothesis, ...]:
+        """The smallest list of hypotheses that holds 95 % of the probability."""
+        total, out = 0.0, []
+        for h in self.hypotheses:
+            out.append(h)
+            total += h.probability
+            if total >= CREDIBLE:
+                break
+        return tuple(out)
+
+
+def diagnose(
+    campaign: str | Path | Campaign,
+    *,
+    exclude: Sequence[str] = (),
+    workers: int = 2,
+    report: Callable[[str], None] = lambda _: None,
+) -> Diagnosis:
+    """Return the diagnosis of a campaign (a folder, or read already).
+
+    exclude: effects that are no candidates; workers: threads; report: called with a few words before each stage.
+    BadInput for a campaign that cannot be read or replayed.
+    """
+    began = time.perf_counter()
+    own = campaign if isinstance(campaign, Campaign) else read_campaign(campaign)
+    report("reading")
+    prepared = prepare(own)
+    motor, converter = own.drive.motor, own.drive.converter
+    start = Point(prepared, complete(motor, converter))
+    left = held_out(start, exclude, workers=workers)
+    count = len(prepared.recordings)
+    fitted, everything = weights_of(count, left), weights_of(count)
+    judged, cost = search(start, fitted, everything, exclude=exclude, workers=workers, report=report)
+    ranked, temperature = tempered(judged)
+    best = ranked[0][1]
+    report("measuring the gap")
+    nominal = normal(start, coordinates_of(start, ()), workers=workers)
+    before = fit(start, (), fitted, workers=workers, within=ORDINARY)
+    after = fit(best.fit.point, best.effects, fitted, workers=workers, within=ORDINARY) if best.effects else before
+    size = size_of(nominal, before, after, left, [r.file for r in prepared.recordings])
+    rest = remainder(best, before, after, temperature)
+    hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained))
+    cost += nominal.simulations + before.simulations + (after.simulations if best.effects else 0)
+    return Diagnosis(
+        own, start, nominal, before, after, left, tuple(judged), hypotheses,
+        tuple(estimates(h.judged) for h in hypotheses), temperature, rest, size, cost, time.perf_counter() - began,
+    )  # fmt: skip
+
+
+def verdict(d: Diagnosis) -> str:
+    """Return "no_gap", "unknown", "explained" or "ambiguous"."""
+    if not d.best.effects:
+        return "no_gap"
+    alone = len(d.ambiguity_set) == 1
+    if "unknown" in d.best.effects:
+        return "unknown"
+    return "explained" if alone else "ambiguous"
+
+
+def contract(d: Diagnosis) -> dict[str, Any]:
+    """Return `diagnosis.json`."""
+    named = verdict(d)
+    closed = None if named == "no_gap" else d.size.closed
+    return {
+        "campaign": d.campaign.name,
+        "verdict": named,
+        "gap": {
+            "raw": d.size.raw,
+            "before": d.size.before,
+            "after": d.size.after,
+            "floor": 1.0,
+            "closed": closed,
+            "closed_ci95": None if closed is None else d.size.closed_ci95,
+            "recordings": [{"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in d.size.recordings],
+        },
+        "hypotheses": [
+            {
+                "effects": list(h.effects),
+                "probability": h.probability,
+                "parameters": {
+                    name: {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} for name, e in own.items()
+                },
+            }
+            for h, own in zip(d.hypotheses, d.parameters, strict=True)
+        ],
+        "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
+        "cost": {"simulations": d.simulations, "seconds": d.seconds},
+    }

@@ -1,0 +1,74 @@
+"""Parameters of a hypothesis with intervals that allow for residuals alike within a block."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.effects import library
+from sandbox.gap.evidence import sandwich
+from sandbox.gap.search import Judged
+
+Array = NDArray[np.float64]
+Z = 1.959964
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A parameter by its public name: value, 95 % interval, unit; deviation in its coordinate."""
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+
+def estimates(j: Judged) -> dict[str, Estimate]:
+    """Return the parameters of a hypothesis' effects, by public name."""
+    x, _, _ = j.equations.most_probable(j.prior)
+    plain = j.equations.covariance(j.prior)
+    robust = sandwich(j.normal, x, plain)
+    wider = np.sqrt(np.maximum(np.diag(robust), np.diag(plain)))
+    place = {c.label: k for k, c in enumerate(j.normal.coordinates)}
+    out: dict[str, Estimate] = {}
+    for effect in j.effects:
+        out |= _of_effect(effect, j, x, wider, place)
+    return out
+
+
+def _of_effect(effect: str, j: Judged, x: Array, sd: Array, place: Mapping[str, int]) -> dict[str, Estimate]:
+    card = library.load_effect(effect)
+    out: dict[str, Estimate] = {}
+    for p in card.parameters:
+        name = f"{effect}.{p.name}"
+        own = f"saturation.{p.name}" if effect == "cross_saturation" else name
+        if card.polar and p.name == card.polar[0] and f"{name} cosine" in place:
+            phase = f"{effect}.{card.polar[1]}"
+            c, s = place[f"{name} cosine"], place[f"{name} sine"]
+            size, around = math.hypot(x[c], x[s]), max(math.hypot(x[c], x[s]), 1e-300)
+            radial = math.hypot(x[c] * sd[c], x[s] * sd[s]) / around
+            across = math.hypot(x[s] * sd[c], x[c] * sd[s]) / around
+            angle = math.atan2(x[s], x[c])
+            turn = min(across / around, math.pi)
+            out[name] = Estimate(size, max(0.0, size - Z * radial), size + Z * radial, p.unit)
+            out[phase] = Estimate(angle, angle - Z * turn, angle + Z * turn, "rad")
+        elif own in place:
+            k = place[own]
+            value, low, high = (_public(p.fit, float(y)) for y in (x[k], x[k] - Z * sd[k], x[k] + Z * sd[k]))
+            out[name] = Estimate(value, min(low, high), max(low, high), p.unit)
+        elif p.scan and name in j.fit.point.values and p.fit == "fixed":
+            value = j.fit.point.values[name]
+            out[name] = Estimate(value, value, value, p.unit)
+    return out
+
+
+def _public(form: str, x: float) -> float:
+    if form == "log":
+        return math.exp(x)
+    if form == "reciprocal":
+        return 1.0 / x if x > 0.0 else math.inf
+    return x

@@ -1,0 +1,72 @@
+"""Probabilities over hypotheses: evidence tempered by the simulator's own misfit, a prior on the number of effects.
+
+Blocks of residuals that are alike carry less information than their samples; the log evidence is divided by how much
+they widen the variance of estimates at the best hypothesis (Pauli, Racugno, Ventura, Stat. Sinica 21 (2011) 149, for
+composite likelihoods).  `unknown` beside or instead of named effects: how likely what remains is no effect of the
+library, from its size against what the simulator is known to miss (`remainder`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.effects import library
+from sandbox.gap.evidence import sandwich
+from sandbox.gap.search import Judged
+
+Array = NDArray[np.float64]
+NUMBER = (0.35, 0.45, 0.15, 0.05)  # prior probability of 0, 1, 2, 3 effects
+UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """Effects (perhaps with `unknown`), probability, and the judged fit behind the named ones."""
+
+    effects: tuple[str, ...]
+    probability: float
+    judged: Judged
+
+
+def misfit(j: Judged) -> float:
+    """Return by how much residuals that are alike within a block widen estimates' variance, mean over coordinates."""
+    x, free, _ = j.equations.most_probable(j.prior)
+    plain = j.equations.covariance(j.prior)
+    robust = sandwich(j.normal, x, plain)
+    own = np.flatnonzero(free & (np.diag(j.equations.a) * np.where(free, j.prior.deviation, 1.0) ** 2 > 1.0))
+    return max(1.0, float(np.mean(np.diag(robust)[own] / np.diag(plain)[own])))
+
+
+def log_prior(effects: Sequence[str]) -> float:
+    """Return the log prior of a set of effects: all sets of one size alike."""
+    n = len(effects)
+    return math.log(NUMBER[n] / math.comb(len(library.effect_names()), n))
+
+
+def tempered(judged: Sequence[Judged]) -> tuple[list[tuple[float, Judged]], float]:
+    """Return (probability, hypothesis), the most probable first, without regard to `unknown`; and the temperature."""
+    best = max(judged, key=lambda j: j.log_evidence)
+    temperature = misfit(best)
+    score = np.array([j.log_evidence / temperature + log_prior(j.effects) for j in judged])
+    p = np.exp(score - score.max())
+    return sorted(zip((p / p.sum()).tolist(), judged, strict=True), key=lambda x: -x[0]), temperature
+
+
+def with_unknown(ranked: Sequence[tuple[float, Judged]], unknown: float, explained: float) -> list[Hypothesis]:
+    """Return hypotheses with `unknown` beside them, the most probable first; probabilities sum to 1.
+
+    unknown: probability that something outside the library is at work; explained: share of the gap that the best
+    library hypothesis closes, which is how much of `unknown` goes beside it rather than stand alone.
+    """
+    out = [Hypothesis(j.effects, p * (1.0 - unknown), j) for p, j in ranked]
+    best = ranked[0][1]
+    alone = unknown if not best.effects else unknown * (1.0 - explained)
+    out.append(Hypothesis((UNKNOWN,), alone, best))
+    if best.effects:
+        out.append(Hypothesis((*best.effects, UNKNOWN), unknown * explained, best))
+    return sorted(out, key=lambda h: -h.probability)

@@ -1,0 +1,70 @@
+"""How large the gap is: residuals over their floor, before and after an effect is added, on recordings held out.
+
+`before` lets ordinary deviations move as far as ordinary goes (ORDINARY standard deviations): what would only fit with
+a resistance ten deviations off is a gap, not a deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.gap.fit import Fit
+from sandbox.gap.normal import Normal
+
+Array = NDArray[np.float64]
+ORDINARY = 3.0
+DRAWS = 400
+
+
+@dataclass(frozen=True)
+class Size:
+    """Normalised rms on the recordings held out: raw, before, after, share closed (or None) and its interval.
+
+    recordings: (file, before, after, held out) of each.
+    """
+
+    raw: float
+    before: float
+    after: float
+    closed: float | None
+    closed_ci95: tuple[float, float] | None
+    recordings: tuple[tuple[str, float, float, bool], ...]
+
+
+def squares(n: Normal, recordings: Sequence[int]) -> tuple[Array, Array]:
+    """Return sums of squares and counts (b,) of all blocks of the recordings."""
+    own = [s for s in n.segments if s.recording in recordings]
+    return np.concatenate([s.rr for s in own]), np.concatenate([s.n for s in own])
+
+
+def rms(n: Normal, recordings: Sequence[int]) -> float:
+    """Return the normalised rms over all channels of some recordings."""
+    rr, count = squares(n, recordings)
+    return float(np.sqrt(rr.sum() / count.sum()))
+
+
+def share_closed(before: float, after: float) -> float:
+    """Return (J0^2 - J1^2) / (J0^2 - 1)."""
+    return (before**2 - after**2) / (before**2 - 1.0)
+
+
+def size_of(raw: Normal, before: Fit, after: Fit, held_out: Sequence[int], files: Sequence[str], seed: int = 0) -> Size:
+    """Return how large the gap is; without recordings held out, on all."""
+    chosen = list(held_out) or list(range(len(files)))
+    j0, j1 = rms(before.normal, chosen), rms(after.normal, chosen)
+    each = tuple((f, rms(before.normal, [k]), rms(after.normal, [k]), k in held_out) for k, f in enumerate(files))
+    closed = interval = None
+    if after.effects and j0 > 1.0:
+        closed = share_closed(j0, j1)
+        (a, n), (b, _) = squares(before.normal, chosen), squares(after.normal, chosen)
+        pick = np.random.default_rng(seed).integers(len(n), size=(DRAWS, len(n)))
+        total = n[pick].sum(1)
+        excess = a[pick].sum(1) / total - 1.0
+        drawn = (a[pick] - b[pick]).sum(1) / total / np.where(excess > 0.0, excess, np.nan)
+        low, high = np.nanpercentile(drawn, [2.5, 97.5])
+        interval = (float(low), float(high))
+    return Size(rms(raw, chosen), j0, j1, closed, interval, each)
