@@ -28,9 +28,11 @@ CARD = Effect(
             "inertia x (2 pi 100 Hz)^2",
             fit="log",
             spread=1.5,
-            starts=(0.04, 0.2, 1.0, 5.0),
+            starts=tuple(0.05 * 1.4**k for k in range(14)),
         ),
-        Parameter("load_inertia", "kg m^2", 0.0, 0.0, 1e4, 0.5, "inertia", fit="log", spread=0.7),
+        Parameter(
+            "load_inertia", "kg m^2", 0.0, 0.0, 1e4, 0.5, "inertia", fit="log", spread=0.7, starts=(0.6, 1.0, 1.4)
+        ),
         Parameter("damping_ratio", "", 0.01, 0.0, 1.0, 0.01, fit="log", spread=0.7),
     ),
     axis="motion",

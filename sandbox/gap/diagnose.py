@@ -103,7 +103,8 @@ def diagnose(
     cost += nominal.simulations + before.simulations + (after.simulations if best.effects else 0)
     return Diagnosis(
         own, start, nominal, before, after, left, tuple(judged), hypotheses,
-        tuple(estimates(h.judged) for h in hypotheses), temperature, rest, size, cost, time.perf_counter() - began,
+        tuple(estimates(h.judged) for h in hypotheses), temperature, rest, size, round(cost),
+        time.perf_counter() - began,
     )  # fmt: skip
 
 

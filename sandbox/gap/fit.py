@@ -23,7 +23,6 @@ from model.errors import BadInput
 from sandbox.gap.evidence import algebra, prior_of
 from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.space import Coordinate, of_effect, ordinary
-from sandbox.replay.replay import replay, residuals
 
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
@@ -40,7 +39,7 @@ class Fit:
     point: Point
     normal: Normal
     objective: float
-    simulations: int
+    simulations: float
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
@@ -57,27 +56,9 @@ def coordinates_of(point: Point, effects: Sequence[str], within: float = math.in
     wide: dict[str, Coordinate] = {}
     for effect in effects:
         wide |= {c.label: c for c in of_effect(effect, campaign.drive, point.values)}
-    own = [replace(c, within=within) for c in ordinary(campaign)]
+    own = [replace(c, within=min(within, c.within)) for c in ordinary(campaign)]
     known = {c.label for c in own}
     return [wide.get(c.label, c) for c in own] + [c for c in wide.values() if c.label not in known]
-
-
-def objective_at(point: Point, coordinates: Sequence[Coordinate], weights: Weights) -> float:
-    """Return the objective by one simulation; infinite where the point is none that a drive can have."""
-    prepared = point.prepared
-    try:
-        shown = residuals(prepared, replay(prepared, [point.values]))
-    except BadInput:
-        return float("inf")
-    total = 0.0
-    for k, r in enumerate(shown):
-        parts = (("current", r.current), ("motion", r.motion), ("angle", r.angle))
-        total += sum(weights.get((k, name), 0.0) * float(np.sum(x**2)) for name, x in parts if x is not None)
-    x = np.array([c.value(point.values) for c in coordinates])
-    mean, deviation = _prior(coordinates)
-    lock = [((r.motion.angle[0] - np.mean(r.table[:, 9])) / r.angle_floor) ** 2 for r in prepared.recordings
-            if r.rotor == "locked"]  # fmt: skip
-    return total + float(np.sum(((x - mean) / deviation) ** 2) + np.sum(lock))
 
 
 def fit(
@@ -87,33 +68,48 @@ def fit(
     *,
     steps: int = STEPS,
     workers: int = 1,
-    smooth: bool = True,
     within: float = math.inf,
+    beside: Sequence[Coordinate] = (),
 ) -> Fit:
-    """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton."""
-    point, cost = start, 0
-    coordinates = coordinates_of(start, effects, within)
+    """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
+
+    within: how many deviations an ordinary coordinate may move; beside: further coordinates that move, too.
+    """
+    point = start
+    coordinates = [*coordinates_of(start, effects, within), *beside]
     n = normal(point, coordinates, workers=workers)
     value, cost = _objective(n, weights), n.simulations
     for k in range(steps):
-        step = _step(n, weights)
-        size = 1.0
+        step, size = _step(n, weights), 1.0
         while True:
             trial = point.moved(n.coordinates, n.x + size * step)
-            reached = objective_at(trial, coordinates, weights)
-            cost += 1
+            reached, at_trial = _tried(trial, coordinates, weights, workers)
+            cost += n.simulations
             if reached < value or size <= SHORTEST:
                 break
-            size *= 0.5
-        if not reached < value:
+            size *= 0.25
+        if at_trial is None or not reached < value:
             break
-        gained, value = value - reached, reached
-        point = trial.resmoothed() if smooth and k == 1 else trial
-        n = normal(point, coordinates, workers=workers)
-        value, cost = _objective(n, weights), cost + n.simulations
+        gained, value, point, n = value - reached, reached, trial, at_trial
         if gained < max(TOLERANCE, 1e-5 * value):
             break
+        if k in (1, 3):
+            point = point.resmoothed()
+            n = normal(point, coordinates, workers=workers)
+            value, cost = _objective(n, weights), cost + n.simulations
     return Fit(tuple(effects), point, n, value, cost)
+
+
+def _tried(
+    trial: Point, coordinates: Sequence[Coordinate], weights: Weights, workers: int
+) -> tuple[float, Normal | None]:
+    """Return the objective and the equations at a trial; infinite where the point is none a drive can have."""
+    try:
+        n = normal(trial, coordinates, workers=workers)
+    except BadInput:
+        return math.inf, None
+    value = _objective(n, weights)
+    return (value, n) if math.isfinite(value) else (math.inf, None)
 
 
 def _prior(coordinates: Sequence[Coordinate]) -> tuple[Array, Array]:

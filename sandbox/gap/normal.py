@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sandbox.gap.space import Coordinate
 from sandbox.replay.inputs import Inputs, inputs_of
-from sandbox.replay.replay import Prepared, replay, residuals
+from sandbox.replay.replay import Prepared, residuals
 from sandbox.replay.sensitivity import slopes
 
 Array = NDArray[np.float64]
@@ -41,12 +41,13 @@ class Segment:
 
 @dataclass(frozen=True)
 class Normal:
-    """All segments at a point: coordinates (lock angles last), their values x (p,), the cost in simulations."""
+    """All segments at a point: coordinates (lock angles last), their values x (p,), the cost in simulations of
+    the whole campaign."""
 
     coordinates: tuple[Coordinate, ...]
     x: Array
     segments: tuple[Segment, ...]
-    simulations: int
+    simulations: float
 
     def summed(self, weights: Mapping[tuple[int, str], float] | None = None) -> tuple[Array, Array, float]:
         """Return A (p, p), g (p,) and r'r over all segments; weights: per (recording, channel), 0 leaves one out."""
@@ -128,39 +129,40 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
         moves.append({**values, LOCK: values[LOCK] + STEP * own[0].deviation})
         steps.append(STEP * own[0].deviation)
         mechanical.append(False)
-    current, motion, angle = slopes(prepared, values, moves, np.array(steps), mechanical, workers=workers)
-    shown = residuals(prepared, replay(prepared, [values], workers=workers))
+    (current, motion, angle), base = slopes(prepared, values, moves, np.array(steps), mechanical, workers=workers)
+    shown = residuals(prepared, base)
     period = prepared.campaign.drive.converter.sampling_period
     p = len(coordinates)
+    cut = max(1, round(BLOCK / period))
     segments = []
     for k, (r, res) in enumerate(zip(prepared.recordings, shown, strict=True)):
         lock = [p + j for j, c in enumerate(own) if c.names[0] == r.file]
         places = np.array([*range(p), *lock])
-        cut = max(1, round(BLOCK / period))
-        j = current[k][:, :, : len(places)] / prepared.floor
-        segments.append(_segment(k, "current", places, j, res.current[:, :, 0], cut))
+        j = current[k].reshape(len(r.table), 3, -1)
+        segments.append(_segment(k, "current", places, j, 1.0 / prepared.floor, res.current[:, :, 0], cut))
         moved, turned = motion[k], angle[k]
         if moved is not None and res.motion is not None:  # innovations are normalised already
-            segments.append(_segment(k, "motion", places, -moved[:, None, : len(places)], res.motion, cut))
+            segments.append(_segment(k, "motion", places, moved[:, None, :], -1.0, res.motion, cut))
         if turned is not None and res.angle is not None:
-            j = turned[:, None, : len(places)] / r.angle_floor
-            segments.append(_segment(k, "angle", places, j, res.angle, cut))
+            segments.append(_segment(k, "angle", places, turned[:, None, :], 1.0 / r.angle_floor, res.angle, cut))
     x = np.append(x, [lock_angle(r) for r in prepared.recordings if r.rotor == "locked"])
-    return Normal((*coordinates, *own), x, tuple(segments), len(moves) + 1)
+    free = sum(len(r.table) for r in prepared.recordings if r.rotor == "free") / prepared.samples
+    cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
+    return Normal((*coordinates, *own), x, tuple(segments), cost)
 
 
-def _segment(k: int, channel: str, places: NDArray[np.int64], j: Array, r: Array, cut: int) -> Segment:
-    """Cut residuals r (n, c) and slopes j (n, c, p) into blocks and square them; columns that never act are dropped."""
-    n, c, p = j.shape
-    acts = np.flatnonzero(np.any(j.reshape(n * c, p) != 0.0, axis=0))
-    j = j[:, :, acts]
+def _segment(k: int, channel: str, places: NDArray[np.int64], j: Array, scale: float, r: Array, cut: int) -> Segment:
+    """Cut residuals r (n, c) and slopes scale j (n, c, p) into blocks and square them; idle columns are dropped."""
+    n, c, _ = j.shape
+    p = len(places)
     starts = range(0, max(1, n - cut // 2), cut)
-    a, g, rr, count = [], [], [], []
+    a, g = np.empty((len(starts), p, p)), np.empty((len(starts), p))
+    rr, count = np.empty(len(starts)), np.empty(len(starts))
     for b, first in enumerate(starts):
         last = n if b == len(starts) - 1 else first + cut
-        jb, rb = j[first:last].reshape((last - first) * c, len(acts)), r[first:last].ravel()
-        a.append(jb.T @ jb)
-        g.append(jb.T @ rb)
-        rr.append(rb @ rb)
-        count.append(float(rb.size))
-    return Segment(k, channel, places[acts], np.array(a), np.array(g), np.array(rr), np.array(count))
+        jb, rb = j[first:last, :, :p].reshape((last - first) * c, p), r[first:last].ravel()
+        a[b], g[b] = jb.T @ jb, rb @ jb
+        rr[b], count[b] = rb @ rb, rb.size
+    acts = np.flatnonzero(np.einsum("bii->i", a) > 0.0)
+    a, g = scale * scale * a[:, acts[:, None], acts], scale * g[:, acts]
+    return Segment(k, channel, places[acts], a, g, rr, count)

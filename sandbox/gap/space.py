@@ -142,7 +142,7 @@ def ordinary(campaign: Campaign) -> list[Coordinate]:
     }
     out += [Coordinate(name, mean, sd, "linear", (name,)) for name, (mean, sd) in bench.items() if sd > 0.0]
     soft = math.log(SOFT_SIGN * motor.rated_current)
-    return [*out, Coordinate("bench.soft_current", soft, SOFT_SPREAD, "log", ("bench.soft_current",))]
+    return [*out, Coordinate("bench.soft_current", soft, SOFT_SPREAD, "log", ("bench.soft_current",), within=3.0)]
 
 
 def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:

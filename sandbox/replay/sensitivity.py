@@ -23,7 +23,7 @@ from model.compiled import kernel
 from model.effects import library
 from model.errors import BadInput, unknown
 from sandbox.replay import lanes
-from sandbox.replay.replay import Prepared, Set, block_of, in_threads, run_block
+from sandbox.replay.replay import Prediction, Prepared, Set, block_of, in_threads, run_block
 from sandbox.replay.sets import BENCH, complete, features_of, parameter_names
 
 Array = NDArray[np.float64]
@@ -143,19 +143,20 @@ def sensitivities(
     moves = [displaced(prepared, at, name, share) for name in chosen]
     steps = np.array([m[1] for m in moves])
     mechanical = [mechanical_only(name) for name in chosen]
-    results = slopes(prepared, at, [m[0] for m in moves], steps, mechanical, workers=workers)
+    results, _ = slopes(prepared, at, [m[0] for m in moves], steps, mechanical, workers=workers)
     typical = np.array([typical_change(prepared, name, at[name]) for name in chosen])
     return Sensitivity(chosen, tuple(m[2] for m in moves), steps, typical, at, *results)
 
 
 def slopes(
     prepared: Prepared, at: Set, moved: Sequence[Set], steps: Array, mechanical: Sequence[bool], *, workers: int = 1
-) -> tuple[tuple[Array, ...], tuple[Array | None, ...], tuple[Array | None, ...]]:
+) -> tuple[tuple[tuple[Array, ...], tuple[Array | None, ...], tuple[Array | None, ...]], Prediction]:
     """Return (reading at a moved set - reading at `at`) / step per recording: currents, motion, angle of `Sensitivity`.
 
-    steps: (p,) in any unit, one per moved set; mechanical: (p,) this move acts on free rotors only.
+    Beside them the prediction at `at` itself, of one set.  steps: (p,) in any unit, one per moved set; mechanical:
+    (p,) this move acts on free rotors only.
     """
-    results = _empty(prepared, len(moved))
+    results, base = _empty(prepared, len(moved)), _empty(prepared, 1)
     electrical_columns = [k for k, m in enumerate(mechanical) if not m]
     mechanical_columns = [k for k, m in enumerate(mechanical) if m]
     sets = [at, *moved]
@@ -163,11 +164,11 @@ def slopes(
     jobs = []
     for r, inputs in enumerate(prepared.recordings):
         wanted = blocks[0] + blocks[1] if inputs.rotor == "free" else blocks[0]
-        jobs += [(r, block, columns) for block, columns in wanted]
+        jobs += [(r, block, columns, k == 0) for k, (block, columns) in enumerate(wanted)]
     jobs.sort(key=lambda job: -len(prepared.recordings[job[0]].table) * job[1].features.bit_count())
 
     def task(job) -> None:
-        r, block, columns = job
+        r, block, columns, first = job
         inputs, n = prepared.recordings[r], len(prepared.recordings[r].table)
         current = np.empty((n, 3, lanes.LANES))
         moved_on = np.empty((n, lanes.LANES)) if inputs.rotor == "free" else np.empty((1, lanes.LANES))
@@ -179,9 +180,15 @@ def slopes(
         if inputs.rotor == "driven":
             read = inputs.encoder(block.rows)
             results[2][r][:, columns] = (read[:, 1 : len(columns) + 1] - read[:, :1]) * inverse
+        if first:
+            base[0][r][:] = current[:, :, :1]
+            if inputs.rotor == "free":
+                base[1][r][:] = moved_on[:, :1]
+            if inputs.rotor == "driven":
+                base[2][r][:] = inputs.encoder(block.rows)[:, :1]
 
     in_threads(task, jobs, workers)
-    return tuple(results[0]), tuple(results[1]), tuple(results[2])
+    return (tuple(results[0]), tuple(results[1]), tuple(results[2])), Prediction(*(tuple(x) for x in base))
 
 
 def mechanical_only(name: str) -> bool:

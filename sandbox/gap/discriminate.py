@@ -1,0 +1,91 @@
+"""The one further recording that would tell two hypotheses apart best, by simulation.
+
+Hypothesis A predicts an experiment's readings; hypothesis B, free to move as far as its own fit leaves it, tries to
+follow.  What it cannot follow is the expected log evidence for A,
+
+    gain = 1/2 (r'r - g' (A + C^-1)^-1 g) / temperature,
+
+C the covariance of B's fit; the smaller of both directions counts.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from model.errors import BadInput, PhysicsError
+from sandbox.campaign import Campaign
+from sandbox.gap.menu import Entry, menu, recording_of, shaft
+from sandbox.gap.normal import Point, normal
+from sandbox.gap.search import Judged
+from sandbox.replay.replay import prepare, replay
+
+ODDS = math.log(19.0)  # log evidence for 95 %
+
+
+@dataclass(frozen=True)
+class Next:
+    """A recommended recording: description, the two hypotheses, expected log evidence, probability of separating."""
+
+    description: str
+    separates: tuple[tuple[str, ...], tuple[str, ...]]
+    gain: float
+    power: float
+
+
+def expected_evidence(campaign: Campaign, entry: Entry, a: Judged, b: Judged, temperature: float) -> float:
+    """Return the log evidence for A over B that an experiment is expected to bring if A is true."""
+    drive = campaign.drive
+    motion = shaft(a.fit.point.values, float(drive.motor.pole_pairs), drive.converter.sampling_period)
+    planned = recording_of(campaign, entry, motion)
+    truth = {k: v for k, v in a.fit.point.values.items() if v == v}
+    read = replay(prepare(planned, truth, steps=1), [truth]).currents[0][:, :, 0]
+    columns = {**planned.recordings[0].columns, **{f"i_{p}": read[:, k].copy() for k, p in enumerate("abc")}}
+    told = replace(planned, recordings=(replace(planned.recordings[0], columns=columns),))
+    belief = dict(b.fit.point.values)
+    point = Point(prepare(told, belief, steps=1), belief)
+    own = [c for c in b.normal.coordinates if c.form not in ("lock", "share")]
+    n = normal(point, own)
+    g_all, rr_all = n.summed()[1:]
+    place = {c.label: k for k, c in enumerate(b.normal.coordinates)}
+    known = b.equations.a + np.diag(np.where(b.prior.deviation > 0.0, b.prior.deviation, 1e-12) ** -2)
+    inside = [place[c.label] for c in own]
+    covariance = np.linalg.inv(known)[np.ix_(inside, inside)]
+    prior = np.diag([c.deviation**-2 for c in n.coordinates])
+    prior[: len(own), : len(own)] = np.linalg.inv(covariance)
+    follow = g_all @ np.linalg.solve(n.summed()[0] + prior, g_all)
+    return float(0.5 * (rr_all - follow) / temperature)
+
+
+def recommend(
+    campaign: Campaign, candidates: Sequence[Judged], temperature: float, entries: Sequence[Entry] | None = None
+) -> Next | None:
+    """Return the recording that separates the two most probable of the candidates best; None with fewer than two."""
+    if len(candidates) < 2:
+        return None
+    a, b = candidates[0], candidates[1]
+    found: list[tuple[float, str]] = []
+    for entry in menu(campaign.drive) if entries is None else entries:
+        try:
+            both = [expected_evidence(campaign, entry, x, y, temperature) for x, y in ((a, b), (b, a))]
+        except (BadInput, PhysicsError, np.linalg.LinAlgError):
+            continue
+        found.append((min(both), entry.description))
+    if not found:
+        return None
+    gain, description = max(found)
+    # the log evidence is normal with variance twice its mean (a Gaussian likelihood ratio)
+    power = 0.5 * math.erfc((ODDS - gain) / math.sqrt(4.0 * max(gain, 1e-12)))
+    return Next(description, (a.effects, b.effects), gain, power)
+
+
+def as_json(n: Next | None) -> Mapping[str, object] | None:
+    """Return the contract's `next_recording`."""
+    if n is None:
+        return None
+    return {
+        "description": n.description, "separates": [list(s) for s in n.separates], "gain": n.gain, "power": n.power
+    }  # fmt: skip

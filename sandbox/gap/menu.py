@@ -1,0 +1,141 @@
+"""A menu of further recordings: what a bench can do in a second, as commands and motion, before anything is measured.
+
+Voltages are those of the nominal model for the wanted currents and speed (open loop), so any parameter set can be asked
+what it would read.  Currents are in units of rated current, speeds of rated speed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.energy import flux_from_current
+from model.parameters import Drive
+from sandbox.campaign import Campaign, CampaignRecording
+
+Array = NDArray[np.float64]
+DURATION = 1.0  # s
+SETTLE = 0.1  # s at the start, until open-loop currents stand
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One experiment: what a person would do, kind of rotor, wanted i_d, i_q (n,) and speed (n,), link's share."""
+
+    description: str
+    rotor: str
+    i_d: Array
+    i_q: Array
+    speed: Array
+    link: float = 1.0
+    injection: tuple[float, float] = (0.0, 0.0)  # V on d and q, square wave
+
+
+def ramp(t: Array, *points: tuple[float, float]) -> Array:
+    """Return straight lines through (share of the duration, value)."""
+    return np.interp(t / DURATION, [p[0] for p in points], [p[1] for p in points])
+
+
+def menu(drive: Drive) -> list[Entry]:
+    """Return the experiments for a drive."""
+    t = np.arange(round(DURATION / drive.converter.sampling_period)) * drive.converter.sampling_period
+    zero, one = np.zeros_like(t), np.ones_like(t)
+    fade = np.minimum(t / SETTLE, 1.0)
+    rate, pulse = drive.motor.rated_current, drive.injection.amplitude or 0.07 * drive.converter.dc_bus_voltage
+    rated = drive.motor.rated_omega
+    around = math.tau * 2.0 * t / DURATION
+    crossing = 0.15 * np.sin(2.0 * around)
+    steps = np.where(np.sin(3.0 * around) > 0.0, 0.6, -0.6)
+    turn = 0.04 * rated
+    swing = 0.5 * np.sign(np.sin(math.tau * np.cumsum(5.0 + 75.0 * t / DURATION) * (t[1] - t[0])))
+    both = ramp(t, (0.0, 0.8), (0.35, 0.8), (0.65, -0.8), (1.0, -0.8))
+    out = [
+        Entry("locked rotor, current slowly through zero", "locked", crossing, crossing * np.cos(around), zero),
+        Entry("locked rotor, current slowly through zero at half the DC-link voltage", "locked", crossing,
+              crossing * np.cos(around), zero, link=0.5),
+        Entry("locked rotor, rated current slowly around the circle", "locked", fade * np.cos(around),
+              fade * np.sin(around), zero),
+        Entry("locked rotor, large steps along d and q", "locked", steps, np.roll(steps, len(t) // 5), zero),
+        Entry("locked rotor, injection along d over a staircase on q", "locked", zero,
+              np.round(4.0 * ramp(t, (0, -1.2), (1, 1.2))) / 4.0, zero, injection=(pulse, 0.0)),
+        Entry("locked rotor, injection along q over a staircase on d", "locked",
+              np.round(4.0 * ramp(t, (0, -1.2), (1, 1.2))) / 4.0, zero, zero, injection=(0.0, pulse)),
+        Entry("driven at 80 % speed both ways, rated current on q", "driven", zero, fade, both * rated),
+        Entry("driven at 80 % speed both ways without current", "driven", zero, zero, both * rated),
+        Entry("driven at 80 % speed at twice the share of the link (half its voltage) without current", "driven", zero,
+              zero, 0.5 * both * rated, link=0.5),
+        Entry("driven slowly, half of rated current on d and q", "driven", 0.35 * fade, 0.35 * fade, turn * one),
+        Entry("free rotor, accelerated and left to coast to standstill", "free", zero,
+              ramp(t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0)), zero),
+        Entry("free rotor, torque reversed faster and faster", "free", zero, swing, zero),
+    ]  # fmt: skip
+    return [replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q) for e in out]
+
+
+def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[Array], Array]) -> Campaign:
+    """Return a campaign of one recording with an entry's commands and angles; its currents are still zero.
+
+    torque_to_motion: the motion (rad, electrical) that the wanted torque (n,) in N m gives a free rotor.
+    """
+    drive = campaign.drive
+    motor, period = drive.motor, drive.converter.sampling_period
+    d, q = flux_from_current(motor.energy, entry.i_d, entry.i_q)
+    if entry.rotor == "free":
+        torque = 1.5 * motor.pole_pairs * ((d + motor.magnet_flux) * entry.i_q - q * entry.i_d)
+        theta = torque_to_motion(torque)
+        speed = np.gradient(theta, period)
+    else:
+        speed = entry.speed
+        theta = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * period)]) + 0.3
+    u_d = motor.resistance * entry.i_d + np.gradient(d, period) - speed * q
+    u_q = motor.resistance * entry.i_q + np.gradient(q, period) + speed * (d + motor.magnet_flux)
+    wave = np.where(np.arange(len(d)) % 8 < 4, 1.0, -1.0)
+    u_d, u_q = u_d + entry.injection[0] * wave, u_q + entry.injection[1] * wave
+    half = theta + 0.5 * speed * period
+    link = entry.link * drive.converter.dc_bus_voltage
+    size = np.hypot(u_d, u_q)
+    scale = np.minimum(1.0, 0.95 * link / math.sqrt(3.0) / np.maximum(size, 1e-9))
+    u_d, u_q = u_d * scale, u_q * scale
+    co, si = np.cos(half), np.sin(half)
+    columns: Mapping[str, Array] = {
+        "t": np.arange(len(d)) * period, "u_alpha": co * u_d - si * u_q, "u_beta": si * u_d + co * u_q,
+        "i_a": np.zeros(len(d)), "i_b": np.zeros(len(d)), "i_c": np.zeros(len(d)), "theta": theta,
+        "u_dc": np.full(len(d), link),
+    }  # fmt: skip
+    one = CampaignRecording("next.parquet", entry.rotor, "none", columns)
+    converter = replace(drive.converter, dc_bus_voltage=link)
+    return replace(campaign, drive=replace(drive, converter=converter), recordings=(one,))
+
+
+def shaft(values: Mapping[str, float], pole_pairs: float, period: float) -> Callable[[Array], Array]:
+    """Return how a free rotor moves from rest: angle (n,) rad electrical of torque (n,), by a parameter set's shaft."""
+    total, friction = values["inertia.inertia"], values["viscous_friction.coefficient"]
+    dry, width = values["coulomb_friction.torque"], values["coulomb_friction.width"]
+    cog, order, phase = (values[f"cogging_torque.{p}"] for p in ("amplitude", "order_mech", "phase"))
+    stiffness, load = values["shaft_compliance.stiffness"], values["shaft_compliance.load_inertia"]
+    compliant = math.isfinite(stiffness) and load > 0.0
+    motor = total - load if compliant else total
+
+    def move(torque: Sequence[float] | Array) -> Array:
+        out = np.zeros(len(torque))
+        angle = speed = twist = load_speed = 0.0
+        inner = 4
+        step = period / inner
+        for k in range(1, len(torque)):
+            for _ in range(inner):
+                net = torque[k - 1] - friction * speed - dry * math.tanh(speed / width)
+                net += cog * math.sin(order * angle + phase)
+                if compliant:
+                    net -= stiffness * twist
+                    load_speed += step * stiffness * twist / load
+                speed += step * net / motor
+                angle += step * speed
+                twist += step * (speed - load_speed) if compliant else 0.0
+            out[k] = pole_pairs * angle
+        return out
+
+    return move
