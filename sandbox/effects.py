@@ -35,7 +35,7 @@ class Effects(NamedTuple):
 
 
 EFFECTS = numba.typeof(
-    Effects(0, Machine(*10 * (0.0,)), Shaft(*10 * (0.0,)), Inverter(*13 * (0.0,)), Sensors(*12 * (0.0,)))
+    Effects(0, Machine(*10 * (0.0,)), Shaft(*10 * (0.0,)), Inverter(*14 * (0.0,)), Sensors(*12 * (0.0,)))
 )
 
 
@@ -56,6 +56,7 @@ def compiled(motor: Motor, converter: Converter, values: Mapping[str, float], fr
         v["dc_link_ripple.amplitude"], math.tau * v["dc_link_ripple.frequency"], v["dc_link_ripple.phase"],
         v["dead_time.time"], v["device_drop.threshold"], SOFT_SIGN * motor.rated_current,
         v["pwm_delay.delay"], filter_time, core_time if conductance else 0.0, conductance,
+        v["dc_link_error.sag"],
     )  # fmt: skip
     counts = converter.encoder_counts
     sensors = Sensors(

@@ -131,6 +131,8 @@ def _check_sizes(motor: Motor, converter: Converter, v: Mapping[str, float], giv
     if load > 0.0 and math.isfinite(stiffness) and load < v["inertia.inertia"]:
         rate = math.sqrt(stiffness * (1.0 / load + 1.0 / (v["inertia.inertia"] - load)))
     bounds = (
+        ("dc_link_error.sag", v["dc_link_error.sag"], 0.2 * converter.dc_bus_voltage / motor.rated_current,
+         "ohm: a fifth of the link is lost where it feeds rated current"),
         ("dc_link_ripple.amplitude", abs(v["dc_link_ripple.amplitude"]), converter.dc_bus_voltage, "V, the DC link"),
         ("current_sampling.jitter", 6.0 * v["current_sampling.jitter"], 0.5 * converter.sampling_period,
          "s in six sigma, half the PWM period"),

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from model.compiled import inlined, kernel
+from model.effects.dc_link_error import drawn
 from model.pulses import flux_after, mean_deviation
 from sandbox.plant import turn
 from sandbox.replay.lanes import (
@@ -48,6 +49,7 @@ from sandbox.replay.lanes import (
     RIPPLE_PHASE,
     RIPPLE_RATE,
     S_0,
+    SAG,
     SAMPLE_A,
     SAMPLE_B,
     SAMPLING,
@@ -86,6 +88,18 @@ def links(w, clock, period, d_a, d_b, d_c, ripple):
         for j in range(LANES):
             v = w[LINK * LANES + j]
             w[LINK_A * LANES + j], w[LINK_B * LANES + j], w[LINK_C * LANES + j] = v, v, v
+
+
+@kernel
+def sag(w, d_a, d_b, d_c):
+    """Take from the link what the period's current makes it sag by (V)."""
+    for j in range(LANES):
+        lost = w[SAG * LANES + j] * drawn(d_a, d_b, d_c, w[I_A * LANES + j], w[I_B * LANES + j])
+        w[LINK_A * LANES + j], w[LINK_B * LANES + j], w[LINK_C * LANES + j] = (
+            w[LINK_A * LANES + j] - lost,
+            w[LINK_B * LANES + j] - lost,
+            w[LINK_C * LANES + j] - lost,
+        )
 
 
 @kernel

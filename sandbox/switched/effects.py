@@ -46,6 +46,7 @@ class Bench(NamedTuple):
     threshold: float
     on_resistance: float
     link_voltage: float
+    sag: float
     ripple_amplitude: float
     ripple_rate: float
     ripple_phase: float
@@ -117,6 +118,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
         "soft_current": SOFT_SIGN * motor.rated_current,
         "dead_time": v["dead_time.time"],
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
+        "sag": v["dc_link_error.sag"],
         "ripple_amplitude": v["dc_link_ripple.amplitude"],
         "ripple_rate": math.tau * v["dc_link_ripple.frequency"],
         "ripple_phase": v["dc_link_ripple.phase"],

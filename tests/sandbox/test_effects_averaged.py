@@ -201,6 +201,17 @@ def test_dc_link_error_scales_the_delivered_voltage():
     assert make({"dc_link_error.gain_error": 0.03}).advance(20 + 5j) == pytest.approx(1.03 * (20 + 5j), rel=1e-12)
 
 
+def test_dc_link_error_sags_with_the_power_drawn():
+    """i_dc = 3/2 u i/V: delivered u' = u - u sag P/V^2 at the power P = 3/2 u i; a generator raises the link."""
+    u, sag = 60.0 * np.exp(0.7j), 25.0
+    a = make({"dc_link_error.sag": sag}, NO_MAGNET)
+    i = settled(a, u)
+    power = 1.5 * (u * i.conjugate()).real
+    assert i * R == pytest.approx(u * (1.0 - sag * power / U**2), rel=1e-9)
+    assert abs(i) * R == pytest.approx(60.0 / (1.0 + 1.5 * sag * 60.0**2 / (R * U**2)), rel=1e-9)
+    assert abs(a.advance(-u)) == pytest.approx(60.0 * (1.0 + sag * power / U**2), rel=1e-9)
+
+
 def test_dc_link_ripple_volt_seconds_of_one_period():
     """Each leg delivers D T_s [V + A sin(w t_mid + phase) sinc(w D T_s/2)]; t from the run's start."""
     amplitude, f, phase, u, n = 20.0, 700.0, 0.5, 100.0, 5
@@ -353,7 +364,7 @@ ALL_ON = {
     "inductance_harmonics.gamma_6": 0.6, "iron_loss.core_resistance": 1500.0, "iron_loss.time_constant": 2e-4,
     "skin_effect.resistance": 3.0, "skin_effect.time_constant": 3e-4, "winding_asymmetry.delta_a": 0.5,
     "winding_asymmetry.delta_b": -0.3, "device_drop.threshold": 1.0, "device_drop.on_resistance": 0.3,
-    "dead_time.time": 2e-6, "dc_link_error.gain_error": 0.02, "dc_link_ripple.amplitude": 8.0, "pwm_delay.delay": 1e-5,
+    "dead_time.time": 2e-6, "dc_link_error.gain_error": 0.02, "dc_link_error.sag": 20.0, "dc_link_ripple.amplitude": 8.0, "pwm_delay.delay": 1e-5,
     "coulomb_friction.torque": 0.03, "coulomb_friction.stribeck_torque": 0.01, "viscous_friction.coefficient": 5e-4,
     "cogging_torque.amplitude": 0.05, "cogging_torque.order_mech": 12.0, "shaft_compliance.stiffness": 300.0,
     "shaft_compliance.load_inertia": 4e-4,

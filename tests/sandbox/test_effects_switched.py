@@ -46,6 +46,8 @@ CASES = [  # effects, bound at 20 rad/s, at 100 rad/s
     ({"iron_loss.core_resistance": 2e3, "current_sampling.delay": 1e-5}, 1e-4, 1.6e-4),
     ({"current_sampling.delay": 6e-5}, 2e-4, 4.5e-4),  # beyond the zero vector
     ({"pwm_delay.delay": 9e-5, "current_filter.time_constant": 3e-5}, 1e-4, 5.7e-4),
+    ({"dc_link_error.sag": 30.0}, 9e-5, 1.3e-4),
+    ({"dc_link_error.sag": 30.0, "dead_time.time": 2e-6, "current_sampling.delay": 1e-5}, 3e-4, 5e-4),
     (MANY, 1.8e-4, 5e-4),
 ]  # fmt: skip
 ELECTRICAL = [n for n in library.effect_names() if library.load_effect(n).subsystem != "mechanics"]
