@@ -216,7 +216,8 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
     """From the link = what the machine stores, loses and gives + device drop; as commanded = that + dead time.
 
     Each side on its own: the machine's from its states and losses, the devices' from (threshold sign(i) + r i) i, dead
-    time's in closed form, V t_d |i| a leg and period (one edge is late; i: mean of both samples, the soft sign with it).
+    time's in closed form, V t_d |i| a leg and period (one edge is late).  There i is the mean of both samples, not the
+    current at the edge: the pulses' ripple between them is a few percent of it.
     """
     motor, converter = drive()
     b = quiet(bench(motor, converter, ALL_ON))._replace(audit=1.0)
