@@ -17,6 +17,7 @@ from sandbox.loop import (
     DONE,
     MEMORY,
     NOT_FINITE,
+    OUTSIDE_DOMAIN,
     RIG,
     RNG,
     TABLE,
@@ -32,6 +33,7 @@ from sandbox.loop import (
 )
 from sandbox.switched.effects import Bench
 from sandbox.switched.inverter import I_ALPHA, I_BETA, PSI_ALPHA, PSI_BETA, SPEED, THETA, advance
+from sandbox.switched.machine import least_stiffness
 from sandbox.switched.simulate import measure
 
 BENCH = numba.typeof(Bench(*len(Bench._fields) * (0.0,)))
@@ -74,6 +76,8 @@ def run_compiled(step, state, x, b, u_dc, rig, control, belief, tuning, profile,
         keep(memory, (u_alpha, u_beta))
         if not math.isfinite(x[PSI_ALPHA] + x[PSI_BETA] + x[SPEED] + x[THETA] + u_alpha + u_beta):
             return NOT_FINITE, k
+        if not least_stiffness(b, complex(x[PSI_ALPHA], x[PSI_BETA]), x[THETA]) > 0.0:
+            return OUTSIDE_DOMAIN, k
     return DONE, rig.samples
 
 

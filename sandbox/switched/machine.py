@@ -75,6 +75,24 @@ def current_and_torque(b, psi, theta):
 
 
 @kernel
+def least_stiffness(b, psi, theta):
+    """Return the smaller eigenvalue of the energy's second derivatives (1/H); from 0 on, current is not unique.
+
+    di = a dz + c dz* in the rotor frame (a real), so the eigenvalues are a +- |c|.
+    """
+    e_1 = complex(math.cos(theta), math.sin(theta))
+    z = (psi - magnet(b, e_1)[0]) * e_1.conjugate()
+    back, z_2 = z.conjugate(), z * z
+    r_2 = z.real * z.real + z.imag * z.imag
+    a = b.g_0 + 4.0 * b.c_1 * z.real + 8.0 * b.q_0 * r_2 + 6.0 * b.q_2 * z_2.real
+    c = b.g_2 + 2.0 * b.c_1 * z + 6.0 * b.c_3 * back + 4.0 * b.q_0 * z_2 + 6.0 * b.q_2 * r_2
+    c += 12.0 * b.q_4 * back * back
+    if b.gamma_6 != 0.0:
+        c += b.gamma_6 * sixth(e_1)
+    return a - abs(c)
+
+
+@kernel
 def phase_currents(i):
     """Return i_a, i_b, i_c of a current vector without zero sequence."""
     half, side = -0.5 * i.real, 0.5 * ROOT * i.imag
