@@ -197,7 +197,10 @@ def run_simulate(options: argparse.Namespace) -> None:
     load_estimator(options.estimator)
     effects = parse(options.effects)
     if options.record is not None:
+        from sandbox.record import bench_of, campaign_of
+
         check_new_folder(options.record, _folder(options))
+        drive = bench_of(drive)
     result, gains = single(
         drive, scenario, options.estimator, options.belief, not options.open, options.seed, effects, options.plant
     )
@@ -219,7 +222,6 @@ def run_simulate(options: argparse.Namespace) -> None:
         report.write_json(out, "simulate", content)
     if options.record is not None:
         from sandbox.campaign import write_campaign
-        from sandbox.record import campaign_of
 
         write_campaign(options.record, campaign_of(drive, scenario, run.recording, options.record.name))
     if not options.quiet:

@@ -154,7 +154,7 @@ def _averaged(
 def _switched(
     drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: Energy | None, fast: bool
 ) -> tuple[Any, ...]:
-    """Return the loop's kernel, the bench's state, the bench and the link voltage as read."""
+    """Return the loop's kernel, the bench's state, the bench and the nominal link voltage."""
     from sandbox.switched import loop as switched
     from sandbox.switched import simulate as bench_of
     from sandbox.switched.effects import bench
@@ -172,7 +172,7 @@ def _rig(drive: Drive, scenario: Scenario, step: float, closed: bool, n: int, st
     return loop.Rig(
         n, stride, max(1, round(c.sampling_period / step)), loop.CLOSED if closed else loop.OPEN,
         int(scenario.reference == "speed"), ROTORS[scenario.rotor],
-        c.sampling_period, c.current_noise, c.current_resolution, start,
+        c.sampling_period, c.current_noise, c.current_resolution, start, c.dc_bus_voltage, c.link_noise,
     )  # fmt: skip
 
 

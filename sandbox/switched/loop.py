@@ -28,6 +28,7 @@ from sandbox.loop import (
     imposed_on,
     interpolate,
     keep,
+    read_link,
     record,
     sample_of,
 )
@@ -52,7 +53,7 @@ def encoder_speed(b, theta, speed):
 
 @kernel_as(RUN)
 def run_compiled(step, state, x, b, u_dc, rig, control, belief, tuning, profile, waveform, primitive, rng, table):
-    """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped); u_dc: V as read."""
+    """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped); u_dc: V, nominal."""
     controller = np.zeros(SIZE)
     memory = np.zeros(MEMORY)
     held = np.zeros(4)
@@ -60,9 +61,10 @@ def run_compiled(step, state, x, b, u_dc, rig, control, belief, tuning, profile,
         t = k * rig.sampling_period
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
         memory[CURSOR] = cursor
+        read = u_dc * read_link(rig, rng)
         imposed = imposed_on(k, b.pole_pairs * x[SPEED], rig, profile, memory) / b.pole_pairs
         acting = (memory[U_ALPHA], memory[U_BETA])
-        measure(x, b, rig.rotor, acting[0], acting[1], u_dc, wanted[1], imposed, rng, held)
+        measure(x, b, rig.rotor, acting[0], acting[1], read, wanted[1], imposed, rng, held)
         reading = (held[0], held[1], held[2])
         motion = (x[THETA], b.pole_pairs * x[SPEED])
         measured = (held[3], encoder_speed(b, x[THETA], x[SPEED]))
@@ -71,8 +73,8 @@ def run_compiled(step, state, x, b, u_dc, rig, control, belief, tuning, profile,
         estimate = step(state, sample, belief, tuning)
         u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
-            record(table[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q)
-        advance(x, b, rig.rotor, acting[0], acting[1], u_dc, wanted[1], imposed)
+            record(table[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q, read)
+        advance(x, b, rig.rotor, acting[0], acting[1], read, wanted[1], imposed)
         keep(memory, (u_alpha, u_beta))
         if not math.isfinite(x[PSI_ALPHA] + x[PSI_BETA] + x[SPEED] + x[THETA] + u_alpha + u_beta):
             return NOT_FINITE, k

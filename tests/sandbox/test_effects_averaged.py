@@ -255,7 +255,7 @@ def test_pwm_delay_beyond_the_zero_vector_moves_volt_seconds_to_the_next_period(
 def readings(effects, turns=3, n=300):
     """Return what three sensors make of 2 A turning steadily, seen from the turning frame."""
     sensors = make(effects).effects.sensors
-    rig = Rig(*6 * (0,), TS, 0.0, 0.0, 0.0)
+    rig = Rig(*6 * (0,), TS, 0.0, 0.0, 0.0, U, 0.0)
     rng = np.random.default_rng(0)
     angle = 2 * np.pi * turns * np.arange(n) / n
     rows = np.array([read_phases(2 * np.cos(x), 2 * np.sin(x), sensors, rig, rng) for x in angle])
