@@ -113,8 +113,8 @@ class Converter:
             )
         if not self.link_noise <= 0.1 * self.dc_bus_voltage:
             raise BadInput(
-                f"[drive] link_noise = {self.link_noise:g} V is out of range; duties are formed with that reading: give "
-                f"at most a tenth of dc_bus_voltage = {self.dc_bus_voltage:g} V"
+                f"[drive] link_noise = {self.link_noise:g} V is out of range; duties are formed with that reading: "
+                f"give at most a tenth of dc_bus_voltage = {self.dc_bus_voltage:g} V"
             )
 
     @property

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects.dead_time import SOFT_SIGN
-from model.effects.library import neutral
+from model.effects.library import friction_rate, neutral
 from model.effects.shaft_compliance import damping_of
 from model.parameters import Converter, Motor
 from sandbox.full import DUTY, SIZE, Machine, Shaft
@@ -103,6 +103,8 @@ def longest_step(values: Mapping[str, float], step: float) -> float:
         step = min(step, 0.7 * values["iron_loss.time_constant"])
     if values["skin_effect.resistance"] > 0.0:
         step = min(step, 0.7 * values["skin_effect.time_constant"])
+    if friction_rate(values) > 0.0:
+        step = min(step, 0.5 / friction_rate(values))
     inertia, load = masses(values)
     if load > 0.0:
         rate = math.sqrt(values["shaft_compliance.stiffness"] * (1.0 / inertia + 1.0 / load))

@@ -20,7 +20,7 @@ from model.compiled import kernel, kernel_as
 from model.effects.current_gain import read
 from model.energy import min_eigenvalue
 from model.frames import phases, rotate, stationary
-from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control
+from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
 from sandbox.effects import BARE, EFFECTS
 from sandbox.full import advance as advance_full
 from sandbox.full import stiffness
@@ -32,8 +32,8 @@ from sandbox.sensors import encoder, sampled
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
 TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF = range(5)  # columns of a profile's breakpoints
 # the loop's own memory: voltage now acting, and before; link voltage as read over its nominal value
-CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK = range(6)
-MEMORY = 6
+CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK, ENCODER = range(7)
+MEMORY = 9  # the encoder's speed has three places
 N_CHANNELS = len(CHANNELS)
 CLOSED, OPEN = 1, 0
 LOCKED, DRIVEN, FREE = 0, 1, 2
@@ -124,7 +124,9 @@ def measure(x, plant, effects, rig, memory, rng):
     else:
         i_alpha, i_beta, i_d, i_q = sampled(x, plant, effects.machine, effects.inverter, sensors, *formed(memory), rng)
     reading = read_phases(i_alpha, i_beta, sensors, rig, rng)
-    return reading, (i_d, i_q), encoder(sensors, plant.pole_pairs, x[THETA], x[OMEGA])
+    angle, slope = encoder(sensors, plant.pole_pairs, x[THETA], x[OMEGA])
+    omega = speed_from(memory, ENCODER, angle, slope, sensors.encoder_step, rig.sampling_period)
+    return reading, (i_d, i_q), (angle, omega)
 
 
 @kernel

@@ -23,7 +23,7 @@ class Recording:
     """Samples of one run; every channel of CHANNELS is an attribute, shape (n,).
 
     Measured: i_a, i_b, i_c (A), commanded for the interval that starts there: u_alpha, u_beta (V);
-    theta_read: angle as the encoder reads it (rad); u_dc: link voltage as the controller reads it for that interval (V).
+    theta_read: angle as the encoder reads it (rad); u_dc: link as the controller reads it (V).
     True: theta (rad, electrical, unwrapped), omega (rad/s), i_d, i_q (A).  Estimated: theta_hat, omega_hat,
     ripple_d, ripple_q (A).  load is in fractions of rated current, load_torque in N m.
     """

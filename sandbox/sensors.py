@@ -49,7 +49,7 @@ class Sensors(NamedTuple):
 
 @kernel
 def encoder(e, pole_pairs, theta, omega):
-    """Return angle (rad) and speed (rad/s, electrical) as the encoder gives them; counts blur the angle alone."""
+    """Return angle (rad) as the encoder reads it, and its slope (rad/s, electrical) without counts."""
     deviation = 0.0
     if e.eccentricity != 0.0:
         deviation = encoder_eccentricity.deviation(e.eccentricity, e.eccentricity_phase, pole_pairs, theta)

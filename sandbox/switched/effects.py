@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from model.effects.library import complete
+from model.effects.library import complete, friction_rate
 from model.parameters import Converter, Motor
 
 SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
@@ -175,4 +175,6 @@ def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float) -> f
         step = min(step, 0.5 * v["iron_loss.time_constant"])
     if v["skin_effect.resistance"] > 0.0:
         step = min(step, 0.5 * v["skin_effect.time_constant"])
+    if friction_rate(v) > 0.0:
+        step = min(step, 1.0 / friction_rate(v))
     return min(step, 0.2 / shaft_rate) if shaft_rate > 0.0 else step

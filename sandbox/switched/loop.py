@@ -11,10 +11,11 @@ from numba import types
 from estimators.contract import BELIEF, STATE, STEP, TUNING
 from model.compiled import kernel, kernel_as
 from model.frames import rotate
-from sandbox.control import CONTROL, SIZE
+from sandbox.control import CONTROL, SIZE, speed_from
 from sandbox.loop import (
     CURSOR,
     DONE,
+    ENCODER,
     MEMORY,
     NOT_FINITE,
     OUTSIDE_DOMAIN,
@@ -45,8 +46,8 @@ RUN = types.UniTuple(types.int64, 2)(
 
 
 @kernel
-def encoder_speed(b, theta, speed):
-    """Return the speed (rad/s, electrical) as an eccentric encoder gives it; counts blur the angle alone."""
+def encoder_slope(b, theta, speed):
+    """Return the slope (rad/s, electrical) of an eccentric encoder's angle without counts."""
     slope = b.eccentricity / b.pole_pairs * math.cos(theta / b.pole_pairs + b.eccentricity_phase)
     return b.pole_pairs * speed * (1.0 + slope)
 
@@ -67,7 +68,8 @@ def run_compiled(step, state, x, b, u_dc, rig, control, belief, tuning, profile,
         measure(x, b, rig.rotor, acting[0], acting[1], read, wanted[1], imposed, rng, held)
         reading = (held[0], held[1], held[2])
         motion = (x[THETA], b.pole_pairs * x[SPEED])
-        measured = (held[3], encoder_speed(b, x[THETA], x[SPEED]))
+        slope = encoder_slope(b, x[THETA], x[SPEED])
+        measured = (held[3], speed_from(memory, ENCODER, held[3], slope, b.encoder_step, rig.sampling_period))
         true = rotate(x[I_ALPHA], x[I_BETA], -x[THETA])
         sample = sample_of(k, reading, memory, primitive)
         estimate = step(state, sample, belief, tuning)

@@ -79,7 +79,7 @@ def test_drive_file_that_states_its_encoder_and_link_keeps_them():
     stated = dataclasses.replace(DRIVE.converter, encoder_counts=1000, link_noise=0.7)
     drive = dataclasses.replace(DRIVE, converter=stated)
     assert bench_of(drive) == drive
-    with pytest.raises(BadInput, match="link_noise = 50 V is out of range.*tenth"):
+    with pytest.raises(BadInput, match=r"link_noise = 50 V is out of range.*tenth"):
         dataclasses.replace(DRIVE.converter, link_noise=50.0)
 
 

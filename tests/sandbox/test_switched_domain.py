@@ -1,4 +1,4 @@
-"""The switched bench leaves its valid domain where the averaged one does: convexity of the energy, status, exit code."""
+"""The switched bench leaves its valid domain where the averaged one does: convexity, status, exit code."""
 
 import math
 
@@ -22,7 +22,7 @@ STEP = Scenario("step", (Segment(0.02), Segment(0.3, 0.35, 0.3)), rotor="free", 
 @pytest.mark.parametrize("gamma_6", [0.0, 0.7])
 @pytest.mark.parametrize("theta", [0.0, 0.8, -2.3])
 def test_least_stiffness_is_the_smaller_eigenvalue(theta, gamma_6):
-    """Of the Jacobian of the current, by central differences (rounding and curvature 1e-7); the paper's Hessian, too."""
+    """Of the Jacobian of the current, by central differences (rounding, curvature 1e-7); the paper's Hessian."""
     drive = load_drive("ipm_exchanged")
     b = bench(drive.motor, drive.converter, {"inductance_harmonics.gamma_6": gamma_6})
     d, q, h = -0.06, 0.045, 1e-6
