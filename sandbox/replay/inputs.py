@@ -147,7 +147,8 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
         torque = torque_of(m.energy, m.magnet_flux, float(pairs), i_alpha, i_beta, pairs * turn)
         omega = speed / pairs
         net = torque - m.viscous_friction * omega
-        net -= v["coulomb_friction.torque"] * np.tanh(omega / v["coulomb_friction.width"])
+        level = v["coulomb_friction.stribeck_torque"] * np.exp(-((omega / v["coulomb_friction.stribeck_speed"]) ** 2))
+        net -= (v["coulomb_friction.torque"] + level) * np.tanh(omega / v["coulomb_friction.width"])
         net += v["cogging_torque.amplitude"] * np.sin(v["cogging_torque.order_mech"] * turn + v["cogging_torque.phase"])
         taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
         acceleration = pairs / m.inertia * (net - taken) + pairs * swing(row, net, taken)
