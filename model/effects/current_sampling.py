@@ -11,7 +11,7 @@ CARD = Effect(
     equation=(
         "reading = i(t_k + delay + jitter x normal): within the zero vector no voltage acts, i(psi - s R "
         "i, theta + s omega); jitter is noise: simulated sample by sample, never predicted - a replay leaves it in the "
-        "residual as jitter x |di/dt|, above the sensors' floor"
+        "residual as jitter x slope of the current, above the sensors' floor"
     ),
     source=(
         "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"

@@ -56,7 +56,7 @@ BOTH = pytest.mark.parametrize("plant", [averaged, switched])
 
 @BOTH
 def test_link_ripple_meets_a_delayed_pulse_in_its_later_middle(plant):
-    """Without resistance a leg adds D T_s [V + A sin(w (t_mid + delay) + phase) sinc(w D T_s/2)]; delay 0.8 rad here."""
+    """Without resistance a leg adds D T_s [V + A sin(w (t_mid + delay) + phase) sinc(w D T_s/2)]; here w delay 0.8."""
     amplitude, f, phase, delay, n = 20.0, 3000.0, 0.5, 4e-5, 6
     u = 60.0 * np.exp(0.4j)
     i = plant(
@@ -110,7 +110,7 @@ def test_delayed_pattern_lifts_the_sample_along_the_inverse_inductance(plant, th
 @BOTH
 @pytest.mark.parametrize("filter_time", [0.0, 4e-6])
 def test_iron_loss_reads_the_slope_of_the_zero_vector(plant, filter_time):
-    """Core far faster than the zero vector, at rest: sampled i_c = -R i/R_c, mean i_c 0; a short filter adds tau R/L."""
+    """Core far faster than the zero vector, at rest: sampled i_c = -R i/R_c, mean 0; a short filter adds tau R/L."""
     u, core = 30.0 * np.exp(0.3j), 2000.0
     effects = {"iron_loss.core_resistance": core, "iron_loss.time_constant": 1e-5}
     i = plant(effects | {"current_filter.time_constant": filter_time}, [u] * 900)[-1]
@@ -141,7 +141,7 @@ def test_dead_time_swallows_a_pulse_shorter_than_itself(duty_time):
 
 
 def test_third_sensors_gain_is_read():
-    """g_2 = (g_a + a^2 g_b + a g_c)/3 with a = exp(2j pi/3), g_0 their mean: both plants' readings of a turning vector."""
+    """g_2 = (g_a + a^2 g_b + a g_c)/3 with a = exp(2j pi/3), g_0 their mean: both plants' readings."""
     gains = {"current_gain.gain_a": 1.01, "current_gain.gain_b": 0.98, "current_gain.gain_c": 1.04}
     g = np.array(list(gains.values()))
     i = 2.0 * np.exp(1j * np.linspace(0.0, 6.0, 40))

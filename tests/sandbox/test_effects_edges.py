@@ -105,7 +105,7 @@ def observed(angle, step, slope=0.0):
 
 
 def test_speed_from_counts_is_the_tracking_loop():
-    """A ramp of speed r is followed late by 2 r/w (critically damped, double pole w), counts blur it by a few tenths."""
+    """A ramp of speed r is followed late by 2 r/w (critically damped, double pole w); counts blur it a little."""
     n, rate, step = 4000, 50.0, 2 * math.pi * 6 / 4096
     t = TS * np.arange(n)
     fine = observed(0.5 * rate * t * t + 1.0, 1e-12)
@@ -118,7 +118,7 @@ def test_speed_from_counts_is_the_tracking_loop():
 
 
 def test_speed_from_counts_sees_the_eccentricity():
-    """theta_read = theta + p A sin(theta/p): its speed swings by omega A cos, through the tracking loop's gain there."""
+    """theta_read = theta + p A sin(theta/p): its speed swings by omega A, the tracking loop's gain being 1."""
     p, amplitude, omega, n = 6, 0.01, 60.0, 12000
     theta = omega * TS * np.arange(n)
     step = 2 * math.pi * p / 4096

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from model.effects import library
+from model.energy import flux_from_current, hessian
 from model.errors import BadInput
 from model.parameters import load_drive
 from sandbox.campaign import Campaign, CampaignRecording, read_campaign
@@ -136,6 +137,25 @@ def test_sizes_beside_the_typical_ones_are_those_of_the_switched_bench(effects):
     assert current.max() < 1.6e-3
     assert motion < MOTION
     assert without.max() > 15 * current.max() or still > 5 * motion
+
+
+def test_jitter_is_noise_above_the_floor_not_a_prediction():
+    """Locked, constant current along d: what jitter leaves is jitter x R Gamma_dd i, the slope of the zero vector."""
+    jitter, theta, n, motor = 5e-6, 0.3, 3000, DRIVE.motor
+    u = np.full(n, 8.0 * np.exp(1j * theta))
+    b = quiet(bench(motor, DRIVE.converter))._replace(jitter=jitter)
+    r = switched(b, "locked", u.real.copy(), u.imag.copy(), 400.0, theta=theta, seed=1)
+    columns = {"t": np.arange(n) * DRIVE.converter.sampling_period, "u_alpha": u.real, "u_beta": u.imag}
+    columns |= {"theta": r["theta"], "u_dc": np.full(n, 400.0)} | {x: r[x] for x in ("i_a", "i_b", "i_c")}
+    one = Campaign("c", DRIVE, (CampaignRecording("r.parquet", "locked", "none", columns),), {}, {}, False)
+    prepared = prepare(one, steps=1)
+    plain, with_it = (replay(prepared, [s]).currents[0][:, :, 0] for s in ({}, {"current_sampling.jitter": jitter}))
+    assert np.array_equal(plain, with_it)
+    miss = (one.recordings[0].i_a - plain[:, 0])[1000:]
+    i = 8.0 / motor.resistance
+    d, q = flux_from_current(motor.energy, i, 0.0)
+    slope = motor.resistance * i * hessian(motor.energy, float(d), float(q))[0] * np.cos(theta)
+    assert miss.std() == pytest.approx(jitter * slope, rel=0.06)  # 2000 draws: 1.6 % each way
 
 
 def test_threads_batches_and_neutral_values_change_no_bit():
