@@ -23,8 +23,8 @@ CARD = Effect(
     axis="along the fast part of the current",
     order="the injection band, and steps",
     region=(
-        "the first time constants after a step; nothing at rest; far below 1/tau only R_1 tau^2 (of R) and R_1 tau (of L) "
-        "count"
+        "the first time constants after a step; nothing at rest; far below 1/tau only R_1 tau^2 (in R) and R_1 tau "
+        "(in L) count"
     ),
     confused_with=("iron_loss", "inductance", "stator_resistance"),
     separated_by="locked-rotor voltage steps at full sampling rate against a slow ramp",
