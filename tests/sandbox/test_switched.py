@@ -215,9 +215,8 @@ def test_energy_balance_closes_with_everything_on():
 def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
     """From the link = what the machine stores, loses and gives + device drop; as commanded = that + dead time.
 
-    Each side on its own: the machine's from its states and losses, the devices' from (threshold sign(i) + r i) i, dead
-    time's in closed form, V t_d |i| a leg and period (one edge is late).  There i is the mean of both samples, not the
-    current at the edge: the pulses' ripple between them is a few percent of it.
+    The devices' share in closed form is (threshold sign(i) + r i) i T_s a leg and period, dead time's V t_d |i| (one edge
+    is late).  There i is the mean of both samples, not the current at the edge: the ripple between is a few percent.
     """
     motor, converter = drive()
     b = quiet(bench(motor, converter, ALL_ON))._replace(audit=1.0)
@@ -227,7 +226,7 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
         psi, core, skin = (complex(state[k], state[k + 1]) for k in (0, 2, 4))
         return reservoir(b, psi, core, skin, *(state[k] for k in (6, 7, 8, 9)))
 
-    before, dead = stored(), 0.0
+    before, dead, devices = stored(), 0.0, 0.0
     u_alpha, u_beta = commands(800, amplitude=60.0)
     old = np.zeros(3)
     for k in range(800):
@@ -237,11 +236,13 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
         dead += (
             b.dead_time * link_voltage(b, state[TIME], state[SUNK]) * np.sum(i * np.clip(i / b.soft_current, -1.0, 1.0))
         )
+        devices += b.period * np.sum(i * (b.threshold * np.clip(i / b.soft_current, -1.0, 1.0) + b.on_resistance * i))
         old = new
     machine = stored() - before + state[LOSS] - state[DEVICES] + state[OUTPUT]
     print(f"link {state[INPUT]:.4f} J, machine {machine:.4f}, devices {state[DEVICES]:.4f}, dead time "
           f"{state[COMMANDED] - state[INPUT]:.4f} (closed form {dead:.4f})")  # fmt: skip
     assert state[INPUT] == pytest.approx(machine + state[DEVICES], abs=2e-5 * state[LOSS])
+    assert state[DEVICES] == pytest.approx(devices, rel=0.05)
     assert min(state[DEVICES], dead) > 0.01 * state[INPUT]
     assert state[COMMANDED] - state[INPUT] == pytest.approx(dead, rel=0.05)
 
