@@ -216,7 +216,7 @@ def test_link_power_is_machine_terminals_plus_inverter_with_everything_on():
     """From the link = what the machine stores, loses and gives + device drop; as commanded = that + dead time.
 
     The devices' share in closed form is (threshold sign(i) + r i) i T_s a leg and period, dead time: V t_d |i| (one
-    edge is late).  There i is the mean of both samples, not the current at the edge: the ripple between is a few percent.
+    edge is late).  There i is the mean of both samples, not the current at the edge: ripple makes a few percent.
     """
     motor, converter = drive()
     b = quiet(bench(motor, converter, ALL_ON))._replace(audit=1.0)
