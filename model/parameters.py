@@ -100,6 +100,7 @@ class Converter:
     pwm_frequency: float | None = quantity("Hz", 1, 1e6, default=None)
     transformation: str = "amplitude-invariant"
     encoder_counts: int | None = quantity("counts per revolution", 1, 1e9, default=None)
+    link_noise: float = quantity("V rms of the DC-link reading", 0, 1e4, default=0.0)
 
     def __post_init__(self) -> None:
         check(self, "drive")
@@ -109,6 +110,11 @@ class Converter:
             raise BadInput(
                 f"[drive] pwm_frequency = {self.pwm_frequency} Hz and sampling_period = {self.sampling_period} s do "
                 "not belong together; one sample a PWM period is simulated: give pwm_frequency = 1 / sampling_period"
+            )
+        if not self.link_noise <= 0.1 * self.dc_bus_voltage:
+            raise BadInput(
+                f"[drive] link_noise = {self.link_noise:g} V is out of range; duties are formed with that reading: "
+                f"give at most a tenth of dc_bus_voltage = {self.dc_bus_voltage:g} V"
             )
 
     @property

@@ -105,7 +105,7 @@ def build_parser() -> Parser:
     c.add_argument("--estimator", default="qnull", help="(qnull)")
     c.add_argument("--belief", default="saturated", choices=("saturated", "linear"), help="(saturated)")
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
-    c.add_argument("--duration", type=float, help="s of the scenario to run (all of it)")
+    c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
     text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
@@ -113,14 +113,14 @@ def build_parser() -> Parser:
     c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
     c = add("audit", run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
-    c.add_argument("--radius", type=float, help="A, of the audited disc of currents (180 %% of rated)")
+    c.add_argument("--radius", type=number, help="A, of the audited disc of currents (180 %% of rated)")
     c = add(
         "identify", run_identify, "the motor from a campaign's locked recordings: paper's least squares and exact fit"
     )
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     c = add("maps", run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
-    c.add_argument("--radius", type=float, help="A, half width of the plane (180 %% of rated)")
+    c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
     c = add("bench", run_bench, "cost per plant step and per closed-loop simulated second")
     c.add_argument("--peer", action="store_true", help="measure the C reference and motulator in the same run, too")
     c.add_argument("--anchors", type=Path, default=Path("../shared/anchors"), help="folder of the reference programs")
@@ -131,6 +131,16 @@ def build_parser() -> Parser:
     c = add("view", run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")
     return parser
+
+
+def number(text: str) -> float:
+    """Parse a number as people write it (not 1_000)."""
+    from model.effects.library import number_of
+
+    try:
+        return number_of(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number") from None
 
 
 def positive_int(text: str) -> int:
@@ -197,7 +207,10 @@ def run_simulate(options: argparse.Namespace) -> None:
     load_estimator(options.estimator)
     effects = parse(options.effects)
     if options.record is not None:
+        from sandbox.record import bench_of, campaign_of
+
         check_new_folder(options.record, _folder(options))
+        drive = bench_of(drive)
     result, gains = single(
         drive, scenario, options.estimator, options.belief, not options.open, options.seed, effects, options.plant
     )
@@ -219,7 +232,6 @@ def run_simulate(options: argparse.Namespace) -> None:
         report.write_json(out, "simulate", content)
     if options.record is not None:
         from sandbox.campaign import write_campaign
-        from sandbox.record import campaign_of
 
         write_campaign(options.record, campaign_of(drive, scenario, run.recording, options.record.name))
     if not options.quiet:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects.dead_time import SOFT_SIGN
-from model.effects.library import neutral
+from model.effects.library import friction_rate, neutral
 from model.effects.shaft_compliance import damping_of
 from model.parameters import Converter, Motor
 from sandbox.full import DUTY, SIZE, Machine, Shaft
@@ -35,7 +35,7 @@ class Effects(NamedTuple):
 
 
 EFFECTS = numba.typeof(
-    Effects(0, Machine(*10 * (0.0,)), Shaft(*10 * (0.0,)), Inverter(*13 * (0.0,)), Sensors(*12 * (0.0,)))
+    Effects(0, Machine(*10 * (0.0,)), Shaft(*10 * (0.0,)), Inverter(*14 * (0.0,)), Sensors(*12 * (0.0,)))
 )
 
 
@@ -56,6 +56,7 @@ def compiled(motor: Motor, converter: Converter, values: Mapping[str, float], fr
         v["dc_link_ripple.amplitude"], math.tau * v["dc_link_ripple.frequency"], v["dc_link_ripple.phase"],
         v["dead_time.time"], v["device_drop.threshold"], SOFT_SIGN * motor.rated_current,
         v["pwm_delay.delay"], filter_time, core_time if conductance else 0.0, conductance,
+        v["dc_link_error.sag"],
     )  # fmt: skip
     counts = converter.encoder_counts
     sensors = Sensors(
@@ -102,6 +103,8 @@ def longest_step(values: Mapping[str, float], step: float) -> float:
         step = min(step, 0.7 * values["iron_loss.time_constant"])
     if values["skin_effect.resistance"] > 0.0:
         step = min(step, 0.7 * values["skin_effect.time_constant"])
+    if friction_rate(values) > 0.0:
+        step = min(step, 0.5 / friction_rate(values))
     inertia, load = masses(values)
     if load > 0.0:
         rate = math.sqrt(values["shaft_compliance.stiffness"] * (1.0 / inertia + 1.0 / load))

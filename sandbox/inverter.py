@@ -11,7 +11,7 @@ import math
 from typing import NamedTuple
 
 from model.compiled import kernel
-from model.effects import dc_link_ripple, dead_time, device_drop, iron_loss
+from model.effects import dc_link_error, dc_link_ripple, dead_time, device_drop, iron_loss
 from model.frames import phases, stationary
 from model.pulses import duties, flux_after, mean_deviation, ripple_lag_between
 from sandbox.full import CLOCK, CORE_D, CORE_Q, CORE_RIPPLE, DUTY, FILTER_RIPPLE, stator_currents, stiffness
@@ -36,6 +36,7 @@ class Inverter(NamedTuple):
     filter_time: float  # s, of the current sensors, whose ripple is kept with the pulses
     core_time: float  # s, of the iron loss, likewise; 0 without
     core_conductance: float  # 1/ohm
+    sag: float  # ohm, of the link's supply
 
 
 @kernel
@@ -51,6 +52,16 @@ def leg_link(v, clock, duty):
         return v.link
     middle = clock + 0.5 * v.period + v.delay
     return v.link + dc_link_ripple.pulse_mean(v.ripple, v.ripple_rate, v.ripple_phase, middle, duty * v.period)
+
+
+@kernel
+def leg_links(v, clock, duty, i_alpha, i_beta):
+    """Return the true link voltage (V) over each leg's pulse; the current vector (A) at the sample makes it sag."""
+    a, b, c = leg_link(v, clock, duty[0]), leg_link(v, clock, duty[1]), leg_link(v, clock, duty[2])
+    if v.sag == 0.0:
+        return a, b, c
+    lost = v.sag * dc_link_error.drawn(duty[0], duty[1], duty[2], i_alpha, i_beta)
+    return a - lost, b - lost, c - lost
 
 
 @kernel
@@ -190,13 +201,15 @@ def deliver(x, p, m, v, u_alpha, u_beta):
     duty = duties(u_alpha, u_beta, v.read_voltage)
     last = (x[DUTY], x[DUTY + 1], x[DUTY + 2])
     clock, late = x[CLOCK], late_by(v)
-    links = (leg_link(v, clock, duty[0]), leg_link(v, clock, duty[1]), leg_link(v, clock, duty[2]))
+    i_alpha = i_beta = i_d = i_q = 0.0
+    if late != 0.0 or v.threshold != 0.0 or v.sag != 0.0:
+        i_alpha, i_beta, i_d, i_q = stator_currents(x, p, m)
+    links = leg_links(v, clock, duty, i_alpha, i_beta)
     w_alpha, w_beta = stationary(links[0] * duty[0], links[1] * duty[1], links[2] * duty[2])
     begin, end = 0.5 * v.period + v.delay, 0.5 * v.period
     rise = (begin - end * duty[0], begin - end * duty[1], begin - end * duty[2])
     fall = (begin + end * duty[0], begin + end * duty[1], begin + end * duty[2])
     if late != 0.0 or v.threshold != 0.0:
-        i_alpha, i_beta, i_d, i_q = stator_currents(x, p, m)
         m_d, m_q = i_d - x[CORE_D], i_q - x[CORE_Q]
         start = (x[PHI_D], x[PHI_Q], i_d, i_q, m_d, m_q)
         c, s = math.cos(x[THETA]), math.sin(x[THETA])

@@ -20,7 +20,7 @@ from model.compiled import kernel, kernel_as
 from model.effects.current_gain import read
 from model.energy import min_eigenvalue
 from model.frames import phases, rotate, stationary
-from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control
+from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
 from sandbox.effects import BARE, EFFECTS
 from sandbox.full import advance as advance_full
 from sandbox.full import stiffness
@@ -31,8 +31,9 @@ from sandbox.sensors import encoder, sampled
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
 TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF = range(5)  # columns of a profile's breakpoints
-CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA = range(5)  # the loop's own memory: voltage now acting, and before
-MEMORY = 5
+# the loop's own memory: voltage now acting, and before; link voltage as read over its nominal value
+CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK, ENCODER = range(7)
+MEMORY = 9  # the encoder's speed has three places
 N_CHANNELS = len(CHANNELS)
 CLOSED, OPEN = 1, 0
 LOCKED, DRIVEN, FREE = 0, 1, 2
@@ -51,9 +52,11 @@ class Rig(NamedTuple):
     noise: float  # A rms a phase
     resolution: float  # A per count, 0 none
     start_time: float  # s, of starting up, before the profile begins
+    link: float  # V, nominal
+    link_noise: float  # V rms, of its reading, by which duties are formed
 
 
-RIG = numba.typeof(Rig(*6 * (0,), *4 * (0.0,)))
+RIG = numba.typeof(Rig(*6 * (0,), *6 * (0.0,)))
 RNG = numba.typeof(np.random.default_rng(0))
 VECTOR = types.Array(types.float64, 1, "C")
 TABLE = types.Array(types.float64, 2, "C")
@@ -83,6 +86,12 @@ def read_current(value, rig, rng):
 
 
 @kernel
+def read_link(rig, rng):
+    """Return the link voltage as the controller reads it, over its nominal value."""
+    return 1.0 + rig.link_noise / rig.link * rng.standard_normal() if rig.link_noise > 0.0 else 1.0
+
+
+@kernel
 def read_phases(i_alpha, i_beta, sensors, rig, rng):
     """Return the three phase currents (A) as their sensors read them."""
     a, b, c = phases(i_alpha, i_beta)
@@ -101,17 +110,23 @@ def sample_of(k, reading, memory, primitive):
 
 
 @kernel
+def formed(memory):
+    """Return the voltage (V) that the duties of the acting command make of the nominal link."""
+    return memory[U_ALPHA] / memory[LINK], memory[U_BETA] / memory[LINK]
+
+
+@kernel
 def measure(x, plant, effects, rig, memory, rng):
     """Return at t_k the three phase currents read, the true i_d, i_q, angle and speed as the encoder gives them."""
     sensors = effects.sensors
     if effects.path == BARE:
         i_alpha, i_beta, i_d, i_q = stator_currents(x, plant)
     else:
-        i_alpha, i_beta, i_d, i_q = sampled(
-            x, plant, effects.machine, effects.inverter, sensors, memory[U_ALPHA], memory[U_BETA], rng
-        )
+        i_alpha, i_beta, i_d, i_q = sampled(x, plant, effects.machine, effects.inverter, sensors, *formed(memory), rng)
     reading = read_phases(i_alpha, i_beta, sensors, rig, rng)
-    return reading, (i_d, i_q), encoder(sensors, plant.pole_pairs, x[THETA], x[OMEGA])
+    angle, slope = encoder(sensors, plant.pole_pairs, x[THETA], x[OMEGA])
+    omega = speed_from(memory, ENCODER, angle, slope, sensors.encoder_step, rig.sampling_period)
+    return reading, (i_d, i_q), (angle, omega)
 
 
 @kernel
@@ -141,7 +156,7 @@ def command(k, measured, sample, estimate, wanted, rig, control, controller, wav
 
 
 @kernel
-def record(row, t, motion, measured, reading, true, acting, estimate, wanted, i_q_ref):
+def record(row, t, motion, measured, reading, true, acting, estimate, wanted, i_q_ref, u_dc):
     """Write one row in the order of CHANNELS; `acting` is the voltage of the interval that starts at t."""
     row[0] = t
     row[1], row[2], row[3] = reading
@@ -151,6 +166,7 @@ def record(row, t, motion, measured, reading, true, acting, estimate, wanted, i_
     row[12], row[13] = estimate.ripple_d, estimate.ripple_q
     row[14], row[15] = wanted[0], wanted[1]
     row[16], row[17], row[18], row[19] = wanted[3], i_q_ref, estimate.tracking, measured[0]
+    row[20] = u_dc
 
 
 @kernel
@@ -174,11 +190,12 @@ def keep(memory, next_u):
 def progress(k, x, plant, effects, rig, wanted, profile, memory, next_u):
     """Advance the plant over [t_k, t_{k+1}) under the acting voltage; return DONE or what went wrong."""
     imposed = imposed_on(k, x[OMEGA], rig, profile, memory)
+    v_alpha, v_beta = formed(memory)
     if effects.path == BARE:
-        advance(x, plant, memory[U_ALPHA], memory[U_BETA], wanted[1], imposed, rig.plant_steps)
+        advance(x, plant, v_alpha, v_beta, wanted[1], imposed, rig.plant_steps)
     else:
         machine, shaft, inverter = effects.machine, effects.shaft, effects.inverter
-        u_alpha, u_beta = deliver(x, plant, machine, inverter, memory[U_ALPHA], memory[U_BETA])
+        u_alpha, u_beta = deliver(x, plant, machine, inverter, v_alpha, v_beta)
         advance_full(
             x, plant, machine, shaft, inverter.filter_time, u_alpha, u_beta, wanted[1], imposed, rig.plant_steps
         )
@@ -206,7 +223,7 @@ def run_compiled(
     for k in range(rig.samples):
         t = k * rig.sampling_period
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
-        memory[CURSOR] = cursor
+        memory[CURSOR], memory[LINK] = cursor, read_link(rig, rng)
         reading, true, measured = measure(x, plant, effects, rig, memory, rng)
         sample = sample_of(k, reading, memory, primitive)
         estimate = step(state, sample, belief, tuning)
@@ -214,7 +231,8 @@ def run_compiled(
         u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
             motion = (x[THETA], x[OMEGA])
-            record(table[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q)
+            u_dc = rig.link * memory[LINK]
+            record(table[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q, u_dc)
         status = progress(k, x, plant, effects, rig, wanted, profile, memory, (u_alpha, u_beta))
         if status != DONE:
             return status, k

@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 CHANNELS = (
     "t", "i_a", "i_b", "i_c", "u_alpha", "u_beta", "theta", "theta_hat", "omega", "omega_hat", "i_d", "i_q",
     "ripple_d", "ripple_q", "load", "load_torque", "omega_ref", "i_q_ref", "tracking",
-    "theta_read",
+    "theta_read", "u_dc",
 )  # fmt: skip
 
 
@@ -23,7 +23,7 @@ class Recording:
     """Samples of one run; every channel of CHANNELS is an attribute, shape (n,).
 
     Measured: i_a, i_b, i_c (A), commanded for the interval that starts there: u_alpha, u_beta (V);
-    theta_read: angle as the encoder reads it (rad).
+    theta_read: angle as the encoder reads it (rad); u_dc: link as the controller reads it (V).
     True: theta (rad, electrical, unwrapped), omega (rad/s), i_d, i_q (A).  Estimated: theta_hat, omega_hat,
     ripple_d, ripple_q (A).  load is in fractions of rated current, load_torque in N m.
     """

@@ -24,7 +24,7 @@ from sandbox.full import (
     magnetic,
     stiffness,
 )
-from sandbox.inverter import late_by, leg_link
+from sandbox.inverter import late_by, leg_links
 from sandbox.plant import OMEGA, PHI_D, PHI_Q, THETA, turn
 
 LARGEST_GROWTH = 1.0  # a sample before t_k looks back through the filter: by at most one time constant
@@ -49,7 +49,7 @@ class Sensors(NamedTuple):
 
 @kernel
 def encoder(e, pole_pairs, theta, omega):
-    """Return angle (rad) and speed (rad/s, electrical) as the encoder gives them; counts blur the angle alone."""
+    """Return angle (rad) as the encoder reads it, and its slope (rad/s, electrical) without counts."""
     deviation = 0.0
     if e.eccentricity != 0.0:
         deviation = encoder_eccentricity.deviation(e.eccentricity, e.eccentricity_phase, pole_pairs, theta)
@@ -65,10 +65,11 @@ def shifted(x, p, m, v, s, i_d, i_q, u_alpha, u_beta, c, n):
     """
     late, last = late_by(v), v.period
     duty = duties(u_alpha, u_beta, v.read_voltage)
+    links = leg_links(v, x[CLOCK], duty, c * i_d + n * i_q, c * i_q - n * i_d)
     f_alpha, f_beta = stationary(
-        leg_link(v, x[CLOCK], duty[0]) * flux_after(duty[0], x[DUTY], last, late, s),
-        leg_link(v, x[CLOCK], duty[1]) * flux_after(duty[1], x[DUTY + 1], last, late, s),
-        leg_link(v, x[CLOCK], duty[2]) * flux_after(duty[2], x[DUTY + 2], last, late, s),
+        links[0] * flux_after(duty[0], x[DUTY], last, late, s),
+        links[1] * flux_after(duty[1], x[DUTY + 1], last, late, s),
+        links[2] * flux_after(duty[2], x[DUTY + 2], last, late, s),
     )
     drop = s * (p.resistance + m.on_resistance)
     psi_d = x[PHI_D] + p.magnet_flux + c * f_alpha - n * f_beta - drop * i_d

@@ -128,7 +128,7 @@ def simulate(
     )  # fmt: skip
     spent = time.thread_time() - begun
     if status != loop.DONE:
-        raise _failure(status, at * h, x, drive)
+        raise _failure(status, at * h, _flux(plant, bench[0], x), drive)
     return Simulation(Recording(table), gains, start_time, spent)
 
 
@@ -154,7 +154,7 @@ def _averaged(
 def _switched(
     drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: Energy | None, fast: bool
 ) -> tuple[Any, ...]:
-    """Return the loop's kernel, the bench's state, the bench and the link voltage as read."""
+    """Return the loop's kernel, the bench's state, the bench and the nominal link voltage."""
     from sandbox.switched import loop as switched
     from sandbox.switched import simulate as bench_of
     from sandbox.switched.effects import bench
@@ -172,11 +172,20 @@ def _rig(drive: Drive, scenario: Scenario, step: float, closed: bool, n: int, st
     return loop.Rig(
         n, stride, max(1, round(c.sampling_period / step)), loop.CLOSED if closed else loop.OPEN,
         int(scenario.reference == "speed"), ROTORS[scenario.rotor],
-        c.sampling_period, c.current_noise, c.current_resolution, start,
+        c.sampling_period, c.current_noise, c.current_resolution, start, c.dc_bus_voltage, c.link_noise,
     )  # fmt: skip
 
 
-def _failure(status: int, t: float, x: Any, drive: Drive) -> PhysicsError:
+def _flux(plant: str, bench: Any, x: Any) -> tuple[float, float]:
+    """Return phi_d, phi_q (Wb) of either plant's state."""
+    if plant == "switched":
+        from sandbox.switched.simulate import rotor_flux
+
+        return rotor_flux(bench, x)
+    return float(x[0]), float(x[1])
+
+
+def _failure(status: int, t: float, x: tuple[float, float], drive: Drive) -> PhysicsError:
     if status == loop.OUTSIDE_DOMAIN:
         return PhysicsError(
             f"after {t:.4g} s the fluxes ({x[0]:.4g}, {x[1]:.4g}) Wb left the domain in which the energy of "

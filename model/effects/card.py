@@ -77,6 +77,7 @@ def scales(motor: Motor, converter: Converter) -> dict[str, float]:
         "1 / L_d": 1.0 / motor.inductance_d,
         "rated reactance": motor.rated_omega * max(motor.inductance_d, motor.inductance_q),
         "DC link": converter.dc_bus_voltage,
+        "DC link / rated current": converter.dc_bus_voltage / motor.rated_current,
         "PWM period": converter.sampling_period,
         "pole pairs": float(motor.pole_pairs),
         "inertia": motor.inertia,

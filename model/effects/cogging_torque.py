@@ -18,7 +18,7 @@ CARD = Effect(
     ),
     parameters=(
         Parameter("amplitude", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque"),
-        Parameter("order_mech", "", 6.0, 0.0, 1e4, 6.0, "pole pairs", fit="fixed", scan=(1.0, 72.0, 1.0)),
+        Parameter("order_mech", "", 6.0, 1.0, 1e4, 6.0, "pole pairs", fit="fixed", scan=(1.0, 72.0, 1.0)),
         Parameter("phase", "rad", 0.0, -INF, INF, 0.0),
     ),
     axis="motion",
@@ -39,4 +39,4 @@ def torque(amplitude, order_mech, phase, theta_mech):
 @kernel
 def potential(amplitude, order_mech, phase, theta_mech):
     """Return its potential energy (J)."""
-    return amplitude / order_mech * math.cos(order_mech * theta_mech + phase) if order_mech > 0.0 else 0.0
+    return amplitude / order_mech * math.cos(order_mech * theta_mech + phase)

@@ -10,7 +10,8 @@ CARD = Effect(
     summary="gain errors of the three current sensors",
     subsystem="sensor",
     equation=(
-        "reading = gain x i, phase by phase; common part scales the current, mismatch adds its mirror image g_2 i*"
+        "reading = gain x i, phase by phase: g_0 i + g_2 i*, g_0 the mean gain, g_2 = (g_a + a^2 g_b + a g_c)/3 with "
+        "a = exp(2j pi/3); i* turns backwards, which is order 2 seen from the rotor"
     ),
     source=(
         "Chung, Sul, Analysis and compensation of current measurement error in vector-controlled AC motor"
@@ -26,7 +27,8 @@ CARD = Effect(
     region="grows with current",
     confused_with=("winding_asymmetry", "saturation", "stator_resistance"),
     separated_by=(
-        "slow turn under constant current: order 2 in the readings' sum and in the current, not in the voltage"
+        "slow turn under constant current: order 1 in the sum of the three readings, order 2 in the rotor-frame "
+        "current that no voltage explains"
     ),
 )
 

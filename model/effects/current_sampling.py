@@ -10,7 +10,8 @@ CARD = Effect(
     subsystem="sensor",
     equation=(
         "reading = i(t_k + delay + jitter x normal): within the zero vector no voltage acts, i(psi - s R "
-        "i, theta + s omega)"
+        "i, theta + s omega); jitter is noise: simulated sample by sample, never predicted - a replay leaves it in the "
+        "residual as jitter x slope of the current, above the sensors' floor"
     ),
     source=(
         "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"

@@ -1,29 +1,41 @@
-"""The true DC-link voltage is not what the controller divides by."""
+"""The true DC-link voltage is not what the controller divides by: it has another mean and sags under load."""
 
 from __future__ import annotations
 
 from model.compiled import kernel
 from model.effects.card import Effect, Parameter
 
+HALF_ROOT = 0.8660254037844386
+
 CARD = Effect(
     name="dc_link_error",
-    summary="the true DC-link voltage is not what the controller divides by",
+    summary="the true DC-link voltage is not what the controller divides by: another mean, and sag under load",
     subsystem="inverter",
-    equation="delivered = command x (1 + gain_error) V_nominal / u_dc as read",
-    source="derivation: duties are formed with the measured link voltage",
-    parameters=(Parameter("gain_error", "", 0.0, -0.5, 0.5, 0.03),),
+    equation=(
+        "delivered = command x [(1 + gain_error) V_nominal + ripple - sag i_dc] / u_dc as read; i_dc = sum of duty x "
+        "phase current at t_k, the mean current drawn in the period: the link's capacitor holds within it, a supply "
+        "of resistance `sag` feeds it (i_dc < 0: it rises)"
+    ),
+    source=(
+        "derivation: duties are formed with the measured link voltage; mean link current of a PWM inverter: power "
+        "balance of legs and link, e.g. Holmes, Lipo, Pulse Width Modulation for Power Converters, IEEE Press (2003)"
+    ),
+    parameters=(
+        Parameter("gain_error", "", 0.0, -0.5, 0.5, 0.03),
+        Parameter("sag", "ohm", 0.0, 0.0, 1e4, 0.02, "DC link / rated current"),
+    ),
     axis="along the commanded voltage",
     order="0 and the injection band",
-    region="grows with voltage: speed, steps and injection",
+    region="grows with voltage: speed, steps and injection; sag: with power, nothing without current",
     confused_with=("iron_loss", "magnet_flux", "inductance", "stator_resistance"),
     separated_by=(
-        "none by itself: it equals scaling R, all fluxes and L together; told apart by a trusted value of"
-        " one of them, e.g. the magnet flux on open circuit"
+        "gain: none by itself: it equals scaling R, all fluxes and L together; told apart by a trusted value of"
+        " one of them, e.g. the magnet flux on open circuit; sag: runs at speed without and with load"
     ),
 )
 
 
 @kernel
-def link(nominal, gain_error):
-    """Return the true mean link voltage (V)."""
-    return (1.0 + gain_error) * nominal
+def drawn(d_a, d_b, d_c, i_alpha, i_beta):
+    """Return the mean current (A) that legs of these duties draw from the link at a current vector (A)."""
+    return (d_a - 0.5 * (d_b + d_c)) * i_alpha + HALF_ROOT * (d_b - d_c) * i_beta

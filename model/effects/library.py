@@ -29,6 +29,7 @@ OF_MOTOR = {  # parameters that replace a value of the motor
     "inertia.inertia": "inertia",
     **{f"saturation.alpha_{n}": f"alpha_{n}" for n in ("30", "12", "40", "22", "04")},
 }
+FASTEST_FRICTION = 1e6  # 1/s
 BEGIN, END = "<!-- table: python -m model.effects.library -->\n", "<!-- end of table -->\n"
 
 
@@ -63,11 +64,18 @@ def parse(text: str) -> dict[str, float]:
         if name in found:
             raise BadInput(f"effect parameter '{name}' is given twice; give it once")
         try:
-            value = float(number)
+            value = number_of(number)
         except ValueError:
             raise BadInput(f"effect {name}: '{number}' is no number; write it as 2e-6") from None
         found[name] = checked(name, value)
     return found
+
+
+def number_of(text: str) -> float:
+    """Return a number as people write it; ValueError for what only Python takes for one (1_0e-6, other digits)."""
+    if "_" in text or not text.isascii():
+        raise ValueError(text)
+    return float(text)
 
 
 def checked(name: str, value: float) -> float:
@@ -117,6 +125,13 @@ def complete(motor: Motor, converter: Converter, effects: Mapping[str, float] | 
     return values
 
 
+def friction_rate(v: Mapping[str, float]) -> float:
+    """Return how fast dry friction pulls a free rotor to rest within its width, 1/s."""
+    load = v["shaft_compliance.load_inertia"] if math.isfinite(v["shaft_compliance.stiffness"]) else 0.0
+    level = v["coulomb_friction.torque"] + v["coulomb_friction.stribeck_torque"]
+    return level / (v["coulomb_friction.width"] * (v["inertia.inertia"] - load))
+
+
 def _check_sizes(motor: Motor, converter: Converter, v: Mapping[str, float], given: Mapping[str, float]) -> None:
     """Raise BadInput for sizes that no drive can have beside the rest of it."""
     idle = neutral(motor)
@@ -131,6 +146,10 @@ def _check_sizes(motor: Motor, converter: Converter, v: Mapping[str, float], giv
     if load > 0.0 and math.isfinite(stiffness) and load < v["inertia.inertia"]:
         rate = math.sqrt(stiffness * (1.0 / load + 1.0 / (v["inertia.inertia"] - load)))
     bounds = (
+        ("dc_link_error.sag", v["dc_link_error.sag"], 0.2 * converter.dc_bus_voltage / motor.rated_current,
+         "ohm: a fifth of the link is lost where it feeds rated current"),
+        ("coulomb_friction.width", friction_rate(v), FASTEST_FRICTION,
+         "1/s, torque over width and inertia: the steps that resolve it would be too short (give a wider one)"),
         ("dc_link_ripple.amplitude", abs(v["dc_link_ripple.amplitude"]), converter.dc_bus_voltage, "V, the DC link"),
         ("current_sampling.jitter", 6.0 * v["current_sampling.jitter"], 0.5 * converter.sampling_period,
          "s in six sigma, half the PWM period"),

@@ -18,11 +18,14 @@ CARD = Effect(
     ),
     parameters=(
         Parameter("resistance", "ohm", 0.0, 0.0, 1e3, 0.3, "resistance"),
-        Parameter("time_constant", "s", 2e-4, 1e-5, 1.0, 2e-4, fit="log", spread=1.0, starts=(0.2, 1.0, 5.0)),
+        Parameter("time_constant", "s", 2e-4, 1e-6, 1.0, 2e-4, fit="log", spread=1.0, starts=(0.2, 1.0, 5.0)),
     ),
     axis="along the fast part of the current",
     order="the injection band, and steps",
-    region="the first time constants after a step; nothing at rest",
+    region=(
+        "the first time constants after a step; nothing at rest; far below 1/tau only R_1 tau^2 (in R) and R_1 tau "
+        "(in L) count"
+    ),
     confused_with=("iron_loss", "inductance", "stator_resistance"),
     separated_by="locked-rotor voltage steps at full sampling rate against a slow ramp",
 )

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
+from model.effects.coulomb_friction import drag
 from model.effects.library import true_motor
 from model.energy import flux_newton
 from model.errors import BadInput
@@ -147,7 +148,9 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
         torque = torque_of(m.energy, m.magnet_flux, float(pairs), i_alpha, i_beta, pairs * turn)
         omega = speed / pairs
         net = torque - m.viscous_friction * omega
-        net -= v["coulomb_friction.torque"] * np.tanh(omega / v["coulomb_friction.width"])
+        net -= dry(
+            *(v[f"coulomb_friction.{p}"] for p in ("torque", "width", "stribeck_torque", "stribeck_speed")), omega
+        )
         net += v["cogging_torque.amplitude"] * np.sin(v["cogging_torque.order_mech"] * turn + v["cogging_torque.phase"])
         taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
         acceleration = pairs / m.inertia * (net - taken) + pairs * swing(row, net, taken)
@@ -175,6 +178,15 @@ def swing(row, net, taken):
             rest + row[lanes.OSC_11] * (t - rest) + row[lanes.OSC_12] * v,
             row[lanes.OSC_21] * (t - rest) + row[lanes.OSC_22] * v,
         )
+    return out
+
+
+@kernel
+def dry(torque, width, stribeck_torque, stribeck_speed, omega):
+    """Return the dry friction (n,) in N m at mechanical speeds (rad/s)."""
+    out = np.empty(len(omega))
+    for k in range(len(omega)):
+        out[k] = drag(torque, width, stribeck_torque, stribeck_speed, omega[k])
     return out
 
 

@@ -20,6 +20,7 @@ from sandbox.replay.lanes import (
     LAST_TORQUE,
     LATE_PULSES,
     LINK_RIPPLE,
+    LINK_SAG,
     MISS,
     NEXT_DEVIATION,
     OFFSET,
@@ -57,7 +58,7 @@ COLUMNS = 15
 EDGE = 5  # instant, unit flux (2), unit vector of the leg (2)
 MACHINE = HARMONICS | IRON | SKIN | ASYMMETRY  # what `plain_step` cannot do
 SAMPLED = IRON | FILTER | SHIFTED_SAMPLE
-INVERTER = EDGES | DROP | LATE_PULSES | LINK_RIPPLE | FILTER | IRON | SHIFTED_SAMPLE
+INVERTER = EDGES | DROP | LATE_PULSES | LINK_RIPPLE | LINK_SAG | FILTER | IRON | SHIFTED_SAMPLE
 
 
 @kernel
@@ -110,6 +111,8 @@ def sample(w, features, table, k, period):
             machine.close_lags(w)
     else:
         plain_sample(w)
+    if features & LINK_SAG:
+        legs.sag(w, table[k, D_A], table[k, D_B], table[k, D_C])
     if features & SHIFTED_SAMPLE:
         d_a, d_b, d_c = table[k, D_A], table[k, D_B], table[k, D_C]
         b_a, b_b, b_c = (table[k - 1, D_A], table[k - 1, D_B], table[k - 1, D_C]) if k > 0 else (0.5, 0.5, 0.5)

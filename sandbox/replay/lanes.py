@@ -36,11 +36,12 @@ SAMPLE_A, SAMPLE_B, NEXT_DEVIATION, PULSE_TORQUE = range(49, 53)
 )
 LATE_0, LATE_1, LATE_2, LATE_3, LATE_4, LATE_5 = range(133, 139)  # of the period's edges, scratch
 CORE_SHIFT, SWING_D, SWING_Q = 139, 140, 141  # the last two: slope of the magnet's harmonics, Wb/rad, scratch
-ROWS = 142
+SAG, PULSE_A, PULSE_B = 142, 143, 144  # the last two: mean voltage until a shifted sample, V, scratch
+ROWS = 145
 
 # features that a block of sets can need
 ECCENTRIC, HARMONICS, IRON, SKIN, ASYMMETRY, EDGES, DROP, LATE_PULSES, LINK_RIPPLE, FILTER = (1 << k for k in range(10))
-SHIFTED_SAMPLE, SHAFT_TWIST, DRY = 1 << 10, 1 << 11, 1 << 12
+SHIFTED_SAMPLE, SHAFT_TWIST, DRY, LINK_SAG = 1 << 10, 1 << 11, 1 << 12, 1 << 13
 
 
 @inlined

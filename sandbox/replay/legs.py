@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from model.compiled import inlined, kernel
+from model.effects.dc_link_error import drawn
 from model.pulses import flux_after, mean_deviation
 from sandbox.plant import turn
 from sandbox.replay.lanes import (
@@ -42,12 +43,15 @@ from sandbox.replay.lanes import (
     PSI_B,
     PSI_D6,
     PSI_Q6,
+    PULSE_A,
+    PULSE_B,
     PULSE_TORQUE,
     RESISTANCE,
     RIPPLE,
     RIPPLE_PHASE,
     RIPPLE_RATE,
     S_0,
+    SAG,
     SAMPLE_A,
     SAMPLE_B,
     SAMPLING,
@@ -86,6 +90,18 @@ def links(w, clock, period, d_a, d_b, d_c, ripple):
         for j in range(LANES):
             v = w[LINK * LANES + j]
             w[LINK_A * LANES + j], w[LINK_B * LANES + j], w[LINK_C * LANES + j] = v, v, v
+
+
+@kernel
+def sag(w, d_a, d_b, d_c):
+    """Take from the link what the period's current makes it sag by (V)."""
+    for j in range(LANES):
+        lost = w[SAG * LANES + j] * drawn(d_a, d_b, d_c, w[I_A * LANES + j], w[I_B * LANES + j])
+        w[LINK_A * LANES + j], w[LINK_B * LANES + j], w[LINK_C * LANES + j] = (
+            w[LINK_A * LANES + j] - lost,
+            w[LINK_B * LANES + j] - lost,
+            w[LINK_C * LANES + j] - lost,
+        )
 
 
 @kernel
@@ -177,8 +193,10 @@ def shifted_sample(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
         x = w[LINK_A * LANES + j] * flux_after(d_a, b_a, period, late, s)
         y = w[LINK_B * LANES + j] * flux_after(d_b, b_b, period, late, s)
         z = w[LINK_C * LANES + j] * flux_after(d_c, b_c, period, late, s)
-        a = w[PSI_A * LANES + j] + (2.0 * x - y - z) * (1.0 / 3.0) - s * r * w[I_A * LANES + j]
-        b = w[PSI_B * LANES + j] + (y - z) * (1.0 / ROOT) - s * r * w[I_B * LANES + j]
+        f_a, f_b, per = (2.0 * x - y - z) * (1.0 / 3.0), (y - z) * (1.0 / ROOT), 1.0 / (s if s != 0.0 else 1.0)
+        w[PULSE_A * LANES + j], w[PULSE_B * LANES + j] = per * f_a, per * f_b
+        a = w[PSI_A * LANES + j] + f_a - s * r * w[I_A * LANES + j]
+        b = w[PSI_B * LANES + j] + f_b - s * r * w[I_B * LANES + j]
         c, n = turn(w[C_0 * LANES + j], w[S_0 * LANES + j], -omega * s)
         i_a, i_b = full_current(w, j, c, n, a, b)
         w[SAMPLE_A * LANES + j], w[SAMPLE_B * LANES + j] = i_a - w[M_A * LANES + j], i_b - w[M_B * LANES + j]

@@ -68,6 +68,8 @@ from sandbox.replay.lanes import (
     OSC_22,
     OSC_REST,
     PAIRS,
+    PULSE_A,
+    PULSE_B,
     PULSE_TORQUE,
     READ_A,
     READ_B,
@@ -124,10 +126,10 @@ def hold_sample(w, iron, filtered, shifted):
         s_a, s_b = i_a, i_b
         if shifted:
             s_a, s_b = i_a + w[SAMPLE_A * LANES + j], i_b + w[SAMPLE_B * LANES + j]
-            if iron:  # in the zero vector the iron-loss current goes towards that of the resistive drop
+            if iron:  # the iron-loss current goes towards that of the mean flux slope, in the zero vector the drop's
                 r, k = g * w[RESISTANCE * LANES + j], w[CORE_SHIFT * LANES + j]
-                s_a += k * (i_a - w[M_A * LANES + j] + r * w[I_A * LANES + j])
-                s_b += k * (i_b - w[M_B * LANES + j] + r * w[I_B * LANES + j])
+                s_a += k * (i_a - w[M_A * LANES + j] + r * w[I_A * LANES + j] - g * w[PULSE_A * LANES + j])
+                s_b += k * (i_b - w[M_B * LANES + j] + r * w[I_B * LANES + j] - g * w[PULSE_B * LANES + j])
         if filtered:
             c, s, f_a, f_b = w[C_0 * LANES + j], w[S_0 * LANES + j], w[FLAG_A * LANES + j], w[FLAG_B * LANES + j]
             r_d, r_q = c * f_a + s * f_b, c * f_b - s * f_a

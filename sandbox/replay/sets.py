@@ -81,6 +81,7 @@ def features_of(v: Mapping[str, float]) -> int:
         (lanes.DROP, v["device_drop.threshold"]),
         (lanes.LATE_PULSES, v["pwm_delay.delay"]),
         (lanes.LINK_RIPPLE, v["dc_link_ripple.amplitude"]),
+        (lanes.LINK_SAG, v["dc_link_error.sag"]),
         (lanes.FILTER, v["current_filter.time_constant"]),
         (lanes.SHIFTED_SAMPLE, v["current_sampling.delay"]),
         (lanes.SHAFT_TWIST, compliant),
@@ -184,6 +185,7 @@ def _back(s: float, tau: float) -> tuple[float, float, float]:
 
 def _inverter(row: Array, converter: Converter, v: Mapping[str, float]) -> None:
     row[lanes.LINK] = (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage
+    row[lanes.SAG] = v["dc_link_error.sag"]
     row[lanes.RIPPLE], row[lanes.RIPPLE_PHASE] = v["dc_link_ripple.amplitude"], v["dc_link_ripple.phase"]
     row[lanes.RIPPLE_RATE] = math.tau * v["dc_link_ripple.frequency"]
     row[lanes.DEAD], row[lanes.THRESHOLD] = v["dead_time.time"], v["device_drop.threshold"]

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from model.effects.library import complete
+from model.effects.library import complete, friction_rate
 from model.parameters import Converter, Motor
 
 SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
@@ -46,6 +46,7 @@ class Bench(NamedTuple):
     threshold: float
     on_resistance: float
     link_voltage: float
+    sag: float
     ripple_amplitude: float
     ripple_rate: float
     ripple_phase: float
@@ -117,6 +118,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
         "soft_current": SOFT_SIGN * motor.rated_current,
         "dead_time": v["dead_time.time"],
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
+        "sag": v["dc_link_error.sag"],
         "ripple_amplitude": v["dc_link_ripple.amplitude"],
         "ripple_rate": math.tau * v["dc_link_ripple.frequency"],
         "ripple_phase": v["dc_link_ripple.phase"],
@@ -173,4 +175,6 @@ def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float) -> f
         step = min(step, 0.5 * v["iron_loss.time_constant"])
     if v["skin_effect.resistance"] > 0.0:
         step = min(step, 0.5 * v["skin_effect.time_constant"])
+    if friction_rate(v) > 0.0:
+        step = min(step, 1.0 / friction_rate(v))
     return min(step, 0.2 / shaft_rate) if shaft_rate > 0.0 else step

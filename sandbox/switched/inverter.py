@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from model.compiled import kernel
-from sandbox.switched.machine import A, phase_currents, powers, slopes, soft_sign
+from sandbox.switched.machine import A, phase_currents, powers, slopes, soft_sign, vector
 
 PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
 THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s mechanical; rad mechanical
@@ -29,7 +29,9 @@ LAST_DUTY, LEVEL, WANTED, CARRIED = (
 )  # three legs each: duty, level that acts, level commanded, late edges
 EDGES = 33  # three legs of ROOM edge times relative to t_k
 ROOM = 8
-SIZE = EDGES + 3 * ROOM
+SUNK = EDGES + 3 * ROOM  # V, by which the link sags in this period
+DEVICES, COMMANDED = SUNK + 1, SUNK + 2  # audited, too: lost in the devices, from the link without dead time (J)
+SIZE = SUNK + 3
 NEVER = np.inf
 TIE = 1e-13  # s: closer events are one
 
@@ -66,23 +68,23 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
     skin = complex(state[SKIN_ALPHA], state[SKIN_BETA])
     f = complex(state[FILTER_ALPHA], state[FILTER_BETA])
     th, w, wl, tw = state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST]
-    t = state[TIME] + begin
-    p1, c1, s1, th1, w1, wl1, tw1, i1 = slopes(b, mode, legs, t, tau, acc, psi, core, skin, th, w, wl, tw)
+    t, sunk = state[TIME] + begin, state[SUNK]
+    p1, c1, s1, th1, w1, wl1, tw1, i1 = slopes(b, mode, legs, t, sunk, tau, acc, psi, core, skin, th, w, wl, tw)
     for _ in range(steps):
         psi2, core2, skin2 = psi + k * p1, core + k * c1, skin + k * s1
         x2, y2, z2 = th + k * th1, w + k * w1, wl + k * wl1
         p2, c2, s2, th2, w2, wl2, tw2, i2 = slopes(
-            b, mode, legs, t + k, tau, acc, psi2, core2, skin2, x2, y2, z2, tw + k * tw1
+            b, mode, legs, t + k, sunk, tau, acc, psi2, core2, skin2, x2, y2, z2, tw + k * tw1
         )
         psi3, core3, skin3 = psi + k * p2, core + k * c2, skin + k * s2
         x3, y3, z3 = th + k * th2, w + k * w2, wl + k * wl2
         p3, c3, s3, th3, w3, wl3, tw3, i3 = slopes(
-            b, mode, legs, t + k, tau, acc, psi3, core3, skin3, x3, y3, z3, tw + k * tw2
+            b, mode, legs, t + k, sunk, tau, acc, psi3, core3, skin3, x3, y3, z3, tw + k * tw2
         )
         psi4, core4, skin4 = psi + h * p3, core + h * c3, skin + h * s3
         x4, y4, z4 = th + h * th3, w + h * w3, wl + h * wl3
         p4, c4, s4, th4, w4, wl4, tw4, _ = slopes(
-            b, mode, legs, t + h, tau, acc, psi4, core4, skin4, x4, y4, z4, tw + h * tw3
+            b, mode, legs, t + h, sunk, tau, acc, psi4, core4, skin4, x4, y4, z4, tw + h * tw3
         )
         if b.audit != 0.0:
             audit(state, b, legs, t, sixth, tau, psi, core, skin, th, w, wl)
@@ -98,7 +100,7 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
         tw += sixth * (tw1 + 2.0 * (tw2 + tw3) + tw4)
         t += h
         before = i1
-        p1, c1, s1, th1, w1, wl1, tw1, i1 = slopes(b, mode, legs, t, tau, acc, psi, core, skin, th, w, wl, tw)
+        p1, c1, s1, th1, w1, wl1, tw1, i1 = slopes(b, mode, legs, t, sunk, tau, acc, psi, core, skin, th, w, wl, tw)
         if b.filter_time > 0.0:
             f = lag(b, f, before, 0.5 * (i2 + i3), i1, h)
     state[PSI_ALPHA], state[PSI_BETA] = psi.real, psi.imag
@@ -112,10 +114,15 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
 @kernel
 def audit(state, b, legs, t, weight, tau, psi, core, skin, theta, speed, load_speed):
     """Add the powers at one Runge-Kutta stage to the audited energies."""
-    supply, loss, out = powers(b, legs, t, tau, psi, core, skin, theta, speed, load_speed)
+    wanted = vector(state[WANTED], state[WANTED + 1], state[WANTED + 2])
+    supply, loss, out, devices, commanded = powers(
+        b, legs, wanted, t, state[SUNK], tau, psi, core, skin, theta, speed, load_speed
+    )
     state[INPUT] += weight * supply
     state[LOSS] += weight * loss
     state[OUTPUT] += weight * out
+    state[DEVICES] += weight * devices
+    state[COMMANDED] += weight * commanded
 
 
 @kernel
@@ -221,6 +228,9 @@ def switch_vector(state):
 def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end):
     """Switch and integrate from t_k to t_k + end; edges beyond stay undone (see `advance`, `simulate.measure`)."""
     d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
+    if b.sag != 0.0:
+        i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+        state[SUNK] = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c)
     t_a, t_b, t_c = int(state[CARRIED]), int(state[CARRIED + 1]), int(state[CARRIED + 2])
     n_a, n_b, n_c = schedule(state, b, 0, d_a), schedule(state, b, 1, d_b), schedule(state, b, 2, d_c)
     a_a = a_b = a_c = 0

@@ -75,6 +75,24 @@ def current_and_torque(b, psi, theta):
 
 
 @kernel
+def least_stiffness(b, psi, theta):
+    """Return the smaller eigenvalue of the energy's second derivatives (1/H); from 0 on, current is not unique.
+
+    di = a dz + c dz* in the rotor frame (a real), so the eigenvalues are a +- |c|.
+    """
+    e_1 = complex(math.cos(theta), math.sin(theta))
+    z = (psi - magnet(b, e_1)[0]) * e_1.conjugate()
+    back, z_2 = z.conjugate(), z * z
+    r_2 = z.real * z.real + z.imag * z.imag
+    a = b.g_0 + 4.0 * b.c_1 * z.real + 8.0 * b.q_0 * r_2 + 6.0 * b.q_2 * z_2.real
+    c = b.g_2 + 2.0 * b.c_1 * z + 6.0 * b.c_3 * back + 4.0 * b.q_0 * z_2 + 6.0 * b.q_2 * r_2
+    c += 12.0 * b.q_4 * back * back
+    if b.gamma_6 != 0.0:
+        c += b.gamma_6 * sixth(e_1)
+    return a - abs(c)
+
+
+@kernel
 def phase_currents(i):
     """Return i_a, i_b, i_c of a current vector without zero sequence."""
     half, side = -0.5 * i.real, 0.5 * ROOT * i.imag
@@ -105,11 +123,20 @@ def phase_drop(b, i):
 
 
 @kernel
-def link_voltage(b, t):
-    """Return the true DC-link voltage (V) at time t from the recording's start."""
+def device_loss(b, i):
+    """Return the power (W) that the inverter's devices take, leg by leg."""
+    lost = 0.0
+    for current in phase_currents(i):
+        lost += (b.threshold * soft_sign(b, current) + b.on_resistance * current) * current
+    return lost
+
+
+@kernel
+def link_voltage(b, t, sunk):
+    """Return the true DC-link voltage (V) at time t from the recording's start; sunk: what the load takes off (V)."""
     if b.ripple_amplitude == 0.0:
-        return b.link_voltage
-    return b.link_voltage + b.ripple_amplitude * math.sin(b.ripple_rate * t + b.ripple_phase)
+        return b.link_voltage - sunk
+    return b.link_voltage - sunk + b.ripple_amplitude * math.sin(b.ripple_rate * t + b.ripple_phase)
 
 
 @kernel
@@ -136,16 +163,16 @@ def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
 
 
 @kernel
-def slopes(b, mode, switches, t, load_torque, acceleration, psi, core, skin, theta, speed, load_speed, twist):
+def slopes(b, mode, switches, t, sunk, load_torque, acceleration, psi, core, skin, theta, speed, load_speed, twist):
     """Return the time derivatives of the seven states, and the terminal current.
 
     psi, core, skin: flux, iron-loss current, slow part of the current (skin effect); theta electrical, speed,
     load_speed mechanical, twist mechanical.  switches: vector of the legs' states (0/1), times the link voltage
-    the voltage.  A driven rotor moves with the given mechanical acceleration.
+    the voltage; sunk: V that the link sags by.  A driven rotor moves with the given mechanical acceleration.
     """
     magnetising, torque = current_and_torque(b, psi, theta)
     i = magnetising + core
-    d_psi = switches * link_voltage(b, t) - b.resistance * i - phase_drop(b, i)
+    d_psi = switches * link_voltage(b, t, sunk) - b.resistance * i - phase_drop(b, i)
     d_core = d_skin = complex(0.0, 0.0)
     if b.skin_resistance != 0.0:
         fast = i - skin
@@ -162,12 +189,16 @@ def slopes(b, mode, switches, t, load_torque, acceleration, psi, core, skin, the
 
 
 @kernel
-def powers(b, switches, t, load_torque, psi, core, skin, theta, speed, load_speed):
-    """Return electrical power from the DC link, all losses, and power given to the load (W)."""
+def powers(b, switches, wanted, t, sunk, load_torque, psi, core, skin, theta, speed, load_speed):
+    """Return power (W) from the DC link, all losses, power given to the load, that lost in the devices, and what the
+    link would give if the legs stood as commanded (`wanted`, without dead time).
+    """
     magnetising, _ = current_and_torque(b, psi, theta)
     i = magnetising + core
-    v = switches * link_voltage(b, t)
+    link = link_voltage(b, t, sunk)
+    v, ideal = switches * link, wanted * link
     drop = phase_drop(b, i)
+    devices = device_loss(b, i)
     loss = b.resistance * abs(i) ** 2 + drop.real * i.real + drop.imag * i.imag
     loss += b.skin_resistance * abs(i - skin) ** 2
     if b.core_conductance != 0.0:
@@ -175,7 +206,8 @@ def powers(b, switches, t, load_torque, psi, core, skin, theta, speed, load_spee
     rubbing = friction(b, speed) * speed
     if b.load_inertia != 0.0:
         rubbing += b.damping * (speed - load_speed) ** 2
-    return 1.5 * (v.real * i.real + v.imag * i.imag), 1.5 * loss + rubbing, load_torque * load_speed
+    supply, commanded = v.real * i.real + v.imag * i.imag, ideal.real * i.real + ideal.imag * i.imag
+    return 1.5 * supply, 1.5 * loss + rubbing, load_torque * load_speed, devices, 1.5 * commanded
 
 
 @kernel

@@ -74,6 +74,12 @@ def start(b: Bench, theta: float = 0.0, speed: float = 0.0, i_alpha: float = 0.0
     return state
 
 
+def rotor_flux(b: Bench, state: Vector) -> tuple[float, float]:
+    """Return phi_d, phi_q (Wb), the flux in the rotor frame less the constant magnet flux."""
+    seen = complex(state[PSI_ALPHA], state[PSI_BETA]) * complex(math.cos(state[THETA]), -math.sin(state[THETA]))
+    return seen.real - b.magnet_flux, seen.imag
+
+
 @kernel
 def encoder(b, theta):
     """Return the electrical angle as the encoder reads it: offset, eccentricity, counts (the nearest)."""

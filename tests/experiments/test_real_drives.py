@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from model.datasets import locate
+from model.effects.library import checked
 
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = {
@@ -38,6 +39,16 @@ def test_kept_record_is_complete(name):
         assert value["low"] <= value["value"] <= value["high"]
         assert value["unit"]
         assert value["basis"]
+
+
+def test_the_effect_library_takes_the_fitted_skin_effect():
+    """4 to 5.6 us lie within its bounds; R_1 tau^2, all that the table's frequencies tell, stands beside them."""
+    record = json.loads((ROOT / "experiments" / "results" / "real_skin_effect.json").read_text(encoding="utf-8"))
+    for state in ("20_degC", "70_degC", "120_degC"):
+        r_1, tau = (record["values"][f"{state}.{p}"]["value"] for p in ("resistance", "time_constant"))
+        assert checked("skin_effect.resistance", r_1) == r_1
+        assert checked("skin_effect.time_constant", tau) == tau
+        assert record["checks"][f"{state}.R1_tau2_ohm_s2"] == pytest.approx(r_1 * tau**2, rel=1e-3)
 
 
 @pytest.mark.parametrize("name", SCRIPTS)

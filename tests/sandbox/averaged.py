@@ -68,8 +68,16 @@ def commands(motor, omega, theta, period, n):
     return u + 30.0 * np.where(k % 8 < 4, 1, -1) * np.exp(1j * middle)
 
 
-def gap(effects, speed, n=600, motor="ipm", correct=None):
-    """Return the rms difference of the sampled currents, averaged less switched, in rated currents."""
+def sensed(b, run):
+    """Return the current vector that sensors of the bench's gains and offsets make of sampled vectors."""
+    gains = np.array([b.gain_a, b.gain_b, b.gain_c]), np.array([b.offset_a, b.offset_b, -b.offset_a - b.offset_b])
+    legs = np.array([run.real, -run.real / 2 + np.sqrt(0.75) * run.imag, -run.real / 2 - np.sqrt(0.75) * run.imag])
+    read = gains[0][:, None] * legs + gains[1][:, None]
+    return vector(dict(zip(("i_a", "i_b", "i_c"), read, strict=True)))
+
+
+def both(effects, speed, n=600, motor="ipm"):
+    """Return sampled currents (n,) of a driven motor over rated current: averaged, switched."""
     motor, converter = load_drive(motor).motor, load_drive(motor).converter
     omega, theta = motor.pole_pairs * speed, 0.3
     u = commands(motor, omega, theta, converter.sampling_period, n)
@@ -78,9 +86,30 @@ def gap(effects, speed, n=600, motor="ipm", correct=None):
         b = b._replace(jitter=effects["current_sampling.jitter"])
     angle = theta + omega * converter.sampling_period * np.arange(n)
     switched = vector(replay(b, "driven", u.real, u.imag, converter.dc_bus_voltage, theta=angle, speed=speed))
-    gains = np.array([b.gain_a, b.gain_b, b.gain_c]), np.array([b.offset_a, b.offset_b, -b.offset_a - b.offset_b])
-    run = Averaged(motor, converter, effects, theta=theta, omega=omega).run(u)
-    legs = np.array([run.real, -run.real / 2 + np.sqrt(0.75) * run.imag, -run.real / 2 - np.sqrt(0.75) * run.imag])
-    read = gains[0][:, None] * legs + gains[1][:, None]
-    averaged = vector(dict(zip(("i_a", "i_b", "i_c"), read, strict=True)))
-    return float(np.sqrt(np.mean(np.abs(averaged - switched)[80:] ** 2)) / motor.rated_current)
+    averaged = sensed(b, Averaged(motor, converter, effects, theta=theta, omega=omega).run(u))
+    return averaged / motor.rated_current, switched / motor.rated_current
+
+
+def both_free(effects, n=1200, motor="ipm"):
+    """Return sampled currents (n,) over rated current of a free rotor swinging in a held field with a step of load."""
+    motor, converter = load_drive(motor).motor, load_drive(motor).converter
+    u = (10.0 + 5.0 * np.sin(np.arange(n) / 50.0)).astype(complex)
+    load = np.where(np.arange(n) > n // 2, 0.2, 0.0)
+    b = quiet(bench(motor, converter, effects))
+    out = replay(b, "free", u.real, u.imag, converter.dc_bus_voltage, theta=2.0, load_torque=load)
+    a, run = Averaged(motor, converter, effects, free=True, theta=2.0), np.empty(n, complex)
+    for k in range(n):
+        run[k] = a.sample(u[k])
+        a.advance(u[k], load[k])
+    return sensed(b, run) / motor.rated_current, vector(out) / motor.rated_current
+
+
+def rms(x):
+    """Return the rms of a vector signal after its first 80 samples."""
+    return float(np.sqrt(np.mean(np.abs(x[80:]) ** 2)))
+
+
+def gap(effects, speed, **how):
+    """Return the rms difference of the sampled currents, averaged less switched, in rated currents."""
+    averaged, switched = both(effects, speed, **how)
+    return rms(averaged - switched)

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -276,11 +277,17 @@ def test_simulate_with_effects_on_both_plants_records_a_campaign(short, tmp_path
     found = content(out, "simulate")
     assert found["plant"] == plant
     assert found["effects"] == {"encoder_offset.offset": 0.05, "current_offset.offset_a": 0.2}
-    recording = read_campaign(folder).recordings[0]
+    campaign = read_campaign(folder)
+    recording = campaign.recordings[0]
     assert recording.rotor == "locked"
-    assert recording.theta[0] == pytest.approx(1.05)  # the encoder's reading, not the true 1.0 rad
+    half = 0.5 * 2 * np.pi * campaign.drive.motor.pole_pairs / 4096
+    assert campaign.drive.converter.encoder_counts == 4096
+    assert recording.theta[0] == pytest.approx(1.05, abs=half)  # the encoder's reading, not the true 1.0 rad
     assert recording.i_a[:2] == pytest.approx([0.2] * 2, abs=0.02)  # nothing acts in the first period
-    assert (recording.u_dc == 400.0).all()
+    assert recording.u_dc.mean() == pytest.approx(400.0, abs=0.1)
+    assert recording.u_dc.std() == pytest.approx(0.3, rel=0.2)
+    assert (campaign.uncertainty["resistance"], campaign.background["current_gain"]) == (0.01, 0.0015)
+    assert recording.injection_axis == "d"
     assert main([*call, "--record", str(folder)]) == 2
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from model.effects import library
+from model.energy import flux_from_current, hessian
 from model.errors import BadInput
 from model.parameters import load_drive
 from sandbox.campaign import Campaign, CampaignRecording, read_campaign
@@ -107,6 +108,54 @@ def test_pairs_are_those_of_the_switched_bench(names):
     print(f"{names}: {np.round(current * 1e6)} ppm of rated current, motion {motion:.3f}")
     assert current.max() < 9e-4
     assert motion < MOTION
+
+
+BESIDE = (  # what typical sizes leave out, and where effects meet
+    {"current_gain.gain_c": 1.03},
+    {"dc_link_ripple.amplitude": 20.0, "dc_link_ripple.frequency": 3000.0, "pwm_delay.delay": 4e-5},
+    {"current_sampling.delay": 6e-5, "dc_link_error.gain_error": 0.06},
+    {"dc_link_error.sag": 30.0, "dead_time.time": 2e-6},
+    {"dc_link_error.sag": 30.0, "iron_loss.core_resistance": 2e3, "current_sampling.delay": 6e-5},
+    {"coulomb_friction.stribeck_torque": 0.05},
+    {"coulomb_friction.torque": 0.03, "coulomb_friction.stribeck_torque": 0.05, "coulomb_friction.width": 0.5},
+)
+
+
+@pytest.mark.parametrize("effects", BESIDE, ids=str)
+def test_sizes_beside_the_typical_ones_are_those_of_the_switched_bench(effects):
+    """Within twice what single effects leave and a fifteenth of the effect; i_c sampled between pulses is the worst.
+
+    (There it goes towards the mean slope until the sample, not through the pulses one by one: 1.2e-3 in either plant.)
+    """
+    recorded = campaign(effects)
+    prepared = prepare(recorded, effects, steps=1)
+    current, motion = gaps(recorded, prepared, effects)
+    without, still = gaps(recorded, prepared, {})
+    print(
+        f"{effects}: {np.round(current * 1e6)} ppm, {np.round(without * 1e6)} without; motion {motion:.3f}, {still:.3f}"
+    )
+    assert current.max() < 1.6e-3
+    assert motion < MOTION
+    assert without.max() > 15 * current.max() or still > 5 * motion
+
+
+def test_jitter_is_noise_above_the_floor_not_a_prediction():
+    """Locked, constant current along d: what jitter leaves is jitter x R Gamma_dd i, the slope of the zero vector."""
+    jitter, theta, n, motor = 5e-6, 0.3, 3000, DRIVE.motor
+    u = np.full(n, 8.0 * np.exp(1j * theta))
+    b = quiet(bench(motor, DRIVE.converter))._replace(jitter=jitter)
+    r = switched(b, "locked", u.real.copy(), u.imag.copy(), 400.0, theta=theta, seed=1)
+    columns = {"t": np.arange(n) * DRIVE.converter.sampling_period, "u_alpha": u.real, "u_beta": u.imag}
+    columns |= {"theta": r["theta"], "u_dc": np.full(n, 400.0)} | {x: r[x] for x in ("i_a", "i_b", "i_c")}
+    one = Campaign("c", DRIVE, (CampaignRecording("r.parquet", "locked", "none", columns),), {}, {}, False)
+    prepared = prepare(one, steps=1)
+    plain, with_it = (replay(prepared, [s]).currents[0][:, :, 0] for s in ({}, {"current_sampling.jitter": jitter}))
+    assert np.array_equal(plain, with_it)
+    miss = (one.recordings[0].i_a - plain[:, 0])[1000:]
+    i = 8.0 / motor.resistance
+    d, q = flux_from_current(motor.energy, i, 0.0)
+    slope = motor.resistance * i * hessian(motor.energy, float(d), float(q))[0] * np.cos(theta)
+    assert miss.std() == pytest.approx(jitter * slope, rel=0.06)  # 2000 draws: 1.6 % each way
 
 
 def test_threads_batches_and_neutral_values_change_no_bit():

@@ -144,7 +144,7 @@ def test_iron_loss_current_rises_with_its_time_constant_and_loses_its_power():
     assert state[CORE_ALPHA] == pytest.approx(v / 800 * (1 - math.exp(-2 / 1.5)), rel=1e-3)
     assert state[I_ALPHA] == pytest.approx(v * 2e-4 / L + state[CORE_ALPHA], rel=1e-12)
     integrate(state, b, LOCKED, complex(v / U), 0.0, 3e-3, 0.0, 0.0)
-    loss = powers(b, complex(v / U), 0.0, 0.0, 0j, complex(state[CORE_ALPHA]), 0j, 0.0, 0.0, 0.0)[1]
+    loss = powers(b, complex(v / U), 0j, 0.0, 0.0, 0.0, 0j, complex(state[CORE_ALPHA]), 0j, 0.0, 0.0, 0.0)[1]
     assert loss == pytest.approx(1.5 * v * v / 800.0, rel=1e-6)
 
 
@@ -211,6 +211,16 @@ def test_dc_link_error_scales_the_delivered_voltage():
     assert settled(make({"dc_link_error.gain_error": 0.03}, NO_MAGNET), 20 + 0j) == pytest.approx(
         pulsed(20.0, R, 1.03 * U), rel=1e-9
     )
+
+
+def test_dc_link_error_sags_with_the_power_drawn():
+    """Along alpha i_dc = 3/2 u i/V, so delivered u' = u - u sag P/V^2 at the power P = 3/2 u i; i = u'/R."""
+    u, sag = 60.0, 25.0
+    i = settled(make({"dc_link_error.sag": sag}, NO_MAGNET), u + 0j)
+    assert i == pytest.approx(pulsed(u, R, U - sag * 1.5 * u / U * i.real), rel=1e-9)
+    lost = u - i.real * R
+    assert lost == pytest.approx(u * sag * 1.5 * u * i.real / U**2, rel=3e-3)  # the sample less the mean voltage / R
+    assert lost > 0.02 * u
 
 
 def test_dc_link_ripple_volt_seconds_of_one_period():

@@ -1,0 +1,143 @@
+"""Effects at their edges: the smallest sizes allowed, an encoder's speed, bounds that a step must resolve."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from estimators.registry import load_estimator
+from model.effects import library
+from model.errors import BadInput
+from model.parameters import Converter, Motor, load_drive
+from sandbox.cli import main
+from sandbox.control import ENCODER_BANDWIDTH, speed_from
+from sandbox.full import SLOW_D
+from sandbox.plant import OMEGA, PHI_D
+from sandbox.replay.sets import complete as replay_complete
+from sandbox.scenario import Scenario, Segment
+from sandbox.simulate import simulate
+from sandbox.switched.effects import bench, quiet
+from sandbox.switched.inverter import I_ALPHA, SKIN_ALPHA, integrate
+from sandbox.switched.machine import LOCKED
+from sandbox.switched.simulate import replay, start
+from tests.sandbox.averaged import Averaged
+
+L, R, U, TS = 0.05, 10.0, 400.0, 250e-6
+BLANK = Motor("blank", 4, R, 0.0, L, L, 1e-3, 2.0, 1.0, 1000.0)
+CONVERTER = Converter(TS, U, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("tau", [4e-6, 5.6e-6, 1e-6])
+def test_skin_effect_as_fast_as_a_real_windings(tau):
+    """The matrix exponential of both plants at the time constants fitted to THOR's winding, and at the bound.
+
+    Far above 1/tau the ladder is R_1 in series with x at rest; R_1 = 65 ohm takes R_1 tau = 0.3 mH off L at most.
+    """
+    r_1, t = 65.0, 3 * TS
+    effects = {"skin_effect.resistance": r_1, "skin_effect.time_constant": tau}
+    m = np.array([[-(R + r_1) / L, r_1 / L, 1 / L], [1 / tau, -1 / tau, 0], [0, 0, 0]])
+    exact = expm(m * t) @ [0.0, 0.0, 40.0]
+    a = Averaged(BLANK, CONVERTER, effects)
+    for _ in range(3):
+        a.advance(40.0 + 0j)
+    assert [a.x[PHI_D] / L, a.x[SLOW_D]] == pytest.approx(exact[:2], rel=1e-6)
+    b = quiet(bench(BLANK, CONVERTER, effects))
+    state = start(b)
+    integrate(state, b, LOCKED, complex(40.0 / U), 0.0, t, 0.0, 0.0)
+    assert [state[I_ALPHA], state[SKIN_ALPHA]] == pytest.approx(exact[:2], rel=1e-6)
+    assert replay_complete(BLANK, CONVERTER, effects)["skin_effect.time_constant"] == tau
+
+
+@pytest.mark.parametrize("width", [2.0, 0.05, 1e-3])
+def test_coulomb_friction_is_resolved_however_narrow(width):
+    """J dw/dt = -T tanh(w/width): sinh(w/width) decays exponentially; both plants, coasting to rest and staying there.
+
+    w = width asinh(sinh(w_0/width) exp(-T t/(J width))), written without overflow.  Tolerance: two steps a relaxation
+    time, second order: 2 % of the width for the one sample on its way to rest.
+    """
+    torque, w_0, n = 0.1, 2.0, 200
+    effects = {"coulomb_friction.torque": torque, "coulomb_friction.width": width}
+    t = TS * np.arange(n)
+    power = w_0 / width + np.log1p(-np.exp(-2 * w_0 / width)) - math.log(2.0) - torque * t / (1e-3 * width)
+    exact = width * np.where(power > 20.0, power + math.log(2.0), np.arcsinh(np.exp(np.minimum(power, 20.0))))
+    a, speed = Averaged(BLANK, CONVERTER, effects, free=True, omega=4 * w_0), []
+    for _ in range(n):
+        speed.append(a.x[OMEGA] / 4)
+        a.advance(0j)
+    out = replay(quiet(bench(BLANK, CONVERTER, effects)), "free", np.zeros(n), np.zeros(n), U, speed=w_0)
+    assert np.array(speed) == pytest.approx(exact, abs=0.02 * width + 1e-5)
+    assert out["speed"] == pytest.approx(exact, abs=0.02 * width + 1e-5)
+
+
+@pytest.mark.parametrize(
+    ("effects", "words"),
+    [
+        (
+            {"coulomb_friction.torque": 100.0, "coulomb_friction.width": 1e-3},
+            r"coulomb_friction\.width: 1e\+08 .*wider",
+        ),
+        ({"dc_link_error.sag": 45.0}, "dc_link_error.sag: 45 .*fifth of the link"),
+        ({"cogging_torque.order_mech": 0.5}, r"give a number in \[1, 10000\]"),
+        ({"skin_effect.time_constant": 1e-7}, r"give a number in \[1e-06, 1\] s"),
+    ],
+)
+def test_sizes_beyond_what_is_resolved_are_refused(effects, words):
+    with pytest.raises(BadInput, match=words):
+        library.complete(BLANK, CONVERTER, effects)
+
+
+@pytest.mark.parametrize("text", ["1_0e-6", "١e-6", "0x1"])
+def test_numbers_only_python_understands_are_refused(text, capsys, tmp_path):
+    with pytest.raises(BadInput, match=f"'{text}' is no number"):
+        library.parse(f"dead_time.time={text}")
+    assert main(["simulate", "--effects", f"dead_time.time={text}", "--out", str(tmp_path)]) == 2
+    with pytest.raises(SystemExit) as stopped:
+        main(["simulate", "--duration", text])
+    assert stopped.value.code == 2
+    assert "is no number" in capsys.readouterr().err
+
+
+def observed(angle, step, slope=0.0):
+    memory = np.zeros(3)
+    return np.array([speed_from(memory, 0, a, slope, step, TS) for a in angle])
+
+
+def test_speed_from_counts_is_the_tracking_loop():
+    """A ramp of speed r is followed late by 2 r/w (critically damped, double pole w); counts blur it a little."""
+    n, rate, step = 4000, 50.0, 2 * math.pi * 6 / 4096
+    t = TS * np.arange(n)
+    fine = observed(0.5 * rate * t * t + 1.0, 1e-12)
+    lag = 2.0 / ENCODER_BANDWIDTH
+    assert (rate * t - fine)[2000:] == pytest.approx(np.full(n - 2000, rate * lag), rel=0.05)
+    counted = observed(np.round((37.0 * t + 1.0) / step) * step, step)[1000:]
+    assert counted.mean() == pytest.approx(37.0, abs=0.02)
+    assert 0.02 < counted.std() < 0.5
+    assert (observed(t, 0.0, slope=12.5) == 12.5).all()
+
+
+def test_speed_from_counts_sees_the_eccentricity():
+    """theta_read = theta + p A sin(theta/p): its speed swings by omega A, the tracking loop's gain being 1."""
+    p, amplitude, omega, n = 6, 0.01, 60.0, 12000
+    theta = omega * TS * np.arange(n)
+    step = 2 * math.pi * p / 4096
+    read = np.round((theta + p * amplitude * np.sin(theta / p)) / step) * step
+    speed, turn = observed(read, step)[2000:], theta[2000:] / p
+    swing = 2.0 * np.mean((speed - omega) * np.exp(-1j * turn))
+    assert abs(swing) == pytest.approx(omega * amplitude, rel=0.05)
+
+
+@pytest.mark.parametrize("plant", ["averaged", "switched"])
+def test_open_loop_runs_on_its_counted_encoder(plant):
+    """Counts are in the control (another run than without) and cost it less than a percent of speed."""
+    drive = load_drive("ipm_exchanged")
+    counted = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, encoder_counts=4096))
+    scenario = Scenario("s", (Segment(0.1), Segment(0.6, 0.3, 0.1, ramp=0.2)), rotor="free", reference="speed")
+    omega = []
+    for d in (drive, counted):
+        run = simulate(d, scenario, load_estimator("qnull"), closed_loop=False, seed=2, plant=plant)
+        omega.append(run.recording.between(run.start_time + 0.5, 9.0).omega)
+    assert not np.array_equal(*omega)
+    assert omega[1].mean() == pytest.approx(omega[0].mean(), rel=0.01)
+    assert omega[1].std() < omega[0].std() + 0.01 * drive.motor.rated_omega
