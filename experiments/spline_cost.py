@@ -52,7 +52,7 @@ def main() -> None:
     spline = spline_energy.fit(*FluxMap("ipm", i, i, d + motor.magnet_flux, q).points())
     models = {
         "quartic": (runners(energy.currents), motor.energy, 0.01),
-        "spline": (runners(spline_energy.currents), spline, 0.11),
+        "spline": (runners(energy.currents), spline, 0.11),
     }
     best: dict[str, dict[str, float]] = {k: {"evaluation_ns": np.inf, "step_ns": np.inf} for k in models}
     for _ in range(7):

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numba
 
 from model.compiled import kernel
-from model.energy import Energy, currents
+from model.energy import AnyEnergy, Energy, currents
 from model.frames import rotate
 
 PHI_D, PHI_Q, OMEGA, THETA = range(4)
@@ -27,7 +27,7 @@ LARGEST_TURN = 0.1  # rad a step
 class Plant(NamedTuple):
     """The true motor and shaft; p/J is zero where the rotor is locked or driven."""
 
-    energy: Energy
+    energy: AnyEnergy
     magnet_flux: float  # Wb
     resistance: float  # ohm
     pole_pairs: float

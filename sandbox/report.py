@@ -277,9 +277,9 @@ def catalogue(kind: str) -> list[tuple[str, str]]:
 
         return [(name, f"{load_effect(name).subsystem}: {load_effect(name).summary}") for name in effect_names()]
     if kind == "motors":
-        from model.parameters import load_drive, motor_names
+        from model.parameters import describe, mapped_names, motor_names
 
-        return [(name, load_drive(name).motor.description) for name in motor_names()]
+        return [(name, describe(name)) for name in (*motor_names(), *mapped_names())]
     if kind == "estimators":
         from estimators.registry import estimator_names, load_estimator
 
