@@ -50,7 +50,7 @@ def _either(name: str) -> Callable[..., Any]:
 
 
 _energy, _currents, _hessian = _either("energy"), _either("currents"), _either("hessian")
-_flux_newton, _inside = _either("flux_newton"), _either("inside")
+_flux_newton = _either("flux_newton")
 
 
 @kernel
@@ -72,12 +72,6 @@ def hessian(m, d, q):
 
 
 @kernel
-def inside(m, d, q):
-    """Tell whether fluxes (Wb) lie where the model has data: anywhere for the quartic, in a spline's box."""
-    return _inside(m, d, q)
-
-
-@kernel
 def flux_newton(m, i_d, i_q, d, q):
     """Solve grad H = i by Newton's method from (d, q), staying where H is strictly convex.
 
@@ -89,7 +83,7 @@ def flux_newton(m, i_d, i_q, d, q):
 @kernel
 def torque(m, d, q, magnet_flux, pole_pairs):
     """Return the air-gap torque in N m, amplitude-invariant: 3/2 p (psi_d i_q - psi_q i_d)."""
-    i_d, i_q = currents(m, d, q)
+    i_d, i_q = _currents(m, d, q)
     return 1.5 * pole_pairs * ((d + magnet_flux) * i_q - q * i_d)
 
 

@@ -42,8 +42,8 @@ class MappedMotor(Motor):
         for name, value in given.items():
             if not math.isclose(getattr(self, name), value, rel_tol=1e-9):
                 raise BadInput(
-                    f"[motor] {name} = {getattr(self, name):.4g} contradicts the flux map of '{self.name}', which alone "
-                    "says how it saturates; leave it (and effects on it) away, or use a motor with alphas"
+                    f"[motor] {name} = {getattr(self, name):.4g} contradicts the flux map of '{self.name}', which "
+                    "alone says how it saturates; leave it (and effects on it) away, or use a motor with alphas"
                 )
 
     @property
@@ -94,8 +94,8 @@ def _choice(table: Mapping[str, Any]) -> tuple[tuple[int, int], float] | None:
     two = isinstance(cells, list) and len(cells) == 2 and all(type(n) is int and 2 <= n <= 60 for n in cells)
     if not two or not isinstance(smooth, float) or not 0.0 < smooth < 1.0:
         raise BadInput(
-            f"[flux_map] cells = {cells!r:.40}, smooth = {smooth!r:.40}; give both, cells = [14, 12] (2 to 60 each) and "
-            "smooth in (0, 1), or neither"
+            f"[flux_map] cells = {cells!r:.40}, smooth = {smooth!r:.40}; give both, cells = [14, 12] (2 to 60 each) "
+            "and smooth in (0, 1), or neither"
         )
     return (cells[0], cells[1]), smooth  # type: ignore[index]
 

@@ -183,7 +183,7 @@ def describe(name: str) -> str:
 
 
 def load_drive(name: str | Path) -> Drive:
-    """Return the drive of a built-in name, of a TOML file or of the one beside a flux map; BadInput says what is wrong."""
+    """Return the drive of a built-in name, a TOML file or the one beside a flux map; BadInput says what is wrong."""
     path = motor_file(name)
     data = read_toml(path)
     for table in data:
@@ -203,7 +203,7 @@ def load_drive(name: str | Path) -> Drive:
 def _motor(path: Path, data: dict[str, Any]) -> Motor:
     values = {"name": path.stem, **_table(data, "motor", required=True)}
     if "flux_map" not in data:
-        return build(Motor, values, "motor")  # type: ignore[no-any-return]
+        return build(Motor, values, "motor")
     from model.mapped import mapped_motor
 
     return mapped_motor(values, _table(data, "flux_map"), path.parent)

@@ -54,12 +54,6 @@ def hessian(m, d, q):
 
 
 @kernel
-def inside(m, d, q):
-    """Tell whether a flux is one the model speaks of: every one."""
-    return True
-
-
-@kernel
 def min_eigenvalue(dd, dq, qq):
     """Return the smaller eigenvalue of a symmetric 2x2 matrix."""
     return 0.5 * (dd + qq) - math.sqrt(0.25 * (dd - qq) ** 2 + dq * dq)

@@ -39,7 +39,7 @@ class SplineEnergy(NamedTuple):
 
 @kernel
 def locate(m, d, q):
-    """Return the polynomial at fluxes in Wb and the place in its cell; beyond the box the outermost one goes on."""
+    """Return the polynomial at fluxes in Wb and the place in its cell (outside [0, 1] beyond the box alone)."""
     x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
     i = min(max(int(x), 0), m.cells.shape[0] - 1)
     j = min(max(int(y), 0), m.cells.shape[1] - 1)
@@ -47,10 +47,10 @@ def locate(m, d, q):
 
 
 @kernel
-def inside(m, d, q):
-    """Tell whether fluxes (Wb) lie in the box the map was fitted on."""
-    x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
-    return 0.0 <= x <= m.cells.shape[0] and 0.0 <= y <= m.cells.shape[1]
+def nearest(m, d, q):
+    """Return the fluxes (Wb) inside the box that are nearest."""
+    high_d, high_q = m.low_d + m.cells.shape[0] / m.per_d, m.low_q + m.cells.shape[1] / m.per_q
+    return min(max(d, m.low_d), high_d), min(max(q, m.low_q), high_q)
 
 
 @kernel
@@ -90,8 +90,20 @@ def bends(c, y):
 
 @kernel
 def currents(m, d, q):
-    """Return i_d, i_q in A at fluxes in Wb."""
+    """Return i_d, i_q in A at fluxes in Wb; beyond the box they go on with the inductances of its edge."""
     c, x, y = locate(m, d, q)
+    if not (0.0 <= x <= 1.0 and 0.0 <= y <= 1.0):
+        e_d, e_q = nearest(m, d, q)
+        dd, dq, qq = hessian_inside(m, e_d, e_q)
+        c, x, y = locate(m, e_d, e_q)
+        i_d, i_q = gradient(m, c, x, y)
+        return i_d + dd * (d - e_d) + dq * (q - e_q), i_q + dq * (d - e_d) + qq * (q - e_q)
+    return gradient(m, c, x, y)
+
+
+@kernel
+def gradient(m, c, x, y):
+    """Return i_d, i_q in A of a cell's polynomial at a place in it."""
     r1, r2, r3, r4 = values(c, y)
     g0, g1, g2, g3, g4 = slopes(c, y)
     xx = x * x
@@ -102,7 +114,14 @@ def currents(m, d, q):
 
 @kernel
 def hessian(m, d, q):
-    """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H at fluxes in Wb."""
+    """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H at fluxes in Wb; beyond the box those of its nearest point."""
+    e_d, e_q = nearest(m, d, q)
+    return hessian_inside(m, e_d, e_q)
+
+
+@kernel
+def hessian_inside(m, d, q):
+    """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H at fluxes (Wb) inside the box."""
     c, x, y = locate(m, d, q)
     _, r2, r3, r4 = values(c, y)
     _, g1, g2, g3, g4 = slopes(c, y)
@@ -131,7 +150,7 @@ def energy(m, d, q):
 def flux_newton(m, i_d, i_q, d, q):
     """Solve grad H = i inside the box by damped Newton steps from (d, q); return flux and SOLVED or OUTSIDE."""
     high_d, high_q = m.low_d + m.cells.shape[0] / m.per_d, m.low_q + m.cells.shape[1] / m.per_q
-    d, q = min(max(d, m.low_d), high_d), min(max(q, m.low_q), high_q)
+    d, q = nearest(m, d, q)
     c_d, c_q = currents(m, d, q)
     left, size = math.hypot(i_d - c_d, i_q - c_q), 1.0 + math.hypot(i_d, i_q)
     for _ in range(100):

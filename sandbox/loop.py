@@ -20,7 +20,7 @@ from numba import types
 from estimators.contract import BELIEF, ESTIMATE, SAMPLE, STATE, TUNING, Belief, Sample
 from model.compiled import kernel, kernel_as
 from model.effects.current_gain import read
-from model.energy import inside, min_eigenvalue
+from model.energy import min_eigenvalue
 from model.frames import phases, rotate, stationary
 from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control
 from sandbox.effects import BARE, EFFECTS
@@ -189,8 +189,7 @@ def progress(k, x, plant, effects, rig, wanted, profile, memory, next_u):
         return NOT_FINITE
     c, s = (math.cos(x[THETA]), math.sin(x[THETA])) if effects.path != BARE else (1.0, 0.0)
     dd, dq, qq = stiffness(plant, effects.machine, c, s, x[PHI_D], x[PHI_Q])
-    valid = min_eigenvalue(dd, dq, qq) > 0.0 and inside(plant.energy, x[PHI_D], x[PHI_Q])
-    return DONE if valid else OUTSIDE_DOMAIN
+    return DONE if min_eigenvalue(dd, dq, qq) > 0.0 else OUTSIDE_DOMAIN
 
 
 def run_signature(plant: Any, belief: Any) -> Any:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
-from model import spline, spline_energy as se
+from model import spline
+from model import spline_energy as se
 from model.energy import Energy, currents, flux_from_current, inductances, min_eigenvalue
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, read_map, write_map
