@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import numba
 
-from model.compiled import kernel
+from model.compiled import inlined, kernel
 from model.energy import AnyEnergy, Energy, currents
 from model.frames import rotate
 
@@ -48,7 +48,7 @@ def turn(x, y, angle):
     return c * x + s * y, c * y - s * x
 
 
-@kernel
+@inlined
 def rates(p, phi_d, phi_q, omega, u_d, u_q, load, imposed):
     """Return the time derivatives of phi_d, phi_q and omega."""
     i_d, i_q = currents(p.energy, phi_d, phi_q)
@@ -61,7 +61,7 @@ def rates(p, phi_d, phi_q, omega, u_d, u_q, load, imposed):
     )
 
 
-@kernel
+@inlined
 def rk4(p, d, q, w, theta, u_d, u_q, load, imposed):
     """Return state and rotor-frame voltage one step later."""
     h, half = p.step, 0.5 * p.step
