@@ -26,6 +26,7 @@ WINDOW = 4  # periods over which a steady average may not drift
 FEWEST = 8  # periods of a steady stretch
 BLOCKS = 8  # degrees of freedom of a level's own noise
 MARGIN = 2  # periods left out at either end
+TRANSIENT_DOUBT = 0.3  # of what is left of a transient: nominal L and R are no better
 DRIFT = 6.0  # noise levels
 STILL = 2e-4  # of the largest average: drift allowed where there is no noise
 LARGEST_TURN = 0.05  # rad, of a rotor called locked
@@ -125,20 +126,31 @@ def _level(u: Array, i: Array, axis: int, drive: Drive) -> tuple[Array, ...]:
     psi = flux_ripple(wave[:, axis], h)
     slope = np.einsum("pkc,k->pc", i, psi) / (psi @ psi)
     bias, current = u.mean(axis=1), i.mean(axis=1)
-    rest = _rest_of_transient(current, drive, len(wave) * h)
-    lost = drive.motor.resistance * _error_of_mean(current)  # a misread mean current is a misread voltage
+    inductance = np.array([drive.motor.inductance_d, drive.motor.inductance_q])
+    inductance[axis] = 1.0 / max(slope[:, axis].mean(), 0.1 / inductance[axis])  # measured here, nominal across
+    rest, blur = _rest_of_transient(current, drive.motor.resistance, inductance, len(wave) * h)
     v_sd = np.maximum(
-        np.sqrt(_error_of_mean(bias) ** 2 + lost**2 + (0.5 * rest) ** 2), 1e-7 * np.max(np.abs(wave)) + 1e-9
+        np.sqrt(_error_of_mean(bias) ** 2 + blur**2 + (TRANSIENT_DOUBT * rest) ** 2), 1e-7 * np.max(np.abs(wave)) + 1e-9
     )
     s_sd = np.maximum(_error_of_mean(slope), 1e-7 * np.max(np.abs(slope)))
     return bias.mean(axis=0) - rest, current.mean(axis=0), slope.mean(axis=0), v_sd, s_sd, wave
 
 
-def _rest_of_transient(current: Array, drive: Drive, period: float) -> Array:
-    """Return L di/dt (V) that is left of the approach to a level, from the drift of the period averages (P, 2)."""
-    place = (np.arange(len(current)) - 0.5 * (len(current) - 1)) * period
-    drift = place @ current / (place @ place)
-    return np.asarray(drift * np.array([drive.motor.inductance_d, drive.motor.inductance_q]))
+def _rest_of_transient(current: Array, resistance: float, inductance: Array, period: float) -> tuple[Array, Array]:
+    """Return the mean of L di/dt (V) left of the approach to a level, and the blur of u less it and R i (V, both (2,)).
+
+    The period averages (P, 2) are taken as a constant and an exponential of the winding's time constant; a
+    straight line in place of the exponential would miss most of a transient that is over early in the level.
+    """
+    rate = resistance / inductance
+    t, whole = (np.arange(len(current)) + 0.5) * period, len(current) * period
+    shape = np.exp(-np.outer(t, rate))
+    shape -= shape.mean(axis=0)
+    square = np.sum(shape**2, axis=0)
+    size, fall = np.sum(shape * current, axis=0) / square, inductance / whole * np.expm1(-whole * rate)
+    steady = _error_of_mean(current - size * shape)
+    blur = np.hypot(fall * np.sqrt(len(current) / square), resistance) * steady
+    return fall * size, blur
 
 
 def _error_of_mean(x: Array) -> Array:
