@@ -127,7 +127,8 @@ def _level(u: Array, i: Array, axis: int, drive: Drive) -> tuple[Array, ...]:
     slope = np.einsum("pkc,k->pc", i, psi) / (psi @ psi)
     bias, current = u.mean(axis=1), i.mean(axis=1)
     inductance = np.array([drive.motor.inductance_d, drive.motor.inductance_q])
-    inductance[axis] = 1.0 / max(slope[:, axis].mean(), 0.1 / inductance[axis])  # measured here, nominal across
+    least, most = 0.1 * inductance[axis], 10.0 * inductance[axis]  # nominal across, measured here unless absurd
+    inductance[axis] = min(max(1.0 / (slope[:, axis].mean() or math.inf), least), most)
     rest, blur = _rest_of_transient(current, drive.motor.resistance, inductance, len(wave) * h)
     v_sd = np.maximum(
         np.sqrt(_error_of_mean(bias) ** 2 + blur**2 + (TRANSIENT_DOUBT * rest) ** 2), 1e-7 * np.max(np.abs(wave)) + 1e-9
@@ -142,7 +143,7 @@ def _rest_of_transient(current: Array, resistance: float, inductance: Array, per
     The period averages (P, 2) are taken as a constant and an exponential of the winding's time constant; a
     straight line in place of the exponential would miss most of a transient that is over early in the level.
     """
-    rate = resistance / inductance
+    rate = np.minimum(resistance / inductance, 1.0 / period)  # a faster one is over before the first average
     t, whole = (np.arange(len(current)) + 0.5) * period, len(current) * period
     shape = np.exp(-np.outer(t, rate))
     shape -= shape.mean(axis=0)
@@ -226,7 +227,13 @@ def check_sensors(r: CampaignRecording, drive: Drive) -> None:
 def check_units(levels: Levels, drive: Drive) -> None:
     """Raise BadInput where currents do not lie along the bias voltages, or are in another unit."""
     u, i = levels.voltage[:, 0] + 1j * levels.voltage[:, 1], levels.current[:, 0] + 1j * levels.current[:, 1]
-    big = np.flatnonzero(np.abs(i) > 0.4 * np.max(np.abs(i)))
+    largest, floor = float(np.max(np.abs(i))), drive.converter.current_noise + drive.converter.current_resolution
+    if not largest > floor:
+        raise BadInput(
+            f"{levels.source[0]}: no level has a mean current above {largest:.3g} A (sensor noise and resolution are "
+            f"{floor:.3g} A); check that the currents were recorded and the bias voltages reached the motor"
+        )
+    big = np.flatnonzero(np.abs(i) > 0.4 * largest)
     turn = np.angle(u[big] * np.conj(i[big]))
     if np.median(np.abs(turn)) > 0.35 or np.max(np.abs(turn)) > 1.2:
         k = int(big[np.argmax(np.abs(turn))])
@@ -240,11 +247,12 @@ def check_units(levels: Levels, drive: Drive) -> None:
         )
     found, nominal = float(np.median(np.abs(u[big]) / np.abs(i[big]))), drive.motor.resistance
     if not 1 / WRONG_UNIT < found / nominal < WRONG_UNIT:
-        guess = "mA" if found < nominal else "kA"
+        guess = "currents in mA or voltages in kV" if found < nominal else "currents in kA or voltages in mV"
+        k = int(np.argmax(np.abs(i)))
         raise BadInput(
-            f"{levels.source[0]}: the bias levels give a resistance of {found:.3g} ohm, nominal is "
-            f"{nominal:.3g} ohm; are "
-            f"currents in {guess}? convert them to A (amplitude-invariant) and voltages to V"
+            f"{levels.source[k]}: the bias levels give a resistance of {found:.3g} ohm, nominal is {nominal:.3g} ohm "
+            f"(at the largest, {abs(u[k]):.3g} V and {abs(i[k]):.3g} A); are {guess}? convert them to V and A "
+            "(amplitude-invariant)"
         )
 
 
