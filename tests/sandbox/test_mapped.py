@@ -116,6 +116,12 @@ def test_python_loop_takes_a_spline_and_agrees(mapped):
     np.testing.assert_allclose(a.table, b.table, rtol=1e-9, atol=1e-9)
 
 
+def test_filter_in_python_agrees_with_the_compiled_one(mapped):
+    scenario = Scenario("x", (Segment(0.02, 0.3, ramp=0.01),), start_up=False)
+    runs = [simulate(mapped, scenario, load_estimator(name), seed=1).recording for name in ("ekf", "ekf_filterpy")]
+    np.testing.assert_allclose(runs[1].theta_hat, runs[0].theta_hat, atol=1e-6)
+
+
 def _belief(drive):
     from sandbox.design import belief_of
 
