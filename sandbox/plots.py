@@ -203,14 +203,14 @@ def maps_figure(maps: Maps, path: Path) -> None:
 
     figure = Figure(figsize=(12.5, 7.2), layout="constrained")
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
-    panels = (
+    panels = [
         ("L_dd (mH)", 1e3 * maps.l_dd),
         ("L_dq (mH)", 1e3 * maps.l_dq),
         ("L_qq (mH)", 1e3 * maps.l_qq),
         ("cross-saturation angle (°)", maps.angle * 180.0 / math.pi),
         ("gain of the null (of zero current)", maps.gain),
         ("L_dd, first order − exact (mH)", 1e3 * (maps.first_order["l_dd"] - maps.l_dd)),
-    )
+    ]
     if not (maps.first_order["l_dd"] == maps.first_order["l_dd"]).any():  # NaN: a flux map has no alphas
         axes[-1, -1].set_axis_off()
         panels = panels[:-1]
