@@ -11,12 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from threading import Lock
 from typing import Any, NamedTuple
 
 import numba
 from numba import types
 
-from model.energy import Energy
+from model.compiled import kernel_as
+from model.energy import AnyEnergy, Energy
 
 MAX_PERIOD = 64  # samples in an injection period
 
@@ -46,7 +49,7 @@ class Estimate(NamedTuple):
 class Belief(NamedTuple):
     """What the estimator believes of the motor; never the truth, never changed."""
 
-    energy: Energy
+    energy: AnyEnergy
     magnet_flux: float
     resistance: float
     pole_pairs: float
@@ -80,6 +83,7 @@ BELIEF = numba.typeof(_ZERO_BELIEF)
 TUNING = numba.typeof(_ZERO_TUNING)
 STATE = types.Array(types.float64, 1, "C")
 STEP = ESTIMATE(STATE, SAMPLE, BELIEF, TUNING)
+_COMPILING = Lock()
 
 
 @dataclass(frozen=True)
@@ -91,3 +95,16 @@ class Estimator:
     init: Callable[..., Any]
     step: Callable[[Any, Sample, Belief, Tuning], Estimate]
     compiled: bool = True
+
+    def step_for(self, belief: Belief) -> Any:
+        """Return the compiled step for a belief's kind of energy: STEP, or another compiled when first asked for."""
+        kind = numba.typeof(belief)
+        if not self.compiled or kind == BELIEF:
+            return self.step
+        with _COMPILING:
+            return _step_of(self.step.py_func, kind)  # type: ignore[attr-defined]
+
+
+@cache
+def _step_of(step: Callable[..., Estimate], belief: Any) -> Any:
+    return kernel_as(ESTIMATE(STATE, SAMPLE, belief, TUNING))(step)

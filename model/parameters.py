@@ -13,10 +13,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from model.energy import Energy
+from model.energy import AnyEnergy, Energy
 from model.errors import BadInput, unknown
 
 MOTORS = Path(__file__).parent / "motors"
+MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry
+MAP_SUFFIXES = (".npz", ".mat", ".csv")
 OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording"}  # allowed, not read here
 
 
@@ -73,7 +75,7 @@ class Motor:
             raise BadInput(f"[motor] pole_pairs = {self.pole_pairs} is not whole; count pairs of poles, not poles")
 
     @property
-    def energy(self) -> Energy:
+    def energy(self) -> AnyEnergy:
         """The saturated magnetic model."""
         alphas = (self.alpha_30, self.alpha_12, self.alpha_40, self.alpha_22, self.alpha_04)
         return Energy(1.0 / self.inductance_d, 1.0 / self.inductance_q, *(float(a) for a in alphas))
@@ -157,19 +159,44 @@ def motor_names() -> list[str]:
     return sorted(p.stem for p in MOTORS.glob("*.toml"))
 
 
-def load_drive(name: str | Path) -> Drive:
-    """Return the drive of a built-in name or of a TOML file; BadInput names what is wrong and the nearest key."""
+def mapped_names() -> list[str]:
+    """Return the names of the motors whose flux map is a data set of its own (found on this machine, or fetched)."""
+    return sorted(p.stem for p in MAPPED.glob("*.toml"))
+
+
+def motor_file(name: str | Path) -> Path:
+    """Return the TOML file of a built-in name, of a path, or beside a flux map; BadInput for an unknown one."""
     path = Path(name)
-    if not is_file_name(path):
-        if str(name) not in motor_names():
-            raise unknown("motor", str(name), motor_names())
-        path = MOTORS / f"{name}.toml"
+    if path.suffix.lower() in MAP_SUFFIXES:
+        if path.with_suffix(".toml").is_file():
+            return path.with_suffix(".toml")
+        raise BadInput(
+            f"flux map '{path}' alone gives no resistance, pole pairs and ratings; write them into "
+            f"'{path.with_suffix('.toml').name}' beside it: [motor], and [flux_map] with file = \"{path.name}\""
+        )
+    if is_file_name(path):
+        return path
+    if str(name) in mapped_names():
+        return MAPPED / f"{name}.toml"
+    if str(name) not in motor_names():
+        raise unknown("motor", str(name), [*motor_names(), *mapped_names()])
+    return MOTORS / f"{name}.toml"
+
+
+def describe(name: str) -> str:
+    """Return the line that a built-in motor's file says of it."""
+    return str(read_toml(motor_file(name))["motor"]["description"])
+
+
+def load_drive(name: str | Path) -> Drive:
+    """Return the drive of a built-in name, a TOML file or the one beside a flux map; BadInput says what is wrong."""
+    path = motor_file(name)
     data = read_toml(path)
     for table in data:
-        if table not in {"motor", "drive", "injection"} | OTHER_TABLES:
-            raise _in_file(path, unknown("table", table, ["motor", "drive", "injection", "provenance"]))
+        if table not in {"motor", "flux_map", "drive", "injection"} | OTHER_TABLES:
+            raise _in_file(path, unknown("table", table, ["motor", "flux_map", "drive", "injection", "provenance"]))
     try:
-        motor = build(Motor, {"name": path.stem, **_table(data, "motor", required=True)}, "motor")
+        motor = _motor(path, data)
         converter = build(Converter, {**_converter_defaults(motor), **_table(data, "drive")}, "drive")
         injection = build(
             Injection, {**_injection_defaults(motor, converter), **_table(data, "injection")}, "injection"
@@ -177,6 +204,15 @@ def load_drive(name: str | Path) -> Drive:
     except BadInput as error:
         raise _in_file(path, error) from None
     return Drive(motor, converter, injection, {k: str(v) for k, v in _table(data, "provenance").items()})
+
+
+def _motor(path: Path, data: dict[str, Any]) -> Motor:
+    values = {"name": path.stem, **_table(data, "motor", required=True)}
+    if "flux_map" not in data:
+        return build(Motor, values, "motor")
+    from model.mapped import mapped_motor
+
+    return mapped_motor(values, _table(data, "flux_map"), path.parent)
 
 
 def is_file_name(path: Path) -> bool:

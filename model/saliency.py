@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from model import energy as en
 from model.compiled import kernel
-from model.energy import Energy
+from model.energy import AnyEnergy
 from model.errors import BadInput, PhysicsError
 from model.parameters import Motor
 
@@ -41,7 +41,7 @@ def ripple(dd, dq, qq, e):
     return c * r_d - s * r_q, s * r_d + c * r_q
 
 
-def tracking_sign(m: Energy) -> float:
+def tracking_sign(m: AnyEnergy) -> float:
     """Return the sign of L_q - L_d at zero current: the sense in which a q-null loop must turn."""
     if abs(m.gamma_d - m.gamma_q) < LEAST_SALIENCY * max(m.gamma_d, m.gamma_q):
         raise BadInput(
@@ -52,21 +52,21 @@ def tracking_sign(m: Energy) -> float:
     return 1.0 if m.gamma_d > m.gamma_q else -1.0
 
 
-def local_angle(m: Energy, i_d: ArrayLike, i_q: ArrayLike) -> Array:
+def local_angle(m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike) -> Array:
     """Return the cross-saturation angle e (rad) for actual rotor-frame currents in A (encoder controls)."""
     dd, dq, qq = en.hessian.py_func(m, *en.flux_from_current(m, i_d, i_q))
     s = tracking_sign(m)
     return np.asarray(0.5 * np.arctan2(-2.0 * s * dq, s * (dd - qq)))
 
 
-def _q_ripple(m: Energy, i_d: float, i_q: float, e: float) -> float:
+def _q_ripple(m: AnyEnergy, i_d: float, i_q: float, e: float) -> float:
     """Return y_q(e) where the reference (i_d, i_q) is applied in the estimated frame; NaN outside the domain."""
     a, b = math.cos(e) * i_d + math.sin(e) * i_q, -math.sin(e) * i_d + math.cos(e) * i_q
     d, q, status = en.flux_newton(m, a, b, 0.0, 0.0)
     return math.nan if status else float(ripple.py_func(*en.hessian(m, d, q), e)[1])
 
 
-def self_consistent_angle(m: Energy, i_d: float, i_q: float, steps: int = 60) -> float:
+def self_consistent_angle(m: AnyEnergy, i_d: float, i_q: float, steps: int = 60) -> float:
     """Return e (rad) at which a q-null loop stands that also orients the current reference (i_d, i_q) A.
 
     The actual current is R(-e) times the reference, which moves the null: the zero is followed from zero
@@ -185,7 +185,7 @@ def audit(motor: Motor, radius: float | None = None, rays: int = 72, points: int
     )  # fmt: skip
 
 
-def _eigenvalues(m: Energy, grid: Array) -> Array:
+def _eigenvalues(m: AnyEnergy, grid: Array) -> Array:
     """Return the smallest eigenvalue over the plane of currents (i_q, i_d), NaN where there is no valid point."""
     values = np.full((grid.size, grid.size), np.nan)
     for (row, y), (column, x) in product(enumerate(grid), enumerate(grid)):

@@ -14,7 +14,7 @@ Checked: gradient and Hessian against SciPy's BSpline, planted motors, symmetry,
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,12 +22,11 @@ from scipy.interpolate import BSpline
 from scipy.linalg import cho_solve, solve_triangular
 from scipy.optimize import nnls
 
-from model.compiled import kernel
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap
+from model.spline import DEGREE, SplineEnergy, flux_newton, hessian
 
 Array = NDArray[np.float64]
-DEGREE = 4
 MARGIN = 0.03  # of the flux range: the box reaches beyond the data
 FLOOR = 0.1  # of the smallest curvature in the data: least curvature anywhere in the box
 CHOICES = [(c, s) for c in ((10, 8), (14, 12), (20, 16)) for s in (1e-4, 3e-4, 1e-3, 3e-3)]  # cells, smoothness
@@ -36,113 +35,13 @@ TOLERATED = 1.2  # of the least squared error: the smoothest choice within it is
 ROUNDS = 60
 
 
-class SplineEnergy(NamedTuple):
-    """Polynomials of each cell: H = sum c[i, j, a, b] x^a y^b, x and y in [0, 1] across the cell; fluxes in Wb."""
-
-    cells: Array  # (n_d, n_q, 5, 5), J
-    low_d: float
-    low_q: float
-    per_d: float  # cells per Wb
-    per_q: float
-
-
-@kernel
-def _locate(m, d, q):
-    x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
-    i = min(max(int(x), 0), m.cells.shape[0] - 1)
-    j = min(max(int(y), 0), m.cells.shape[1] - 1)
-    return m.cells[i, j], x - i, y - j
-
-
-@kernel
-def currents(m, d, q):
-    """Return i_d, i_q in A at total fluxes in Wb; beyond the box the outermost polynomial goes on."""
-    c, x, y = _locate(m, d, q)
-    xx, yy = x * x, y * y  # pairwise sums: a third less latency than Horner's rule
-    y2, y3, y4 = 2.0 * y, 3.0 * yy, 4.0 * y * yy
-    r1 = (c[1, 0] + c[1, 1] * y) + yy * ((c[1, 2] + c[1, 3] * y) + c[1, 4] * yy)
-    r2 = (c[2, 0] + c[2, 1] * y) + yy * ((c[2, 2] + c[2, 3] * y) + c[2, 4] * yy)
-    r3 = (c[3, 0] + c[3, 1] * y) + yy * ((c[3, 2] + c[3, 3] * y) + c[3, 4] * yy)
-    r4 = (c[4, 0] + c[4, 1] * y) + yy * ((c[4, 2] + c[4, 3] * y) + c[4, 4] * yy)
-    g0 = (c[0, 1] + c[0, 2] * y2) + (c[0, 3] * y3 + c[0, 4] * y4)
-    g1 = (c[1, 1] + c[1, 2] * y2) + (c[1, 3] * y3 + c[1, 4] * y4)
-    g2 = (c[2, 1] + c[2, 2] * y2) + (c[2, 3] * y3 + c[2, 4] * y4)
-    g3 = (c[3, 1] + c[3, 2] * y2) + (c[3, 3] * y3 + c[3, 4] * y4)
-    g4 = (c[4, 1] + c[4, 2] * y2) + (c[4, 3] * y3 + c[4, 4] * y4)
-    i_d = (r1 + 2.0 * r2 * x) + xx * (3.0 * r3 + 4.0 * r4 * x)
-    i_q = (g0 + g1 * x) + xx * ((g2 + g3 * x) + g4 * xx)
-    return i_d * m.per_d, i_q * m.per_q
-
-
-@kernel
-def hessian(m, d, q):
-    """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H at total fluxes in Wb."""
-    c, x, y = _locate(m, d, q)
-    h = h_d = h_dd = g = g_d = k = 0.0
-    for a in range(DEGREE, -1, -1):
-        row, row_q, row_qq = c[a, DEGREE], 0.0, 0.0
-        for b in range(DEGREE - 1, -1, -1):
-            row_qq = row_qq * y + row_q
-            row_q = row_q * y + row
-            row = row * y + c[a, b]
-        h_dd = h_dd * x + h_d
-        h_d = h_d * x + h
-        h = h * x + row
-        g_d = g_d * x + g
-        g = g * x + row_q
-        k = k * x + row_qq
-    return 2.0 * h_dd * m.per_d**2, g_d * m.per_d * m.per_q, 2.0 * k * m.per_q**2
-
-
-@kernel
-def energy(m, d, q):
-    """Return H in J, up to the factor 3/2 of the transformation and a constant."""
-    c, x, y = _locate(m, d, q)
-    h = 0.0
-    for a in range(DEGREE, -1, -1):
-        row = 0.0
-        for b in range(DEGREE, -1, -1):
-            row = row * y + c[a, b]
-        h = h * x + row
-    return h
-
-
-@kernel
-def _newton(m, i_d, i_q, d, q):
-    """Solve grad H = i inside the box by damped Newton steps; return flux and 0, or 1 where it lies outside."""
-    high_d = m.low_d + m.cells.shape[0] / m.per_d
-    high_q = m.low_q + m.cells.shape[1] / m.per_q
-    c_d, c_q = currents(m, d, q)
-    left = math.hypot(i_d - c_d, i_q - c_q)
-    for _ in range(100):
-        if left <= 1e-11 * (1.0 + math.hypot(i_d, i_q)):
-            return d, q, 0
-        dd, dq, qq = hessian(m, d, q)
-        det = dd * qq - dq * dq
-        s_d = (qq * (i_d - c_d) - dq * (i_q - c_q)) / det
-        s_q = (dd * (i_q - c_q) - dq * (i_d - c_d)) / det
-        t = 1.0
-        while t > 1e-9:
-            x = min(max(d + t * s_d, m.low_d), high_d)
-            y = min(max(q + t * s_q, m.low_q), high_q)
-            c_d, c_q = currents(m, x, y)
-            new = math.hypot(i_d - c_d, i_q - c_q)
-            if new < left:
-                break
-            t *= 0.5
-        else:
-            return d, q, 1 if left > 1e-7 * (1.0 + math.hypot(i_d, i_q)) else 0
-        d, q, left = x, y, new
-    return d, q, 1
-
-
 def flux_from_current(m: SplineEnergy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[Array, Array]:
     """Return total psi_d, psi_q (Wb) at currents (A); PhysicsError names a current whose flux is outside the box."""
     a, b = np.broadcast_arrays(np.asarray(i_d, dtype=float), np.asarray(i_q, dtype=float))
     d, q = np.empty(a.shape), np.empty(a.shape)
     middle = m.low_d + 0.5 * m.cells.shape[0] / m.per_d
     for k in np.ndindex(a.shape):
-        d[k], q[k], outside = _newton(m, float(a[k]), float(b[k]), middle, 0.0)
+        d[k], q[k], outside = flux_newton(m, float(a[k]), float(b[k]), middle, 0.0)
         if outside:
             raise PhysicsError(
                 f"current i_d = {a[k]:.4g} A, i_q = {b[k]:.4g} A lies outside the flux map (psi_d in "
@@ -155,6 +54,13 @@ def flux_from_current(m: SplineEnergy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[
 def magnet_flux(m: SplineEnergy) -> float:
     """Return the flux at zero current, Wb."""
     return float(flux_from_current(m, 0.0, 0.0)[0])
+
+
+def centred(m: SplineEnergy) -> tuple[SplineEnergy, float]:
+    """Return the energy of the current-induced fluxes, as a motor has it, and the magnet flux (Wb) taken off."""
+    magnet = magnet_flux(m)
+    gamma_d, _, gamma_q = hessian(m, magnet, 0.0)
+    return m._replace(low_d=m.low_d - magnet, gamma_d=float(gamma_d), gamma_q=float(gamma_q)), magnet
 
 
 def inductances(m: SplineEnergy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[Array, Array, Array]:

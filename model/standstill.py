@@ -21,7 +21,7 @@ from scipy.interpolate import BSpline
 
 from model.compiled import kernel
 from model.errors import BadInput
-from model.spline_energy import SplineEnergy, currents
+from model.spline import SplineEnergy, currents
 
 Array = NDArray[np.float64]
 PIECES = 8

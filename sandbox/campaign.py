@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, unknown
+from model.mapped import without_map
 from model.parameters import Converter, Drive, Injection, Motor, build, read_toml
 
 Array = NDArray[np.float64]
@@ -223,7 +224,7 @@ def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
 
 
 def _toml(c: Campaign) -> str:
-    motor = {k: v for k, v in dataclasses.asdict(c.drive.motor).items() if k != "name" and v != ""}
+    motor = {k: v for k, v in dataclasses.asdict(without_map(c.drive.motor)).items() if k != "name" and v != ""}
     if c.rated_from_data:
         motor = {k: v for k, v in motor.items() if k not in RATED}
     tables: list[tuple[str, Mapping[str, Any]]] = [

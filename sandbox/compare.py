@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from itertools import product
 
 from estimators.registry import load_estimator
@@ -115,8 +115,8 @@ def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str 
         "injection": f"{injection.waveform}, {injection.frequency:g} Hz, {injection.amplitude:g} V",
         "source": drive.provenance.get("source", "user's file"),
     }  # fmt: skip
-    motor = asdict(drive.motor)
-    return made | {f"motor.{key}": value for key, value in motor.items() if key != "description"}
+    motor = {f.name: getattr(drive.motor, f.name) for f in fields(drive.motor)}
+    return made | {f"motor.{k}": v for k, v in motor.items() if k != "description" and isinstance(v, (str, float, int))}
 
 
 def single(

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from estimators.contract import Belief, Tuning
 from model.compiled import cache_home
-from model.energy import Energy, flux_newton, hessian, min_eigenvalue
+from model.energy import AnyEnergy, flux_newton, hessian, min_eigenvalue
 from model.errors import BadInput
 from model.parameters import Drive
 from model.saliency import tracking_sign
@@ -77,11 +77,11 @@ class Design:
 def belief_of(drive: Drive, name: str) -> Belief:
     """Return the saturated or the linear belief about a drive's motor."""
     motor = drive.motor
-    energy = motor.energy if name == "saturated" else motor.linear_energy
+    energy: AnyEnergy = motor.energy if name == "saturated" else motor.linear_energy
     return Belief(energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs))
 
 
-def extreme_inductances(m: Energy, radius: float) -> tuple[float, float]:
+def extreme_inductances(m: AnyEnergy, radius: float) -> tuple[float, float]:
     """Return the smallest and largest incremental inductance (H) in a disc of currents (A), as far as it is valid."""
     values = [1.0 / m.gamma_d, 1.0 / m.gamma_q]
     for size, angle in product((0.5 * radius, radius), np.linspace(0.0, math.pi, 19)):  # symmetric in i_q

@@ -9,13 +9,15 @@ else.
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from functools import cache
+from threading import Lock
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numba import types
 
-from estimators.contract import BELIEF, STATE, STEP, TUNING, Sample
+from estimators.contract import BELIEF, ESTIMATE, SAMPLE, STATE, TUNING, Belief, Sample
 from model.compiled import kernel, kernel_as
 from model.effects.current_gain import read
 from model.energy import min_eigenvalue
@@ -25,7 +27,7 @@ from sandbox.effects import BARE, EFFECTS
 from sandbox.full import advance as advance_full
 from sandbox.full import stiffness
 from sandbox.inverter import deliver
-from sandbox.plant import OMEGA, PHI_D, PHI_Q, PLANT, THETA, advance, stator_currents
+from sandbox.plant import OMEGA, PHI_D, PHI_Q, PLANT, THETA, Plant, advance, stator_currents
 from sandbox.recording import CHANNELS
 from sandbox.sensors import encoder, sampled
 
@@ -207,13 +209,15 @@ def progress(k, x, plant, effects, rig, wanted, profile, memory, next_u):
     return DONE if min_eigenvalue(dd, dq, qq) > 0.0 else OUTSIDE_DOMAIN
 
 
-RUN = types.UniTuple(types.int64, 2)(
-    types.FunctionType(STEP), STATE, VECTOR, PLANT, EFFECTS, RIG, CONTROL, BELIEF, TUNING, TABLE, VECTOR, VECTOR,
-    RNG, TABLE,
-)  # fmt: skip
+def run_signature(plant: Any, belief: Any) -> Any:
+    """Return the loop's signature for the numba types of a plant and of a belief."""
+    step = types.FunctionType(ESTIMATE(STATE, SAMPLE, belief, TUNING))
+    return types.UniTuple(types.int64, 2)(
+        step, STATE, VECTOR, plant, EFFECTS, RIG, CONTROL, belief, TUNING, TABLE, VECTOR, VECTOR, RNG, TABLE
+    )
 
 
-@kernel_as(RUN)
+@kernel_as(run_signature(PLANT, BELIEF))
 def run_compiled(
     step, state, x, plant, effects, rig, control, belief, tuning, profile, waveform, primitive, rng, table
 ):
@@ -240,3 +244,18 @@ def run_compiled(
 
 
 run_python = run_compiled.py_func  # the same loop, interpreted, around an estimator of any kind
+_COMPILING = Lock()
+
+
+def run_for(plant: Plant, belief: Belief) -> Any:
+    """Return the compiled loop for these kinds of energy: `run_compiled`, or another compiled when first asked for."""
+    kinds = numba.typeof(plant), numba.typeof(belief)
+    if kinds == (PLANT, BELIEF):
+        return run_compiled
+    with _COMPILING:
+        return _run_of(*kinds)
+
+
+@cache
+def _run_of(plant: Any, belief: Any) -> Any:
+    return kernel_as(run_signature(plant, belief))(run_python)

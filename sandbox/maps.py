@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model import first_order
-from model.energy import flux_newton, hessian, is_convex_to
+from model.energy import Energy, flux_newton, hessian, is_convex_to
 from model.errors import BadInput
 from model.parameters import Motor
 from model.saliency import tracking_sign
@@ -22,7 +22,7 @@ class Maps:
     """Arrays (n, n) over i_d (first axis) and i_q, NaN where the model is not valid.
 
     inductances in H; angle: cross-saturation error e of a q-null estimator, rad; gain: slope of its null relative
-    to zero current.  `first_order` holds the same by the paper's formulas.
+    to zero current.  `first_order` holds the same by the paper's formulas, NaN for a motor without alphas.
     """
 
     motor: str
@@ -46,7 +46,7 @@ class Maps:
         out: dict[str, float | None] = {"valid_share": float(valid.mean())}
         for name in ("l_dd", "l_dq", "l_qq", "angle"):
             error = np.abs(self.first_order[name] - getattr(self, name))[valid]
-            out[f"first_order_error_{name}"] = float(error.max()) if error.size else None
+            out[f"first_order_error_{name}"] = float(error.max()) if np.isfinite(error).any() else None
         return out
 
 
@@ -66,7 +66,10 @@ def maps(motor: Motor, radius: float | None = None, points: int = 61) -> Maps:
     dd, dq, qq = gamma
     det = dd * qq - dq * dq
     zero = abs(m.gamma_d - m.gamma_q)
-    f_dd, f_dq, f_qq = first_order.inductances(m, x, y)
+    if isinstance(m, Energy):
+        f_dd, f_dq, f_qq = first_order.inductances(m, x, y)
+    else:  # a flux map has no alphas
+        f_dd, f_dq, f_qq = np.full((3, *x.shape), np.nan)
     f_det = f_dd * f_qq - f_dq**2
     first = {"l_dd": f_dd, "l_dq": f_dq, "l_qq": f_qq}
     first["angle"] = 0.5 * np.arctan2(2 * sign * f_dq, sign * (f_qq - f_dd))

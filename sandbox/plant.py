@@ -16,8 +16,8 @@ from typing import NamedTuple
 
 import numba
 
-from model.compiled import kernel
-from model.energy import Energy, currents
+from model.compiled import inlined, kernel
+from model.energy import AnyEnergy, Energy, currents
 from model.frames import rotate
 
 PHI_D, PHI_Q, OMEGA, THETA = range(4)
@@ -27,7 +27,7 @@ LARGEST_TURN = 0.1  # rad a step
 class Plant(NamedTuple):
     """The true motor and shaft; p/J is zero where the rotor is locked or driven."""
 
-    energy: Energy
+    energy: AnyEnergy
     magnet_flux: float  # Wb
     resistance: float  # ohm
     pole_pairs: float
@@ -48,7 +48,7 @@ def turn(x, y, angle):
     return c * x + s * y, c * y - s * x
 
 
-@kernel
+@inlined
 def rates(p, phi_d, phi_q, omega, u_d, u_q, load, imposed):
     """Return the time derivatives of phi_d, phi_q and omega."""
     i_d, i_q = currents(p.energy, phi_d, phi_q)
@@ -61,7 +61,7 @@ def rates(p, phi_d, phi_q, omega, u_d, u_q, load, imposed):
     )
 
 
-@kernel
+@inlined
 def rk4(p, d, q, w, theta, u_d, u_q, load, imposed):
     """Return state and rotor-frame voltage one step later."""
     h, half = p.step, 0.5 * p.step

@@ -191,7 +191,7 @@ def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
     axes.annotate("rated", (0.0, audit.rated_current), (0, 3), textcoords="offset points", ha="center", fontsize=9)
     if audit.violations:
         x, y = [v["i_d"] for v in audit.violations], [v["i_q"] for v in audit.violations]
-        axes.plot(x, y, "x", color=_colour("linear"), label="convexity ends here")
+        axes.plot(x, y, "x", color=_colour("linear"), label="the model ends here")
         axes.legend(frameon=False, fontsize=9, loc="upper right")
     axes.set(xlabel="i_d (A)", ylabel="i_q (A)", aspect="equal", facecolor="0.85")
     axes.set_title("valid" if audit.passed else "grey: not valid")
@@ -203,15 +203,18 @@ def maps_figure(maps: Maps, path: Path) -> None:
 
     figure = Figure(figsize=(12.5, 7.2), layout="constrained")
     axes = figure.subplots(2, 3, sharex=True, sharey=True)
-    panels = (
+    panels = [
         ("L_dd (mH)", 1e3 * maps.l_dd),
         ("L_dq (mH)", 1e3 * maps.l_dq),
         ("L_qq (mH)", 1e3 * maps.l_qq),
         ("cross-saturation angle (°)", maps.angle * 180.0 / math.pi),
         ("gain of the null (of zero current)", maps.gain),
         ("L_dd, first order − exact (mH)", 1e3 * (maps.first_order["l_dd"] - maps.l_dd)),
-    )
-    for panel, (title, values) in zip(axes.flat, panels, strict=True):
+    ]
+    if not (maps.first_order["l_dd"] == maps.first_order["l_dd"]).any():  # NaN: a flux map has no alphas
+        axes[-1, -1].set_axis_off()
+        panels = panels[:-1]
+    for panel, (title, values) in zip(axes.flat, panels, strict=False):
         filled = panel.contourf(maps.i_d, maps.i_q, values.T, levels=14, cmap="viridis")
         figure.colorbar(filled, ax=panel)
         panel.set(title=title, aspect="equal", facecolor="0.85")

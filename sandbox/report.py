@@ -250,9 +250,12 @@ def print_audit(drive: Drive, a: Audit) -> None:
             f"at i = ({a.worst_current[0]:.3f}, {a.worst_current[1]:.3f}) A"
         )
     else:
+        from model.energy import Energy
+
         v = a.violations[0]
+        end = "the energy stops being convex" if isinstance(drive.motor.energy, Energy) else "the flux map ends"
         print(
-            f"{a.motor}: NOT valid over the audited {a.radius:.4g} A: the energy stops being convex at i_d = "
+            f"{a.motor}: NOT valid over the audited {a.radius:.4g} A: {end} at i_d = "
             f"{v['i_d']:.4g} A, i_q = {v['i_q']:.3f} A, so it may be used up to {a.valid_radius:.4g} A "
             f"({a.valid_radius / a.rated_current:.0%} of rated current)"
         )
@@ -277,9 +280,9 @@ def catalogue(kind: str) -> list[tuple[str, str]]:
 
         return [(name, f"{load_effect(name).subsystem}: {load_effect(name).summary}") for name in effect_names()]
     if kind == "motors":
-        from model.parameters import load_drive, motor_names
+        from model.parameters import describe, mapped_names, motor_names
 
-        return [(name, load_drive(name).motor.description) for name in motor_names()]
+        return [(name, describe(name)) for name in (*motor_names(), *mapped_names())]
     if kind == "estimators":
         from estimators.registry import estimator_names, load_estimator
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from estimators.contract import Estimator
+from estimators.contract import Belief, Estimator
 from estimators.startup import start_periods
 from model.effects.library import complete, true_motor
-from model.energy import Energy, flux_from_current, torque
+from model.energy import AnyEnergy, Energy, flux_from_current, torque
 from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
 from sandbox import loop
@@ -87,7 +87,7 @@ def simulate(
     seed: int = 0,
     stride: int = 1,
     plant_step: float = PLANT_STEP,
-    truth: Energy | None = None,
+    truth: AnyEnergy | None = None,
     effects: Mapping[str, float] | None = None,
     plant: str = "averaged",
 ) -> Simulation:
@@ -117,9 +117,9 @@ def simulate(
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle)
     table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
     on = _switched if plant == "switched" else _averaged
-    run, x, *bench = on(drive, scenario, values, plant_step, truth, estimator.compiled)
+    run, x, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
     rig = _rig(drive, scenario, bench[0].step, closed_loop, samples, stride, start_time)
-    step = estimator.step if estimator.compiled else checked(estimator)
+    step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
     profile = profile_of(drive, scenario)
     begun = time.thread_time()
     status, at = run(
@@ -133,9 +133,10 @@ def simulate(
 
 
 def _averaged(
-    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: Energy | None, fast: bool
-) -> tuple[Any, ...]:
-    """Return the loop's kernel, the plant's state, the plant and its effects."""
+    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
+    believed: Belief | None,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Return the loop's kernel (interpreted where there is no compiled belief), the plant's state, plant, effects."""
     motor, c = true_motor(drive.motor, values), drive.converter
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
     fastest = motor.resistance * max(motor.energy.gamma_d, motor.energy.gamma_q)
@@ -147,13 +148,14 @@ def _averaged(
         c.sampling_period / steps_per_period(c.sampling_period, step, top),
     )  # fmt: skip
     effects = compiled(drive.motor, c, values, free)
-    run = loop.run_compiled if fast else loop.run_python
+    run = loop.run_for(plant, believed) if believed else loop.run_python
     return run, start(effects, scenario.start_angle), plant, effects
 
 
 def _switched(
-    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: Energy | None, fast: bool
-) -> tuple[Any, ...]:
+    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
+    believed: Belief | None,
+) -> tuple[Any, ...]:  # fmt: skip
     """Return the loop's kernel, the bench's state, the bench and the nominal link voltage."""
     from sandbox.switched import loop as switched
     from sandbox.switched import simulate as bench_of
@@ -161,9 +163,11 @@ def _switched(
 
     if truth is not None:
         raise BadInput("the switched plant takes no other magnetic model; give effects such as saturation.alpha_30")
+    if not isinstance(drive.motor.energy, Energy):
+        raise BadInput(f"the switched plant knows the quartic energy only; run '{drive.name}' with plant = 'averaged'")
     b = bench(drive.motor, drive.converter, values)
     b = b._replace(step=min(b.step, plant_step)) if plant_step != PLANT_STEP else b
-    run = switched.run_compiled if fast else switched.run_python
+    run = switched.run_compiled if believed else switched.run_python
     return run, bench_of.start(b, scenario.start_angle), b, drive.converter.dc_bus_voltage
 
 

@@ -26,6 +26,7 @@ WINDOW = 4  # periods over which a steady average may not drift
 FEWEST = 8  # periods of a steady stretch
 BLOCKS = 8  # degrees of freedom of a level's own noise
 MARGIN = 2  # periods left out at either end
+TRANSIENT_DOUBT = 0.3  # of what is left of a transient: nominal L and R are no better
 DRIFT = 6.0  # noise levels
 STILL = 2e-4  # of the largest average: drift allowed where there is no noise
 LARGEST_TURN = 0.05  # rad, of a rotor called locked
@@ -125,20 +126,32 @@ def _level(u: Array, i: Array, axis: int, drive: Drive) -> tuple[Array, ...]:
     psi = flux_ripple(wave[:, axis], h)
     slope = np.einsum("pkc,k->pc", i, psi) / (psi @ psi)
     bias, current = u.mean(axis=1), i.mean(axis=1)
-    rest = _rest_of_transient(current, drive, len(wave) * h)
-    lost = drive.motor.resistance * _error_of_mean(current)  # a misread mean current is a misread voltage
+    inductance = np.array([drive.motor.inductance_d, drive.motor.inductance_q])
+    least, most = 0.1 * inductance[axis], 10.0 * inductance[axis]  # nominal across, measured here unless absurd
+    inductance[axis] = min(max(1.0 / (slope[:, axis].mean() or math.inf), least), most)
+    rest, blur = _rest_of_transient(current, drive.motor.resistance, inductance, len(wave) * h)
     v_sd = np.maximum(
-        np.sqrt(_error_of_mean(bias) ** 2 + lost**2 + (0.5 * rest) ** 2), 1e-7 * np.max(np.abs(wave)) + 1e-9
+        np.sqrt(_error_of_mean(bias) ** 2 + blur**2 + (TRANSIENT_DOUBT * rest) ** 2), 1e-7 * np.max(np.abs(wave)) + 1e-9
     )
     s_sd = np.maximum(_error_of_mean(slope), 1e-7 * np.max(np.abs(slope)))
     return bias.mean(axis=0) - rest, current.mean(axis=0), slope.mean(axis=0), v_sd, s_sd, wave
 
 
-def _rest_of_transient(current: Array, drive: Drive, period: float) -> Array:
-    """Return L di/dt (V) that is left of the approach to a level, from the drift of the period averages (P, 2)."""
-    place = (np.arange(len(current)) - 0.5 * (len(current) - 1)) * period
-    drift = place @ current / (place @ place)
-    return np.asarray(drift * np.array([drive.motor.inductance_d, drive.motor.inductance_q]))
+def _rest_of_transient(current: Array, resistance: float, inductance: Array, period: float) -> tuple[Array, Array]:
+    """Return the mean of L di/dt (V) left of the approach to a level, and the blur of u less it and R i (V, both (2,)).
+
+    The period averages (P, 2) are taken as a constant and an exponential of the winding's time constant; a
+    straight line in place of the exponential would miss most of a transient that is over early in the level.
+    """
+    rate = np.minimum(resistance / inductance, 1.0 / period)  # a faster one is over before the first average
+    t, whole = (np.arange(len(current)) + 0.5) * period, len(current) * period
+    shape = np.exp(-np.outer(t, rate))
+    shape -= shape.mean(axis=0)
+    square = np.sum(shape**2, axis=0)
+    size, fall = np.sum(shape * current, axis=0) / square, inductance / whole * np.expm1(-whole * rate)
+    steady = _error_of_mean(current - size * shape)
+    blur = np.hypot(fall * np.sqrt(len(current) / square), resistance) * steady
+    return fall * size, blur
 
 
 def _error_of_mean(x: Array) -> Array:
@@ -214,7 +227,13 @@ def check_sensors(r: CampaignRecording, drive: Drive) -> None:
 def check_units(levels: Levels, drive: Drive) -> None:
     """Raise BadInput where currents do not lie along the bias voltages, or are in another unit."""
     u, i = levels.voltage[:, 0] + 1j * levels.voltage[:, 1], levels.current[:, 0] + 1j * levels.current[:, 1]
-    big = np.flatnonzero(np.abs(i) > 0.4 * np.max(np.abs(i)))
+    largest, floor = float(np.max(np.abs(i))), drive.converter.current_noise + drive.converter.current_resolution
+    if not largest > floor:
+        raise BadInput(
+            f"{levels.source[0]}: no level has a mean current above {largest:.3g} A (sensor noise and resolution are "
+            f"{floor:.3g} A); check that the currents were recorded and the bias voltages reached the motor"
+        )
+    big = np.flatnonzero(np.abs(i) > 0.4 * largest)
     turn = np.angle(u[big] * np.conj(i[big]))
     if np.median(np.abs(turn)) > 0.35 or np.max(np.abs(turn)) > 1.2:
         k = int(big[np.argmax(np.abs(turn))])
@@ -228,11 +247,12 @@ def check_units(levels: Levels, drive: Drive) -> None:
         )
     found, nominal = float(np.median(np.abs(u[big]) / np.abs(i[big]))), drive.motor.resistance
     if not 1 / WRONG_UNIT < found / nominal < WRONG_UNIT:
-        guess = "mA" if found < nominal else "kA"
+        guess = "currents in mA or voltages in kV" if found < nominal else "currents in kA or voltages in mV"
+        k = int(np.argmax(np.abs(i)))
         raise BadInput(
-            f"{levels.source[0]}: the bias levels give a resistance of {found:.3g} ohm, nominal is "
-            f"{nominal:.3g} ohm; are "
-            f"currents in {guess}? convert them to A (amplitude-invariant) and voltages to V"
+            f"{levels.source[k]}: the bias levels give a resistance of {found:.3g} ohm, nominal is {nominal:.3g} ohm "
+            f"(at the largest, {abs(u[k]):.3g} V and {abs(i[k]):.3g} A); are {guess}? convert them to V and A "
+            "(amplitude-invariant)"
         )
 
 

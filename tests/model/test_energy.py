@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from model import energy as en
-from model import first_order
+from model import first_order, quartic
 from model.errors import PhysicsError
 from model.parameters import load_drive, motor_names
 
@@ -95,7 +95,7 @@ def test_newton_converges_quadratically(monkeypatch):
     exact = np.array(en.flux_newton(m, 1.0, 1.5, 0.0, 0.0)[:2])
     errors = []
     for steps in (1, 2, 3, 4):
-        monkeypatch.setattr(en, "NEWTON_STEPS", steps)
+        monkeypatch.setattr(quartic, "NEWTON_STEPS", steps)
         errors.append(np.linalg.norm(np.array(en.flux_newton.py_func(m, 1.0, 1.5, 0.0, 0.0)[:2]) - exact))
     ratios = [b / a**2 for a, b in pairwise(errors) if b > 1e-15]
     assert len(ratios) >= 2

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from model.errors import BadInput
-from model.parameters import MOTORS, Converter, Injection, Motor, load_drive, motor_names
+from model.parameters import Converter, Injection, Motor, load_drive, mapped_names, motor_file, motor_names
 
 # Rated values and parameters as the paper's two tables print them: SI units.
 PRINTED = {
@@ -57,10 +57,10 @@ def test_magnet_flux_follows_from_rated_torque_and_peak_current():
         assert m.magnet_flux == pytest.approx(m.rated_torque / (1.5 * m.pole_pairs * m.rated_current), rel=2e-3)
 
 
-@pytest.mark.parametrize("name", motor_names())
+@pytest.mark.parametrize("name", [*motor_names(), *mapped_names()])
 def test_every_value_says_where_it_comes_from(name):
-    data = tomllib.loads((MOTORS / f"{name}.toml").read_text())
-    notes = load_drive(name).provenance
+    data = tomllib.loads(motor_file(name).read_text())
+    notes = data["provenance"]
     assert "source" in notes
     for table in ("motor", "drive", "injection"):
         for key in data[table]:

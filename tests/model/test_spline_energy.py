@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline
 
+from model import spline
 from model import spline_energy as se
 from model.energy import Energy, currents, flux_from_current, inductances, min_eigenvalue
 from model.errors import BadInput, PhysicsError
@@ -41,10 +42,10 @@ def test_cells_are_the_b_spline_and_its_derivatives():
         return rows[0] @ full @ rows[1]
 
     for d, q in rng.uniform([-0.1, -0.2], [0.3, 0.2], size=(40, 2)):
-        assert se.energy(s, d, q) == pytest.approx(exact(d, q, 0, 0), rel=1e-9, abs=1e-9)
-        assert se.currents(s, d, q) == pytest.approx((exact(d, q, 1, 0), exact(d, q, 0, 1)), rel=1e-8, abs=1e-7)
+        assert spline.energy(s, d, q) == pytest.approx(exact(d, q, 0, 0), rel=1e-9, abs=1e-9)
+        assert spline.currents(s, d, q) == pytest.approx((exact(d, q, 1, 0), exact(d, q, 0, 1)), rel=1e-8, abs=1e-7)
         wanted = (exact(d, q, 2, 0), exact(d, q, 1, 1), exact(d, q, 0, 2))
-        assert se.hessian(s, d, q) == pytest.approx(wanted, rel=1e-7, abs=1e-5)
+        assert spline.hessian(s, d, q) == pytest.approx(wanted, rel=1e-7, abs=1e-5)
 
 
 def test_a_quartic_motor_is_carried(fitted):
@@ -52,7 +53,7 @@ def test_a_quartic_motor_is_carried(fitted):
     assert se.magnet_flux(s) == pytest.approx(motor.magnet_flux, abs=1e-6)
     for d, q in ((0.02, 0.05), (-0.05, -0.1), (0.03, 0.0)):
         wanted = currents(motor.energy, d, q)
-        assert se.currents(s, d + motor.magnet_flux, q) == pytest.approx(wanted, abs=2e-4)
+        assert spline.currents(s, d + motor.magnet_flux, q) == pytest.approx(wanted, abs=2e-4)
     found, wanted = se.inductances(s, 0.7, -1.1), inductances(motor.energy, 0.7, -1.1)
     np.testing.assert_allclose(found, wanted, rtol=1e-3)
 
@@ -61,7 +62,7 @@ def test_flux_of_a_current_is_its_inverse(fitted):
     s, m, _ = fitted
     _, _, i_d, i_q = m.points()
     d, q = se.flux_from_current(s, i_d, i_q)
-    back = np.array([se.currents(s, a, b) for a, b in zip(d, q, strict=True)])
+    back = np.array([spline.currents(s, a, b) for a, b in zip(d, q, strict=True)])
     np.testing.assert_allclose(back, np.column_stack([i_d, i_q]), atol=1e-9)
 
 
@@ -70,15 +71,15 @@ def test_energy_is_even_in_q_smooth_and_strictly_convex(fitted):
     high_d, high_q = s.low_d + s.cells.shape[0] / s.per_d, -s.low_q
     for d in np.linspace(s.low_d, high_d, 23):
         for q in np.linspace(0, high_q, 17):
-            i_d, i_q = se.currents(s, d, q)
-            assert se.currents(s, d, -q) == pytest.approx((i_d, -i_q), abs=1e-9)
-            dd, dq, qq = se.hessian(s, d, q)
+            i_d, i_q = spline.currents(s, d, q)
+            assert spline.currents(s, d, -q) == pytest.approx((i_d, -i_q), abs=1e-9)
+            dd, dq, qq = spline.hessian(s, d, q)
             assert dd * qq > dq * dq
             assert dd > 0
     edge = s.low_d + 3 / s.per_d  # across a cell's border the Hessian neither jumps nor kinks (C3)
     h = 1e-6
-    left = [np.array(se.hessian(s, edge - k * h, 0.02)) for k in (2, 1)]
-    right = [np.array(se.hessian(s, edge + k * h, 0.02)) for k in (1, 2)]
+    left = [np.array(spline.hessian(s, edge - k * h, 0.02)) for k in (2, 1)]
+    right = [np.array(spline.hessian(s, edge + k * h, 0.02)) for k in (1, 2)]
     np.testing.assert_allclose(right[0] - left[1], 2 * (left[1] - left[0]), rtol=1e-3, atol=1e-6)
 
 
@@ -89,7 +90,7 @@ def test_convexity_is_imposed_where_data_contradict_it():
     s = se.fit(*FluxMap("bad", m.i_d, m.i_q, psi_d, m.psi_q).points(), cells=(8, 6), smooth=1e-4)
     for d in np.linspace(s.low_d, s.low_d + 8 / s.per_d, 49):
         for q in np.linspace(0, -s.low_q, 37):
-            dd, dq, qq = se.hessian(s, d, q)
+            dd, dq, qq = spline.hessian(s, d, q)
             assert min_eigenvalue(dd, dq, qq) > 0, (d, q)
 
 
@@ -113,7 +114,7 @@ def _many_quartic(m, n):
 def _many_spline(m, n):
     d, q = 0.11, 0.02
     for _ in range(n):
-        a, b = se.currents(m, d, q)
+        a, b = spline.currents(m, d, q)
         d, q = 0.11 + 1e-9 * a, 0.02 + 1e-9 * b
     return d
 

@@ -13,6 +13,7 @@ from model.parameters import Drive, load_drive
 from sandbox.campaign import CampaignRecording, read_campaign, write_campaign
 from sandbox.identify import identify
 from sandbox.locked_test import Bench, paper_campaign, staircase
+from sandbox.staircase import _rest_of_transient
 from tests.data import recordings_folder
 
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
@@ -85,13 +86,13 @@ def test_intervals_cover_the_truth():
     assert np.mean(inside) > 0.95 - 2.5 * 0.022
 
 
-@pytest.mark.parametrize("name", ["p01", "p02", "p03", "p06", "p09", "p10", "p12"])
+@pytest.mark.parametrize("name", [f"p{k:02}" for k in range(1, 13) if k != 11])
 def test_bench_campaigns_give_their_true_motor(name):
     folder = recordings_folder() / "practice"
     truth = tomllib.loads((folder / f"{name}.truth.toml").read_text())["true_motor"]
     fit = identify(folder / name).fits["exact"]
     z = {n: (fit.values[n] - truth[TRUTH[n]]) / fit.sd[n] for n in NAMES}
-    assert max(map(abs, z.values())) < 3.5, z  # 7 campaigns x 8: one beyond 3.5 in 40 runs of this test
+    assert max(map(abs, z.values())) < 3.5, z  # 11 campaigns x 8: one beyond 3.5 in 25 runs of this test
     assert all(fit.sd[n] < 0.04 * abs(fit.values[n]) for n in NAMES)
 
 
@@ -145,7 +146,11 @@ def test_json_holds_names_of_the_contract(good, tmp_path):
     ("columns", "message"),
     [
         ({"i_b": lambda r: r.i_c, "i_c": lambda r: r.i_b}, "phases swapped .*order i_a, i_c, i_b fits"),
-        ({n: lambda r, n=n: 1e3 * r.columns[n] for n in ("i_a", "i_b", "i_c")}, "are currents in mA"),
+        ({n: lambda r, n=n: 1e3 * r.columns[n] for n in ("i_a", "i_b", "i_c")},
+         r"locked_\w+.parquet: the bias levels .* \(at the largest, 23.\d V and 1.92e\+03 A\); are currents in mA"),
+        ({n: lambda r, n=n: 1e3 * r.columns[n] for n in ("u_alpha", "u_beta")}, "or voltages in mV"),
+        ({n: lambda r, n=n: -r.columns[n] for n in ("i_a", "i_b", "i_c")}, "no order of the phases fits; check signs"),
+        ({n: lambda r, n=n: 0.0 * r.columns[n] for n in ("i_a", "i_b", "i_c")}, "no level has a mean current above"),
         ({"theta": lambda r: np.degrees(r.theta)}, "degrees off axis d at theta = 40.11; give theta in electrical rad"),
         ({"i_a": lambda r: np.clip(r.i_a, -1.0, 1.0)}, "sensor of i_a is saturated at 1 A \\(row"),
         ({"theta": lambda r: r.theta + np.linspace(0, 1, len(r.t))}, "theta spans 1 while rotor = 'locked'"),
@@ -186,3 +191,35 @@ def test_a_staircase_starts_settled_at_its_first_level():
 
 def test_reading_only_locked_tables(good, tmp_path):
     assert len(read_campaign(write_campaign(tmp_path / "c", good), rotors=("free",)).recordings) == 0
+
+
+def test_a_gap_is_named_by_its_row(good, tmp_path):
+    late = _changed(good, t=lambda r: r.t + np.where(np.arange(len(r.t)) > 1000, 0.01, 0.0))
+    with pytest.raises(BadInput, match=r"locked_d.parquet: t steps by 0.01025 s from row 1000 to 1001"):
+        identify(write_campaign(tmp_path / "c", late))
+
+
+@pytest.mark.parametrize("wrong", [0.7, 1.3])
+def test_what_is_left_of_a_transient_does_not_bias_the_resistance(wrong):
+    """SPM, L/R = 23 ms in levels of 100 ms: ignored, the ends of its transients shift R by 1.0e-3 (measured)."""
+    drive = load_drive("spm_exchanged")
+    motor = dataclasses.replace(drive.motor, resistance=wrong * drive.motor.resistance)
+    campaign = paper_campaign(drive, np.linspace(-8.0, 8.0, 7), 50, Bench(theta=0.4))
+    led = dataclasses.replace(campaign, drive=dataclasses.replace(drive, motor=motor))
+    assert abs(_errors(led, drive.motor)["resistance"]) < 1e-4  # measured 3e-5
+
+
+@pytest.mark.parametrize("constants", [0.2, 1.0, 5.0, 20.0])
+def test_rest_of_a_transient_is_the_change_of_flux_over_the_level(constants):
+    """Closed form: i = c + a exp(-t R/L) takes L (i(T) - i(0)) / T of the mean voltage; a line is off by its shape."""
+    resistance, inductance, period, count = 2.0, np.array([0.05, 0.03]), 2e-3, 60
+    whole = count * period
+    inductance *= resistance * whole / constants / inductance[0]
+    rate = resistance / inductance
+    t, half = (np.arange(count) + 0.5)[:, None] * period, 0.5 * rate * period
+    larger = np.sinh(half) / half  # an average over a period against the value at its middle, for which it is taken
+    current = 3.0 + 0.4 * np.exp(-t * rate) * larger
+    rest, blur = _rest_of_transient(current, resistance, inductance, period)
+    exact = inductance * 0.4 * np.expm1(-whole * rate) / whole
+    np.testing.assert_allclose(rest, exact, rtol=larger.max() - 1 + 1e-9)
+    assert np.all(blur < 1e-9)

@@ -1,0 +1,99 @@
+"""A motor from a flux map: the user's file, what it may not say, what is remembered, what is missing."""
+
+import numpy as np
+import pytest
+
+from model.energy import flux_from_current, inductances
+from model.errors import BadInput, PhysicsError
+from model.fluxmap import FluxMap, write_map
+from model.parameters import load_drive, mapped_names
+
+TEXT = """
+[motor]
+pole_pairs = 6
+resistance = 12.15
+inertia = 0.0011
+rated_current = 1.2
+rated_torque = 1.06
+rated_speed_rpm = 1800.0
+[flux_map]
+file = "mine.csv"
+"""
+CHOICE = "cells = [8, 6]\nsmooth = 1e-6\n"
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path / "cache"))
+    motor, i = load_drive("ipm_exchanged").motor, np.linspace(-3.2, 3.2, 17)
+    d, q = flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
+    write_map(tmp_path / "mine.csv", FluxMap("mine", i, i, d + motor.magnet_flux, q))
+    (tmp_path / "mine.toml").write_text(TEXT + CHOICE)
+    return tmp_path
+
+
+@pytest.mark.parametrize("name", ["mine.toml", "mine.csv"])
+def test_a_user_s_map_gives_back_the_motor_it_was_computed_from(folder, name):
+    found, motor = load_drive(folder / name).motor, load_drive("ipm_exchanged").motor
+    assert found.name == "mine"
+    # the spline's space holds the quartic; smoothness 1e-6 leaves less than 1e-3 (test_spline_energy)
+    for key in ("inductance_d", "inductance_q", "magnet_flux"):
+        assert getattr(found, key) == pytest.approx(getattr(motor, key), rel=2e-3), key
+    at = (0.5, -1.3)
+    np.testing.assert_allclose(inductances(found.energy, *at), inductances(motor.energy, *at), rtol=2e-3)
+    with pytest.raises(PhysicsError, match=r"i_q = 30 A is outside the motor's flux map: .* the map ends at i_d = 0 A"):
+        flux_from_current(found.energy, 0.0, 30.0)
+
+
+def test_a_fit_is_remembered_until_the_map_changes(folder):
+    first = load_drive(folder / "mine.toml").motor
+    assert len(list((folder / "cache" / "maps").glob("*.npz"))) == 1
+    again = load_drive(folder / "mine.toml").motor
+    assert again == first
+    assert hash(again) == hash(first)
+    np.testing.assert_array_equal(again.spline.cells, first.spline.cells)
+    stored = next((folder / "cache" / "maps").glob("*.npz"))
+    stored.write_bytes(b"damaged")
+    assert load_drive(folder / "mine.toml").motor == first
+    rows = (folder / "mine.csv").read_text().splitlines()
+    cells = rows[40].split(",")
+    rows[40] = ",".join([*cells[:2], repr(float(cells[2]) * 1.01), cells[3]])
+    (folder / "mine.csv").write_text("\n".join(rows))
+    assert load_drive(folder / "mine.toml").motor != first
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.replace("[flux_map]", "inductance_d = 0.05\n[flux_map]"), "inductance_d comes from the flux map"),
+        (lambda t: t.replace("file =", "fil ="), r"unknown key in \[flux_map\] 'fil'; did you mean 'file'"),
+        (lambda t: t.replace("mine.csv", "other.csv"), "other.csv' cannot be read"),
+        (lambda t: t.replace("[8, 6]", "[8]"), "give both, cells"),
+        (lambda t: t + 'magnet = "x"\n', "magnet axis 'x' is not known"),
+        (lambda t: t.replace("resistance = 12.15\n", ""), r"\[motor\] lacks 'resistance'"),
+        (lambda t: t + 'dataset = "brusa"\n', "unknown data set 'brusa'; did you mean 'brusa_hsm1'"),
+    ],
+)
+def test_what_is_wrong_is_named(folder, change, message):
+    (folder / "mine.toml").write_text(change(TEXT + CHOICE))
+    with pytest.raises(BadInput, match=message):
+        load_drive(folder / "mine.toml")
+
+
+def test_a_map_alone_says_what_to_write_beside_it(folder):
+    (folder / "mine.toml").unlink()
+    with pytest.raises(BadInput, match=r"gives no resistance, pole pairs and ratings; write them into 'mine.toml'"):
+        load_drive(folder / "mine.csv")
+
+
+@pytest.mark.parametrize("name", mapped_names())
+def test_missing_data_are_one_sentence(name, tmp_path, monkeypatch):
+    monkeypatch.setenv("SENSORLESS_DATA", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("importlib.import_module", _no_pooch)
+    with pytest.raises(BadInput, match=f"data set '{name}' is neither in SENSORLESS_DATA"):
+        load_drive(name)
+
+
+def _no_pooch(name, *_):
+    raise ImportError(name)
