@@ -5,9 +5,9 @@ Over a window of m samples the flux that voltage leaves behind must be the flux 
     sum h (u_k - R (i_k + i_k+1) / 2) = psi(end) - psi(begin),
     psi = (L_d + L_q)/2 i + (L_d - L_q)/2 exp(2j theta) conj(i) + phi_m exp(j theta)      (stator frame, complex)
 
-whatever the load; only the nominal linear model is asked.  The share of the voltage's energy that stays unexplained is
-some per cent for a real gap, about 1 or far more for a wrong unit.  A mistake is believed only where undoing it explains the
-recording; a gap that no mistake explains is left to the diagnosis.
+whatever the load; only the nominal linear model is asked.  The share of the voltage's energy that stays unexplained
+is some per cent for a real gap, about 1 or far more for a wrong unit.  A mistake is believed only where undoing it
+explains the recording; a gap that no mistake explains is left to the diagnosis.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from model.parameters import Drive
 from sandbox.campaign import CampaignRecording, Finding
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+Complex = NDArray[np.complexfloating[Any, Any]]
 Columns = Mapping[str, Array]
 PHASES = ("i_a", "i_b", "i_c")
 VOLTAGES = ("u_alpha", "u_beta")
@@ -85,11 +86,11 @@ def balance(columns: Columns, drive: Drive) -> Balance:
     psi = half_sum * i + half_gap * turn**2 * np.conj(i) + m.magnet_flux * turn
     size = _window(u)
     ends = np.arange(0, len(u), size)
-    flux = np.concatenate([[0.0], np.cumsum(h * u[:-1])])
-    drop = np.concatenate([[0.0], np.cumsum(0.5 * h * m.resistance * (i[:-1] + i[1:]))])
+    flux = np.concatenate([[0j], np.cumsum(h * u[:-1])])
+    drop = np.concatenate([[0j], np.cumsum(0.5 * h * m.resistance * (i[:-1] + i[1:]))])
     span = size * h
-    voltage = np.diff(flux[ends]) / span
-    rest = voltage - np.diff(drop[ends] + psi[ends]) / span
+    voltage: Complex = np.asarray(np.diff(flux[ends]) / span, dtype=np.complex128)
+    rest: Complex = voltage - np.diff(drop[ends] + psi[ends]) / span
     sensor = math.hypot(drive.converter.current_noise, drive.converter.current_resolution / math.sqrt(12.0))
     noise = 8.0 / 3.0 * (half_sum**2 + half_gap**2) * (sensor / span) ** 2
     energy = float(np.mean(np.abs(voltage) ** 2)) if len(voltage) else 0.0
@@ -201,17 +202,18 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
         after = balance(found[0][1].undo(r.columns), drive).share
         guesses = ", or ".join(m.guess for _, m in found)
         raise BadInput(
-            f"{r.file}: row {b.worst_row} of column '{names}' is {r.columns[names][b.worst_row]:.6g}, and currents, angle "
-            f"and nominal model leave {_percent(b.share)} of the commanded voltage unexplained{others}, at most "
+            f"{r.file}: row {b.worst_row} of column '{names}' is {r.columns[names][b.worst_row]:.6g}, and currents, "
+            f"angle and nominal model leave {_percent(b.share)} of the commanded voltage unexplained{others}, at most "
             f"{_percent(UNDISTURBED)} would be a gap; it falls to {_percent(after)} if {guesses}: {found[0][1].remedy}"
         )
     off_axis(recordings, drive)
     return [
         Finding(
             r.file, "u_alpha", b.worst_row,
-            f"{r.file}: row {b.worst_row} of column 'u_alpha': {_percent(b.share)} of the commanded voltage is unexplained by "
-            f"currents, angle and nominal model (at most {_percent(UNDISTURBED)} is usual), and no single wrong unit, sign "
-            "or order explains it; a large gap, a wrong nominal value, or several mistakes at once",
+            f"{r.file}: row {b.worst_row} of column 'u_alpha': {_percent(b.share)} of the commanded voltage is "
+            f"unexplained by currents, angle and nominal model (at most {_percent(UNDISTURBED)} is usual), and no "
+            "single "
+            "wrong unit, sign or order explains it; a large gap, a wrong nominal value, or several mistakes at once",
         )
         for r, b in doubtful if b.share > 0.7
     ]  # fmt: skip
