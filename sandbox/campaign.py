@@ -220,14 +220,12 @@ def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording]) -> 
         current = max((float(np.max(np.hypot(*r.current))) for r in recordings), default=0.0)
         moving = [r for r in recordings if r.rotor != "locked"]
         omega = max((float(np.ptp(r.theta) / np.ptp(r.t)) for r in moving), default=0.0)
-        pairs, flux = (
-            x if isinstance(x, (int, float)) and x > 0 else 1.0
-            for x in (values.get("pole_pairs"), values.get("magnet_flux"))
-        )  # what is wrong with them is said by Motor
+        stated = (values.get("pole_pairs"), values.get("magnet_flux"))
+        pairs, flux = (x if isinstance(x, (int, float)) and x > 0 else 0.0 for x in stated)  # Motor says what is wrong
         found = {
             "rated_current": current or 1.0,
             "rated_torque": 1.5 * pairs * flux * current or 1.0,
-            "rated_speed_rpm": omega * 30.0 / math.pi / pairs or 1.0,
+            "rated_speed_rpm": omega * 30.0 / math.pi / (pairs or 1.0) or 1.0,
         }
         values = {**values, **{k: found[k] for k in missing}}
     return build(Motor, values, "motor"), bool(missing)

@@ -65,7 +65,8 @@ def _number(x: float) -> float | None:
 def identify(folder: str | Path | Campaign, columns: Path | None = None) -> Identification:
     """Identify the motor of a campaign from its locked recordings with injection, by both methods.
 
-    `columns` maps the names and units of recordings from elsewhere (`sandbox.importing`).  Raises BadInput naming recording and row, level or axis where the recordings do not allow it.
+    `columns` maps the names and units of recordings from elsewhere (`sandbox.importing`).  Raises BadInput naming
+    recording and row, level or axis where the recordings do not allow it.
     """
     campaign = folder if isinstance(folder, Campaign) else read_recordings(folder, columns, ("locked",))
     levels = levels_of(campaign)

@@ -34,8 +34,8 @@ UNDISTURBED = 0.35  # unexplained share that no mistake needs to answer for
 EXPLAINED = 0.2  # share that undoing a mistake must reach ...
 BETTER = 4.0  # ... and the factor by which it must fall
 TIE = 1.5  # factor within which two mistakes cannot be told apart
-OFF_AXIS = 0.35  # rad between injected voltage and its axis, as in `sandbox.staircase`
-ON_AXIS = 0.05  # rad that undoing a mistake must reach
+OFF_AXIS = 0.5  # excess of the injected energy along its axis: 30 degrees off
+ON_AXIS = 0.9  # excess that undoing a mistake must reach: 13 degrees
 TURN = 2.0 * math.pi
 
 
@@ -135,8 +135,11 @@ def mistakes(drive: Drive) -> Iterator[Mistake]:
         yield Mistake("u_alpha", "voltages are per unit of the link", remedy, _per_unit(part))
 
 
-def theta_mistakes(drive: Drive) -> Iterator[Mistake]:
-    """Yield the mistakes of the angle: unit, mechanical, sense; then the same with another zero."""
+def theta_mistakes(drive: Drive, zeros: Sequence[float] = (0.0, 0.5, -0.5, 1.0)) -> Iterator[Mistake]:
+    """Yield the mistakes of the angle: unit, mechanical, sense; then the same with another zero.
+
+    `zeros` (of pi): the magnet's south, or the axis of the back-EMF, taken for theta = 0.
+    """
     pairs, degree = float(drive.motor.pole_pairs), math.pi / 180.0
     units = [
         (1.0, "", ""),
@@ -151,7 +154,7 @@ def theta_mistakes(drive: Drive) -> Iterator[Mistake]:
     ]
     seen: set[float] = set()
     chosen = [u for u in units if not (u[0] in seen or seen.add(u[0]))]  # type: ignore[func-returns-value]
-    for zero in (0.0, 0.5, -0.5, 1.0):  # of pi: magnet's south, or the axis of the back-EMF, taken for theta = 0
+    for zero in zeros:
         for scale, text, remedy in chosen:
             for sense in (1.0, -1.0):
                 if (scale, sense, zero) == (1.0, 1.0, 0.0):
@@ -195,16 +198,17 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
     doubtful = [(r, b) for r, b in read if b.doubtful]
     found = _explanations(doubtful, drive)
     if found:
-        (r, b), names = doubtful[0], found[0][1].column
-        if len(doubtful) > 1:
-            r, b = next(x for x in doubtful if _explains(found[0][1], *x, drive) is not None)
-        others = f" (and in {len(doubtful) - 1} other recordings)" if len(doubtful) > 1 else ""
-        after = balance(found[0][1].undo(r.columns), drive).share
-        guesses = ", or ".join(m.guess for _, m in found)
+        m = found[0]
+        answered = [(r, b) for r, b in doubtful if _explains(m, r, b, drive) is not None]
+        r, b = answered[0]
+        k, after = b.worst_row, balance(m.undo(r.columns), drive).share
+        others = f" (and in {len(answered) - 1} other recordings)" if len(answered) > 1 else ""
         raise BadInput(
-            f"{r.file}: row {b.worst_row} of column '{names}' is {r.columns[names][b.worst_row]:.6g}, and currents, "
-            f"angle and nominal model leave {_percent(b.share)} of the commanded voltage unexplained{others}, at most "
-            f"{_percent(UNDISTURBED)} would be a gap; it falls to {_percent(after)} if {guesses}: {found[0][1].remedy}"
+            f"{r.file}: row {k} of column '{m.column}' is {r.columns[m.column][k]:.6g}, and currents, angle and "
+            "nominal "
+            f"model leave {_percent(b.share)} of the commanded voltage unexplained{others}, at most "
+            f"{_percent(UNDISTURBED)} would be a gap; it falls to {_percent(after)} if "
+            f"{', or '.join(x.guess for x in found)}: {m.remedy}"
         )
     off_axis(recordings, drive)
     return [
@@ -224,56 +228,69 @@ def _percent(share: float) -> str:
 
 
 def _explains(m: Mistake, r: CampaignRecording, b: Balance, drive: Drive) -> float | None:
+    """Return the share left once a mistake is undone, None where that does not explain the recording."""
     after = balance(m.undo(r.columns), drive)
     good = after.share <= EXPLAINED + after.noise and after.share * BETTER <= b.share
     return after.share if good else None
 
 
-def _explanations(doubtful: Sequence[tuple[CampaignRecording, Balance]], drive: Drive) -> list[tuple[float, Mistake]]:
-    """Return (mean share left, mistake) of those that answer for most recordings, equally good ones together."""
-    table = []
+def _explanations(doubtful: Sequence[tuple[CampaignRecording, Balance]], drive: Drive) -> list[Mistake]:
+    """Return the mistake that answers for most recordings, with a second one that does as well.
+
+    Where none answers for all, theta and another column may both be wrong; else the recordings differ among themselves.
+    """
+    table: list[tuple[int, float, Mistake]] = []
     for m in mistakes(drive):
         shares = [s for r, b in doubtful if (s := _explains(m, r, b, drive)) is not None]
         if shares:
             table.append((len(shares), float(np.mean(shares)), m))
-    if not table:
-        return []
-    most = max(n for n, _, _ in table)
-    best = min(s for n, s, _ in table if n == most)
-    same = [(s, m) for n, s, m in table if n == most and s <= TIE * best + 1e-3]
-    return same[:2]
+    most = max((n for n, _, _ in table), default=0)
+    if most < len(doubtful):
+        for m in _both(drive):
+            if all(_explains(m, r, b, drive) is not None for r, b in doubtful):
+                return [m]
+    best = min((s for n, s, _ in table if n == most), default=0.0)
+    return [m for n, s, m in table if n == most and s <= TIE * best + 1e-3][:2]
+
+
+def _both(drive: Drive) -> Iterator[Mistake]:
+    """Yield a mistake of theta's unit or sense together with one of another column."""
+    others = [m for m in mistakes(drive) if m.column != "theta"]
+    for a in theta_mistakes(drive, (0.0,)):
+        for b in others:
+            text, remedy = f"{a.guess} and {b.guess}", f"{a.remedy}, and {b.remedy}"
+            yield Mistake("theta", text, remedy, lambda c, a=a, b=b: b.undo(a.undo(c)))  # type: ignore[misc]
 
 
 def off_axis(recordings: Sequence[CampaignRecording], drive: Drive) -> None:
     """Raise BadInput where theta does not turn the injected voltage to its axis, but a mistaken theta would.
 
-    This sees a wrong theta at locked rotor too, where the balance hardly depends on it.
+    This sees a wrong theta at locked rotor and low speed too, where the balance hardly depends on it.
     """
     for r in recordings:
-        axis = {"d": 0.0, "q": 0.5 * math.pi}.get(r.injection_axis)
-        angle = None if axis is None else _injected_axis(r.columns, drive, axis)
-        if angle is None or abs(angle) <= OFF_AXIS:
+        share = _share_on_axis(r.columns, drive, r.injection_axis)
+        if share is None or share > OFF_AXIS:
             continue
         for m in theta_mistakes(drive):
-            after = _injected_axis(m.undo(r.columns), drive, axis or 0.0)
-            if after is not None and abs(after) <= ON_AXIS:
+            after = _share_on_axis(m.undo(r.columns), drive, r.injection_axis)
+            if after is not None and after > ON_AXIS:
                 raise BadInput(
-                    f"{r.file}: row 0 of column 'theta' is {r.theta[0]:.6g}, which puts the injected voltage "
-                    f"{abs(math.degrees(angle)):.0f} degrees off axis {r.injection_axis} (at most "
-                    f"{math.degrees(OFF_AXIS):.0f}); it lies on the axis if {m.guess}: {m.remedy}"
+                    f"{r.file}: row 0 of column 'theta' is {r.theta[0]:.6g}; turned by theta, only "
+                    f"{_percent(max(share, 0.0))} of the injected voltage lies along axis {r.injection_axis} (at least "
+                    f"{_percent(ON_AXIS)} expected), it does if {m.guess}: {m.remedy}"
                 )
 
 
-def _injected_axis(columns: Columns, drive: Drive, axis: float) -> float | None:
-    """Return the angle (rad, -pi/2..pi/2) of the injected voltage from its axis; None where it has no steady one."""
+def _share_on_axis(columns: Columns, drive: Drive, axis: str) -> float | None:
+    """Return how much more of the ripple's energy lies along the axis than across it, of all; None without ripple."""
     n = max(round(1.0 / (drive.injection.frequency * drive.converter.sampling_period)), 2)
     u = columns["u_alpha"] + 1j * columns["u_beta"]
     whole = len(u) // n * n
-    if not whole:
+    if axis == "none" or not whole:
         return None
-    ripple = u[:whole].reshape(-1, n) - u[:whole].reshape(-1, n).mean(axis=1, keepdims=True)
-    turned = ripple.ravel() * np.exp(-1j * columns["theta"][:whole])
-    moment = complex(np.sum(turned**2))
-    if abs(moment) < 0.5 * float(np.sum(np.abs(turned) ** 2)) or abs(moment) == 0.0:
+    cut = u[:whole].reshape(-1, n)
+    turned = (cut - cut.mean(axis=1, keepdims=True)).ravel() * np.exp(-1j * columns["theta"][:whole])
+    energy = float(np.sum(np.abs(turned) ** 2))
+    if energy <= whole * (0.1 * drive.injection.amplitude) ** 2:
         return None
-    return (0.5 * math.atan2(moment.imag, moment.real) - axis + 0.5 * math.pi) % math.pi - 0.5 * math.pi
+    return float(np.sum(turned**2).real) / energy * (1.0 if axis == "d" else -1.0)

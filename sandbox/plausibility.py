@@ -168,6 +168,9 @@ def angle(r: CampaignRecording, drive: Drive) -> list[Finding]:
     if span == 0.0:
         text = f"{r.file}: row 0 of column 'theta' is {theta[0]:.6g} and never changes while rotor = '{r.rotor}'"
         return [Finding(r.file, "theta", 0, f"{text}; correct 'rotor' if it stood, else check the encoder")]
+    counts = drive.converter.encoder_counts
+    count = math.tau * drive.motor.pole_pairs / counts if counts else 1e-3
+    _stuck_encoder(r, count)
     step = np.diff(theta)
     wild = np.flatnonzero(np.abs(step) > math.pi)
     if wild.size:
@@ -177,9 +180,6 @@ def angle(r: CampaignRecording, drive: Drive) -> list[Finding]:
             "be "
             "followed); give the angle unwrapped, electrical, in rad"
         )
-    counts = drive.converter.encoder_counts
-    count = math.tau * drive.motor.pole_pairs / counts if counts else 1e-3
-    _stuck_encoder(r, count)
     return _lost_sample(r, step, count)
 
 
@@ -205,7 +205,7 @@ def _lost_sample(r: CampaignRecording, step: Array, count: float) -> list[Findin
     beside = np.stack([step[:-4], step[1:-3], step[3:-1], step[4:]])
     usual, here = beside.mean(axis=0), step[2:-2]
     even = np.ptp(beside, axis=0) <= 0.2 * np.abs(usual) + 3.0 * count
-    odd = np.flatnonzero(even & (np.abs(usual) > 8.0 * count) & (np.abs(here - usual) > 0.6 * np.abs(usual)))
+    odd = np.flatnonzero(even & (np.abs(usual) > 5.0 * count) & (np.abs(here - usual) > 0.6 * np.abs(usual)))
     if not odd.size:
         return []
     k = int(odd[0]) + 3
