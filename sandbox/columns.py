@@ -171,8 +171,8 @@ def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
     bad = np.flatnonzero(~np.isfinite(raw))
     if bad.size:
         k = int(bad[0])
-        cell = table.odd.get((column, k), f"{raw[k]}")
-        shown = f"'{cell[:20]}'" if cell else "empty"
+        cell = table.odd.get((column, k))
+        shown = f"{raw[k]}" if cell is None else f"'{cell[:20]}'" if cell else "empty"
         raise BadInput(
             f"{file}: row {k} of column '{column}' is {shown}, no number; record every sample and export it again"
         )
@@ -207,7 +207,7 @@ def _currents(file: str, found: Mapping[str, Array], notes: list[Finding]) -> di
         return {**{n: found[n] for n in have}, third: -found[have[0]] - found[have[1]]}
     for x, y in (("i_alpha", "i_beta"), ("i_d", "i_q")):
         if x in found and y in found:
-            a, b = _stationary(file, found, x, y)
+            a, b = _stationary(file, found, x, y) if x == "i_d" else (found[x], found[y])
             seen = "gain and offset of single sensors cannot be told apart" + (
                 "; the angle used for dq is taken to be theta" if x == "i_d" else ""
             )
