@@ -276,7 +276,15 @@ def _toml(c: Campaign) -> str:
     for r in c.recordings:
         tables.append(("[[recording]]", {"file": r.file, "rotor": r.rotor, "injection_axis": r.injection_axis}))
     return "\n".join(
-        head + "\n" + "".join(f"{k} = {json.dumps(v, ensure_ascii=False)}\n" for k, v in t.items() if v is not None)
+        head
+        + "\n"
+        + "".join(f"{_key(k)} = {json.dumps(v, ensure_ascii=False)}\n" for k, v in t.items() if v is not None)
         for head, t in tables
         if t
     )
+
+
+def _key(name: str) -> str:
+    """Return a TOML key, in quotes where a bare one could not hold it."""
+    bare = name.replace("_", "").replace("-", "")
+    return name if bare.isascii() and bare.isalnum() else json.dumps(name, ensure_ascii=False)

@@ -1,7 +1,10 @@
 """Tables of other programs become the same campaign as the bench's own; what a door cannot take is one sentence."""
 
+import json
 import math
+import re
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -221,7 +224,7 @@ def test_a_wrong_map_names_its_key(tmp_path, text, message):
 
 def test_a_map_that_is_no_table_is_refused(tmp_path):
     (tmp_path / "m.toml").write_text("columns = 3")
-    with pytest.raises(BadInput, match="m.toml: 'columns' is not a table"):
+    with pytest.raises(BadInput, match=r"m\.toml: 'columns' is not a table"):
         read_recordings(tmp_path, tmp_path / "m.toml")
 
 
@@ -339,8 +342,6 @@ fuzzing = settings(max_examples=150, deadline=None, suppress_health_check=list(H
 
 
 def _toml_value(x):
-    import json
-
     if isinstance(x, dict):
         return "{" + ", ".join(f"{json.dumps(k)} = {_toml_value(v)}" for k, v in x.items()) + "}"
     if isinstance(x, float):
@@ -376,3 +377,18 @@ def test_any_csv_is_taken_or_refused_in_one_sentence(tmp_path, separator, header
         read_recordings(tmp_path, tmp_path / "columns.toml")
     except BadInput as refusal:
         assert "\n" not in str(refusal)
+
+
+def test_example_of_the_document(tmp_path):
+    root = Path(__file__).resolve().parents[2]
+    text = re.search(r"```toml\n(.*?)```", (root / "sandbox" / "IMPORTING.md").read_text(), re.S)[1]
+    _, theta, u, _, (a, b, _) = _turning()
+    duties = [50.0 + (u * np.exp(-2j * math.pi / 3 * k)).real / 4.0 for k in range(3)]  # % of 400 V
+    columns = {"Time": 1e3 * _columns()["t"], "Ia": 1e3 * a, "Ib": 1e3 * b, "Udc": np.full(len(a), 400.0)}
+    columns |= dict(zip(("DutyA", "DutyB", "DutyC"), duties, strict=True))
+    _write_csv(tmp_path / "run.csv", {**columns, "Pos": -np.degrees((theta - 0.35) / 6)}, ";", True)
+    (tmp_path / "columns.toml").write_text(text)
+    found = read_recordings(tmp_path, tmp_path / "columns.toml")
+    assert [f.column for f in found.findings] == ["i_c", "u_alpha"]
+    for n in NAMES:
+        np.testing.assert_allclose(found.recordings[0].columns[n], _columns()[n], atol=1e-11)
