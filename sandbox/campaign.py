@@ -15,7 +15,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,16 @@ ROTORS = ("locked", "driven", "free")
 AXES = ("d", "q", "none")
 TABLES = ("campaign", "drive", "motor", "uncertainty", "background", "injection", "provenance", "recording")
 RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something suspicious, or changed on the way in: file, column and row (None: the whole of it), one sentence."""
+
+    file: str
+    column: str
+    row: int | None
+    text: str
 
 
 @dataclass(frozen=True)
@@ -76,6 +86,7 @@ class Campaign:
     uncertainty: Mapping[str, float]
     background: Mapping[str, float]
     rated_from_data: bool
+    findings: tuple[Finding, ...] = ()  # what `sandbox.importing` noticed; empty from `read_campaign`
 
     def __getitem__(self, file: str) -> CampaignRecording:
         for r in self.recordings:
@@ -93,46 +104,72 @@ def read_campaign(folder: str | Path, rotors: Sequence[str] = ROTORS) -> Campaig
     if not folder.is_dir():
         raise BadInput(f"campaign '{folder}' is not a folder; give the folder that holds campaign.toml")
     data = read_toml(folder / "campaign.toml")
-    for table in data:
-        if table not in TABLES:
-            raise BadInput(f"campaign.toml: {unknown('table', table, TABLES)}")
-    entries = data.get("recording", [])
-    if not isinstance(entries, list) or not entries:
-        raise BadInput("campaign.toml: no [[recording]] entry; list at least one table of the campaign")
-    recordings = tuple(r for e in entries if (r := _recording(folder, e, rotors)) is not None)
+    recordings = tuple(
+        CampaignRecording(file, rotor, axis, read_parquet(folder / file))
+        for file, rotor, axis in entries_of(data, rotors)
+    )
+    return assemble(data, recordings, folder.name)
+
+
+def assemble(
+    data: Mapping[str, Any], recordings: tuple[CampaignRecording, ...], name: str, source: str = "campaign.toml"
+) -> Campaign:
+    """Return the campaign of parsed tables `data` and its recordings; `source` is the file an error names."""
     try:
         motor, from_data = _motor(data, recordings)
-        converter = build(
-            Converter, {"current_resolution": 0.0, "current_noise": 0.0, **data.get("drive", {})}, "drive"
-        )
-        injection = build(Injection, dict(data.get("injection", {})), "injection")
+        converter = converter_of(data)
+        injection = build(Injection, dict(table_of(data, "injection")), "injection")
+        uncertainty, background = _numbers(data, "uncertainty"), _numbers(data, "background")
     except BadInput as error:
-        raise BadInput(f"campaign.toml: {error}") from None
+        raise BadInput(f"{source}: {error}") from None
     for r in recordings:
         _check_period(r, converter.sampling_period)
-    name = str(data.get("campaign", {}).get("name", folder.name))
-    provenance = {k: str(v) for k, v in data.get("provenance", {}).items()}
+    provenance = {k: str(v) for k, v in table_of(data, "provenance").items()}
     return Campaign(
-        name, Drive(motor, converter, injection, provenance), recordings,
-        _numbers(data, "uncertainty"), _numbers(data, "background"), from_data,
+        str(table_of(data, "campaign").get("name", name)), Drive(motor, converter, injection, provenance), recordings,
+        uncertainty, background, from_data,
     )  # fmt: skip
 
 
-def _recording(folder: Path, entry: Any, rotors: Sequence[str]) -> CampaignRecording | None:
+def table_of(data: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return a TOML table, empty where absent; BadInput where it is something else."""
+    table = data.get(name, {})
+    if not isinstance(table, dict):
+        raise BadInput(f"'{name}' is not a table; write [{name}]")
+    return dict(table)
+
+
+def converter_of(data: Mapping[str, Any]) -> Converter:
+    """Return [drive] of a campaign's tables, sensors ideal where it does not state them."""
+    values = {"current_resolution": 0.0, "current_noise": 0.0, **table_of(data, "drive")}
+    return cast(Converter, build(Converter, values, "drive"))
+
+
+def entries_of(
+    data: Mapping[str, Any], rotors: Sequence[str] = ROTORS, source: str = "campaign.toml"
+) -> list[tuple[str, str, str]]:
+    """Return (file, rotor, injection_axis) of the [[recording]] entries whose rotor is wanted."""
+    for table in data:
+        if table not in TABLES:
+            raise BadInput(f"{source}: {unknown('table', table, TABLES)}")
+    entries = data.get("recording", [])
+    if not isinstance(entries, list) or not entries:
+        raise BadInput(f"{source}: no [[recording]] entry; list at least one table of the campaign")
+    found = [_entry(e, source) for e in entries]
+    return [e for e in found if e[1] in rotors or e[1] not in ROTORS]
+
+
+def _entry(entry: Any, source: str) -> tuple[str, str, str]:
     if not isinstance(entry, dict) or "file" not in entry:
-        raise BadInput("campaign.toml: a [[recording]] lacks 'file'; name its table, e.g. file = \"locked_d.parquet\"")
+        raise BadInput(f"{source}: a [[recording]] lacks 'file'; name its table, e.g. file = \"locked_d.parquet\"")
     for key in entry:
         if key not in ("file", "rotor", "injection_axis", "note"):
-            raise BadInput(
-                f"campaign.toml: {unknown('key in [[recording]]', key, ('file', 'rotor', 'injection_axis'))}"
-            )
-    file, rotor, axis = str(entry["file"]), str(entry.get("rotor", "")), str(entry.get("injection_axis", "none"))
-    if rotor in ROTORS and rotor not in rotors:
-        return None
-    return CampaignRecording(file, rotor, axis, _table(folder / file))
+            raise BadInput(f"{source}: {unknown('key in [[recording]]', key, ('file', 'rotor', 'injection_axis'))}")
+    return str(entry["file"]), str(entry.get("rotor", "")), str(entry.get("injection_axis", "none"))
 
 
-def _table(path: Path) -> dict[str, Array]:
+def read_parquet(path: Path) -> dict[str, Array]:
+    """Return a Parquet table's columns, float64; BadInput where it is no table of numbers."""
     try:
         import pyarrow
         from pyarrow import parquet
@@ -178,27 +215,28 @@ def _check_period(r: CampaignRecording, period: float) -> None:
 
 def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording]) -> tuple[Motor, bool]:
     """Return the nominal motor, its missing rated values replaced by the largest recorded ones."""
-    values = {"name": str(data.get("campaign", {}).get("name", "campaign")), **data.get("motor", {})}
+    values = {"name": str(table_of(data, "campaign").get("name", "campaign")), **table_of(data, "motor")}
     missing = [k for k in RATED if k not in values]
     if missing:
         current = max((float(np.max(np.hypot(*r.current))) for r in recordings), default=0.0)
         moving = [r for r in recordings if r.rotor != "locked"]
         omega = max((float(np.ptp(r.theta) / np.ptp(r.t)) for r in moving), default=0.0)
-        pairs, flux = values.get("pole_pairs", 1), values.get("magnet_flux", 0.0)
+        stated = (values.get("pole_pairs"), values.get("magnet_flux"))
+        pairs, flux = (x if isinstance(x, (int, float)) and x > 0 else 0.0 for x in stated)  # Motor says what is wrong
         found = {
             "rated_current": current or 1.0,
             "rated_torque": 1.5 * pairs * flux * current or 1.0,
-            "rated_speed_rpm": omega * 30.0 / math.pi / pairs or 1.0,
+            "rated_speed_rpm": omega * 30.0 / math.pi / (pairs or 1.0) or 1.0,
         }
         values = {**values, **{k: found[k] for k in missing}}
     return build(Motor, values, "motor"), bool(missing)
 
 
 def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:
-    values = data.get(table, {})
+    values = table_of(data, table)
     for key, value in values.items():
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not value >= 0.0:
-            raise BadInput(f"campaign.toml: [{table}] {key} = {value!r} is no standard deviation; give a number >= 0")
+            raise BadInput(f"[{table}] {key} = {value!r} is no standard deviation; give a number >= 0")
     return {k: float(v) for k, v in values.items()}
 
 
@@ -239,7 +277,15 @@ def _toml(c: Campaign) -> str:
     for r in c.recordings:
         tables.append(("[[recording]]", {"file": r.file, "rotor": r.rotor, "injection_axis": r.injection_axis}))
     return "\n".join(
-        head + "\n" + "".join(f"{k} = {json.dumps(v, ensure_ascii=False)}\n" for k, v in t.items() if v is not None)
+        head
+        + "\n"
+        + "".join(f"{_key(k)} = {json.dumps(v, ensure_ascii=False)}\n" for k, v in t.items() if v is not None)
         for head, t in tables
         if t
     )
+
+
+def _key(name: str) -> str:
+    """Return a TOML key, in quotes where a bare one could not hold it."""
+    bare = name.replace("_", "").replace("-", "")
+    return name if bare.isascii() and bare.isalnum() else json.dumps(name, ensure_ascii=False)

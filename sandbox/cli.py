@@ -118,6 +118,8 @@ def build_parser() -> Parser:
         "identify", run_identify, "the motor from a campaign's locked recordings: paper's least squares and exact fit"
     )
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    text = "names and units of recordings from elsewhere (see sandbox/IMPORTING.md)"
+    c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
     c = add("maps", run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
@@ -279,7 +281,7 @@ def run_identify(options: argparse.Namespace) -> None:
     from sandbox.identify import identify
     from sandbox.plots import identification_figure
 
-    result = identify(options.campaign)
+    result = identify(options.campaign, options.columns)
     with report.results(_folder(options), "identify") as out:
         identification_figure(result, out / "identify.png")
         report.write_json(out, "identify", {**result.as_json(), "figure": "identify.png"})

@@ -13,7 +13,8 @@ from model.exact_fit import exact
 from model.identification import first_order
 from model.levels import UNITS, Fit, Levels
 from model.parameters import Motor
-from sandbox.campaign import Campaign, read_campaign
+from sandbox.campaign import Campaign
+from sandbox.importing import read_recordings
 from sandbox.staircase import levels_of
 
 LARGE_MISFIT = 5.0
@@ -61,14 +62,15 @@ def _number(x: float) -> float | None:
     return float(x) if math.isfinite(x) else None
 
 
-def identify(folder: str | Path | Campaign) -> Identification:
+def identify(folder: str | Path | Campaign, columns: Path | None = None) -> Identification:
     """Identify the motor of a campaign from its locked recordings with injection, by both methods.
 
-    Raises BadInput naming recording and row, level or axis where the recordings do not allow it.
+    `columns` maps the names and units of recordings from elsewhere (`sandbox.importing`).  Raises BadInput naming
+    recording and row, level or axis where the recordings do not allow it.
     """
-    campaign = folder if isinstance(folder, Campaign) else read_campaign(folder, rotors=("locked",))
+    campaign = folder if isinstance(folder, Campaign) else read_recordings(folder, columns, ("locked",))
     levels = levels_of(campaign)
-    fits, remarks = {}, []
+    fits, remarks = {}, [f.text for f in campaign.findings]
     try:
         fits["first_order"] = first_order(levels)
     except BadInput as error:

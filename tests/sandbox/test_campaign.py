@@ -44,6 +44,13 @@ def test_what_is_written_is_read_again(tmp_path):
         np.testing.assert_array_equal(found["locked_d"].columns[name], values)
 
 
+def test_words_of_a_provenance_survive(tmp_path):
+    wanted = _campaign()
+    drive = dataclasses.replace(wanted.drive, provenance={"a b, c": 'said "so"', "plain-key_1": "x"})
+    found = read_campaign(write_campaign(tmp_path / "c", dataclasses.replace(wanted, drive=drive)))
+    assert found.drive.provenance == drive.provenance
+
+
 def test_a_folder_is_written_whole_or_not_at_all(tmp_path):
     bad = _campaign(_columns())
     object.__setattr__(bad.recordings[0], "columns", {"t": np.zeros((2, 2))})  # pyarrow refuses two dimensions
