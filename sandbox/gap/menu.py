@@ -37,12 +37,13 @@ class Entry:
 
 def ramp(t: Array, *points: tuple[float, float]) -> Array:
     """Return straight lines through (share of the duration, value)."""
-    return np.interp(t / DURATION, [p[0] for p in points], [p[1] for p in points])
+    return np.asarray(np.interp(t / DURATION, [p[0] for p in points], [p[1] for p in points]))
 
 
 def menu(drive: Drive) -> list[Entry]:
     """Return the experiments for a drive."""
-    t = np.arange(round(DURATION / drive.converter.sampling_period)) * drive.converter.sampling_period
+    period = drive.converter.sampling_period
+    t = np.linspace(0.0, DURATION, round(DURATION / period), endpoint=False)
     zero, one = np.zeros_like(t), np.ones_like(t)
     fade = np.minimum(t / SETTLE, 1.0)
     rate, pulse = drive.motor.rated_current, drive.injection.amplitude or 0.07 * drive.converter.dc_bus_voltage
@@ -51,6 +52,7 @@ def menu(drive: Drive) -> list[Entry]:
     crossing = 0.15 * np.sin(2.0 * around)
     steps = np.where(np.sin(3.0 * around) > 0.0, 0.6, -0.6)
     turn = 0.04 * rated
+    stairs: Array = np.round(4.0 * ramp(t, (0.0, -1.2), (1.0, 1.2))) / 4.0
     swing = 0.5 * np.sign(np.sin(math.tau * np.cumsum(5.0 + 75.0 * t / DURATION) * (t[1] - t[0])))
     both = ramp(t, (0.0, 0.8), (0.35, 0.8), (0.65, -0.8), (1.0, -0.8))
     out = [
@@ -61,9 +63,9 @@ def menu(drive: Drive) -> list[Entry]:
               fade * np.sin(around), zero),
         Entry("locked rotor, large steps along d and q", "locked", steps, np.roll(steps, len(t) // 5), zero),
         Entry("locked rotor, injection along d over a staircase on q", "locked", zero,
-              np.round(4.0 * ramp(t, (0, -1.2), (1, 1.2))) / 4.0, zero, injection=(pulse, 0.0)),
+              stairs, zero, injection=(pulse, 0.0)),
         Entry("locked rotor, injection along q over a staircase on d", "locked",
-              np.round(4.0 * ramp(t, (0, -1.2), (1, 1.2))) / 4.0, zero, zero, injection=(0.0, pulse)),
+              stairs, zero, zero, injection=(0.0, pulse)),
         Entry("driven at 80 % speed both ways, rated current on q", "driven", zero, fade, both * rated),
         Entry("driven at 80 % speed both ways without current", "driven", zero, zero, both * rated),
         Entry("driven at 80 % speed at twice the share of the link (half its voltage) without current", "driven", zero,
@@ -101,8 +103,9 @@ def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[A
     scale = np.minimum(1.0, 0.95 * link / math.sqrt(3.0) / np.maximum(size, 1e-9))
     u_d, u_q = u_d * scale, u_q * scale
     co, si = np.cos(half), np.sin(half)
-    columns: Mapping[str, Array] = {
-        "t": np.arange(len(d)) * period, "u_alpha": co * u_d - si * u_q, "u_beta": si * u_d + co * u_q,
+    columns: dict[str, Array] = {
+        "t": np.linspace(0.0, len(d) * period, len(d), endpoint=False),
+        "u_alpha": co * u_d - si * u_q, "u_beta": si * u_d + co * u_q,
         "i_a": np.zeros(len(d)), "i_b": np.zeros(len(d)), "i_c": np.zeros(len(d)), "theta": theta,
         "u_dc": np.full(len(d), link),
     }  # fmt: skip

@@ -11,13 +11,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from sandbox.gap.evidence import sandwich
-from sandbox.gap.search import Judged
+from sandbox.gap.evidence import Algebra, Prior, sandwich
+from sandbox.gap.normal import Normal
+
+if TYPE_CHECKING:
+    from sandbox.gap.search import Judged
 
 Array = NDArray[np.float64]
 NUMBER = (0.35, 0.45, 0.15, 0.05)  # prior probability of 0, 1, 2, 3 effects
@@ -33,13 +37,14 @@ class Hypothesis:
     judged: Judged
 
 
-def misfit(j: Judged) -> float:
+def misfit(n: Normal, equations: Algebra, prior: Prior) -> float:
     """Return by how much residuals that are alike within a block widen estimates' variance, mean over coordinates."""
-    x, free, _ = j.equations.most_probable(j.prior)
-    plain = j.equations.covariance(j.prior)
-    robust = sandwich(j.normal, x, plain)
-    own = np.flatnonzero(free & (np.diag(j.equations.a) * np.where(free, j.prior.deviation, 1.0) ** 2 > 1.0))
-    return max(1.0, float(np.mean(np.diag(robust)[own] / np.diag(plain)[own])))
+    x, free, _ = equations.most_probable(prior)
+    plain = equations.covariance(prior)
+    robust = sandwich(n, x, plain)
+    told = np.diag(equations.a) * np.where(free, prior.deviation, 1.0) ** 2 > 1.0
+    own = np.flatnonzero(free & told)
+    return max(1.0, float(np.mean(np.diag(robust)[own] / np.diag(plain)[own]))) if own.size else 1.0
 
 
 def log_prior(effects: Sequence[str]) -> float:
@@ -51,7 +56,7 @@ def log_prior(effects: Sequence[str]) -> float:
 def tempered(judged: Sequence[Judged]) -> tuple[list[tuple[float, Judged]], float]:
     """Return (probability, hypothesis), the most probable first, without regard to `unknown`; and the temperature."""
     best = max(judged, key=lambda j: j.log_evidence)
-    temperature = misfit(best)
+    temperature = misfit(best.normal, best.equations, best.prior)
     score = np.array([j.log_evidence / temperature + log_prior(j.effects) for j in judged])
     p = np.exp(score - score.max())
     return sorted(zip((p / p.sum()).tolist(), judged, strict=True), key=lambda x: -x[0]), temperature

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sandbox.gap.fit import coordinates_of
 from sandbox.gap.normal import Normal, Point, normal
-from sandbox.gap.search import probe_coordinates, probes_at_typical
+from sandbox.gap.probes import probe_coordinates, probes_at_typical
 
 Array = NDArray[np.float64]
 CHANNELS = ("current", "motion", "angle")

@@ -1,0 +1,77 @@
+"""Probes: each effect, and the values its companions (time constants, frequencies, orders) may start from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from model.effects import library
+from sandbox.gap.normal import Point
+from sandbox.gap.space import Coordinate, of_effect
+from sandbox.gap.spectrum import best_values, link_lines
+from sandbox.replay.sensitivity import mechanical_only
+
+
+@dataclass(frozen=True)
+class Probe:
+    """An effect and the values its companions start from."""
+
+    effect: str
+    start: Mapping[str, float]
+
+
+def probes(point: Point, exclude: Sequence[str] = ()) -> tuple[list[Probe], float]:
+    """Return all probes of the library at a point, scanned companions where the residual shows them; simulations."""
+    drive = point.prepared.campaign.drive
+    out: list[Probe] = []
+    cost = 0.0
+    for effect in library.effect_names():
+        if effect in exclude:
+            continue
+        card = library.load_effect(effect)
+        choices: list[list[tuple[str, float]]] = []
+        for p in card.parameters:
+            name = f"{effect}.{p.name}"
+            if p.scan and card.polar:
+                low, high, step = p.scan
+                pair = (f"{effect}.{card.polar[0]}", f"{effect}.{card.polar[1]}")
+                values = np.arange(low, high + 0.5 * step, step).tolist() if step else []
+                found = best_values(point, pair, name, values) if step else link_lines(point, low, high)
+                cost += 2 * len(values) * (free_share(point) if mechanical_only(name) else 1.0)
+                choices.append([(name, x) for x in found])
+            elif p.fit == "log":
+                size = p.typical_for(drive.motor, drive.converter)
+                choices.append([(name, s * size) for s in p.starts])
+        out += [Probe(effect, dict(c)) for c in product(*choices)]
+    return out, cost
+
+
+def free_share(point: Point) -> float:
+    """Return the share of the samples in which the rotor is free."""
+    own = point.prepared.recordings
+    return sum(len(r.table) for r in own if r.rotor == "free") / point.prepared.samples
+
+
+def probes_at_typical(point: Point, exclude: Sequence[str] = ()) -> list[Probe]:
+    """Return one probe an effect, its companions at typical values: what can be known before looking at residuals."""
+    drive = point.prepared.campaign.drive
+    out = []
+    for effect in library.effect_names():
+        own = library.load_effect(effect).parameters
+        start = {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own if p.fit == "log"}
+        if effect not in exclude:
+            out.append(Probe(effect, start))
+    return out
+
+
+def probe_coordinates(point: Point, probe: Probe, label: str) -> list[Coordinate]:
+    """Return what a probe adds to a screening: coordinates that act at neutral, or one straight way to its start."""
+    own = of_effect(probe.effect, point.prepared.campaign.drive, {**point.values, **probe.start})
+    off = [c for c in own if c.form != "log" and c.names[0] not in probe.start]
+    along = tuple(probe.start.items())
+    if not off:
+        return [Coordinate(f"{probe.effect}{label}", 0.0, 1.0, "share", (next(iter(probe.start)),), along)]
+    return [replace(c, label=f"{c.label}{label}", along=along) if along else c for c in off]
