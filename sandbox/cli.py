@@ -121,6 +121,7 @@ def build_parser() -> Parser:
     c = add("maps", run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=float, help="A, half width of the plane (180 %% of rated)")
+    _withheld(commands)
     c = add("bench", run_bench, "cost per plant step and per closed-loop simulated second")
     c.add_argument("--peer", action="store_true", help="measure the C reference and motulator in the same run, too")
     c.add_argument("--anchors", type=Path, default=Path("../shared/anchors"), help="folder of the reference programs")
@@ -131,6 +132,23 @@ def build_parser() -> Parser:
     c = add("view", run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")
     return parser
+
+
+def _withheld(commands: Any) -> None:
+    """Add `withheld make` and `withheld score`."""
+    text = "the check on withheld effects: sealed campaigns, blind diagnoses, scores"
+    steps = commands.add_parser("withheld", help=text, description=text).add_subparsers(
+        dest="step", required=True, metavar="STEP", parser_class=Parser
+    )
+    c = steps.add_parser("make", help="draw, seal and record campaigns")
+    c.set_defaults(run=run_withheld_make)
+    c.add_argument("folder", type=Path, metavar="DIR")
+    c.add_argument("--count", type=positive_int, required=True, help="campaigns")
+    c.add_argument("--seed", type=seed_number, default=0, help="of everything that is drawn (0)")
+    c.add_argument("--kind", default="mixed", choices=("mixed", "controls"), help="controls: shorter, without a gap")
+    c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help="(scored)")
+    c.add_argument("--jobs", type=positive_int, help="processes (all cores)")
+    c.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def positive_int(text: str) -> int:
@@ -295,6 +313,23 @@ def run_maps(options: argparse.Namespace) -> None:
         rows = [[name, "–" if value is None else f"{value:.4g}"] for name, value in summary.items()]
         report.print_table(f"{result.motor}: exact against first order (H, rad)", ["figure", "value"], rows)
         print(f"results in {_folder(options)}")
+
+
+def run_withheld_make(options: argparse.Namespace) -> None:
+    """Make a withheld check; the seal's hash is printed before anything is recorded."""
+    from sandbox.gap.withheld.make import make
+
+    def announce(digest: str) -> None:
+        if not options.quiet:
+            print(f"truth sealed, SHA-256 {digest}", flush=True)
+
+    with report.progress_bar("recording", options.quiet) as progress:
+        made = make(
+            options.folder, options.count, options.seed, kind=options.kind, style=options.cycles,
+            jobs=options.jobs or os.cpu_count() or 1, announce=announce, progress=progress,
+        )  # fmt: skip
+    if not options.quiet:
+        print(f"{options.count} campaigns in {made.folder / 'campaigns'}, {made.recorded} recorded now")
 
 
 def run_bench(options: argparse.Namespace) -> None:

@@ -87,14 +87,15 @@ def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] =
     rng = np.random.default_rng([seed, 1])
     kinds = _kinds(count, rng) if kind == "mixed" else ["none"] * count
     families = [str(f) for f in _turns(FAMILIES, count, rng)]
-    singles = [(n, s) for s in rng.permutation(LADDER) for n in rng.permutation(effect_names())]
+    order, rungs = rng.permutation(effect_names()), rng.permutation(LADDER)
+    singles = [(n, rungs[(k + r) % len(rungs)]) for r in range(len(rungs)) for k, n in enumerate(order)]
     unlisted = [(n, s) for s in (1.0, 2.0, 0.5) for n in rng.permutation(outside)]
     out = []
     for k, (what, family) in enumerate(zip(kinds, families, strict=True)):
         base = Case(k, what, family, style)
         turn = kinds[:k].count(what)
         if what == "one":
-            name, size = singles[(turn + turn // len(singles)) % len(singles)]
+            name, size = singles[turn % len(singles)]
             base = dataclasses.replace(base, names=(str(name),), sizes=(float(size),))
         elif what == "several":
             names = _several(rng)
