@@ -69,9 +69,7 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
     th, w, wl, tw = state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST]
     held, sh = complex(state[HELD_ALPHA], state[HELD_BETA]), state[LOOP]
     t = state[TIME] + begin
-    p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(
-        b, mode, legs, t, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
-    )
+    p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(b, mode, legs, t, tau, acc, psi, core, skin, th, w, wl, tw, held, sh)
     for _ in range(steps):
         psi2, core2, skin2 = psi + k * p1, core + k * c1, skin + k * s1
         x2, y2, z2 = th + k * th1, w + k * w1, wl + k * wl1

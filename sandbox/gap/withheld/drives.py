@@ -121,4 +121,3 @@ def misjudge(motor: Motor, rng: Generator) -> Motor:
     """Return a motor as its identification would state it: every value off by its uncertainty."""
     values = {k: getattr(motor, k) * (1.0 + s * float(rng.standard_normal())) for k, s in UNCERTAINTY.items()}
     return dataclasses.replace(motor, **values)
-

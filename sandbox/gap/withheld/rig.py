@@ -163,4 +163,3 @@ def record(b: Bench, cycle: Cycle, tuning: Tuning, theta: float, load: Array, u_
     if done < n:
         raise PhysicsError(f"{cycle.file}: the switched bench is not finite after {done} of {n} samples")
     return out
-
