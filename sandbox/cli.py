@@ -147,8 +147,20 @@ def _withheld(commands: Any) -> None:
     c.add_argument("--seed", type=seed_number, default=0, help="of everything that is drawn (0)")
     c.add_argument("--kind", default="mixed", choices=("mixed", "controls"), help="controls: shorter, without a gap")
     c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help="(scored)")
-    c.add_argument("--jobs", type=positive_int, help="processes (all cores)")
-    c.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    _common(c)
+    c = steps.add_parser("score", help="diagnose blindly, then open the seal and score")
+    c.set_defaults(run=run_withheld_score)
+    c.add_argument("folder", type=Path, metavar="DIR")
+    c.add_argument("--limit", type=positive_int, help="the first so many campaigns (all)")
+    c.add_argument("--leave-out", type=float, default=0.0, metavar="SHARE", help="of single effects, once more without")
+    c.add_argument("--baselines", action="store_true", help="score the simple methods on the same campaigns, too")
+    c.add_argument("--again", action="store_true", help="forget the reports of earlier calls")
+    _common(c)
+
+
+def _common(command: Parser) -> None:
+    command.add_argument("--jobs", type=positive_int, help="processes (all cores)")
+    command.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def positive_int(text: str) -> int:
@@ -330,6 +342,34 @@ def run_withheld_make(options: argparse.Namespace) -> None:
         )  # fmt: skip
     if not options.quiet:
         print(f"{options.count} campaigns in {made.folder / 'campaigns'}, {made.recorded} recorded now")
+
+
+def run_withheld_score(options: argparse.Namespace) -> None:
+    """Score a withheld check; write withheld.json and withheld.png into its folder."""
+    from sandbox.gap.withheld.baselines import BASELINES
+    from sandbox.gap.withheld.score import score, standard, table
+    from sandbox.plots import withheld_figure
+
+    methods: dict[str, Any] = {"diagnosis": standard, **(BASELINES if options.baselines else {})}
+    scored = []
+    for method, diagnose in methods.items():
+        with report.progress_bar(method, options.quiet) as progress:
+            scored.append(
+                score(
+                    options.folder, diagnose, method=method, jobs=options.jobs or os.cpu_count() or 1,
+                    limit=options.limit, leave_out=options.leave_out if method == "diagnosis" else 0.0,
+                    again=options.again, progress=progress,
+                )
+            )  # fmt: skip
+    main_result = scored[0].as_json()
+    content = {**main_result, "methods": {s.method: s.as_json() for s in scored}, "figure": "withheld.png"}
+    with report.results(options.folder, "withheld") as out:
+        withheld_figure(content, out / "withheld.png")
+        report.write_json(out, "withheld", content)
+    if not options.quiet:
+        heads, rows = table(scored)
+        report.print_table(f"{options.folder}: {len(scored[0].judged)} campaigns", heads, rows)
+        print(f"seal and hash agree; withheld.json and withheld.png in {options.folder}")
 
 
 def run_bench(options: argparse.Namespace) -> None:

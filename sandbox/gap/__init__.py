@@ -1,1 +1,1 @@
-"""Where a simulator and recordings differ, which effect causes it, and how far the gap shrinks: a leaf of the sandbox."""
+"""Where a simulator and recordings differ, which effect causes it, and how far the gap shrinks."""

@@ -10,6 +10,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from numpy.random import Generator
 
@@ -159,4 +160,5 @@ def truth_of(names: list[str], true: Motor, believed: Motor, plant_values: Mappi
 
 def changed(motor: Motor, values: Mapping[str, float]) -> Motor:
     """Return the motor with some values replaced."""
-    return dataclasses.replace(motor, **values) if values else motor
+    new: dict[str, Any] = dict(values)
+    return dataclasses.replace(motor, **new)

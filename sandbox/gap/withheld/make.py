@@ -134,7 +134,7 @@ def _recording(drawn: Drawn, b: Bench, plan: Cycle, rng: np.random.Generator) ->
     u_dc = converter.dc_bus_voltage + LINK_NOISE * rng.standard_normal(n)
     tuning = tuned(drawn.true, drawn.stated, plan.injection_axis, rng)
     table = record(b, plan, tuning, drawn.theta, acting, u_dc, int(rng.integers(2**31)))
-    columns = {"t": np.arange(n) * converter.sampling_period}
+    columns = {"t": np.arange(n, dtype=np.float64) * converter.sampling_period}
     columns |= {name: table[:, j].copy() for j, name in enumerate(COLUMNS)}
     columns |= {"u_dc": u_dc, "load_torque": asked}
     return CampaignRecording(f"{plan.file}.parquet", plan.rotor, plan.injection_axis, columns)
