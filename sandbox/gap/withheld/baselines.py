@@ -54,13 +54,14 @@ def answer(
     if after > REMAINS:
         left = min(1.0, (after**2 - 1.0) / (max(before, after) ** 2 - 1.0))
     total = sum(w for _, w, _ in ranked)
-    hypotheses = [
+    hypotheses: list[dict[str, Any]] = [
         {"effects": list(e), "probability": (1.0 - left) * w / total, "parameters": dict(p)} for e, w, p in ranked
     ]
     if left > 0.0:
         hypotheses.append({"effects": ["unknown"], "probability": left, "parameters": {}})
     hypotheses.sort(key=lambda h: -h["probability"])
-    members, sum_ = [], 0.0
+    members: list[list[str]] = []
+    sum_ = 0.0
     for h in hypotheses:
         members.append(h["effects"])
         sum_ += h["probability"]
@@ -111,7 +112,7 @@ def by_refit(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
         k: interval(best[k], Z95 * e)
         for k, e in zip(names, error, strict=True) if k.partition(".")[0] == effect
     }  # fmt: skip
-    ranked = [((effect,), 1.0, own)] if z > SUSPICIOUS else [((), 1.0, {})]
+    ranked: list[Any] = [((effect,), 1.0, own)] if z > SUSPICIOUS else [((), 1.0, {})]
     return answer(campaign, ranked, (raw, n.rms, end), started, 4 * len(names))
 
 
@@ -138,7 +139,7 @@ def by_bic(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
             kept = [k for k in kept if k not in out]
 
     screened = sorted((cost(fit.parameters_of(e)), e) for e in effects)
-    ranked = [((), fit.cost(n, values, centre, sd), {}, n.rms)]
+    ranked: list[Any] = [((), fit.cost(n, values, centre, sd), {}, n.rms)]
     for _, effect in screened[:REFINED]:
         ranked.append(_fitted(campaign, prepared, at, effect, size))
     best = min(r[1] for r in ranked)

@@ -1,7 +1,8 @@
 """A baseline without replay: voltage and torque residuals of the nominal model regressed on signature functions.
 
 Voltage left over in each period, from currents as read and the encoder's angle: u - R i - (psi_k+1 - psi_k)/T_s, with
-psi the nominal flux of those currents; each effect has one or more columns (its first-order voltage).  Ordinary
+psi the nominal flux of those currents, in means over BIN samples (which average injection out); each effect has one
+or more columns (its first-order voltage).  Ordinary
 deviations are columns with priors.  The effect whose columns take most of the weighted squares wins.
 """
 
@@ -9,6 +10,7 @@ from __future__ import annotations
 
 import math
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,7 @@ Columns = dict[str, list[Complex]]  # by parameter or effect: first-order voltag
 SHARE = 1e-3  # relative step of the flux' derivatives
 RIPPLES = (100.0, 300.0)  # Hz
 LAG = 4e-3  # s, smooths torques
+BIN = 16  # samples a mean is taken over: differences of noisy currents cancel inside, or they would pose as effects
 
 
 @kernel
@@ -70,11 +73,9 @@ def columns_of(campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float
     def by(field: str) -> Complex:
         h = SHARE * max(abs(getattr(motor, field)), 1e-9)
         values: Any = {field: getattr(motor, field) + h}
-        from dataclasses import replace
-
         return slope((flux(replace(motor, **values), i, turn) - psi) / h)
 
-    def read_as(change: Complex) -> Complex:
+    def read_as(change: Any) -> Complex:
         """Voltage seen where the true current is larger by `change` (V)."""
         return slope(flux(motor, i + SHARE * change, turn) - psi) / SHARE + motor.resistance * middle(change)
 
@@ -145,18 +146,19 @@ def by_voltage(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     """Answer by the effect whose columns explain most of what ordinary deviations leave."""
     started, campaign = time.perf_counter(), read_campaign(folder)
     prepared = prepare(campaign, steps=1)
-    blocks = []
+    blocks: list[tuple[Complex, Columns, float, float | None]] = []
     for r, inputs in zip(campaign.recordings, prepared.recordings, strict=True):
         residual, columns = columns_of(campaign, r, inputs.motion.angle)
         torque = columns.pop("", None)
         if torque is not None:
             names = ("coulomb_friction", "viscous_friction", "inertia", "cogging_torque", "shaft_compliance")
             alone = 0.5 * campaign.drive.converter.sampling_period / LAG  # smoothed samples are not independent
-            blocks.append((torque[0], {k: columns.pop(k) for k in names}, alone))
-        blocks.append((residual, columns, 1.0))
+            blocks.append((torque[0], {k: columns.pop(k) for k in names}, alone, None))
+        mean = {k: [binned(c) for c in own] for k, own in columns.items()}
+        blocks.append((binned(residual), mean, 1.0, voltage_noise(campaign)))
     gram, places = normal_matrix(blocks)
     ordinary, weight = background(campaign, places)
-    count = sum(share * len(y) for y, _, share in blocks)
+    count = sum(share * len(y) for y, _, share, _ in blocks)
     base = left_over(gram, ordinary, weight)
     costs = {}
     for effect in effect_names():
@@ -172,27 +174,45 @@ def by_voltage(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     return answer(campaign, ranked, (math.sqrt(gram[0, 0] / count), before, min(after, before)), started, 0)
 
 
-def normal_matrix(blocks: list[tuple[Complex, Columns, float]]) -> tuple[NDArray[np.float64], dict[str, list[int]]]:
+def binned(x: Complex) -> Complex:
+    """Return means over BIN samples, the rest left away."""
+    n = len(x) // BIN
+    return np.asarray(x[: n * BIN].reshape(n, BIN).mean(axis=1))
+
+
+def voltage_noise(campaign: Campaign) -> float:
+    """Return the mean square (V^2) that the sensors' noise leaves in a residual voltage: that of flux differences."""
+    motor, converter = campaign.drive.motor, campaign.drive.converter
+    vector = 4.0 / 3.0 * noise_floor(converter) ** 2
+    inductance = 0.5 * (motor.inductance_d**2 + motor.inductance_q**2)
+    return 2.0 * vector * inductance / (BIN * converter.sampling_period) ** 2
+
+
+def normal_matrix(
+    blocks: list[tuple[Complex, Columns, float, float | None]],
+) -> tuple[NDArray[np.float64], dict[str, list[int]]]:
     """Return the Gram matrix of residual (place 0) and all columns; places by name.
 
-    Each block (residual, columns, share of independent samples) is over the scatter that all columns together leave.
+    A block is (residual, columns, share of independent samples, its noise squared); without noise given, over the
+    scatter that all its columns together leave.
     """
     places: dict[str, list[int]] = {}
     n = 1
-    for _, columns, _ in blocks:
+    for _, columns, *_ in blocks:
         for name, own in columns.items():
             if name not in places:
                 places[name] = list(range(n, n + len(own)))
                 n += len(own)
     gram = np.zeros((n, n))
-    for y, columns, share in blocks:
+    for y, columns, share, variance in blocks:
         table = np.zeros((n, len(y)), dtype=complex)
         table[0] = y
         for name, own in columns.items():
             table[places[name]] = np.array(own)
         own_gram = (np.conj(table) @ table.T).real
-        every = [p for name in columns for p in places[name]]
-        variance = max(left_over(own_gram, every, np.zeros(n)), 1e-9 * own_gram[0, 0]) / len(y)
+        if variance is None:
+            every = [p for name in columns for p in places[name]]
+            variance = left_over(own_gram, every, np.zeros(n)) / len(y)
         gram += own_gram * share / variance
     return gram, places
 
