@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 from model.errors import BadInput, PhysicsError
 from sandbox import report
+from sandbox.gap.withheld.commands import add_withheld
 
 
 class Parser(argparse.ArgumentParser):
@@ -121,7 +122,7 @@ def build_parser() -> Parser:
     c = add("maps", run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=float, help="A, half width of the plane (180 %% of rated)")
-    _withheld(commands)
+    add_withheld(commands, Parser, positive_int, seed_number)
     c = add("bench", run_bench, "cost per plant step and per closed-loop simulated second")
     c.add_argument("--peer", action="store_true", help="measure the C reference and motulator in the same run, too")
     c.add_argument("--anchors", type=Path, default=Path("../shared/anchors"), help="folder of the reference programs")
@@ -132,35 +133,6 @@ def build_parser() -> Parser:
     c = add("view", run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")
     return parser
-
-
-def _withheld(commands: Any) -> None:
-    """Add `withheld make` and `withheld score`."""
-    text = "the check on withheld effects: sealed campaigns, blind diagnoses, scores"
-    steps = commands.add_parser("withheld", help=text, description=text).add_subparsers(
-        dest="step", required=True, metavar="STEP", parser_class=Parser
-    )
-    c = steps.add_parser("make", help="draw, seal and record campaigns")
-    c.set_defaults(run=run_withheld_make)
-    c.add_argument("folder", type=Path, metavar="DIR")
-    c.add_argument("--count", type=positive_int, required=True, help="campaigns")
-    c.add_argument("--seed", type=seed_number, default=0, help="of everything that is drawn (0)")
-    c.add_argument("--kind", default="mixed", choices=("mixed", "controls"), help="controls: shorter, without a gap")
-    c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help="(scored)")
-    _common(c)
-    c = steps.add_parser("score", help="diagnose blindly, then open the seal and score")
-    c.set_defaults(run=run_withheld_score)
-    c.add_argument("folder", type=Path, metavar="DIR")
-    c.add_argument("--limit", type=positive_int, help="the first so many campaigns (all)")
-    c.add_argument("--leave-out", type=float, default=0.0, metavar="SHARE", help="of single effects, once more without")
-    c.add_argument("--baselines", action="store_true", help="score the simple methods on the same campaigns, too")
-    c.add_argument("--again", action="store_true", help="forget the reports of earlier calls")
-    _common(c)
-
-
-def _common(command: Parser) -> None:
-    command.add_argument("--jobs", type=positive_int, help="processes (all cores)")
-    command.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
 def positive_int(text: str) -> int:
@@ -325,51 +297,6 @@ def run_maps(options: argparse.Namespace) -> None:
         rows = [[name, "–" if value is None else f"{value:.4g}"] for name, value in summary.items()]
         report.print_table(f"{result.motor}: exact against first order (H, rad)", ["figure", "value"], rows)
         print(f"results in {_folder(options)}")
-
-
-def run_withheld_make(options: argparse.Namespace) -> None:
-    """Make a withheld check; the seal's hash is printed before anything is recorded."""
-    from sandbox.gap.withheld.make import make
-
-    def announce(digest: str) -> None:
-        if not options.quiet:
-            print(f"truth sealed, SHA-256 {digest}", flush=True)
-
-    with report.progress_bar("recording", options.quiet) as progress:
-        made = make(
-            options.folder, options.count, options.seed, kind=options.kind, style=options.cycles,
-            jobs=options.jobs or os.cpu_count() or 1, announce=announce, progress=progress,
-        )  # fmt: skip
-    if not options.quiet:
-        print(f"{options.count} campaigns in {made.folder / 'campaigns'}, {made.recorded} recorded now")
-
-
-def run_withheld_score(options: argparse.Namespace) -> None:
-    """Score a withheld check; write withheld.json and withheld.png into its folder."""
-    from sandbox.gap.withheld.baselines import BASELINES
-    from sandbox.gap.withheld.score import score, standard, table
-    from sandbox.plots import withheld_figure
-
-    methods: dict[str, Any] = {"diagnosis": standard, **(BASELINES if options.baselines else {})}
-    scored = []
-    for method, diagnose in methods.items():
-        with report.progress_bar(method, options.quiet) as progress:
-            scored.append(
-                score(
-                    options.folder, diagnose, method=method, jobs=options.jobs or os.cpu_count() or 1,
-                    limit=options.limit, leave_out=options.leave_out if method == "diagnosis" else 0.0,
-                    again=options.again, progress=progress,
-                )
-            )  # fmt: skip
-    main_result = scored[0].as_json()
-    content = {**main_result, "methods": {s.method: s.as_json() for s in scored}, "figure": "withheld.png"}
-    with report.results(options.folder, "withheld") as out:
-        withheld_figure(content, out / "withheld.png")
-        report.write_json(out, "withheld", content)
-    if not options.quiet:
-        heads, rows = table(scored)
-        report.print_table(f"{options.folder}: {len(scored[0].judged)} campaigns", heads, rows)
-        print(f"seal and hash agree; withheld.json and withheld.png in {options.folder}")
 
 
 def run_bench(options: argparse.Namespace) -> None:
