@@ -13,8 +13,8 @@ class Nothing:
     """A diagnosis that never finds a gap."""
 
     json = {  # noqa: RUF012
-        "verdict": "no_gap", "gap": {"before": 1.0, "closed": None}, "hypotheses": [{"effects": [], "probability": 1.0}],
-        "ambiguity_set": [[]], "cost": {"seconds": 1.0},
+        "verdict": "no_gap", "gap": {"before": 1.0, "closed": None}, "ambiguity_set": [[]],
+        "hypotheses": [{"effects": [], "probability": 1.0}], "cost": {"seconds": 1.0},
     }  # fmt: skip
 
 
