@@ -16,6 +16,7 @@ from typing import Any, NoReturn
 
 from model.errors import BadInput, PhysicsError
 from sandbox import report
+from sandbox.gap.withheld.commands import add_withheld
 
 
 class Parser(argparse.ArgumentParser):
@@ -123,6 +124,7 @@ def build_parser() -> Parser:
     c = add("maps", run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
+    add_withheld(commands, Parser, positive_int, seed_number)
     c = add("bench", run_bench, "cost per plant step and per closed-loop simulated second")
     c.add_argument("--peer", action="store_true", help="measure the C reference and motulator in the same run, too")
     c.add_argument("--anchors", type=Path, default=Path("../shared/anchors"), help="folder of the reference programs")

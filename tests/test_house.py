@@ -36,6 +36,16 @@ def test_layers():
     assert done.returncode == 0, done.stdout
 
 
+def test_the_diagnosis_is_a_leaf():
+    """Nothing outside sandbox/gap imports it but the command line."""
+    users = {
+        p.relative_to(ROOT).as_posix()
+        for p in SOURCES
+        if any(n.startswith("sandbox.gap") for n in imported(p)) and "gap" not in p.relative_to(ROOT).parts
+    }
+    assert users <= {"sandbox/cli.py"}
+
+
 @pytest.mark.parametrize(("library", "home"), [("rerun", "sandbox/trace.py"), ("matplotlib", "sandbox/plots.py")])
 def test_one_module_imports_it(library, home):
     users = {p.relative_to(ROOT).as_posix() for p in SOURCES if any(n.split(".")[0] == library for n in imported(p))}

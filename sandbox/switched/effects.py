@@ -15,6 +15,7 @@ from model.effects.library import complete, friction_rate
 from model.parameters import Converter, Motor
 
 SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
+UNLISTED = ("grip", "grip_radius", "short_conductance", "short_time", "knee", "knee_flux")
 STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
 
 
@@ -59,6 +60,7 @@ class Bench(NamedTuple):
     filter_time: float
     sampling_delay: float
     jitter: float
+    common_offset: float  # in all three readings alike
     noise: float
     resolution: float
     encoder_step: float
@@ -78,7 +80,13 @@ class Bench(NamedTuple):
     stiffness: float
     damping: float
     step: float  # longest integration step, s
-    audit: float  # other than 0: sum up energies
+    audit: float  # other than 0: sum up energies (those of the library's effects)
+    grip: float  # 1/H, and its radius in Wb: magnetic hysteresis; this and the rest stand in no library, 0: none
+    grip_radius: float
+    short_conductance: float  # S, and time constant in s: turns of phase a short-circuited
+    short_time: float
+    knee: float  # A/Wb^2 beyond a flux of knee_flux, Wb: saturation with a knee
+    knee_flux: float
 
 
 def bench(motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None) -> Bench:
@@ -145,6 +153,8 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
         "stiffness": stiffness,
         "damping": 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(stiffness * reduced),
         "audit": 0.0,
+        "common_offset": 0.0,
+        **dict.fromkeys(UNLISTED, 0.0),
     }
     same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
     values |= {key: v[name] for name in v for effect, _, key in [name.partition(".")] if effect in same_name}

@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from model.compiled import kernel
-from sandbox.switched.machine import A, phase_currents, powers, slopes, soft_sign, vector
+from sandbox.switched.machine import A, phase_currents, powers, pull, slopes, soft_sign, vector
 
 PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
 THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s mechanical; rad mechanical
@@ -27,7 +27,8 @@ LAST_DUTY, LEVEL, WANTED, CARRIED = (
     27,
     30,
 )  # three legs each: duty, level that acts, level commanded, late edges
-EDGES = 33  # three legs of ROOM edge times relative to t_k
+HELD_ALPHA, HELD_BETA, LOOP = 33, 34, 35  # flux that hysteresis holds, current of short-circuited turns
+EDGES = 36  # three legs of ROOM edge times relative to t_k
 ROOM = 8
 SUNK = EDGES + 3 * ROOM  # V, by which the link sags in this period
 DEVICES, COMMANDED = SUNK + 1, SUNK + 2  # audited, too: lost in the devices, from the link without dead time (J)
@@ -68,23 +69,27 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
     skin = complex(state[SKIN_ALPHA], state[SKIN_BETA])
     f = complex(state[FILTER_ALPHA], state[FILTER_BETA])
     th, w, wl, tw = state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST]
-    t, sunk = state[TIME] + begin, state[SUNK]
-    p1, c1, s1, th1, w1, wl1, tw1, i1 = slopes(b, mode, legs, t, sunk, tau, acc, psi, core, skin, th, w, wl, tw)
+    held, sh = complex(state[HELD_ALPHA], state[HELD_BETA]), state[LOOP]
+    t = state[TIME] + begin
+    sunk = state[SUNK]
+    p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(
+        b, mode, legs, t, sunk, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
+    )
     for _ in range(steps):
         psi2, core2, skin2 = psi + k * p1, core + k * c1, skin + k * s1
         x2, y2, z2 = th + k * th1, w + k * w1, wl + k * wl1
-        p2, c2, s2, th2, w2, wl2, tw2, i2 = slopes(
-            b, mode, legs, t + k, sunk, tau, acc, psi2, core2, skin2, x2, y2, z2, tw + k * tw1
+        p2, c2, s2, th2, w2, wl2, tw2, l2, i2 = slopes(
+            b, mode, legs, t + k, sunk, tau, acc, psi2, core2, skin2, x2, y2, z2, tw + k * tw1, held, sh + k * l1
         )
         psi3, core3, skin3 = psi + k * p2, core + k * c2, skin + k * s2
         x3, y3, z3 = th + k * th2, w + k * w2, wl + k * wl2
-        p3, c3, s3, th3, w3, wl3, tw3, i3 = slopes(
-            b, mode, legs, t + k, sunk, tau, acc, psi3, core3, skin3, x3, y3, z3, tw + k * tw2
+        p3, c3, s3, th3, w3, wl3, tw3, l3, i3 = slopes(
+            b, mode, legs, t + k, sunk, tau, acc, psi3, core3, skin3, x3, y3, z3, tw + k * tw2, held, sh + k * l2
         )
         psi4, core4, skin4 = psi + h * p3, core + h * c3, skin + h * s3
         x4, y4, z4 = th + h * th3, w + h * w3, wl + h * wl3
-        p4, c4, s4, th4, w4, wl4, tw4, _ = slopes(
-            b, mode, legs, t + h, sunk, tau, acc, psi4, core4, skin4, x4, y4, z4, tw + h * tw3
+        p4, c4, s4, th4, w4, wl4, tw4, l4, _ = slopes(
+            b, mode, legs, t + h, sunk, tau, acc, psi4, core4, skin4, x4, y4, z4, tw + h * tw3, held, sh + h * l3
         )
         if b.audit != 0.0:
             audit(state, b, legs, t, sixth, tau, psi, core, skin, th, w, wl)
@@ -98,9 +103,14 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
         w += sixth * (w1 + 2.0 * (w2 + w3) + w4)
         wl += sixth * (wl1 + 2.0 * (wl2 + wl3) + wl4)
         tw += sixth * (tw1 + 2.0 * (tw2 + tw3) + tw4)
+        sh += sixth * (l1 + 2.0 * (l2 + l3) + l4)
+        if b.grip != 0.0:
+            held = psi - pull(b, psi, held)
         t += h
         before = i1
-        p1, c1, s1, th1, w1, wl1, tw1, i1 = slopes(b, mode, legs, t, sunk, tau, acc, psi, core, skin, th, w, wl, tw)
+        p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(
+            b, mode, legs, t, sunk, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
+        )
         if b.filter_time > 0.0:
             f = lag(b, f, before, 0.5 * (i2 + i3), i1, h)
     state[PSI_ALPHA], state[PSI_BETA] = psi.real, psi.imag
@@ -108,6 +118,7 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
     state[SKIN_ALPHA], state[SKIN_BETA] = skin.real, skin.imag
     state[FILTER_ALPHA], state[FILTER_BETA] = f.real, f.imag
     state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST] = th, w, wl, tw
+    state[HELD_ALPHA], state[HELD_BETA], state[LOOP] = held.real, held.imag, sh
     state[I_ALPHA], state[I_BETA] = i1.real, i1.imag
 
 

@@ -10,6 +10,14 @@ and at constant w only the Re z^n depend on the angle: d/dtheta Re z^n = n Im z^
 = -3/2 p dH/dtheta at constant psi, so energy closes by construction.
 
     dpsi/dt = v - R i - skin - phases,  i = i_m + i_c
+
+Three more that the effect library does not hold, so that something unknown can be asked for:
+
+- hysteresis, a vector play: i += grip e, e = psi - psi_held, |e| <= grip_radius, psi_held dragged along by e;
+- short-circuited turns of phase a (share mu, fault resistance R_f, leakage L_f), s = 2/3 mu i_f:
+  i_alpha += s, dpsi/dt += R s, tau ds/dt = g (R i_a + dpsi_alpha/dt) - s, g = 2/3 mu^2 / (R_f + mu R),
+  tau = L_f / (R_f + mu R); the flux of phase a without its zero sequence;
+- saturation with a knee: H += knee/3 (|z| - knee_flux)^3 beyond knee_flux.
 """
 
 from __future__ import annotations
@@ -49,6 +57,7 @@ def stored_energy(b, psi, theta):
     r_2 = z.real * z.real + z.imag * z.imag
     h = 0.5 * (b.g_0 * r_2 + b.g_2 * z_2.real + b.gamma_6 * (z_2 * sixth(e_1).conjugate()).real)
     h += r_2 * b.c_1 * z.real + b.c_3 * (z_2 * z).real
+    h += b.knee / 3.0 * max(math.sqrt(r_2) - b.knee_flux, 0.0) ** 3
     return h + r_2 * (b.q_0 * r_2 + b.q_2 * z_2.real) + b.q_4 * (z_2 * z_2).real
 
 
@@ -70,6 +79,9 @@ def current_and_torque(b, psi, theta):
         e_6 = sixth(e_1)
         i += b.gamma_6 * e_6 * back
         turning += 4.0 * b.gamma_6 * (z_2 * e_6.conjugate()).imag
+    if b.knee != 0.0 and r_2 > b.knee_flux * b.knee_flux:
+        r = math.sqrt(r_2)
+        i += b.knee * (r - b.knee_flux) ** 2 / r * z
     i *= e_1
     return i, 1.5 * b.pole_pairs * (i.real * slope.real + i.imag * slope.imag - turning)
 
@@ -90,6 +102,14 @@ def least_stiffness(b, psi, theta):
     if b.gamma_6 != 0.0:
         c += b.gamma_6 * sixth(e_1)
     return a - abs(c)
+
+
+@kernel
+def pull(b, psi, held):
+    """Return by how much the flux (Wb) is ahead of what hysteresis holds: a play of grip_radius at most."""
+    ahead = psi - held
+    size = abs(ahead)
+    return ahead * (b.grip_radius / size) if size > b.grip_radius else ahead
 
 
 @kernel
@@ -163,29 +183,37 @@ def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
 
 
 @kernel
-def slopes(b, mode, switches, t, sunk, load_torque, acceleration, psi, core, skin, theta, speed, load_speed, twist):
-    """Return the time derivatives of the seven states, and the terminal current.
+def slopes(
+    b, mode, switches, t, sunk, load_torque, acceleration, psi, core, skin, theta, speed, load_speed, twist, held, loop
+):
+    """Return the time derivatives of the eight states, and the terminal current.
 
     psi, core, skin: flux, iron-loss current, slow part of the current (skin effect); theta electrical, speed,
-    load_speed mechanical, twist mechanical.  switches: vector of the legs' states (0/1), times the link voltage
+    load_speed mechanical, twist mechanical; held: flux that hysteresis holds (constant here, see `hold`); loop: what
+    short-circuited turns take of phase a's current.  switches: vector of the legs' states (0/1), times the link voltage
     the voltage; sunk: V that the link sags by.  A driven rotor moves with the given mechanical acceleration.
     """
     magnetising, torque = current_and_torque(b, psi, theta)
-    i = magnetising + core
-    d_psi = switches * link_voltage(b, t, sunk) - b.resistance * i - phase_drop(b, i)
+    i = magnetising + core + loop
+    if b.grip != 0.0:
+        i += b.grip * pull(b, psi, held)
+    d_psi = switches * link_voltage(b, t, sunk) - b.resistance * (i - loop) - phase_drop(b, i)
     d_core = d_skin = complex(0.0, 0.0)
+    d_loop = 0.0
     if b.skin_resistance != 0.0:
         fast = i - skin
         d_psi -= b.skin_resistance * fast
         d_skin = fast / b.skin_time
     if b.core_conductance != 0.0:
         d_core = (d_psi * b.core_conductance - core) / b.core_time
+    if b.short_conductance != 0.0:
+        d_loop = (b.short_conductance * (d_psi.real + b.resistance * i.real) - loop) / b.short_time
     if mode == LOCKED:
-        return d_psi, d_core, d_skin, 0.0, 0.0, 0.0, 0.0, i
+        return d_psi, d_core, d_skin, 0.0, 0.0, 0.0, 0.0, d_loop, i
     if mode == DRIVEN:
-        return d_psi, d_core, d_skin, b.pole_pairs * speed, acceleration, acceleration, 0.0, i
+        return d_psi, d_core, d_skin, b.pole_pairs * speed, acceleration, acceleration, 0.0, d_loop, i
     a, a_load = accelerations(b, torque, load_torque, theta, speed, load_speed, twist)
-    return d_psi, d_core, d_skin, b.pole_pairs * speed, a, a_load, speed - load_speed, i
+    return d_psi, d_core, d_skin, b.pole_pairs * speed, a, a_load, speed - load_speed, d_loop, i
 
 
 @kernel

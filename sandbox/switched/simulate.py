@@ -23,6 +23,8 @@ from sandbox.switched.inverter import (
     CORE_ALPHA,
     FILTER_ALPHA,
     FILTER_BETA,
+    HELD_ALPHA,
+    HELD_BETA,
     I_ALPHA,
     I_BETA,
     LOAD_SPEED,
@@ -66,6 +68,7 @@ def start(b: Bench, theta: float = 0.0, speed: float = 0.0, i_alpha: float = 0.0
     state = np.zeros(2 * SIZE)  # the second half is scratch for looking ahead
     psi = flux_for(b, complex(i_alpha, i_beta), theta)
     state[PSI_ALPHA], state[PSI_BETA] = psi.real, psi.imag
+    state[HELD_ALPHA], state[HELD_BETA] = psi.real, psi.imag
     state[CORE_ALPHA : CORE_ALPHA + 2] = 0.0
     for first in (SKIN_ALPHA, FILTER_ALPHA, I_ALPHA, SAMPLE_ALPHA):
         state[first], state[first + 1] = i_alpha, i_beta
@@ -123,9 +126,9 @@ def measure(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, rn
     """
     i = sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration)
     i_a, i_b, i_c = phase_currents(i)
-    reading[0] = sensor(b, i_a, b.gain_a, b.offset_a, rng)
-    reading[1] = sensor(b, i_b, b.gain_b, b.offset_b, rng)
-    reading[2] = sensor(b, i_c, b.gain_c, -b.offset_a - b.offset_b, rng)
+    reading[0] = sensor(b, i_a, b.gain_a, b.common_offset + b.offset_a, rng)
+    reading[1] = sensor(b, i_b, b.gain_b, b.common_offset + b.offset_b, rng)
+    reading[2] = sensor(b, i_c, b.gain_c, b.common_offset - b.offset_a - b.offset_b, rng)
     reading[3] = encoder(b, state[THETA])
     if b.jitter > 0.0:
         half = 0.45 * b.period

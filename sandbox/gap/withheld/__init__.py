@@ -1,0 +1,1 @@
+"""The check on withheld effects: sealed campaigns from the switched bench, blind diagnoses, scores with limits."""

@@ -1,0 +1,84 @@
+"""The commands `withheld make` and `withheld score`: arguments, progress, files; light to import."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from sandbox import report
+
+Number = Callable[[str], int]
+
+
+def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Number) -> None:
+    """Add both steps to the command line; positive, seed: how it reads such numbers."""
+    text = "the check on withheld effects: sealed campaigns, blind diagnoses, scores"
+    steps = commands.add_parser("withheld", help=text, description=text).add_subparsers(
+        dest="step", required=True, metavar="STEP", parser_class=parser_class
+    )
+    c = steps.add_parser("make", help="draw, seal and record campaigns")
+    c.set_defaults(run=run_make)
+    c.add_argument("folder", type=Path, metavar="DIR")
+    c.add_argument("--count", type=positive, required=True, help="campaigns")
+    c.add_argument("--seed", type=seed, default=0, help="of everything that is drawn (0)")
+    c.add_argument("--kind", default="mixed", choices=("mixed", "controls"), help="controls: shorter, without a gap")
+    c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help="(scored)")
+    _common(c, positive)
+    c = steps.add_parser("score", help="diagnose blindly, then open the seal and score")
+    c.set_defaults(run=run_score)
+    c.add_argument("folder", type=Path, metavar="DIR")
+    c.add_argument("--limit", type=positive, help="the first so many campaigns (all)")
+    c.add_argument("--leave-out", type=float, default=0.0, metavar="SHARE", help="of single effects, once more without")
+    c.add_argument("--baselines", action="store_true", help="score the simple methods on the same campaigns, too")
+    c.add_argument("--again", action="store_true", help="forget the reports of earlier calls")
+    _common(c, positive)
+
+
+def _common(command: Any, positive: Number) -> None:
+    command.add_argument("--jobs", type=positive, help="processes (all cores)")
+    command.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def run_make(options: argparse.Namespace) -> None:
+    """Make a check; the seal's hash is printed before anything is recorded."""
+    from sandbox.gap.withheld.make import make
+
+    def announce(digest: str) -> None:
+        if not options.quiet:
+            print(f"truth sealed, SHA-256 {digest}", flush=True)
+
+    with report.progress_bar("recording", options.quiet) as progress:
+        made = make(
+            options.folder, options.count, options.seed, kind=options.kind, style=options.cycles,
+            jobs=options.jobs or os.cpu_count() or 1, announce=announce, progress=progress,
+        )  # fmt: skip
+    if not options.quiet:
+        print(f"{options.count} campaigns in {made.folder / 'campaigns'}, {made.recorded} recorded now")
+
+
+def run_score(options: argparse.Namespace) -> None:
+    """Score a check; write withheld.json and withheld.png into its folder."""
+    from sandbox.gap.withheld.baselines import BASELINES
+    from sandbox.gap.withheld.score import score, standard, table
+    from sandbox.plots import withheld_figure
+
+    methods: dict[str, Any] = {"diagnosis": standard, **(BASELINES if options.baselines else {})}
+    scored = []
+    for method, diagnose in methods.items():
+        with report.progress_bar(method, options.quiet) as progress:
+            result = score(
+                options.folder, diagnose, method=method, jobs=options.jobs or os.cpu_count() or 1,
+                limit=options.limit, leave_out=options.leave_out if method == "diagnosis" else 0.0,
+                again=options.again, progress=progress,
+            )  # fmt: skip
+        scored.append(result)
+    content = {**scored[0].as_json(), "methods": {s.method: s.as_json() for s in scored}, "figure": "withheld.png"}
+    with report.results(options.folder, "withheld") as out:
+        withheld_figure(content, out / "withheld.png")
+        report.write_json(out, "withheld", content)
+    if not options.quiet:
+        report.print_table(f"{options.folder}: {len(scored[0].judged)} campaigns", *table(scored))
+        print(f"seal and hash agree; withheld.json and withheld.png in {options.folder}")

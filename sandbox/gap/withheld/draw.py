@@ -1,0 +1,180 @@
+"""Which cases a withheld check has, and the truth of each: drive, deviations, effects; all from one seed."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from model.effects.library import complete, effect_names
+from model.errors import BadInput, unknown
+from model.parameters import Drive, Motor
+from sandbox.gap.withheld.cycles import STYLES
+from sandbox.gap.withheld.drives import FAMILIES, UNCERTAINTY, Bench, draw_bench, draw_drive, misjudge, valid
+from sandbox.gap.withheld.ladder import LADDER, OUTSIDE, changed, plant, truth_of
+
+SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
+KINDS = ("mixed", "controls")
+NESTED = {"saturation", "cross_saturation"}  # the one contains the other: never put in together
+FOUND_SIZES = LADDER[1:]  # for several at once
+
+
+@dataclass(frozen=True)
+class Case:
+    """One withheld campaign before anything is drawn of its drive: names are the library's, `outside` is not."""
+
+    index: int
+    kind: str
+    family: str
+    style: str
+    names: tuple[str, ...] = ()
+    sizes: tuple[float, ...] = ()
+    outside: str | None = None
+
+    @property
+    def name(self) -> str:
+        """The campaign's folder."""
+        return f"w{self.index:03d}"
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A case with its drive: what is true, what its engineer believes, what the switched bench gets beside."""
+
+    case: Case
+    true: Drive
+    stated: Motor  # as campaign.toml states it
+    bench: Bench
+    plant: dict[str, float]
+    own: dict[str, float]  # the switched bench's own effects
+    drift: float
+    theta: float  # rad at the start; where a locked rotor stands
+    seed: int
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the truth as the seal keeps it."""
+        case, b = self.case, self.bench
+        return {
+            **{k: getattr(case, k) for k in ("kind", "family", "style", "outside")},
+            "effects": [*case.names, *(["unknown"] if case.outside else [])],
+            "sizes": case.sizes,
+            "parameters": truth_of(list(case.names), self.true.motor, self.stated, self.plant),
+            "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
+            "true_motor": dataclasses.asdict(self.true.motor),
+            "plant": self.plant,
+            "bench": {
+                "common_offset": float(np.mean(b.offsets)), "load_torque_offset": b.load_torque_offset,
+                "theta": self.theta, "soft_current": 0.015 * self.true.motor.rated_current,
+            },
+        }  # fmt: skip
+
+
+def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] = tuple(OUTSIDE)) -> list[Case]:
+    """Return the cases of a check: every effect and size in turn, in an order drawn from the seed.
+
+    Shares of a mixed check as SHARES (each at least one campaign as soon as there are ten).
+    """
+    if kind not in KINDS:
+        raise unknown("kind of check", kind, KINDS)
+    if style not in STYLES:
+        raise unknown("style of cycles", style, STYLES)
+    if count < 1:
+        raise BadInput(f"count = {count} is no number of campaigns; give 1 or more")
+    rng = np.random.default_rng([seed, 1])
+    kinds = _kinds(count, rng) if kind == "mixed" else ["none"] * count
+    families = [str(f) for f in _turns(FAMILIES, count, rng)]
+    order, rungs = rng.permutation(effect_names()), rng.permutation(LADDER)
+    singles = [(n, rungs[(k + r) % len(rungs)]) for r in range(len(rungs)) for k, n in enumerate(order)]
+    unlisted = [(n, s) for s in (1.0, 2.0, 0.5) for n in rng.permutation(outside)]
+    out = []
+    for k, (what, family) in enumerate(zip(kinds, families, strict=True)):
+        base = Case(k, what, family, style)
+        turn = kinds[:k].count(what)
+        if what == "one":
+            name, size = singles[turn % len(singles)]
+            base = dataclasses.replace(base, names=(str(name),), sizes=(float(size),))
+        elif what == "several":
+            names = _several(rng)
+            sizes = tuple(float(rng.choice(FOUND_SIZES)) for _ in names)
+            base = dataclasses.replace(base, names=names, sizes=sizes)
+        elif what == "outside":
+            name, size = unlisted[turn % len(unlisted)]
+            base = dataclasses.replace(base, outside=str(name), sizes=(float(size),))
+        out.append(base)
+    return out
+
+
+def _kinds(count: int, rng: Generator) -> list[str]:
+    ends = np.round(np.cumsum(list(SHARES.values())) * count).astype(int)
+    sizes = np.diff(np.concatenate([[0], ends]))
+    kinds = [k for k, n in zip(SHARES, sizes, strict=True) for _ in range(n)]
+    return [kinds[j] for j in rng.permutation(count)]
+
+
+def _turns(values: Sequence[str], count: int, rng: Generator) -> list[str]:
+    rounds = -(-count // len(values))
+    return [v for _ in range(rounds) for v in rng.permutation(values)][:count]
+
+
+def _several(rng: Generator) -> tuple[str, ...]:
+    """Two or three effects (two twice as often), never two of which one contains the other."""
+    while True:
+        names = {str(n) for n in rng.choice(effect_names(), int(rng.choice([2, 2, 3])), replace=False)}
+        if not names >= NESTED:
+            return tuple(sorted(names))
+
+
+def draw(case: Case, seed: int) -> Drawn:
+    """Return a case with its drive; drawn again where motor or effects are not valid on it."""
+    rng = np.random.default_rng([seed, 2, case.index])
+    for _ in range(200):
+        found = _once(case, rng)
+        if found is not None:
+            return found
+    raise AssertionError(f"{case.name}: nothing valid in 200 draws")
+
+
+def _once(case: Case, rng: Generator) -> Drawn | None:
+    drive = draw_drive(case.family, rng, case.style == "scored")
+    bench = draw_bench(drive, rng)
+    base = drive.motor
+    true, believed, values, own, drift = base, base, dict[str, float](), dict[str, float](), 0.0
+    for name, size in zip(case.names, case.sizes, strict=bool(case.names)):
+        p = plant(name, base, drive.converter, size, rng)
+        true, believed = changed(true, p.true), changed(believed, p.believed)
+        values |= p.plant
+    if case.outside is not None:
+        p = OUTSIDE[case.outside](base, case.sizes[0], rng)
+        own, drift = dict(p.bench), p.drift
+    values = with_deviations(values, bench)
+    stated = misjudge(believed, rng)
+    if not (valid(true) and valid(stated)):
+        return None
+    try:
+        complete(true, drive.converter, values)
+    except BadInput:
+        return None
+    stands = float(rng.uniform(0.0, 2.0 * np.pi))
+    return Drawn(
+        case, dataclasses.replace(drive, motor=true), stated, bench, values, own, drift, stands,
+        int(rng.integers(2**31)),
+    )  # fmt: skip
+
+
+def with_deviations(values: dict[str, float], bench: Bench) -> dict[str, float]:
+    """Return the plant's parameters with the bench's ordinary deviations on top."""
+    offsets = np.array(bench.offsets) - np.mean(bench.offsets)
+    more = {f"current_gain.gain_{x}": g - 1.0 for x, g in zip("abc", bench.gains, strict=True)}
+    more |= {"current_offset.offset_a": float(offsets[0]), "current_offset.offset_b": float(offsets[1])}
+    more |= {"encoder_offset.offset": bench.encoder_offset, "dead_time.time": bench.dead_time}
+    neutral = {name: 1.0 if name.startswith("current_gain") else 0.0 for name in more}
+    return values | {name: values.get(name, neutral[name]) + x for name, x in more.items()}
+
+
+def uncertainty() -> dict[str, float]:
+    """Return [uncertainty] as every withheld campaign states it."""
+    return dict(UNCERTAINTY)

@@ -1,0 +1,151 @@
+"""One diagnosis against the truth of its campaign: what was right, what was missed.
+
+Where one effect contains another (saturation and its cross part), a verdict for either is right if the truth is in
+its ambiguity set.  A diagnosis that failed has everything wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from model.effects.library import load_effect
+
+INSEPARABLE = (frozenset({"saturation", "cross_saturation"}),)
+UNKNOWN = "unknown"
+PERIODIC = ("phase",)  # parameters compared modulo 2 pi
+NO_GAP_LEFT = 1.05  # times the floor: below, `closed` is undefined rather than missed
+SETTLED = 0.95  # probability of a confident verdict
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What one diagnosis was worth; sizes as in the ladder, shares in [0, 1].
+
+    hit: the true set is the first hypothesis; probability: given to the true set; unknown: P(unknown);
+    parts: parameters (covered, given); closed: None where it is undefined; label: the first hypothesis in one word;
+    confident: the first hypothesis' probability exceeds SETTLED; subsystem: None without an effect.
+    """
+
+    name: str
+    kind: str
+    family: str
+    effects: tuple[str, ...]
+    sizes: tuple[float, ...]
+    failed: bool
+    hit: bool
+    probability: float
+    f1: float
+    unknown: float
+    verdict: str
+    parts: tuple[int, int]
+    closed: float | None
+    in_set: bool
+    set_size: int
+    subsystem: bool | None
+    seconds: float | None
+    simulations: float | None
+    label: str
+    top_probability: float
+
+    @property
+    def separable(self) -> bool:
+        """No effect of it contains another of the library."""
+        return not any(set(self.effects) & group for group in INSEPARABLE)
+
+    @property
+    def confident(self) -> bool:
+        """The first hypothesis has nearly all of the probability."""
+        return self.top_probability >= SETTLED
+
+
+def label_of(effects: Sequence[str]) -> str:
+    """Return a hypothesis in one word, for a confusion matrix."""
+    if len(effects) > 1:
+        return UNKNOWN if UNKNOWN in effects else "several"
+    return effects[0] if effects else "none"
+
+
+def alike(one: frozenset[str], other: frozenset[str]) -> bool:
+    """Tell whether two sets of effects are the same up to effects of which one contains the other."""
+
+    def plain(effects: frozenset[str]) -> frozenset[str]:
+        return frozenset("+".join(sorted(next((g for g in INSEPARABLE if e in g), {e}))) for e in effects)
+
+    return plain(one) == plain(other)
+
+
+def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Judgement:
+    """Judge one diagnosis (the JSON contract, or {"failed": why}) against one entry of the seal."""
+    true = frozenset(truth["effects"])
+    head = (name, truth["kind"], truth["family"], tuple(truth["effects"]), tuple(truth["sizes"]))
+    if "failed" in diagnosis:
+        nothing = (0, 0) if not truth["parameters"] else (0, len(truth["parameters"]))
+        subsystem = False if true else None
+        return Judgement(*head, True, False, 0.0, 0.0, 0.0, "failed", nothing, None if not true else 0.0, False, 0,
+                         subsystem, None, None, "failed", 0.0)  # fmt: skip
+    hypotheses = [(frozenset(h["effects"]), float(h["probability"]), h) for h in diagnosis["hypotheses"]]
+    top, top_probability, best = hypotheses[0]
+    members = [frozenset(m) for m in diagnosis["ambiguity_set"]]
+    matches = [(e, p) for e, p, _ in hypotheses if _same(e, true, members)]
+    cost = diagnosis.get("cost", {})
+    return Judgement(
+        *head, False, _same(top, true, members), sum(p for _, p in matches), f1(top, true),
+        sum(p for e, p, _ in hypotheses if UNKNOWN in e), str(diagnosis["verdict"]),
+        covered(truth["parameters"], best.get("parameters", {}), sorted(top & true)), closed(true, diagnosis["gap"]),
+        any(_contains_truth(m, true) for m in members), len(members), located(true, diagnosis.get("where", [])),
+        cost.get("seconds"), cost.get("simulations"), label_of(sorted(top)), top_probability,
+    )  # fmt: skip
+
+
+def _same(found: frozenset[str], true: frozenset[str], members: Sequence[frozenset[str]]) -> bool:
+    if UNKNOWN in true:
+        return UNKNOWN in found
+    return found == true or (alike(found, true) and true in members)
+
+
+def _contains_truth(member: frozenset[str], true: frozenset[str]) -> bool:
+    return UNKNOWN in member if UNKNOWN in true else member == true
+
+
+def f1(found: frozenset[str], true: frozenset[str]) -> float:
+    """Return the harmonic mean of precision and recall of named effects; 1 where both are empty."""
+    named = found - {UNKNOWN}
+    if not named and not true:
+        return 1.0
+    return 2.0 * len(named & true) / (len(named) + len(true))
+
+
+def covered(true: Mapping[str, float], found: Mapping[str, Any], effects: Sequence[str]) -> tuple[int, int]:
+    """Return how many true parameters of rightly named effects lie in their 95 % intervals, and how many were given."""
+    hits = given = 0
+    for name, value in true.items():
+        interval = found.get(name, {}).get("ci95") if name.partition(".")[0] in effects else None
+        if interval is None or None in interval:
+            continue
+        low, high = (float(x) for x in interval)
+        given += 1
+        turns = 0.0
+        if name.rpartition(".")[2] in PERIODIC:
+            turns = math.tau * round((0.5 * (low + high) - value) / math.tau)
+        hits += low <= value + turns <= high
+    return hits, given
+
+
+def closed(true: frozenset[str], gap: Mapping[str, Any]) -> float | None:
+    """Return the share of the gap closed; a verdict of no gap closes nothing, unless hardly any was left."""
+    if not true or UNKNOWN in true:
+        return None
+    if gap.get("closed") is not None:
+        return float(gap["closed"])
+    return None if float(gap["before"]) < NO_GAP_LEFT else 0.0
+
+
+def located(true: frozenset[str], where: Sequence[Mapping[str, Any]]) -> bool | None:
+    """Tell whether the first place named lies in a subsystem that has an effect (unknown ones are the machine's)."""
+    if not true:
+        return None
+    subsystems = {"machine" if e == UNKNOWN else load_effect(e).subsystem for e in true}
+    return bool(where) and where[0]["subsystem"] in subsystems

@@ -1,0 +1,89 @@
+"""Figures with one-sided 95 % limits: exact for shares, bootstrap over campaigns for the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+SIDE = 0.05  # beyond each limit
+DRAWS = 2000
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure, its lower and upper one-sided 95 % limits, and how many cases it rests on; None where undefined."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+    n: int
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the four numbers by name."""
+        return {"value": self.value, "low": self.low, "high": self.high, "n": self.n}
+
+
+NOTHING = Figure(None, None, None, 0)
+
+
+def share(hits: Sequence[bool]) -> Figure:
+    """Return the share of hits with the exact binomial limits (Clopper and Pearson, Biometrika 26 (1934) 404)."""
+    from scipy.stats import beta
+
+    n, k = len(hits), int(sum(hits))
+    if n == 0:
+        return NOTHING
+    low = float(beta.ppf(SIDE, k, n - k + 1)) if k > 0 else 0.0
+    high = float(beta.ppf(1.0 - SIDE, k + 1, n - k)) if k < n else 1.0
+    return Figure(k / n, low, high, n)
+
+
+def bootstrapped(values: ArrayLike, statistic: Callable[[Array], float]) -> Figure:
+    """Return a statistic of the rows of values with percentile bootstrap limits; rows (n,) or (n, m) are drawn."""
+    rows = np.asarray(values, dtype=float)
+    if len(rows) == 0:
+        return NOTHING
+    rng = np.random.default_rng(0)
+    drawn = np.array([statistic(rows[rng.integers(len(rows), size=len(rows))]) for _ in range(DRAWS)])
+    low, high = np.quantile(drawn[np.isfinite(drawn)], [SIDE, 1.0 - SIDE])
+    return Figure(float(statistic(rows)), float(low), float(high), len(rows))
+
+
+def mean(values: ArrayLike) -> Figure:
+    """Return the mean."""
+    return bootstrapped(values, lambda x: float(np.mean(x)))
+
+
+def quantile(values: ArrayLike, q: float) -> Figure:
+    """Return a quantile."""
+    return bootstrapped(values, lambda x: float(np.quantile(x, q)))
+
+
+def ratio(parts: Sequence[tuple[int, int]]) -> Figure:
+    """Return sum(hits) / sum(cases) of campaigns that have several cases each; campaigns are drawn, n counts cases."""
+    known = [p for p in parts if p[1] > 0]
+    if not known:
+        return NOTHING
+    found = bootstrapped(known, lambda x: float(np.sum(x[:, 0]) / np.sum(x[:, 1])))
+    return Figure(found.value, found.low, found.high, sum(p[1] for p in known))
+
+
+def area(positive: ArrayLike, negative: ArrayLike) -> float:
+    """Return the area under the ROC: the chance that a positive's score exceeds a negative's, ties half."""
+    p, n = np.asarray(positive, dtype=float), np.asarray(negative, dtype=float)
+    return float(np.mean((p[:, None] > n[None, :]) + 0.5 * (p[:, None] == n[None, :])))
+
+
+def auroc(positive: Sequence[float], negative: Sequence[float]) -> Figure:
+    """Return the area under the ROC, both groups drawn anew; n counts the smaller group."""
+    if not positive or not negative:
+        return NOTHING
+    p, n, rng = np.array(positive), np.array(negative), np.random.default_rng(0)
+    drawn = [area(rng.choice(p, len(p)), rng.choice(n, len(n))) for _ in range(DRAWS)]
+    low, high = np.quantile(drawn, [SIDE, 1.0 - SIDE])
+    return Figure(area(p, n), float(low), float(high), min(len(p), len(n)))

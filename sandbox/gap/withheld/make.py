@@ -1,0 +1,140 @@
+"""Withheld campaigns: drawn, sealed, then recorded on the switched bench.
+
+The truth is written and hashed before the first sample is recorded, and everything follows from the seed: a call
+that was interrupted goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from model.errors import BadInput
+from model.parameters import Drive
+from sandbox.campaign import Campaign, CampaignRecording, write_campaign
+from sandbox.gap.withheld.cycles import Cycle, cycles
+from sandbox.gap.withheld.draw import Drawn, cases, draw, uncertainty
+from sandbox.gap.withheld.drives import LINK_NOISE
+from sandbox.gap.withheld.ladder import DRIFT_TIME
+from sandbox.gap.withheld.rig import COLUMNS, record, tuned
+from sandbox.report import plain
+from sandbox.switched.effects import Bench, bench
+
+SEAL, HASH, CAMPAIGNS = "truth.sealed", "SHA256", "campaigns"
+CONTROL_SHARE = 0.6  # of the usual length, for checks of controls only
+
+
+@dataclass(frozen=True)
+class Made:
+    """A made check: its folder, the seal's SHA-256, the campaigns recorded in this call."""
+
+    folder: Path
+    sha256: str
+    recorded: int
+
+
+def make(
+    folder: Path,
+    count: int,
+    seed: int,
+    *,
+    kind: str = "mixed",
+    style: str = "scored",
+    jobs: int = 1,
+    announce: Callable[[str], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Made:
+    """Make a check in `folder`; announce gets the seal's hash before anything is recorded.
+
+    kind: 'mixed' or 'controls' (shorter, without a gap); style of the cycles: 'practice' or 'scored'; jobs: processes.
+    BadInput where the folder holds another check.
+    """
+    listed = cases(count, seed, kind, style)
+    drawn = [draw(case, seed) for case in listed]
+    digest = seal(folder, {"seed": seed, "kind": kind, "style": style}, drawn)
+    if announce is not None:
+        announce(digest)
+    share = CONTROL_SHARE if kind == "controls" else 1.0
+    left = [d for d in drawn if not (folder / CAMPAIGNS / d.case.name).exists()]
+    work = [(folder / CAMPAIGNS / d.case.name, d, share) for d in left]
+    for done, _ in enumerate(spread(_write, work, jobs), 1):
+        if progress is not None:
+            progress(done / len(work))
+    return Made(folder, digest, len(left))
+
+
+def spread(task: Callable[[Any], Any], work: Sequence[Any], jobs: int) -> Iterator[Any]:
+    """Yield task(item) for all items, as they finish, on so many processes."""
+    if jobs == 1 or len(work) < 2:
+        for item in work:
+            yield task(item)
+        return
+    from concurrent.futures import as_completed
+
+    with ProcessPoolExecutor(min(jobs, len(work)), mp_context=get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(task, item) for item in work]):
+            yield future.result()
+
+
+def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
+    """Write all truths into one file and its SHA-256 beside it; return the hash.  BadInput where another is there."""
+    content = {"schema": 1, **header, "campaigns": {d.case.name: d.as_json() for d in drawn}}
+    text = (json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode()
+    digest = hashlib.sha256(text).hexdigest()
+    path = folder / SEAL
+    if path.exists() and path.read_bytes() != text:
+        raise BadInput(f"'{folder}' holds another withheld check; give a new folder, or its own count, seed and kind")
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, data in ((SEAL, text), (HASH, f"{digest}  {SEAL}\n".encode())):
+        aside = folder / f".{name}.part"
+        aside.write_bytes(data)
+        aside.replace(folder / name)
+    return digest
+
+
+def _write(item: tuple[Path, Drawn, float]) -> None:
+    folder, drawn, share = item
+    write_campaign(folder, campaign_of(drawn, share))
+
+
+def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
+    """Record a drawn case; the campaign states what its engineer knows, nothing of the truth."""
+    rng = np.random.default_rng([drawn.seed, 3])
+    drive = drawn.true
+    plans = cycles(drawn.case.style, drive, rng, share)
+    b = switched(drawn)
+    recordings = []
+    for k, plan in enumerate(plans):
+        warm = 1.0 + drawn.drift * (1.0 - float(np.exp(-k / DRIFT_TIME)))
+        recordings.append(_recording(drawn, b._replace(resistance=warm * b.resistance), plan, rng))
+    stated = replace(drawn.stated, name=drawn.case.name, description="")
+    nominal = Drive(stated, drive.converter, drive.injection, {})
+    return Campaign(drawn.case.name, nominal, tuple(recordings), uncertainty(), drawn.bench.background, True)
+
+
+def switched(drawn: Drawn) -> Bench:
+    """Return the switched bench of a drawn case."""
+    b = bench(drawn.true.motor, drawn.true.converter, drawn.plant)
+    return b._replace(common_offset=float(np.mean(drawn.bench.offsets)), **drawn.own)
+
+
+def _recording(drawn: Drawn, b: Bench, plan: Cycle, rng: np.random.Generator) -> CampaignRecording:
+    n, converter = len(plan.plan), drawn.true.converter
+    asked = np.array(plan.plan[:, 3])
+    noise = 1.0 + drawn.bench.background["load_torque_gain"] * rng.standard_normal(n)
+    acting = asked * noise + drawn.bench.load_torque_offset
+    u_dc = converter.dc_bus_voltage + LINK_NOISE * rng.standard_normal(n)
+    tuning = tuned(drawn.true, drawn.stated, plan.injection_axis, rng)
+    table = record(b, plan, tuning, drawn.theta, acting, u_dc, int(rng.integers(2**31)))
+    columns = {"t": np.arange(n, dtype=np.float64) * converter.sampling_period}
+    columns |= {name: table[:, j].copy() for j, name in enumerate(COLUMNS)}
+    columns |= {"u_dc": u_dc, "load_torque": asked}
+    return CampaignRecording(f"{plan.file}.parquet", plan.rotor, plan.injection_axis, columns)

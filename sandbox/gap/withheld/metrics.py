@@ -1,0 +1,100 @@
+"""Figures of a whole check from its judgements, and what a page shows of them."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from model.effects.library import effect_names
+from sandbox.gap.withheld.judge import UNKNOWN, Judgement
+from sandbox.gap.withheld.limits import NOTHING, Figure, auroc, mean, quantile, ratio, share
+
+GOALS = {
+    "top1": "≥ 0.95", "mean_probability": "≥ 0.90", "set_f1": "≥ 0.90", "exact_set": "≥ 0.75",
+    "unknown_auroc": "≥ 0.97", "false_alarm": "≤ 0.01", "coverage": "0.93–0.97", "closed_median": "≥ 0.90",
+    "closed_p10": "≥ 0.70", "ambiguity_hit": "≥ 0.99", "ambiguity_size": "≤ 1.3", "subsystem": "≥ 0.99",
+    "resolved": "≥ 0.90", "seconds": "≤ 60",
+}  # fmt: skip
+
+
+def figures(judged: Sequence[Judgement], resolved: Sequence[bool] = ()) -> dict[str, Figure]:
+    """Return every metric by name; resolved: of each follow-up recording, whether it settled an ambiguity."""
+    one = [j for j in judged if j.kind == "one"]
+    several = [j for j in judged if j.kind == "several"]
+    known = [j for j in judged if j.kind != "outside"]
+    outside = [j.unknown for j in judged if j.kind == "outside"]
+    shrunk = [j.closed for j in judged if j.closed is not None]
+    times = [j.seconds for j in judged if j.seconds is not None]
+    return {
+        "top1": share([j.hit for j in one]),
+        "mean_probability": mean([j.probability for j in one]),
+        "set_f1": mean([j.f1 for j in several]),
+        "exact_set": share([j.hit for j in several]),
+        "unknown_auroc": auroc(outside, [j.unknown for j in known]),
+        "false_alarm": share([j.verdict != "no_gap" for j in judged if j.kind == "none"]),
+        "coverage": ratio([j.parts for j in judged]),
+        "closed_median": quantile(shrunk, 0.5),
+        "closed_p10": quantile(shrunk, 0.1),
+        "ambiguity_hit": share([j.in_set for j in judged]),
+        "ambiguity_size": mean([j.set_size for j in one if j.separable and not j.failed]),
+        "subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
+        "resolved": share(list(resolved)) if resolved else NOTHING,
+        "seconds": quantile(times, 0.5),
+    }
+
+
+def left_out(judged: Sequence[Judgement]) -> dict[str, Figure]:
+    """Return the figures of diagnoses from whose library the true effect was taken.
+
+    unknown: `unknown` is the verdict or stands in the ambiguity set; confident_wrong: a name with all the
+    probability; subsystem: rightly located.
+    """
+    return {
+        "leave_out_unknown": share([j.verdict == UNKNOWN or j.unknown > 0.05 for j in judged]),
+        "leave_out_confident_wrong": share([j.confident and j.unknown <= 0.05 and j.label != "none" for j in judged]),
+        "leave_out_subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
+    }
+
+
+def by_size(judged: Sequence[Judgement]) -> dict[str, dict[str, Figure]]:
+    """Return top-1 and mean probability of single effects by size."""
+    sizes = sorted({j.sizes[0] for j in judged if j.kind == "one"})
+    own = {s: [j for j in judged if j.kind == "one" and j.sizes[0] == s] for s in sizes}
+    return {
+        f"{s:g}": {"top1": share([j.hit for j in js]), "mean_probability": mean([j.probability for j in js])}
+        for s, js in own.items()
+    }
+
+
+def detection_floor(judged: Sequence[Judgement]) -> dict[str, dict[str, Any]]:
+    """Return by effect the smallest size found, the largest missed, and how many campaigns there were."""
+    out = {}
+    for name in effect_names():
+        own = [j for j in judged if j.kind == "one" and j.effects == (name,)]
+        if own:
+            found, missed = ([j.sizes[0] for j in own if j.hit is hit] for hit in (True, False))
+            out[name] = {"found": min(found, default=None), "missed": max(missed, default=None), "n": len(own)}
+    return out
+
+
+def confusion(judged: Sequence[Judgement]) -> dict[str, Any]:
+    """Return counts of first hypotheses by truth: labels of rows and columns, and the matrix."""
+    cases = [(j.effects[0] if j.effects else "none", j.label) for j in judged if j.kind != "several"]
+    order = [*effect_names(), UNKNOWN, "none", "several", "failed"]
+    rows, columns = ([n for n in order if any(c[k] == n for c in cases)] for k in (0, 1))
+    counts = Counter(cases)
+    return {"truth": rows, "verdict": columns, "counts": [[counts[r, c] for c in columns] for r in rows]}
+
+
+def reliability(judged: Sequence[Judgement], bins: int = 10) -> list[dict[str, Any]]:
+    """Return by bin of the first hypothesis' probability: its mean, and the share that was right with its limits."""
+    out = []
+    for k in range(bins):
+        own = [j for j in judged if not j.failed and min(int(j.top_probability * bins), bins - 1) == k]
+        if own:
+            stated = float(np.mean([j.top_probability for j in own]))
+            out.append({"stated": stated, **share([j.hit for j in own]).as_json()})
+    return out
