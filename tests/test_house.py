@@ -80,7 +80,7 @@ def test_public_names_have_docstrings_and_files_stay_small(path):
 
 def test_no_kernel_where_sources_leave_the_cache_alone():
     for folder in NO_KERNELS:
-        for path in (ROOT / folder).rglob("*.py"):
+        for path in (ROOT / folder).glob("*.py"):
             assert not imported(path) & {"numba", "model.compiled"}, path
 
 

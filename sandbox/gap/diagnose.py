@@ -90,7 +90,7 @@ def diagnose(
     left = held_out(start, exclude, workers=workers)
     count = len(prepared.recordings)
     fitted, everything = weights_of(count, left), weights_of(count)
-    found = search(start, fitted, everything, exclude=exclude, workers=workers, report=report)
+    found = search(start, everything, everything, exclude=exclude, workers=workers, report=report)
     judged, cost = found.judged, found.simulations
     ranked, temperature = tempered(judged)
     best = ranked[0][1]

@@ -47,7 +47,7 @@ def expected_evidence(campaign: Campaign, entry: Entry, a: Judged, b: Judged, te
     told = replace(planned, recordings=(replace(planned.recordings[0], columns=columns),))
     belief = dict(b.fit.point.values)
     point = Point(prepare(told, belief, steps=1), belief)
-    own = [c for c in b.normal.coordinates if c.form not in ("lock", "share")]
+    own = [c for c in b.normal.coordinates if c.form not in ("turn", "share")]
     n = normal(point, own)
     g_all, rr_all = n.summed()[1:]
     place = {c.label: k for k, c in enumerate(b.normal.coordinates)}

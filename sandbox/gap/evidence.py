@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import erfcx, log_ndtr
 
 from sandbox.gap.normal import Normal
 from sandbox.gap.space import Coordinate
@@ -49,6 +50,14 @@ class Algebra:
     rr: float
     x: Array
 
+    def damped(self, share: float) -> Algebra:
+        """Return the same with steps from x held back: that share of A's diagonal on top (Marquardt 1963)."""
+        return Algebra(self.a + share * np.diag(np.diag(self.a)), self.g, self.rr, self.x)
+
+    def scaled(self, noise: float) -> Algebra:
+        """Return the same for a noise variance so many times larger."""
+        return Algebra(self.a / noise, self.g / noise, self.rr / noise, self.x)
+
     def most_probable(self, prior: Prior) -> tuple[Array, NDArray[np.bool_], float]:
         """Return the most probable values (p,), which of them are free (inside their bounds), and the objective.
 
@@ -75,11 +84,26 @@ class Algebra:
         return x, free, float(objective)
 
     def log_evidence(self, prior: Prior) -> float:
-        """Return the log evidence (Laplace) under a prior."""
-        _, free, objective = self.most_probable(prior)
+        """Return the log evidence (Laplace) under a prior.
+
+        A size that can only be positive has half a Gaussian as its prior: where the most probable value lies at the
+        bound the posterior is its tail, where it is free the part beyond the bound is missing.
+        """
+        x, free, objective = self.most_probable(prior)
         m = self.a[np.ix_(free, free)] + np.diag(prior.deviation[free] ** -2)
         _, log_det = np.linalg.slogdet(m)
-        return float(-0.5 * objective - 0.5 * log_det - np.sum(np.log(prior.deviation[free])))
+        out = -0.5 * objective - 0.5 * log_det - np.sum(np.log(prior.deviation[free]))
+        halved = (prior.deviation > 0.0) & ((prior.low == prior.mean) | (prior.high == prior.mean))
+        inner = halved & free
+        if inner.any():
+            spread = np.sqrt(np.diag(np.linalg.inv(m))[inner[free]])
+            out += np.sum(np.log(2.0) + log_ndtr(np.abs(x - prior.mean)[inner] / spread))
+        outer = halved & ~free
+        if outer.any():
+            slope = np.abs(self.g - self.a @ (x - self.x))[outer]
+            curve = np.diag(self.a)[outer] + prior.deviation[outer] ** -2
+            out += np.sum(np.log(erfcx(slope / np.sqrt(2.0 * curve)) / (prior.deviation[outer] * np.sqrt(curve))))
+        return float(out)
 
     def covariance(self, prior: Prior) -> Array:
         """Return the covariance (p, p) of all coordinates under a prior; zero where held."""

@@ -27,7 +27,7 @@ from sandbox.gap.space import Coordinate, of_effect, ordinary
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
 TOLERANCE = 0.2  # of the objective: below that a step changes no decision
-SHORTEST = 1.0 / 16.0  # of a Gauss-Newton step
+DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
 STEPS = 8
 
 
@@ -43,7 +43,7 @@ class Fit:
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """Its coordinates, lock angles last."""
+        """Its coordinates, turns last."""
         return self.normal.coordinates
 
 
@@ -79,15 +79,15 @@ def fit(
     coordinates = [*coordinates_of(start, effects, within), *beside]
     n = normal(point, coordinates, workers=workers)
     value, cost = _objective(n, weights), n.simulations
+    last = 0
     for k in range(steps):
-        step, size = _step(n, weights), 1.0
-        while True:
-            trial = point.moved(n.coordinates, n.x + size * step)
+        for damping in DAMPING[max(0, last - 1) :]:
+            last = DAMPING.index(damping)
+            trial = point.moved(n.coordinates, n.x + _step(n, weights, damping))
             reached, at_trial = _tried(trial, coordinates, weights, workers)
             cost += n.simulations
-            if reached < value or size <= SHORTEST:
+            if reached < value:
                 break
-            size *= 0.25
         if at_trial is None or not reached < value:
             break
         gained, value, point, n = value - reached, reached, trial, at_trial
@@ -121,5 +121,9 @@ def _objective(n: Normal, weights: Weights) -> float:
     return n.summed(weights)[2] + float(np.sum(((n.x - mean) / deviation) ** 2))
 
 
-def _step(n: Normal, weights: Weights) -> Array:
-    return np.asarray(algebra(n, weights).most_probable(prior_of(n.coordinates))[0] - n.x)
+def _step(n: Normal, weights: Weights, damping: float) -> Array:
+    """Return a step: far from the floor as if the noise were as large as the residual, so that priors keep a say."""
+    equations = algebra(n, weights)
+    count = sum(float(s.n.sum()) for s in n.segments if weights.get((s.recording, s.channel)))
+    noise = max(1.0, equations.rr / count)
+    return np.asarray(equations.scaled(noise).damped(damping).most_probable(prior_of(n.coordinates))[0] - n.x)

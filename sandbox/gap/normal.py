@@ -4,26 +4,29 @@ A segment is one channel (currents, motion, angle) of one recording; its residua
 blocks of BLOCK seconds, and each block keeps A = J'J, g = J'r and r'r.  Everything after the replay (fits, evidence,
 held-out errors, robust covariances) is algebra on these, no further simulation.
 
-Each locked rotor has its own angle within an encoder count: coordinate "lock:FILE" of that recording only.
+Every recording has an angle of its own beside the encoder's offset: a locked rotor stands somewhere within a count, and
+counts that beat with the sampling leave a bias in a motion, too: coordinate "turn:FILE" of that recording only.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.space import Coordinate
-from sandbox.replay.inputs import Inputs, inputs_of
+from sandbox.gap.space import FARTHEST, Coordinate
+from sandbox.replay.inputs import inputs_of
 from sandbox.replay.replay import Prepared, residuals
 from sandbox.replay.sensitivity import slopes
 
 Array = NDArray[np.float64]
 BLOCK = 0.05  # s: several electrical time constants
 STEP = 1e-4  # of a coordinate's prior deviation: the difference a slope is taken over
-LOCK = "bench.lock_angle"
+MOVING = 0.3  # of a reading's rms: bias that counts leave in the smoothed angle of a moving rotor
+LOCK, OFFSET = "bench.lock_angle", "encoder_offset.offset"
 
 
 @dataclass(frozen=True)
@@ -41,7 +44,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class Normal:
-    """All segments at a point: coordinates (lock angles last), their values x (p,), the cost in simulations of
+    """All segments at a point: coordinates (turns last), their values x (p,), the cost in simulations of
     the whole campaign."""
 
     coordinates: tuple[Coordinate, ...]
@@ -64,27 +67,31 @@ class Normal:
 
 @dataclass(frozen=True)
 class Point:
-    """Where a fit stands: the prepared campaign (its lock angles and smoothed motion included) and a completed set."""
+    """Where a fit stands: the prepared campaign, a completed set, and how far (rad) recordings' angles are turned."""
 
     prepared: Prepared
     values: Mapping[str, float]
+    turns: Mapping[str, float] = field(default_factory=dict)
 
     def moved(self, coordinates: Sequence[Coordinate], x: Array) -> Point:
         """Return the point whose coordinates have the values x, each inside its bounds."""
-        values, locks = dict(self.values), {}
+        values, turns = dict(self.values), dict(self.turns)
         for c, to in zip(coordinates, x, strict=True):
-            if c.form == "lock":
-                locks[c.names[0]] = float(to)
+            if c.form == "turn":
+                turns[c.names[0]] = c.bounded(float(to))
             else:
                 values |= c.changes(values, c.bounded(float(to)))
-        recordings = tuple(_locked_at(r, locks[r.file]) if r.file in locks else r for r in self.prepared.recordings)
-        return Point(replace(self.prepared, recordings=self._turned(recordings)), values)
+        return Point(self.prepared, values, turns)
 
-    def _turned(self, recordings: Sequence[Inputs]) -> tuple[Inputs, ...]:
+    def turned(self) -> Prepared:
+        """Return the prepared campaign with its recordings' angles turned."""
         period = self.prepared.campaign.drive.converter.sampling_period
-        old = self.prepared.recordings
-        steps = self.prepared.steps
-        return tuple(r if r is o else r.with_steps(period, steps) for r, o in zip(recordings, old, strict=True))
+        recordings = []
+        for r in self.prepared.recordings:
+            shift = self.turns.get(r.file, 0.0)
+            moved = replace(r, motion=replace(r.motion, angle=r.motion.angle + shift)) if shift else r
+            recordings.append(moved.with_steps(period, self.prepared.steps) if shift else r)
+        return replace(self.prepared, recordings=tuple(recordings))
 
     def resmoothed(self) -> Point:
         """Return the point with the motion of free rotors smoothed again, by the torque of its own set."""
@@ -93,29 +100,20 @@ class Point:
         recordings = tuple(
             inputs_of(p.campaign, p.campaign[r.file], base, p.steps) if r.rotor == "free" else r for r in p.recordings
         )
-        return Point(replace(p, recordings=recordings, base=base), self.values)
+        return Point(replace(p, recordings=recordings, base=base), self.values, self.turns)
 
 
-def lock_angle(r: Inputs) -> float:
-    """Return how far (rad) a locked recording's angle was moved from its reading."""
-    return float(r.motion.angle[0] - np.mean(r.table[:, 9]))
-
-
-def _locked_at(r: Inputs, angle: float) -> Inputs:
-    shift = angle - lock_angle(r)
-    return replace(r, motion=replace(r.motion, angle=r.motion.angle + shift)) if shift else r
-
-
-def locks(prepared: Prepared) -> list[Coordinate]:
-    """Return one coordinate per locked recording: its angle is known to a count of the encoder."""
-    locked = [r for r in prepared.recordings if r.rotor == "locked"]
-    return [Coordinate(f"lock:{r.file}", 0.0, r.angle_floor, "lock", (r.file,)) for r in locked]
+def turns(prepared: Prepared) -> list[Coordinate]:
+    """Return one coordinate per recording: its angle is known to a count, or to what counts leave of a motion."""
+    share = {r.file: 1.0 if r.rotor == "locked" else MOVING for r in prepared.recordings}
+    return [Coordinate(f"turn:{r.file}", 0.0, share[r.file] * r.angle_floor, "turn", (r.file,), within=FARTHEST)
+            for r in prepared.recordings]  # fmt: skip
 
 
 def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1) -> Normal:
-    """Return the normal equations of a campaign at a point for the coordinates and all lock angles."""
-    prepared, values = point.prepared, point.values
-    own = locks(prepared)
+    """Return the normal equations of a campaign at a point for the coordinates and all turns."""
+    prepared, values = point.turned(), point.values
+    own = turns(prepared)
     x = np.array([c.value(values) for c in coordinates])
     moves, steps = [], []
     for c, at in zip(coordinates, x, strict=True):
@@ -125,44 +123,46 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
         moves.append({**values, **c.changes(values, at + step)})
         steps.append(step)
     mechanical = [c.mechanical for c in coordinates]
-    if own:
-        moves.append({**values, LOCK: values[LOCK] + STEP * own[0].deviation})
+    for name in (LOCK, OFFSET):  # how every recording answers to a turn of its own angle
         steps.append(STEP * own[0].deviation)
+        moves.append({**values, name: values[name] + steps[-1]})
         mechanical.append(False)
     (current, motion, angle), base = slopes(prepared, values, moves, np.array(steps), mechanical, workers=workers)
     shown = residuals(prepared, base)
-    period = prepared.campaign.drive.converter.sampling_period
     p = len(coordinates)
-    cut = max(1, round(BLOCK / period))
+    cut = max(1, round(BLOCK / prepared.campaign.drive.converter.sampling_period))
     segments = []
     for k, (r, res) in enumerate(zip(prepared.recordings, shown, strict=True)):
-        lock = [p + j for j, c in enumerate(own) if c.names[0] == r.file]
-        places = np.array([*range(p), *lock])
-        j = current[k].reshape(len(r.table), 3, -1)
-        segments.append(_segment(k, "current", places, j, 1.0 / prepared.floor, res.current[:, :, 0], cut))
+        turn, sign = (p, 1.0) if r.rotor == "locked" else (p + 1, -1.0)
+        columns, places = np.array([*range(p), turn]), np.array([*range(p), p + k])
+        scale = np.append(np.ones(p), sign)
         moved, turned = motion[k], angle[k]
+        whole = partial(_segment, k, places=places, columns=columns, cut=cut)
+        segments.append(whole("current", current[k], scale / prepared.floor, res.current[:, :, 0]))
         if moved is not None and res.motion is not None:  # innovations are normalised already
-            segments.append(_segment(k, "motion", places, moved[:, None, :], -1.0, res.motion, cut))
+            segments.append(whole("motion", moved[:, None, :], -scale, res.motion))
         if turned is not None and res.angle is not None:
-            segments.append(_segment(k, "angle", places, turned[:, None, :], 1.0 / r.angle_floor, res.angle, cut))
-    x = np.append(x, [lock_angle(r) for r in prepared.recordings if r.rotor == "locked"])
+            segments.append(whole("angle", turned[:, None, :], scale / r.angle_floor, res.angle))
+    x = np.append(x, [point.turns.get(r.file, 0.0) for r in prepared.recordings])
     free = sum(len(r.table) for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
     return Normal((*coordinates, *own), x, tuple(segments), cost)
 
 
-def _segment(k: int, channel: str, places: NDArray[np.int64], j: Array, scale: float, r: Array, cut: int) -> Segment:
-    """Cut residuals r (n, c) and slopes scale j (n, c, p) into blocks and square them; idle columns are dropped."""
-    n, c, _ = j.shape
-    p = len(places)
+def _segment(
+    k: int, channel: str, j: Array, scale: Array, r: Array, *, places: NDArray[np.int64], columns: NDArray[np.int64],
+    cut: int,
+) -> Segment:  # fmt: skip
+    """Cut residuals r (n, c) and slopes scale j (n, c, columns) into blocks and square them; idle ones are dropped."""
+    n, c, wide = j.shape
     starts = range(0, max(1, n - cut // 2), cut)
-    a, g = np.empty((len(starts), p, p)), np.empty((len(starts), p))
+    a, g = np.empty((len(starts), wide, wide)), np.empty((len(starts), wide))
     rr, count = np.empty(len(starts)), np.empty(len(starts))
     for b, first in enumerate(starts):
         last = n if b == len(starts) - 1 else first + cut
-        jb, rb = j[first:last, :, :p].reshape((last - first) * c, p), r[first:last].ravel()
+        jb, rb = j[first:last].reshape((last - first) * c, wide), r[first:last].ravel()
         a[b], g[b] = jb.T @ jb, rb @ jb
         rr[b], count[b] = rb @ rb, rb.size
-    acts = np.flatnonzero(np.einsum("bii->i", a) > 0.0)
-    a, g = scale * scale * a[:, acts[:, None], acts], scale * g[:, acts]
-    return Segment(k, channel, places[acts], a, g, rr, count)
+    acts = np.flatnonzero(np.einsum("bii->i", a)[columns] > 0.0)
+    own, s = columns[acts], scale[acts]
+    return Segment(k, channel, places[acts], s[:, None] * s * a[:, own[:, None], own], s * g[:, own], rr, count)

@@ -11,9 +11,9 @@ from sandbox.gap.fit import Fit
 from sandbox.gap.search import Judged
 from sandbox.gap.size import rms
 
-FLOOR = 0.004  # of J^2: what the simulator misses of a bench without a gap
+FLOOR = 0.015  # of J^2: what the simulator misses of a bench without a gap
 SHARE = 0.003  # of the gap before: what it misses of an effect it knows
-WEIGHTS = (-3.0, 2.5)  # logistic: constant, slope against the logarithm of the remainder over what it misses
+WEIGHTS = (-4.0, 2.5)  # logistic: constant, slope against the logarithm of the remainder over what it misses
 
 
 @dataclass(frozen=True)

@@ -1,14 +1,13 @@
-"""Which sets of effects explain a campaign: one fit of everything at once, algebra over sets, then fits of the best.
+"""Which sets of effects explain a campaign: grown one effect at a time, each set fitted, the rivals weighed.
 
-Near the truth readings are close to linear in all coordinates together, whatever effect is at work, so one fit with
-every effect free (held by its prior) brings the point there.  From its equations the evidence of any set of effects is
-algebra; sets grow by one effect at a time, the best few are kept.  Those that stand a chance are fitted for themselves
-and weighed at their own points.
+From a fit's point every further effect is screened by algebra: alone, and beside ordinary sizes of all others.  Near
+the floor the second tells traces from causes; far from it effects hide each other there, and the first counts, too.
+The best are fitted; from the two best of them sets grow on.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,16 +18,17 @@ from model.errors import BadInput
 from sandbox.gap.evidence import Algebra, Prior
 from sandbox.gap.fit import Fit, Weights, fit
 from sandbox.gap.normal import Normal, Point
-from sandbox.gap.posterior import log_prior, misfit
-from sandbox.gap.probes import Probe, probes, probes_at_typical
-from sandbox.gap.table import Table, is_shape, probe_gains, table
+from sandbox.gap.probes import Probe, probes
+from sandbox.gap.table import Table, gains_of, table
 
 Array = NDArray[np.float64]
-WORTH = 10.0  # log evidence a search must bring for its effect to join the fit of everything
+FITTED, MOST, PARENTS = (3, 3, 2), 3, 2  # sets fitted at one, two, three effects; parents that grow on
+WORTH = 4.0  # log evidence that one more effect must promise
+FAR = 1.02  # normalised rms above which effects are screened alone, too
+BEHIND, RIVAL = 400.0, 0.003  # log evidence, and share of the gap, behind which a fit is no rival
+JUDGED = 4
+LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
 MOVES = 1.0  # of an ordinary size: an effect that moves less stays where it is
-BEAM, MOST = 6, 3  # sets kept while growing; effects in a set
-NEAR, JUDGED = 12.0, 4  # tempered log probability behind the best, and number, of sets that are fitted for themselves
-FIRST, THEN, POLISH = 3, 4, 3  # Gauss-Newton steps
 
 
 @dataclass(frozen=True)
@@ -39,6 +39,7 @@ class Judged:
     table: Table
     prior: Prior
     log_evidence: float
+    simulations: float
 
     @property
     def effects(self) -> tuple[str, ...]:
@@ -58,10 +59,9 @@ class Judged:
 
 @dataclass(frozen=True)
 class Search:
-    """What a search found: judged sets, the table of everything, simulations it took."""
+    """What a search found: judged sets and the simulations it took."""
 
     judged: tuple[Judged, ...]
-    everything: Table
     simulations: float
 
 
@@ -71,115 +71,119 @@ def search(
 ) -> Search:  # fmt: skip
     """Return the hypotheses that stand a chance, judged.
 
-    fitted: recordings that move parameters in the fit of everything; judged_on: recordings whose evidence counts.
+    fitted: recordings that move parameters; judged_on: recordings whose evidence counts.
     """
-    report("fitting all effects at once")
-    at, chosen, active, cost = everything(start, fitted, exclude, workers)
-    whole = table(at, chosen, active, judged_on, workers)
-    cost += whole.normal.simulations
-    temperature = misfit(whole.normal, whole.equations, whole.prior(()))
-    judged: dict[tuple[str, ...], Judged] = {}
-    source = whole
-    for _ in range(2):
-        ranked = grown(source, temperature)
-        top = ranked[0][0]
-        for score, effects in ranked[:JUDGED]:
-            if score < top - NEAR or effects in judged:
-                continue
-            report(f"weighing {' + '.join(effects) or 'no effect'}")
+    report("fitting ordinary deviations")
+    null = fit(start, (), fitted, workers=workers)
+    fits: dict[tuple[str, ...], Fit] = {(): null}
+    chosen, cost = choose(null, exclude, fitted, workers)
+    cost += null.simulations
+    parents = [null]
+    for depth in range(MOST):
+        ranked, spent = _candidates(parents, set(fits), chosen, fitted, workers)
+        cost += spent
+        new: list[Fit] = []
+        for key, parent, probe in ranked[: FITTED[depth]]:
+            report(f"fitting {' + '.join(key)}")
+            at = replace(parent.point, values={**parent.point.values, **probe.start})
             try:
-                judged[effects] = judge(source, effects, chosen, judged_on, workers)
+                new.append(fit(at.resmoothed() if probe.start else at, key, fitted, workers=workers))
             except BadInput:
                 continue
-            cost += judged[effects].fit.simulations + judged[effects].normal.simulations
-        if not judged:
-            judged[()] = judge(source, (), chosen, judged_on, workers)
-        best = max(judged.values(), key=lambda j: j.log_evidence / temperature + log_prior(j.effects))
-        source = best.table
-        temperature = misfit(source.normal, source.equations, best.prior)
-    return Search(tuple(judged.values()), whole, cost)
+            fits[key] = new[-1]
+            cost += new[-1].simulations
+        if not new:
+            break
+        least = min(new, key=lambda f: f.objective)
+        before = min(f.objective for k, f in fits.items() if len(k) <= depth)
+        if before - least.objective < 2.0 * WORTH and depth:
+            break
+        parents = [least, *(f for f in new[:PARENTS] if f is not least)][:PARENTS]
+        if depth < MOST - 1 and _rms(least) > FAR:
+            again, spent = choose(least, exclude, fitted, workers)
+            kept = [p for p in chosen if p.effect in least.effects]
+            chosen = kept + [p for p in again if p.effect not in least.effects]
+            cost += spent
+    report("weighing hypotheses")
+    leader = min(f.objective for f in fits.values())
+    gate = leader + 2.0 * BEHIND + RIVAL * max(0.0, null.objective - leader)
+    rivals = sorted((f for f in fits.values() if f.objective <= gate), key=lambda f: f.objective)[:JUDGED]
+    judged = [judge(f, chosen, judged_on, workers) for f in rivals]
+    for _ in range(MOST - 1):
+        best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
+        fewer = [f for f in _without_one(best, fits, fitted, workers) if f.effects not in known]
+        cost += sum(f.simulations for f in fewer if f.effects not in fits)
+        fits |= {f.effects: f for f in fewer}
+        judged += [judge(f, chosen, judged_on, workers) for f in fewer]
+    return Search(tuple(judged), cost + sum(j.simulations for j in judged))
 
 
-def everything(
-    start: Point, weights: Weights, exclude: Sequence[str], workers: int
-) -> tuple[Point, list[Probe], list[str], float]:
-    """Return the point at which all effects fit together, each effect's probe, which are on there, and simulations."""
-    typical = {p.effect: p for p in probes_at_typical(start, exclude)}
-    searched = [e for e in typical if needs_search(e)]
-    plain = [e for e in typical if e not in searched]
-    values = dict(start.values)
-    for effect in plain:
-        values |= typical[effect].start
-    first = fit(Point(start.prepared, values), plain, weights, workers=workers, steps=FIRST)
-    found, cost = probes(first.point, [e for e in library.effect_names() if e not in searched])
-    gains, spent = probe_gains(first, found, weights, workers)
-    cost += first.simulations + spent
-    active, at = list(plain), first.point
-    for effect in searched:
-        own = [(g, k) for k, (g, p) in enumerate(zip(gains, found, strict=True)) if p.effect == effect]
-        if not own:
+def _without_one(best: Judged, fits: Mapping[tuple[str, ...], Fit], weights: Weights, workers: int) -> list[Fit]:
+    """Return fits of the best set with one effect left out, where algebra says that little is lost."""
+    out, neutral = [], library.neutral(best.fit.point.prepared.campaign.drive.motor)
+    for effect in best.effects:
+        rest = tuple(e for e in best.effects if e != effect)
+        if best.table.log_evidence(rest) < best.log_evidence - LITTLE:
             continue
-        gain, k = max(own)
-        typical[effect] = found[k]
-        if gain > WORTH:
-            active.append(effect)
-            at = Point(at.prepared, {**at.values, **found[k].start})
-    if len(active) > len(plain):
-        at = at.resmoothed()
-    last = fit(at, active, weights, workers=workers, steps=THEN)
-    return last.point, list(typical.values()), active, cost + last.simulations
+        values = {k: neutral[k] if k.partition(".")[0] == effect else v for k, v in best.fit.point.values.items()}
+        out.append(fits.get(rest) or fit(replace(best.fit.point, values=values), rest, weights, workers=workers))
+    return out
 
 
-def needs_search(effect: str) -> bool:
-    """Return whether an effect must be looked for by many starts before a fit can find it."""
-    own = library.load_effect(effect).parameters
-    return any(p.scan for p in own) or all(p.fit in ("log", "fixed") for p in own)
+def _rms(f: Fit) -> float:
+    return float(np.sqrt(sum(s.rr.sum() for s in f.normal.segments) / sum(s.n.sum() for s in f.normal.segments)))
 
 
-def grown(source: Table, temperature: float) -> list[tuple[float, tuple[str, ...]]]:
-    """Return (tempered log probability, set) of all sets met while growing from none, the most probable first."""
-    names = list(source.members)
-    scores: dict[tuple[str, ...], float] = {}
-
-    def score(effects: tuple[str, ...]) -> float:
-        if effects not in scores:
-            scores[effects] = source.log_evidence(effects) / temperature + log_prior(effects)
-        return scores[effects]
-
-    level: list[tuple[str, ...]] = [()]
-    score(())
-    for _ in range(MOST):
-        wider = {tuple(sorted((*s, e))) for s in level for e in names if e not in s}
-        level = sorted(wider, key=lambda s: -score(s))[:BEAM]
-    return sorted(((v, k) for k, v in scores.items()), reverse=True)
+def choose(found: Fit, exclude: Sequence[str], weights: Weights, workers: int) -> tuple[list[Probe], float]:
+    """Return the best probe of each effect at a fit's point, and simulations."""
+    many, cost = probes(found.point, exclude)
+    several = [p for p in many if sum(q.effect == p.effect for q in many) > 1]
+    gains, spent = gains_of(found, several, weights, workers) if several else ([], 0.0)
+    best: dict[str, tuple[float, Probe]] = {p.effect: (0.0, p) for p in many if p not in several}
+    for gain, probe in zip(gains, several, strict=True):
+        if probe.effect not in best or gain > best[probe.effect][0]:
+            best[probe.effect] = (gain, probe)
+    return [p for _, p in best.values()], cost + spent
 
 
-def judge(source: Table, effects: tuple[str, ...], chosen: Sequence[Probe], weights: Weights, workers: int) -> Judged:
-    """Return a set of effects fitted from the values that algebra gives it, and weighed with all effects beside it.
+def _candidates(
+    parents: Sequence[Fit], tried: set[tuple[str, ...]], chosen: Sequence[Probe], weights: Weights, workers: int
+) -> tuple[list[tuple[tuple[str, ...], Fit, Probe]], float]:
+    """Return the sets one effect larger than their parents that promise most, by turns of both ways of screening."""
+    lists, cost = [], 0.0
+    for parent in parents:
+        own = table(parent.point, chosen, parent.effects, weights, workers)
+        cost += own.normal.simulations
+        for alone in (False, True) if _rms(parent) > FAR else (False,):
+            level = own.log_evidence(parent.effects, alone=alone)
+            wider = [p for p in chosen if p.effect not in parent.effects]
+            ranked = [
+                (own.log_evidence((*parent.effects, p.effect), alone=alone) - level, k, p) for k, p in enumerate(wider)
+            ]
+            lists.append([(gain, probe, parent) for gain, _, probe in sorted(ranked, key=lambda x: -x[0])])
+    out: dict[tuple[str, ...], tuple[Fit, Probe]] = {}
+    for turn in zip(*lists, strict=False):
+        for gain, probe, parent in turn:
+            key = tuple(sorted((*parent.effects, probe.effect)))
+            if gain > WORTH and key not in tried and key not in out:
+                out[key] = (parent, probe)
+    return [(key, parent, probe) for key, (parent, probe) in out.items()], cost
 
-    Effects whose ordinary size matters move in the fit, too.
-    """
-    prior = source.prior(effects)
-    x, _, _ = source.equations.most_probable(prior)
-    own = {k for e in effects for k in source.members[e]}
-    to, beside, on = x.copy(), [], list(effects)
-    values = dict(source.point.values)
-    for effect, places in source.members.items():
-        if effect in effects:
-            continue
-        probe = next(p for p in chosen if p.effect == effect)
-        mine = [k for k in places if k not in own and source.narrow.deviation[k] < source.wide[k]]
-        shapes = [k for k in places if is_shape(source.coordinates[k], probe)]
-        if any(abs(x[k] - prior.mean[k]) > MOVES * prior.deviation[k] for k in mine):
-            beside += [replace(source.coordinates[k], deviation=float(prior.deviation[k])) for k in (*mine, *shapes)]
-            on.append(effect)
-        else:
-            to[mine] = prior.mean[mine]
-    ways = [e for e in effects if any(source.coordinates[k].form == "share" for k in source.members[e])]
-    for effect in ways:
-        values |= dict(next(p for p in chosen if p.effect == effect).start)
-    move = [k for k, c in enumerate(source.coordinates) if c.form != "share"]
-    at = Point(source.point.prepared, values).moved([source.coordinates[k] for k in move], to[move])
-    found = fit(at.resmoothed() if ways else at, effects, weights, workers=workers, beside=beside, steps=POLISH)
-    end = table(found.point, chosen, on, weights, workers)
-    return Judged(found, end, end.prior(effects), end.log_evidence(effects))
+
+def judge(found: Fit, chosen: Sequence[Probe], weights: Weights, workers: int) -> Judged:
+    """Return a fit weighed with all effects beside it, at the point to which their ordinary sizes move it."""
+    first = table(found.point, chosen, found.effects, weights, workers)
+    prior = first.prior(found.effects)
+    x, _, _ = first.equations.most_probable(prior)
+    own = np.array([c.label in {c.label for c in found.coordinates} for c in first.coordinates])
+    shares = np.array([c.form == "share" for c in first.coordinates])
+    moves = ~own & ~shares & (np.abs(x - prior.mean) > MOVES * prior.deviation)
+    last, cost = first, first.normal.simulations
+    if moves.any():
+        try:
+            point = found.point.moved(first.coordinates, np.where(own | moves, x, first.normal.x))
+            last = table(point, chosen, found.effects, weights, workers)
+            cost += last.normal.simulations
+        except BadInput:  # all these sizes at once are none a drive can have
+            pass
+    return Judged(found, last, last.prior(found.effects), last.log_evidence(found.effects), cost)

@@ -9,17 +9,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from model.effects import library
 from model.effects.card import Effect
 from model.effects.dead_time import SOFT_SIGN
-from model.parameters import Drive
+from model.parameters import Drive, Motor
 from sandbox.campaign import Campaign
 from sandbox.replay.sensitivity import mechanical_only
 
 Set = Mapping[str, float]
-WIDE = 1.5  # standard deviations of an effect's prior, in its typical size
+WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
+SATURATED = 0.1
+FARTHEST = 4.0  # standard deviations that an effect may move
+ORDINARY_LIMIT = 300.0  # standard deviations: a fit may push a deviation far, which its prior then tells
 DEFAULT_UNCERTAINTY = {  # relative, where a campaign states nothing: what a careful identification reaches
     "resistance": 0.02, "magnet_flux": 0.02, "inductance_d": 0.03, "inductance_q": 0.03, "alpha_30": 0.05,
     "alpha_12": 0.05, "alpha_40": 0.05, "alpha_22": 0.05, "alpha_04": 0.05, "inertia": 0.05, "viscous_friction": 0.2,
@@ -142,6 +145,7 @@ def ordinary(campaign: Campaign) -> list[Coordinate]:
     }
     out += [Coordinate(name, mean, sd, "linear", (name,)) for name, (mean, sd) in bench.items() if sd > 0.0]
     soft = math.log(SOFT_SIGN * motor.rated_current)
+    out = [replace(c, within=ORDINARY_LIMIT) for c in out]
     return [*out, Coordinate("bench.soft_current", soft, SOFT_SPREAD, "log", ("bench.soft_current",), within=3.0)]
 
 
@@ -168,8 +172,22 @@ def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:
             out.append(Coordinate(name, start[name], p.spread, "linear", (name,)))
         else:
             own = f"saturation.{p.name}" if effect == "cross_saturation" else name
-            out.append(Coordinate(own, neutral, WIDE * (abs(size - neutral) or abs(size)), "linear", (own,)))
-    return out
+            away = abs(size - neutral) or abs(size)
+            if p.of_motor.startswith("alpha_"):  # a nominal model may lack saturation altogether
+                away = max(away, alpha_scale(drive.motor, p.of_motor))
+            out.append(Coordinate(own, neutral, WIDE * away, "linear", (own,)))
+    return [replace(c, within=FARTHEST) for c in out]
+
+
+def alpha_scale(motor: Motor, name: str) -> float:
+    """Return the size of a saturation coefficient that moves currents by about SATURATED at rated current.
+
+    Of degree n in flux: SATURATED Gamma / phi^(n - 2), phi the larger flux of rated current.
+    """
+    degree = sum(int(digit) for digit in name.removeprefix("alpha_"))
+    flux = motor.rated_current * max(motor.inductance_d, motor.inductance_q)
+    stiffness = 1.0 / max(motor.inductance_d, motor.inductance_q)
+    return SATURATED * stiffness / flux ** (degree - 2)
 
 
 def amplitudes(card: Effect) -> dict[str, str]:

@@ -21,7 +21,7 @@ NEIGHBOURS = 101  # bins over which a spectrum's own level is taken
 
 def shown(point: Point) -> list[Residual]:
     """Return the residuals of every recording at a point, one set."""
-    return residuals(point.prepared, replay(point.prepared, [point.values]))
+    return residuals(point.prepared, replay(point.turned(), [point.values]))
 
 
 def link_lines(point: Point, low: float, high: float) -> list[float]:

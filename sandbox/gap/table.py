@@ -25,45 +25,49 @@ SMALL = 0.03  # of an effect's wide prior: what no bench is free of
 
 @dataclass(frozen=True)
 class Table:
-    """Equations at a point; narrow and wide priors (p,); members: places of each effect's coordinates."""
+    """Equations at a point, priors where no effect and where all are claimed, places of each effect's coordinates."""
 
     point: Point
     normal: Normal
     equations: Algebra
     narrow: Prior
-    wide: Array
+    wide: Prior
     members: Mapping[str, tuple[int, ...]]
+    of_effects: NDArray[np.bool_]  # coordinates that are no ordinary deviation
 
     @property
     def coordinates(self) -> tuple[Coordinate, ...]:
-        """All coordinates, lock angles last."""
+        """All coordinates, turns last."""
         return self.normal.coordinates
 
-    def prior(self, effects: Sequence[str]) -> Prior:
-        """Return the prior of a set of effects: wide for these, narrow for all others."""
-        deviation = self.narrow.deviation.copy()
+    def prior(self, effects: Sequence[str], *, alone: bool = False) -> Prior:
+        """Return the prior of a set of effects: wide for these, narrow for all others (alone: none of the others)."""
+        claimed = np.zeros(len(self.narrow.mean), dtype=bool)
         for effect in effects:
-            own = list(self.members[effect])
-            deviation[own] = self.wide[own]
-        return self.narrow.with_deviation(deviation)
+            claimed[list(self.members[effect])] = True
+        n, w = self.narrow, self.wide
+        if alone:
+            n = n.with_deviation(np.where(self.of_effects, 0.0, n.deviation))
+        parts = ((n.mean, w.mean), (n.deviation, w.deviation), (n.low, w.low), (n.high, w.high))
+        return Prior(*(np.where(claimed, b, a) for a, b in parts))
 
-    def log_evidence(self, effects: Sequence[str]) -> float:
+    def log_evidence(self, effects: Sequence[str], *, alone: bool = False) -> float:
         """Return the log evidence of a set of effects."""
-        return self.equations.log_evidence(self.prior(effects))
+        return self.equations.log_evidence(self.prior(effects, alone=alone))
 
 
 def is_shape(c: Coordinate, probe: Probe) -> bool:
     """Return whether a coordinate of an effect is a companion rather than a size."""
-    return c.form == "log" or c.names[0] in probe.start
+    return c.form in ("log", "share") or c.names[0] in probe.start
 
 
 def table(point: Point, chosen: Sequence[Probe], active: Sequence[str], weights: Weights, workers: int) -> Table:
     """Return the equations of all effects (one probe each) at a point; active: effects that are on there."""
     campaign = point.prepared.campaign
     coordinates = ordinary(campaign)
-    narrow = {c.label: c.deviation for c in coordinates}
-    wide, groups = dict(narrow), {}
+    claimed = {c.label: c for c in coordinates}
     place = {c.label: k for k, c in enumerate(coordinates)}
+    groups = {}
     for probe in chosen:
         if probe.effect in active:
             own = of_effect(probe.effect, campaign.drive, {**point.values, **probe.start})
@@ -72,22 +76,21 @@ def table(point: Point, chosen: Sequence[Probe], active: Sequence[str], weights:
         for c in own:
             if c.label not in place:
                 place[c.label] = len(coordinates)
-                coordinates.append(c)
-                size = 0.0 if c.form == "share" else SMALL * c.deviation
-                narrow[c.label] = c.deviation if is_shape(c, probe) and c.form != "share" else size
-                wide[c.label] = c.deviation
-            else:
-                wide[c.label] = max(wide[c.label], c.deviation)
+                coordinates.append(c if is_shape(c, probe) else replace(c, deviation=SMALL * c.deviation))
+            if c.deviation >= claimed.get(c.label, c).deviation:
+                claimed[c.label] = c
         groups[probe.effect] = tuple(place[c.label] for c in own)
     n = normal(point, coordinates, workers=workers)
-    every = [replace(c, deviation=narrow.get(c.label, c.deviation)) for c in n.coordinates]
-    widths = np.array([wide.get(c.label, c.deviation) for c in n.coordinates])
-    return Table(point, n, algebra(n, weights), prior_of(every), widths, groups)
+    unclaimed = [replace(c, deviation=0.0) if c.form == "share" else c for c in n.coordinates]
+    wide = prior_of([claimed.get(c.label, c) for c in n.coordinates])
+    usual = {c.label for c in ordinary(campaign)} | {c.label for c in n.coordinates if c.form == "turn"}
+    other = np.array([c.label not in usual for c in n.coordinates])
+    return Table(point, n, algebra(n, weights), prior_of(unclaimed), wide, groups, other)
 
 
-def probe_gains(found: Fit, candidates: Sequence[Probe], weights: Weights, workers: int) -> tuple[list[float], float]:
+def gains_of(found: Fit, candidates: Sequence[Probe], weights: Weights, workers: int) -> tuple[list[float], float]:
     """Return the log evidence each probe would add to a fit, by the equations at its point; simulations."""
-    own = [c for c in found.coordinates if c.form != "lock"]
+    own = [c for c in found.coordinates if c.form != "turn"]
     parts = [
         [replace(c, label=f"{c.label}@{k}") for c in probe_coordinates(found.point, probe, "")]
         for k, probe in enumerate(candidates)
