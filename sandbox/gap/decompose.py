@@ -8,6 +8,7 @@ offset), -2 turns backwards (an asymmetry), +-6 are a three-phase machine's or i
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,6 +37,7 @@ LEAST_CURRENT = 0.02  # of rated: below that a direction is noise
 ORDERS = tuple(range(-13, 14))
 MECHANICAL = tuple(range(1, 49))
 PER_TURN = 2.0 * (max(ORDERS) + 1)  # samples a turn needs, to tell its orders apart
+FEWEST = 30  # blocks in a cell of speed and current
 LINE = 30.0  # times its neighbourhood: a line
 BINS = 1024
 VARIANCE = 2.0  # of 1.5 |z|^2, z the stationary residual of three unit-variance readings
@@ -43,7 +45,8 @@ VARIANCE = 2.0  # of 1.5 |z|^2, z the stationary residual of three unit-variance
 
 @dataclass(frozen=True)
 class Decomposition:
-    """Shares of the excess of a residual; `amplitude_*`: rms voltage (V) in the leading direction, per region.
+    """Shares of the excess of a residual; amplitude (4, 4): rms voltage (V) in the leading direction
+    by speed and current, NaN where nothing was recorded.
 
     direction: the one that holds most of the voltage, and how much; line: (Hz, share) of a fixed frequency, or None.
     """
@@ -54,8 +57,7 @@ class Decomposition:
     directions: dict[str, float]
     speeds: dict[str, float]
     currents: dict[str, float]
-    amplitude_speed: dict[str, float]
-    amplitude_current: dict[str, float]
+    amplitude: Array
     electrical: dict[int, float]
     mechanical: dict[int, float]
     injection: float
@@ -77,10 +79,10 @@ def decompose(point: Point, shown: Sequence[Residual]) -> Decomposition:
     recordings = {f: max(0.0, sum(e.values())) / total for f, e in excess.items()}
     speed = _bins(point, parts, [_speed(point, r) for r in own], SPEEDS, SPEED_NAMES, total)
     current = _bins(point, parts, [_size(point, r) for r in own], CURRENTS, CURRENT_NAMES, total)
-    directions, by_speed, by_current = _directions(point, shown, recordings)
+    directions, amplitude = _directions(point, shown, recordings)
     z = [_stationary(x) * np.exp(-1j * r.motion.angle) for r, x in zip(own, shown, strict=True)]
     return Decomposition(
-        total, recordings, channels, directions, speed, current, by_speed, by_current,
+        total, recordings, channels, directions, speed, current, amplitude,
         _orders(own, z, total), _mechanical(own, shown, total), _injection(point, z, total), _line(point, z, total),
     )  # fmt: skip
 
@@ -123,7 +125,7 @@ def _bins(point, parts, where, bounds, names, total) -> dict[str, float]:
 
 
 def _directions(point: Point, shown: Sequence[Residual], weight: dict[str, float]):
-    """Return shares of the voltage by direction, and rms voltage in the leading one by speed and by current."""
+    """Return shares of the voltage by direction, and rms voltage in the leading one by speed and current (4, 4)."""
     rng = np.random.default_rng(0)
     blocks = [_projected(point, k, x, rng) for k, x in enumerate(shown)]
     shares = dict.fromkeys(DIRECTIONS, 0.0)
@@ -139,12 +141,7 @@ def _directions(point: Point, shown: Sequence[Residual], weight: dict[str, float
     lead = max(range(len(DIRECTIONS)), key=lambda k: shares[DIRECTIONS[k]])
     p, noise = (np.concatenate([b[k][:, lead] for b in blocks]) for k in (0, 1))
     speed, size = (np.concatenate([b[k] for b in blocks]) for k in (2, 3))
-    loaded = size > CURRENTS[0]
-    return (
-        shares,
-        _amplitudes(p[loaded], noise[loaded], np.digitize(speed[loaded], SPEEDS), SPEED_NAMES),
-        _amplitudes(p, noise, np.digitize(size, CURRENTS), CURRENT_NAMES),
-    )
+    return shares, _amplitudes(p, noise, np.digitize(speed, SPEEDS), np.digitize(size, CURRENTS))
 
 
 def _projected(point: Point, k: int, x: Residual, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
@@ -175,12 +172,14 @@ def _means(x: Array, width: int) -> Array:
     return np.asarray(x[: n * width].reshape(n, width, -1).mean(axis=1))
 
 
-def _amplitudes(p: Array, noise: Array, bins, names: Sequence[str]) -> dict[str, float]:
-    out = {}
-    for k, name in enumerate(names):
-        own = bins == k
-        if own.sum() >= 50:
-            out[name] = math.sqrt(max(0.0, float(np.mean(p[own] ** 2) - np.mean(noise[own] ** 2))))
+def _amplitudes(p: Array, noise: Array, speed, current) -> Array:
+    """Return rms voltage (V) by speed and current (4, 4); NaN where fewer than FEWEST blocks, or noise, were seen."""
+    out = np.full((len(SPEED_NAMES), len(CURRENT_NAMES)), np.nan)
+    for s in range(len(SPEED_NAMES)):
+        for c in range(1, len(CURRENT_NAMES)):
+            own = (speed == s) & (current == c)
+            power = np.mean(p[own] ** 2) - np.mean(noise[own] ** 2) if own.sum() >= FEWEST else np.nan
+            out[s, c] = math.sqrt(power) if power > 0.0 else np.nan
     return out
 
 
@@ -188,7 +187,7 @@ def _turns(angle: Array, per_turn: float, turns: float) -> list[tuple[int, int]]
     """Return (first, last) of stretches of whole turns with enough samples a turn."""
     turned = np.floor(np.maximum.accumulate(np.abs(angle - angle[0])) / (turns * math.tau))
     edges = np.flatnonzero(np.diff(turned) > 0.0) + 1
-    return [(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a >= per_turn * turns]
+    return [(a, b) for a, b in itertools.pairwise(edges) if b - a >= per_turn * turns]
 
 
 def _orders(own: Sequence[Inputs], z: Sequence[Complex], total: float) -> dict[int, float]:

@@ -9,7 +9,7 @@ is left when its effects are missing and all else is fitted.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,7 @@ from sandbox.gap.evidence import Prior
 from sandbox.gap.normal import Point
 from sandbox.gap.posterior import UNKNOWN, Hypothesis
 from sandbox.gap.search import Judged
+from sandbox.gap.size import ORDINARY
 from sandbox.gap.space import of_effect, ordinary
 from sandbox.gap.spectrum import shown
 
@@ -32,7 +33,6 @@ ALIKE = 1.5  # ratio of amplitudes within which they count as independent of spe
 NAMES = {"inverter": "inverter", "machine": "machine", "sensor": "sensors", "mechanics": "mechanics"}
 WHAT = {"motion": "motion of the free rotor", "position": "the encoder's angle at imposed speed"}
 ORDER_TEXT = {
-    0: "turns with the rotor (order 0 of its frame)",
     1: "stands still in the stator (order 1 of the rotor's frame)",
     2: "turns against the rotor (order 2 of its frame)",
 }
@@ -104,23 +104,25 @@ def _losses(j: Judged, effects: Sequence[str]) -> list[float]:
     """Return what the objective loses without each effect, all else refitted; sums to 1."""
     if len(effects) == 1:
         return [1.0]
-    best = j.equations.most_probable(j.prior)[2]
+    best = j.equations.most_probable(_held(j, []))[2]
     lost = [max(0.0, j.equations.most_probable(_held(j, [e]))[2] - best) for e in effects]
     return [x / sum(lost) for x in lost] if sum(lost) > 0.0 else [1.0 / len(effects)] * len(effects)
 
 
 def _held(j: Judged, effects: Sequence[str]) -> Prior:
-    """Return a hypothesis' prior with effects back at neutral (or at the ordinary deviation that a bench has)."""
+    """Return a hypothesis' prior with effects, and traces of all others, back at neutral; ordinary ones stay in reach."""
     campaign = j.fit.point.prepared.campaign
-    usual = {c.label: c.deviation for c in ordinary(campaign)}
-    mean = {c.label: c.mean for c in ordinary(campaign)}
+    usual = {c.label: replace(c, within=ORDINARY) for c in ordinary(campaign)}
     missing = {c.label: c for e in effects for c in of_effect(e, campaign.drive, j.fit.point.values)}
-    deviation, centre = j.prior.deviation.copy(), j.prior.mean.copy()
+    fitted = {c.label for c in j.fit.coordinates}
+    prior = Prior(j.prior.mean.copy(), j.prior.deviation.copy(), j.prior.low.copy(), j.prior.high.copy())
     for k, c in enumerate(j.normal.coordinates):
-        if c.label in missing:
-            deviation[k] = usual.get(c.label, 0.0)
-            centre[k] = mean.get(c.label, missing[c.label].mean)
-    return Prior(centre, deviation, j.prior.low, j.prior.high)
+        if c.label in usual and c.label in missing:
+            prior.mean[k], prior.deviation[k] = usual[c.label].mean, usual[c.label].deviation
+            prior.low[k], prior.high[k] = usual[c.label].bounds()
+        elif c.label in missing or c.label not in fitted:
+            prior.mean[k], prior.deviation[k] = missing.get(c.label, c).mean, 0.0
+    return prior
 
 
 def _spans(j: Judged) -> dict[str, float]:
@@ -156,7 +158,8 @@ def without(d: Diagnosis, subsystem: str, *, alone: bool) -> Point:
     j = d.best.judged
     x = j.equations.most_probable(_held(j, own))[0]
     places = {c.label: k for k, c in enumerate(j.normal.coordinates)}
-    moved = [c for c in j.fit.coordinates if c.label in places]
+    fitted = {c.label for c in j.fit.coordinates}
+    moved = [c for c in j.normal.coordinates if c.label in fitted]
     return j.fit.point.moved(moved, np.array([x[places[c.label]] for c in moved]))
 
 
@@ -169,34 +172,41 @@ def sentences(name: str, share: float, part: Decomposition, recordings: int) -> 
     if channel == "currents":
         direction, size = part.direction
         what = f"voltage {direction}" if size > 0.5 else "voltage in no single direction"
-        what += f" ({size:.0%} of it)" if 0.5 < size < 0.95 else ""
+        what += f" ({percent(size)} of it)" if 0.5 < size < 0.95 else ""
         what += _dependence(part)
     else:
         what = f"{WHAT[channel]}, {mostly}"
-    text = f"{share:.0%} of the gap is {what}: {NAMES[name]}."
+    text = f"{percent(share)} of the gap is {what}: {NAMES[name]}."
+    text = text[0].upper() + text[1:]
     turning = sum(part.electrical.values())
     single = abs(order) if turning > DETAIL and part.electrical[order] > 0.5 * turning else None
     yield Finding(name, channel, mostly, single, share, text)
     yield from _details(name, share, part, recordings, channel, mostly)
 
 
+def percent(share: float) -> str:
+    """Return a share in words a sentence can hold."""
+    return "all" if share > 0.995 else f"{100.0 * share:.0f} %"
+
+
 def _dependence(part: Decomposition) -> str:
     """Return how the voltage depends on speed and current, in words (or nothing, where it cannot be told)."""
     out = []
-    for values, of in ((part.amplitude_speed, "speed"), (part.amplitude_current, "current")):
-        sizes = list(values.values())
-        if len(sizes) >= 2 and max(sizes) > 0.0:
-            ratio = sizes[-1] / max(sizes[0], 1e-3 * max(sizes))
-            word = "independent of" if 1.0 / ALIKE < ratio < ALIKE else "growing with" if ratio > 1.0 else "falling with"
-            out.append(f"{word} {of}")
-    return ", " + " and ".join(out) if out else ""
+    for table, of in ((part.amplitude, "speed"), (part.amplitude.T, "current")):
+        seen = [row for row in table if np.isfinite(row).any()]
+        shared = np.isfinite(seen[0]) & np.isfinite(seen[-1]) if len(seen) >= 2 else np.array([False])
+        if shared.any():
+            ratio = float(np.exp(np.mean(np.log(seen[-1][shared] / seen[0][shared]))))
+            same = 1.0 / ALIKE < ratio < ALIKE
+            out.append(f"{'independent of' if same else 'growing with' if ratio > 1.0 else 'falling with'} {of}")
+    return (", " + " and ".join(out) if out else "").replace("of speed and independent of", "of speed and")
 
 
 def _details(
     name: str, share: float, part: Decomposition, recordings: int, channel: str, mostly: str
 ) -> Iterator[Finding]:
     def one(of: float, text: str, order: float | None = None, at: str = channel) -> Finding:
-        return Finding(name, at, mostly, order, share * of, f"{share * of:.0%} of the gap {text}.")
+        return Finding(name, at, mostly, order, share * of, f"{percent(share * of)} of the gap {text}.".capitalize())
 
     file = max(part.recordings, key=lambda f: part.recordings[f])
     if part.recordings[file] > max(DETAIL, 1.5 / recordings):
@@ -211,7 +221,7 @@ def _details(
     for n, of in part.electrical.items():
         merged[abs(n)] = merged.get(abs(n), 0.0) + of
     for n, of in merged.items():
-        if of > DETAIL:
+        if n and of > DETAIL:
             yield one(of, f"{ORDER_TEXT.get(n, f'is of electrical order {n} in the rotor frame')}", n, "currents")
     for n, of in part.mechanical.items():
         if of > DETAIL:
