@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any, Protocol
+from typing import Any
 
 from sandbox.gap.diagnose import Diagnosis, verdict
+from sandbox.gap.discriminate import Next, as_json
 from sandbox.gap.estimates import Estimate
 from sandbox.gap.position import PositionError
 from sandbox.gap.posterior import UNKNOWN, Hypothesis
@@ -15,24 +16,8 @@ from sandbox.gap.size import rms, share_closed
 from sandbox.gap.where import Finding
 
 
-class Recommended(Protocol):
-    """The further recording that would separate the candidates best."""
-
-    @property
-    def description(self) -> str:
-        """What to record."""
-
-    @property
-    def separates(self) -> Sequence[Sequence[str]]:
-        """The hypotheses it tells apart."""
-
-    @property
-    def gain(self) -> float:
-        """Expected log evidence between them."""
-
-
 def contract(
-    d: Diagnosis, where: Sequence[Finding], position: PositionError | None, following: Recommended | None = None
+    d: Diagnosis, where: Sequence[Finding], position: PositionError | None, following: Next | None = None
 ) -> dict[str, Any]:
     """Return what `diagnosis.json` holds beyond its header."""
     named = verdict(d)
@@ -62,11 +47,7 @@ def contract(
             for h, own in zip(d.hypotheses, d.parameters, strict=True)
         ],
         "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
-        "next_recording": following and {
-            "description": following.description,
-            "separates": [list(effects) for effects in following.separates],
-            "gain": following.gain,
-        },
+        "next_recording": as_json(following),
         "cost": {"simulations": d.simulations, "seconds": d.seconds},
     }  # fmt: skip
 

@@ -89,28 +89,31 @@ def _of_hypothesis(d: Diagnosis, h: Hypothesis) -> dict[str, float]:
     out = dict.fromkeys(SUBSYSTEMS, 0.0)
     if not h.effects:
         return out
-    if named:
-        for effect, lost in zip(named, _losses(h.judged, named), strict=True):
-            out[library.load_effect(effect).subsystem] += lost
+    for name, lost in _losses(h.judged, named).items():
+        out[name] += lost
     if UNKNOWN in h.effects:
         open_part = 1.0 - d.remainder.explained if named else 1.0
-        judged = h.judged if named else next(j for j in d.judged if not j.effects)
+        judged = h.judged if named else min(d.judged, key=lambda j: len(j.effects))
         spans = _spans(judged)
         out = {name: (1.0 - open_part) * out[name] + open_part * spans[name] for name in SUBSYSTEMS}
     return out
 
 
-def _losses(j: Judged, effects: Sequence[str]) -> list[float]:
-    """Return what the objective loses without each effect, all else refitted; sums to 1."""
-    if len(effects) == 1:
-        return [1.0]
+def _losses(j: Judged, effects: Sequence[str]) -> dict[str, float]:
+    """Return what the objective loses without each subsystem's effects, all else refitted; sums to 1."""
+    groups: dict[str, list[str]] = {}
+    for effect in effects:
+        groups.setdefault(library.load_effect(effect).subsystem, []).append(effect)
+    if len(groups) <= 1:
+        return dict.fromkeys(groups, 1.0)
     best = j.equations.most_probable(_held(j, []))[2]
-    lost = [max(0.0, j.equations.most_probable(_held(j, [e]))[2] - best) for e in effects]
-    return [x / sum(lost) for x in lost] if sum(lost) > 0.0 else [1.0 / len(effects)] * len(effects)
+    lost = {name: max(0.0, j.equations.most_probable(_held(j, own))[2] - best) for name, own in groups.items()}
+    total = sum(lost.values())
+    return {name: x / total if total else 1.0 / len(lost) for name, x in lost.items()}
 
 
 def _held(j: Judged, effects: Sequence[str]) -> Prior:
-    """Return a hypothesis' prior with effects, and traces of all others, back at neutral; ordinary ones stay in reach."""
+    """Return a hypothesis' prior with effects, and traces of all others, at neutral; ordinary ones stay in reach."""
     campaign = j.fit.point.prepared.campaign
     usual = {c.label: replace(c, within=ORDINARY) for c in ordinary(campaign)}
     missing = {c.label: c for e in effects for c in of_effect(e, campaign.drive, j.fit.point.values)}
