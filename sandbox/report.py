@@ -139,7 +139,9 @@ def stage_bar(title: str, quiet: bool) -> Iterator[Callable[[str], None]]:
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=1.0)
-        yield lambda stage: bar.update(task, description=f"{title}: {stage}", advance=0.1 * bar.tasks[0].remaining)
+        yield lambda stage: bar.update(
+            task, description=f"{title}: {stage}", advance=0.1 * (bar.tasks[0].remaining or 0.0)
+        )
 
 
 def print_table(title: str, heads: list[str], rows: list[list[str]]) -> None:

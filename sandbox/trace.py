@@ -6,7 +6,8 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -64,53 +65,48 @@ def write_trace(path: Path, comparison: Comparison) -> None:
 
     Entities of a run stand under `run.name`: `error` (deg) and `angle` (true, estimated; rad) are recorded
     samples; `current_d`, `current_q`, `ripple_d`, `ripple_q` (A), `speed` (true, estimated; rad/s) are slow.
-    The file appears whole or not at all. Raises ValueError if there is no run, OSError if it is not writable.
+    Raises ValueError if there is no run, OSError if the file is not writable.
     """
-    import rerun as rr
-
     if not comparison.runs:
         raise ValueError("a trace needs at least one run, this comparison has none")
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     stride = sample_stride(comparison)
+    with _written(path) as stream:
+        stream.send_blueprint(_blueprint(comparison))
+        _send_properties(stream, comparison, stride)
+        _send_scenario(stream, comparison, SLOW * stride)
+        for run in comparison.runs:
+            _send_run(stream, run, stride)
+
+
+@contextmanager
+def _written(path: Path) -> Iterator[rr.RecordingStream]:
+    """Give a stream to a file that appears whole or not at all."""
+    import rerun as rr
+
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with rr.RecordingStream(APPLICATION) as stream:
             stream.save(partial)
-            stream.send_blueprint(_blueprint(comparison))
-            _send_properties(stream, comparison, stride)
-            _send_scenario(stream, comparison, SLOW * stride)
-            for run in comparison.runs:
-                _send_run(stream, run, stride)
+            yield stream
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
 
 
 def write_series(path: Path, title: str, text: str, tabs: Mapping[str, Mapping[str, Plot]]) -> None:
-    """Write tabs of plots after a summary in markdown: {tab: {name: Plot}}; whole or not at all.
-
-    A plot's lines are one entity `tab/name`, bars one entity each under it.
-    """
+    """Write tabs {tab: {name: Plot}} after a summary in markdown; lines are one entity, bars one each under it."""
     import rerun as rr
     import rerun.blueprint as rrb
 
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    front = rrb.TextDocumentView(origin="summary", name="Summary")
-    pages: list[Any] = [front]
-    try:
-        with rr.RecordingStream(APPLICATION) as stream:
-            stream.save(partial)
-            stream.send_recording_name(title)
-            stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True, strict=True)
-            for tab, plots in tabs.items():
-                rows = [
-                    _send_plot(stream, f"{rr.escape_entity_path_part(tab)}/{name}", plot)
-                    for name, plot in plots.items()
-                ]
-                pages.append(rrb.Grid(*rows, grid_columns=2, name=tab))
-            stream.send_blueprint(_tabs(pages))
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    pages: list[Any] = [rrb.TextDocumentView(origin="summary", name="Summary")]
+    with _written(path) as stream:
+        stream.send_recording_name(title)
+        stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True, strict=True)
+        for tab, plots in tabs.items():
+            own = rr.escape_entity_path_part(tab)
+            views = [_send_plot(stream, f"{own}/{name}", plot) for name, plot in plots.items()]
+            pages.append(rrb.Grid(*views, grid_columns=2, name=tab))
+        stream.send_blueprint(_tabs(pages))
 
 
 def _send_plot(stream: rr.RecordingStream, entity: str, plot: Plot) -> rrb.View:
@@ -120,9 +116,7 @@ def _send_plot(stream: rr.RecordingStream, entity: str, plot: Plot) -> rrb.View:
 
     if not plot.bars:
         _send(stream, entity, plot.x, list(plot.lines.values()), list(plot.lines), list(plot.colours))
-        return rrb.TimeSeriesView(
-            name=plot.title, contents=[f"/{entity}"], plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop)
-        )
+        return rrb.TimeSeriesView(name=plot.title, contents=[f"/{entity}"])
     for (line, values), colour in zip(plot.lines.items(), plot.colours, strict=False):
         chart = rr.BarChart(values, color=colour, abscissa=plot.x)
         stream.log(f"{entity}/{line}", chart, static=True, strict=True)

@@ -6,6 +6,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from model.effects import library
 from model.errors import BadInput
@@ -66,7 +67,7 @@ def linear(campaign: Campaign) -> Campaign:
         raise BadInput(
             "--nominal linear needs a [motor] with the five alphas; this one is a flux map, give it without --nominal"
         )
-    changes = dict.fromkeys(ALPHAS, 0.0)
+    changes: dict[str, Any] = dict.fromkeys(ALPHAS, 0.0)
     drive = dataclasses.replace(campaign.drive, motor=dataclasses.replace(motor, **changes))
     uncertainty = {k: v for k, v in campaign.uncertainty.items() if k not in ALPHAS}
     return dataclasses.replace(campaign, drive=drive, uncertainty=uncertainty)
@@ -86,11 +87,12 @@ def which_text(a: Answers) -> str:
         named = [e for e in best.effects if e != UNKNOWN]
         if not named:
             return f"None in the library: that something it does not hold is at work is {likely(best.probability)}."
-        return f"{names(named)}, but not alone: something outside the library is at work, {likely(best.probability)}."
+        besides = f"something outside the library is at work, {likely(best.probability)}"
+        return f"{capital(names(named))}, but not alone: {besides}."
     if a.verdict == "ambiguous":
         told = "; or ".join(f"{names(h.effects)} ({percent(h.probability)})" for h in d.ambiguity_set)
         return f"These recordings cannot tell apart: {told}."
-    return f"{names(best.effects)}, {likely(best.probability)}: {sizes(d.parameters[0])}."
+    return f"{capital(names(best.effects))}, {likely(best.probability)}: {sizes(d.parameters[0])}."
 
 
 def far_text(a: Answers) -> str:
@@ -103,12 +105,16 @@ def far_text(a: Answers) -> str:
         text = f"Residuals are {s.before:.3g} times the noise floor {on}; no effect of the library lowers them."
     else:
         low, high = s.closed_ci95 or (math.nan, math.nan)
+        between = (
+            percent_fine(low)
+            if percent_fine(low) == percent_fine(high)
+            else f"{percent_fine(low)} to {percent_fine(high)}"
+        )
         text = (
-            f"{percent_fine(s.closed)} of the reducible gap closes {on} "
-            f"(95 % interval {percent_fine(low)} to {percent_fine(high)}): "
+            f"{percent_fine(s.closed)} of the reducible gap closes {on} (95 % interval: {between}); "
             f"residuals fall from {s.before:.3g} to {s.after:.3g} times the noise floor."
         )
-    return f"{text} {position_text(a)}".strip()
+    return f"{capital(text)} {position_text(a)}".strip()
 
 
 def position_text(a: Answers) -> str:
@@ -116,10 +122,15 @@ def position_text(a: Answers) -> str:
     p = a.position
     if p is None:
         return ""
-    text = f"Position error of the {p.estimator} estimator: {p.recorded:.2f}° on the recorded currents; the simulator "
+    text = (
+        f"Position error of the estimator '{p.estimator}': {p.recorded:.2f}° on the recorded currents; the simulator "
+    )
     if a.verdict == "no_gap":
         return f"{text}says {p.simulated_before:.2f}°."
-    return f"{text}said {p.simulated_before:.2f}° before and says {p.simulated_after:.2f}° now."
+    text += f"said {p.simulated_before:.2f}° before and says {p.simulated_after:.2f}° now."
+    if p.believing_after is not None:
+        text += f" Believing the motor found, it errs by {p.believing_after:.2f}° on the recorded currents."
+    return text
 
 
 def next_text(a: Answers) -> str:
@@ -131,15 +142,16 @@ def next_text(a: Answers) -> str:
         return "Nothing is needed; the nominal model may be used as it is."
     if a.verdict == "explained":
         return "Nothing is needed to name the cause; put the values below into the simulator and measure once more."
-    cards = [library.load_effect(e) for h in a.diagnosis.ambiguity_set for e in h.effects if e != UNKNOWN]
-    told = list(dict.fromkeys(f"{words(c.name)}: {c.separated_by}" for c in cards))
-    return "What would tell more: " + "; ".join(told) + "." if told else "No recording of the menu would tell more."
+    sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
+    disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
+    told = [f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed]
+    return "What tells more. " + "; ".join(told) + "." if told else "No effect is known that a recording could confirm."
 
 
 def caveats(a: Answers) -> list[str]:
     """Return what a reader has to know before believing the rest, one sentence each."""
     d = a.diagnosis
-    out = [f"{f.file + ': ' if f.file else ''}{f.text}" for f in _remarks(d.campaign)]
+    out = [f"{f.file + ': ' if f.file else ''}{f.text}" for f in d.campaign.findings]
     if not d.held_out:
         out.append(
             "No recording was held out (each kind of rotor is there only once), so the figures are those of the fit."
@@ -161,10 +173,6 @@ def caveats(a: Answers) -> list[str]:
             f"Residuals are alike within blocks of time; log evidence was divided by {d.temperature:.2g} for that."
         )
     return out
-
-
-def _remarks(campaign: Campaign) -> Sequence:
-    return campaign.findings
 
 
 def remains_text(a: Answers) -> str:
@@ -193,7 +201,12 @@ def percent_fine(x: float) -> str:
 
 def words(effect: str) -> str:
     """Return an effect's name as words."""
-    return effect.replace("_", " ")
+    return effect.replace("_", " ").replace("pwm", "PWM").replace("dc link", "DC link")
+
+
+def capital(text: str) -> str:
+    """Return a text that begins a sentence."""
+    return text[:1].upper() + text[1:]
 
 
 def names(effects: Sequence[str]) -> str:

@@ -47,6 +47,7 @@ th {{ color: var(--soft); font-weight: 600; }} td.n, th.n {{ text-align: right; 
 td.file {{ overflow-wrap: anywhere; }}
 .bar {{ background: var(--mark); height: .55rem; border-radius: .2rem; min-width: 1px; }}
 figure {{ margin: .6rem 0; break-inside: avoid; }} figure svg {{ width: 100%; height: auto; max-width: 34rem; }}
+@media (min-width: 50rem) {{ .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 figcaption {{ color: var(--soft); font-size: .9rem; }}
 details {{ margin: .8rem 0; }} summary {{ cursor: pointer; color: var(--mark); }}
 @media print {{ body {{ font-size: 11pt; max-width: none; padding: 0; }} h2 {{ break-after: avoid; }} }}
@@ -116,7 +117,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     if a.where:
         yield "<h2>Where it lies</h2><ul>"
         yield "".join(f"<li>{html.escape(f.text)}</li>" for f in a.where) + "</ul>"
-        yield from _spectrum(part, rest)
+        yield f"<div class='pair'>{''.join(_spectrum(part, rest))}</div>"
     yield from _waves(a, part, before, after)
     yield "<h2>What remains</h2><p>" + html.escape(answers.remains_text(a)) + "</p>"
     notes = answers.caveats(a)

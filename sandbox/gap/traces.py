@@ -65,20 +65,31 @@ def _recording(
 ) -> Iterator[tuple[str, Plot]]:
     """Yield currents in the rotor's frame, residuals over the floor, motion or angle, of one recording."""
     r = shown["after"][0]
-    t = period * np.arange(len(r.table))
+    t: Array = period * np.arange(len(r.table), dtype=np.float64)
     turned = np.exp(-1j * r.motion.angle)
     currents = {"recorded": _complex(r.read) * turned}
     currents |= {f"simulated {name}": _complex(p.currents[k][:, :, 0]) * turned for name, (_, p, _) in shown.items()}
     colours = [RECORDED, BEFORE, AFTER]
-    yield "current_d", Plot("Current i_d (A)", t, {n: z.real for n, z in currents.items()}, colours)
-    yield "current_q", Plot("Current i_q (A)", t, {n: z.imag for n, z in currents.items()}, colours)
+    yield "current_d", Plot("Current i_d (A)", t, {n: _real(z) for n, z in currents.items()}, colours)
+    yield "current_q", Plot("Current i_q (A)", t, {n: _imaginary(z) for n, z in currents.items()}, colours)
     rest = {name: _complex(x.current[:, :, 0]) * turned for name, (_, _, x) in shown.items()}
-    yield "residual_d", Plot("Residual of i_d (noise floors)", t, {n: z.real for n, z in rest.items()}, colours[1:])
-    yield "residual_q", Plot("Residual of i_q (noise floors)", t, {n: z.imag for n, z in rest.items()}, colours[1:])
+    yield "residual_d", Plot("Residual of i_d (noise floors)", t, {n: _real(z) for n, z in rest.items()}, colours[1:])
+    yield (
+        "residual_q",
+        Plot("Residual of i_q (noise floors)", t, {n: _imaginary(z) for n, z in rest.items()}, colours[1:]),
+    )
     for field, title in (("motion", "Innovation of the rotor's motion"), ("angle", "Residual of the encoder's angle")):
         own = {name: getattr(x, field) for name, (_, _, x) in shown.items()}
         if all(v is not None for v in own.values()):
             yield field, Plot(f"{title} (noise floors)", t, {n: v[:, 0] for n, v in own.items()}, colours[1:])
+
+
+def _real(z: NDArray[np.complex128]) -> Array:
+    return np.asarray(z.real, dtype=np.float64)
+
+
+def _imaginary(z: NDArray[np.complex128]) -> Array:
+    return np.asarray(z.imag, dtype=np.float64)
 
 
 def _complex(phases: Array) -> NDArray[np.complex128]:
