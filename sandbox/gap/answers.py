@@ -243,6 +243,6 @@ def _digits(x: float, width: float) -> str:
     if x == 0.0:
         return "0"
     own = math.floor(math.log10(abs(x)))
-    fine = math.floor(math.log10(width)) - 1 if math.isfinite(width) and width > 0.0 else own - 3
+    fine = math.floor(math.log10(width)) - 1 if math.isfinite(width) and width > 0.0 else own - 2
     places = max(0, min(-fine, 2 - own + 4))
     return f"{x:.{places}f}" if -5 < own < 7 else f"{x:.4g}"

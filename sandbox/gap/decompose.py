@@ -186,7 +186,7 @@ def _amplitudes(p: Array, noise: Array, speed, current) -> Array:
 def _turns(angle: Array, per_turn: float, turns: float) -> list[tuple[int, int]]:
     """Return (first, last) of stretches of whole turns with enough samples a turn."""
     turned = np.floor(np.maximum.accumulate(np.abs(angle - angle[0])) / (turns * math.tau))
-    edges = (np.flatnonzero(np.diff(turned) > 0.0) + 1).tolist()
+    edges = [0, *(np.flatnonzero(np.diff(turned) > 0.0) + 1).tolist()]
     return [(a, b) for a, b in itertools.pairwise(edges) if b - a >= per_turn * turns]
 
 
