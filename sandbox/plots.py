@@ -365,12 +365,12 @@ def lines_svg(panels: Sequence[tuple[str, Mapping[str, tuple[Sequence[float], Se
 
 
 def _svg(figure: Figure, salt: str) -> str:
-    """Return a figure as SVG that can stand in a page: text as text, names of its parts its own."""
+    """Return a figure as SVG that can stand in a page: letters as paths (fonts differ), names of its parts its own."""
     from matplotlib import rc_context
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
     out = io.StringIO()
-    with rc_context({"svg.fonttype": "none", "svg.hashsalt": salt}):
+    with rc_context({"svg.hashsalt": salt}):
         FigureCanvasSVG(figure).print_svg(out, metadata={"Date": None})
     text = out.getvalue()
     return text[text.index("<svg") :]

@@ -144,8 +144,8 @@ def next_text(a: Answers) -> str:
         return "Nothing is needed to name the cause; put the values below into the simulator and measure once more."
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
     disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
-    told = [f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed]
-    return "What tells more. " + "; ".join(told) + "." if told else "No effect is known that a recording could confirm."
+    told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
+    return f"Recordings that tell more, for {told}." if told else "No effect is known that a recording could confirm."
 
 
 def caveats(a: Answers) -> list[str]:
@@ -179,7 +179,7 @@ def remains_text(a: Answers) -> str:
     """Return what the best hypothesis leaves, and whether it looks like more than noise."""
     r = a.diagnosis.remainder
     size = (
-        f"After it, the mean square stands {max(r.after, 0.0):.2g} floors above noise (before: {max(r.before, 0):.3g})"
+        f"After it the mean square residual is {1.0 + r.after:.3g} times that of noise (before: {1.0 + r.before:.3g})"
     )
     chance = sum(h.probability for h in a.diagnosis.hypotheses if UNKNOWN in h.effects)
     return f"{size}; that something outside the library is at work is {likely(chance)}."

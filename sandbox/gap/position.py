@@ -14,18 +14,16 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
-from estimators.contract import BELIEF, STATE, STEP, TUNING, Sample
 from estimators.registry import load_estimator
-from model.compiled import kernel_as
 from model.effects.library import true_motor
 from model.errors import BadInput, PhysicsError
 from model.frames import wrapped
 from model.parameters import Drive
 from sandbox.campaign import CampaignRecording
 from sandbox.design import belief_of, design
+from sandbox.follow import follow
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.normal import Point
 from sandbox.injection import carrier
@@ -127,17 +125,6 @@ def errors(drive: Drive, r: CampaignRecording, current: Array | None, estimator:
     follow(own.step, state, np.column_stack([i, u, primitive]), belief, tuning, found)
     first = round(SETTLE / drive.converter.sampling_period)
     return np.asarray(wrapped(r.theta[first:] - found[first:]))
-
-
-FOLLOW = types.void(types.FunctionType(STEP), STATE, types.float64[:, ::1], BELIEF, TUNING, types.float64[::1])
-
-
-@kernel_as(FOLLOW)
-def follow(step, state, samples, belief, tuning, out):
-    """Hand samples (n, 5), in the order of `Sample`, to a compiled estimator; write its angles (rad) to out (n,)."""
-    for k in range(len(samples)):
-        s = samples[k]
-        out[k] = step(state, Sample(s[0], s[1], s[2], s[3], s[4]), belief, tuning).theta
 
 
 def carrier_at(drive: Drive, r: CampaignRecording) -> Array:

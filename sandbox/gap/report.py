@@ -46,6 +46,7 @@ th, td {{ text-align: left; padding: .3rem .5rem .3rem 0; border-bottom: 1px sol
 th {{ color: var(--soft); font-weight: 600; }} td.n, th.n {{ text-align: right; white-space: nowrap; }}
 td.file {{ overflow-wrap: anywhere; }}
 .bar {{ background: var(--mark); height: .55rem; border-radius: .2rem; min-width: 1px; }}
+pre {{ white-space: pre-wrap; font-size: .85rem; }}
 figure {{ margin: .6rem 0; break-inside: avoid; }} figure svg {{ width: 100%; height: auto; max-width: 34rem; }}
 @media (min-width: 50rem) {{ .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 figcaption {{ color: var(--soft); font-size: .9rem; }}
@@ -94,18 +95,18 @@ def _three(a: Answers) -> list[tuple[str, str]]:
 
 def _body(a: Answers, title: str) -> Iterator[str]:
     d = a.diagnosis
-    yield f'<h1>{html.escape(title)} <span class="badge {a.verdict}">{TITLES[a.verdict]}</span></h1>'
+    yield f'<h1>{_html(title)} <span class="badge {a.verdict}">{TITLES[a.verdict]}</span></h1>'
     heads = {
         "Where?": "Where does the gap lie?", "Which?": "Which effect causes it?",
         "How far?": "How far does the gap shrink?", "Next?": "What next?",
     }  # fmt: skip
     for head, text in _three(a):
-        yield f'<div class="answer"><b>{heads[head]}</b>{html.escape(text)}</div>'
+        yield f'<div class="answer"><b>{heads[head]}</b>{_html(text)}</div>'
     yield "<h2>Hypotheses</h2>" + _hypotheses(a, [h for h in d.hypotheses if h.probability >= FEWEST])
     told = ", or ".join(answers.names(h.effects) for h in d.ambiguity_set)
-    yield f'<p class="soft">With 95 % probability it is {html.escape(told)}.</p>'
+    yield f'<p class="soft">With 95 % probability it is {_html(told)}.</p>'
     if d.parameters[0]:
-        yield f"<h2>Parameters of {html.escape(answers.names(d.best.effects))}</h2>"
+        yield f"<h2>Parameters of {_html(answers.names(d.best.effects))}</h2>"
         yield table(["parameter", "value [95 % interval]"], _parameters(a))
     before, after = shown(d.before.point), shown(d.after.point)
     part, rest = decompose(d.before.point, before), decompose(d.after.point, after)
@@ -116,24 +117,23 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     yield fold("All figures", table(["recording", "before", "after", "share of the gap"], _recordings(a, part)))
     if a.where:
         yield "<h2>Where it lies</h2><ul>"
-        yield "".join(f"<li>{html.escape(f.text)}</li>" for f in a.where) + "</ul>"
+        yield "".join(f"<li>{_html(f.text)}</li>" for f in a.where) + "</ul>"
         yield f"<div class='pair'>{''.join(_spectrum(part, rest))}</div>"
     yield from _waves(a, part, before, after)
-    yield "<h2>What remains</h2><p>" + html.escape(answers.remains_text(a)) + "</p>"
+    yield "<h2>What remains</h2><p>" + _html(answers.remains_text(a)) + "</p>"
     notes = answers.caveats(a)
     if notes:
-        yield "<h2>Before you rely on it</h2><ul>" + "".join(f"<li>{html.escape(t)}</li>" for t in notes) + "</ul>"
+        yield "<h2>Before you rely on it</h2><ul>" + "".join(f"<li>{_html(t)}</li>" for t in notes) + "</ul>"
     yield from _detail(a)
 
 
 def _hypotheses(a: Answers, chosen: Sequence) -> str:
     rows = [
-        f"<tr><td>{html.escape(answers.label(h))}</td><td style='width:32%'><div class='bar' style='width:"
-        f"{100.0 * h.probability:.1f}%'></div></td><td class='n'>{100.0 * h.probability:.1f} %</td>"
-        f"<td class='n'>{_share(closed_by(a.diagnosis, h))}</td></tr>"
+        f"<tr><td>{_html(answers.label(h))}<div class='bar' style='width:{100.0 * h.probability:.1f}%'></div></td>"
+        f"<td class='n'>{100.0 * h.probability:.1f} %</td><td class='n'>{_share(closed_by(a.diagnosis, h))}</td></tr>"
         for h in chosen
     ]
-    head = "<tr><th>effects</th><th>probability</th><th class='n'></th><th class='n'>gap closed</th></tr>"
+    head = "<tr><th>effects</th><th class='n'>probability</th><th class='n'>gap closed</th></tr>"
     return f"<div class='wide'><table>{head}{''.join(rows)}</table></div>"
 
 
@@ -206,7 +206,7 @@ def _waves(a: Answers, part: Decomposition, before: Sequence[Residual], after: S
     own, rest = before[k].motion, after[k].motion
     if own is not None and rest is not None:
         panels.append(("motion", {"before": (t, peaks(own[:, 0])), "after": (t, peaks(rest[:, 0]))}))
-    yield f"<h2>Residuals in {html.escape(r.file)}</h2>"
+    yield f"<h2>Residuals in {_html(r.file)}</h2>"
     yield _figure(
         lines_svg(panels, "t (s)"), "Read less predicted, in units of the noise floor; peaks of each stretch."
     )
@@ -234,21 +234,25 @@ def _detail(a: Answers) -> Iterator[str]:
     yield fold("How it was made", table(["", ""], facts))
 
 
+def _html(text: str) -> str:
+    """Return text for the page: percentages kept together, names with underscores free to break."""
+    return html.escape(text).replace(" %", "&nbsp;%").replace("_", "_<wbr>")
+
+
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Return a table; the first column is text, the others numbers where there are more than two."""
     kind = " class='n'" if len(heads) > 2 else ""
-    head = "".join(f"<th{kind if k else ''}>{html.escape(h)}</th>" for k, h in enumerate(heads))
+    head = "".join(f"<th{kind if k else ''}>{_html(h)}</th>" for k, h in enumerate(heads))
     body = "".join(
-        "<tr>" + "".join(f"<td{kind if k else ''}>{html.escape(x)}</td>" for k, x in enumerate(row)) + "</tr>"
-        for row in rows
+        "<tr>" + "".join(f"<td{kind if k else ''}>{_html(x)}</td>" for k, x in enumerate(row)) + "</tr>" for row in rows
     )
     return f"<div class='wide'><table><tr>{head}</tr>{body}</table></div>"
 
 
 def fold(head: str, content: str) -> str:
     """Return a part that opens on demand (and when printed)."""
-    return f"<details><summary>{html.escape(head)}</summary>{content}</details>"
+    return f"<details><summary>{_html(head)}</summary>{content}</details>"
 
 
 def _figure(svg: str, caption: str) -> str:
-    return f"<figure>{svg}<figcaption>{html.escape(caption)}</figcaption></figure>"
+    return f"<figure role='img'>{svg}<figcaption>{_html(caption)}</figcaption></figure>"
