@@ -117,35 +117,24 @@ def _held(j: Judged, effects: Sequence[str]) -> Prior:
     campaign = j.fit.point.prepared.campaign
     usual = {c.label: replace(c, within=ORDINARY) for c in ordinary(campaign)}
     missing = {c.label: c for e in effects for c in of_effect(e, campaign.drive, j.fit.point.values)}
-    fitted = {c.label for c in j.fit.coordinates}
+    claimed = {k for e in j.effects for k in j.table.members[e]}
     prior = Prior(j.prior.mean.copy(), j.prior.deviation.copy(), j.prior.low.copy(), j.prior.high.copy())
     for k, c in enumerate(j.normal.coordinates):
         if c.label in usual and c.label in missing:
             prior.mean[k], prior.deviation[k] = usual[c.label].mean, usual[c.label].deviation
             prior.low[k], prior.high[k] = usual[c.label].bounds()
-        elif c.label in missing or c.label not in fitted:
+        elif c.label in missing or (k not in claimed and c.label not in usual and c.form != "lock"):
             prior.mean[k], prior.deviation[k] = missing.get(c.label, c).mean, 0.0
     return prior
 
 
 def _spans(j: Judged) -> dict[str, float]:
     """Return how much of what a hypothesis leaves each subsystem's effects could take up together; sums to 1."""
-    drive = j.fit.point.prepared.campaign.drive
     base = j.equations.most_probable(j.prior)[2]
     gain = {}
     for name in SUBSYSTEMS:
-        wide = {
-            c.label: c.deviation
-            for e in library.effect_names()
-            if library.load_effect(e).subsystem == name and e not in j.effects
-            for c in of_effect(e, drive, {**j.fit.point.values, **library.typical(e, drive.motor, drive.converter)})
-        }
-        deviation = j.prior.deviation.copy()
-        for k, c in enumerate(j.normal.coordinates):
-            plain = c.label.partition("@")[0]
-            if c.effect in library.effect_names() and library.load_effect(c.effect).subsystem == name:
-                deviation[k] = max(deviation[k], wide.get(plain, c.deviation))
-        gain[name] = max(0.0, base - j.equations.most_probable(j.prior.with_deviation(deviation))[2])
+        own = [e for e in j.table.members if library.load_effect(e).subsystem == name and e not in j.effects]
+        gain[name] = max(0.0, base - j.equations.most_probable(j.table.prior([*j.effects, *own]))[2])
     total = sum(gain.values())
     return {name: g / total if total else 1.0 / len(gain) for name, g in gain.items()}
 
@@ -160,10 +149,8 @@ def without(d: Diagnosis, subsystem: str, *, alone: bool) -> Point:
         return d.before.point
     j = d.best.judged
     x = j.equations.most_probable(_held(j, own))[0]
-    places = {c.label: k for k, c in enumerate(j.normal.coordinates)}
-    fitted = {c.label for c in j.fit.coordinates}
-    moved = [c for c in j.normal.coordinates if c.label in fitted]
-    return j.fit.point.moved(moved, np.array([x[places[c.label]] for c in moved]))
+    moved = [(c, to) for c, to in zip(j.normal.coordinates, x, strict=True) if c.form != "share"]
+    return j.table.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
 
 
 def sentences(name: str, share: float, part: Decomposition, recordings: int) -> Iterator[Finding]:
