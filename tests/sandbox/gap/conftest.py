@@ -57,8 +57,8 @@ def small_folder(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def small_answers(small_folder):
-    """Its diagnosis."""
-    return answer(read_campaign(small_folder))
+    """Its diagnosis; delays, which so little data cannot tell from each other, left out: words and files are tested."""
+    return answer(read_campaign(small_folder), exclude=("pwm_delay", "current_sampling", "current_filter"))
 
 
 @pytest.fixture(scope="session")
