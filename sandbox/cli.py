@@ -121,6 +121,15 @@ def build_parser() -> Parser:
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     text = "names and units of recordings from elsewhere (see sandbox/IMPORTING.md)"
     c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
+    c = add(
+        "diagnose",
+        run_diagnose,
+        "where a campaign's gap to the simulator lies, which effect causes it, how far it shrinks",
+    )
+    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    c.add_argument("--nominal", choices=("linear",), help="leave the nominal model's saturation out")
+    c.add_argument("--exclude", action="append", default=[], metavar="EFFECT", help="no candidate (may be repeated)")
+    c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
     c = add("maps", run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
@@ -289,6 +298,30 @@ def run_identify(options: argparse.Namespace) -> None:
         report.write_json(out, "identify", {**result.as_json(), "figure": "identify.png"})
     if not options.quiet:
         report.print_identification(result)
+        print(f"results in {_folder(options)}")
+
+
+def run_diagnose(options: argparse.Namespace) -> None:
+    """Diagnose a campaign; write diagnosis.json, report.html and diagnosis.rrd."""
+    from sandbox.gap.answers import answer, linear
+    from sandbox.gap.contract import contract
+    from sandbox.gap.report import print_answers, write_report
+    from sandbox.gap.traces import write_traces
+    from sandbox.importing import read_recordings
+
+    campaign = read_recordings(options.campaign, options.columns)
+    campaign = linear(campaign) if options.nominal else campaign
+    exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]
+    with report.stage_bar("diagnosing", options.quiet) as progress:
+        found = answer(campaign, exclude=exclude, workers=options.jobs or os.cpu_count() or 1, report=progress)
+        with report.results(_folder(options), "diagnosis") as out:
+            progress("writing")
+            write_report(out / "report.html", found)
+            write_traces(out / "diagnosis.rrd", found)
+            content = contract(found.diagnosis, found.where, found.position, found.following)
+            report.write_json(out, "diagnosis", content, command="diagnose")
+    if not options.quiet:
+        print_answers(found)
         print(f"results in {_folder(options)}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import os
 from collections.abc import Mapping, Sequence
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from sandbox.maps import Maps
 
 DPI = 150
+PHONE = 4.6  # inches: a phone's width at a legible size
+SERIES = ("#de6210", "#2e86de", "#7f7f7f")  # before, after, recorded; as in the trace
 MARKERS = {"saturated": "o", "linear": "s"}
 READING = (
     "error = true − estimated angle;  marker: mean;  outer end of bar: 95th percentile of |error|;  "
@@ -317,6 +320,60 @@ def _limits(axes: Axes, methods: Mapping[str, Mapping[str, Any]]) -> None:
     axes.grid(axis="x", color="0.9", linewidth=0.6)
     axes.legend(fontsize=8)
     axes.set_title("figures, one-sided 95 % limits", fontweight="bold")
+
+
+def bars_svg(
+    labels: Sequence[str], series: Mapping[str, Sequence[float]], xlabel: str, *, log_from: float | None = None
+) -> str:
+    """Return horizontal bars as inline SVG, one group a label, one bar a series; log_from: logarithmic from there."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(PHONE, 0.9 + 0.34 * len(labels)), layout="constrained")
+    axes = figure.subplots()
+    height = 0.8 / max(1, len(series))
+    for k, (name, values) in enumerate(series.items()):
+        places = [n + (k - (len(series) - 1) / 2) * height for n in range(len(labels))]
+        left = log_from or 0.0
+        axes.barh(places, [max(v - left, 0.0) for v in values], height, left, color=SERIES[k % len(SERIES)], label=name)
+    if log_from is not None:
+        axes.set_xscale("log")
+        axes.set_xlim(log_from, 1.6 * max([2.0 * log_from, *(v for values in series.values() for v in values)]))
+    axes.set_yticks(range(len(labels)), list(labels), parse_math=False)
+    axes.invert_yaxis()
+    axes.set_xlabel(xlabel)
+    axes.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    axes.spines[["top", "right"]].set_visible(False)
+    return _svg(figure, "".join(labels) + xlabel)
+
+
+def lines_svg(panels: Sequence[tuple[str, Mapping[str, tuple[Sequence[float], Sequence[float]]]]], xlabel: str) -> str:
+    """Return panels of lines over a common axis as inline SVG; a panel: its y label, {name: (x, y)}."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(PHONE, 0.7 + 1.5 * len(panels)), layout="constrained")
+    for axes, (ylabel, lines) in zip(
+        figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0], panels, strict=True
+    ):
+        for k, (name, (x, y)) in enumerate(lines.items()):
+            axes.plot(x, y, color=SERIES[k % len(SERIES)], linewidth=0.7, label=name)
+        axes.set_ylabel(ylabel)
+        axes.spines[["top", "right"]].set_visible(False)
+    first = figure.axes[0]
+    first.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
+    figure.axes[-1].set_xlabel(xlabel)
+    return _svg(figure, "".join(p[0] for p in panels) + xlabel)
+
+
+def _svg(figure: Figure, salt: str) -> str:
+    """Return a figure as SVG that can stand in a page: letters as paths (fonts differ), names of its parts its own."""
+    from matplotlib import rc_context
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+
+    out = io.StringIO()
+    with rc_context({"svg.hashsalt": salt}):
+        FigureCanvasSVG(figure).print_svg(out, metadata={"Date": None})
+    text = out.getvalue()
+    return text[text.index("<svg") :]
 
 
 def _save(figure: Figure, path: Path) -> None:

@@ -96,10 +96,13 @@ def discard(out: Path) -> None:
     shutil.rmtree(_aside(out), ignore_errors=True)
 
 
-def write_json(out: Path, command: str, content: dict[str, Any]) -> Path:
-    """Write `<command>.json` with the common header into a folder, whole or not at all; return its path."""
-    path = out / f"{command}.json"
-    document = {"schema": SCHEMA, "command": command, "version": version(), **plain(content)}
+def write_json(out: Path, name: str, content: dict[str, Any], command: str = "") -> Path:
+    """Write `<name>.json` with the common header into a folder, whole or not at all; return its path.
+
+    command: the header's, where the file is not named after it.
+    """
+    path = out / f"{name}.json"
+    document = {"schema": SCHEMA, "command": command or name, "version": version(), **plain(content)}
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -122,6 +125,23 @@ def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | 
     with Progress(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(title, total=1.0)
         yield lambda fraction: bar.update(task, completed=fraction)
+
+
+@contextmanager
+def stage_bar(title: str, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Give a function that shows what is being done, where nobody knows how many stages there will be."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda stage: bar.update(
+            task, description=f"{title}: {stage}", advance=0.1 * (bar.tasks[0].remaining or 0.0)
+        )
 
 
 def print_table(title: str, heads: list[str], rows: list[list[str]]) -> None:
@@ -188,6 +208,22 @@ def comparison_markdown(c: Comparison) -> str:
         lines = [f"**{title}**", "", f"| {' | '.join(heads)} |", "|" + "--:|" * len(heads)]
         blocks.append("\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)]))
     return "\n\n".join(blocks)
+
+
+def comparison_text(comparison: Comparison, made: dict[str, str], stride: int, slow: int) -> str:
+    """Return the markdown shown first: how to read the trace, the table of errors, how it was made."""
+    kept = "every recorded sample" if stride == 1 else f"one recorded sample in {stride}"
+    reading = (
+        "Error = true minus estimated angle, degrees electrical. **Blue**: the estimator believes the "
+        "saturated model, **orange**: the linear one, pale lines: theory over the evaluation windows. Error "
+        "views are cut to what runs in lock need. Angle views open on a quarter turn of the last window in "
+        f"lock. Error and angle hold {kept}, currents means over {slow} samples, ripple and speed "
+        f"one sample in {slow}."
+    )
+    provenance = [f"| {name} | {value} |" for name, value in made.items()]
+    title = f"# {comparison.drive.name}, {comparison.scenario.name}"
+    table = comparison_markdown(comparison)
+    return "\n".join([title, reading, "", table, "", "| made with | |", "|---|---|", *provenance])
 
 
 def print_run(c: Comparison, gains: Design) -> None:

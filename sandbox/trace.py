@@ -6,15 +6,17 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from sandbox.report import comparison_markdown
+from sandbox.report import comparison_text
 
 if TYPE_CHECKING:
     import rerun as rr
@@ -47,30 +49,91 @@ SLOW_VIEWS = (
 )
 
 
+@dataclass(frozen=True)
+class Plot:
+    """Lines, or bars, over a common x (n,): s of lines, any number of bars; a colour each."""
+
+    title: str
+    x: Array
+    lines: Mapping[str, Array]
+    colours: Sequence[Colour]
+    bars: bool = False
+
+
 def write_trace(path: Path, comparison: Comparison) -> None:
     """Write all runs of a comparison to one `.rrd` with its blueprint.
 
     Entities of a run stand under `run.name`: `error` (deg) and `angle` (true, estimated; rad) are recorded
     samples; `current_d`, `current_q`, `ripple_d`, `ripple_q` (A), `speed` (true, estimated; rad/s) are slow.
-    The file appears whole or not at all. Raises ValueError if there is no run, OSError if it is not writable.
+    Raises ValueError if there is no run, OSError if the file is not writable.
     """
-    import rerun as rr
-
     if not comparison.runs:
         raise ValueError("a trace needs at least one run, this comparison has none")
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     stride = sample_stride(comparison)
+    with _written(path) as stream:
+        stream.send_blueprint(_blueprint(comparison))
+        _send_properties(stream, comparison, stride)
+        _send_scenario(stream, comparison, SLOW * stride)
+        for run in comparison.runs:
+            _send_run(stream, run, stride)
+
+
+@contextmanager
+def _written(path: Path) -> Iterator[rr.RecordingStream]:
+    """Give a stream to a file that appears whole or not at all."""
+    import rerun as rr
+
+    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with rr.RecordingStream(APPLICATION) as stream:
             stream.save(partial)
-            stream.send_blueprint(_blueprint(comparison))
-            _send_properties(stream, comparison, stride)
-            _send_scenario(stream, comparison, SLOW * stride)
-            for run in comparison.runs:
-                _send_run(stream, run, stride)
+            yield stream
         os.replace(partial, path)
     finally:
         partial.unlink(missing_ok=True)
+
+
+def write_series(path: Path, title: str, text: str, tabs: Mapping[str, Mapping[str, Plot]]) -> None:
+    """Write tabs {tab: {name: Plot}} after a summary in markdown; lines are one entity, bars one each under it."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    pages: list[Any] = [rrb.TextDocumentView(origin="summary", name="Summary")]
+    with _written(path) as stream:
+        stream.send_recording_name(title)
+        stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True, strict=True)
+        for tab, plots in tabs.items():
+            own = rr.escape_entity_path_part(tab)
+            views = [_send_plot(stream, f"{own}/{name}", plot) for name, plot in plots.items()]
+            pages.append(rrb.Grid(*views, grid_columns=2, name=tab))
+        stream.send_blueprint(_tabs(pages))
+
+
+def _send_plot(stream: rr.RecordingStream, entity: str, plot: Plot) -> rrb.View:
+    """Send one plot; return its view."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    if not plot.bars:
+        _send(stream, entity, plot.x, list(plot.lines.values()), list(plot.lines), list(plot.colours))
+        return rrb.TimeSeriesView(name=plot.title, contents=[f"/{entity}"])
+    for (line, values), colour in zip(plot.lines.items(), plot.colours, strict=False):
+        chart = rr.BarChart(values, color=colour, abscissa=plot.x)
+        stream.log(f"{entity}/{line}", chart, static=True, strict=True)
+    return rrb.BarChartView(name=plot.title, contents=[f"/{entity}/**"])
+
+
+def _tabs(pages: Sequence[Any]) -> rrb.Blueprint:
+    """Return tabs with everything around them folded."""
+    import rerun.blueprint as rrb
+
+    return rrb.Blueprint(
+        rrb.Tabs(*pages, active_tab=0),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_views=False,
+    )
 
 
 def sample_stride(comparison: Comparison) -> int:
@@ -242,24 +305,8 @@ def _send_properties(stream: rr.RecordingStream, comparison: Comparison, stride:
     made = {name: str(fact) for name, fact in facts.items()}
     stream.send_recording_name(f"compare {motor} {scenario}")
     stream.send_property("made", rr.AnyValues(True, **made))
-    text = _summary(comparison, made, stride)
+    text = comparison_text(comparison, made, stride, SLOW * stride)
     stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True, strict=True)
-
-
-def _summary(comparison: Comparison, made: dict[str, str], stride: int) -> str:
-    """Return the markdown shown first: how to read the trace, the table of errors, how it was made."""
-    kept = "every recorded sample" if stride == 1 else f"one recorded sample in {stride}"
-    reading = (
-        "Error = true minus estimated angle, degrees electrical. **Blue**: the estimator believes the "
-        "saturated model, **orange**: the linear one, pale lines: theory over the evaluation windows. Error "
-        "views are cut to what runs in lock need. Angle views open on a quarter turn of the last window in "
-        f"lock. Error and angle hold {kept}, currents means over {SLOW * stride} samples, ripple and speed "
-        f"one sample in {SLOW * stride}."
-    )
-    provenance = [f"| {name} | {value} |" for name, value in made.items()]
-    title = f"# {comparison.drive.name}, {comparison.scenario.name}"
-    table = comparison_markdown(comparison)
-    return "\n".join([title, reading, "", table, "", "| made with | |", "|---|---|", *provenance])
 
 
 def _blueprint(comparison: Comparison) -> rrb.Blueprint:
@@ -275,13 +322,7 @@ def _blueprint(comparison: Comparison) -> rrb.Blueprint:
     overview = rrb.Grid(*errors, grid_columns=len({run.closed_loop for run in comparison.runs}))
     text = rrb.TextDocumentView(origin="summary", name="How to read, errors, provenance")
     front = rrb.Horizontal(text, overview, column_shares=[2, 3], name="Summary")
-    return rrb.Blueprint(
-        rrb.Tabs(front, *(_tab(title, runs, reach) for title, runs in groups.items()), active_tab=0),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        auto_views=False,
-    )
+    return _tabs([front, *(_tab(title, runs, reach) for title, runs in groups.items())])
 
 
 def _reach(row: Row) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from model.parameters import Converter, Motor
 
 INF = math.inf
+LINEAR_LACKS = 0.2  # of the linear energy at rated current: what saturation takes on common motors
 SUBSYSTEMS = ("machine", "inverter", "sensor", "mechanics")
 
 
@@ -41,6 +42,8 @@ class Parameter:
 
     def typical_for(self, motor: Motor, converter: Converter) -> float:
         """Return the typical size (in the parameter's unit) on a drive."""
+        if self.relative_to == "neutral" and self.neutral_for(motor) == 0.0:
+            return saturation_size(motor, self.of_motor)
         if self.relative_to == "neutral":
             return self.typical * self.neutral_for(motor)
         return self.typical * scales(motor, converter)[self.relative_to]
@@ -62,6 +65,14 @@ class Effect:
     confused_with: tuple[str, ...]
     separated_by: str
     polar: tuple[str, str] | None = None  # amplitude and phase that are fitted as cosine and sine
+
+
+def saturation_size(motor: Motor, alpha: str) -> float:
+    """Return the size of a coefficient `alpha_jk` that a linear nominal model lacks: its term phi^(j+k) then has
+    LINEAR_LACKS of the energy phi^2 / 2 L at the flux L x rated current."""
+    inductance = math.sqrt(motor.inductance_d * motor.inductance_q)
+    degree = sum(int(x) for x in alpha.removeprefix("alpha_"))
+    return LINEAR_LACKS / (2.0 * inductance * (inductance * motor.rated_current) ** (degree - 2))
 
 
 def scales(motor: Motor, converter: Converter) -> dict[str, float]:

@@ -12,7 +12,6 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from sandbox.campaign import Campaign, read_campaign
 from sandbox.gap.estimates import Estimate, estimates
@@ -117,34 +116,3 @@ def verdict(d: Diagnosis) -> str:
     if "unknown" in d.best.effects:
         return "unknown"
     return "explained" if alone else "ambiguous"
-
-
-def contract(d: Diagnosis) -> dict[str, Any]:
-    """Return `diagnosis.json`."""
-    named = verdict(d)
-    closed = None if named == "no_gap" else d.size.closed
-    return {
-        "campaign": d.campaign.name,
-        "verdict": named,
-        "gap": {
-            "raw": d.size.raw,
-            "before": d.size.before,
-            "after": d.size.after,
-            "floor": 1.0,
-            "closed": closed,
-            "closed_ci95": None if closed is None else d.size.closed_ci95,
-            "recordings": [{"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in d.size.recordings],
-        },
-        "hypotheses": [
-            {
-                "effects": list(h.effects),
-                "probability": h.probability,
-                "parameters": {
-                    name: {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} for name, e in own.items()
-                },
-            }
-            for h, own in zip(d.hypotheses, d.parameters, strict=True)
-        ],
-        "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
-        "cost": {"simulations": d.simulations, "seconds": d.seconds},
-    }

@@ -10,6 +10,7 @@ import pytest
 
 from model.errors import BadInput
 from sandbox import trace
+from sandbox.report import comparison_text
 
 SAMPLES = 800
 RATE = 4000.0
@@ -145,7 +146,7 @@ def test_rerun_verifies_the_file(written):
 
 
 def test_summary_holds_the_table_and_how_much_was_kept():
-    text = trace._summary(_comparison(), {"seed": "7"}, 3)
+    text = comparison_text(_comparison(), {"seed": "7"}, 3, 48)
     assert "| +100 | +30 | -3.00 | lost lock |" in text
     assert "one recorded sample in 3" in text
 

@@ -1,0 +1,248 @@
+"""A diagnosis in words: where, which, how far, what next; the same sentences for terminal and report."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from model.effects import library
+from model.errors import BadInput
+from sandbox.campaign import Campaign
+from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
+from sandbox.gap.discriminate import Next
+from sandbox.gap.estimates import Estimate
+from sandbox.gap.position import PositionError, position_error
+from sandbox.gap.posterior import UNKNOWN, Hypothesis
+from sandbox.gap.where import Finding, percent, summary, where
+
+ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+NOMINALS = ("linear",)
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+PREFIXED = ("s", "A", "V", "Wb", "ohm", "N m", "rad", "Hz", "H", "1/H")
+SIGNS = {"ohm": "Ω", "N m": "N·m", "kg m^2": "kg·m²", "A/Wb^2": "A/Wb²", "A/Wb^3": "A/Wb³", "N m s/rad": "N·m·s/rad"}
+
+
+@dataclass(frozen=True)
+class Answers:
+    """A diagnosis with what a person asks of it."""
+
+    diagnosis: Diagnosis
+    where: tuple[Finding, ...]
+    position: PositionError | None
+    following: Next | None
+
+    @property
+    def verdict(self) -> str:
+        """Return the contract's verdict."""
+        return verdict(self.diagnosis)
+
+
+def answer(
+    campaign: Campaign,
+    *,
+    exclude: Sequence[str] = (),
+    workers: int = 2,
+    report: Callable[[str], None] = lambda _: None,
+) -> Answers:
+    """Return a campaign's diagnosis and all answers; BadInput for an unknown effect or a campaign that is none."""
+    for name in exclude:
+        library.load_effect(name)
+    d = diagnose(campaign, exclude=exclude, workers=workers, report=report)
+    report("where it lies")
+    found = where(d)
+    report("position estimate")
+    return Answers(d, found, position_error(d), None)
+
+
+def linear(campaign: Campaign) -> Campaign:
+    """Return a campaign whose nominal model believes in no saturation, and in that with certainty.
+
+    BadInput where the nominal model is a flux map, which has no coefficients to leave out.
+    """
+    motor = campaign.drive.motor
+    if not all(hasattr(motor, a) for a in ALPHAS) or getattr(motor, "flux_map", None):
+        raise BadInput(
+            "--nominal linear needs a [motor] with the five alphas; this one is a flux map, give it without --nominal"
+        )
+    changes: dict[str, Any] = dict.fromkeys(ALPHAS, 0.0)
+    drive = dataclasses.replace(campaign.drive, motor=dataclasses.replace(motor, **changes))
+    uncertainty = {k: v for k, v in campaign.uncertainty.items() if k not in ALPHAS}
+    return dataclasses.replace(campaign, drive=drive, uncertainty=uncertainty)
+
+
+def where_text(a: Answers) -> str:
+    """Return where the gap lies, in one sentence."""
+    return summary(a.diagnosis, a.where)
+
+
+def which_text(a: Answers) -> str:
+    """Return which effect causes it, or that none does, or that it cannot be told."""
+    d, best = a.diagnosis, a.diagnosis.best
+    if a.verdict == "no_gap":
+        return f"None: ordinary deviations alone are {likely(best.probability)}."
+    if a.verdict == "unknown":
+        named = [e for e in best.effects if e != UNKNOWN]
+        if not named:
+            return f"None in the library: that something it does not hold is at work is {likely(best.probability)}."
+        besides = f"something outside the library is at work, {likely(best.probability)}"
+        return f"{capital(names(named))}, but not alone: {besides}."
+    if a.verdict == "ambiguous":
+        told = "; or ".join(f"{names(h.effects)} ({percent(h.probability)})" for h in d.ambiguity_set)
+        return f"These recordings cannot tell apart: {told}."
+    return f"{capital(names(best.effects))}, {likely(best.probability)}: {sizes(d.parameters[0])}."
+
+
+def far_text(a: Answers) -> str:
+    """Return how far the gap shrinks, and what that does to the position error."""
+    d, s = a.diagnosis, a.diagnosis.size
+    on = f"on {len(d.held_out)} recordings not used to find it" if d.held_out else "on the recordings it was found on"
+    if a.verdict == "no_gap":
+        text = f"There is nothing to close: residuals are {s.before:.3g} times the noise floor {on}."
+    elif s.closed is None:
+        text = f"Residuals are {s.before:.3g} times the noise floor {on}; no effect of the library lowers them."
+    else:
+        low, high = s.closed_ci95 or (math.nan, math.nan)
+        between = (
+            percent_fine(low)
+            if percent_fine(low) == percent_fine(high)
+            else f"{percent_fine(low)} to {percent_fine(high)}"
+        )
+        text = (
+            f"{percent_fine(s.closed)} of the reducible gap closes {on} (95 % interval: {between}); "
+            f"residuals fall from {s.before:.3g} to {s.after:.3g} times the noise floor."
+        )
+    return f"{capital(text)} {position_text(a)}".strip()
+
+
+def position_text(a: Answers) -> str:
+    """Return the position error in degrees, or nothing where no recording shows it."""
+    p = a.position
+    if p is None:
+        return ""
+    text = (
+        f"Position error of the estimator '{p.estimator}': {p.recorded:.2f}° on the recorded currents; the simulator "
+    )
+    if a.verdict == "no_gap":
+        return f"{text}says {p.simulated_before:.2f}°."
+    text += f"said {p.simulated_before:.2f}° before and says {p.simulated_after:.2f}° now."
+    if p.believing_after is not None:
+        text += f" Believing the motor found, it errs by {p.believing_after:.2f}° on the recorded currents."
+    return text
+
+
+def next_text(a: Answers) -> str:
+    """Return what to record or do next."""
+    if a.following is not None:
+        pair = " from ".join(names(s) for s in a.following.separates)
+        return f"Record: {a.following.description}. It would tell {pair}."
+    if a.verdict == "no_gap":
+        return "Nothing is needed; the nominal model may be used as it is."
+    if a.verdict == "explained":
+        return "Nothing is needed to name the cause; put the values below into the simulator and measure once more."
+    sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
+    disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
+    told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
+    return f"Recordings that tell more, for {told}." if told else "No effect is known that a recording could confirm."
+
+
+def caveats(a: Answers) -> list[str]:
+    """Return what a reader has to know before believing the rest, one sentence each."""
+    d = a.diagnosis
+    out = [f"{f.file + ': ' if f.file else ''}{f.text}" for f in d.campaign.findings]
+    if not d.held_out:
+        out.append(
+            "No recording was held out (each kind of rotor is there only once), so the figures are those of the fit."
+        )
+    if d.campaign.rated_from_data:
+        out.append("Rated current, torque and speed are missing; the largest recorded ones stand in for them.")
+    missing = [k for k in ("uncertainty", "background") if not getattr(d.campaign, k)]
+    if missing:
+        out.append(f"No [{'], ['.join(missing)}] is stated: usual values of a careful identification are assumed.")
+    kinds = {r.rotor for r in d.start.prepared.recordings}
+    if "free" not in kinds:
+        out.append("No rotor turned freely, so effects of mechanics cannot be seen.")
+    if kinds == {"locked"}:
+        out.append("The rotor never turned, so effects that need speed (flux, encoder, iron loss) can hardly be seen.")
+    if a.position is None:
+        out.append("No turning recording has injection, so the position error cannot be compared.")
+    if d.temperature > 2.0:
+        out.append(
+            f"Residuals are alike within blocks of time; log evidence was divided by {d.temperature:.2g} for that."
+        )
+    return out
+
+
+def remains_text(a: Answers) -> str:
+    """Return what the best hypothesis leaves, and whether it looks like more than noise."""
+    r = a.diagnosis.remainder
+    size = (
+        f"After it the mean square residual is {1.0 + r.after:.3g} times that of noise (before: {1.0 + r.before:.3g})"
+    )
+    chance = sum(h.probability for h in a.diagnosis.hypotheses if UNKNOWN in h.effects)
+    return f"{size}; that something outside the library is at work is {likely(chance)}."
+
+
+def likely(p: float) -> str:
+    """Return a probability in words a sentence can hold."""
+    if p > 0.995:
+        return "more than 99 % probable"
+    return "less than 1 % probable" if p < 0.005 else f"{100.0 * p:.0f} % probable"
+
+
+def percent_fine(x: float) -> str:
+    """Return a share with enough digits near one."""
+    if not math.isfinite(x):
+        return "–"
+    return f"{100.0 * x:.1f} %" if x < 0.9995 else "more than 99.9 %"
+
+
+def words(effect: str) -> str:
+    """Return an effect's name as words."""
+    return effect.replace("_", " ").replace("pwm", "PWM").replace("dc link", "DC link")
+
+
+def capital(text: str) -> str:
+    """Return a text that begins a sentence."""
+    return text[:1].upper() + text[1:]
+
+
+def names(effects: Sequence[str]) -> str:
+    """Return a hypothesis as words."""
+    return " + ".join(words(e) for e in effects) if effects else "no effect"
+
+
+def label(h: Hypothesis) -> str:
+    """Return a hypothesis for a table."""
+    return names(h.effects)
+
+
+def sizes(parameters: dict[str, Estimate]) -> str:
+    """Return the parameters of a hypothesis as one clause."""
+    return ", ".join(f"{name.partition('.')[2]} {quantity(e)}" for name, e in parameters.items()) or "no parameter"
+
+
+def quantity(e: Estimate) -> str:
+    """Return value and interval with a unit a person uses, e.g. "1.14 µs [1.12, 1.16]"."""
+    scale, prefix = 1.0, ""
+    sizes = [abs(x) for x in (e.value, e.low, e.high) if math.isfinite(x) and x]
+    if e.unit in PREFIXED and sizes:
+        scale, prefix = next(((s, p) for s, p in PREFIXES if max(sizes) >= s), PREFIXES[-1])
+    value, low, high = (_digits(x / scale, (e.high - e.low) / scale) for x in (e.value, e.low, e.high))
+    unit = prefix + SIGNS.get(e.unit, e.unit)
+    fixed = "" if e.low == e.high else f" [{low}, {high}]"
+    return f"{value}{' ' + unit if unit else ''}{fixed}"
+
+
+def _digits(x: float, width: float) -> str:
+    """Return a number with two digits of its interval's width, at least three of its own."""
+    if not math.isfinite(x):
+        return "∞"
+    if x == 0.0:
+        return "0"
+    own = math.floor(math.log10(abs(x)))
+    fine = math.floor(math.log10(width)) - 1 if math.isfinite(width) and width > 0.0 else own - 2
+    places = max(0, min(-fine, 2 - own + 4))
+    return f"{x:.{places}f}" if -5 < own < 7 else f"{x:.4g}"

@@ -1,0 +1,249 @@
+"""What a person and a script get: findings, contract, report, trace, command; and that no truth is read."""
+
+import dataclasses
+import json
+import math
+import shutil
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from estimators.registry import load_estimator
+from model.effects.card import SUBSYSTEMS
+from model.parameters import load_drive
+from sandbox.campaign import read_campaign
+from sandbox.cli import main
+from sandbox.design import design
+from sandbox.gap.answers import answer, caveats, far_text, linear, next_text, quantity, which_text
+from sandbox.gap.contract import contract
+from sandbox.gap.estimates import Estimate
+from sandbox.gap.position import carrier_at, errors
+from sandbox.gap.report import write_report
+from sandbox.gap.where import subsystems
+from sandbox.injection import carrier
+from sandbox.record import campaign_of
+from sandbox.report import plain
+from sandbox.scenario import Scenario, Segment
+from sandbox.simulate import simulate
+from sandbox.trace import read_trace
+from tests.data import recordings_folder
+from tests.sandbox.gap.conftest import DEAD_TIME
+
+
+def content_of(a):
+    return plain(contract(a.diagnosis, a.where, a.position, a.following))
+
+
+def test_where_names_the_inverter_in_a_plain_sentence(small_answers):
+    first = small_answers.where[0]
+    print([f.text for f in small_answers.where])
+    assert first.subsystem == "inverter"
+    assert first.share > 0.95
+    assert "along the current" in first.text
+    assert first.text.endswith("inverter.")
+    shares = [f.share for f in small_answers.where]
+    assert shares == sorted(shares, reverse=True)
+    assert sum(subsystems(small_answers.diagnosis).values()) == pytest.approx(1.0)
+
+
+def test_contract_has_the_keys_of_the_contract(small_answers):
+    """Keys and types as DIAGNOSIS.md lists them."""
+    c = content_of(small_answers)
+    assert set(c) == {
+        "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "next_recording", "cost"
+    }  # fmt: skip
+    assert set(c["gap"]) == {
+        "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg"
+    }  # fmt: skip
+    assert set(c["gap"]["position_error_deg"]) == {"recorded", "simulated_before", "simulated_after"}
+    assert [set(r) for r in c["gap"]["recordings"]] == 4 * [{"file", "before", "after", "held_out"}]
+    assert {frozenset(f) for f in c["where"]} == {
+        frozenset({"subsystem", "channel", "region", "order", "share", "text"})
+    }
+    assert {f["subsystem"] for f in c["where"]} <= set(SUBSYSTEMS)
+    assert sum(h["probability"] for h in c["hypotheses"]) == pytest.approx(1.0)
+    best = c["hypotheses"][0]
+    assert set(best) == {"effects", "probability", "closed", "parameters"}
+    assert best["effects"] == ["dead_time"]
+    assert c["verdict"] == ("explained" if len(c["ambiguity_set"]) == 1 else "ambiguous")
+    assert best["parameters"]["dead_time.time"]["value"] == pytest.approx(DEAD_TIME, rel=0.05)
+    assert best["parameters"]["dead_time.time"]["unit"] == "s"
+    assert best["closed"] == c["gap"]["closed"] > 0.99
+    unknown = next(h for h in c["hypotheses"] if h["effects"] == ["unknown"])
+    assert unknown["closed"] is None
+    before, after = c["gap"]["before"], c["gap"]["after"]
+    assert c["gap"]["closed"] == pytest.approx((before**2 - after**2) / (before**2 - 1.0))
+
+
+def test_no_gap_is_said_plainly(quiet_answers):
+    c = content_of(quiet_answers)
+    assert c["verdict"] == "no_gap"
+    assert c["where"] == []
+    assert c["gap"]["closed"] is None
+    assert "None" in which_text(quiet_answers)
+    assert "nothing to close" in far_text(quiet_answers)
+    assert "Nothing is needed" in next_text(quiet_answers)
+    assert any("held out" in text for text in caveats(quiet_answers))  # a campaign of one recording
+
+
+def test_position_error_follows_the_diagnosis(small_answers):
+    """Dead time moves the estimator: simulated currents show that only once it is in the model."""
+    p = small_answers.position
+    assert abs(p.recorded - p.simulated_after) < 0.05 * p.recorded
+    assert abs(p.recorded - p.simulated_before) > 0.3 * p.recorded
+
+
+class Page(HTMLParser):
+    """Collects what a page shows and what it would load."""
+
+    def __init__(self):
+        super().__init__()
+        self.text, self.loads, self.open = [], [], []
+
+    def handle_starttag(self, tag, attrs):
+        if tag in ("script", "img", "link", "iframe"):
+            self.loads += [v for k, v in attrs if k in ("src", "href") and v]
+        if tag not in ("meta", "br", "img", "link", "wbr"):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text.append(data)
+
+
+def test_report_is_one_page_with_the_answers_first(small_answers, tmp_path):
+    path = tmp_path / "report.html"
+    write_report(path, small_answers)
+    page, text = Page(), path.read_text(encoding="utf-8")
+    page.feed(text)
+    assert page.loads == []
+    assert page.open == []
+    assert "url(http" not in text
+    assert 'name="viewport"' in text
+    said = "".join(page.text)
+    order = [said.index(t) for t in ("Where does", "Which effect", "How far", "Hypotheses", "The gap, recording")]
+    assert order == sorted(order)
+    for wanted in ("inverter", "dead_time.time", "µs", "held out", "What remains", "Before you rely on it"):
+        assert wanted in said, wanted
+    assert text.count("<svg") >= 3
+
+
+def test_report_escapes_names(quiet_answers, tmp_path):
+    d = quiet_answers.diagnosis
+    evil = dataclasses.replace(d, campaign=dataclasses.replace(d.campaign, name="<b>&"))
+    write_report(tmp_path / "r.html", dataclasses.replace(quiet_answers, diagnosis=evil))
+    assert "&lt;b&gt;&amp;" in (tmp_path / "r.html").read_text()
+    assert "<b>&:" not in (tmp_path / "r.html").read_text()
+
+
+def test_command_reads_no_truth(quiet_folder, tmp_path, capsys):
+    """The same recordings with a truth file beside and inside and notes in campaign.toml give the same answers."""
+    out = tmp_path / "one"
+    assert main(["diagnose", str(quiet_folder), "--out", str(out), "--jobs", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "Where?" in said and "How far?" in said  # noqa: PT018
+    assert sorted(p.name for p in out.iterdir()) == ["diagnosis.json", "diagnosis.rrd", "report.html"]
+    copy = tmp_path / "campaign"
+    shutil.copytree(quiet_folder, copy)
+    truth = 'effects = ["dead_time"]\n[dead_time]\ntime = 3e-6\n'
+    for place in (copy.with_suffix(".truth.toml"), copy / "truth.toml", copy / "quiet.truth.toml"):
+        place.write_text(truth)
+    text = (copy / "campaign.toml").read_text()
+    text = text.replace("[[recording]]\n", '[[recording]]\nnote = "dead_time was put in"\n')
+    (copy / "campaign.toml").write_text(text)
+    assert main(["diagnose", str(copy), "--out", str(tmp_path / "two"), "--quiet"]) == 0
+    assert capsys.readouterr().out == ""
+    first, second = (json.loads((tmp_path / k / "diagnosis.json").read_text()) for k in ("one", "two"))
+    assert (first["schema"], first["command"]) == (1, "diagnose")
+    for found in (first, second):
+        del found["cost"]["seconds"]
+    assert first == second
+
+
+def test_trace_holds_recorded_and_both_simulations(quiet_folder, quiet_answers, tmp_path):
+    from sandbox.gap.traces import write_traces
+
+    write_traces(tmp_path / "d.rrd", quiet_answers)
+    found = read_trace(tmp_path / "d.rrd")
+    t, values = found["driven_fast/current_d"]
+    r = read_campaign(quiet_folder).recordings[0]
+    assert np.allclose(t, r.t, atol=1e-8)
+    assert values.shape == (len(r.t), 3)
+    i_alpha, i_beta = r.current
+    i_d = np.cos(r.theta) * i_alpha + np.sin(r.theta) * i_beta  # smoothed angle against counts of 4e-4 rad
+    assert np.allclose(values[:, 0], i_d, atol=5e-3)
+    assert {"driven_fast/residual_q", "driven_fast/angle"} <= set(found)
+
+
+@pytest.mark.parametrize(
+    ("call", "part"),
+    [
+        (["nowhere"], "nowhere"),
+        (["{quiet}", "--exclude", "dead_tim"], "dead_time"),
+        (["{quiet}", "--columns", "none.toml"], "none.toml"),
+    ],
+)
+def test_bad_calls_get_one_sentence(quiet_folder, tmp_path, capsys, call, part):
+    call = [c.format(quiet=quiet_folder) for c in call]
+    assert main(["diagnose", *call, "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert part in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_linear_nominal_model(quiet_folder):
+    own = linear(read_campaign(quiet_folder))
+    assert [getattr(own.drive.motor, f"alpha_{k}") for k in ("30", "12", "40", "22", "04")] == 5 * [0.0]
+    assert read_campaign(quiet_folder).drive.motor.alpha_30 != 0.0
+
+
+def test_estimator_outside_the_loop_is_the_one_inside():
+    """Recorded samples handed over once more give the angles that the loop's own estimator had."""
+    drive = load_drive("ipm_exchanged")
+    scenario = Scenario("turn", (Segment(0.3), Segment(0.4, 0.5, ramp=0.05)), start_up=False)
+    run = simulate(drive, scenario, load_estimator("ekf"), seed=2)
+    r = campaign_of(drive, scenario, run.recording, "turn").recordings[0]
+    assert design(drive, start_up=False).tuning == run.design.tuning
+    again = errors(drive, r, None, "ekf")
+    inside = r.theta - run.recording.theta_hat
+    assert np.allclose(again, inside[-len(again) :], atol=1e-4)  # the loop writes its command one sample later
+
+
+def test_carrier_is_found_in_the_commands():
+    drive = load_drive("ipm_exchanged")
+    scenario = Scenario("still", (Segment(0.3),), start_up=False)
+    run = simulate(drive, scenario, load_estimator("ekf"), seed=2)
+    r = campaign_of(drive, scenario, run.recording, "still").recordings[0]
+    wave = carrier(drive.injection, drive.converter)
+    assert np.array_equal(carrier_at(drive, r), np.resize(wave.primitive, len(r.t)))
+
+
+@pytest.mark.parametrize(
+    ("e", "text"),
+    [
+        (Estimate(1.1374e-6, 1.1173e-6, 1.1577e-6, "s"), "1.137 µs [1.117, 1.158]"),
+        (Estimate(12.35, 12.31, 12.39, "ohm"), "12.350 Ω [12.310, 12.390]"),
+        (Estimate(0.0, -0.002, 0.002, ""), "0 [-0.0020, 0.0020]"),
+        (Estimate(math.inf, 1e3, math.inf, "ohm"), "∞ kΩ [1.00, ∞]"),
+        (Estimate(300.0, 300.0, 300.0, "Hz"), "300 Hz"),
+    ],
+)
+def test_quantities_are_written_as_people_do(e, text):
+    assert quantity(e) == text
+
+
+def test_linear_model_as_nominal_is_found_to_lack_saturation():
+    """The project's first story as a gap: three recordings of a saturated motor, the linear model as nominal."""
+    campaign = read_campaign(recordings_folder() / "practice" / "p01")
+    some = tuple(campaign[f] for f in ("locked_d", "locked_q_inject_q", "run_slow"))
+    found = answer(linear(dataclasses.replace(campaign, recordings=some)))
+    print(which_text(found), far_text(found))
+    assert found.where[0].subsystem == "machine"
+    assert found.diagnosis.best.effects == ("saturation",)
+    p = found.position
+    assert abs(p.recorded - p.simulated_after) < 0.2 * abs(p.recorded - p.simulated_before)
+    assert p.believing_after < p.recorded
