@@ -12,7 +12,7 @@ from model.effects import library
 from model.errors import BadInput
 from sandbox.campaign import Campaign
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
-from sandbox.gap.discriminate import Next
+from sandbox.gap.discriminate import Next, recommend
 from sandbox.gap.estimates import Estimate
 from sandbox.gap.position import PositionError, position_error
 from sandbox.gap.posterior import UNKNOWN, Hypothesis
@@ -54,7 +54,10 @@ def answer(
     report("where it lies")
     found = where(d)
     report("position estimate")
-    return Answers(d, found, position_error(d), None)
+    position = position_error(d)
+    report("what to record next")
+    rivals = [h.judged for h in d.ambiguity_set if UNKNOWN not in h.effects]
+    return Answers(d, found, position, recommend(campaign, rivals, d.temperature) if len(rivals) > 1 else None)
 
 
 def linear(campaign: Campaign) -> Campaign:

@@ -28,6 +28,7 @@ FAR = 1.02  # normalised rms above which effects are screened alone, too
 BEHIND, RIVAL = 400.0, 0.003  # log evidence, and share of the gap, behind which a fit is no rival
 JUDGED = 4
 LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
+ROUNDS, SETTLED = 3, 3.0  # of moving there; change of log evidence that ends them
 MOVES = 1.0  # of an ordinary size: an effect that moves less stays where it is
 
 
@@ -172,18 +173,22 @@ def _candidates(
 
 def judge(found: Fit, chosen: Sequence[Probe], weights: Weights, workers: int) -> Judged:
     """Return a fit weighed with all effects beside it, at the point to which their ordinary sizes move it."""
-    first = table(found.point, chosen, found.effects, weights, workers)
-    prior = first.prior(found.effects)
-    x, _, _ = first.equations.most_probable(prior)
-    own = np.array([c.label in {c.label for c in found.coordinates} for c in first.coordinates])
-    shares = np.array([c.form == "share" for c in first.coordinates])
-    moves = ~own & ~shares & (np.abs(x - prior.mean) > MOVES * prior.deviation)
-    last, cost = first, first.normal.simulations
-    if moves.any():
+    last = table(found.point, chosen, found.effects, weights, workers)
+    prior, cost = last.prior(found.effects), last.normal.simulations
+    own = np.array([c.label in {c.label for c in found.coordinates} for c in last.coordinates])
+    shares = np.array([c.form == "share" for c in last.coordinates])
+    for _ in range(ROUNDS):
+        x, _, _ = last.equations.most_probable(prior)
+        moves = ~own & ~shares & (np.abs(x - prior.mean) > MOVES * prior.deviation)
+        if not moves.any():
+            break
         try:
-            point = found.point.moved(first.coordinates, np.where(own | moves, x, first.normal.x))
-            last = table(point, chosen, found.effects, weights, workers)
-            cost += last.normal.simulations
+            point = last.point.moved(last.coordinates, np.where(own | moves, x, last.normal.x))
+            nearer = table(point, chosen, found.effects, weights, workers)
         except BadInput:  # all these sizes at once are none a drive can have
-            pass
-    return Judged(found, last, last.prior(found.effects), last.log_evidence(found.effects), cost)
+            break
+        gained = nearer.log_evidence(found.effects) - last.log_evidence(found.effects)
+        last, cost = nearer, cost + nearer.normal.simulations
+        if abs(gained) < SETTLED:
+            break
+    return Judged(found, last, prior, last.log_evidence(found.effects), cost)

@@ -1,0 +1,122 @@
+"""Evidence, normal equations, fits and the split, against integrals, differences and planted answers."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from sandbox.campaign import read_campaign
+from sandbox.gap.evidence import Algebra, Prior, sandwich
+from sandbox.gap.fit import coordinates_of, fit
+from sandbox.gap.normal import Normal, Point, Segment, normal
+from sandbox.gap.space import Coordinate
+from sandbox.gap.split import choices, held_out, weights_of
+from sandbox.replay.replay import prepare
+from sandbox.replay.sets import complete
+from tests.sandbox.gap.conftest import DEAD_TIME
+
+
+def start(folder):
+    campaign = read_campaign(folder)
+    return Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))
+
+
+@pytest.mark.parametrize("pull", [-6.0, -1.0, 0.0, 1.5, 8.0])
+def test_evidence_of_a_size_that_can_only_be_positive_is_its_integral(pull):
+    """Half a Gaussian prior times exp(pull x - a x^2/2), integrated numerically: another way than the closed form."""
+    a, sd = 3.0, 0.7
+    own = Algebra(np.array([[a]]), np.array([pull]), 5.0, np.array([0.0]))
+    prior = Prior(np.array([0.0]), np.array([sd]), np.array([0.0]), np.array([np.inf]))
+
+    def density(x):
+        gauss = 2.0 / (sd * math.sqrt(2.0 * math.pi)) * math.exp(-0.5 * (x / sd) ** 2)
+        return gauss * math.exp(-0.5 * (5.0 - 2.0 * pull * x + a * x * x))
+
+    assert own.log_evidence(prior) == pytest.approx(math.log(quad(density, 0.0, 20.0)[0]), abs=1e-6)
+
+
+def test_evidence_of_several_free_coordinates_is_the_gaussian_integral():
+    """log N(y; 0, J P J' + 1) of data y = J x + noise: the marginal likelihood written in the data's own space."""
+    rng = np.random.default_rng(1)
+    j, y, sd = rng.normal(size=(9, 3)), rng.normal(size=9), np.array([0.5, 1.0, 2.0])
+    far = np.full(3, np.inf)
+    own = Algebra(j.T @ j, j.T @ y, float(y @ y), np.zeros(3))
+    cov = j @ np.diag(sd**2) @ j.T + np.eye(9)
+    expected = -0.5 * y @ np.linalg.solve(cov, y) - 0.5 * np.linalg.slogdet(cov)[1]
+    assert own.log_evidence(Prior(np.zeros(3), sd, -far, far)) == pytest.approx(expected, abs=1e-9)
+
+
+def test_most_probable_values_respect_bounds():
+    """Two coordinates that pull against each other, one held at its bound: the other solves alone."""
+    a = np.array([[2.0, 1.5], [1.5, 2.0]])
+    own = Algebra(a, np.array([1.0, -4.0]), 9.0, np.zeros(2))
+    prior = Prior(np.zeros(2), np.full(2, 10.0), np.array([-np.inf, 0.0]), np.full(2, np.inf))
+    x, free, objective = own.most_probable(prior)
+    assert x[1] == 0.0 and not free[1]
+    assert x[0] == pytest.approx(1.0 / 2.01, rel=1e-12)
+    assert objective == pytest.approx(9.0 - 1.0 / 2.01, rel=1e-12)
+
+
+def test_blocks_of_white_noise_widen_nothing_and_equal_blocks_widen_by_their_number():
+    """White: the sandwich is the plain covariance within sampling error; a residual repeated m times: m times it."""
+    rng = np.random.default_rng(2)
+    blocks, per, repeat = 4000, 20, 5
+    j = rng.normal(size=(blocks, per, 1))
+    r = rng.normal(size=(blocks, per))
+    flat = Coordinate("x", 0.0, 1e6, "linear", ("x",))
+
+    def widened(j, r):
+        a = np.einsum("bij,bik->bjk", j, j)
+        s = Segment(0, "current", np.array([0]), a, np.einsum("bij,bi->bj", j, r), (r**2).sum(1), np.full(len(r), 1.0))
+        n = Normal((flat,), np.zeros(1), (s,), 1)
+        total, g, rr = n.summed()
+        plain = np.linalg.inv(total)
+        return float(sandwich(n, plain @ g, plain)[0, 0] / plain[0, 0])
+
+    assert widened(j, r) == pytest.approx(1.0, abs=4.0 * math.sqrt(2.0 / blocks))
+    j, r = np.tile(j, (1, repeat, 1)), np.tile(r, (1, repeat))
+    assert widened(j, r) == pytest.approx(repeat, abs=repeat * 4.0 * math.sqrt(2.0 / blocks))
+
+
+def test_normal_equations_are_the_change_of_the_residual(small_folder):
+    """r'r at a displaced point against r'r - 2 d'g + d'A d: a difference of two replays, not of slopes."""
+    at = start(small_folder)
+    coordinates = coordinates_of(at, ("iron_loss",))
+    n = normal(at, coordinates)
+    a, g, rr = n.summed()
+    place = {c.label: k for k, c in enumerate(n.coordinates)}
+    for label in ("stator_resistance.resistance", "iron_loss.core_resistance", "turn:locked_slow.parquet",
+                  "turn:driven_fast.parquet", "current_gain.gain_b"):  # fmt: skip
+        k = place[label]
+        d = np.zeros(len(n.x))
+        d[k] = 0.01 * n.coordinates[k].deviation
+        moved = normal(at.moved(n.coordinates, n.x + d), coordinates).summed()[2]
+        linear = rr - 2.0 * d @ g + d @ a @ d
+        assert moved - rr == pytest.approx(linear - rr, rel=0.02, abs=1e-3), label
+
+
+def test_fit_finds_a_planted_dead_time(small_folder):
+    at = start(small_folder)
+    f = fit(at, ("dead_time",), weights_of(len(at.prepared.recordings)))
+    assert f.point.values["dead_time.time"] == pytest.approx(DEAD_TIME, rel=0.02)
+    rr = sum(float(s.rr.sum()) for s in f.normal.segments)
+    count = sum(float(s.n.sum()) for s in f.normal.segments)
+    assert math.sqrt(rr / count) < 1.05  # 4 x 3 x 1200 readings: white noise gives 1 +- 0.006
+
+
+def test_split_does_not_look_at_readings(small_folder):
+    """The same recordings with other currents are split alike; every kind of rotor keeps a recording to fit."""
+    at = start(small_folder)
+    left = held_out(at)
+    noisy = tuple(replace(r, read=r.read + 3.0) for r in at.prepared.recordings)
+    assert held_out(replace(at, prepared=replace(at.prepared, recordings=noisy))) == left
+    rotors = [r.rotor for r in at.prepared.recordings]
+    assert {rotors[k] for k in range(len(rotors)) if k not in left} == set(rotors)
+
+
+def test_a_kind_that_is_there_once_is_never_held_out():
+    assert choices(["locked", "free", "free"]) == [(1,), (2,)]
+    assert choices(["locked"]) == [()]
+    assert len(choices(["locked"] * 5)) == 10
