@@ -46,7 +46,8 @@ def row(folder: Path, d: dict[str, Any]) -> str:
     closed = "" if gap["closed"] is None else f"{100 * gap['closed']:.2f} %"
     cost = f"{d['cost']['simulations']} / {d['cost']['seconds']:.0f} s"
     sizes = f"{gap['raw']:.2f} → {gap['before']:.2f} → {gap['after']:.3f}"
-    return f"| {folder.name} | {known} | {d['verdict']} | {effects} | {best['probability']:.3f} | {sizes} | {closed} | {cost} |"
+    cells = (folder.name, known, d["verdict"], effects, f"{best['probability']:.3f}", sizes, closed, cost)
+    return f"| {' | '.join(cells)} |"
 
 
 def main(folder: Path) -> None:

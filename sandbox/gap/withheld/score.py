@@ -12,11 +12,14 @@ import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from importlib import import_module
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from model.errors import BadInput
+from sandbox.campaign import read_campaign
+from sandbox.gap.answers import answer
+from sandbox.gap.contract import contract
 from sandbox.gap.withheld.judge import Judgement, judge
 from sandbox.gap.withheld.limits import Figure
 from sandbox.gap.withheld.make import CAMPAIGNS, HASH, SEAL, spread
@@ -50,7 +53,8 @@ class Scores:
 
 def standard(folder: Path, exclude: tuple[str, ...] = ()) -> Any:
     """Diagnose a campaign with the project's own diagnosis."""
-    return import_module("sandbox.gap.diagnose").diagnose(folder, exclude=exclude)
+    a = answer(read_campaign(folder), exclude=exclude, workers=1)
+    return SimpleNamespace(json=plain(contract(a.diagnosis, a.where, a.position, a.following)))
 
 
 def score(

@@ -54,7 +54,8 @@ def test_most_probable_values_respect_bounds():
     own = Algebra(a, np.array([1.0, -4.0]), 9.0, np.zeros(2))
     prior = Prior(np.zeros(2), np.full(2, 10.0), np.array([-np.inf, 0.0]), np.full(2, np.inf))
     x, free, objective = own.most_probable(prior)
-    assert x[1] == 0.0 and not free[1]
+    assert x[1] == 0.0
+    assert not free[1]
     assert x[0] == pytest.approx(1.0 / 2.01, rel=1e-12)
     assert objective == pytest.approx(9.0 - 1.0 / 2.01, rel=1e-12)
 
@@ -71,7 +72,7 @@ def test_blocks_of_white_noise_widen_nothing_and_equal_blocks_widen_by_their_num
         a = np.einsum("bij,bik->bjk", j, j)
         s = Segment(0, "current", np.array([0]), a, np.einsum("bij,bi->bj", j, r), (r**2).sum(1), np.full(len(r), 1.0))
         n = Normal((flat,), np.zeros(1), (s,), 1)
-        total, g, rr = n.summed()
+        total, g, _ = n.summed()
         plain = np.linalg.inv(total)
         return float(sandwich(n, plain @ g, plain)[0, 0] / plain[0, 0])
 
