@@ -29,9 +29,9 @@ class Remainder:
 
 
 def remainder(best: Judged, before: Fit, after: Fit, temperature: float) -> Remainder:
-    """Return what remains of the gap on all recordings."""
+    """Return what remains of the gap on all recordings; a deviation beyond what is ordinary counts as remaining."""
     every = range(1 + max(s.recording for s in before.normal.segments))
-    j0, j1 = rms(before.normal, every) ** 2 - 1.0, rms(best.fit.normal, every) ** 2 - 1.0
+    j0, j1 = rms(before.normal, every) ** 2 - 1.0, rms(after.normal, every) ** 2 - 1.0
     missed = FLOOR + SHARE * max(j0, 0.0)
     ratio = max(j1, 1e-4) / missed
     x = best.equations.most_probable(best.prior)[0]

@@ -16,7 +16,7 @@ from sandbox.gap.fit import Fit
 from sandbox.gap.normal import Normal
 
 Array = NDArray[np.float64]
-ORDINARY = 3.0
+ORDINARY = 4.0
 DRAWS = 400
 
 
