@@ -53,6 +53,7 @@ class Belief(NamedTuple):
     magnet_flux: float
     resistance: float
     pole_pairs: float
+    inertia: float  # kg m^2, of the whole shaft
 
 
 class Tuning(NamedTuple):
@@ -75,7 +76,7 @@ class Tuning(NamedTuple):
     speed_variance: float  # (rad/s)^2 a step
 
 
-_ZERO_BELIEF = Belief(Energy(*7 * (0.0,)), 0.0, 0.0, 0.0)
+_ZERO_BELIEF = Belief(Energy(*7 * (0.0,)), 0.0, 0.0, 0.0, 0.0)
 _ZERO_TUNING = Tuning(0, 0, 0, 0, *11 * (0.0,))
 SAMPLE = numba.typeof(Sample(*5 * (0.0,)))
 ESTIMATE = numba.typeof(Estimate(*7 * (0.0,)))

@@ -9,7 +9,7 @@ import pickle
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NoReturn
@@ -123,6 +123,10 @@ def build_parser() -> Parser:
     c = add("maps", run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
+    c = add("protocol", run_protocol, "the standard evaluation of every estimator and belief on several motors")
+    c.add_argument("--estimators", metavar="A,B", help="names, separated by commas (every compiled one)")
+    c.add_argument("--motors", metavar="A,B", help="names or files, separated by commas (four)")
+    c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
     c = add("bench", run_bench, "cost per plant step and per closed-loop simulated second")
     c.add_argument("--peer", action="store_true", help="measure the C reference and motulator in the same run, too")
     c.add_argument("--anchors", type=Path, default=Path("../shared/anchors"), help="folder of the reference programs")
@@ -309,6 +313,33 @@ def run_maps(options: argparse.Namespace) -> None:
         rows = [[name, "–" if value is None else f"{value:.4g}"] for name, value in summary.items()]
         report.print_table(f"{result.motor}: exact against first order (H, rad)", ["figure", "value"], rows)
         print(f"results in {_folder(options)}")
+
+
+def run_protocol(options: argparse.Namespace) -> None:
+    """Run the protocol; write protocol.json, protocol.png and protocol.parquet."""
+    from sandbox import protocol as p
+    from sandbox.plots import protocol_figure
+
+    def names(text: str | None, usual: Iterable[str]) -> list[str]:
+        return list(usual) if text is None else [name.strip() for name in text.split(",") if name.strip()]
+
+    folder = report.output_folder(_folder(options))
+    with report.progress_bar("protocol", options.quiet) as progress:
+        result = p.protocol(
+            names(options.estimators, p.ESTIMATORS), names(options.motors, p.MOTORS), names(options.tests, p.TESTS),
+            seed=options.seed, jobs=options.jobs or os.cpu_count() or 1, keep=folder, progress=progress,
+        )  # fmt: skip
+    with report.results(folder, "protocol") as out:
+        p.write_parquet(out / "protocol.parquet", result)
+        protocol_figure(result, out / "protocol.png")
+        files = {"figure": "protocol.png", "table": "protocol.parquet"}
+        report.write_json(out, "protocol", result.as_json() | files)
+    p.forget(folder)
+    if not options.quiet:
+        for motor in dict.fromkeys(row.unit.motor for row in result.rows):
+            report.print_table(f"{motor}: worst mean ° (worst 95 %)", *p.table(result, motor))
+        print(p.READING)
+        print(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU; results in {folder}")
 
 
 def run_bench(options: argparse.Namespace) -> None:

@@ -65,16 +65,19 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
     if scenario.start_up:
         check_polarity(drive, gains, room)
     for s in scenario.segments:
-        if abs(s.load) > OVERLOAD:
-            raise BadInput(f"load {100 * s.load:g} % exceeds the current limit of {100 * OVERLOAD:g} %; lower it")
+        if math.hypot(s.load, s.current_d) > OVERLOAD:
+            raise BadInput(
+                f"load {100 * math.hypot(s.load, s.current_d):g} % exceeds the current limit of {100 * OVERLOAD:g} %; lower it"
+            )
+        i_d = s.current_d * motor.rated_current
         i_q, omega = s.load * motor.rated_current, s.speed * motor.rated_omega
         if abs(omega) > gains.top_omega:
             raise BadInput(
                 f"speed {100 * s.speed:g} % ({abs(omega):.4g} rad/s electrical) is beyond {gains.top_omega:.4g} rad/s, "
                 "up to which the current loop behind the injection's average holds; lower it, or inject faster"
             )
-        d, q = (float(v) for v in flux_from_current(m, 0.0, i_q))
-        u = math.hypot(-omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
+        d, q = (float(v) for v in flux_from_current(m, i_d, i_q))
+        u = math.hypot(motor.resistance * i_d - omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
         if u > room:
             raise PhysicsError(
                 f"load {100 * s.load:g} % at {100 * s.speed:g} % speed needs {u:.4g} V, but the bus of "

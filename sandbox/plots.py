@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from sandbox.compare import Comparison, Row, Run
     from sandbox.identify import Identification
     from sandbox.maps import Maps
+    from sandbox.protocol import Protocol
 
 DPI = 150
 MARKERS = {"saturated": "o", "linear": "s"}
@@ -224,6 +225,41 @@ def maps_figure(maps: Maps, path: Path) -> None:
         panel.set_ylabel("i_q (A)")
     figure.suptitle(f"{maps.motor}: incremental inductances and what injection sees", parse_math=False)
     _save(figure, path)
+
+
+def protocol_figure(result: Protocol, path: Path) -> None:
+    """Draw a page: a panel per motor, a line per estimator and belief, a column per test, coloured by the verdict."""
+    from matplotlib.figure import Figure
+
+    from sandbox.protocol import READING, table
+
+    motors = list(dict.fromkeys(row.unit.motor for row in result.rows))
+    tables = [table(result, motor) for motor in motors]
+    lines = sum(len(cells) + 2 for _, cells in tables)
+    width = 2.2 + 1.45 * (max(len(heads) for heads, _ in tables) - 1)
+    figure = Figure(figsize=(width, 0.8 + 0.24 * lines), layout="constrained")
+    heights = [len(cells) + 1 for _, cells in tables]
+    panels = figure.subplots(len(motors), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
+    for panel, motor, (heads, cells) in zip(panels, motors, tables, strict=True):
+        _draw_cells(panel, heads[1:], [row[0] for row in cells], [row[1:] for row in cells])
+        panel.set_title(motor, loc="left", fontweight="bold", fontsize=10, parse_math=False)
+    figure.supxlabel(READING, fontsize=8, color="0.25", wrap=True)
+    _save(figure, path)
+
+
+def _draw_cells(axes: Axes, heads: Sequence[str], names: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
+    """Draw a table of texts: green where it ends in a tick, red in a cross, grey without verdict."""
+    colours = {"✓": "#cfe8d5", "✗": "#f3cdc7"}
+    for y, row in enumerate(cells):
+        for x, text in enumerate(row):
+            face = colours.get(text[-1:], "0.93" if text else "white")
+            axes.fill_between([x + 0.02, x + 0.98], y + 0.04, y + 0.96, color=face, linewidth=0)
+            axes.text(x + 0.5, y + 0.5, text.rstrip("✓✗ "), ha="center", va="center", fontsize=7)
+    axes.set_xticks([x + 0.5 for x in range(len(heads))], heads, fontsize=8)
+    axes.set_yticks([y + 0.5 for y in range(len(names))], names, fontsize=8)
+    axes.set(xlim=(0, len(heads)), ylim=(len(names), 0))
+    axes.tick_params(length=0, top=False, labeltop=True, bottom=False, labelbottom=False)
+    axes.spines[:].set_visible(False)
 
 
 def identification_figure(result: Identification, path: Path) -> None:

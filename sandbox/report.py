@@ -65,7 +65,7 @@ def output_folder(out: Path) -> Path:
     return out
 
 
-KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html")
+KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html", ".parquet")
 
 
 def _aside(out: Path) -> Path:
