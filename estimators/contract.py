@@ -21,6 +21,7 @@ from numba import types
 from model.compiled import kernel_as
 from model.energy import AnyEnergy, Energy
 
+PULSATING, ROTATING, NONE = "pulsating", "rotating", "none"
 MAX_PERIOD = 64  # samples in an injection period
 
 
@@ -41,7 +42,7 @@ class Estimate(NamedTuple):
     omega: float  # rad/s, electrical
     axis: float  # rad, where to inject
     bias: float  # A, current to hold along theta while starting up
-    tracking: float  # 0 while starting up, 1 after
+    tracking: float  # 0 while starting up, 1 after, 2 where the belief has no flux at the measured current
     ripple_d: float  # A, ripple amplitude along and across the axis
     ripple_q: float
 
@@ -89,13 +90,17 @@ _COMPILING = Lock()
 
 @dataclass(frozen=True)
 class Estimator:
-    """An estimator by name: its two functions and one line on what it does."""
+    """An estimator by name: its two functions, one line on what it does, and its card."""
 
     name: str
     summary: str
     init: Callable[..., Any]
     step: Callable[[Any, Sample, Belief, Tuning], Estimate]
     compiled: bool = True
+    injection: str = PULSATING  # PULSATING, ROTATING or NONE; starting up always pulsates
+    delay: str = ""
+    speeds: str = ""  # where it may be used
+    source: str = ""
 
     def step_for(self, belief: Belief) -> Any:
         """Return the compiled step for a belief's kind of energy: STEP, or another compiled when first asked for."""

@@ -127,13 +127,12 @@ def build_parser() -> Parser:
     c.add_argument("--estimators", metavar="A,B", help="names, separated by commas (every compiled one)")
     c.add_argument("--motors", metavar="A,B", help="names or files, separated by commas (four)")
     c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
+    _peers(c)
     c = add("bench", run_bench, "cost per plant step and per closed-loop simulated second")
-    c.add_argument("--peer", action="store_true", help="measure the C reference and motulator in the same run, too")
-    c.add_argument("--anchors", type=Path, default=Path("../shared/anchors"), help="folder of the reference programs")
-    c.add_argument("--peer-python", default=sys.executable, help="Python >= 3.12 that has motulator 0.18")
+    _peers(c)
     c = add("list", run_list, "what there is", writes=False)
     c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets"))
-    c.add_argument("name", nargs="?", help="an effect, to print its card")
+    c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")
     c = add("view", run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")
     return parser
@@ -166,6 +165,13 @@ def seed_number(text: str) -> int:
 def _which(command: Parser) -> None:
     command.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="(ipm_exchanged)")
     command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml", help="(staircase)")
+
+
+def _peers(command: Parser) -> None:
+    command.add_argument("--peer", action="store_true", help="measure the reference programs in the same run, too")
+    where, text = Path("../shared/anchors"), "folder of the reference programs"
+    command.add_argument("--anchors", type=Path, default=where, help=text)
+    command.add_argument("--peer-python", default=sys.executable, help="Python >= 3.12 that has motulator 0.18")
 
 
 def _folder(options: argparse.Namespace) -> Path:
@@ -329,6 +335,10 @@ def run_protocol(options: argparse.Namespace) -> None:
             names(options.estimators, p.ESTIMATORS), names(options.motors, p.MOTORS), names(options.tests, p.TESTS),
             seed=options.seed, jobs=options.jobs or os.cpu_count() or 1, keep=folder, progress=progress,
         )  # fmt: skip
+    if options.peer and any(row.unit.test == "reversal" for row in result.rows):
+        from sandbox.bench import peer
+
+        result = result.beside(*peer(options.anchors, options.peer_python, "lin", 4.0))
     with report.results(folder, "protocol") as out:
         p.write_parquet(out / "protocol.parquet", result)
         protocol_figure(result, out / "protocol.png")
@@ -355,10 +365,13 @@ def run_bench(options: argparse.Namespace) -> None:
 
 
 def run_list(options: argparse.Namespace) -> None:
-    """Print what there is, one line each, or the card of one effect."""
+    """Print what there is, one line each, or the card of one effect or estimator."""
     if options.name is not None:
+        if options.kind == "estimators":
+            print(report.estimator_card(options.name))
+            return
         if options.kind != "effects":
-            raise BadInput(f"'{options.kind}' have no cards; only `list effects NAME` prints one")
+            raise BadInput(f"'{options.kind}' have no cards; `list effects NAME` and `list estimators NAME` print one")
         from model.effects.library import card_text, load_effect
 
         print(card_text(load_effect(options.name)))

@@ -12,7 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +20,50 @@ from estimators.registry import load_estimator
 from model.compiled import source_key
 from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive, load_drive
-from sandbox.protocol_tests import ONE_MOTOR, SHARED, TESTS, Outcome, Point
-from sandbox.report import plain
+from sandbox.protocol_motion import bandwidth, hand_over, reversal, reversal_case, with_peer
+from sandbox.protocol_tests import (
+    Outcome,
+    Point,
+    attraction,
+    costs,
+    creep,
+    load_step,
+    mission,
+    robustness,
+    starting,
+    static_map,
+)  # fmt: skip
+from sandbox.report import BELIEFS, plain
 
-BELIEFS = ("saturated", "linear")
-ESTIMATORS = ("qnull", "inversion", "ekf")
+ESTIMATORS = (
+    "qnull", "inversion", "rotating", "table", "fluxdemod", "pll3", "mechanical", "monitor", "active_flux", "hybrid",
+    "ekf", "ukf",
+)  # fmt: skip
 READING = (
     "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the ripple "
     "carries information; attraction: started wrong all round, share back / at the wrong pole / elsewhere; "
     "✓ ✗: goal met or not."
 )
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged", "thor_fea")
+
+
+Test = Callable[[Drive, str, str, int], Outcome]
+TESTS: dict[str, Test] = {
+    "start": starting,
+    "static_map": static_map,
+    "load_step": load_step,
+    "creep": creep,
+    "hand_over": hand_over,
+    "robustness": robustness,
+    "attraction": attraction,
+    "bandwidth": bandwidth,
+    "mission": mission,
+    "reversal": reversal,
+    "cost": costs,
+}
+SHARED = ("start",)  # the same for every estimator: run with the first
+ONE_MOTOR = {"mission": "ipm_exchanged"}
+PEER = "motulator 2.2 kW"  # the motor of the reversal
 
 
 @dataclass(frozen=True)
@@ -66,11 +99,24 @@ class Protocol:
 
     rows: tuple[Row, ...]
     seed: int
+    peer: tuple[float, float] | None = None  # CPU seconds a second and error rms (degrees) of motulator's reversal
 
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` holds beyond its header."""
         cpu = sum(row.cpu_seconds for row in self.rows)
-        return {"seed": self.seed, "cpu_seconds": cpu, "tests": [row.as_json() for row in self.rows]}
+        peer = {"cpu_s_per_s": self.peer[0], "rms_deg": self.peer[1]} if self.peer else None
+        tests = [row.as_json() for row in self.rows]
+        return {"seed": self.seed, "cpu_seconds": cpu, "peer": peer, "tests": tests}
+
+    def beside(self, cpu: float, rms: float) -> Protocol:
+        """Return the protocol with the peer's reversal beside ours: CPU seconds a second, error rms (degrees)."""
+        rows = []
+        for row in self.rows:
+            if row.unit.test == "reversal":
+                ratios = with_peer(row.outcome.metrics, cpu, rms)
+                row = replace(row, outcome=replace(row.outcome, metrics=dict(row.outcome.metrics) | ratios))
+            rows.append(row)
+        return Protocol(tuple(rows), self.seed, (cpu, rms))
 
 
 def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:
@@ -89,9 +135,13 @@ def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]
         for number, estimator in enumerate(estimators):
             for belief in BELIEFS:
                 for test in tests:
+                    if test == "reversal":
+                        continue
                     if (test in SHARED and number) or (test in ONE_MOTOR and not _is_chosen(motor, test, motors)):
                         continue
                     found.append(Unit(motor, test, estimator, belief))
+    if "reversal" in tests:
+        found += [Unit(PEER, "reversal", estimator, belief) for estimator in estimators for belief in BELIEFS[:1]]
     return found
 
 
@@ -102,13 +152,15 @@ def _is_chosen(motor: str, test: str, motors: list[str]) -> bool:
 
 
 def run_unit(unit: Unit, drive: Drive, seed: int) -> Row:
-    """Run one unit; a PhysicsError becomes its failure."""
+    """Run one unit; a PhysicsError becomes its failure, a BadInput a refusal."""
     begun = time.thread_time()
     failure = None
     try:
         outcome = TESTS[unit.test](drive, unit.estimator, unit.belief, seed)
     except PhysicsError as error:
         outcome, failure = Outcome((), {}, False), str(error)
+    except BadInput as error:  # this estimator on this drive, such as rotating injection in two samples a turn
+        outcome, failure = Outcome((), {"refused": 1.0}, None), str(error)
     return Row(unit, outcome, time.thread_time() - begun, failure)
 
 
@@ -127,7 +179,8 @@ def protocol(
     Raises BadInput for what cannot be run (before anything runs, as far as names and files go).
     """
     todo = units(motors, estimators, tests)
-    drives = {motor: load_drive(motor) for motor in dict.fromkeys(u.motor for u in todo)}
+    named = dict.fromkeys(u.motor for u in todo)
+    drives = {motor: reversal_case()[0] if motor == PEER else load_drive(motor) for motor in named}
     kept = Kept(keep, seed)
     missing = [u for u in todo if u not in kept.rows]
     lock, done = threading.Lock(), len(todo) - len(missing)
@@ -222,7 +275,9 @@ def cell(row: Row | None) -> str:
     mark = {True: " ✓", False: " ✗", None: ""}[row.outcome.passed]
     m = row.outcome.metrics
     if row.failure:
-        return f"failed{mark}"
+        return f"{'refused' if 'refused' in m else 'failed'}{mark}"
+    if m.get("rms_to_peer") is not None:
+        return f"rms {m['rms_to_peer']:.3f}, CPU 1/{1.0 / (m['cpu_to_peer'] or 1.0):.0f} of peer{mark}"
     if "polarity_right" in m:
         return f"{100 * (m['polarity_right'] or 0):.2f} %{mark}"
     if "back" in m:

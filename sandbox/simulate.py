@@ -20,7 +20,7 @@ from model.parameters import Drive
 from sandbox import loop
 from sandbox.design import Design, belief_of, design
 from sandbox.effects import compiled, longest_step, masses, start
-from sandbox.feasible import check_call, check_feasible, checked
+from sandbox.feasible import check_call, check_feasible, check_injection, checked
 from sandbox.injection import carrier
 from sandbox.plant import LARGEST_TURN, Plant, steps_per_period
 from sandbox.recording import Recording
@@ -105,6 +105,7 @@ def simulate(
     if plant not in PLANTS:
         raise unknown("plant", plant, PLANTS)
     values = complete(drive.motor, drive.converter, effects)
+    check_injection(estimator, drive)
     gains = design(drive, scenario.start_up)
     check_feasible(dataclasses.replace(drive, motor=true_motor(drive.motor, values)), scenario, gains)
     tuning, believed = gains.tuning, belief_of(drive, belief)

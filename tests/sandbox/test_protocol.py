@@ -139,7 +139,7 @@ def test_resumes_after_an_interruption(tmp_path, monkeypatch):
             raise KeyboardInterrupt
         return t.verdict([point()], belief)
 
-    monkeypatch.setitem(t.TESTS, "creep", fake)
+    monkeypatch.setitem(p.TESTS, "creep", fake)
     choose = {"estimators": ["qnull"], "motors": ["ipm_exchanged"], "tests": ["creep"], "keep": tmp_path, "jobs": 1}
     with pytest.raises(KeyboardInterrupt):
         p.protocol(**choose)
