@@ -1,8 +1,9 @@
 """Inversion of both ripple components under a watch that tests other angles, and recovers.
 
 Each sample tests one of M hypotheses e_j = 2 pi j/M: "the rotor stands e_j ahead of the estimate", by the squared
-distance |y - S(e_j)|^2 between the ripple averaged over the last M samples and believed there.  Averaged over sweeps, the hypothesis of least
-distance takes over once it explains the ripple much better than e = 0 does, beyond noise, for several sweeps.
+distance |y - S(e_j)|^2 between the ripple averaged over the last M samples and the ripple believed there.  Filtered
+over sweeps, the hypothesis of least distance takes over once it explains the ripple much better than any within the
+tracking loop's reach does, beyond noise, for several sweeps.
 0 and 180 degrees differ by saturation alone: with a linear belief, or without current, the watch sees a lost axis but
 no wrong pole.
 """

@@ -100,6 +100,8 @@ def build_parser() -> Parser:
     _which(c)
     c.add_argument("--estimators", default="qnull,inversion,ekf", help="names, separated by commas")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
+    text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
+    c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
     c = add("simulate", run_simulate, "one run of one estimator")
     _which(c)
     c.add_argument("--estimator", default="qnull", help="(qnull)")
@@ -107,7 +109,6 @@ def build_parser() -> Parser:
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
     c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
-    text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
     c.add_argument("--plant", default="averaged", choices=("averaged", "switched"))
     c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
@@ -125,7 +126,11 @@ def build_parser() -> Parser:
     c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
     c = add("protocol", run_protocol, "the standard evaluation of every estimator and belief on several motors")
     c.add_argument("--estimators", metavar="A,B", help="names, separated by commas (every compiled one)")
-    c.add_argument("--motors", metavar="A,B", help="names or files, separated by commas (four)")
+    c.add_argument(
+        "--motors",
+        metavar="A,B",
+        help="names or files, separated by commas (three, and `baldor_pmsyrm` where its map is at hand)",
+    )
     c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
     _peers(c)
     c = add("bench", run_bench, "cost per plant step and per closed-loop simulated second")
@@ -167,6 +172,10 @@ def _which(command: Parser) -> None:
     command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml", help="(staircase)")
 
 
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
 def _peers(command: Parser) -> None:
     command.add_argument("--peer", action="store_true", help="measure the reference programs in the same run, too")
     where, text = Path("../shared/anchors"), "folder of the reference programs"
@@ -180,14 +189,18 @@ def _folder(options: argparse.Namespace) -> Path:
 
 def run_compare(options: argparse.Namespace) -> None:
     """Compare beliefs; write compare.json, compare.png and compare.rrd."""
+    from model.effects.library import parse
     from model.parameters import load_drive
     from sandbox.compare import compare
     from sandbox.scenario import load_scenario
 
     drive, scenario = load_drive(options.motor), load_scenario(options.scenario)
-    estimators = [name.strip() for name in options.estimators.split(",") if name.strip()]
+    estimators = _names(options.estimators)
     with report.progress_bar("comparing", options.quiet) as progress:
-        result = compare(drive, scenario, estimators, seed=options.seed, jobs=options.jobs, progress=progress)
+        result = compare(
+            drive, scenario, estimators,
+            seed=options.seed, jobs=options.jobs, progress=progress, effects=parse(options.effects),
+        )  # fmt: skip
     content = result.as_json() | {"figure": "compare.png", "trace": None if options.no_trace else "compare.rrd"}
     if not options.quiet:
         report.print_comparison(result)
@@ -324,32 +337,23 @@ def run_maps(options: argparse.Namespace) -> None:
 def run_protocol(options: argparse.Namespace) -> None:
     """Run the protocol; write protocol.json, protocol.png and protocol.parquet."""
     from sandbox import protocol as p
-    from sandbox.plots import protocol_figure
 
     def names(text: str | None, usual: Iterable[str]) -> list[str]:
-        return list(usual) if text is None else [name.strip() for name in text.split(",") if name.strip()]
+        return list(usual) if text is None else _names(text)
 
     folder = report.output_folder(_folder(options))
     with report.progress_bar("protocol", options.quiet) as progress:
         result = p.protocol(
-            names(options.estimators, p.ESTIMATORS), names(options.motors, p.MOTORS), names(options.tests, p.TESTS),
+            names(options.estimators, p.ESTIMATORS), names(options.motors, () if options.motors else p.usual_motors()),
+            names(options.tests, p.TESTS),
             seed=options.seed, jobs=options.jobs or os.cpu_count() or 1, keep=folder, progress=progress,
         )  # fmt: skip
-    if options.peer and any(row.unit.test == "reversal" for row in result.rows):
-        from sandbox.bench import peer
-
-        result = result.beside(*peer(options.anchors, options.peer_python, "lin", 4.0))
-    with report.results(folder, "protocol") as out:
-        p.write_parquet(out / "protocol.parquet", result)
-        protocol_figure(result, out / "protocol.png")
-        files = {"figure": "protocol.png", "table": "protocol.parquet"}
-        report.write_json(out, "protocol", result.as_json() | files)
-    p.forget(folder)
+    if options.peer:
+        result = p.with_motulator(result, options.anchors, options.peer_python)
+    p.publish(result, folder)
     if not options.quiet:
-        for motor in dict.fromkeys(row.unit.motor for row in result.rows):
-            report.print_table(f"{motor}: worst mean ° (worst 95 %)", *p.table(result, motor))
-        print(p.READING)
-        print(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU; results in {folder}")
+        p.show(result)
+        print(f"results in {folder}")
 
 
 def run_bench(options: argparse.Namespace) -> None:

@@ -33,7 +33,7 @@ from sandbox.protocol_tests import (
     starting,
     static_map,
 )  # fmt: skip
-from sandbox.report import BELIEFS, plain
+from sandbox.report import BELIEFS, plain, print_table, results, write_json
 
 ESTIMATORS = (
     "qnull", "inversion", "rotating", "table", "fluxdemod", "pll3", "mechanical", "monitor", "active_flux", "hybrid",
@@ -42,9 +42,10 @@ ESTIMATORS = (
 READING = (
     "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the ripple "
     "carries information; attraction: started wrong all round, share back / at the wrong pole / elsewhere; "
-    "✓ ✗: goal met or not."
+    "slow: the speed asked for not reached in time; ✓ ✗: goal met or not."
 )
-MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged", "thor_fea")
+MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
+MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
 
 
 Test = Callable[[Drive, str, str, int], Outcome]
@@ -119,6 +120,15 @@ class Protocol:
         return Protocol(tuple(rows), self.seed, (cpu, rms))
 
 
+def usual_motors() -> tuple[str, ...]:
+    """Return MOTORS and, where its data set is on this machine, the measured one."""
+    try:
+        load_drive(MEASURED)
+    except BadInput:
+        return MOTORS
+    return (*MOTORS, MEASURED)
+
+
 def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:
     """Return the units of a protocol in order; BadInput for an unknown or missing name."""
     motors, estimators, tests = (list(dict.fromkeys(names)) for names in (motors, estimators, tests))
@@ -166,7 +176,7 @@ def run_unit(unit: Unit, drive: Drive, seed: int) -> Row:
 
 def protocol(
     estimators: Iterable[str] = ESTIMATORS,
-    motors: Iterable[str] = MOTORS,
+    motors: Iterable[str] | None = None,
     tests: Iterable[str] = tuple(TESTS),
     *,
     seed: int = 0,
@@ -178,7 +188,7 @@ def protocol(
 
     Raises BadInput for what cannot be run (before anything runs, as far as names and files go).
     """
-    todo = units(motors, estimators, tests)
+    todo = units(usual_motors() if motors is None else motors, estimators, tests)
     named = dict.fromkeys(u.motor for u in todo)
     drives = {motor: reversal_case()[0] if motor == PEER else load_drive(motor) for motor in named}
     kept = Kept(keep, seed)
@@ -289,6 +299,36 @@ def cell(row: Row | None) -> str:
     if "bandwidth_hz" in m:
         return f"{m['bandwidth_hz']:.0f} Hz{mark}" if m["bandwidth_hz"] is not None else f"–{mark}"
     lost = f", {m['lost']:.0f} lost" if m.get("lost") else ""
+    lost += f", {m['speed_missed']:.0f} slow" if m.get("speed_missed") else ""
     if m.get("mean_deg") is None:
         return f"lost{mark}"
     return f"{m['mean_deg']:.2f} ({m['p95_deg']:.1f}){lost}{mark}"
+
+
+def with_motulator(result: Protocol, anchors: Path, python: str) -> Protocol:
+    """Return the protocol with motulator's reversal beside ours, measured now; BadInput where it is not at hand."""
+    if not any(row.unit.test == "reversal" for row in result.rows):
+        return result
+    from sandbox.bench import peer
+
+    return result.beside(*peer(anchors, python, "lin", 4.0))
+
+
+def publish(result: Protocol, folder: Path) -> None:
+    """Write protocol.json, .png and .parquet, and forget what was kept for resuming."""
+    from sandbox.plots import protocol_figure
+
+    with results(folder, "protocol") as out:
+        write_parquet(out / "protocol.parquet", result)
+        protocol_figure(result, out / "protocol.png")
+        files = {"figure": "protocol.png", "table": "protocol.parquet"}
+        write_json(out, "protocol", result.as_json() | files)
+    forget(folder)
+
+
+def show(result: Protocol) -> None:
+    """Print a table per motor, how to read it, and the cost."""
+    for motor in dict.fromkeys(row.unit.motor for row in result.rows):
+        print_table(f"{motor}: worst mean ° (worst 95 %)", *table(result, motor))
+    print(READING)
+    print(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")

@@ -50,6 +50,7 @@ class Point:
     predicted_deg: float | None
     informative: bool
     torque_deficit: float | None  # 1 - torque / torque of the reference current
+    speed_held: bool = True  # whether the speed loop reached what was asked for
 
 
 @dataclass(frozen=True)
@@ -88,9 +89,11 @@ def points_of(
         part = run.recording.between(row.t_start, row.t_end)
         predicted = None if effects or belief == "saturated" else row.predicted_mean_deg
         deficit = torque_deficit(drive, part, s) if scenario.reference == "current" else None
-        lost = row.lost_lock or not row.reference_held
-        values = (None,) * 4 if lost else (e.mean, e.rms, e.p95, e.max)
-        found.append(Point(case, closed, s.load, s.current_d, s.speed, *values, lost, predicted, clear, deficit))
+        values = (e.mean, e.rms, e.p95, e.max)
+        found.append(
+            Point(case, closed, s.load, s.current_d, s.speed, *values, row.lost_lock, predicted, clear, deficit,
+                  row.reference_held)
+        )  # fmt: skip
     return found
 
 
@@ -124,6 +127,7 @@ def summary(points: Iterable[Point]) -> dict[str, float | None]:
     return {
         "points": len(every), "judged": len(judged), "lost": sum(p.lost_lock for p in judged),
         "lost_beyond": sum(p.lost_lock for p in every) - sum(p.lost_lock for p in judged),
+        "speed_missed": sum(not p.speed_held for p in judged),
         "mean_deg": worst("mean_deg"), "rms_deg": float(np.sqrt(np.mean(np.square(rms)))) if rms else None,
         "p95_deg": worst("p95_deg"), "max_deg": worst("max_deg"),
         "theory_miss_deg": max(missed, default=None), "torque_deficit": max(deficits, default=None),
