@@ -22,10 +22,10 @@ ANCHORS = Path("../shared/anchors")
 NAME = "estimator_protocol"
 
 
-def markdown(result: Protocol, seconds: float, date: str) -> str:
+def markdown(result: Protocol, date: str) -> str:
     """Return every motor's table, worst figures per test."""
     cpu = sum(row.cpu_seconds for row in result.rows)
-    blocks = [f"Protocol of {date}, {version()}: {cpu:.0f} s of CPU, {seconds:.0f} s of time.", READING]
+    blocks = [f"Protocol of {date}, {version()}: {cpu:.0f} s of CPU.", READING]
     if result.peer:
         blocks.append(f"motulator's reversal in the same run: {result.peer[1]:.2f}° rms, {result.peer[0]:.2f} CPU s/s.")
     for motor in dict.fromkeys(row.unit.motor for row in result.rows):
@@ -42,16 +42,14 @@ def main() -> None:
     arguments.add_argument("--jobs", type=int, default=2)
     options = arguments.parse_args()
     folder = output_folder(Path("sensorless-out") / NAME)
-    begun = time.perf_counter()
     result = protocol(jobs=options.jobs, keep=folder)
-    seconds = time.perf_counter() - begun
     if options.peer_python:
         result = result.beside(*peer(ANCHORS, options.peer_python, "lin", 4.0))
-    text = markdown(result, seconds, time.strftime("%Y-%m-%d"))
+    text = markdown(result, time.strftime("%Y-%m-%d"))
     (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
     protocol_figure(result, RESULTS / f"{NAME}.png")
     write_parquet(folder / f"{NAME}.parquet", result)
-    save(NAME, {"version": version(), "wall_seconds": seconds, **result.as_json()})
+    save(NAME, {"version": version(), **result.as_json()})
     forget(folder)
     print(text)
 
