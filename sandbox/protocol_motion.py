@@ -19,18 +19,20 @@ from sandbox.score import error_of, is_lost
 from sandbox.simulate import simulate
 
 SLOWEST, FASTEST, LENGTH = 1.0, 80.0, 4.0  # Hz; s
-SWING = math.radians(8.0)  # amplitude of the rotor's angle
+SWING = math.radians(8.0)  # largest amplitude of the rotor's angle
+FASTEST_SWING = 0.25  # of rated speed: at most this at FASTEST
 PIECE = 2e-3  # s of one straight piece of the speed
 BLOCK = 0.5  # s of one spectrum's segment
 HAND_OVER = (0.3, 0.2, 0.15, 0.1)  # of rated speed: the highest that drive and bus allow
 
 
 def chirp_scenario(drive: Drive, load: float) -> Scenario:
-    """Return a driven rotor whose angle swings by SWING from SLOWEST to FASTEST, exponentially in time."""
+    """Return a driven rotor whose angle swings, by SWING or as speed allows, from SLOWEST to FASTEST."""
     rate = math.log(FASTEST / SLOWEST) / LENGTH
     t = np.arange(1, round(LENGTH / PIECE) + 1) * PIECE
+    swing = min(SWING, FASTEST_SWING * drive.motor.rated_omega / (2.0 * math.pi * FASTEST))
     phase = 2.0 * math.pi * SLOWEST / rate * np.expm1(rate * t)
-    speed = SWING * 2.0 * math.pi * SLOWEST * np.exp(rate * t) * np.cos(phase) / drive.motor.rated_omega
+    speed = swing * 2.0 * math.pi * SLOWEST * np.exp(rate * t) * np.cos(phase) / drive.motor.rated_omega
     first = Segment(0.3, load, ramp=0.1, score=False)
     pieces = [Segment(PIECE, load, float(v), ramp=PIECE, score=False) for v in speed]
     pieces[-1] = dataclasses.replace(pieces[-1], score=True)

@@ -143,7 +143,7 @@ def verdict(points: Iterable[Point], belief: str) -> Outcome:
     if belief == "saturated":
         passed = not m["lost"] and mean is not None and p95 is not None and mean <= MEAN_GOAL and p95 <= P95_GOAL
     elif miss is not None:
-        passed = miss <= THEORY_GOAL
+        passed = not m["lost"] and miss <= THEORY_GOAL
     return Outcome(points, m, passed)
 
 

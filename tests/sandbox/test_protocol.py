@@ -39,6 +39,8 @@ def test_verdict_by_the_goals():
     assert t.verdict([point(mean_deg=-7.0, predicted_deg=-6.8)], "linear").passed is True
     assert t.verdict([point(mean_deg=-7.0, predicted_deg=-6.6)], "linear").passed is False
     assert t.verdict([point(mean_deg=-7.0)], "linear").passed is None
+    kept = point(mean_deg=-7.0, predicted_deg=-6.8)
+    assert t.verdict([kept, point(lost_lock=True, mean_deg=None)], "linear").passed is False
 
 
 def test_static_map_meets_theory_over_the_plane():
