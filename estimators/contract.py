@@ -21,6 +21,7 @@ from numba import types
 from model.compiled import kernel_as
 from model.energy import AnyEnergy, Energy
 
+PULSATING, ROTATING, NONE = "pulsating", "rotating", "none"
 MAX_PERIOD = 64  # samples in an injection period
 
 
@@ -41,7 +42,7 @@ class Estimate(NamedTuple):
     omega: float  # rad/s, electrical
     axis: float  # rad, where to inject
     bias: float  # A, current to hold along theta while starting up
-    tracking: float  # 0 while starting up, 1 after
+    tracking: float  # 0 while starting up, 1 after, 2 where the belief has no flux at the measured current
     ripple_d: float  # A, ripple amplitude along and across the axis
     ripple_q: float
 
@@ -53,6 +54,7 @@ class Belief(NamedTuple):
     magnet_flux: float
     resistance: float
     pole_pairs: float
+    inertia: float  # kg m^2, of the whole shaft
 
 
 class Tuning(NamedTuple):
@@ -75,7 +77,7 @@ class Tuning(NamedTuple):
     speed_variance: float  # (rad/s)^2 a step
 
 
-_ZERO_BELIEF = Belief(Energy(*7 * (0.0,)), 0.0, 0.0, 0.0)
+_ZERO_BELIEF = Belief(Energy(*7 * (0.0,)), 0.0, 0.0, 0.0, 0.0)
 _ZERO_TUNING = Tuning(0, 0, 0, 0, *11 * (0.0,))
 SAMPLE = numba.typeof(Sample(*5 * (0.0,)))
 ESTIMATE = numba.typeof(Estimate(*7 * (0.0,)))
@@ -88,13 +90,17 @@ _COMPILING = Lock()
 
 @dataclass(frozen=True)
 class Estimator:
-    """An estimator by name: its two functions and one line on what it does."""
+    """An estimator by name: its two functions, one line on what it does, and its card."""
 
     name: str
     summary: str
     init: Callable[..., Any]
     step: Callable[[Any, Sample, Belief, Tuning], Estimate]
     compiled: bool = True
+    injection: str = PULSATING  # PULSATING, ROTATING or NONE; starting up always pulsates
+    delay: str = ""
+    speeds: str = ""  # where it may be used
+    source: str = ""
 
     def step_for(self, belief: Belief) -> Any:
         """Return the compiled step for a belief's kind of energy: STEP, or another compiled when first asked for."""

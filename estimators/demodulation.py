@@ -20,8 +20,8 @@ from model.compiled import kernel
 
 # Slots of the state array.
 COUNT, PHASE, AXIS, OMEGA, OFFSET, FLUX_D, FLUX_Q, CURSOR = range(8)
-SUM_D, SUM_Q, M_11, M_21, RISE = range(8, 13)
-RING_A = 16
+SUM_D, SUM_Q, M_11, M_21, RISE, OUTSIDE, ACCELERATION, LOAD_TORQUE, SLOW_OMEGA = range(8, 17)
+RING_A = 20
 RING = 3 * MAX_PERIOD // 2
 RING_B, RING_F, RING_C, RING_S = (RING_A + k * RING for k in range(1, 5))
 FREE = RING_S + RING  # from here on an estimator's own

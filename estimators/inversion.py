@@ -1,20 +1,23 @@
 """Direct inversion of both ripple components through the believed Hessian.
 
 With injection along the estimated d axis, the believed ripple at error e is
-  S(e) = R(e) Gamma_R(R(-e) i) R(-e) (1, 0),    Gamma_R = Gamma - lag (R Gamma)^2 Gamma,
-the second term being the first effect of the resistance on the in-phase ripple (the one of first order in R is
-in quadrature with F and drops out).  The error that minimises |y - S(e)| feeds the phase-locked loop: one
+  S(e) = R(e) Gamma_R(R(-e) i) R(-e) (1, 0),    Gamma_R = Gamma (1 - lag (R Gamma + omega J)^2),
+the second term being the first effect of resistance and speed on the in-phase ripple (the one of first order in R is
+in quadrature with F and drops out); of it, R^2 Gamma^2 and R omega (Gamma J + J Gamma) = R omega trace(Gamma) J are
+taken, omega^2 is small.  The error that minimises |y - S(e)| feeds the phase-locked loop: one
 Gauss-Newton step a sample.  It needs a non-zero slope vector S', not a saliency of a given sign.
 """
 
 from __future__ import annotations
 
+import math
+
+from estimators.believed import believed_hessian, trust
 from estimators.contract import STEP, Estimate, Estimator
-from estimators.demodulation import AXIS, FLUX_D, FLUX_Q, OMEGA, PHASE, blank, demodulate
+from estimators.demodulation import AXIS, OMEGA, PHASE, SLOW_OMEGA, blank, demodulate
 from estimators.startup import TRACKING, start, tell
 from estimators.tracking import correct, predict
 from model.compiled import kernel, kernel_as
-from model.energy import SOLVED, flux_newton, hessian
 from model.frames import rotate
 from model.saliency import ripple
 
@@ -26,16 +29,16 @@ def believed_ripple(state, mean_d, mean_q, e, belief, tuning):
     """Return S(e) in 1/H for the mean current (A) of the estimated frame."""
     m = belief.energy
     i_d, i_q = rotate(mean_d, mean_q, -e)
-    d, q, status = flux_newton(m, i_d, i_q, state[FLUX_D], state[FLUX_Q])
-    if status == SOLVED:
-        state[FLUX_D], state[FLUX_Q] = d, q
-    dd, dq, qq = hessian(m, state[FLUX_D], state[FLUX_Q])
+    dd, dq, qq = believed_hessian(state, m, i_d, i_q)
     c = tuning.lag * belief.resistance * belief.resistance
     s_dd, s_dq, s_qq = dd * dd + dq * dq, dq * (dd + qq), dq * dq + qq * qq  # Gamma^2
     r_dd = dd - c * (s_dd * dd + s_dq * dq)
     r_dq = dq - c * (s_dd * dq + s_dq * qq)
     r_qq = qq - c * (s_dq * dq + s_qq * qq)
-    return ripple(r_dd, r_dq, r_qq, e)
+    y_d, y_q = ripple(r_dd, r_dq, r_qq, e)
+    c, s, w = math.cos(e), math.sin(e), tuning.lag * belief.resistance * state[SLOW_OMEGA] * (dd + qq)
+    t_d, t_q = rotate(dd * s + dq * c, dq * s + qq * c, e)  # Gamma J times the injection
+    return y_d - w * t_d, y_q - w * t_q
 
 
 @kernel
@@ -59,7 +62,7 @@ def step(state, sample, belief, tuning):
     mean_d, mean_q, y_d, y_q = demodulate(state, sample, axis, state[OMEGA], tuning)
     correct(state, believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning), tuning)
     amplitude = tuning.amplitude * tuning.peak
-    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), y_d * amplitude, y_q * amplitude)
 
 
 def init(belief, tuning, angle=None):
@@ -67,4 +70,9 @@ def init(belief, tuning, angle=None):
     return tell(blank(), angle)
 
 
-ESTIMATOR = Estimator("inversion", "both ripple components inverted through the believed Hessian", init, step)
+ESTIMATOR = Estimator(
+    "inversion", "both ripple components inverted through the believed Hessian", init, step,
+    delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
+    speeds="0 to where the current loop behind the injection's average holds",
+    source="Jebai, Malrait, Martin, Rouchon, IEMDC 2011, eqs. of the ripple; Gauss-Newton on both components",
+)  # fmt: skip

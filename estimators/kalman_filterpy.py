@@ -106,4 +106,13 @@ def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estima
     return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
 
 
-ESTIMATOR = Estimator("ekf_filterpy", "the same filter on filterpy, in Python (slow path)", init, step, compiled=False)
+ESTIMATOR = Estimator(
+    "ekf_filterpy",
+    "the same filter on filterpy, in Python (slow path)",
+    init,
+    step,
+    compiled=False,
+    delay="as ekf",
+    speeds="as ekf",
+    source="as ekf; filterpy.kalman.ExtendedKalmanFilter",
+)

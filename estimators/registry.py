@@ -10,8 +10,18 @@ from model.errors import unknown
 MODULES = {
     "qnull": "estimators.qnull",
     "inversion": "estimators.inversion",
+    "rotating": "estimators.rotating",
+    "table": "estimators.table",
+    "fluxdemod": "estimators.fluxdemod",
+    "pll3": "estimators.pll3",
+    "mechanical": "estimators.mechanical",
+    "monitor": "estimators.monitor",
+    "active_flux": "estimators.active_flux",
+    "hybrid": "estimators.hybrid",
     "ekf": "estimators.kalman",
+    "ukf": "estimators.unscented",
     "ekf_filterpy": "estimators.kalman_filterpy",
+    "ukf_filterpy": "estimators.unscented_filterpy",
 }
 
 

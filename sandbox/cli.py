@@ -9,13 +9,14 @@ import pickle
 import shutil
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, NoReturn
 
 from model.errors import BadInput, PhysicsError
 from sandbox import report
+from sandbox.gap.commands import add_diagnose
 from sandbox.gap.withheld.commands import add_withheld
 
 
@@ -101,6 +102,8 @@ def build_parser() -> Parser:
     _which(c)
     c.add_argument("--estimators", default="qnull,inversion,ekf", help="names, separated by commas")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
+    text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
+    c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
     c = add("simulate", run_simulate, "one run of one estimator")
     _which(c)
     c.add_argument("--estimator", default="qnull", help="(qnull)")
@@ -108,7 +111,6 @@ def build_parser() -> Parser:
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
     c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
-    text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
     c.add_argument("--plant", default="averaged", choices=("averaged", "switched"))
     c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
@@ -121,26 +123,25 @@ def build_parser() -> Parser:
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     text = "names and units of recordings from elsewhere (see sandbox/IMPORTING.md)"
     c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
-    c = add(
-        "diagnose",
-        run_diagnose,
-        "where a campaign's gap to the simulator lies, which effect causes it, how far it shrinks",
-    )
-    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
-    c.add_argument("--nominal", choices=("linear",), help="leave the nominal model's saturation out")
-    c.add_argument("--exclude", action="append", default=[], metavar="EFFECT", help="no candidate (may be repeated)")
-    c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
+    add_diagnose(add)
     c = add("maps", run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
     add_withheld(commands, Parser, positive_int, seed_number)
+    c = add("protocol", run_protocol, "the standard evaluation of every estimator and belief on several motors")
+    c.add_argument("--estimators", metavar="A,B", help="names, separated by commas (every compiled one)")
+    c.add_argument(
+        "--motors",
+        metavar="A,B",
+        help="names or files, separated by commas (three, and `baldor_pmsyrm` where its map is at hand)",
+    )
+    c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
+    _peers(c)
     c = add("bench", run_bench, "cost per plant step and per closed-loop simulated second")
-    c.add_argument("--peer", action="store_true", help="measure the C reference and motulator in the same run, too")
-    c.add_argument("--anchors", type=Path, default=Path("../shared/anchors"), help="folder of the reference programs")
-    c.add_argument("--peer-python", default=sys.executable, help="Python >= 3.12 that has motulator 0.18")
+    _peers(c)
     c = add("list", run_list, "what there is", writes=False)
     c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets"))
-    c.add_argument("name", nargs="?", help="an effect, to print its card")
+    c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")
     c = add("view", run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")
     return parser
@@ -175,20 +176,35 @@ def _which(command: Parser) -> None:
     command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml", help="(staircase)")
 
 
+def _names(text: str) -> list[str]:
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def _peers(command: Parser) -> None:
+    command.add_argument("--peer", action="store_true", help="measure the reference programs in the same run, too")
+    where, text = Path("../shared/anchors"), "folder of the reference programs"
+    command.add_argument("--anchors", type=Path, default=where, help=text)
+    command.add_argument("--peer-python", default=sys.executable, help="Python >= 3.12 that has motulator 0.18")
+
+
 def _folder(options: argparse.Namespace) -> Path:
     return getattr(options, "out", None) or Path("sensorless-out") / options.command
 
 
 def run_compare(options: argparse.Namespace) -> None:
     """Compare beliefs; write compare.json, compare.png and compare.rrd."""
+    from model.effects.library import parse
     from model.parameters import load_drive
     from sandbox.compare import compare
     from sandbox.scenario import load_scenario
 
     drive, scenario = load_drive(options.motor), load_scenario(options.scenario)
-    estimators = [name.strip() for name in options.estimators.split(",") if name.strip()]
+    estimators = _names(options.estimators)
     with report.progress_bar("comparing", options.quiet) as progress:
-        result = compare(drive, scenario, estimators, seed=options.seed, jobs=options.jobs, progress=progress)
+        result = compare(
+            drive, scenario, estimators,
+            seed=options.seed, jobs=options.jobs, progress=progress, effects=parse(options.effects),
+        )  # fmt: skip
     content = result.as_json() | {"figure": "compare.png", "trace": None if options.no_trace else "compare.rrd"}
     if not options.quiet:
         report.print_comparison(result)
@@ -301,30 +317,6 @@ def run_identify(options: argparse.Namespace) -> None:
         print(f"results in {_folder(options)}")
 
 
-def run_diagnose(options: argparse.Namespace) -> None:
-    """Diagnose a campaign; write diagnosis.json, report.html and diagnosis.rrd."""
-    from sandbox.gap.answers import answer, linear
-    from sandbox.gap.contract import contract
-    from sandbox.gap.report import print_answers, write_report
-    from sandbox.gap.traces import write_traces
-    from sandbox.importing import read_recordings
-
-    campaign = read_recordings(options.campaign, options.columns)
-    campaign = linear(campaign) if options.nominal else campaign
-    exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]
-    with report.stage_bar("diagnosing", options.quiet) as progress:
-        found = answer(campaign, exclude=exclude, workers=options.jobs or os.cpu_count() or 1, report=progress)
-        with report.results(_folder(options), "diagnosis") as out:
-            progress("writing")
-            write_report(out / "report.html", found)
-            write_traces(out / "diagnosis.rrd", found)
-            content = contract(found.diagnosis, found.where, found.position, found.following)
-            report.write_json(out, "diagnosis", content, command="diagnose")
-    if not options.quiet:
-        print_answers(found)
-        print(f"results in {_folder(options)}")
-
-
 def run_maps(options: argparse.Namespace) -> None:
     """Write a motor's maps over the current plane: maps.npz, maps.png, maps.json."""
     import numpy as np
@@ -346,6 +338,28 @@ def run_maps(options: argparse.Namespace) -> None:
         print(f"results in {_folder(options)}")
 
 
+def run_protocol(options: argparse.Namespace) -> None:
+    """Run the protocol; write protocol.json, protocol.png and protocol.parquet."""
+    from sandbox import protocol as p
+
+    def names(text: str | None, usual: Iterable[str]) -> list[str]:
+        return list(usual) if text is None else _names(text)
+
+    folder = report.output_folder(_folder(options))
+    with report.progress_bar("protocol", options.quiet) as progress:
+        result = p.protocol(
+            names(options.estimators, p.ESTIMATORS), names(options.motors, () if options.motors else p.usual_motors()),
+            names(options.tests, p.TESTS),
+            seed=options.seed, jobs=options.jobs or os.cpu_count() or 1, keep=folder, progress=progress,
+        )  # fmt: skip
+    if options.peer:
+        result = p.with_motulator(result, options.anchors, options.peer_python)
+    p.publish(result, folder)
+    if not options.quiet:
+        p.show(result)
+        print(f"results in {folder}")
+
+
 def run_bench(options: argparse.Namespace) -> None:
     """Measure; write bench.json."""
     from sandbox.bench import bench
@@ -359,10 +373,13 @@ def run_bench(options: argparse.Namespace) -> None:
 
 
 def run_list(options: argparse.Namespace) -> None:
-    """Print what there is, one line each, or the card of one effect."""
+    """Print what there is, one line each, or the card of one effect or estimator."""
     if options.name is not None:
+        if options.kind == "estimators":
+            print(report.estimator_card(options.name))
+            return
         if options.kind != "effects":
-            raise BadInput(f"'{options.kind}' have no cards; only `list effects NAME` prints one")
+            raise BadInput(f"'{options.kind}' have no cards; `list effects NAME` and `list estimators NAME` print one")
         from model.effects.library import card_text, load_effect
 
         print(card_text(load_effect(options.name)))

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass, fields
 from itertools import product
 
 from estimators.registry import load_estimator
+from model.effects.library import parameters
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.design import Design
@@ -61,6 +62,7 @@ class Comparison:
             "motor": self.drive.name,
             "scenario": self.scenario.name,
             "seed": self.properties["seed"],
+            "effects": {k: v for k, v in self.properties.items() if k in parameters()},
             "rows": [asdict(row) for row in self.rows],
             "cpu_seconds": sum(run.cpu_seconds for run in self.runs),
         }
@@ -74,11 +76,12 @@ def compare(
     seed: int = 0,
     jobs: int | None = None,
     progress: Callable[[float], None] | None = None,
+    effects: Mapping[str, float] | None = None,
 ) -> Comparison:
     """Run every estimator with both beliefs, closed and open, on up to `jobs` threads.
 
     The seed fixes the sensors' noise, the same in every run; very long runs are recorded thinned; `progress` is
-    told the fraction done.  Raises BadInput or PhysicsError as `simulate` does.
+    told the fraction done; effects: as `simulate`, theory is without them.  Raises BadInput or PhysicsError as it does.
     """
     names = list(dict.fromkeys(estimators))
     if not names:
@@ -93,7 +96,9 @@ def compare(
     def one(case: tuple[str, str, bool]) -> Run:
         nonlocal done
         name, belief, closed = case
-        run = simulate(drive, scenario, loaded[name], belief, closed_loop=closed, seed=seed, stride=stride)
+        run = simulate(
+            drive, scenario, loaded[name], belief, closed_loop=closed, seed=seed, stride=stride, effects=effects
+        )
         rows = rows_of(drive, scenario, run.recording, run.start_time, name, belief, closed)
         done += 1
         if progress:
@@ -103,7 +108,7 @@ def compare(
     first = one(cases[0])  # alone: compiles and designs what the others share
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         runs = (first, *pool.map(one, cases[1:]))
-    return Comparison(drive, scenario, runs, properties_of(drive, scenario, seed))
+    return Comparison(drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {}))
 
 
 def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str | float]:

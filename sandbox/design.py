@@ -78,7 +78,7 @@ def belief_of(drive: Drive, name: str) -> Belief:
     """Return the saturated or the linear belief about a drive's motor."""
     motor = drive.motor
     energy: AnyEnergy = motor.energy if name == "saturated" else motor.linear_energy
-    return Belief(energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs))
+    return Belief(energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs), motor.inertia)
 
 
 def extreme_inductances(m: AnyEnergy, radius: float) -> tuple[float, float]:

@@ -7,15 +7,17 @@ from collections.abc import Callable
 
 import numpy as np
 
-from estimators.contract import Estimate, Estimator
+from estimators.contract import ROTATING, Estimate, Estimator
 from estimators.startup import polarity_rise
 from model.energy import flux_from_current
 from model.errors import BadInput, PhysicsError
 from model.parameters import Drive
 from model.saliency import tracking_sign
 from sandbox.design import OVERLOAD, Design
+from sandbox.injection import samples_per_period
 from sandbox.scenario import Scenario
 
+LEAST_TURN = 4  # samples of a rotating injection's turn
 POLARITY_SIGMA = 6.0  # the two ripples of the polarity test must differ by this many standard deviations
 
 
@@ -36,6 +38,18 @@ def check_call(estimator: Estimator, belief: str, seed: int, stride: int, plant_
         raise BadInput(f"stride {stride!r:.40} is out of range; record every stride-th sample, at least 1")
     if not 1e-9 <= plant_step <= 1e-2:
         raise BadInput(f"plant_step {plant_step} s is out of range; give a value in [1e-9, 0.01] s")
+
+
+def check_injection(estimator: Estimator, drive: Drive) -> None:
+    """Raise BadInput where a drive's injection is not what an estimator lives on."""
+    injection = drive.injection
+    n = samples_per_period(injection, drive.converter)
+    if estimator.injection == ROTATING and (injection.waveform != "square" or n < LEAST_TURN):
+        raise BadInput(
+            f"estimator '{estimator.name}' turns a square wave from sample to sample, in at least {LEAST_TURN} samples "
+            f"a turn; '{drive.name}' injects a {injection.waveform} wave of {n} samples: inject a square wave of at "
+            f"most {1.0 / (LEAST_TURN * drive.converter.sampling_period):g} Hz"
+        )
 
 
 def checked(estimator: Estimator) -> Callable[..., Estimate]:
@@ -65,16 +79,20 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
     if scenario.start_up:
         check_polarity(drive, gains, room)
     for s in scenario.segments:
-        if abs(s.load) > OVERLOAD:
-            raise BadInput(f"load {100 * s.load:g} % exceeds the current limit of {100 * OVERLOAD:g} %; lower it")
+        if math.hypot(s.load, s.current_d) > OVERLOAD:
+            raise BadInput(
+                f"load {100 * math.hypot(s.load, s.current_d):g} % exceeds the current limit of "
+                f"{100 * OVERLOAD:g} %; lower it"
+            )
+        i_d = s.current_d * motor.rated_current
         i_q, omega = s.load * motor.rated_current, s.speed * motor.rated_omega
         if abs(omega) > gains.top_omega:
             raise BadInput(
                 f"speed {100 * s.speed:g} % ({abs(omega):.4g} rad/s electrical) is beyond {gains.top_omega:.4g} rad/s, "
                 "up to which the current loop behind the injection's average holds; lower it, or inject faster"
             )
-        d, q = (float(v) for v in flux_from_current(m, 0.0, i_q))
-        u = math.hypot(-omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
+        d, q = (float(v) for v in flux_from_current(m, i_d, i_q))
+        u = math.hypot(motor.resistance * i_d - omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
         if u > room:
             raise PhysicsError(
                 f"load {100 * s.load:g} % at {100 * s.speed:g} % speed needs {u:.4g} V, but the bus of "

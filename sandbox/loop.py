@@ -32,7 +32,7 @@ from sandbox.recording import CHANNELS
 from sandbox.sensors import encoder, sampled
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
-TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF = range(5)  # columns of a profile's breakpoints
+TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF, I_D_REF = range(6)  # columns of a profile's breakpoints
 # the loop's own memory: voltage now acting, and before; link voltage as read over its nominal value
 CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK, ENCODER = range(7)
 MEMORY = 9  # the encoder's speed has three places
@@ -77,7 +77,8 @@ def interpolate(profile, t, cursor):
     torque = a[LOAD_TORQUE] + s * (b[LOAD_TORQUE] - a[LOAD_TORQUE])
     i_q = a[I_Q_REF] + s * (b[I_Q_REF] - a[I_Q_REF])
     omega = a[OMEGA_REF] + s * (b[OMEGA_REF] - a[OMEGA_REF])
-    return (load, torque, i_q, omega), cursor
+    i_d = a[I_D_REF] + s * (b[I_D_REF] - a[I_D_REF])
+    return (load, torque, i_q, omega, i_d), cursor
 
 
 @kernel
@@ -138,14 +139,13 @@ def command(k, measured, sample, estimate, wanted, rig, control, controller, wav
     measured: angle and speed from the encoder, by which an open loop controls.
     """
     h = control.sampling_period
-    _, _, i_q_ref, omega_ref = wanted
+    _, _, i_q_ref, omega_ref, i_d_ref = wanted
     starting = estimate.tracking == 0.0
     angle, omega = estimate.theta, estimate.omega
     if rig.closed == OPEN and not starting:
         angle, omega = measured
     reorient(controller, angle, h * omega)
     i_d, i_q = average(controller, *rotate(sample.i_alpha, sample.i_beta, -angle), control.period)
-    i_d_ref = 0.0
     if starting:
         i_d_ref, i_q_ref = estimate.bias, 0.0
     elif rig.speed_controlled:

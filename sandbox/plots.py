@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from sandbox.compare import Comparison, Row, Run
     from sandbox.identify import Identification
     from sandbox.maps import Maps
+    from sandbox.protocol import Protocol
 
 DPI = 150
 PHONE = 4.6  # inches: a phone's width at a legible size
@@ -59,7 +60,7 @@ def comparison_figure(comparison: Comparison, path: Path) -> None:
     figure.supxlabel(READING, fontsize=9, color="0.25")
     for axes in panels[-1]:
         axes.set_xlabel("load (% of rated)" if by_load else "segment: load (%), speed (rpm)")
-    _save(figure, path)
+    save(figure, path)
 
 
 def _load_varies(runs: Sequence[Run]) -> bool:
@@ -98,7 +99,7 @@ def _draw_panel(axes: Axes, runs: Sequence[Run], by_load: bool) -> None:
     axes.spines[["top", "right"]].set_visible(False)
 
 
-def _colour(belief: str) -> tuple[float, float, float]:
+def colour_of(belief: str) -> tuple[float, float, float]:
     """Return the colour of a belief, the same as in the trace."""
     red, green, blue = COLOURS.get(belief, GREY)
     return red / 255, green / 255, blue / 255
@@ -106,7 +107,7 @@ def _colour(belief: str) -> tuple[float, float, float]:
 
 def _draw_belief(axes: Axes, belief: str, rows: Sequence[Row], places: Sequence[float], shift: float) -> None:
     """Draw means, bars and theory of one run."""
-    colour = _colour(belief)
+    colour = colour_of(belief)
     theory = [(x, row.predicted_mean_deg) for x, row in zip(places, rows, strict=False)]
     theory = [(x, value) for x, value in theory if value is not None]
     if theory:
@@ -124,7 +125,7 @@ def _draw_lost(axes: Axes, belief: str, lost: Sequence[float], end: float, heigh
     """Draw crosses on the lower edge, named right of the last segment at a height (share of the panel)."""
     if not lost:
         return
-    edge, colour = axes.get_xaxis_transform(), _colour(belief)
+    edge, colour = axes.get_xaxis_transform(), colour_of(belief)
     crosses = axes.plot(lost, [0.0] * len(lost), "x", color=colour, transform=edge, clip_on=False, zorder=5)
     crosses[0].set(markersize=10, markeredgewidth=2.8)
     axes.annotate(
@@ -152,7 +153,7 @@ def _label_beliefs(axes: Axes, beliefs: Sequence[str], rows: Sequence[Sequence[R
             (max(places), mean),
             (9, lift),
             textcoords="offset points",
-            color=_colour(belief),
+            color=colour_of(belief),
             fontsize=10,
             va="center",
         )
@@ -173,13 +174,13 @@ def audit_figure(drive: Drive, audit: Audit, path: Path) -> None:
         (audit.angle_local, "encoder controls (local)", "-"),
         (audit.angle_closed, "estimate controls (self-consistent)", (0, (4, 2))),
     ):
-        angles.plot(load, [math.degrees(v) for v in values], linestyle=style, color=_colour("linear"), label=name)
+        angles.plot(load, [math.degrees(v) for v in values], linestyle=style, color=colour_of("linear"), label=name)
     angles.axhline(0.0, color="0.6", linewidth=0.8)
     angles.set(xlabel="load (% of rated, i_d = 0)", ylabel="error of a linear belief (° electrical)")
     angles.set_title("cross-saturation angle")
     angles.legend(frameon=False, fontsize=9)
     figure.suptitle(f"{drive.name}: where the model may be used", parse_math=False)
-    _save(figure, path)
+    save(figure, path)
 
 
 def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
@@ -194,7 +195,7 @@ def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
     axes.annotate("rated", (0.0, audit.rated_current), (0, 3), textcoords="offset points", ha="center", fontsize=9)
     if audit.violations:
         x, y = [v["i_d"] for v in audit.violations], [v["i_q"] for v in audit.violations]
-        axes.plot(x, y, "x", color=_colour("linear"), label="the model ends here")
+        axes.plot(x, y, "x", color=colour_of("linear"), label="the model ends here")
         axes.legend(frameon=False, fontsize=9, loc="upper right")
     axes.set(xlabel="i_d (A)", ylabel="i_q (A)", aspect="equal", facecolor="0.85")
     axes.set_title("valid" if audit.passed else "grey: not valid")
@@ -226,7 +227,42 @@ def maps_figure(maps: Maps, path: Path) -> None:
     for panel in axes[:, 0]:
         panel.set_ylabel("i_q (A)")
     figure.suptitle(f"{maps.motor}: incremental inductances and what injection sees", parse_math=False)
-    _save(figure, path)
+    save(figure, path)
+
+
+def protocol_figure(result: Protocol, path: Path) -> None:
+    """Draw a page: a panel per motor, a line per estimator and belief, a column per test, coloured by the verdict."""
+    from matplotlib.figure import Figure
+
+    from sandbox.protocol import READING, table
+
+    motors = list(dict.fromkeys(row.unit.motor for row in result.rows))
+    tables = [table(result, motor) for motor in motors]
+    lines = sum(len(cells) + 2 for _, cells in tables)
+    width = 2.2 + 1.45 * (max(len(heads) for heads, _ in tables) - 1)
+    figure = Figure(figsize=(width, 0.8 + 0.24 * lines), layout="constrained")
+    heights = [len(cells) + 1 for _, cells in tables]
+    panels = figure.subplots(len(motors), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
+    for panel, motor, (heads, cells) in zip(panels, motors, tables, strict=True):
+        _draw_cells(panel, heads[1:], [row[0] for row in cells], [row[1:] for row in cells])
+        panel.set_title(motor, loc="left", fontweight="bold", fontsize=10, parse_math=False)
+    figure.supxlabel(READING, fontsize=8, color="0.25", wrap=True)
+    save(figure, path)
+
+
+def _draw_cells(axes: Axes, heads: Sequence[str], names: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
+    """Draw a table of texts: green where it ends in a tick, red in a cross, grey without verdict."""
+    colours = {"✓": "#cfe8d5", "✗": "#f3cdc7"}
+    for y, row in enumerate(cells):
+        for x, text in enumerate(row):
+            face = colours.get(text[-1:], "0.93" if text else "white")
+            axes.fill_between([x + 0.02, x + 0.98], y + 0.04, y + 0.96, color=face, linewidth=0)
+            axes.text(x + 0.5, y + 0.5, text.rstrip("✓✗ "), ha="center", va="center", fontsize=7)
+    axes.set_xticks([x + 0.5 for x in range(len(heads))], heads, fontsize=8)
+    axes.set_yticks([y + 0.5 for y in range(len(names))], names, fontsize=8)
+    axes.set(xlim=(0, len(heads)), ylim=(len(names), 0))
+    axes.tick_params(length=0, top=False, labeltop=True, bottom=False, labelbottom=False)
+    axes.spines[:].set_visible(False)
 
 
 def identification_figure(result: Identification, path: Path) -> None:
@@ -236,90 +272,19 @@ def identification_figure(result: Identification, path: Path) -> None:
     figure = Figure(figsize=(10.5, 4.5), layout="constrained")
     panels = figure.subplots(1, len(result.fits), squeeze=False)[0]
     for panel, (name, fit) in zip(panels, result.fits.items(), strict=True):
-        panel.plot([1e3 * r for r in fit.residuals.ravel()], ".", color=_colour("saturated"), markersize=4)
+        panel.plot([1e3 * r for r in fit.residuals.ravel()], ".", color=colour_of("saturated"), markersize=4)
         panel.axhline(0.0, color="0.6", linewidth=0.8)
         panel.set(title=f"{name}: {1e3 * fit.residual_rms:.3g} mA rms", xlabel="reading", ylabel="residual (mA)")
     figure.suptitle(f"{result.campaign.name}: what the fits leave", parse_math=False)
-    _save(figure, path)
+    save(figure, path)
 
 
-def withheld_figure(content: Mapping[str, Any], path: Path) -> None:
-    """Draw a scored check (`withheld.json`): confusion matrix, reliability, detection floor, figures with limits.
-
-    The file appears whole or not at all; its suffix gives the format.
-    """
+def page(size: tuple[float, float], rows: int, columns: int, **layout: Any) -> tuple[Figure, Any]:
+    """Return an empty figure (inches) and its panels (rows, columns), for figures that other rooms draw."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(15.0, 11.0), layout="constrained")
-    panels = figure.subplots(2, 2, width_ratios=(1.5, 1.0), height_ratios=(1.5, 1.0))
-    _confusion(panels[0][0], content["confusion"])
-    _reliability(panels[0][1], content["reliability"])
-    _floor(panels[1][0], content["detection_floor"])
-    _limits(panels[1][1], content["methods"])
-    _save(figure, path)
-
-
-def _confusion(axes: Axes, matrix: Mapping[str, Any]) -> None:
-    """Draw counts of first hypotheses by true cause, each row in shares of its own."""
-    counts = matrix["counts"]
-    axes.imshow([[x / max(1, sum(row)) for x in row] for row in counts], cmap="Blues", vmin=0.0, vmax=1.3)
-    for y, row in enumerate(counts):
-        for x, count in enumerate(row):
-            if count:
-                axes.text(x, y, str(count), ha="center", va="center", fontsize=8)
-    axes.set_xticks(range(len(matrix["verdict"])), matrix["verdict"], rotation=90, fontsize=8)
-    axes.set_yticks(range(len(matrix["truth"])), matrix["truth"], fontsize=8)
-    axes.set_xlabel("first hypothesis")
-    axes.set_ylabel("truth")
-    axes.set_title("confusion (campaigns)", fontweight="bold")
-
-
-def _reliability(axes: Axes, bins: Sequence[Mapping[str, Any]]) -> None:
-    """Draw the share that was right against the probability stated, with 90 % limits."""
-    axes.plot([0.0, 1.0], [0.0, 1.0], color="0.6", linewidth=0.8)
-    for b in bins:
-        spread = [[b["value"] - b["low"]], [b["high"] - b["value"]]]
-        axes.errorbar(b["stated"], b["value"], yerr=spread, fmt="o", color=_colour("saturated"), capsize=3)
-        axes.annotate(f" {b['n']}", (b["stated"], b["value"]), fontsize=8)
-    axes.set_xlim(0.0, 1.05)
-    axes.set_ylim(-0.02, 1.05)
-    axes.set_xlabel("probability stated for the first hypothesis")
-    axes.set_ylabel("share that was right")
-    axes.set_title("reliability (number: campaigns)", fontweight="bold")
-
-
-def _floor(axes: Axes, floor: Mapping[str, Mapping[str, Any]]) -> None:
-    """Draw by effect the smallest size found (dot) and the largest missed (cross), in multiples of the medium size."""
-    for k, entry in enumerate(floor.values()):
-        for key, marker, belief in (("found", "o", "saturated"), ("missed", "x", "linear")):
-            if entry[key] is not None:
-                axes.plot(k, entry[key], marker, color=_colour(belief), markersize=7)
-    axes.set_yscale("log", base=2)
-    axes.set_xticks(range(len(floor)), list(floor), rotation=90, fontsize=8)
-    axes.set_ylabel("size / medium")
-    axes.set_title("● smallest size found   × largest missed", fontweight="bold", color="0.2")
-    axes.grid(axis="y", color="0.9", linewidth=0.6)
-
-
-def _limits(axes: Axes, methods: Mapping[str, Mapping[str, Any]]) -> None:
-    """Draw the figures that are shares, method beside method, with one-sided 95 % limits."""
-    shares = (
-        "top1", "mean_probability", "set_f1", "exact_set", "unknown_auroc", "false_alarm", "coverage",
-        "closed_median", "closed_p10", "ambiguity_hit", "subsystem",
-    )  # fmt: skip
-    for m, (method, figures) in enumerate(methods.items()):
-        known = [(k, figures[name]) for k, name in enumerate(shares) if figures[name]["value"] is not None]
-        places = [k + 0.2 * (m - 0.5 * (len(methods) - 1)) for k, _ in known]
-        values = [f["value"] for _, f in known]
-        below = [f["value"] - f["low"] for _, f in known]
-        above = [f["high"] - f["value"] for _, f in known]
-        axes.errorbar(values, places, xerr=[below, above], fmt="o", markersize=4, capsize=2, label=method)
-    axes.set_yticks(range(len(shares)), shares, fontsize=8)
-    axes.set_xlim(-0.05, 1.05)
-    axes.invert_yaxis()
-    axes.grid(axis="x", color="0.9", linewidth=0.6)
-    axes.legend(fontsize=8)
-    axes.set_title("figures, one-sided 95 % limits", fontweight="bold")
+    figure = Figure(figsize=size, layout="constrained")
+    return figure, figure.subplots(rows, columns, **layout)
 
 
 def bars_svg(
@@ -376,7 +341,7 @@ def _svg(figure: Figure, salt: str) -> str:
     return text[text.index("<svg") :]
 
 
-def _save(figure: Figure, path: Path) -> None:
+def save(figure: Figure, path: Path) -> None:
     """Save a figure under a temporary name beside its place, then move it there."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from sandbox.score import ErrorDeg, Row
 
 SCHEMA = 1
+BELIEFS = ("saturated", "linear")
 
 
 def version() -> str:
@@ -65,7 +66,7 @@ def output_folder(out: Path) -> Path:
     return out
 
 
-KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html")
+KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html", ".parquet")
 
 
 def _aside(out: Path) -> Path:
@@ -349,3 +350,19 @@ def print_identification(result: Identification) -> None:
         print(f"{name}: residual {1e3 * fit.residual_rms:.3g} mA rms{share}")
     for remark in result.remarks:
         print(remark)
+
+
+def estimator_card(name: str) -> str:
+    """Return an estimator's card; the cost of a step is measured here and now."""
+    from estimators.registry import load_estimator
+    from model.parameters import load_drive
+    from sandbox.step_cost import cost
+
+    e, motor = load_estimator(name), "ipm_exchanged"
+    prices = [f"{belief} {cost(load_drive(motor), name, belief, 0)['step_ns']:.0f}" for belief in BELIEFS]
+    rows = [
+        ("injection", e.injection), ("delay", e.delay), ("speeds", e.speeds),
+        ("cost", f"{', '.join(prices)} ns a step, measured now on {motor}" + ("" if e.compiled else " (in Python)")),
+        ("source", e.source),
+    ]  # fmt: skip
+    return "\n".join([f"{e.name}: {e.summary}", "", *(f"{head:<11}{text}" for head, text in rows)])

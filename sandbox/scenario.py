@@ -23,6 +23,7 @@ class Segment:
     ramp: float = quantity("s", 0, LONGEST, default=0.0)
     settle: float | None = None  # s before its errors count; None: the scenario's
     score: bool = True
+    current_d: float = quantity("of rated current", -3, 3, default=0.0)  # of a current reference
 
     def __post_init__(self) -> None:
         check(self, "segment")
@@ -42,7 +43,7 @@ class Scenario:
 
     rotor: locked, driven (speed imposed) or free; reference: `current` (i_d = 0, i_q = load x rated current) or
     `speed` (speed controller; load is the torque that this i_q gives).  start_up: find the position first
-    (otherwise the estimator is told it).
+    (otherwise the estimator is told it, wrong by start_error).
     """
 
     name: str
@@ -53,6 +54,7 @@ class Scenario:
     description: str = ""
     start_angle: float = quantity("rad", -10, 10, default=1.0)
     start_up: bool = True
+    start_error: float = quantity("rad", -3.2, 3.2, default=0.0)
 
     def __post_init__(self) -> None:
         check(self, "scenario")
@@ -66,6 +68,10 @@ class Scenario:
             )
         if self.rotor == "locked" and any(s.speed for s in self.segments):
             raise BadInput("a locked rotor cannot follow a speed; give rotor = 'driven' or 'free'")
+        if self.reference == "speed" and any(s.current_d for s in self.segments):
+            raise BadInput("current_d goes with reference = 'current'; under speed control i_d is kept at 0")
+        if self.start_error and self.start_up:
+            raise BadInput("start_error needs start_up = false: what starting up finds cannot be told wrong")
         if not isinstance(self.start_up, bool):
             raise BadInput(f"[scenario] start_up = {self.start_up!r:.40} is neither true nor false")
         if not any(s.score for s in self.segments) and self.segments:
@@ -96,7 +102,7 @@ class Scenario:
                 break
             length = min(s.duration, left)
             settle = None if s.settle is None else min(s.settle, 0.5 * length)
-            kept.append(Segment(length, s.load, s.speed, min(s.ramp, length), settle, s.score))
+            kept.append(dataclasses.replace(s, duration=length, ramp=min(s.ramp, length), settle=settle))
             left -= length
         kept[-1] = dataclasses.replace(kept[-1], score=True)
         return dataclasses.replace(self, segments=tuple(kept))

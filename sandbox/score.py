@@ -18,7 +18,7 @@ from sandbox.simulate import torque_at_load
 LOST_ANGLE = math.radians(45.0)
 LOST_TIME = 0.1  # s beyond LOST_ANGLE that count as lost lock
 # Their linear belief has a stationary point where the q ripple vanishes; the filter's moves with its model of R.
-WITH_THEORY = ("qnull", "inversion")
+WITH_THEORY = ("qnull", "inversion", "table", "pll3", "mechanical")
 
 
 @dataclass(frozen=True)
@@ -119,20 +119,22 @@ def predicted_mean(drive: Drive, scenario: Scenario, segment: Segment, closed: b
     Open (encoder controls): local formula at the reference current.  Closed: self-consistent solution.  Under
     speed control the current is the one that carries load and viscous friction at that error.
     """
-    angle = _predicted(drive.motor, torque_at_load(drive, segment.load), segment.load, segment.speed,
+    angle = _predicted(drive.motor, torque_at_load(drive, segment.load), segment.load, segment.current_d, segment.speed,
                        scenario.reference == "speed", closed)  # fmt: skip
     return None if math.isnan(angle) else math.degrees(angle)
 
 
 @cache
-def _predicted(motor: Motor, torque: float, load: float, speed: float, by_torque: bool, closed: bool) -> float:
+def _predicted(
+    motor: Motor, torque: float, load: float, load_d: float, speed: float, by_torque: bool, closed: bool
+) -> float:
     if by_torque:
         torque += motor.viscous_friction * speed * motor.rated_omega / motor.pole_pairs
         try:
             return current_for_torque(motor, torque, closed)[1]
         except PhysicsError:
             return math.nan
-    i_q = load * motor.rated_current
+    i_d, i_q = load_d * motor.rated_current, load * motor.rated_current
     if closed:
-        return self_consistent_angle(motor.energy, 0.0, i_q)
-    return float(local_angle(motor.energy, 0.0, i_q))
+        return self_consistent_angle(motor.energy, i_d, i_q)
+    return float(local_angle(motor.energy, i_d, i_q))

@@ -20,7 +20,7 @@ from model.parameters import Drive
 from sandbox import loop
 from sandbox.design import Design, belief_of, design
 from sandbox.effects import compiled, longest_step, masses, start
-from sandbox.feasible import check_call, check_feasible, checked
+from sandbox.feasible import check_call, check_feasible, check_injection, checked
 from sandbox.injection import carrier
 from sandbox.plant import LARGEST_TURN, Plant, steps_per_period
 from sandbox.recording import Recording
@@ -51,21 +51,22 @@ def torque_at_load(drive: Drive, load: float) -> float:
 
 
 def profile_of(drive: Drive, scenario: Scenario) -> NDArray[np.float64]:
-    """Return the scenario's breakpoints: time, load, load torque (N m), i_q reference (A), speed (rad/s)."""
+    """Return the breakpoints: time, load, load torque (N m), i_q reference (A), speed (rad/s), i_d reference (A)."""
     rows: list[list[float]] = []
-    t = load = speed = 0.0  # starting up happens at rest without load
+    t = load = speed = i_d = 0.0  # starting up happens at rest without load
     for s in scenario.segments:
-        rows.append(_breakpoint(drive, scenario, t, load, speed))
-        if s.ramp or s.load != load or s.speed != speed:
+        rows.append(_breakpoint(drive, scenario, t, load, speed, i_d))
+        if s.ramp or (s.load, s.speed, s.current_d) != (load, speed, i_d):
             for part in np.linspace(0.0, 1.0, 9)[1:]:  # torque is not linear in load
                 x, y = load + part * (s.load - load), speed + part * (s.speed - speed)
-                rows.append(_breakpoint(drive, scenario, t + part * s.ramp, x, y))
-        t, load, speed = t + s.duration, s.load, s.speed
-        rows.append(_breakpoint(drive, scenario, t, load, speed))
+                z = i_d + part * (s.current_d - i_d)
+                rows.append(_breakpoint(drive, scenario, t + part * s.ramp, x, y, z))
+        t, load, speed, i_d = t + s.duration, s.load, s.speed, s.current_d
+        rows.append(_breakpoint(drive, scenario, t, load, speed, i_d))
     return np.array(rows)
 
 
-def _breakpoint(drive: Drive, scenario: Scenario, t: float, load: float, speed: float) -> list[float]:
+def _breakpoint(drive: Drive, scenario: Scenario, t: float, load: float, speed: float, i_d: float) -> list[float]:
     held = scenario.rotor != "free"
     motor = drive.motor
     return [
@@ -74,6 +75,7 @@ def _breakpoint(drive: Drive, scenario: Scenario, t: float, load: float, speed: 
         0.0 if held else torque_at_load(drive, load),
         load * motor.rated_current if scenario.reference == "current" else 0.0,
         speed * motor.rated_omega,
+        i_d * motor.rated_current,
     ]
 
 
@@ -103,6 +105,7 @@ def simulate(
     if plant not in PLANTS:
         raise unknown("plant", plant, PLANTS)
     values = complete(drive.motor, drive.converter, effects)
+    check_injection(estimator, drive)
     gains = design(drive, scenario.start_up)
     check_feasible(dataclasses.replace(drive, motor=true_motor(drive.motor, values)), scenario, gains)
     tuning, believed = gains.tuning, belief_of(drive, belief)
@@ -114,11 +117,11 @@ def simulate(
             f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
         )
     wave = carrier(drive.injection, drive.converter)
-    state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle)
+    state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle + scenario.start_error)
     table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
-    on = _switched if plant == "switched" else _averaged
+    on = _switched if plant == "switched" else averaged_bench
     run, x, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
-    rig = _rig(drive, scenario, bench[0].step, closed_loop, samples, stride, start_time)
+    rig = rig_of(drive, scenario, bench[0].step, closed_loop, samples, stride, start_time)
     step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
     profile = profile_of(drive, scenario)
     begun = time.thread_time()
@@ -132,7 +135,7 @@ def simulate(
     return Simulation(Recording(table), gains, start_time, spent)
 
 
-def _averaged(
+def averaged_bench(
     drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
     believed: Belief | None,
 ) -> tuple[Any, ...]:  # fmt: skip
@@ -171,7 +174,8 @@ def _switched(
     return run, bench_of.start(b, scenario.start_angle), b, drive.converter.dc_bus_voltage
 
 
-def _rig(drive: Drive, scenario: Scenario, step: float, closed: bool, n: int, stride: int, start: float) -> loop.Rig:
+def rig_of(drive: Drive, scenario: Scenario, step: float, closed: bool, n: int, stride: int, start: float) -> loop.Rig:
+    """Return sensors and converter for n samples, with the plant's step and the time of starting up in s."""
     c = drive.converter
     return loop.Rig(
         n, stride, max(1, round(c.sampling_period / step)), loop.CLOSED if closed else loop.OPEN,

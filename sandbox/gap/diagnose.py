@@ -20,7 +20,7 @@ from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.posterior import Hypothesis, tempered, with_unknown
 from sandbox.gap.remainder import Remainder, remainder
 from sandbox.gap.search import Judged, search
-from sandbox.gap.size import ORDINARY, Size, size_of
+from sandbox.gap.size import ORDINARY, Size, rms, size_of
 from sandbox.gap.split import held_out, weights_of
 from sandbox.replay.replay import prepare
 from sandbox.replay.sets import complete
@@ -91,10 +91,10 @@ def diagnose(
     fitted, everything = weights_of(count, left), weights_of(count)
     found = search(start, everything, everything, exclude=exclude, workers=workers, report=report)
     judged, cost = found.judged, found.simulations
-    ranked, temperature = tempered(judged)
-    best = ranked[0][1]
     report("measuring the gap")
     nominal = normal(start, coordinates_of(start, ()), workers=workers)
+    ranked, temperature = tempered(judged, rms(nominal, range(count)))
+    best = ranked[0][1]
     before = fit(start, (), fitted, workers=workers, within=ORDINARY)
     after = fit(best.fit.point, best.effects, fitted, workers=workers, within=ORDINARY) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in prepared.recordings])

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 NUMBER = (0.35, 0.45, 0.15, 0.05)  # prior probability of 0, 1, 2, 3 effects
 UNKNOWN = "unknown"
+ACCURATE = 10.0  # floors of residual up to which the simulator's own error stays below them
 
 
 @dataclass(frozen=True)
@@ -53,10 +54,13 @@ def log_prior(effects: Sequence[str]) -> float:
     return math.log(NUMBER[n] / math.comb(len(library.effect_names()), n))
 
 
-def tempered(judged: Sequence[Judged]) -> tuple[list[tuple[float, Judged]], float]:
-    """Return (probability, hypothesis), the most probable first, without regard to `unknown`; and the temperature."""
+def tempered(judged: Sequence[Judged], raw: float) -> tuple[list[tuple[float, Judged]], float]:
+    """Return (probability, hypothesis), the most probable first, without regard to `unknown`; and the temperature.
+
+    raw: normalised rms at the nominal model; what a simulator gets wrong grows with what it has to explain.
+    """
     best = max(judged, key=lambda j: j.log_evidence)
-    temperature = misfit(best.normal, best.equations, best.prior)
+    temperature = misfit(best.normal, best.equations, best.prior) * (1.0 + raw / ACCURATE)
     score = np.array([j.log_evidence / temperature + log_prior(j.effects) for j in judged])
     p = np.exp(score - score.max())
     return sorted(zip((p / p.sum()).tolist(), judged, strict=True), key=lambda x: -x[0]), temperature

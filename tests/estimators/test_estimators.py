@@ -67,13 +67,14 @@ def ported_qnull() -> Estimator:
     """q-null with a linear belief, written in plain Python from its equations, tracking only."""
 
     def init(belief, tuning, angle=None):
-        return {"axis": angle, "omega": 0.0, "ring": deque(maxlen=3 * tuning.period // 2)}
+        return {"axis": angle, "omega": 0.0, "slow": 0.0, "ring": deque(maxlen=3 * tuning.period // 2)}
 
     def step(state, sample, belief, tuning):
         h, half = tuning.sampling_period, tuning.period // 2
         if "begun" not in state:
             state["begun"] = True
             return Estimate(state["axis"], 0.0, state["axis"], 0.0, 0.0, 0.0, 0.0)
+        state["slow"] += 0.05 * h * tuning.kp * (state["omega"] - state["slow"])
         state["axis"] += h * state["omega"]
         state["ring"].append((complex(sample.i_alpha, sample.i_beta), sample.carrier))
         seen = []
@@ -89,7 +90,11 @@ def ported_qnull() -> Estimator:
         state["omega"] += h * tuning.ki * error
         size = tuning.amplitude * tuning.peak
         axis = state["axis"]
-        return Estimate(axis, state["omega"], axis, 0.0, 1.0, y.real * size, y.imag * size)
+        e = belief.energy
+        turned = tuning.lag * belief.resistance * state["slow"] * (e.gamma_d + e.gamma_q) * e.gamma_q
+        return Estimate(
+            axis + turned / (e.gamma_d - e.gamma_q), state["omega"], axis, 0.0, 1.0, y.real * size, y.imag * size
+        )
 
     return Estimator("ported", "q-null in Python", init, step, compiled=False)
 

@@ -124,3 +124,15 @@ def test_other_sampling_rates(period, frequency):
 def test_no_estimator():
     with pytest.raises(BadInput, match="no estimator"):
         compare(load_drive("ipm"), load_scenario("staircase"), ())
+
+
+def test_effects_reach_every_run():
+    """Dead time moves the filter's mean in every run, open and closed, with either belief."""
+    scenario = Scenario("short", (Segment(0.3, 1.0, ramp=0.1, settle=0.2),))
+    drive = load_drive("ipm_exchanged")
+    plain = compare(drive, scenario, ["ekf"], jobs=1)
+    with_dead_time = compare(drive, scenario, ["ekf"], jobs=1, effects={"dead_time.time": 4e-6})
+    for one, two in zip(plain.rows, with_dead_time.rows, strict=True):
+        assert abs(one.error_deg.mean - two.error_deg.mean) > 1.0  # the filter lives on the voltage
+    assert with_dead_time.as_json()["effects"] == {"dead_time.time": 4e-6}
+    assert plain.as_json()["effects"] == {}

@@ -62,8 +62,8 @@ def run_make(options: argparse.Namespace) -> None:
 def run_score(options: argparse.Namespace) -> None:
     """Score a check; write withheld.json and withheld.png into its folder."""
     from sandbox.gap.withheld.baselines import BASELINES
+    from sandbox.gap.withheld.figure import withheld_figure
     from sandbox.gap.withheld.score import score, standard, table
-    from sandbox.plots import withheld_figure
 
     methods: dict[str, Any] = {"diagnosis": standard, **(BASELINES if options.baselines else {})}
     scored = []

@@ -1,0 +1,37 @@
+"""What a belief says at a measured current: flux and Hessian, and whether it has an answer at all."""
+
+from __future__ import annotations
+
+from estimators.demodulation import FLUX_D, FLUX_Q, OUTSIDE
+from model.compiled import kernel
+from model.energy import SOLVED, flux_newton, hessian
+
+TRACKED, UNCERTAIN = 1.0, 2.0  # Estimate.tracking; UNCERTAIN: the belief has no flux at the measured current
+
+
+@kernel
+def believed_flux(state, energy, i_d, i_q):
+    """Return phi_d, phi_q (Wb) at a current (A) of the rotor frame, the last one where the belief has none.
+
+    state[OUTSIDE] says which of both; a second try from zero flux catches a start that had gone astray.
+    """
+    d, q, status = flux_newton(energy, i_d, i_q, state[FLUX_D], state[FLUX_Q])
+    if status != SOLVED:
+        d, q, status = flux_newton(energy, i_d, i_q, 0.0, 0.0)
+    state[OUTSIDE] = 0.0 if status == SOLVED else 1.0
+    if status == SOLVED:
+        state[FLUX_D], state[FLUX_Q] = d, q
+    return state[FLUX_D], state[FLUX_Q]
+
+
+@kernel
+def believed_hessian(state, energy, i_d, i_q):
+    """Return Gamma_dd, Gamma_dq, Gamma_qq (1/H) there."""
+    d, q = believed_flux(state, energy, i_d, i_q)
+    return hessian(energy, d, q)
+
+
+@kernel
+def trust(state):
+    """Return what Estimate.tracking says: TRACKED, or UNCERTAIN while the belief has no answer."""
+    return UNCERTAIN if state[OUTSIDE] != 0.0 else TRACKED

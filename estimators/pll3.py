@@ -1,0 +1,36 @@
+"""The inversion of both ripple components, tracked by a phase-locked loop of type 3: no lag on a ramp of speed."""
+
+from __future__ import annotations
+
+from estimators.believed import trust
+from estimators.contract import STEP, Estimate, Estimator
+from estimators.demodulation import AXIS, OMEGA, PHASE, blank, demodulate
+from estimators.inversion import believed_error
+from estimators.startup import TRACKING, start, tell
+from estimators.tracking import correct_type_3, predict
+from model.compiled import kernel_as
+
+
+@kernel_as(STEP)
+def step(state, sample, belief, tuning):
+    """Take one sample; see the module's text."""
+    if state[PHASE] != TRACKING:
+        return start(state, sample, belief, tuning)
+    axis = predict(state, tuning)
+    mean_d, mean_q, y_d, y_q = demodulate(state, sample, axis, state[OMEGA], tuning)
+    correct_type_3(state, believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning), tuning)
+    amplitude = tuning.amplitude * tuning.peak
+    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), y_d * amplitude, y_q * amplitude)
+
+
+def init(belief, tuning, angle=None):
+    """Return the state before starting up, or ready to track from a known angle (rad)."""
+    return tell(blank(), angle)
+
+
+ESTIMATOR = Estimator(
+    "pll3", "inversion of both ripple components, tracked by a loop of type 3", init, step,
+    delay="0.75 N - 0.5 samples of demodulation (N samples an injection period)",
+    speeds="0 to where the current loop behind the injection's average holds; no lag on a ramp",
+    source="Gardner, Phaselock Techniques, 3rd ed., section 2.2 (third-order loop); error signal of `inversion`",
+)  # fmt: skip

@@ -1,0 +1,53 @@
+"""The unscented filter of `estimators.unscented` once more, on filterpy and NumPy: its readable form and oracle."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
+
+from estimators import kalman_filterpy
+from estimators.contract import Belief, Estimate, Estimator, Sample, Tuning
+from estimators.demodulation import AXIS, PHASE, demodulate
+from estimators.kalman_filterpy import EnergyFilter, State, init
+from estimators.startup import TRACKING, start
+from estimators.unscented import ALPHA, BETA, KAPPA
+
+
+def begin(theta: float, i: np.ndarray, belief: Belief, tuning: Tuning) -> Any:
+    """Return a filter at the position found by starting up, i (2,) being the current there."""
+    model: EnergyFilter = kalman_filterpy.begin(theta, i, belief, tuning)
+    t = tuning.sampling_period
+
+    def move(x: np.ndarray, dt: float, u: np.ndarray) -> np.ndarray:
+        slope = model.rate(x, u)
+        return x + 0.5 * t * (slope + model.rate(x + t * slope, u))
+
+    points = MerweScaledSigmaPoints(4, ALPHA, BETA, KAPPA)
+    f = UnscentedKalmanFilter(4, 2, t, hx=model.current, fx=move, points=points)
+    f.x, f.P, f.Q, f.R = model.x, model.P, model.Q, model.R
+    return f
+
+
+def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estimate:
+    """Take one sample."""
+    i = np.array([sample.i_alpha, sample.i_beta])
+    if state.filter is None:
+        estimate: Estimate = start(state.memory, sample, belief, tuning)
+        if state.memory[PHASE] == TRACKING:
+            state.filter = begin(float(state.memory[AXIS]), i, belief, tuning)
+        return estimate
+    f: Any = state.filter
+    f.predict(u=np.array([sample.u_alpha, sample.u_beta]))
+    f.update(i)
+    theta, omega = float(f.x[3]), float(f.x[2])
+    _, _, y_d, y_q = demodulate(state.memory, sample, theta, omega, tuning)
+    amplitude = tuning.amplitude * tuning.peak
+    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+
+
+ESTIMATOR = Estimator(
+    "ukf_filterpy", "the unscented filter on filterpy, in Python (slow path)", init, step, compiled=False,
+    delay="as ukf", speeds="as ukf", source="as ukf; filterpy.kalman.UnscentedKalmanFilter",
+)  # fmt: skip

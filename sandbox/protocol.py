@@ -1,0 +1,334 @@
+"""One protocol for every estimator, belief and motor: runs the tests, keeps what is finished, judges.
+
+A unit is one test of one estimator with one belief on one motor.  Finished units are kept, a line each, in
+`.protocol-<key>.jsonl` beside the results until all are done, so that an interrupted protocol goes on where it
+stopped; the key changes with the code and with the seed.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from estimators.registry import load_estimator
+from model.compiled import source_key
+from model.errors import BadInput, PhysicsError, unknown
+from model.parameters import Drive, load_drive
+from sandbox.protocol_motion import bandwidth, hand_over, reversal, reversal_case, with_peer
+from sandbox.protocol_tests import (
+    Outcome,
+    Point,
+    attraction,
+    costs,
+    creep,
+    load_step,
+    mission,
+    robustness,
+    starting,
+    static_map,
+)  # fmt: skip
+from sandbox.report import BELIEFS, plain, print_table, results, write_json
+
+ESTIMATORS = (
+    "qnull", "inversion", "rotating", "table", "fluxdemod", "pll3", "mechanical", "monitor", "active_flux", "hybrid",
+    "ekf", "ukf",
+)  # fmt: skip
+READING = (
+    "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the ripple "
+    "carries information; attraction: started wrong all round, share back / at the wrong pole / elsewhere; "
+    "slow: the speed asked for not reached in time; ✓ ✗: goal met or not."
+)
+MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
+MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
+
+
+Test = Callable[[Drive, str, str, int], Outcome]
+TESTS: dict[str, Test] = {
+    "start": starting,
+    "static_map": static_map,
+    "load_step": load_step,
+    "creep": creep,
+    "hand_over": hand_over,
+    "robustness": robustness,
+    "attraction": attraction,
+    "bandwidth": bandwidth,
+    "mission": mission,
+    "reversal": reversal,
+    "cost": costs,
+}
+SHARED = ("start",)  # the same for every estimator: run with the first
+ONE_MOTOR = {"mission": "ipm_exchanged"}
+PEER = "motulator 2.2 kW"  # the motor of the reversal
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One test of one estimator with one belief on one motor."""
+
+    motor: str
+    test: str
+    estimator: str
+    belief: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """A finished unit; failure: the sentence of a run that the physics ended."""
+
+    unit: Unit
+    outcome: Outcome
+    cpu_seconds: float
+    failure: str | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `protocol.json` says of it."""
+        return {
+            **asdict(self.unit), "metrics": dict(self.outcome.metrics), "passed": self.outcome.passed,
+            "cpu_seconds": self.cpu_seconds, "failure": self.failure,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """All rows, in the order of motors, estimators, beliefs, tests."""
+
+    rows: tuple[Row, ...]
+    seed: int
+    peer: tuple[float, float] | None = None  # CPU seconds a second and error rms (degrees) of motulator's reversal
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `protocol.json` holds beyond its header."""
+        cpu = sum(row.cpu_seconds for row in self.rows)
+        peer = {"cpu_s_per_s": self.peer[0], "rms_deg": self.peer[1]} if self.peer else None
+        tests = [row.as_json() for row in self.rows]
+        return {"seed": self.seed, "cpu_seconds": cpu, "peer": peer, "tests": tests}
+
+    def beside(self, cpu: float, rms: float) -> Protocol:
+        """Return the protocol with the peer's reversal beside ours: CPU seconds a second, error rms (degrees)."""
+        rows = []
+        for row in self.rows:
+            if row.unit.test == "reversal":
+                ratios = with_peer(row.outcome.metrics, cpu, rms)
+                row = replace(row, outcome=replace(row.outcome, metrics=dict(row.outcome.metrics) | ratios))
+            rows.append(row)
+        return Protocol(tuple(rows), self.seed, (cpu, rms))
+
+
+def usual_motors() -> tuple[str, ...]:
+    """Return MOTORS and, where its data set is on this machine, the measured one."""
+    try:
+        load_drive(MEASURED)
+    except BadInput:
+        return MOTORS
+    return (*MOTORS, MEASURED)
+
+
+def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:
+    """Return the units of a protocol in order; BadInput for an unknown or missing name."""
+    motors, estimators, tests = (list(dict.fromkeys(names)) for names in (motors, estimators, tests))
+    for kind, names in (("motor", motors), ("estimator", estimators), ("test", tests)):
+        if not names:
+            raise BadInput(f"no {kind} for the protocol; name at least one")
+    for test in tests:
+        if test not in TESTS:
+            raise unknown("test", test, TESTS)
+    for name in estimators:
+        load_estimator(name)
+    found = []
+    for motor in motors:
+        for number, estimator in enumerate(estimators):
+            for belief in BELIEFS:
+                for test in tests:
+                    if test == "reversal":
+                        continue
+                    if (test in SHARED and number) or (test in ONE_MOTOR and not _is_chosen(motor, test, motors)):
+                        continue
+                    found.append(Unit(motor, test, estimator, belief))
+    if "reversal" in tests:
+        found += [Unit(PEER, "reversal", estimator, belief) for estimator in estimators for belief in BELIEFS[:1]]
+    return found
+
+
+def _is_chosen(motor: str, test: str, motors: list[str]) -> bool:
+    """Tell whether a test meant for one motor runs on this one: its own, or the first where that is not asked for."""
+    own = ONE_MOTOR[test]
+    return motor == (own if own in motors else motors[0])
+
+
+def run_unit(unit: Unit, drive: Drive, seed: int) -> Row:
+    """Run one unit; a PhysicsError becomes its failure, a BadInput a refusal."""
+    begun = time.thread_time()
+    failure = None
+    try:
+        outcome = TESTS[unit.test](drive, unit.estimator, unit.belief, seed)
+    except PhysicsError as error:
+        outcome, failure = Outcome((), {}, False), str(error)
+    except BadInput as error:  # this estimator on this drive, such as rotating injection in two samples a turn
+        outcome, failure = Outcome((), {"refused": 1.0}, None), str(error)
+    return Row(unit, outcome, time.thread_time() - begun, failure)
+
+
+def protocol(
+    estimators: Iterable[str] = ESTIMATORS,
+    motors: Iterable[str] | None = None,
+    tests: Iterable[str] = tuple(TESTS),
+    *,
+    seed: int = 0,
+    jobs: int = 2,
+    keep: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Protocol:
+    """Run every unit on up to `jobs` threads; `keep` is a folder in which finished units wait for the rest.
+
+    Raises BadInput for what cannot be run (before anything runs, as far as names and files go).
+    """
+    todo = units(usual_motors() if motors is None else motors, estimators, tests)
+    named = dict.fromkeys(u.motor for u in todo)
+    drives = {motor: reversal_case()[0] if motor == PEER else load_drive(motor) for motor in named}
+    kept = Kept(keep, seed)
+    missing = [u for u in todo if u not in kept.rows]
+    lock, done = threading.Lock(), len(todo) - len(missing)
+
+    def one(unit: Unit) -> None:
+        nonlocal done
+        row = run_unit(unit, drives[unit.motor], seed)
+        with lock:
+            kept.add(row)
+            done += 1
+            if progress:
+                progress(done / len(todo))
+
+    with ThreadPoolExecutor(jobs) as pool:
+        list(pool.map(one, missing))
+    return Protocol(tuple(kept.rows[u] for u in todo), seed)
+
+
+class Kept:
+    """Finished units, in memory and, where a folder is given, in a file that outlives an interruption."""
+
+    def __init__(self, folder: Path | None, seed: int) -> None:
+        self.path = folder / f".protocol-{source_key()}-{seed}.jsonl" if folder else None
+        self.rows: dict[Unit, Row] = {}
+        if self.path and self.path.is_file():
+            for line in self.path.read_text(encoding="utf-8").splitlines():
+                self._read(line)
+
+    def _read(self, line: str) -> None:
+        try:
+            found = json.loads(line)
+            points = tuple(Point(**p) for p in found["points"])
+            outcome = Outcome(points, found["metrics"], found["passed"])
+            row = Row(Unit(**found["unit"]), outcome, found["cpu_seconds"], found["failure"])
+        except (ValueError, KeyError, TypeError):  # a line cut off by the interruption
+            return
+        self.rows[row.unit] = row
+
+    def add(self, row: Row) -> None:
+        """Remember a finished unit."""
+        self.rows[row.unit] = row
+        if self.path:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            line = {
+                "unit": asdict(row.unit), "points": [asdict(p) for p in row.outcome.points],
+                "metrics": dict(row.outcome.metrics), "passed": row.outcome.passed,
+                "cpu_seconds": row.cpu_seconds, "failure": row.failure,
+            }  # fmt: skip
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(plain(line)) + "\n")
+
+
+def forget(folder: Path) -> None:
+    """Remove what interrupted protocols left in a folder."""
+    for path in folder.glob(".protocol-*.jsonl"):
+        path.unlink(missing_ok=True)
+
+
+def write_parquet(path: Path, result: Protocol) -> None:
+    """Write the tidy table: a row per evaluated stretch, or per test that has none."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    nothing: dict[str, Any] = dict.fromkeys(f.name for f in fields(Point))
+    rows = []
+    for row in result.rows:
+        head = asdict(row.unit) | {"passed": row.outcome.passed}
+        rows += [head | asdict(p) for p in row.outcome.points] or [head | nothing]
+    kinds = {"str": pa.string(), "bool": pa.bool_()}
+    schema = pa.schema(
+        [(name, pa.string()) for name in ("motor", "test", "estimator", "belief")] + [("passed", pa.bool_())]
+        + [(f.name, kinds.get(str(f.type), pa.float64())) for f in fields(Point)]
+    )  # fmt: skip
+    pq.write_table(pa.Table.from_pylist(plain(rows), schema=schema), path)
+
+
+def table(result: Protocol, motor: str) -> tuple[list[str], list[list[str]]]:
+    """Return heads and cells of one motor's table: a line per estimator and belief, a column per test."""
+    rows = {(r.unit.estimator, r.unit.belief, r.unit.test): r for r in result.rows if r.unit.motor == motor}
+    tests = list(dict.fromkeys(test for _, _, test in rows))
+    lines = []
+    for estimator, belief in dict.fromkeys((e, b) for e, b, _ in rows):
+        cells = [cell(rows.get((estimator, belief, test))) for test in tests]
+        lines.append([f"{estimator} {belief[:3]}.", *cells])
+    return ["estimator", *tests], lines
+
+
+def cell(row: Row | None) -> str:
+    """Return a unit as text: worst mean (worst p95) in degrees, stretches lost, and a mark for the verdict."""
+    if row is None:
+        return ""
+    mark = {True: " ✓", False: " ✗", None: ""}[row.outcome.passed]
+    m = row.outcome.metrics
+    if row.failure:
+        return f"{'refused' if 'refused' in m else 'failed'}{mark}"
+    if m.get("rms_to_peer") is not None:
+        return f"rms {m['rms_to_peer']:.3f}, CPU 1/{1.0 / (m['cpu_to_peer'] or 1.0):.0f} of peer{mark}"
+    if "polarity_right" in m:
+        return f"{100 * (m['polarity_right'] or 0):.2f} %{mark}"
+    if "back" in m:
+        return (
+            f"{100 * (m['back'] or 0):.0f}/{100 * (m['reversed'] or 0):.0f}/{100 * (m['elsewhere'] or 0):.0f} %{mark}"
+        )
+    if m.get("step_ns") is not None:
+        return f"{m['step_ns']:.0f} ns{mark}"
+    if "bandwidth_hz" in m:
+        return f"{m['bandwidth_hz']:.0f} Hz{mark}" if m["bandwidth_hz"] is not None else f"–{mark}"
+    lost = f", {m['lost']:.0f} lost" if m.get("lost") else ""
+    lost += f", {m['speed_missed']:.0f} slow" if m.get("speed_missed") else ""
+    if m.get("mean_deg") is None:
+        return f"lost{mark}"
+    return f"{m['mean_deg']:.2f} ({m['p95_deg']:.1f}){lost}{mark}"
+
+
+def with_motulator(result: Protocol, anchors: Path, python: str) -> Protocol:
+    """Return the protocol with motulator's reversal beside ours, measured now; BadInput where it is not at hand."""
+    if not any(row.unit.test == "reversal" for row in result.rows):
+        return result
+    from sandbox.bench import peer
+
+    return result.beside(*peer(anchors, python, "lin", 4.0))
+
+
+def publish(result: Protocol, folder: Path) -> None:
+    """Write protocol.json, .png and .parquet, and forget what was kept for resuming."""
+    from sandbox.plots import protocol_figure
+
+    with results(folder, "protocol") as out:
+        write_parquet(out / "protocol.parquet", result)
+        protocol_figure(result, out / "protocol.png")
+        files = {"figure": "protocol.png", "table": "protocol.parquet"}
+        write_json(out, "protocol", result.as_json() | files)
+    forget(folder)
+
+
+def show(result: Protocol) -> None:
+    """Print a table per motor, how to read it, and the cost."""
+    for motor in dict.fromkeys(row.unit.motor for row in result.rows):
+        print_table(f"{motor}: worst mean ° (worst 95 %)", *table(result, motor))
+    print(READING)
+    print(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")
