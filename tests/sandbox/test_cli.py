@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -228,7 +229,8 @@ def test_interrupt_leaves_nothing_half_written(tmp_path):
     scenario.write_text("[[segment]]\nduration = 1200.0\n")
     root, out = Path(__file__).resolve().parents[2], tmp_path / "out"
     call = [sys.executable, "-m", "sandbox.cli", "simulate", "--scenario", str(scenario), "--out", str(out)]
-    process = subprocess.Popen(call, cwd=root, stderr=subprocess.PIPE, text=True)
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a background shell would ignore it
+    process = subprocess.Popen(call, cwd=root, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
     time.sleep(2.0)
     begun = time.monotonic()
     process.send_signal(signal.SIGINT)

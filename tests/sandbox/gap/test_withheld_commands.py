@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from types import SimpleNamespace
 
 from sandbox.cli import main
 from sandbox.gap.withheld import make as maker
@@ -25,10 +26,9 @@ def test_make_and_score(tmp_path, monkeypatch, capsys):
     digest = hashlib.sha256((folder / "truth.sealed").read_bytes()).hexdigest()
     assert capsys.readouterr().out.startswith(f"truth sealed, SHA-256 {digest}")
 
-    class Module:
-        diagnose = staticmethod(lambda campaign, exclude=(): Nothing)
-
-    monkeypatch.setattr(scorer, "import_module", lambda name: Module)
+    found = SimpleNamespace(diagnosis=None, where=(), position=None, following=None)
+    monkeypatch.setattr(scorer, "answer", lambda campaign, **how: found)
+    monkeypatch.setattr(scorer, "contract", lambda *parts: Nothing.json)
     assert main(["withheld", "score", str(folder), "--jobs", "1"]) == 0
     content = json.loads((folder / "withheld.json").read_text())
     assert content["command"] == "withheld"
