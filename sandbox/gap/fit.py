@@ -23,7 +23,6 @@ from model.errors import BadInput
 from sandbox.gap.evidence import algebra, prior_of
 from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.space import Coordinate, of_effect, ordinary
-from sandbox.replay.sets import complete
 
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
@@ -105,9 +104,7 @@ def _tried(
     trial: Point, coordinates: Sequence[Coordinate], weights: Weights, workers: int
 ) -> tuple[float, Normal | None]:
     """Return the objective and the equations at a trial; infinite where the point is none a drive can have."""
-    drive = trial.prepared.campaign.drive
     try:
-        complete(drive.motor, drive.converter, trial.values)  # delays, masses, sizes that bound each other
         n = normal(trial, coordinates, workers=workers)
     except BadInput:
         return math.inf, None

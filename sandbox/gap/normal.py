@@ -21,6 +21,7 @@ from sandbox.gap.space import FARTHEST, Coordinate
 from sandbox.replay.inputs import inputs_of
 from sandbox.replay.replay import Prepared, residuals
 from sandbox.replay.sensitivity import slopes
+from sandbox.replay.sets import complete
 
 Array = NDArray[np.float64]
 BLOCK = 0.05  # s: several electrical time constants
@@ -111,7 +112,12 @@ def turns(prepared: Prepared) -> list[Coordinate]:
 
 
 def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1) -> Normal:
-    """Return the normal equations of a campaign at a point for the coordinates and all turns."""
+    """Return the normal equations of a campaign at a point for the coordinates and all turns.
+
+    BadInput where the point is none a drive can have (masses, delays that bound each other).
+    """
+    drive = point.prepared.campaign.drive
+    complete(drive.motor, drive.converter, point.values)
     prepared, values = point.turned(), point.values
     own = turns(prepared)
     x = np.array([c.value(values) for c in coordinates])
