@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from sandbox.gap.evidence import sandwich
+from sandbox.gap.evidence import algebra, prior_of, sandwich
 from sandbox.gap.search import Judged
 
 Array = NDArray[np.float64]
 Z = 1.959964
+TRACES = 0.5  # of the move that traces of other effects bring, taken as one standard deviation
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,20 @@ class Estimate:
 
 
 def estimates(j: Judged) -> dict[str, Estimate]:
-    """Return the parameters of a hypothesis' effects, by public name."""
-    x, _, _ = j.equations.most_probable(j.prior)
-    plain = j.equations.covariance(j.prior)
-    robust = sandwich(j.normal, x, plain)
-    wider = np.sqrt(np.maximum(np.diag(robust), np.diag(plain)))
-    place = {c.label: k for k, c in enumerate(j.normal.coordinates)}
+    """Return the parameters of a hypothesis' effects, by public name.
+
+    Values are those of the hypothesis alone; the interval also allows for what ordinary traces of all other effects
+    would move them by.
+    """
+    own, prior = algebra(j.fit.normal), prior_of(j.fit.coordinates)
+    x, _, _ = own.most_probable(prior)
+    plain = own.covariance(prior)
+    robust = sandwich(j.fit.normal, x, plain)
+    place = {c.label: k for k, c in enumerate(j.fit.coordinates)}
+    beside, _, _ = j.equations.most_probable(j.prior)
+    there = {c.label: float(y) for c, y in zip(j.normal.coordinates, beside, strict=True)}
+    traces = np.array([there.get(c.label, y) - y for c, y in zip(j.fit.coordinates, x, strict=True)])
+    wider = np.sqrt(np.maximum(np.diag(robust), np.diag(plain)) + (TRACES * traces) ** 2)
     out: dict[str, Estimate] = {}
     for effect in j.effects:
         out |= _of_effect(effect, j, x, wider, place)
