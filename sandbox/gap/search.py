@@ -19,7 +19,7 @@ from sandbox.gap.evidence import Algebra, Prior
 from sandbox.gap.fit import Fit, Weights, fit
 from sandbox.gap.normal import Normal, Point
 from sandbox.gap.probes import Probe, probes
-from sandbox.gap.table import Table, gains_of, table
+from sandbox.gap.table import Table, gains_of, settled, table
 
 Array = NDArray[np.float64]
 FITTED, MOST, PARENTS = (3, 3, 2), 3, 2  # sets fitted at one, two, three effects; parents that grow on
@@ -28,8 +28,6 @@ FAR = 1.02  # normalised rms above which effects are screened alone, too
 BEHIND, RIVAL = 400.0, 0.003  # log evidence, and share of the gap, behind which a fit is no rival
 JUDGED = 4
 LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
-ROUNDS, SETTLED = 3, 3.0  # of moving there; change of log evidence that ends them
-MOVES = 1.0  # of an ordinary size: an effect that moves less stays where it is
 
 
 @dataclass(frozen=True)
@@ -67,28 +65,25 @@ class Search:
 
 
 def search(
-    start: Point, fitted: Weights, judged_on: Weights, *, exclude: Sequence[str] = (), workers: int = 1,
+    start: Point, weights: Weights, *, exclude: Sequence[str] = (), workers: int = 1,
     report: Callable[[str], None] = lambda _: None,
 ) -> Search:  # fmt: skip
-    """Return the hypotheses that stand a chance, judged.
-
-    fitted: recordings that move parameters; judged_on: recordings whose evidence counts.
-    """
+    """Return the hypotheses that stand a chance, judged, on the recordings that `weights` names."""
     report("fitting ordinary deviations")
-    null = fit(start, (), fitted, workers=workers)
+    null = fit(start, (), weights, workers=workers)
     fits: dict[tuple[str, ...], Fit] = {(): null}
-    chosen, cost = choose(null, exclude, fitted, workers)
+    chosen, cost = choose(null, exclude, weights, workers)
     cost += null.simulations
     parents = [null]
     for depth in range(MOST):
-        ranked, spent = _candidates(parents, set(fits), chosen, fitted, workers)
+        ranked, spent = _candidates(parents, set(fits), chosen, weights, workers)
         cost += spent
         new: list[Fit] = []
         for key, parent, probe in ranked[: FITTED[depth]]:
             report(f"fitting {' + '.join(key)}")
             at = replace(parent.point, values={**parent.point.values, **probe.start})
             try:
-                new.append(fit(at.resmoothed() if probe.start else at, key, fitted, workers=workers))
+                new.append(fit(at.resmoothed() if probe.start else at, key, weights, workers=workers))
             except BadInput:
                 continue
             fits[key] = new[-1]
@@ -101,7 +96,7 @@ def search(
             break
         parents = [least, *(f for f in new[:PARENTS] if f is not least)][:PARENTS]
         if depth < MOST - 1 and _rms(least) > FAR:
-            again, spent = choose(least, exclude, fitted, workers)
+            again, spent = choose(least, exclude, weights, workers)
             kept = [p for p in chosen if p.effect in least.effects]
             chosen = kept + [p for p in again if p.effect not in least.effects]
             cost += spent
@@ -109,13 +104,13 @@ def search(
     leader = min(f.objective for f in fits.values())
     gate = leader + 2.0 * BEHIND + RIVAL * max(0.0, null.objective - leader)
     rivals = sorted((f for f in fits.values() if f.objective <= gate), key=lambda f: f.objective)[:JUDGED]
-    judged = [judge(f, chosen, judged_on, workers) for f in rivals]
+    judged = [judge(f, chosen, weights, workers) for f in rivals]
     for _ in range(MOST - 1):
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
-        fewer = [f for f in _without_one(best, fits, fitted, workers) if f.effects not in known]
+        fewer = [f for f in _without_one(best, fits, weights, workers) if f.effects not in known]
         cost += sum(f.simulations for f in fewer if f.effects not in fits)
         fits |= {f.effects: f for f in fewer}
-        judged += [judge(f, chosen, judged_on, workers) for f in fewer]
+        judged += [judge(f, chosen, weights, workers) for f in fewer]
     return Search(tuple(judged), cost + sum(j.simulations for j in judged))
 
 
@@ -173,22 +168,7 @@ def _candidates(
 
 def judge(found: Fit, chosen: Sequence[Probe], weights: Weights, workers: int) -> Judged:
     """Return a fit weighed with all effects beside it, at the point to which their ordinary sizes move it."""
-    last = table(found.point, chosen, found.effects, weights, workers)
-    prior, cost = last.prior(found.effects), last.normal.simulations
-    own = np.array([c.label in {c.label for c in found.coordinates} for c in last.coordinates])
-    shares = np.array([c.form == "share" for c in last.coordinates])
-    for _ in range(ROUNDS):
-        x, _, _ = last.equations.most_probable(prior)
-        moves = ~own & ~shares & (np.abs(x - prior.mean) > MOVES * prior.deviation)
-        if not moves.any():
-            break
-        try:
-            point = last.point.moved(last.coordinates, np.where(own | moves, x, last.normal.x))
-            nearer = table(point, chosen, found.effects, weights, workers)
-        except BadInput:  # all these sizes at once are none a drive can have
-            break
-        gained = nearer.log_evidence(found.effects) - last.log_evidence(found.effects)
-        last, cost = nearer, cost + nearer.normal.simulations
-        if abs(gained) < SETTLED:
-            break
-    return Judged(found, last, prior, last.log_evidence(found.effects), cost)
+    first = table(found.point, chosen, found.effects, weights, workers)
+    prior = first.prior(found.effects)
+    last, cost = settled(first, prior, weights, workers)
+    return Judged(found, last, prior, last.log_evidence(found.effects), cost + first.normal.simulations)

@@ -39,8 +39,8 @@ SOFT_SPREAD = 0.5  # standard deviation of the logarithm of the width in which t
 class Coordinate:
     """One direction of a fit: label, prior mean and standard deviation, the parameter(s) it moves and how.
 
-    form: "linear", "log", "reciprocal", or "cosine"/"sine" of the pair (amplitude, phase); "share" goes from the
-    neutral value (0) straight to the values `along` (1); with other forms `along` goes with a move (companions).
+    form: "linear", "log", "reciprocal", or "cosine"/"sine" of the pair (amplitude, phase); "share" is a step from the
+    neutral value (0) to the values `along` (1), nothing between; with other forms `along` goes with a move (companions).
     """
 
     label: str
@@ -80,7 +80,7 @@ class Coordinate:
         """Return the parameters that bring the coordinate to a value, the others unchanged (polar: its other part)."""
         name, companions = self.names[0], dict(self.along)
         if self.form == "share":
-            return companions
+            return companions if to else {}
         if self.form == "log":
             return {name: math.exp(to)}
         if self.form == "reciprocal":
