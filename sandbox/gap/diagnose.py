@@ -20,7 +20,7 @@ from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.posterior import Hypothesis, tempered, with_unknown
 from sandbox.gap.remainder import Remainder, remainder
 from sandbox.gap.search import Judged, search
-from sandbox.gap.size import ORDINARY, Size, rms, size_of
+from sandbox.gap.size import Size, rms, size_of
 from sandbox.gap.split import held_out, weights_of
 from sandbox.replay.replay import prepare
 from sandbox.replay.sets import complete
@@ -95,8 +95,8 @@ def diagnose(
     nominal = normal(start, (), workers=workers)
     ranked, temperature = tempered(judged, rms(nominal, range(count)))
     best = ranked[0][1]
-    before = fit(start, (), fitted, workers=workers, within=ORDINARY)
-    after = fit(best.fit.point, best.effects, fitted, workers=workers, within=ORDINARY) if best.effects else before
+    before = fit(found.null.point, (), fitted, workers=workers)
+    after = fit(best.fit.point, best.effects, fitted, workers=workers) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in prepared.recordings])
     rest = remainder(best, before, after, temperature)
     hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained))

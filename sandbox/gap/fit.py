@@ -28,7 +28,8 @@ Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
 TOLERANCE = 0.2  # of the objective: below that a step changes no decision
 DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
-STEPS, SLOPES = 30, 6  # steps, of which each costs one simulation, and points at which slopes are taken
+STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken
+CHORDS = 4  # steps on the same slopes: more of them would only creep
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 SMOOTHINGS = 2  # of a free rotor's motion
 
@@ -49,16 +50,15 @@ class Fit:
         return self.normal.coordinates
 
 
-def coordinates_of(point: Point, effects: Sequence[str], within: float = math.inf) -> list[Coordinate]:
+def coordinates_of(point: Point, effects: Sequence[str]) -> list[Coordinate]:
     """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others.
 
-    within: how many deviations an ordinary coordinate may move.
     """
     campaign = point.prepared.campaign
     wide: dict[str, Coordinate] = {}
     for effect in effects:
         wide |= {c.label: c for c in of_effect(effect, campaign.drive, point.values)}
-    own = [replace(c, within=min(within, c.within)) for c in ordinary(campaign)]
+    own = ordinary(campaign)
     known = {c.label for c in own}
     return [wide.get(c.label, c) for c in own] + [c for c in wide.values() if c.label not in known]
 
@@ -69,18 +69,16 @@ def fit(
     weights: Weights,
     *,
     workers: int = 1,
-    within: float = math.inf,
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
     Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
-    within: how many deviations an ordinary coordinate may move.
     """
-    coordinates = coordinates_of(start, effects, within)
+    coordinates = coordinates_of(start, effects)
     point, n = start, normal(start, coordinates, workers=workers)
     prior = prior_of(n.coordinates)
     value, cost = objective(n, prior, weights), n.simulations
-    taken, own, damping = 1, True, 0  # times slopes were taken; whether at the present point
+    taken, own, damping = 1, 0, 0  # times slopes were taken; steps since then
     for _ in range(STEPS):
         x, promised = _step(n, prior, weights, DAMPING[damping])
         trial = point.moved(n.coordinates, x)
@@ -89,12 +87,12 @@ def fit(
         gained = value - reached
         if at_trial is not None and gained > 0.0:
             point, n, value, damping = trial, at_trial, reached, max(0, damping - 1)
-            if gained > POOR * promised and gained > TOLERANCE:
-                own = False
+            own += 1
+            if gained > POOR * promised and gained > TOLERANCE and own < CHORDS:
                 continue
-            if own and gained <= TOLERANCE:
+            if own == 1 and gained <= TOLERANCE:
                 break
-        elif own:
+        elif not own:
             if damping + 1 == len(DAMPING) or promised < TOLERANCE:
                 break
             damping += 1
@@ -105,7 +103,7 @@ def fit(
             point = point.resmoothed()
         n = normal(point, coordinates, workers=workers)
         value, cost = objective(n, prior, weights), cost + n.simulations
-        taken, own = taken + 1, True
+        taken, own = taken + 1, 0
     return Fit(tuple(effects), point, n.bare(), value, cost)
 
 

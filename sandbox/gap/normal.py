@@ -60,23 +60,30 @@ class Normal:
 
         BadInput where the point is none a drive can have.
         """
-        drive = point.prepared.campaign.drive
-        values = complete(drive.motor, drive.converter, point.values)
-        prepared = point.turned()
-        shown = residuals(prepared, replay(prepared, [values], workers=workers))
-        cut = block_length(prepared)
+        return self.at_each([point], workers=workers)[0]
+
+    def at_each(self, points: Sequence[Point], *, workers: int = 1) -> list[Normal]:
+        """Return `at` for points of one campaign turned alike, side by side: one simulation each."""
+        drive = points[0].prepared.campaign.drive
+        sets = [complete(drive.motor, drive.converter, p.values) for p in points]
+        prepared = points[0].turned()
+        shown = residuals(prepared, replay(prepared, sets, workers=workers))
+        return [self._with(p, v, shown, k) for k, (p, v) in enumerate(zip(points, sets, strict=True))]
+
+    def _with(self, point: Point, values: Mapping[str, float], shown: Sequence[Residual], k: int) -> Normal:
+        """Return the equations for the residuals of set k."""
+        cut = block_length(point.prepared)
         segments = []
         for s, rows in zip(self.segments, self.rows, strict=True):
-            r = _channel(shown[s.recording], s.channel)
+            r = _channel(shown[s.recording], s.channel, k)
             g, rr = np.empty_like(s.g), np.empty_like(s.rr)
             for b, (first, last) in enumerate(blocks(len(r), cut)):
                 own = r[first:last].ravel()
                 wide = own.size // (last - first)
                 g[b], rr[b] = own @ rows[first * wide : last * wide], own @ own
             segments.append(replace(s, g=g, rr=rr))
-        x = np.array([c.value(values) for c in self.coordinates if c.form != "turn"])
-        x = np.append(x, [point.turns.get(c.names[0], 0.0) for c in self.coordinates if c.form == "turn"])
-        return replace(self, x=x, segments=tuple(segments), simulations=1.0)
+        x = [point.turns.get(c.names[0], 0.0) if c.form == "turn" else c.value(values) for c in self.coordinates]
+        return replace(self, x=np.array(x), segments=tuple(segments), simulations=1.0)
 
     def bare(self) -> Normal:
         """Return the same without slopes, which are large."""
@@ -198,13 +205,13 @@ def blocks(n: int, cut: int) -> list[tuple[int, int]]:
     return [(first, n if first == starts[-1] else first + cut) for first in starts]
 
 
-def _channel(r: Residual, channel: str) -> Array:
-    """Return a channel's residuals of one set, (n, c)."""
+def _channel(r: Residual, channel: str, k: int = 0) -> Array:
+    """Return a channel's residuals of set k, (n, c)."""
     if channel == "current":
-        return r.current[:, :, 0]
+        return r.current[:, :, k]
     shown = r.motion if channel == "motion" else r.angle
     assert shown is not None
-    return shown
+    return shown[:, k : k + 1]
 
 
 def _acting(j: Array, columns: NDArray[np.int64], scale: Array) -> tuple[Array, NDArray[np.int64]]:

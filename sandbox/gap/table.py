@@ -60,7 +60,7 @@ class Table:
 def settled(t: Table, prior: Prior, weights: Weights, workers: int) -> tuple[Table, float]:
     """Return a table at its most probable point under a prior, slopes kept, and simulations.
 
-    All coordinates move together (never a share): half the way where the whole one leads up.
+    All coordinates move together (never a share): a part of the way where the whole one leads up.
     """
     value, cost = objective(t.normal, prior, weights), 0.0
     shares = np.array([c.form == "share" for c in t.coordinates])
@@ -74,7 +74,9 @@ def settled(t: Table, prior: Prior, weights: Weights, workers: int) -> tuple[Tab
         reached, n = tried(t.normal, trial, prior, weights, workers)
         cost += 1.0
         if n is None or reached >= value:
-            part *= 0.5
+            part *= 0.25
+            if part < 0.05:
+                break
             continue
         value = reached
         t = replace(t, point=trial, normal=n, equations=algebra(n, weights))
@@ -111,8 +113,10 @@ def table(point: Point, chosen: Sequence[Probe], active: Sequence[str], weights:
     return Table(point, n, algebra(n, weights), prior_of(unclaimed), prior_of(n.coordinates), members, other)
 
 
-def gains_of(found: Fit, candidates: Sequence[Probe], weights: Weights, workers: int) -> tuple[list[float], float]:
-    """Return the log evidence each probe would add to a fit, by the equations at its point; simulations."""
+def gains_of(
+    found: Fit, candidates: Sequence[Probe], weights: Weights, workers: int
+) -> tuple[list[float], Normal, Prior]:
+    """Return the log evidence each probe would add to a fit, the equations at its point, and the fit's own prior."""
     own = [c for c in found.coordinates if c.form != "turn"]
     parts = [
         [replace(c, label=f"{c.label}@{k}") for c in probe_coordinates(found.point, probe, "")]
@@ -129,4 +133,4 @@ def gains_of(found: Fit, candidates: Sequence[Probe], weights: Weights, workers:
         deviation, mine = base.copy(), [place[c.label] for c in part]
         deviation[mine] = prior.deviation[mine]
         gains.append(equations.log_evidence(prior.with_deviation(deviation)) - level)
-    return gains, n.simulations
+    return gains, n, prior.with_deviation(base)
