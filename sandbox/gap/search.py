@@ -8,6 +8,7 @@ The best are fitted; from the two best of them sets grow on.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from sandbox.gap.fit import Fit, Weights, fit
 from sandbox.gap.normal import Normal, Point
 from sandbox.gap.probes import Probe, probes
 from sandbox.gap.sized import with_sizes
+from sandbox.gap.space import ordinary
 from sandbox.gap.table import Table, gains_of, settled, table
 
 Array = NDArray[np.float64]
@@ -128,7 +130,8 @@ def _neighbours(
 ) -> list[Fit]:
     """Return fits of the best set with one effect left out, or exchanged for another, where algebra says that little
     is lost."""
-    neutral = library.neutral(best.fit.point.prepared.campaign.drive.motor)
+    campaign = best.fit.point.prepared.campaign
+    neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
     out = []
     for effect in best.effects:
         rest = tuple(e for e in best.effects if e != effect)
@@ -137,9 +140,14 @@ def _neighbours(
             others = [tuple(sorted((*rest, e))) for e in best.table.members if e not in best.effects]
             told = {k: best.table.log_evidence(k) for k in others}
             keys = [k for k in sorted(told, key=lambda k: -told[k]) if told[k] > best.log_evidence - CLOSE][:EXCHANGED]
-        values = {k: neutral[k] if k.partition(".")[0] == effect else v for k, v in best.fit.point.values.items()}
+        own = [k for k in neutral if k.startswith(f"{effect}.") and k not in kept]
+        off = {k: neutral[k] for k in own if k.partition(".")[2] not in library.SHARED}
+        values = {**best.fit.point.values, **off}
         start = replace(best.fit.point, values=values)
-        out += [fits.get(k) or fit(start, k, weights, workers=workers) for k in keys if k not in known]
+        for key in keys:
+            if key not in known:
+                with suppress(BadInput):  # none a drive can have
+                    out.append(fits.get(key) or fit(start, key, weights, workers=workers))
     return out
 
 
@@ -196,9 +204,7 @@ def _candidates(
             }  # fmt: skip
             lists.append([(g, e, parent) for e, g in sorted(gains.items(), key=lambda x: -x[1])])
         if len(lists) > 1 and parent is parents[0]:
-            lists.append(
-                sorted(((p.gain, e, parent) for e, p in wider.items() if e in gains), key=lambda x: -x[0])
-            )
+            lists.append(sorted(((p.gain, e, parent) for e, p in wider.items() if e in gains), key=lambda x: -x[0]))
     out: dict[tuple[str, ...], tuple[Fit, Mapping[str, float], float]] = {}
     for turn in zip(*lists, strict=False):
         for gain, effect, parent in turn:
