@@ -111,9 +111,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     before, after = shown(d.before.point), shown(d.after.point)
     part, rest = decompose(d.before.point, before), decompose(d.after.point, after)
     yield "<h2>The gap, recording by recording</h2>"
-    yield _figure(
-        _by_recording(a), "rms of the residual over its noise floor; 1 is noise. ● held out: not used to fit."
-    )
+    yield _figure(_by_recording(a), "rms of the residual over its noise floor; 1 is noise. ● held out of the fit.")
     yield fold("All figures", table(["recording", "before", "after", "share of the gap"], _recordings(a, part)))
     if a.where:
         yield "<h2>Where it lies</h2><ul>"
