@@ -51,7 +51,9 @@ figure {{ margin: .6rem 0; break-inside: avoid; }} figure svg {{ width: 100%; he
 @media (min-width: 50rem) {{ .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 figcaption {{ color: var(--soft); font-size: .9rem; }}
 details {{ margin: .8rem 0; }} summary {{ cursor: pointer; color: var(--mark); }}
-@media print {{ body {{ font-size: 11pt; max-width: none; padding: 0; }} h2 {{ break-after: avoid; }} }}
+@media print {{ body {{ font-size: 10pt; max-width: none; padding: 0; }} h2 {{ break-after: avoid; }}
+  tr {{ break-inside: avoid; }} figure svg {{ max-height: 10.5cm; }} figure {{ margin: .3rem 0; }}
+  .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 </style></head><body>
 {body}
 <script>
