@@ -164,7 +164,8 @@ def next_text(a: Answers) -> str:
 def caveats(a: Answers) -> list[str]:
     """Return what a reader has to know before believing the rest, one sentence each."""
     d = a.diagnosis
-    out = [f"{f.file + ': ' if f.file else ''}{f.text}" for f in d.campaign.findings]
+    out = [f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}" for f in d.campaign.findings]
+    out += [f"{capital(what)}: {text}" for what, text in d.campaign.drive.provenance.items()]
     if not d.held_out:
         out.append(
             "No recording was held out (each kind of rotor is there only once), so the figures are those of the fit."

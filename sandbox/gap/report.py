@@ -64,11 +64,12 @@ addEventListener("beforeprint", () => document.querySelectorAll("details").forEa
 
 
 def print_answers(a: Answers) -> None:
-    """Print the answers in sentences, the hypotheses and the gap per recording as tables."""
+    """Print the answers and what is left in sentences, the hypotheses and the gap per recording as tables."""
     d = a.diagnosis
     print(f"{d.campaign.name}: {TITLES[a.verdict].lower()}")
     for head, text in _three(a):
         print(f"{head:<10} {text}")
+    print(f"{'Left?':<10} {answers.remains_text(a)}")
     rows = [[answers.label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
     report.print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
     if d.parameters[0]:
