@@ -117,8 +117,8 @@ def judgement(found: dict[str, dict[str, Any]]) -> dict[str, str]:
         "6 only) lacks."
     )  # fmt: skip
     return {
-        "synrm_standstill": f"Believe `unknown`: the quartic energy misses this map by 0.24 A rms at the flux points it "
-        f"was fitted to, 53 floors. An identification that shares no code with the diagnosis found the currents "
+        "synrm_standstill": "Believe `unknown`: the quartic energy misses this map by 0.24 A rms at the flux points "
+        "it was fitted to, 53 floors. An identification that shares no code with the diagnosis found the currents "
         f"{1e6 * fit['delay']:.0f} µs late and a voltage error of {fit['threshold']:.1f} ± "
         f"{2.0 * fit['threshold_sd']:.1f} V; {late}; under such misfit small causes cannot be told.",
         "laas_rolling": f"Believe `unknown`, not more: before any effect residuals are {gap:.0f} floors, an angle of "

@@ -72,7 +72,7 @@ def laas_drive(folder: Path) -> RealDrive:
     converter = Converter(PERIOD, ASSUMED_LINK, 0.0, noise, encoder_counts=COUNTS)
     provenance = {
         "resistance, magnet_flux": "fitted to u_q = R i_q + flux x speed of acceleration.txt",
-        "inertia, viscous_friction": "fitted to the current's sine in acceleration.txt; Coulomb friction is not in [motor]",
+        "inertia, viscous_friction": "fitted to acceleration.txt; Coulomb friction is not in [motor]",
         "inductance_d, inductance_q, dc_bus_voltage": "assumed; on no file",
         "rated values": "largest on file",
         "current_noise": "fourth differences of the rolling runs' i_q",
