@@ -130,7 +130,9 @@ def judgement(found: dict[str, dict[str, Any]]) -> dict[str, str]:
         "moteus": "Right to refuse: steady points, no time series (`sandbox.real_campaigns` says what they show).",
         "thor_finite_elements": "The truth is known to be harmonics of many orders that depend on the currents, and "
         "saturation beyond the quartic energy, which misses these tables by about 0.2 A: believe harmonics, believe "
-        f"`unknown`.{order}",
+        "`unknown`. A free regression closes nothing although the machine is a function of currents and angle: that is "
+        "its limit, for five recordings are fitted, each at another angle or speed, and what one teaches carries "
+        f"little to the next.{order}",
     }
 
 

@@ -3,9 +3,10 @@
 After the best hypothesis the residual is regressed on functions of (i_d, i_q, speed, angle): products of low powers,
 harmonics of the angle, the signs of currents.  Each may act as a current itself (what a sensor or a flux would add) and
 as a voltage (what an inverter or a resistance would add: its response through the motor's own equations).  Ridge
-regression on the recordings that were not held out; how hard it is held back is chosen by leaving each of these out in
-turn; what counts is what it predicts of those held out, so fitting noise closes nothing.  The regressors come from
-predicted currents: noise of a reading cannot explain itself.
+regression on the recordings that were not held out; which kinds of functions enter, and how hard they are held back, is
+chosen by leaving each of these out in turn; what counts is what it predicts of those held out, so fitting noise closes
+nothing.  The regressors come from predicted currents: noise of a reading cannot explain itself.  Where few recordings
+resemble each other it finds little: then it bounds what such a regression closes, not what could be closed.
 
 Whether what it finds is structure is told by the same computation on residuals whose sign is turned block by block
 (Wu, Annals of Statistics 14 (1986) 1261): that keeps how samples of a block resemble each other and breaks their tie to
@@ -66,11 +67,13 @@ class Remains:
 
 @dataclass(frozen=True)
 class Part:
-    """One channel of one recording: regressors x (n, c, p), c components a sample, where blocks begin, the angle."""
+    """One channel of one recording: regressors x (n, c, p), c components a sample, of which kind (p,), where blocks
+    begin, the angle."""
 
     recording: int
     channel: str
     x: Array
+    kinds: NDArray[np.int64]
     starts: NDArray[np.int64]
     theta: Array
 
@@ -149,31 +152,37 @@ def regressors(point: Point, currents: Sequence[Array]) -> list[Part]:
         z = (2.0 / 3.0) * read @ LEGS
         z = (z[:, 0] + 1j * z[:, 1]) * np.exp(-1j * theta)
         dq = np.column_stack([z.real, z.imag])
-        functions = np.column_stack(list(scalars(dq / rated, speed / top, theta)))
+        own = list(scalars(dq / rated, speed / top, theta))
+        functions, kind = np.column_stack([f for f, _ in own]), np.array([k for _, k in own])
         starts = np.arange(0, max(1, len(read) - cut // 2), cut)
         vectors = np.concatenate([_on_both_axes(functions), _leg_signs(read / rated, theta)], axis=1)
         driven = added_current(motor.energy, motor.resistance, period, dq, theta, np.ascontiguousarray(vectors))
-        out.append(Part(k, "current", np.concatenate([vectors, driven], axis=1).transpose(0, 2, 1), starts, theta))
+        kinds = np.tile([*kind, *kind, 0, 0, 0], 2)
+        x = np.concatenate([vectors, driven], axis=1).transpose(0, 2, 1)
+        out.append(Part(k, "current", x, kinds, starts, theta))
         for channel in [c for c, of in (("motion", "free"), ("angle", "driven")) if r.rotor == of]:
-            out.append(Part(k, channel, functions[:, None, :].copy(), starts, theta))
+            out.append(Part(k, channel, functions[:, None, :].copy(), kind, starts, theta))
     _scale(out)
     return out
 
 
-def scalars(i: Array, speed: Array, theta: Array) -> Iterator[Array]:
-    """Yield the functions of the operating point: i (n, 2) over rated current, speed over the campaign's top speed."""
+def scalars(i: Array, speed: Array, theta: Array) -> Iterator[tuple[Array, int]]:
+    """Yield the functions of the operating point and their kinds: of currents only (0), of the angle (1), of speed (2).
+
+    i (n, 2) over rated current, speed (n,) over the campaign's top speed, theta (n,) electrical rad.
+    """
     one = np.ones(len(i))
     for a, b in itertools.product(range(DEGREE + 1), repeat=2):
         if a + b <= DEGREE:
-            yield i[:, 0] ** a * i[:, 1] ** b
-            yield i[:, 0] ** a * i[:, 1] ** b * speed
-    yield speed**2
+            yield i[:, 0] ** a * i[:, 1] ** b, 0
+            yield i[:, 0] ** a * i[:, 1] ** b * speed, 2
+    yield speed**2, 2
     for n in ANGULAR:
-        for factor in (one, i[:, 0], i[:, 1], speed):
-            yield factor * np.cos(n * theta)
-            yield factor * np.sin(n * theta)
-    for x in (i[:, 0], i[:, 1], 10.0 * SIGN * speed):
-        yield np.tanh(x / (5.0 * SIGN))
+        for factor, kind in ((one, 1), (i[:, 0], 1), (i[:, 1], 1), (speed, 2)):
+            yield factor * np.cos(n * theta), kind
+            yield factor * np.sin(n * theta), kind
+    for x, kind in ((i[:, 0], 0), (i[:, 1], 0), (10.0 * SIGN * speed, 2)):
+        yield np.tanh(x / (5.0 * SIGN)), kind
 
 
 def _on_both_axes(functions: Array) -> Array:
@@ -214,7 +223,8 @@ def _gains(
     draws = signs[0].shape[1]
     if len(kept) < 2 or not left:
         return np.zeros(draws), np.zeros(sum(len(parts[k].starts) for k in left))
-    x = _chosen([a[k] for k in kept], [g[k] for k in kept], [flat[k].shape[0] for k in kept])
+    rows = [flat[k].shape[0] for k in kept]
+    x = _chosen([a[k] for k in kept], [g[k] for k in kept], rows, parts[0].kinds)
     gain = sum((_lowered(a[k], g[k], x) for k in left), np.zeros(draws))
     each = []
     for k in left:
@@ -223,21 +233,27 @@ def _gains(
     return gain, np.concatenate(each)
 
 
-def _chosen(a: Sequence[Array], g: Sequence[Array], rows: Sequence[int]) -> Array:
-    """Return coefficients (p, d) of each draw, held back as leaving each recording out in turn says; 0 at the most."""
-    whole, goal, count = np.sum(a, axis=0), np.sum(g, axis=0), sum(rows)
-    eye = np.eye(len(whole))
-    best, chosen = np.zeros(goal.shape[1]), np.zeros_like(goal)
-    for ridge in RIDGE:
-        score = np.zeros(goal.shape[1])
-        for own, part, n in zip(a, g, rows, strict=True):
-            x = np.linalg.solve(whole - own + ridge * (count - n) * eye, goal - part)
-            score += _lowered(own, part, x)
-        better = score > best
-        if better.any():
-            x = np.linalg.solve(whole + ridge * count * eye, goal[:, better])
-            chosen[:, better] = x
-            best = np.where(better, score, best)
+def _chosen(a: Sequence[Array], g: Sequence[Array], rows: Sequence[int], kinds: NDArray[np.int64]) -> Array:
+    """Return coefficients (p, d) of each draw; 0 at the most.
+
+    Which kinds of functions enter, and how hard they are held back, is what leaving each recording out in turn says.
+    """
+    best, chosen = np.zeros(g[0].shape[1]), np.zeros_like(g[0])
+    for most in range(int(kinds.max()) + 1):
+        own = np.flatnonzero(kinds <= most)
+        parts, goals = [x[np.ix_(own, own)] for x in a], [x[own] for x in g]
+        whole, goal, count = np.sum(parts, axis=0), np.sum(goals, axis=0), sum(rows)
+        for ridge in RIDGE:
+            score = np.zeros(len(best))
+            for part, aim, n in zip(parts, goals, rows, strict=True):
+                x = np.linalg.solve(whole - part + ridge * (count - n) * np.eye(len(own)), goal - aim)
+                score += _lowered(part, aim, x)
+            better = np.flatnonzero(score > best)
+            if better.size:
+                chosen[:, better] = 0.0
+                x = np.linalg.solve(whole + ridge * count * np.eye(len(own)), goal[:, better])
+                chosen[np.ix_(own, better)] = x
+                best[better] = score[better]
     return chosen
 
 

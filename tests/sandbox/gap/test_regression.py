@@ -92,7 +92,9 @@ def test_a_voltage_of_another_shape_is_found_for_the_most_part(quiet):
     drop = [0.4j * np.tanh(2.0 * z.imag) for z, _, _ in rotor_frame(point, currents)]
     held = [k for k, _ in enumerate(currents) if k in HELD]
     states = [list(rotor_frame(point, currents))[k] for k in held]
-    x = np.concatenate([np.column_stack(list(scalars(np.c_[z.real, z.imag], w / 48.0, th))) for z, th, w in states])
+    x = np.concatenate(
+        [np.column_stack([f for f, _ in scalars(np.c_[z.real, z.imag], w / 48.0, th)]) for z, th, w in states]
+    )
     y = np.concatenate([drop[k].imag for k in held])
     missed = np.sum((y - x @ np.linalg.lstsq(x, y, rcond=None)[0]) ** 2) / np.sum(y**2)
     f = [euler(v, z * RATED, th) for v, (z, th, _) in zip(drop, rotor_frame(point, currents), strict=True)]
