@@ -195,7 +195,8 @@ def _details(
     name: str, share: float, part: Decomposition, recordings: int, channel: str, mostly: str
 ) -> Iterator[Finding]:
     def one(of: float, text: str, order: float | None = None, at: str = channel) -> Finding:
-        return Finding(name, at, mostly, order, share * of, f"{percent(share * of)} of the gap {text}.".capitalize())
+        part = share * min(of, 1.0)  # a region's excess may outdo the whole where others fall below their floor
+        return Finding(name, at, mostly, order, part, f"{percent(part)} of the gap {text}.".capitalize())
 
     file = max(part.recordings, key=lambda f: part.recordings[f])
     if part.recordings[file] > max(DETAIL, 1.5 / recordings):
