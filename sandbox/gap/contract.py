@@ -13,11 +13,10 @@ from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.discriminate import Next, as_json
 from sandbox.gap.estimates import Estimate
 from sandbox.gap.evidence import algebra, prior_of
-from sandbox.gap.fit import coordinates_of
 from sandbox.gap.position import PositionError
 from sandbox.gap.posterior import UNKNOWN, Hypothesis
 from sandbox.gap.regression import Remains
-from sandbox.gap.size import ORDINARY, rms, share_closed
+from sandbox.gap.size import rms, share_closed
 from sandbox.gap.split import weights_of
 from sandbox.gap.where import Finding
 
@@ -91,9 +90,7 @@ def _rms_without(d: Diagnosis, h: Hypothesis) -> float:
     count = len(d.start.prepared.recordings)
     if not d.held_out:
         return rms(n, range(count))
-    own = {c.label: c for c in coordinates_of(h.judged.fit.point, h.judged.effects, ORDINARY)}
-    prior = prior_of([own.get(c.label, c) for c in n.coordinates])
-    shift = algebra(n, weights_of(count, d.held_out)).most_probable(prior)[0] - n.x
+    shift = algebra(n, weights_of(count, d.held_out)).most_probable(prior_of(n.coordinates))[0] - n.x
     held = algebra(n, weights_of(count, [k for k in range(count) if k not in d.held_out]))
     squares = held.rr - 2.0 * shift @ held.g + shift @ held.a @ shift
     return float(np.sqrt(max(squares, 0.0) / sum(s.n.sum() for s in n.segments if s.recording in d.held_out)))
