@@ -31,6 +31,7 @@ TRIED = 0.5  # share of what slopes promise that a size that was tried has to re
 FAR = 1.02  # normalised rms above which effects are screened alone, too
 BEHIND, RIVAL = 400.0, 0.003  # log evidence, and share of the gap, behind which a fit is no rival
 JUDGED = 4
+BUDGET = 1200  # simulations after which sets grow no further: some 300 to 600 are left for weighing
 LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
 CLOSE, EXCHANGED = 60.0, 2  # log evidence within which another effect may stand in one's place; most of them tried
 NEAR = 10.0  # times the best set's excess over noise, up to which another set grows on, too
@@ -84,11 +85,13 @@ def search(
     cost += null.simulations
     parents = [null]
     for depth in range(MOST):
+        if cost > BUDGET:
+            break
         ranked, spent = _candidates(parents, set(fits), chosen, weights, workers)
         cost += spent
         new: list[Fit] = []
         for key, parent, begin, promised in ranked[: FITTED[depth]]:
-            if new and _settles(new, null, promised):
+            if new and (cost > BUDGET or _settles(new, null, promised)):
                 break
             report(f"fitting {' + '.join(key)}")
             at = replace(parent.point, values={**parent.point.values, **begin})
