@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from sandbox.gap.fit import Fit
 from sandbox.gap.size import rms
 
-FLOOR = 0.015  # of J^2: what the simulator misses of a bench without a gap
-SHARE = 0.003  # of the gap before: what it misses of an effect it knows
-WEIGHTS = (-4.0, 2.5)  # logistic: constant, slope against the logarithm of the remainder over what it misses
+FLOOR = 0.012  # of J^2: what the simulator misses of a bench without a gap
+SHARE = 3e-4  # of the gap before: what it misses of an effect it knows
+WEIGHTS = (-3.3, 4.0)  # logistic: constant, slope against the logarithm of the remainder over what it misses
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from sandbox.gap.probes import Probe
 from sandbox.gap.space import WIDE, Coordinate, of_effect
 from sandbox.replay.sets import complete
 
-SIZES = (-2.0, -1.0, 1.0, 2.0)  # typical sizes
+SIZES = (-4.0, -2.0, 2.0, 4.0)  # typical sizes; nearer to neutral slopes tell enough
 MOST = 2  # sizes an effect may have: more are many small ones, for which slopes do
 
 
