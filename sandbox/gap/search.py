@@ -226,5 +226,6 @@ def judge(found: Fit, chosen: Sequence[Probe], weights: Weights, workers: int) -
     """Return a fit weighed with all effects beside it, at the point to which their ordinary sizes move it."""
     first = table(found.point, chosen, found.effects, weights, workers)
     prior = first.prior(found.effects)
-    last, cost = settled(first, prior, weights, workers)
-    return Judged(found, last, prior, last.log_evidence(found.effects), cost + first.normal.simulations)
+    last, unmet, cost = settled(first, prior, weights, workers)
+    log_evidence = last.log_evidence(found.effects) - 0.5 * unmet
+    return Judged(found, last, prior, log_evidence, cost + first.normal.simulations)

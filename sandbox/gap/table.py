@@ -57,18 +57,20 @@ class Table:
         return self.equations.log_evidence(self.prior(effects, alone=alone))
 
 
-def settled(t: Table, prior: Prior, weights: Weights, workers: int) -> tuple[Table, float]:
-    """Return a table at its most probable point under a prior, slopes kept, and simulations.
+def settled(t: Table, prior: Prior, weights: Weights, workers: int) -> tuple[Table, float, float]:
+    """Return a table at its most probable point under a prior, slopes kept, what slopes promise there that no step
+    could gain (of the objective), and simulations.
 
     All coordinates move together (never a share): a part of the way where the whole one leads up.
     """
     value, cost = objective(t.normal, prior, weights), 0.0
     shares = np.array([c.form == "share" for c in t.coordinates])
-    part = 1.0
+    part, promised = 1.0, 0.0
     for _ in range(ROUNDS):
         x = np.where(shares, t.normal.x, t.equations.most_probable(prior)[0])
         promised = value - t.equations.objective(x, prior)
         if promised < SETTLED:
+            promised = 0.0
             break
         trial = t.point.moved(t.coordinates, t.normal.x + part * (x - t.normal.x))
         reached, n = tried(t.normal, trial, prior, weights, workers)
@@ -78,9 +80,10 @@ def settled(t: Table, prior: Prior, weights: Weights, workers: int) -> tuple[Tab
             if part < 0.05:
                 break
             continue
+        promised -= value - reached
         value = reached
         t = replace(t, point=trial, normal=n, equations=algebra(n, weights))
-    return replace(t, normal=t.normal.bare()), cost
+    return replace(t, normal=t.normal.bare()), max(0.0, promised), cost
 
 
 def is_shape(c: Coordinate, probe: Probe) -> bool:

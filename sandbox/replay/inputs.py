@@ -169,7 +169,8 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
         )
         net += v["cogging_torque.amplitude"] * np.sin(v["cogging_torque.order_mech"] * turn + v["cogging_torque.phase"])
         taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
-        acceleration = pairs / m.inertia * (net - taken) + pairs * swing(row, net, taken)
+        shaken = net / m.inertia + swing(row, net, taken)
+        acceleration = pairs * (0.5 * (shaken + np.append(shaken[1:], shaken[-1])) - taken / m.inertia)
         noise = pairs / m.inertia * np.hypot(torque_noise(motor, converter), load_share(campaign) * load)
         motion = free_motion(r.theta, acceleration, period, count, noise)
         angle, speed = motion.angle, motion.speed

@@ -132,8 +132,8 @@ def _refined(fit, corners: Array, miss: Array, end: float, period: float):
 def free_motion(theta: Array, acceleration: Array, period: float, count: float, noise: Array) -> Motion:
     """Return the motion of a free rotor from counts and the torque's acceleration.
 
-    theta: (n,) rad; acceleration: (n,) rad/s^2 electrical, at the samples, by torque less load and friction; period: s;
-    count: rad, electrical; noise: (n,) standard deviation of the acceleration in the interval from each sample on.
+    theta: (n,) rad; acceleration: (n,) rad/s^2 electrical, mean over the interval from each sample on, by torque less
+    load and friction; period: s; count: rad, electrical; noise: (n,) standard deviation of that acceleration.
     """
     variance = max(count, 1e-9) ** 2 / 12.0
     start = (count / period) ** 2
@@ -157,7 +157,7 @@ def filtered(read, acceleration, white, period, variance, start, q, work):
     total = 0.0
     for k in range(n):
         if k:
-            a = 0.5 * (acceleration[k - 1] + acceleration[k]) + x_2
+            a = acceleration[k - 1] + x_2
             x_0 += t * (x_1 + 0.5 * t * a)
             x_1 += t * a
             h, w = 0.5 * t * t, white[k - 1] * t * t

@@ -35,8 +35,7 @@ def test_the_smoother_solves_the_least_squares_problem_it_stands_for():
     for k in range(1, n):
         angle, speed, rest = (unit[3 * k + i] - unit[3 * k - 3 + i] for i in range(3))
         mean = 0.5 * (unit[3 * k - 2] + unit[3 * k + 1])
-        by_torque = 0.5 * period * (acceleration[k - 1] + acceleration[k])
-        told(speed - period * unit[3 * k - 1], by_torque, period * noise[k - 1])
+        told(speed - period * unit[3 * k - 1], period * acceleration[k - 1], period * noise[k - 1])
         told(angle - period * mean, 0.0, 1e-9)
         told(rest, 0.0, np.sqrt(q * period))
     x = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0].reshape(n, 3)
@@ -69,7 +68,7 @@ def test_a_known_motion_is_found_far_below_a_count(torque_known):
     theta, speed, acceleration = 2.0 * np.sin(w * t), 2.0 * w * np.cos(w * t), -2.0 * w * w * np.sin(w * t)
     read = np.round(theta / COUNT + rng.uniform()) * COUNT
     read -= np.mean(read - theta)
-    told = acceleration if torque_known else np.zeros(n)
+    told = 0.5 * (acceleration + np.roll(acceleration, -1)) if torque_known else np.zeros(n)
     motion = free_motion(read, told, period, COUNT, np.full(n, 1.0))
     inner = slice(n // 10, -n // 10)
     angle_error = np.sqrt(np.mean((motion.angle - theta)[inner] ** 2))
