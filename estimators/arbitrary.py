@@ -75,7 +75,7 @@ def ripples(state, sample, omega, resistance, tuning):
 
 @kernel
 def deviation(state, f, v, weight, keep):
-    """Add one pair f (Wb), v (A) of the rotor frame, forgetting by `keep`; return dS and dD (1/H) at weight rho (Wb^2)."""
+    """Add a pair f (Wb), v (A) of the rotor frame, forgetting by `keep`; return dS, dD (1/H) at weight rho (Wb^2)."""
     p = keep * get(state, P) + f * f
     fv = keep * get(state, FV) + f * v
     put(state, P, p)

@@ -1,4 +1,4 @@
-"""Arbitrary injection: the fitted matrix against windings stepped here, its errors by theory, any pattern of voltage."""
+"""Arbitrary injection: the fitted matrix against windings stepped here, its errors by theory, any pattern."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_matrix_of_a_turning_rotor_without_resistance():
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, -1.2])
 def test_error_of_the_frame_is_half_the_turn_of_the_matrix(angle):
-    """A winding with resistance by its matrix exponential; the frame is off by `angle`, so D is turned by twice that."""
+    """A winding with resistance by its matrix exponential; the frame is off by `angle`, so D turns by twice that."""
     rng, r = np.random.default_rng(3), DRIVE.motor.resistance
     gamma = np.array([[DD, DQ], [DQ, QQ]])
     decay = expm(-r * gamma * H)
@@ -121,6 +121,6 @@ def test_carrier_is_not_looked_at():
 
 
 def test_linear_belief_errs_by_the_cross_saturation_angle():
-    """Injected along one axis, its null is that of `qnull`: theory by the exact Hessian, 0.3 degrees as the protocol."""
+    """Injected along one axis, its null is that of `qnull`: theory by the exact Hessian, within 0.3 degrees."""
     plane = t.static_map(DRIVE, "arbitrary", "linear", 0)
     assert plane.passed, plane.metrics
