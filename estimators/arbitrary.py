@@ -18,8 +18,8 @@ from __future__ import annotations
 import cmath
 import math
 
-from estimators.believed import believed_hessian, trust
-from estimators.contract import STEP, Estimate, Estimator
+from estimators.believed import believed_hessian, tracked
+from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, FREE, OMEGA, PHASE, SLOW_OMEGA, blank, demodulate
 from estimators.startup import TRACKING, start, tell
 from estimators.tracking import correct, predict
@@ -122,8 +122,7 @@ def step(state, sample, belief, tuning):
     least = LEAST * 0.5 * (belief.energy.gamma_d - belief.energy.gamma_q)
     share = abs(d) ** 2 / max(abs(d) ** 2, least * least)
     correct(state, 0.5 * share * math.atan2(turned.imag, turned.real), tuning)
-    amplitude = tuning.amplitude * tuning.peak
-    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), y_d * amplitude, y_q * amplitude)
+    return tracked(state, state[AXIS], y_d, y_q, tuning)
 
 
 def init(belief, tuning, angle=None):
