@@ -39,7 +39,10 @@ def trust(state):
 
 
 @kernel
-def tracked(state, theta, y_d, y_q, tuning):
-    """Return the estimate of a tracking loop: an angle (rad), injected along its axis, and the ripple y (1/H) seen."""
-    amplitude = tuning.amplitude * tuning.peak
-    return Estimate(theta, state[OMEGA], state[AXIS], 0.0, trust(state), y_d * amplitude, y_q * amplitude)
+def tracked(state, theta, y_d, y_q, tuning, injection=1.0):
+    """Return the estimate of a tracking loop: an angle (rad), injected along its axis, and the ripple y (1/H) seen.
+
+    injection: how much of it is wanted, 0 to 1.
+    """
+    size = tuning.amplitude * tuning.peak
+    return Estimate(theta, state[OMEGA], state[AXIS], 0.0, trust(state), y_d * size, y_q * size, injection)

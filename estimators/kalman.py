@@ -163,7 +163,7 @@ def told(state, sample, tuning):
     state[AXIS], state[OMEGA] = theta, omega
     _, _, y_d, y_q = demodulate(state, sample, theta, omega, tuning)
     amplitude = tuning.amplitude * tuning.peak
-    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude, 1.0)
 
 
 @kernel_as(STEP)

@@ -106,7 +106,7 @@ def filtered(
     theta, omega = float(f.x[3]), float(f.x[2])
     _, _, y_d, y_q = demodulate(state.memory, sample, theta, omega, tuning)
     amplitude = tuning.amplitude * tuning.peak
-    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude, 1.0)
 
 
 def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estimate:
