@@ -74,7 +74,7 @@ def step(state, sample, belief, tuning):
         return start(state, sample, belief, tuning)
     predict(state, tuning)
     correct(state, observe(state, sample, 0.0, belief, tuning), tuning)
-    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), 0.0, 0.0)
+    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), 0.0, 0.0, 0.0)
 
 
 def init(belief, tuning, angle=None):

@@ -1,8 +1,9 @@
-"""What a belief says at a measured current: flux and Hessian, and whether it has an answer at all."""
+"""What a belief says at a measured current, flux and Hessian, whether it has an answer at all, and what is told."""
 
 from __future__ import annotations
 
-from estimators.demodulation import FLUX_D, FLUX_Q, OUTSIDE
+from estimators.contract import Estimate
+from estimators.demodulation import AXIS, FLUX_D, FLUX_Q, OMEGA, OUTSIDE
 from model.compiled import kernel
 from model.energy import SOLVED, flux_newton, hessian
 
@@ -35,3 +36,13 @@ def believed_hessian(state, energy, i_d, i_q):
 def trust(state):
     """Return what Estimate.tracking says: TRACKED, or UNCERTAIN while the belief has no answer."""
     return UNCERTAIN if state[OUTSIDE] != 0.0 else TRACKED
+
+
+@kernel
+def tracked(state, theta, y_d, y_q, tuning, injection=1.0):
+    """Return the estimate of a tracking loop: an angle (rad), injected along its axis, and the ripple y (1/H) seen.
+
+    injection: how much of it is wanted, 0 to 1.
+    """
+    size = tuning.amplitude * tuning.peak
+    return Estimate(theta, state[OMEGA], state[AXIS], 0.0, trust(state), y_d * size, y_q * size, injection)

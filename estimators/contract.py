@@ -45,6 +45,7 @@ class Estimate(NamedTuple):
     tracking: float  # 0 while starting up, 1 after, 2 where the belief has no flux at the measured current
     ripple_d: float  # A, ripple amplitude along and across the axis
     ripple_q: float
+    injection: float = 1.0  # of the amplitude, 0 to 1: how much of it is wanted
 
 
 class Belief(NamedTuple):
@@ -80,7 +81,7 @@ class Tuning(NamedTuple):
 _ZERO_BELIEF = Belief(Energy(*7 * (0.0,)), 0.0, 0.0, 0.0, 0.0)
 _ZERO_TUNING = Tuning(0, 0, 0, 0, *11 * (0.0,))
 SAMPLE = numba.typeof(Sample(*5 * (0.0,)))
-ESTIMATE = numba.typeof(Estimate(*7 * (0.0,)))
+ESTIMATE = numba.typeof(Estimate(*8 * (0.0,)))
 BELIEF = numba.typeof(_ZERO_BELIEF)
 TUNING = numba.typeof(_ZERO_TUNING)
 STATE = types.Array(types.float64, 1, "C")

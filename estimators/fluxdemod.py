@@ -44,7 +44,7 @@ def step(state, sample, belief, tuning):
     correct(state, y_q / slope, tuning)
     inductive = tuning.amplitude * tuning.peak
     r_d, r_q = (dd * y_d + dq * y_q) * inductive, (dq * y_d + qq * y_q) * inductive
-    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), r_d, r_q)
+    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), r_d, r_q, 1.0)
 
 
 def init(belief, tuning, angle=None):

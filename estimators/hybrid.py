@@ -3,14 +3,14 @@
 One tracking loop takes (1 - w) e_injection + w e_flux; w rises linearly between the speed whose back-EMF is half the
 voltage that rated current drops in the resistance, and twice that: below, an error of a few percent in R would be an
 error of degrees.  While injection leads, the flux of the voltage is drawn to that of the current wholly, so that the
-hand-over finds it ready.
+hand-over finds it ready.  Beyond the hand-over nothing reads the ripple and injection fades out with speed.
 """
 
 from __future__ import annotations
 
 from estimators.active_flux import OWN, observe
-from estimators.believed import trust
-from estimators.contract import STEP, Estimate, Estimator
+from estimators.believed import tracked
+from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, OMEGA, PHASE, blank, demodulate
 from estimators.inversion import believed_error
 from estimators.startup import TRACKING, start, tell
@@ -27,6 +27,13 @@ def share(omega, belief, tuning):
     return min(max(abs(omega) / first - 1.0, 0.0), 1.0)
 
 
+@kernel
+def wanted(omega, belief, tuning):
+    """Return the share of injection wanted: all up to the end of the hand-over, none from half as much again on."""
+    first = BEGIN * belief.resistance * tuning.bias / belief.magnet_flux
+    return min(max(3.0 - abs(omega) / first, 0.0), 1.0)
+
+
 @kernel_as(STEP)
 def step(state, sample, belief, tuning):
     """Take one sample; see the module's text."""
@@ -38,8 +45,7 @@ def step(state, sample, belief, tuning):
     mean_d, mean_q, y_d, y_q = demodulate(state, sample, axis, state[OMEGA], tuning)
     ripple_error = believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning) if w < 1.0 else 0.0
     correct(state, (1.0 - w) * ripple_error + w * flux_error, tuning)
-    amplitude = tuning.amplitude * tuning.peak
-    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), y_d * amplitude, y_q * amplitude)
+    return tracked(state, state[AXIS], y_d, y_q, tuning, wanted(state[OMEGA], belief, tuning))
 
 
 def init(belief, tuning, angle=None):

@@ -66,6 +66,14 @@ def sandwich(s, left, middle, out):
 
 
 @kernel
+def blur(s, tuning):
+    """Add a period's process noise to the covariance."""
+    s[P] += tuning.flux_variance
+    s[P + 5] += tuning.flux_variance
+    s[P + 10] += tuning.speed_variance
+
+
+@kernel
 def predict(s, u_a, u_b, belief, tuning):
     """Propagate mean (Heun) and covariance (Jacobian at the start) over one sampling period."""
     t, r = tuning.sampling_period, belief.resistance
@@ -84,9 +92,7 @@ def predict(s, u_a, u_b, belief, tuning):
     s[F + 10] = s[F + 15] = 1.0
     s[F + 14] = t
     sandwich(s, F, P, P)
-    s[P] += tuning.flux_variance
-    s[P + 5] += tuning.flux_variance
-    s[P + 10] += tuning.speed_variance
+    blur(s, tuning)
 
 
 @kernel
@@ -141,21 +147,33 @@ def begin(s, sample, belief):
     s[P + 15] = START_ANGLE**2
 
 
+@kernel
+def started(state, sample, belief, tuning):
+    """Take one sample while starting up; begin the filter at the position found."""
+    estimate = start(state, sample, belief, tuning)
+    if state[PHASE] == TRACKING:
+        begin(state, sample, belief)
+    return estimate
+
+
+@kernel
+def told(state, sample, tuning):
+    """Return the estimate at the filter's mean, and the ripple there, which is shown, not used."""
+    theta, omega = state[X + 3], state[X + 2]
+    state[AXIS], state[OMEGA] = theta, omega
+    _, _, y_d, y_q = demodulate(state, sample, theta, omega, tuning)
+    amplitude = tuning.amplitude * tuning.peak
+    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude, 1.0)
+
+
 @kernel_as(STEP)
 def step(state, sample, belief, tuning):
     """Take one sample; see the module's text."""
     if state[PHASE] != TRACKING:
-        estimate = start(state, sample, belief, tuning)
-        if state[PHASE] == TRACKING:
-            begin(state, sample, belief)
-        return estimate
+        return started(state, sample, belief, tuning)
     predict(state, sample.u_alpha, sample.u_beta, belief, tuning)
     update(state, sample.i_alpha, sample.i_beta, belief, tuning)
-    theta, omega = state[X + 3], state[X + 2]
-    state[AXIS], state[OMEGA] = theta, omega
-    _, _, y_d, y_q = demodulate(state, sample, theta, omega, tuning)  # shown, not used
-    amplitude = tuning.amplitude * tuning.peak
-    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+    return told(state, sample, tuning)
 
 
 def init(belief, tuning, angle=None):

@@ -6,6 +6,7 @@ estimator written in Python: any object may be its state.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -70,7 +71,7 @@ class State:
 
     def __init__(self, angle: float | None) -> None:
         self.memory = tell(blank(), angle)
-        self.filter: EnergyFilter | None = None
+        self.filter: Any = None
 
 
 def init(belief: Belief, tuning: Tuning, angle: float | None = None) -> State:
@@ -89,8 +90,10 @@ def begin(theta: float, i: np.ndarray, belief: Belief, tuning: Tuning) -> Energy
     return f
 
 
-def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estimate:
-    """Take one sample."""
+def filtered(
+    begin: Callable[..., Any], update: Callable[..., None], state: State, sample: Sample, belief: Belief, tuning: Tuning
+) -> Estimate:
+    """Take one sample with the filter that `begin` returns; `update` gives it the current (2,)."""
     i = np.array([sample.i_alpha, sample.i_beta])
     if state.filter is None:
         estimate: Estimate = start(state.memory, sample, belief, tuning)
@@ -99,11 +102,16 @@ def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estima
         return estimate
     f = state.filter
     f.predict(u=np.array([sample.u_alpha, sample.u_beta]))
-    f.update(i, f.current_jacobian, f.current)
+    update(f, i)
     theta, omega = float(f.x[3]), float(f.x[2])
     _, _, y_d, y_q = demodulate(state.memory, sample, theta, omega, tuning)
     amplitude = tuning.amplitude * tuning.peak
-    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude, 1.0)
+
+
+def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estimate:
+    """Take one sample."""
+    return filtered(begin, lambda f, i: f.update(i, f.current_jacobian, f.current), state, sample, belief, tuning)
 
 
 ESTIMATOR = Estimator(

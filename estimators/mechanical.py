@@ -7,8 +7,8 @@ a rotor held from outside, is taken up by the load torque.
 
 from __future__ import annotations
 
-from estimators.believed import trust
-from estimators.contract import STEP, Estimate, Estimator
+from estimators.believed import tracked
+from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, FLUX_D, FLUX_Q, OMEGA, PHASE, blank, demodulate
 from estimators.inversion import believed_error
 from estimators.startup import TRACKING, start, tell
@@ -27,8 +27,7 @@ def step(state, sample, belief, tuning):
     error = believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning)
     driving = torque(belief.energy, state[FLUX_D], state[FLUX_Q], belief.magnet_flux, belief.pole_pairs)
     correct_mechanical(state, error, driving, belief, tuning)
-    amplitude = tuning.amplitude * tuning.peak
-    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), y_d * amplitude, y_q * amplitude)
+    return tracked(state, state[AXIS], y_d, y_q, tuning)
 
 
 def init(belief, tuning, angle=None):

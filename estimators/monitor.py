@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 
-from estimators.believed import trust
-from estimators.contract import STEP, Estimate, Estimator
+from estimators.believed import tracked
+from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, FLUX_D, FLUX_Q, FREE, OMEGA, OUTSIDE, PHASE, blank, demodulate
 from estimators.inversion import believed_error, believed_ripple
 from estimators.startup import TRACKING, start, tell
@@ -97,8 +97,7 @@ def step(state, sample, belief, tuning):
     if jump != 0.0:
         state[AXIS] += jump
         state[OMEGA] = 0.0
-    amplitude = tuning.amplitude * tuning.peak
-    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), y_d * amplitude, y_q * amplitude)
+    return tracked(state, state[AXIS], y_d, y_q, tuning)
 
 
 def init(belief, tuning, angle=None):

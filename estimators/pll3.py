@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from estimators.believed import trust
-from estimators.contract import STEP, Estimate, Estimator
+from estimators.believed import tracked
+from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, OMEGA, PHASE, blank, demodulate
 from estimators.inversion import believed_error
 from estimators.startup import TRACKING, start, tell
@@ -19,8 +19,7 @@ def step(state, sample, belief, tuning):
     axis = predict(state, tuning)
     mean_d, mean_q, y_d, y_q = demodulate(state, sample, axis, state[OMEGA], tuning)
     correct_type_3(state, believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning), tuning)
-    amplitude = tuning.amplitude * tuning.peak
-    return Estimate(state[AXIS], state[OMEGA], state[AXIS], 0.0, trust(state), y_d * amplitude, y_q * amplitude)
+    return tracked(state, state[AXIS], y_d, y_q, tuning)
 
 
 def init(belief, tuning, angle=None):

@@ -12,8 +12,8 @@ from __future__ import annotations
 
 import math
 
-from estimators.believed import believed_hessian, trust
-from estimators.contract import STEP, Estimate, Estimator
+from estimators.believed import believed_hessian, tracked
+from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, OFFSET, OMEGA, PHASE, SLOW_OMEGA, blank, demodulate
 from estimators.startup import TRACKING, start, tell
 from estimators.tracking import correct, predict
@@ -43,9 +43,7 @@ def step(state, sample, belief, tuning):
     mean_d, mean_q, y_d, y_q = demodulate(state, sample, axis, state[OMEGA], tuning)
     state[OFFSET], slope = believed_null(state, mean_d, mean_q, belief, tuning)
     correct(state, y_q / slope, tuning)
-    amplitude = tuning.amplitude * tuning.peak
-    theta = state[AXIS] + state[OFFSET]
-    return Estimate(theta, state[OMEGA], state[AXIS], 0.0, trust(state), y_d * amplitude, y_q * amplitude)
+    return tracked(state, state[AXIS] + state[OFFSET], y_d, y_q, tuning)
 
 
 def init(belief, tuning, angle=None):

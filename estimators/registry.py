@@ -12,6 +12,7 @@ MODULES = {
     "inversion": "estimators.inversion",
     "rotating": "estimators.rotating",
     "table": "estimators.table",
+    "arbitrary": "estimators.arbitrary",
     "fluxdemod": "estimators.fluxdemod",
     "pll3": "estimators.pll3",
     "mechanical": "estimators.mechanical",

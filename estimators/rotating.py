@@ -105,7 +105,8 @@ def step(state, sample, belief, tuning):
     inject = 2.0 * math.pi * turn / n - (0.0 if turn < n // 2 else math.pi)  # the waveform's sign is -1 there
     inject -= 1.5 * tuning.sampling_period * state[OMEGA]  # which the drive adds
     size = tuning.amplitude * tuning.peak
-    return Estimate(state[AXIS], state[OMEGA], inject, 0.0, trust(state), measured.real * size, measured.imag * size)
+    r_d, r_q = measured.real * size, measured.imag * size
+    return Estimate(state[AXIS], state[OMEGA], inject, 0.0, trust(state), r_d, r_q, 1.0)
 
 
 def init(belief, tuning, angle=None):

@@ -79,7 +79,7 @@ def start(state, sample, belief, tuning):
     axis = state[AXIS]
     if state[PHASE] == TOLD:
         state[PHASE] = TRACKING
-        return Estimate(axis, 0.0, axis, 0.0, 0.0, 0.0, 0.0)
+        return Estimate(axis, 0.0, axis, 0.0, 0.0, 0.0, 0.0, 1.0)
     _, _, y_d, y_q = demodulate(state, sample, axis, 0.0, tuning)
     bias = 0.0
     if state[PHASE] == BIAS_PLUS:
@@ -96,4 +96,4 @@ def start(state, sample, belief, tuning):
         if state[PHASE] != TRACKING:
             bias = 0.0
     amplitude = tuning.amplitude * tuning.peak
-    return Estimate(state[AXIS], 0.0, state[AXIS], bias, 0.0, y_d * amplitude, y_q * amplitude)
+    return Estimate(state[AXIS], 0.0, state[AXIS], bias, 0.0, y_d * amplitude, y_q * amplitude, 1.0)

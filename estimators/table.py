@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import math
 
-from estimators.believed import trust
-from estimators.contract import STEP, Estimate, Estimator
+from estimators.believed import tracked
+from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, FREE, OFFSET, OMEGA, OUTSIDE, PHASE, SLOW_OMEGA, blank, demodulate
 from estimators.startup import TRACKING, start, tell
 from estimators.tracking import correct, predict
@@ -85,9 +85,7 @@ def step(state, sample, belief, tuning):
     else:  # beyond the belief: the last offset, the slope of zero current
         slope = belief.energy.gamma_d - belief.energy.gamma_q
     correct(state, y_q / slope, tuning)
-    amplitude = tuning.amplitude * tuning.peak
-    theta = state[AXIS] + state[OFFSET]
-    return Estimate(theta, state[OMEGA], state[AXIS], 0.0, trust(state), y_d * amplitude, y_q * amplitude)
+    return tracked(state, state[AXIS] + state[OFFSET], y_d, y_q, tuning)
 
 
 def init(belief, tuning, angle=None):

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import math
 
-from estimators.contract import STEP, Estimate, Estimator
-from estimators.demodulation import AXIS, FREE, OMEGA, PHASE, blank, demodulate
-from estimators.kalman import P, X, begin, stator_current
-from estimators.startup import TRACKING, start, tell
+from estimators.contract import STEP, Estimator
+from estimators.demodulation import FREE, PHASE, blank
+from estimators.kalman import P, X, blur, started, stator_current, told
+from estimators.startup import TRACKING, tell
 from model.compiled import kernel, kernel_as
 
 N = 4
@@ -81,9 +81,7 @@ def predict(s, u_a, u_b, belief, tuning):
             for k in range(1, POINTS):
                 total += OTHERS * (s[S + N * k + i] - s[X + i]) * (s[S + N * k + j] - s[X + j])
             s[P + N * i + j] = total
-    s[P] += tuning.flux_variance
-    s[P + 5] += tuning.flux_variance
-    s[P + 10] += tuning.speed_variance
+    blur(s, tuning)
     spread(s)  # anew, so that the points carry the process noise, too
 
 
@@ -122,17 +120,10 @@ def update(s, i_a, i_b, belief, tuning):
 def step(state, sample, belief, tuning):
     """Take one sample; see the module's text."""
     if state[PHASE] != TRACKING:
-        estimate = start(state, sample, belief, tuning)
-        if state[PHASE] == TRACKING:
-            begin(state, sample, belief)
-        return estimate
+        return started(state, sample, belief, tuning)
     predict(state, sample.u_alpha, sample.u_beta, belief, tuning)
     update(state, sample.i_alpha, sample.i_beta, belief, tuning)
-    theta, omega = state[X + 3], state[X + 2]
-    state[AXIS], state[OMEGA] = theta, omega
-    _, _, y_d, y_q = demodulate(state, sample, theta, omega, tuning)  # shown, not used
-    amplitude = tuning.amplitude * tuning.peak
-    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+    return told(state, sample, tuning)
 
 
 def init(belief, tuning, angle=None):

@@ -9,9 +9,7 @@ from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
 from estimators import kalman_filterpy
 from estimators.contract import Belief, Estimate, Estimator, Sample, Tuning
-from estimators.demodulation import AXIS, PHASE, demodulate
-from estimators.kalman_filterpy import EnergyFilter, State, init
-from estimators.startup import TRACKING, start
+from estimators.kalman_filterpy import EnergyFilter, State, filtered, init
 from estimators.unscented import ALPHA, BETA, KAPPA
 
 
@@ -32,19 +30,7 @@ def begin(theta: float, i: np.ndarray, belief: Belief, tuning: Tuning) -> Any:
 
 def step(state: State, sample: Sample, belief: Belief, tuning: Tuning) -> Estimate:
     """Take one sample."""
-    i = np.array([sample.i_alpha, sample.i_beta])
-    if state.filter is None:
-        estimate: Estimate = start(state.memory, sample, belief, tuning)
-        if state.memory[PHASE] == TRACKING:
-            state.filter = begin(float(state.memory[AXIS]), i, belief, tuning)
-        return estimate
-    f: Any = state.filter
-    f.predict(u=np.array([sample.u_alpha, sample.u_beta]))
-    f.update(i)
-    theta, omega = float(f.x[3]), float(f.x[2])
-    _, _, y_d, y_q = demodulate(state.memory, sample, theta, omega, tuning)
-    amplitude = tuning.amplitude * tuning.peak
-    return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude)
+    return filtered(begin, lambda f, i: f.update(i), state, sample, belief, tuning)
 
 
 ESTIMATOR = Estimator(

@@ -18,6 +18,7 @@ from model.errors import BadInput, unknown
 
 MOTORS = Path(__file__).parent / "motors"
 MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry
+WAVEFORMS = ("square", "sine", "random")
 MAP_SUFFIXES = (".npz", ".mat", ".csv")
 OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording"}  # allowed, not read here
 
@@ -127,7 +128,10 @@ class Converter:
 
 @dataclass(frozen=True)
 class Injection:
-    """Pulsating voltage added along the estimated d axis."""
+    """Pulsating voltage added along the estimated d axis.
+
+    waveform: `square`, `sine`, or `random`: pseudo-random signs for half a period, then the same negated.
+    """
 
     frequency: float = quantity("Hz", 0.1, 1e6)
     amplitude: float = quantity("V", 1e-3, 1e5)
@@ -135,8 +139,8 @@ class Injection:
 
     def __post_init__(self) -> None:
         check(self, "injection")
-        if self.waveform not in ("square", "sine"):
-            raise unknown("injection waveform", self.waveform, ("square", "sine"))
+        if self.waveform not in WAVEFORMS:
+            raise unknown("injection waveform", self.waveform, WAVEFORMS)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from estimators.contract import MAX_PERIOD
 from model.errors import BadInput
 from model.parameters import Converter, Injection
 
-FEWEST = {"square": 2, "sine": 4}
+FEWEST = {"square": 2, "sine": 4, "random": 8}
 
 
 class Carrier(NamedTuple):
@@ -46,9 +46,23 @@ def carrier(injection: Injection, converter: Converter) -> Carrier:
 
 
 def waveform_of(waveform: str, n: int) -> NDArray[np.float64]:
-    """Return f on the n intervals of a period: `square` or `sine`, held over each interval."""
+    """Return f on the n intervals of a period, held over each: `square`, `sine`, or `random` signs.
+
+    The second half is the first one negated, whatever the shape: demodulation counts on it.
+    """
     k = np.arange(n)
+    if waveform == "random":
+        half = _random_signs(n // 2)
+        return np.concatenate([half, -half])
     return np.where(k < n // 2, 1.0, -1.0) if waveform == "square" else np.sin(2.0 * math.pi * (k + 0.5) / n)
+
+
+def _random_signs(n: int) -> NDArray[np.float64]:
+    """Return n signs of a shift register's maximum-length sequence, x^5 + x^2 + 1, 31 signs long."""
+    bits = [1, 0, 0, 1, 0]
+    while len(bits) < n:
+        bits.append(bits[-3] ^ bits[-5])
+    return np.where(np.array(bits[:n]) == 1, 1.0, -1.0)
 
 
 def primitive_of(waveform: str, n: int, h: float) -> NDArray[np.float64]:

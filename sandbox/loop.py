@@ -152,7 +152,7 @@ def command(k, measured, sample, estimate, wanted, rig, control, controller, wav
         i_q_ref = speed_control(controller, control, omega_ref, omega, 0.0)
     u_d, u_q = current_control(controller, control, i_d, i_q, i_d_ref, i_q_ref, omega_ref)
     u_alpha, u_beta = rotate(u_d, u_q, angle + 1.5 * h * omega)  # centre of the interval it acts in
-    pulse = control.amplitude * waveform[(k + 1) % waveform.size]
+    pulse = control.amplitude * estimate.injection * waveform[(k + 1) % waveform.size]
     p_alpha, p_beta = rotate(pulse, 0.0, estimate.axis + 1.5 * h * estimate.omega)
     return u_alpha + p_alpha, u_beta + p_beta, i_q_ref
 

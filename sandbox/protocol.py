@@ -36,8 +36,8 @@ from sandbox.protocol_tests import (
 from sandbox.report import BELIEFS, plain, print_table, results, write_json
 
 ESTIMATORS = (
-    "qnull", "inversion", "rotating", "table", "fluxdemod", "pll3", "mechanical", "monitor", "active_flux", "hybrid",
-    "ekf", "ukf",
+    "qnull", "inversion", "rotating", "table", "arbitrary", "fluxdemod", "pll3", "mechanical", "monitor",
+    "active_flux", "hybrid", "ekf", "ukf",
 )  # fmt: skip
 READING = (
     "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the ripple "

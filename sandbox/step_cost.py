@@ -10,7 +10,7 @@ import numba
 import numpy as np
 from numba import types
 
-from estimators.contract import ESTIMATE, SAMPLE, STATE, TUNING, Belief, Sample
+from estimators.contract import ESTIMATE, NONE, SAMPLE, STATE, TUNING, Belief, Sample
 from estimators.registry import load_estimator
 from model.compiled import kernel_as
 from model.energy import flux_newton, torque
@@ -58,10 +58,11 @@ def step_ns(drive: Drive, name: str, belief: Belief, samples: np.ndarray) -> flo
 def cost(drive: Drive, name: str, belief: str, seed: int) -> dict[str, float | None]:
     """Return what an estimator costs at rated load and standstill, locked.
 
-    step_ns; injected_v: amplitude; ripple_a: rms of the current around its mean, one axis and the other together;
-    loss_w: copper loss of that ripple (iron loss not counted); torque_ripple: rms over the mean torque.
+    step_ns; injected_v: amplitude; ripple_a: rms of the current around its mean, both axes together; loss_w: copper
+    loss of that ripple (iron loss not counted); torque_ripple: rms over the mean torque.
     """
-    run = simulate(drive, LOADED, load_estimator(name), belief, closed_loop=False, seed=seed)
+    estimator = load_estimator(name)
+    run = simulate(drive, LOADED, estimator, belief, closed_loop=False, seed=seed)
     r = run.recording
     read = [stationary(*row) for row in zip(r.i_a, r.i_b, r.i_c, strict=True)]
     commanded = np.column_stack([r.u_alpha, r.u_beta])
@@ -77,7 +78,7 @@ def cost(drive: Drive, name: str, belief: str, seed: int) -> dict[str, float | N
     square = float(np.mean(ripple**2))
     return {
         "step_ns": step_ns(drive, name, belief_of(drive, belief), np.ascontiguousarray(samples)),
-        "injected_v": drive.injection.amplitude, "ripple_a": square**0.5,
+        "injected_v": 0.0 if estimator.injection == NONE else drive.injection.amplitude, "ripple_a": square**0.5,
         "loss_w": 1.5 * motor.resistance * square,
         "torque_ripple": float(np.std(torques) / abs(np.mean(torques))),
     }  # fmt: skip

@@ -207,6 +207,35 @@ def test_hybrid_shares_by_speed():
     assert [share(x * first, belief, tuning) for x in (0.0, -1.0, 1.5, -3.0)] == [0.0, 0.0, 0.5, 1.0]
 
 
+@pytest.mark.parametrize(
+    ("name", "still", "fast"), [("inversion", 30.0, 30.0), ("hybrid", 30.0, 0.0), ("active_flux", 0.0, 0.0)]
+)
+def test_injection_fades_out_where_nothing_reads_it(name, still, fast):
+    """Line of the square wave in the commanded voltage, seen from the estimated rotor.
+
+    The first line of a square wave of 8 samples is 4/8/sin(pi/8) times its amplitude (geometric sum).
+    """
+    first = 0.5 * MOTOR.resistance * MOTOR.rated_current / MOTOR.magnet_flux / MOTOR.rated_omega
+    segments = (Segment(0.4, 0.5), Segment(0.8, 0.5, 4.0 * first, ramp=0.3, settle=0.5))
+    run = simulate(DRIVE, Scenario("v", segments, "driven", start_up=False), load_estimator(name), closed_loop=False)
+    assert abs(math.degrees(run.recording.error[-1])) < 3.0
+    for begin, amplitude in ((0.2, still), (1.0, fast)):
+        r = run.recording.between(begin, begin + 0.2)
+        u = (r.u_alpha + 1j * r.u_beta) * np.exp(-1j * r.theta_hat)
+        line = np.exp(-2j * np.pi * np.arange(u.size) / 8) @ (u - u.mean()) / u.size
+        # what noise of the current makes of the controller's voltage: below 1 V
+        assert 2.0 * abs(line) / (0.5 / math.sin(math.pi / 8)) == pytest.approx(amplitude, abs=1.0)
+
+
+def test_wanted_injection_is_whole_until_the_hand_over_ends():
+    from estimators.hybrid import share, wanted
+
+    belief, tuning = belief_of(DRIVE, "saturated"), design(DRIVE).tuning
+    first = 0.5 * MOTOR.resistance * MOTOR.rated_current / MOTOR.magnet_flux
+    assert [wanted(x * first, belief, tuning) for x in (0.0, -2.0, 2.5, -3.0, 9.0)] == [1.0, 1.0, 0.5, 0.0, 0.0]
+    assert share(2.0 * first, belief, tuning) == 1.0  # so no ripple is read that is not whole
+
+
 def test_bandwidth_is_that_of_the_designed_loop():
     """The flux observer has no window: its loop is (kp s + ki)/(s^2 + kp s + ki), -3 dB at 2.48 w0 (damping 1)."""
     found = bandwidth(DRIVE, "active_flux", "saturated", 0).metrics

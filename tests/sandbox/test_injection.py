@@ -19,11 +19,28 @@ def test_square_primitive_is_the_triangle():
     assert np.abs(primitive_of("square", 8, 250e-6)).max() == pytest.approx(1 / (4 * 500.0))
 
 
-@pytest.mark.parametrize("waveform", ["square", "sine"])
+@pytest.mark.parametrize("waveform", ["square", "sine", "random"])
 @pytest.mark.parametrize("n", [4, 8, 20, 64])
 def test_zero_mean(waveform, n):
     assert abs(waveform_of(waveform, n).sum()) < 1e-12
     assert abs(primitive_of(waveform, n, 1e-4).sum()) < 1e-12
+
+
+def test_random_signs_are_a_sequence_of_maximum_length():
+    """x^5 + x^2 + 1: 31 signs, 16 of one kind, whose product with themselves shifted sums to -1 (Golomb)."""
+    f = waveform_of("random", 64)
+    np.testing.assert_array_equal(f[:32], -f[32:])
+    np.testing.assert_array_equal(f[31], f[0])
+    signs = f[:31]
+    assert np.sum(signs) == 1.0
+    assert {float(signs @ np.roll(signs, k)) for k in range(1, 31)} == {-1.0}
+
+
+def test_random_signs_need_eight_samples():
+    drive = load_drive("ipm")
+    injection = dataclasses.replace(drive.injection, frequency=1000.0, waveform="random")
+    with pytest.raises(BadInput, match="random wave needs an even number of samples a period, 8 to 64; inject at 500"):
+        samples_per_period(injection, drive.converter)
 
 
 def test_continuous_normalisation_is_five_per_cent_off_at_eight_samples():
@@ -36,7 +53,9 @@ def test_continuous_normalisation_is_five_per_cent_off_at_eight_samples():
     assert sampled / continuous - 1 == pytest.approx(0.053, abs=0.002)
 
 
-@pytest.mark.parametrize(("waveform", "n"), [("square", 2), ("square", 8), ("square", 16), ("sine", 8), ("sine", 16)])
+@pytest.mark.parametrize(
+    ("waveform", "n"), [("square", 2), ("square", 8), ("square", 16), ("sine", 8), ("sine", 16), ("random", 16)]
+)
 def test_lag_is_the_second_order_of_the_exact_response(waveform, n):
     """Periodic steady state of dx/dt = f - a x with f held, by matrix exponential; halving a divides the rest by 16."""
     h, f = 1e-4, waveform_of(waveform, n)
