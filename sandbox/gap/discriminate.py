@@ -28,8 +28,10 @@ ODDS = math.log(19.0)  # log evidence for 95 %
 
 @dataclass(frozen=True)
 class Next:
-    """A recommended recording: description, the two hypotheses, expected log evidence, probability of separating."""
+    """A recommended recording: the menu's name for it, description, the two hypotheses, expected log evidence,
+    probability of separating."""
 
+    entry: str
     description: str
     separates: tuple[tuple[str, ...], tuple[str, ...]]
     gain: float
@@ -67,19 +69,19 @@ def recommend(
     if len(candidates) < 2:
         return None
     a, b = candidates[0], candidates[1]
-    found: list[tuple[float, str]] = []
+    found: list[tuple[float, str, str]] = []
     for entry in menu(campaign.drive) if entries is None else entries:
         try:
             both = [expected_evidence(campaign, entry, x, y, temperature) for x, y in ((a, b), (b, a))]
         except (BadInput, PhysicsError, np.linalg.LinAlgError):
             continue
-        found.append((min(both), entry.description))
+        found.append((min(both), entry.name, entry.description))
     if not found:
         return None
-    gain, description = max(found)
+    gain, name, description = max(found)
     # the log evidence is normal with variance twice its mean (a Gaussian likelihood ratio)
     power = 0.5 * math.erfc((ODDS - gain) / math.sqrt(4.0 * max(gain, 1e-12)))
-    return Next(description, (a.effects, b.effects), gain, power)
+    return Next(name, description, (a.effects, b.effects), gain, power)
 
 
 def as_json(n: Next | None) -> Mapping[str, object] | None:
@@ -87,5 +89,6 @@ def as_json(n: Next | None) -> Mapping[str, object] | None:
     if n is None:
         return None
     return {
-        "description": n.description, "separates": [list(s) for s in n.separates], "gain": n.gain, "power": n.power
+        "entry": n.entry, "description": n.description, "separates": [list(s) for s in n.separates], "gain": n.gain,
+        "power": n.power,
     }  # fmt: skip
