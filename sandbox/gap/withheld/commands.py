@@ -47,10 +47,13 @@ def _common(command: Any, positive: Number) -> None:
 def run_make(options: argparse.Namespace) -> None:
     """Make a check; the seal's hash is printed before anything is recorded."""
     from sandbox.gap.withheld.make import make
+    from sandbox.gap.withheld.mapped import missing
 
     def announce(digest: str) -> None:
         if not options.quiet:
             print(f"truth sealed, SHA-256 {digest}", flush=True)
+            if options.kind == "mixed" and (reason := missing()):
+                print(reason)
 
     with report.progress_bar("recording", options.quiet) as progress:
         made = make(

@@ -64,7 +64,7 @@ def drawn_again(content: Mapping[str, Any], name: str) -> Drawn:
     from sandbox.report import plain
 
     truths = content["campaigns"]
-    listed = cases(len(truths), content["seed"], content["kind"], content["style"])
+    listed = cases(len(truths), content["seed"], content["kind"], content["style"], content["outside"])
     drawn = draw(next(c for c in listed if c.name == name), content["seed"])
     if plain(drawn.as_json()) != truths[name]:
         raise BadInput(

@@ -19,7 +19,7 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.campaign import Campaign, CampaignRecording, write_campaign
 from sandbox.gap.withheld.cycles import Cycle, cycles
-from sandbox.gap.withheld.draw import Drawn, cases, draw, uncertainty
+from sandbox.gap.withheld.draw import Drawn, cases, draw, outside_names, uncertainty
 from sandbox.gap.withheld.drives import LINK_NOISE
 from sandbox.gap.withheld.ladder import DRIFT_TIME
 from sandbox.gap.withheld.rig import COLUMNS, record, tuned
@@ -56,9 +56,9 @@ def make(
     kind: 'mixed' or 'controls' (shorter, without a gap); style of the cycles: 'practice' or 'scored'; jobs: processes.
     BadInput where the folder holds another check.
     """
-    listed = cases(count, seed, kind, style)
-    drawn = [draw(case, seed) for case in listed]
-    digest = seal(folder, {"seed": seed, "kind": kind, "style": style}, drawn)
+    outside = outside_names()
+    drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside)]
+    digest = seal(folder, {"seed": seed, "kind": kind, "style": style, "outside": outside}, drawn)
     if announce is not None:
         announce(digest)
     share = CONTROL_SHARE if kind == "controls" else 1.0
@@ -77,7 +77,9 @@ def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
     digest = hashlib.sha256(text).hexdigest()
     path = folder / SEAL
     if path.exists() and path.read_bytes() != text:
-        raise BadInput(f"'{folder}' holds another withheld check; give a new folder, or its own count, seed and kind")
+        raise BadInput(
+            f"'{folder}' holds another withheld check; give a new folder, or its own count, seed, kind and data"
+        )
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in ((SEAL, text), (HASH, f"{digest}  {SEAL}\n".encode())):
         aside = folder / f".{name}.part"
@@ -108,7 +110,8 @@ def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
 def switched(drawn: Drawn) -> Bench:
     """Return the switched bench of a drawn case."""
     b = bench(drawn.true.motor, drawn.true.converter, drawn.plant)
-    return b._replace(common_offset=float(np.mean(drawn.bench.offsets)), **drawn.own)
+    own: dict[str, Any] = dict(drawn.own)
+    return b._replace(common_offset=float(np.mean(drawn.bench.offsets)), **own)
 
 
 def drifted(drawn: Drawn, b: Bench, k: int) -> Bench:

@@ -11,6 +11,7 @@ from sandbox.campaign import read_campaign, write_campaign
 from sandbox.gap.menu import menu
 from sandbox.gap.withheld.draw import Case, cases, draw
 from sandbox.gap.withheld.follow import cycle_of, drawn_again, entry_of, grow, recommended
+from sandbox.gap.withheld.ladder import OUTSIDE
 from sandbox.gap.withheld.make import campaign_of
 from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.report import plain
@@ -62,7 +63,7 @@ def test_only_an_ambiguous_diagnosis_asks():
 def test_the_truth_is_drawn_again_or_refused():
     drawn = [draw(c, 5) for c in cases(3, 5, "mixed", "scored")]
     truths = json.loads(json.dumps(plain({d.case.name: d.as_json() for d in drawn})))
-    content = {"seed": 5, "kind": "mixed", "style": "scored", "campaigns": truths}
+    content = {"seed": 5, "kind": "mixed", "style": "scored", "outside": list(OUTSIDE), "campaigns": truths}
     assert drawn_again(content, "w001") == drawn[1]
     truths["w001"]["bench"]["theta"] += 1e-3
     with pytest.raises(BadInput, match="another version"):
