@@ -1,7 +1,7 @@
 """A campaign diagnosed: where the gap lies, which effect causes it, how far it shrinks.
 
     diagnosis = diagnose("campaign-folder")
-    diagnosis.json            # the contract, DIAGNOSIS.md
+    diagnosis.best.effects, diagnosis.best.probability
 
 Only the campaign folder is read; everything follows from it and the nominal model in it.
 """
@@ -15,12 +15,12 @@ from pathlib import Path
 
 from sandbox.campaign import Campaign, read_campaign
 from sandbox.gap.estimates import Estimate, estimates
-from sandbox.gap.fit import Fit, coordinates_of, fit
+from sandbox.gap.fit import Fit, fit
 from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.posterior import Hypothesis, tempered, with_unknown
 from sandbox.gap.remainder import Remainder, remainder
 from sandbox.gap.search import Judged, search
-from sandbox.gap.size import ORDINARY, Size, rms, size_of
+from sandbox.gap.size import Size, rms, size_of
 from sandbox.gap.split import held_out, weights_of
 from sandbox.replay.replay import prepare
 from sandbox.replay.sets import complete
@@ -30,7 +30,7 @@ CREDIBLE = 0.95
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """All that a diagnosis found; `json` (in `sandbox.gap.contract`) is its contract.
+    """All that a diagnosis found; `sandbox.gap.contract.contract` puts it into `diagnosis.json`.
 
     nominal, before, after: the campaign at the nominal model, after refitting ordinary deviations only, and with the
     best hypothesis.  hypotheses: the most probable first.  temperature: how much log evidence was divided by.
@@ -89,14 +89,14 @@ def diagnose(
     left = held_out(start, exclude, workers=workers)
     count = len(prepared.recordings)
     fitted, everything = weights_of(count, left), weights_of(count)
-    found = search(start, everything, everything, exclude=exclude, workers=workers, report=report)
+    found = search(start, everything, exclude=exclude, workers=workers, report=report)
     judged, cost = found.judged, found.simulations
     report("measuring the gap")
-    nominal = normal(start, coordinates_of(start, ()), workers=workers)
+    nominal = normal(start, (), workers=workers)
     ranked, temperature = tempered(judged, rms(nominal, range(count)))
     best = ranked[0][1]
-    before = fit(start, (), fitted, workers=workers, within=ORDINARY)
-    after = fit(best.fit.point, best.effects, fitted, workers=workers, within=ORDINARY) if best.effects else before
+    before = fit(found.null.point, (), fitted, workers=workers)
+    after = fit(best.fit.point, best.effects, fitted, workers=workers) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in prepared.recordings])
     rest = remainder(best, before, after, temperature)
     hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained))

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from sandbox.gap.evidence import algebra, prior_of
+from sandbox.gap.evidence import Prior, algebra, prior_of
 from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.space import Coordinate, of_effect, ordinary
 
@@ -28,7 +28,10 @@ Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
 TOLERANCE = 0.2  # of the objective: below that a step changes no decision
 DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
-STEPS = 8
+STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken
+CHORDS = 4  # steps on the same slopes: more of them would only creep
+POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
+SMOOTHINGS = 2  # of a free rotor's motion
 
 
 @dataclass(frozen=True)
@@ -47,16 +50,15 @@ class Fit:
         return self.normal.coordinates
 
 
-def coordinates_of(point: Point, effects: Sequence[str], within: float = math.inf) -> list[Coordinate]:
+def coordinates_of(point: Point, effects: Sequence[str]) -> list[Coordinate]:
     """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others.
 
-    within: how many deviations an ordinary coordinate may move.
     """
     campaign = point.prepared.campaign
     wide: dict[str, Coordinate] = {}
     for effect in effects:
         wide |= {c.label: c for c in of_effect(effect, campaign.drive, point.values)}
-    own = [replace(c, within=min(within, c.within)) for c in ordinary(campaign)]
+    own = ordinary(campaign)
     known = {c.label for c in own}
     return [wide.get(c.label, c) for c in own] + [c for c in wide.values() if c.label not in known]
 
@@ -66,64 +68,71 @@ def fit(
     effects: Sequence[str],
     weights: Weights,
     *,
-    steps: int = STEPS,
     workers: int = 1,
-    within: float = math.inf,
-    beside: Sequence[Coordinate] = (),
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
-    within: how many deviations an ordinary coordinate may move; beside: further coordinates that move, too.
+    Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
     """
-    point = start
-    coordinates = [*coordinates_of(start, effects, within), *beside]
-    n = normal(point, coordinates, workers=workers)
-    value, cost = _objective(n, weights), n.simulations
-    last = 0
-    for k in range(steps):
-        for damping in DAMPING[max(0, last - 1) :]:
-            last = DAMPING.index(damping)
-            trial = point.moved(n.coordinates, n.x + _step(n, weights, damping))
-            reached, at_trial = _tried(trial, coordinates, weights, workers)
-            cost += n.simulations
-            if reached < value:
+    coordinates = coordinates_of(start, effects)
+    point, n = start, normal(start, coordinates, workers=workers)
+    prior = prior_of(n.coordinates)
+    value, cost = objective(n, prior, weights), n.simulations
+    taken, own, damping = 1, 0, 0  # times slopes were taken; steps since then
+    for _ in range(STEPS):
+        x, promised = _step(n, prior, weights, DAMPING[damping])
+        trial = point.moved(n.coordinates, x)
+        reached, at_trial = tried(n, trial, prior, weights, workers)
+        cost += 1.0
+        gained = value - reached
+        if at_trial is not None and gained > 0.0:
+            point, n, value, damping = trial, at_trial, reached, max(0, damping - 1)
+            own += 1
+            if gained > POOR * promised and gained > TOLERANCE and own < CHORDS:
+                continue
+            if own == 1 and gained <= TOLERANCE:
                 break
-        if at_trial is None or not reached < value:
+        elif not own:
+            if damping + 1 == len(DAMPING) or promised < TOLERANCE:
+                break
+            damping += 1
+            continue
+        if taken == SLOPES:
             break
-        gained, value, point, n = value - reached, reached, trial, at_trial
-        if gained < max(TOLERANCE, 1e-5 * value):
-            break
-        if k in (1, 3):
+        if taken <= SMOOTHINGS:
             point = point.resmoothed()
-            n = normal(point, coordinates, workers=workers)
-            value, cost = _objective(n, weights), cost + n.simulations
-    return Fit(tuple(effects), point, n, value, cost)
+        n = normal(point, coordinates, workers=workers)
+        value, cost = objective(n, prior, weights), cost + n.simulations
+        taken, own = taken + 1, 0
+    return Fit(tuple(effects), point, n.bare(), value, cost)
 
 
-def _tried(
-    trial: Point, coordinates: Sequence[Coordinate], weights: Weights, workers: int
+def tried(
+    n: Normal, trial: Point, prior: Prior, weights: Weights, workers: int
 ) -> tuple[float, Normal | None]:
     """Return the objective and the equations at a trial; infinite where the point is none a drive can have."""
     try:
-        n = normal(trial, coordinates, workers=workers)
+        reached = n.at(trial, workers=workers)
     except BadInput:
         return math.inf, None
-    value = _objective(n, weights)
-    return (value, n) if math.isfinite(value) else (math.inf, None)
+    value = objective(reached, prior, weights)
+    return (value, reached) if math.isfinite(value) else (math.inf, None)
 
 
-def _prior(coordinates: Sequence[Coordinate]) -> tuple[Array, Array]:
-    return np.array([c.mean for c in coordinates]), np.array([c.deviation for c in coordinates])
+def objective(n: Normal, prior: Prior, weights: Weights) -> float:
+    """Return the sum of squared residuals and of squared deviations from the prior's means."""
+    free = prior.deviation > 0.0
+    away = (n.x - prior.mean)[free] / prior.deviation[free]
+    return n.summed(weights)[2] + float(np.sum(away**2))
 
 
-def _objective(n: Normal, weights: Weights) -> float:
-    mean, deviation = _prior(n.coordinates)
-    return n.summed(weights)[2] + float(np.sum(((n.x - mean) / deviation) ** 2))
+def _step(n: Normal, prior: Prior, weights: Weights, damping: float) -> tuple[Array, float]:
+    """Return where a step leads, and the objective it promises to gain.
 
-
-def _step(n: Normal, weights: Weights, damping: float) -> Array:
-    """Return a step: far from the floor as if the noise were as large as the residual, so that priors keep a say."""
+    Far from the floor as if the noise were as large as the residual, so that priors keep a say.
+    """
     equations = algebra(n, weights)
     count = sum(float(s.n.sum()) for s in n.segments if weights.get((s.recording, s.channel)))
     noise = max(1.0, equations.rr / count)
-    return np.asarray(equations.scaled(noise).damped(damping).most_probable(prior_of(n.coordinates))[0] - n.x)
+    x = equations.scaled(noise).damped(damping).most_probable(prior)[0]
+    return x, equations.objective(n.x, prior) - equations.objective(x, prior)

@@ -4,6 +4,8 @@ A segment is one channel (currents, motion, angle) of one recording; its residua
 blocks of BLOCK seconds, and each block keeps A = J'J, g = J'r and r'r.  Everything after the replay (fits, evidence,
 held-out errors, robust covariances) is algebra on these, no further simulation.
 
+A fit takes many steps on the slopes of one point: `Normal.at` replays another point and keeps the slopes.
+
 Every recording has an angle of its own beside the encoder's offset: a locked rotor stands somewhere within a count, and
 counts that beat with the sampling leave a bias in a motion, too: coordinate "turn:FILE" of that recording only.
 """
@@ -12,14 +14,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.space import FARTHEST, Coordinate
 from sandbox.replay.inputs import inputs_of
-from sandbox.replay.replay import Prepared, residuals
+from sandbox.replay.replay import Prepared, Residual, replay, residuals
 from sandbox.replay.sensitivity import slopes
 from sandbox.replay.sets import complete
 
@@ -46,12 +47,47 @@ class Segment:
 @dataclass(frozen=True)
 class Normal:
     """All segments at a point: coordinates (turns last), their values x (p,), the cost in simulations of
-    the whole campaign."""
+    the whole campaign; rows: slopes (n c, q) of each segment, as long as `at` is wanted."""
 
     coordinates: tuple[Coordinate, ...]
     x: Array
     segments: tuple[Segment, ...]
     simulations: float
+    rows: tuple[Array, ...] = ()
+
+    def at(self, point: Point, *, workers: int = 1) -> Normal:
+        """Return the equations at another point with the slopes of this one: one simulation.
+
+        BadInput where the point is none a drive can have.
+        """
+        return self.at_each([point], workers=workers)[0]
+
+    def at_each(self, points: Sequence[Point], *, workers: int = 1) -> list[Normal]:
+        """Return `at` for points of one campaign turned alike, side by side: one simulation each."""
+        drive = points[0].prepared.campaign.drive
+        sets = [complete(drive.motor, drive.converter, p.values) for p in points]
+        prepared = points[0].turned()
+        shown = residuals(prepared, replay(prepared, sets, workers=workers))
+        return [self._with(p, v, shown, k) for k, (p, v) in enumerate(zip(points, sets, strict=True))]
+
+    def _with(self, point: Point, values: Mapping[str, float], shown: Sequence[Residual], k: int) -> Normal:
+        """Return the equations for the residuals of set k."""
+        cut = block_length(point.prepared)
+        segments = []
+        for s, rows in zip(self.segments, self.rows, strict=True):
+            r = _channel(shown[s.recording], s.channel, k)
+            g, rr = np.empty_like(s.g), np.empty_like(s.rr)
+            for b, (first, last) in enumerate(blocks(len(r), cut)):
+                own = r[first:last].ravel()
+                wide = own.size // (last - first)
+                g[b], rr[b] = own @ rows[first * wide : last * wide], own @ own
+            segments.append(replace(s, g=g, rr=rr))
+        x = [point.turns.get(c.names[0], 0.0) if c.form == "turn" else c.value(values) for c in self.coordinates]
+        return replace(self, x=np.array(x), segments=tuple(segments), simulations=1.0)
+
+    def bare(self) -> Normal:
+        """Return the same without slopes, which are large."""
+        return replace(self, rows=())
 
     def summed(self, weights: Mapping[tuple[int, str], float] | None = None) -> tuple[Array, Array, float]:
         """Return A (p, p), g (p,) and r'r over all segments; weights: per (recording, channel), 0 leaves one out."""
@@ -119,7 +155,7 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
     drive = point.prepared.campaign.drive
     complete(drive.motor, drive.converter, point.values)
     prepared, values = point.turned(), point.values
-    own = turns(prepared)
+    own_turns = turns(prepared)
     x = np.array([c.value(values) for c in coordinates])
     moves, steps = [], []
     for c, at in zip(coordinates, x, strict=True):
@@ -130,45 +166,69 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
         steps.append(step)
     mechanical = [c.mechanical for c in coordinates]
     for name in (LOCK, OFFSET):  # how every recording answers to a turn of its own angle
-        steps.append(STEP * own[0].deviation)
+        steps.append(STEP * own_turns[0].deviation)
         moves.append({**values, name: values[name] + steps[-1]})
         mechanical.append(False)
     (current, motion, angle), base = slopes(prepared, values, moves, np.array(steps), mechanical, workers=workers)
     shown = residuals(prepared, base)
     p = len(coordinates)
-    cut = max(1, round(BLOCK / prepared.campaign.drive.converter.sampling_period))
-    segments = []
+    cut = block_length(prepared)
+    segments, rows = [], []
     for k, (r, res) in enumerate(zip(prepared.recordings, shown, strict=True)):
         turn, sign = (p, 1.0) if r.rotor == "locked" else (p + 1, -1.0)
         columns, places = np.array([*range(p), turn]), np.array([*range(p), p + k])
         scale = np.append(np.ones(p), sign)
+        parts = [("current", current[k], scale / prepared.floor)]
         moved, turned = motion[k], angle[k]
-        whole = partial(_segment, k, places=places, columns=columns, cut=cut)
-        segments.append(whole("current", current[k], scale / prepared.floor, res.current[:, :, 0]))
-        if moved is not None and res.motion is not None:  # innovations are normalised already
-            segments.append(whole("motion", moved[:, None, :], -scale, res.motion))
-        if turned is not None and res.angle is not None:
-            segments.append(whole("angle", turned[:, None, :], scale / r.angle_floor, res.angle))
+        if moved is not None:  # innovations are normalised already
+            parts.append(("motion", moved[:, None, :], -scale))
+        if turned is not None:
+            parts.append(("angle", turned[:, None, :], scale / r.angle_floor))
+        for channel, j, size in parts:
+            own = _acting(j, columns, size)
+            segments.append(_segment(k, channel, own[0], places[own[1]], _channel(res, channel), cut))
+            rows.append(own[0])
     x = np.append(x, [point.turns.get(r.file, 0.0) for r in prepared.recordings])
     free = sum(len(r.table) for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
-    return Normal((*coordinates, *own), x, tuple(segments), cost)
+    return Normal((*coordinates, *own_turns), x, tuple(segments), cost, tuple(rows))
 
 
-def _segment(
-    k: int, channel: str, j: Array, scale: Array, r: Array, *, places: NDArray[np.int64], columns: NDArray[np.int64],
-    cut: int,
-) -> Segment:  # fmt: skip
-    """Cut residuals r (n, c) and slopes scale j (n, c, columns) into blocks and square them; idle ones are dropped."""
-    n, c, wide = j.shape
+def block_length(prepared: Prepared) -> int:
+    """Return the samples of a block."""
+    return max(1, round(BLOCK / prepared.campaign.drive.converter.sampling_period))
+
+
+def blocks(n: int, cut: int) -> list[tuple[int, int]]:
+    """Return first and last sample of each block of n samples; the last block is half to one and a half long."""
     starts = range(0, max(1, n - cut // 2), cut)
-    a, g = np.empty((len(starts), wide, wide)), np.empty((len(starts), wide))
-    rr, count = np.empty(len(starts)), np.empty(len(starts))
-    for b, first in enumerate(starts):
-        last = n if b == len(starts) - 1 else first + cut
-        jb, rb = j[first:last].reshape((last - first) * c, wide), r[first:last].ravel()
+    return [(first, n if first == starts[-1] else first + cut) for first in starts]
+
+
+def _channel(r: Residual, channel: str, k: int = 0) -> Array:
+    """Return a channel's residuals of set k, (n, c)."""
+    if channel == "current":
+        return r.current[:, :, k]
+    shown = r.motion if channel == "motion" else r.angle
+    assert shown is not None
+    return shown[:, k : k + 1]
+
+
+def _acting(j: Array, columns: NDArray[np.int64], scale: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return the slopes (n c, q) of those coordinates that act on a channel, scaled, and which of them they are."""
+    flat = j.reshape(-1, j.shape[-1])
+    acts = np.flatnonzero(np.any(flat[:, columns] != 0.0, axis=0))
+    return flat[:, columns[acts]] * scale[acts], acts
+
+
+def _segment(k: int, channel: str, j: Array, places: NDArray[np.int64], r: Array, cut: int) -> Segment:
+    """Cut residuals r (n, c) and slopes j (n c, q) into blocks and square them."""
+    wide, q = r.shape[1], j.shape[1]
+    cuts = blocks(len(r), cut)
+    a, g = np.empty((len(cuts), q, q)), np.empty((len(cuts), q))
+    rr, count = np.empty(len(cuts)), np.empty(len(cuts))
+    for b, (first, last) in enumerate(cuts):
+        jb, rb = j[first * wide : last * wide], r[first:last].ravel()
         a[b], g[b] = jb.T @ jb, rb @ jb
         rr[b], count[b] = rb @ rb, rb.size
-    acts = np.flatnonzero(np.einsum("bii->i", a)[columns] > 0.0)
-    own, s = columns[acts], scale[acts]
-    return Segment(k, channel, places[acts], s[:, None] * s * a[:, own[:, None], own], s * g[:, own], rr, count)
+    return Segment(k, channel, places, a, g, rr, count)

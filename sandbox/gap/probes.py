@@ -17,10 +17,15 @@ from sandbox.replay.sensitivity import mechanical_only
 
 @dataclass(frozen=True)
 class Probe:
-    """An effect and the values its companions start from."""
+    """An effect and the values its companions start from.
+
+    sized: values of the effect away from neutral to start a fit from, and gain: log evidence they bring (`sized`).
+    """
 
     effect: str
     start: Mapping[str, float]
+    sized: Mapping[str, float] | None = None
+    gain: float = 0.0
 
 
 def probes(point: Point, exclude: Sequence[str] = ()) -> tuple[list[Probe], float]:

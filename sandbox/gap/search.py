@@ -19,17 +19,20 @@ from sandbox.gap.evidence import Algebra, Prior
 from sandbox.gap.fit import Fit, Weights, fit
 from sandbox.gap.normal import Normal, Point
 from sandbox.gap.probes import Probe, probes
-from sandbox.gap.table import Table, gains_of, table
+from sandbox.gap.sized import with_sizes
+from sandbox.gap.table import Table, gains_of, settled, table
 
 Array = NDArray[np.float64]
 FITTED, MOST, PARENTS = (3, 3, 2), 3, 2  # sets fitted at one, two, three effects; parents that grow on
 WORTH = 4.0  # log evidence that one more effect must promise
+TRIED = 0.5  # share of what slopes promise that a size that was tried has to reach to be started from
 FAR = 1.02  # normalised rms above which effects are screened alone, too
 BEHIND, RIVAL = 400.0, 0.003  # log evidence, and share of the gap, behind which a fit is no rival
 JUDGED = 4
 LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
-ROUNDS, SETTLED = 3, 3.0  # of moving there; change of log evidence that ends them
-MOVES = 1.0  # of an ordinary size: an effect that moves less stays where it is
+CLOSE, EXCHANGED = 60.0, 2  # log evidence within which another effect may stand in one's place; most of them tried
+NEAR = 10.0  # times the best set's excess over noise, up to which another set grows on, too
+SETTLES = 0.01  # share of the excess: a set that leaves less ends the fitting of sets that promise less
 
 
 @dataclass(frozen=True)
@@ -60,35 +63,35 @@ class Judged:
 
 @dataclass(frozen=True)
 class Search:
-    """What a search found: judged sets and the simulations it took."""
+    """What a search found: ordinary deviations alone, judged sets, simulations it took."""
 
+    null: Fit
     judged: tuple[Judged, ...]
     simulations: float
 
 
 def search(
-    start: Point, fitted: Weights, judged_on: Weights, *, exclude: Sequence[str] = (), workers: int = 1,
+    start: Point, weights: Weights, *, exclude: Sequence[str] = (), workers: int = 1,
     report: Callable[[str], None] = lambda _: None,
 ) -> Search:  # fmt: skip
-    """Return the hypotheses that stand a chance, judged.
-
-    fitted: recordings that move parameters; judged_on: recordings whose evidence counts.
-    """
+    """Return the hypotheses that stand a chance, judged, on the recordings that `weights` names."""
     report("fitting ordinary deviations")
-    null = fit(start, (), fitted, workers=workers)
+    null = fit(start, (), weights, workers=workers)
     fits: dict[tuple[str, ...], Fit] = {(): null}
-    chosen, cost = choose(null, exclude, fitted, workers)
+    chosen, cost = choose(null, exclude, weights, workers)
     cost += null.simulations
     parents = [null]
     for depth in range(MOST):
-        ranked, spent = _candidates(parents, set(fits), chosen, fitted, workers)
+        ranked, spent = _candidates(parents, set(fits), chosen, weights, workers)
         cost += spent
         new: list[Fit] = []
-        for key, parent, probe in ranked[: FITTED[depth]]:
+        for key, parent, begin, promised in ranked[: FITTED[depth]]:
+            if new and _settles(new, null, promised):
+                break
             report(f"fitting {' + '.join(key)}")
-            at = replace(parent.point, values={**parent.point.values, **probe.start})
+            at = replace(parent.point, values={**parent.point.values, **begin})
             try:
-                new.append(fit(at.resmoothed() if probe.start else at, key, fitted, workers=workers))
+                new.append(fit(at.resmoothed() if begin else at, key, weights, workers=workers))
             except BadInput:
                 continue
             fits[key] = new[-1]
@@ -99,9 +102,10 @@ def search(
         before = min(f.objective for k, f in fits.items() if len(k) <= depth)
         if before - least.objective < 2.0 * WORTH and depth:
             break
-        parents = [least, *(f for f in new[:PARENTS] if f is not least)][:PARENTS]
+        others = [f for f in new if f is not least and _excess(f) < NEAR * _excess(least)]
+        parents = [least, *others][:PARENTS]
         if depth < MOST - 1 and _rms(least) > FAR:
-            again, spent = choose(least, exclude, fitted, workers)
+            again, spent = choose(least, exclude, weights, workers)
             kept = [p for p in chosen if p.effect in least.effects]
             chosen = kept + [p for p in again if p.effect not in least.effects]
             cost += spent
@@ -109,26 +113,47 @@ def search(
     leader = min(f.objective for f in fits.values())
     gate = leader + 2.0 * BEHIND + RIVAL * max(0.0, null.objective - leader)
     rivals = sorted((f for f in fits.values() if f.objective <= gate), key=lambda f: f.objective)[:JUDGED]
-    judged = [judge(f, chosen, judged_on, workers) for f in rivals]
+    judged = [judge(f, chosen, weights, workers) for f in rivals]
     for _ in range(MOST - 1):
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
-        fewer = [f for f in _without_one(best, fits, fitted, workers) if f.effects not in known]
-        cost += sum(f.simulations for f in fewer if f.effects not in fits)
-        fits |= {f.effects: f for f in fewer}
-        judged += [judge(f, chosen, judged_on, workers) for f in fewer]
-    return Search(tuple(judged), cost + sum(j.simulations for j in judged))
+        others = _neighbours(best, fits, known, weights, workers)
+        cost += sum(f.simulations for f in others if f.effects not in fits)
+        fits |= {f.effects: f for f in others}
+        judged += [judge(f, chosen, weights, workers) for f in others]
+    return Search(null, tuple(judged), cost + sum(j.simulations for j in judged))
 
 
-def _without_one(best: Judged, fits: Mapping[tuple[str, ...], Fit], weights: Weights, workers: int) -> list[Fit]:
-    """Return fits of the best set with one effect left out, where algebra says that little is lost."""
-    out, neutral = [], library.neutral(best.fit.point.prepared.campaign.drive.motor)
+def _neighbours(
+    best: Judged, fits: Mapping[tuple[str, ...], Fit], known: set[tuple[str, ...]], weights: Weights, workers: int
+) -> list[Fit]:
+    """Return fits of the best set with one effect left out, or exchanged for another, where algebra says that little
+    is lost."""
+    neutral = library.neutral(best.fit.point.prepared.campaign.drive.motor)
+    out = []
     for effect in best.effects:
         rest = tuple(e for e in best.effects if e != effect)
+        keys = [rest]
         if best.table.log_evidence(rest) < best.log_evidence - LITTLE:
-            continue
+            others = [tuple(sorted((*rest, e))) for e in best.table.members if e not in best.effects]
+            told = {k: best.table.log_evidence(k) for k in others}
+            keys = [k for k in sorted(told, key=lambda k: -told[k]) if told[k] > best.log_evidence - CLOSE][:EXCHANGED]
         values = {k: neutral[k] if k.partition(".")[0] == effect else v for k, v in best.fit.point.values.items()}
-        out.append(fits.get(rest) or fit(replace(best.fit.point, values=values), rest, weights, workers=workers))
+        start = replace(best.fit.point, values=values)
+        out += [fits.get(k) or fit(start, k, weights, workers=workers) for k in keys if k not in known]
     return out
+
+
+def _settles(new: Sequence[Fit], null: Fit, promised: float) -> bool:
+    """Return whether a fit explains nearly all, more than slopes promise of the next."""
+    least = min(new, key=lambda f: f.objective)
+    gained = 0.5 * (null.objective - least.objective)
+    return _excess(least) < SETTLES * _excess(null) and promised < gained - CLOSE
+
+
+def _excess(f: Fit) -> float:
+    """Return the objective above what noise alone makes of it, at least its standard deviation."""
+    count = float(sum(s.n.sum() for s in f.normal.segments))
+    return float(max(f.objective - count, np.sqrt(2.0 * count)))
 
 
 def _rms(f: Fit) -> float:
@@ -136,59 +161,61 @@ def _rms(f: Fit) -> float:
 
 
 def choose(found: Fit, exclude: Sequence[str], weights: Weights, workers: int) -> tuple[list[Probe], float]:
-    """Return the best probe of each effect at a fit's point, and simulations."""
+    """Return the best probe of each effect at a fit's point, far from the floor with a size to start from; and
+    simulations."""
     many, cost = probes(found.point, exclude)
     several = [p for p in many if sum(q.effect == p.effect for q in many) > 1]
-    gains, spent = gains_of(found, several, weights, workers) if several else ([], 0.0)
+    gains, n, prior = gains_of(found, several, weights, workers)
     best: dict[str, tuple[float, Probe]] = {p.effect: (0.0, p) for p in many if p not in several}
     for gain, probe in zip(gains, several, strict=True):
         if probe.effect not in best or gain > best[probe.effect][0]:
             best[probe.effect] = (gain, probe)
-    return [p for _, p in best.values()], cost + spent
+    chosen, spent = [p for _, p in best.values()], 0.0
+    if _rms(found) > FAR:
+        wider = [p for p in chosen if p.effect not in found.effects]
+        sized, spent = with_sizes(found, wider, n, prior, weights, workers)
+        chosen = [p for p in chosen if p.effect in found.effects] + sized
+    return chosen, cost + n.simulations + spent
 
 
 def _candidates(
     parents: Sequence[Fit], tried: set[tuple[str, ...]], chosen: Sequence[Probe], weights: Weights, workers: int
-) -> tuple[list[tuple[tuple[str, ...], Fit, Probe]], float]:
-    """Return the sets one effect larger than their parents that promise most, by turns of both ways of screening."""
+) -> tuple[list[tuple[tuple[str, ...], Fit, Mapping[str, float], float]], float]:
+    """Return the sets one effect larger than their parents that promise most, by turns of both ways of screening,
+    with the parent, the values of the new effect that a fit starts from, and the promised log evidence."""
     lists, cost = [], 0.0
+    wider = {p.effect: p for p in chosen}
     for parent in parents:
         own = table(parent.point, chosen, parent.effects, weights, workers)
         cost += own.normal.simulations
         for alone in (False, True) if _rms(parent) > FAR else (False,):
             level = own.log_evidence(parent.effects, alone=alone)
-            wider = [p for p in chosen if p.effect not in parent.effects]
-            ranked = [
-                (own.log_evidence((*parent.effects, p.effect), alone=alone) - level, k, p) for k, p in enumerate(wider)
-            ]
-            lists.append([(gain, probe, parent) for gain, _, probe in sorted(ranked, key=lambda x: -x[0])])
-    out: dict[tuple[str, ...], tuple[Fit, Probe]] = {}
+            gains = {
+                e: own.log_evidence((*parent.effects, e), alone=alone) - level
+                for e in wider if e not in parent.effects
+            }  # fmt: skip
+            lists.append([(g, e, parent) for e, g in sorted(gains.items(), key=lambda x: -x[1])])
+        if len(lists) > 1 and parent is parents[0]:
+            lists.append(
+                sorted(((p.gain, e, parent) for e, p in wider.items() if e in gains), key=lambda x: -x[0])
+            )
+    out: dict[tuple[str, ...], tuple[Fit, Mapping[str, float], float]] = {}
     for turn in zip(*lists, strict=False):
-        for gain, probe, parent in turn:
-            key = tuple(sorted((*parent.effects, probe.effect)))
+        for gain, effect, parent in turn:
+            key = tuple(sorted((*parent.effects, effect)))
             if gain > WORTH and key not in tried and key not in out:
-                out[key] = (parent, probe)
-    return [(key, parent, probe) for key, (parent, probe) in out.items()], cost
+                out[key] = (parent, begin(wider[effect], gain), gain)
+    return [(key, *rest) for key, rest in out.items()], cost
+
+
+def begin(probe: Probe, promised: float) -> Mapping[str, float]:
+    """Return the values a fit starts from: the size that was tried, unless slopes promise much more."""
+    return probe.sized if probe.sized is not None and probe.gain > TRIED * promised else probe.start
 
 
 def judge(found: Fit, chosen: Sequence[Probe], weights: Weights, workers: int) -> Judged:
     """Return a fit weighed with all effects beside it, at the point to which their ordinary sizes move it."""
-    last = table(found.point, chosen, found.effects, weights, workers)
-    prior, cost = last.prior(found.effects), last.normal.simulations
-    own = np.array([c.label in {c.label for c in found.coordinates} for c in last.coordinates])
-    shares = np.array([c.form == "share" for c in last.coordinates])
-    for _ in range(ROUNDS):
-        x, _, _ = last.equations.most_probable(prior)
-        moves = ~own & ~shares & (np.abs(x - prior.mean) > MOVES * prior.deviation)
-        if not moves.any():
-            break
-        try:
-            point = last.point.moved(last.coordinates, np.where(own | moves, x, last.normal.x))
-            nearer = table(point, chosen, found.effects, weights, workers)
-        except BadInput:  # all these sizes at once are none a drive can have
-            break
-        gained = nearer.log_evidence(found.effects) - last.log_evidence(found.effects)
-        last, cost = nearer, cost + nearer.normal.simulations
-        if abs(gained) < SETTLED:
-            break
-    return Judged(found, last, prior, last.log_evidence(found.effects), cost)
+    first = table(found.point, chosen, found.effects, weights, workers)
+    prior = first.prior(found.effects)
+    last, cost = settled(first, prior, weights, workers)
+    return Judged(found, last, prior, last.log_evidence(found.effects), cost + first.normal.simulations)

@@ -1,6 +1,6 @@
 """How large the gap is: residuals over their floor, before and after an effect is added, on recordings held out.
 
-`before` lets ordinary deviations move as far as ordinary goes (ORDINARY standard deviations): what would only fit with
+`before` lets ordinary deviations move as far as ordinary goes (`space.ORDINARY` standard deviations): what would only fit with
 a resistance ten deviations off is a gap, not a deviation.
 """
 
@@ -16,7 +16,6 @@ from sandbox.gap.fit import Fit
 from sandbox.gap.normal import Normal
 
 Array = NDArray[np.float64]
-ORDINARY = 4.0
 DRAWS = 400
 
 

@@ -22,7 +22,7 @@ Set = Mapping[str, float]
 WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
 SATURATED = 0.1
 FARTHEST = 4.0  # standard deviations that an effect may move
-ORDINARY_LIMIT = 300.0  # standard deviations: a fit may push a deviation far, which its prior then tells
+ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
 DEFAULT_UNCERTAINTY = {  # relative, where a campaign states nothing: what a careful identification reaches
     "resistance": 0.02, "magnet_flux": 0.02, "inductance_d": 0.03, "inductance_q": 0.03, "alpha_30": 0.05,
     "alpha_12": 0.05, "alpha_40": 0.05, "alpha_22": 0.05, "alpha_04": 0.05, "inertia": 0.05, "viscous_friction": 0.2,
@@ -39,8 +39,8 @@ SOFT_SPREAD = 0.5  # standard deviation of the logarithm of the width in which t
 class Coordinate:
     """One direction of a fit: label, prior mean and standard deviation, the parameter(s) it moves and how.
 
-    form: "linear", "log", "reciprocal", or "cosine"/"sine" of the pair (amplitude, phase); "share" goes from the
-    neutral value (0) straight to the values `along` (1); with other forms `along` goes with a move (companions).
+    form: "linear", "log", "reciprocal", or "cosine"/"sine" of the pair (amplitude, phase); "share" is a step from the
+    neutral value (0) to the values `along` (1), nothing between; with other forms `along` goes with a move (companions).
     """
 
     label: str
@@ -80,7 +80,7 @@ class Coordinate:
         """Return the parameters that bring the coordinate to a value, the others unchanged (polar: its other part)."""
         name, companions = self.names[0], dict(self.along)
         if self.form == "share":
-            return companions
+            return companions if to else {}
         if self.form == "log":
             return {name: math.exp(to)}
         if self.form == "reciprocal":
@@ -145,7 +145,7 @@ def ordinary(campaign: Campaign) -> list[Coordinate]:
     }
     out += [Coordinate(name, mean, sd, "linear", (name,)) for name, (mean, sd) in bench.items() if sd > 0.0]
     soft = math.log(SOFT_SIGN * motor.rated_current)
-    out = [replace(c, within=ORDINARY_LIMIT) for c in out]
+    out = [replace(c, within=ORDINARY) for c in out]
     return [*out, Coordinate("bench.soft_current", soft, SOFT_SPREAD, "log", ("bench.soft_current",), within=3.0)]
 
 

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence import Algebra, Prior, algebra, prior_of
-from sandbox.gap.fit import Fit, Weights
+from sandbox.gap.fit import Fit, Weights, objective, tried
 from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.probes import Probe, probe_coordinates
 from sandbox.gap.space import Coordinate, of_effect, ordinary
 
 Array = NDArray[np.float64]
+ROUNDS, SETTLED = 8, 0.5  # steps to a table's most probable point; promised gain of the objective that ends them
 SMALL = 0.03  # of an effect's wide prior: what no bench is free of
 
 
@@ -56,6 +57,32 @@ class Table:
         return self.equations.log_evidence(self.prior(effects, alone=alone))
 
 
+def settled(t: Table, prior: Prior, weights: Weights, workers: int) -> tuple[Table, float]:
+    """Return a table at its most probable point under a prior, slopes kept, and simulations.
+
+    All coordinates move together (never a share): a part of the way where the whole one leads up.
+    """
+    value, cost = objective(t.normal, prior, weights), 0.0
+    shares = np.array([c.form == "share" for c in t.coordinates])
+    part = 1.0
+    for _ in range(ROUNDS):
+        x = np.where(shares, t.normal.x, t.equations.most_probable(prior)[0])
+        promised = value - t.equations.objective(x, prior)
+        if promised < SETTLED:
+            break
+        trial = t.point.moved(t.coordinates, t.normal.x + part * (x - t.normal.x))
+        reached, n = tried(t.normal, trial, prior, weights, workers)
+        cost += 1.0
+        if n is None or reached >= value:
+            part *= 0.25
+            if part < 0.05:
+                break
+            continue
+        value = reached
+        t = replace(t, point=trial, normal=n, equations=algebra(n, weights))
+    return replace(t, normal=t.normal.bare()), cost
+
+
 def is_shape(c: Coordinate, probe: Probe) -> bool:
     """Return whether a coordinate of an effect is a companion rather than a size."""
     return c.form in ("log", "share") or c.names[0] in probe.start
@@ -64,9 +91,8 @@ def is_shape(c: Coordinate, probe: Probe) -> bool:
 def table(point: Point, chosen: Sequence[Probe], active: Sequence[str], weights: Weights, workers: int) -> Table:
     """Return the equations of all effects (one probe each) at a point; active: effects that are on there."""
     campaign = point.prepared.campaign
-    coordinates = ordinary(campaign)
-    claimed = {c.label: c for c in coordinates}
-    place = {c.label: k for k, c in enumerate(coordinates)}
+    narrow = {c.label: c for c in ordinary(campaign)}
+    usual, claimed = set(narrow), dict(narrow)
     groups = {}
     for probe in chosen:
         if probe.effect in active:
@@ -74,22 +100,23 @@ def table(point: Point, chosen: Sequence[Probe], active: Sequence[str], weights:
         else:
             own = probe_coordinates(point, probe, "")
         for c in own:
-            if c.label not in place:
-                place[c.label] = len(coordinates)
-                coordinates.append(c if is_shape(c, probe) else replace(c, deviation=SMALL * c.deviation))
+            narrow.setdefault(c.label, c if is_shape(c, probe) else replace(c, deviation=SMALL * c.deviation))
             if c.deviation >= claimed.get(c.label, c).deviation:
                 claimed[c.label] = c
-        groups[probe.effect] = tuple(place[c.label] for c in own)
-    n = normal(point, coordinates, workers=workers)
-    unclaimed = [replace(c, deviation=0.0) if c.form == "share" else c for c in n.coordinates]
-    wide = prior_of([claimed.get(c.label, c) for c in n.coordinates])
-    usual = {c.label for c in ordinary(campaign)} | {c.label for c in n.coordinates if c.form == "turn"}
-    other = np.array([c.label not in usual for c in n.coordinates])
-    return Table(point, n, algebra(n, weights), prior_of(unclaimed), wide, groups, other)
+        groups[probe.effect] = [c.label for c in own]
+    n = normal(point, [claimed[label] for label in narrow], workers=workers)
+    place = {c.label: k for k, c in enumerate(n.coordinates)}
+    unclaimed = [narrow.get(c.label, c) for c in n.coordinates]
+    unclaimed = [replace(c, deviation=0.0) if c.form == "share" else c for c in unclaimed]
+    other = np.array([c.label not in usual and c.form != "turn" for c in n.coordinates])
+    members = {effect: tuple(place[label] for label in labels) for effect, labels in groups.items()}
+    return Table(point, n, algebra(n, weights), prior_of(unclaimed), prior_of(n.coordinates), members, other)
 
 
-def gains_of(found: Fit, candidates: Sequence[Probe], weights: Weights, workers: int) -> tuple[list[float], float]:
-    """Return the log evidence each probe would add to a fit, by the equations at its point; simulations."""
+def gains_of(
+    found: Fit, candidates: Sequence[Probe], weights: Weights, workers: int
+) -> tuple[list[float], Normal, Prior]:
+    """Return the log evidence each probe would add to a fit, the equations at its point, and the fit's own prior."""
     own = [c for c in found.coordinates if c.form != "turn"]
     parts = [
         [replace(c, label=f"{c.label}@{k}") for c in probe_coordinates(found.point, probe, "")]
@@ -106,4 +133,4 @@ def gains_of(found: Fit, candidates: Sequence[Probe], weights: Weights, workers:
         deviation, mine = base.copy(), [place[c.label] for c in part]
         deviation[mine] = prior.deviation[mine]
         gains.append(equations.log_evidence(prior.with_deviation(deviation)) - level)
-    return gains, n.simulations
+    return gains, n, prior.with_deviation(base)

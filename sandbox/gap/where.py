@@ -22,7 +22,6 @@ from sandbox.gap.evidence import Prior
 from sandbox.gap.normal import Point
 from sandbox.gap.posterior import UNKNOWN, Hypothesis
 from sandbox.gap.search import Judged
-from sandbox.gap.size import ORDINARY
 from sandbox.gap.space import of_effect, ordinary
 from sandbox.gap.spectrum import shown
 
@@ -115,7 +114,7 @@ def _losses(j: Judged, effects: Sequence[str]) -> dict[str, float]:
 def _held(j: Judged, effects: Sequence[str]) -> Prior:
     """Return a hypothesis' prior with effects, and traces of all others, at neutral; ordinary ones stay in reach."""
     campaign = j.fit.point.prepared.campaign
-    usual = {c.label: replace(c, within=ORDINARY) for c in ordinary(campaign)}
+    usual = {c.label: c for c in ordinary(campaign)}
     missing = {c.label: c for e in effects for c in of_effect(e, campaign.drive, j.fit.point.values)}
     claimed = {k for e in j.effects for k in j.table.members[e]}
     prior = Prior(j.prior.mean.copy(), j.prior.deviation.copy(), j.prior.low.copy(), j.prior.high.copy())

@@ -15,7 +15,7 @@ from model.effects.library import true_motor
 from model.energy import flux_newton
 from model.errors import BadInput
 from model.frames import stationary
-from model.parameters import Converter
+from model.parameters import Converter, Motor
 from sandbox.campaign import Campaign, CampaignRecording
 from sandbox.replay import lanes
 from sandbox.replay.kernel import COLUMNS, EDGE
@@ -23,7 +23,7 @@ from sandbox.replay.sets import compile_set, complete
 from sandbox.replay.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
 
 Array = NDArray[np.float64]
-LOAD_SHARE = 0.01  # standard deviation of the load machine's torque, a share of what was asked, sample by sample
+LOAD_SHARE = 0.01  # where [background] is silent
 AT_REST = 0.05  # of rated current: a first reading below is a start without current
 LEGS = np.array([[1.0, 0.0], [-0.5, math.sqrt(0.75)], [-0.5, -math.sqrt(0.75)]])
 
@@ -89,9 +89,10 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
     table[:, 8], table[:, 9] = load, r.theta
     variance = max(count, 1e-9) ** 2 / 12.0
     if r.rotor == "free":
-        torque_error = 1.5 * motor.pole_pairs * motor.magnet_flux * noise_floor(converter)
+        torque_error = torque_noise(motor, converter)
         table[:, 10:13] = motion_gains(
-            load, motor.pole_pairs / motor.inertia, period, variance, torque_error**2, LOAD_SHARE, (count / period) ** 2
+            load, motor.pole_pairs / motor.inertia, period, variance, torque_error**2, load_share(campaign),
+            (count / period) ** 2,
         )
         table[:, 13] = motion.at(period, np.array([0.5]))[:, 0]
         table[:, 14] = 0.5 * (motion.speed + np.append(motion.speed[1:], motion.speed[-1]))
@@ -106,6 +107,16 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
         (r.dc_bus_voltage or converter.dc_bus_voltage) / converter.dc_bus_voltage,
     )  # fmt: skip
     return first.with_steps(period, steps)
+
+
+def load_share(campaign: Campaign) -> float:
+    """Return the standard deviation of the load machine's torque, a share of what was asked, sample by sample."""
+    return campaign.background.get("load_torque_gain", LOAD_SHARE)
+
+
+def torque_noise(motor: Motor, converter: Converter) -> float:
+    """Return the standard deviation (N m) of the torque that a sample's measured currents tell."""
+    return 1.5 * motor.pole_pairs * motor.magnet_flux * noise_floor(converter)
 
 
 def duties(u_alpha: Array, u_beta: Array, u_dc: Array) -> Array:
@@ -140,7 +151,7 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
     v = complete(motor, converter, base)
     m = true_motor(motor, v)
     pairs, period = m.pole_pairs, converter.sampling_period
-    i_alpha, i_beta = r.current
+    i_alpha, i_beta = _true_currents(r, v)
     angle, speed = r.theta, np.zeros(len(r.theta))
     eccentric, phase = v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
     row = compile_set(motor, converter, v, 1)
@@ -156,9 +167,21 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
         net += v["cogging_torque.amplitude"] * np.sin(v["cogging_torque.order_mech"] * turn + v["cogging_torque.phase"])
         taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
         acceleration = pairs / m.inertia * (net - taken) + pairs * swing(row, net, taken)
-        motion = free_motion(r.theta, acceleration, period, count)
+        noise = pairs / m.inertia * np.hypot(torque_noise(motor, converter), load_share(campaign) * load)
+        motion = free_motion(r.theta, acceleration, period, count, noise)
         angle, speed = motion.angle, motion.speed
     return motion
+
+
+def _true_currents(r: CampaignRecording, v: Mapping[str, float]) -> tuple[Array, Array]:
+    """Return the stationary currents (n,) behind the three sensors' gains and offsets."""
+    off_a, off_b, common = (v[k] for k in ("current_offset.offset_a", "current_offset.offset_b", "bench.common_offset"))
+    phases = [
+        (read - off - common) / v[f"current_gain.gain_{x}"]
+        for x, read, off in (("a", r.i_a, off_a), ("b", r.i_b, off_b), ("c", r.i_c, -off_a - off_b))
+    ]
+    alpha, beta = stationary(*phases)
+    return np.asarray(alpha), np.asarray(beta)
 
 
 @kernel

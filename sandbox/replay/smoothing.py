@@ -1,11 +1,13 @@
 """The rotor's motion behind an encoder's counts, as a replay needs it at every sample.
 
 A locked rotor stands.  A driven one moves at constant speed or along straight ramps: their corners are fitted.  A
-free one follows its torque: angle and measured-current torque are smoothed together by least squares,
+free one follows its torque: angle, speed and an unexplained acceleration are smoothed over the whole recording,
 
-    sum (read - theta)^2 / r  +  sum (third difference of theta - that of the torque's motion)^2 / (q T^5),
+    d theta = omega dt,   d omega = (a + b) dt + white noise of the torque,   d b = white noise of strength q,
 
-that is a random walk of strength q in the unexplained acceleration; a banded system, linear in the reading.
+a the acceleration by measured currents, load and friction; the encoder reads theta within its counts.  What a torque
+model leaves unexplained is not known beforehand: q is the one under which the readings are most likely.  Kalman
+filter and the smoother of Bierman (Automatica 9 (1973) 503), which inverts no covariance.
 """
 
 from __future__ import annotations
@@ -19,7 +21,9 @@ from numpy.typing import NDArray
 from model.compiled import kernel
 
 Array = NDArray[np.float64]
-UNEXPLAINED = 1e6  # (rad/s^2)^2/s electrical: 1000 rad/s^2 of unexplained acceleration gathered in a second
+UNEXPLAINED = tuple(10.0**k for k in range(9))  # (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second
+CONSTANT = 1e3  # rad/s^2 electrical: standard deviation of what is unexplained from the first sample on
+ANYWHERE = 100.0  # variance of the first angle in variances of a reading
 LARGEST_MISS = 1.25  # of a count over sqrt(12): a driven rotor's motion is known better than that, or another corner
 CORNERS = 8
 
@@ -92,7 +96,8 @@ def driven_motion(t: Array, theta: Array, pole_pairs: float, count: float) -> Mo
         if math.sqrt(float(np.mean(miss**2))) <= goal:
             return motion
         start = np.sort(np.append(start, _best_new(fit, start, end)))
-    return free_motion(theta, np.zeros_like(theta), period, count, UNEXPLAINED)
+    still = np.zeros_like(theta)
+    return free_motion(theta, still, period, count, still)
 
 
 def _best_new(fit, corners: Array, end: float) -> float:
@@ -124,41 +129,75 @@ def _refined(fit, corners: Array, miss: Array, end: float, period: float):
     return motion, miss, corners
 
 
-def free_motion(
-    theta: Array, acceleration: Array, period: float, count: float, unexplained: float = UNEXPLAINED
-) -> Motion:
+def free_motion(theta: Array, acceleration: Array, period: float, count: float, noise: Array) -> Motion:
     """Return the motion of a free rotor from counts and the torque's acceleration.
 
     theta: (n,) rad; acceleration: (n,) rad/s^2 electrical, at the samples, by torque less load and friction; period: s;
-    count: rad, electrical; unexplained: strength q of the acceleration's random walk, (rad/s^2)^2/s.
+    count: rad, electrical; noise: (n,) standard deviation of the acceleration in the interval from each sample on.
     """
-    angle = smooth(theta, acceleration, period, count, unexplained)
-    mean = 0.5 * (acceleration[1:] + acceleration[:-1])  # constant over each interval
-    speed = np.empty_like(angle)
-    speed[1:-1] = (angle[2:] - angle[:-2]) / (2.0 * period) - 0.25 * period * (mean[1:] - mean[:-1])
-    speed[0] = (angle[1] - angle[0]) / period - 0.5 * period * mean[0]
-    speed[-1] = (angle[-1] - angle[-2]) / period + 0.5 * period * mean[-1]
-    return Motion(angle, speed)
+    variance = max(count, 1e-9) ** 2 / 12.0
+    start = (count / period) ** 2
+    base, white = np.asarray(theta - theta[0]), np.asarray(noise) ** 2
+    told = [filtered(base, acceleration, white, period, variance, start, q, np.empty((0, 0))) for q in UNEXPLAINED]
+    work = np.empty((len(theta), 12))
+    filtered(base, acceleration, white, period, variance, start, UNEXPLAINED[int(np.argmax(told))], work)
+    smoothed(work, period, variance)
+    return Motion(theta[0] + work[:, 0], work[:, 1].copy())
 
 
-def smooth(theta: Array, acceleration: Array, period: float, count: float, unexplained: float) -> Array:
-    """Return the smoothed angle (n,) of `free_motion`, rad."""
-    from scipy.linalg import solveh_banded
+@kernel
+def filtered(read, acceleration, white, period, variance, start, q, work):
+    """Return the log likelihood of the readings (n,); work (n, 12), or empty: predicted state, covariance, innovation.
 
-    n = len(theta)
-    weight = max(count, 1e-9) ** 2 / 12.0 / (unexplained * period**5)
-    mean = 0.5 * (acceleration[1:] + acceleration[:-1])
-    third = 0.5 * period**2 * (mean[2:] - mean[:-2])
-    mask = np.array([-1.0, 3.0, -3.0, 1.0])
-    band, right = np.zeros((4, n)), np.zeros(n)
-    band[3] = 1.0
-    base = theta - theta[0]
-    right += base
-    for i in range(4):
-        right[i : n - 3 + i] += weight * mask[i] * third
-        for j in range(i, 4):
-            band[3 - (j - i), j : n - 3 + j] += weight * mask[i] * mask[j]
-    return np.asarray(theta[0] + solveh_banded(band, right))
+    white: (n,) variance of the acceleration's white part; variance: of a reading; start: of the first speed.
+    """
+    n, t = len(read), period
+    x_0, x_1, x_2 = read[0], 0.0, 0.0
+    p_00, p_01, p_02, p_11, p_12, p_22 = ANYWHERE * variance, 0.0, 0.0, start, 0.0, CONSTANT**2
+    total = 0.0
+    for k in range(n):
+        if k:
+            a = 0.5 * (acceleration[k - 1] + acceleration[k]) + x_2
+            x_0 += t * (x_1 + 0.5 * t * a)
+            x_1 += t * a
+            h, w = 0.5 * t * t, white[k - 1] * t * t
+            a_00 = p_00 + t * p_01 + h * p_02  # rows of F P
+            a_01, a_02 = p_01 + t * p_11 + h * p_12, p_02 + t * p_12 + h * p_22
+            a_11, a_12 = p_11 + t * p_12, p_12 + t * p_22
+            p_00 = a_00 + t * a_01 + h * a_02 + 0.25 * t * t * w
+            p_01 = a_01 + t * a_02 + 0.5 * t * w
+            p_02 = a_02
+            p_11 = a_11 + t * a_12 + w
+            p_12 = a_12
+            p_22 += q * t
+        s, y = p_00 + variance, read[k] - x_0
+        total -= 0.5 * (y * y / s + math.log(s))
+        if len(work):
+            work[k, 0], work[k, 1], work[k, 2] = x_0, x_1, x_2
+            work[k, 3], work[k, 4], work[k, 5] = p_00, p_01, p_02
+            work[k, 6], work[k, 7], work[k, 8] = p_11, p_12, p_22
+            work[k, 9], work[k, 10] = y, s
+        g_0, g_1, g_2 = p_00 / s, p_01 / s, p_02 / s
+        x_0, x_1, x_2 = x_0 + g_0 * y, x_1 + g_1 * y, x_2 + g_2 * y
+        p_11, p_12, p_22 = p_11 - g_1 * p_01, p_12 - g_1 * p_02, p_22 - g_2 * p_02
+        p_01, p_02 = p_01 * variance / s, p_02 * variance / s
+        p_00 = p_00 * variance / s
+    return total
+
+
+@kernel
+def smoothed(work, period, variance):
+    """Replace the predicted states in `work` (n, 12) by smoothed ones: adjoint r, x = x_predicted + P r."""
+    r_0 = r_1 = r_2 = 0.0
+    for k in range(len(work) - 1, -1, -1):
+        p_00, p_01, p_02 = work[k, 3], work[k, 4], work[k, 5]
+        p_11, p_12, p_22 = work[k, 6], work[k, 7], work[k, 8]
+        y, s = work[k, 9], work[k, 10]
+        r_0 = y / s + variance / s * r_0 - (p_01 * r_1 + p_02 * r_2) / s  # (I - K H)' r + H' y / s
+        work[k, 0] += p_00 * r_0 + p_01 * r_1 + p_02 * r_2
+        work[k, 1] += p_01 * r_0 + p_11 * r_1 + p_12 * r_2
+        work[k, 2] += p_02 * r_0 + p_12 * r_1 + p_22 * r_2
+        r_0, r_1, r_2 = r_0, r_1 + period * r_0, r_2 + period * (r_1 + 0.5 * period * r_0)
 
 
 @kernel

@@ -79,7 +79,7 @@ def test_effect_is_that_of_the_switched_bench(name):
     assert current.max() < AVERAGING.get(name, 1.4e-4)
     assert motion < MOTION
     if name != "none":
-        assert without.max() > 10 * current.max() or still > 5 * motion
+        assert without.max() > 10 * current.max() or still > 3 * motion
 
 
 def test_all_effects_together_are_those_of_the_switched_bench():
