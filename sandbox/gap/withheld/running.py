@@ -53,6 +53,7 @@ class _Task:
 
     @property
     def name(self) -> str:
+        """The campaign's name."""
         return self.campaign.name
 
 
