@@ -2,6 +2,10 @@
 
 import json
 import os
+import subprocess
+import sys
+import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -81,3 +85,38 @@ def test_a_recording_that_cannot_be_made_settles_nothing(check):
     assert result.followed[0].failed
     assert result.figures["resolved"].value == 0.0
     assert "of another version" in (check / "diagnoses" / "resolved" / "w000.json").read_text()
+
+
+def test_processes_end_with_the_one_that_started_them(tmp_path):
+    """As an interrupted command does, the parent leaves at once, without a word to its processes."""
+    script = tmp_path / "leaves.py"
+    script.write_text(
+        "import os, pathlib, sys, threading, time\n"
+        "from sandbox.gap.withheld.spread import spread\n"
+        "def wait(x):\n"
+        "    pathlib.Path(sys.argv[1], str(os.getpid())).touch()\n"
+        "    time.sleep(60)\n"
+        "def leave():\n"
+        "    while len(list(pathlib.Path(sys.argv[1]).iterdir())) < 2: time.sleep(0.05)\n"
+        "    os._exit(130)\n"
+        "if __name__ == '__main__':\n"
+        "    threading.Thread(target=leave).start()\n"
+        "    list(spread(wait, [1, 2], 2))\n"
+    )
+    (tmp_path / "pids").mkdir()
+    done = subprocess.run([sys.executable, str(script), str(tmp_path / "pids")], timeout=50, check=False)
+    assert done.returncode == 130
+    left = [int(p.name) for p in (tmp_path / "pids").iterdir()]
+    assert len(left) == 2
+    end = time.monotonic() + 10.0
+    while time.monotonic() < end and any(map(alive, left)):
+        time.sleep(0.05)
+    assert not any(map(alive, left))
+
+
+def alive(pid):
+    """Tell whether a process is there (a zombie is not)."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
