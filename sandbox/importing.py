@@ -67,6 +67,11 @@ def read_recordings(path: str | Path, columns: Path | None = None, rotors: Seque
 def _tables(folder: Path, columns: Path | None) -> tuple[dict[str, Any], dict[str, Column], str]:
     """Return the tables of campaign.toml and of the column file together, the map, and the file to name in errors."""
     own = folder / "campaign.toml"
+    if columns is None and not own.is_file():
+        raise BadInput(
+            f"'{folder}' holds no campaign.toml, so its drive, motor and recordings are unknown; write one, or give "
+            "--columns FILE.toml for tables of other programs (sandbox/IMPORTING.md)"
+        )
     data = read_toml(own) if own.is_file() or columns is None else {}
     if columns is None:
         return data, {}, own.name

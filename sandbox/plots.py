@@ -303,12 +303,23 @@ def bars_svg(
     if log_from is not None:
         axes.set_xscale("log")
         axes.set_xlim(log_from, 1.6 * max([2.0 * log_from, *(v for values in series.values() for v in values)]))
+        _plain_ticks(axes)
     axes.set_yticks(range(len(labels)), list(labels), parse_math=False)
     axes.invert_yaxis()
     axes.set_xlabel(xlabel)
     axes.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
     axes.spines[["top", "right"]].set_visible(False)
     return _svg(figure, "".join(labels) + xlabel)
+
+
+def _plain_ticks(axes: Axes) -> None:
+    """Write a logarithmic x axis as 1, 10, 100, without the powers whose letters other fonts hold."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    low, high = axes.get_xlim()
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
 
 
 def lines_svg(panels: Sequence[tuple[str, Mapping[str, tuple[Sequence[float], Sequence[float]]]]], xlabel: str) -> str:

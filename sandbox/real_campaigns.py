@@ -1,7 +1,7 @@
 """Real drives from elsewhere (data sets `laas_bldc`, `moteus_ld`) as campaigns, as far as their content allows.
 
-Neither can be replayed electrically; each says in plain sentences what it can and cannot show, and which residual is
-left.  What is assumed because a file lacks it stands in the motor's provenance.
+Neither holds what a replay of currents needs; each says in plain sentences what it can and cannot show, and which
+residual is left.  What is assumed because a file lacks it stands in the motor's provenance.
 """
 
 from __future__ import annotations
@@ -20,7 +20,13 @@ from model.parameters import Converter, Drive, Injection, Motor
 from sandbox.campaign import Campaign, CampaignRecording, Finding
 
 PERIOD = 1e-3  # s, of the LAAS log
-RUNS = ("acceleration", "rolling_data", "rolling_data1", "rolling_data2")
+COUNTS = 20_000  # of its encoder
+ROLLING = ("rolling_data", "rolling_data1", "rolling_data2")
+HIDDEN = (  # from a log without i_d, u_d, phase currents and link voltage
+    "dead_time", "device_drop", "dc_link_error", "dc_link_ripple", "pwm_delay", "inductance", "inductance_harmonics",
+    "saturation", "cross_saturation", "skin_effect", "winding_asymmetry", "current_gain", "current_offset",
+    "current_filter", "current_sampling", "encoder_offset",
+)  # fmt: skip
 ASSUMED_LINK, ASSUMED_INDUCTANCE = 24.0, 1e-3  # V, H: on no file; nothing below depends on them
 
 
@@ -28,7 +34,8 @@ ASSUMED_LINK, ASSUMED_INDUCTANCE = 24.0, 1e-3  # V, H: on no file; nothing below
 class RealDrive:
     """A real drive: its campaign (None where the file holds no time series), residuals left, what shows and what not.
 
-    `residuals` names the subsystems of the diagnosis that the data can speak of; without "current" there is no replay.
+    `residuals` names what the data can speak of; `hidden` the effects that they cannot show: what would carry them is
+    not on file but assumed, so they are no candidates (`sensorless diagnose --exclude`).
     """
 
     name: str
@@ -36,6 +43,7 @@ class RealDrive:
     residuals: tuple[str, ...]
     can: tuple[str, ...]
     cannot: tuple[str, ...]
+    hidden: tuple[str, ...] = ()
 
 
 def real_drives(data_set: str) -> list[RealDrive]:
@@ -50,7 +58,7 @@ def real_drives(data_set: str) -> list[RealDrive]:
 def laas_drive(folder: Path) -> RealDrive:
     """Return the LAAS motor: i_q, u_q and angle at 1 kHz, enough for the residual of motion, not for a replay."""
     friction = laas.friction(laas.read(folder / "acceleration.txt"))
-    runs = {name: laas.read(folder / f"{name}.txt") for name in RUNS}
+    runs = {name: laas.read(folder / f"{name}.txt") for name in ("acceleration", *ROLLING)}
     constant, inertia = friction.torque_constant.value, friction.inertia.value
     flux = constant / (1.5 * laas.POLE_PAIRS)
     resistance = _resistance(runs["acceleration"])
@@ -60,17 +68,18 @@ def laas_drive(folder: Path) -> RealDrive:
         "laas_bldc", laas.POLE_PAIRS, resistance, flux, ASSUMED_INDUCTANCE, ASSUMED_INDUCTANCE, inertia,
         current, constant * current, speed * 30.0 / math.pi, viscous_friction=friction.viscous.value,
     )  # fmt: skip
-    converter = Converter(PERIOD, ASSUMED_LINK, 0.0, 0.0)
+    noise = float(np.median([_noise(runs[name].current) for name in ROLLING]))
+    converter = Converter(PERIOD, ASSUMED_LINK, 0.0, noise, encoder_counts=COUNTS)
     provenance = {
         "resistance, magnet_flux": "fitted to u_q = R i_q + flux x speed of acceleration.txt",
-        "inertia, "
-        "viscous_friction": "fitted to the current's sine in acceleration.txt; Coulomb friction is not in [motor]",
+        "inertia, viscous_friction": "fitted to acceleration.txt; Coulomb friction is not in [motor]",
         "inductance_d, inductance_q, dc_bus_voltage": "assumed; on no file",
         "rated values": "largest on file",
+        "current_noise": "fourth differences of the rolling runs' i_q",
     }
-    recordings = tuple(_laas_recording(name, run) for name, run in runs.items())
+    recordings = tuple(_laas_recording(name, runs[name]) for name in ROLLING)
     motion = residual_of_motion(friction)
-    rolling = [float(np.mean(runs[n].current)) for n in RUNS[1:]]
+    rolling = [float(np.mean(runs[n].current)) for n in ROLLING]
     can = (
         f"Motion: inertia, friction and torque constant explain {100.0 * (1.0 - motion):.1f} % of the current's energy "
         "in the ramps they were fitted to (low-passed at 25 Hz, above 30 rad/s).",
@@ -82,11 +91,14 @@ def laas_drive(folder: Path) -> RealDrive:
         "Phase currents, i_d, u_d and the link voltage are not on file (i_d = u_d = 0 stand in): no replay of "
         "currents, so "
         "nothing about dead time, device drop, saturation or current sensors.",
-        "The log keeps one sample in 1 ms, with gaps, and is interpolated; the rotor turns up to "
-        f"{laas.POLE_PAIRS * speed * PERIOD:.1f} rad electrical between two rows, so the voltage inside is lost.",
+        "The log keeps one sample in 1 ms, with gaps, and is interpolated; in the ramps (acceleration.txt) the rotor "
+        f"turns up to {_largest_step(runs['acceleration']):.0f} rad electrical between two rows, which no replay can "
+        "follow: the nominal model is fitted to them, the campaign has the rolling runs only.",
         "The encoder's zero is not aligned with the magnet: nothing about encoder offset.",
         "The torque constant is the back-EMF's, not measured as torque: scales of inertia and friction hang on it.",
     )
+    provenance |= {f"can show, {k}": text for k, text in enumerate(can, 1)}
+    provenance |= {f"cannot show, {k}": text for k, text in enumerate(cannot, 1)}
     notes = tuple(
         Finding(r.file, "t", None, f"{r.file}: interpolated to 1 ms; i_d, u_d and u_dc are assumed, not recorded")
         for r in recordings
@@ -94,7 +106,7 @@ def laas_drive(folder: Path) -> RealDrive:
     campaign = Campaign(
         "laas_bldc", Drive(motor, converter, Injection(100.0, 1.0), provenance), recordings, {}, {}, True, notes
     )
-    return RealDrive("laas_bldc", campaign, ("motion",), can, cannot)
+    return RealDrive("laas_bldc", campaign, ("motion",), can, cannot, HIDDEN)
 
 
 def residual_of_motion(friction: laas.Friction) -> float:
@@ -109,6 +121,16 @@ def residual_of_motion(friction: laas.Friction) -> float:
     return float(np.sum((rest - offset) ** 2) / np.sum((friction.current[fast] - offset) ** 2))
 
 
+def _noise(x: np.ndarray) -> float:
+    """Return the white part (rms) of a slow signal, from its fourth differences (variance 70 times the noise's)."""
+    return float(np.median(np.abs(np.diff(x, 4))) / 0.6745 / math.sqrt(70.0))
+
+
+def _largest_step(run: laas.Run) -> float:
+    """Return the largest electrical angle (rad) between two rows."""
+    return float(laas.POLE_PAIRS * np.max(np.abs(np.diff(run.position))))
+
+
 def _resistance(run: laas.Run) -> float:
     """Return the resistance (ohm) of u_q = R i_q + flux x speed + offset."""
     design = np.c_[run.current, run.speed, np.ones(len(run.time))]
@@ -116,13 +138,19 @@ def _resistance(run: laas.Run) -> float:
 
 
 def _laas_recording(name: str, run: laas.Run) -> CampaignRecording:
-    """Return a run on an even grid of 1 ms, its q quantities turned into the stator frame with i_d = u_d = 0."""
+    """Return a run on an even grid of 1 ms, its q quantities turned into the stator frame with i_d = u_d = 0.
+
+    The drive turns its voltage with the rotor inside each ms: what acts from row to row is its mean, at the angle
+    halfway, shortened by sin(x)/x of half the angle turned.
+    """
     t = np.arange(0.0, run.time[-1] - run.time[0], PERIOD)
     position, i_q, u_q = (np.interp(t + run.time[0], run.time, x) for x in (run.position, run.current, run.voltage))
     theta = laas.POLE_PAIRS * position
     i = phases.py_func(-np.sin(theta) * i_q, np.cos(theta) * i_q)
     columns = dict(zip(("i_a", "i_b", "i_c"), (np.asarray(x) for x in i), strict=True))
-    columns |= {"t": t, "theta": theta, "u_alpha": -np.sin(theta) * u_q, "u_beta": np.cos(theta) * u_q}
+    half = 0.5 * np.append(np.diff(theta), theta[-1] - theta[-2])
+    u_q = u_q * np.sinc(half / math.pi)
+    columns |= {"t": t, "theta": theta, "u_alpha": -np.sin(theta + half) * u_q, "u_beta": np.cos(theta + half) * u_q}
     columns |= {"u_dc": np.full(len(t), ASSUMED_LINK), "load_torque": np.zeros(len(t))}
     return CampaignRecording(f"{name}.parquet", "free", "none", columns)
 

@@ -43,7 +43,9 @@ class Parameter:
     def typical_for(self, motor: Motor, converter: Converter) -> float:
         """Return the typical size (in the parameter's unit) on a drive."""
         if self.relative_to == "neutral" and self.neutral_for(motor) == 0.0:
-            return saturation_size(motor, self.of_motor)
+            if self.of_motor.startswith("alpha_"):
+                return saturation_size(motor, self.of_motor)
+            return abs(1.0 - self.typical) * flux_scale(motor)  # of magnets, where there are none
         if self.relative_to == "neutral":
             return self.typical * self.neutral_for(motor)
         return self.typical * scales(motor, converter)[self.relative_to]
@@ -75,6 +77,11 @@ def saturation_size(motor: Motor, alpha: str) -> float:
     return LINEAR_LACKS / (2.0 * inductance * (inductance * motor.rated_current) ** (degree - 2))
 
 
+def flux_scale(motor: Motor) -> float:
+    """Return the magnet flux (Wb), or what rated current links where the rotor has no magnets."""
+    return motor.magnet_flux or math.sqrt(motor.inductance_d * motor.inductance_q) * motor.rated_current
+
+
 def scales(motor: Motor, converter: Converter) -> dict[str, float]:
     """Return what typical sizes are relative to, on this drive (SI)."""
     speed = motor.rated_omega / motor.pole_pairs
@@ -83,7 +90,7 @@ def scales(motor: Motor, converter: Converter) -> dict[str, float]:
         "rated current": motor.rated_current,
         "rated torque": motor.rated_torque,
         "rated torque / rated speed": motor.rated_torque / speed,
-        "magnet flux": motor.magnet_flux,
+        "magnet flux": flux_scale(motor),
         "resistance": motor.resistance,
         "1 / L_d": 1.0 / motor.inductance_d,
         "rated reactance": motor.rated_omega * max(motor.inductance_d, motor.inductance_q),

@@ -16,10 +16,12 @@ from sandbox.gap.discriminate import Next, recommend
 from sandbox.gap.estimates import Estimate
 from sandbox.gap.position import PositionError, position_error
 from sandbox.gap.posterior import UNKNOWN, Hypothesis
+from sandbox.gap.regression import Remains, remains
 from sandbox.gap.where import Finding, percent, summary, where
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 NOMINALS = ("linear",)
+ALIKE = 2.0  # variance of sums over that of white noise: less is not spoken of
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 PREFIXED = ("s", "A", "V", "Wb", "ohm", "N m", "rad", "Hz", "H", "1/H")
 SIGNS = {"ohm": "Ω", "N m": "N·m", "kg m^2": "kg·m²", "A/Wb^2": "A/Wb²", "A/Wb^3": "A/Wb³", "N m s/rad": "N·m·s/rad"}
@@ -33,6 +35,7 @@ class Answers:
     where: tuple[Finding, ...]
     position: PositionError | None
     following: Next | None
+    remains: Remains | None
 
     @property
     def verdict(self) -> str:
@@ -57,7 +60,9 @@ def answer(
     position = position_error(d)
     report("what to record next")
     rivals = [h.judged for h in d.ambiguity_set if UNKNOWN not in h.effects]
-    return Answers(d, found, position, recommend(campaign, rivals, d.temperature) if len(rivals) > 1 else None)
+    following = recommend(campaign, rivals, d.temperature) if len(rivals) > 1 else None
+    report("what remains")
+    return Answers(d, found, position, following, remains(d.after.point, d.held_out, d.size.before))
 
 
 def linear(campaign: Campaign) -> Campaign:
@@ -101,7 +106,12 @@ def which_text(a: Answers) -> str:
 def far_text(a: Answers) -> str:
     """Return how far the gap shrinks, and what that does to the position error."""
     d, s = a.diagnosis, a.diagnosis.size
-    on = f"on {len(d.held_out)} recordings not used to find it" if d.held_out else "on the recordings it was found on"
+    count = len(d.held_out)
+    on = (
+        f"on {count} recording{'s' * (count > 1)} held out of the fit"
+        if count
+        else "on the recordings it was fitted to"
+    )
     if a.verdict == "no_gap":
         text = f"There is nothing to close: residuals are {s.before:.3g} times the noise floor {on}."
     elif s.closed is None:
@@ -154,10 +164,16 @@ def next_text(a: Answers) -> str:
 def caveats(a: Answers) -> list[str]:
     """Return what a reader has to know before believing the rest, one sentence each."""
     d = a.diagnosis
-    out = [f"{f.file + ': ' if f.file else ''}{f.text}" for f in d.campaign.findings]
+    out = [f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}" for f in d.campaign.findings]
+    out += [f"{capital(what)}: {text}" for what, text in d.campaign.drive.provenance.items()]
     if not d.held_out:
         out.append(
             "No recording was held out (each kind of rotor is there only once), so the figures are those of the fit."
+        )
+    elif a.verdict != "no_gap":
+        out.append(
+            "Parameters and residuals before and after were fitted without the recordings held out; the choice among "
+            "hypotheses saw all recordings."
         )
     if d.campaign.rated_from_data:
         out.append("Rated current, torque and speed are missing; the largest recorded ones stand in for them.")
@@ -173,19 +189,45 @@ def caveats(a: Answers) -> list[str]:
         out.append("No turning recording has injection, so the position error cannot be compared.")
     if d.temperature > 2.0:
         out.append(
-            f"Residuals are alike within blocks of time; log evidence was divided by {d.temperature:.2g} for that."
+            f"Log evidence was divided by {d.temperature:.2g}: residuals are alike within blocks of time, and the "
+            "simulator's own error grows with the gap."
         )
     return out
 
 
 def remains_text(a: Answers) -> str:
-    """Return what the best hypothesis leaves, and whether it looks like more than noise."""
+    """Return what the best hypothesis leaves, whether it has structure, and how much of it could still be closed."""
     r = a.diagnosis.remainder
     size = (
         f"After it the mean square residual is {1.0 + r.after:.3g} times that of noise (before: {1.0 + r.before:.3g})"
     )
+    if not a.diagnosis.best.effects:
+        size = f"The mean square residual is {1.0 + r.before:.3g} times that of noise"
     chance = sum(h.probability for h in a.diagnosis.hypotheses if UNKNOWN in h.effects)
-    return f"{size}; that something outside the library is at work is {likely(chance)}."
+    return (
+        f"{size}; that something outside the library is at work is {likely(chance)}. {regression_text(a)} "
+        f"{alike_text(a)}"
+    ).strip()
+
+
+def regression_text(a: Answers) -> str:
+    """Return how much of what remains a free regression closes, and whether that is more than noise lets it."""
+    r = a.remains
+    if r is None:
+        return "How much a free regression could still close was not measured: no recording was held out."
+    on = "on the recordings held out, a free regression of it on currents, speed and angle"
+    if not r.structure or r.closable is None:
+        return f"{capital(on)} closes nothing more."
+    of_gap = "" if r.of_gap is None or not a.diagnosis.best.effects else f", {percent_fine(r.of_gap)} of the gap before"
+    return f"{capital(on)} closes {percent_fine(min(r.closable, 1.0))} more{of_gap}: structure that no effect took up."
+
+
+def alike_text(a: Answers) -> str:
+    """Return that residuals resemble their neighbours, where they do."""
+    r = a.remains
+    if r is None or r.alike < ALIKE:
+        return ""
+    return f"Over 50 ms residuals are alike (sums vary {r.alike:.2g} times as much as those of white noise)."
 
 
 def likely(p: float) -> str:

@@ -42,7 +42,7 @@ def run_diagnose(options: argparse.Namespace) -> None:
             progress("writing")
             write_report(out / "report.html", found)
             write_traces(out / "diagnosis.rrd", found)
-            content = contract(found.diagnosis, found.where, found.position, found.following)
+            content = contract(found.diagnosis, found.where, found.position, found.following, found.remains)
             report.write_json(out, "diagnosis", content, command="diagnose")
     if not options.quiet:
         print_answers(found)

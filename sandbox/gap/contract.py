@@ -7,19 +7,28 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.discriminate import Next, as_json
 from sandbox.gap.estimates import Estimate
+from sandbox.gap.evidence import algebra, prior_of
 from sandbox.gap.position import PositionError
 from sandbox.gap.posterior import UNKNOWN, Hypothesis
+from sandbox.gap.regression import Remains
 from sandbox.gap.size import rms, share_closed
+from sandbox.gap.split import weights_of
 from sandbox.gap.where import Finding
 
 
 def contract(
-    d: Diagnosis, where: Sequence[Finding], position: PositionError | None, following: Next | None = None
+    d: Diagnosis,
+    where: Sequence[Finding],
+    position: PositionError | None,
+    following: Next | None = None,
+    remains: Remains | None = None,
 ) -> dict[str, Any]:
-    """Return what `diagnosis.json` holds beyond its header."""
+    """Return what `diagnosis.json` holds beyond its header; gap.remains is more than the contract asks for."""
     named = verdict(d)
     size = d.size
     closed = None if named == "no_gap" else size.closed
@@ -35,6 +44,7 @@ def contract(
             "closed_ci95": None if closed is None else size.closed_ci95,
             "recordings": [{"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in size.recordings],
             "position_error_deg": None if position is None else position.as_json(),
+            "remains": None if remains is None else remains.as_json(),
         },
         "where": [asdict(finding) for finding in where],
         "hypotheses": [
@@ -60,7 +70,8 @@ def parameter(e: Estimate) -> dict[str, Any]:
 def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:
     """Return the share of the reducible gap that a hypothesis closes on recordings held out (or all, if none are).
 
-    None for `unknown` alone, which predicts nothing, and where no gap stands above the floor.
+    The best one was fitted without them; for others its parameters without them follow from the equations of the fit
+    to all.  None for `unknown` alone, which predicts nothing, and where no gap stands above the floor.
     """
     if h.effects == (UNKNOWN,):
         return None
@@ -68,7 +79,18 @@ def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:
         return 0.0
     if h.judged is d.best.judged and d.size.closed is not None:
         return d.size.closed
-    chosen = list(d.held_out) or range(len(d.start.prepared.recordings))
     before = d.size.before
-    closed = share_closed(before, rms(h.judged.fit.normal, chosen)) if before > 1.0 else math.nan
+    closed = share_closed(before, _rms_without(d, h)) if before > 1.0 else math.nan
     return closed if math.isfinite(closed) else None
+
+
+def _rms_without(d: Diagnosis, h: Hypothesis) -> float:
+    """Return a hypothesis' normalised rms on recordings held out, its parameters those of the others alone."""
+    n = h.judged.fit.normal
+    count = len(d.start.prepared.recordings)
+    if not d.held_out:
+        return rms(n, range(count))
+    shift = algebra(n, weights_of(count, d.held_out)).most_probable(prior_of(n.coordinates))[0] - n.x
+    held = algebra(n, weights_of(count, [k for k in range(count) if k not in d.held_out]))
+    squares = held.rr - 2.0 * shift @ held.g + shift @ held.a @ shift
+    return float(np.sqrt(max(squares, 0.0) / sum(s.n.sum() for s in n.segments if s.recording in d.held_out)))

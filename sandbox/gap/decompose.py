@@ -218,6 +218,8 @@ def _mechanical(own: Sequence[Inputs], shown: Sequence[Residual], total: float) 
 def _injection(point: Point, z: Sequence[Complex], total: float) -> float:
     """Return the share of currents at the injection's frequency and its odd harmonics."""
     campaign = point.prepared.campaign
+    if all(r.injection_axis == "none" for r in campaign.recordings):
+        return 0.0
     n = samples_per_period(campaign.drive.injection, campaign.drive.converter)
     out = 0.0
     for r, values in zip(point.prepared.recordings, z, strict=True):

@@ -5,6 +5,7 @@ Priors are Gaussian, cut off at a parameter's bounds: where the most probable va
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -63,9 +64,12 @@ class Algebra:
     def most_probable(self, prior: Prior) -> tuple[Array, NDArray[np.bool_], float]:
         """Return the most probable values (p,), which of them are free (inside their bounds), and the objective.
 
-        Least squares within bounds (Stark, Parker, Comput. Stat. 10 (1995) 129), in prior deviations.
+        Least squares within bounds (Stark, Parker, Comput. Stat. 10 (1995) 129), in prior deviations.  Where a
+        prediction overflowed nothing is probable: the objective is infinite.
         """
         movable = prior.deviation > 0.0
+        if not (np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.rr)):
+            return self.x, movable, math.inf
         size = prior.deviation[movable]
         x = np.clip(prior.mean, prior.low, prior.high)
         start = x[movable]
@@ -97,6 +101,8 @@ class Algebra:
         bound the posterior is its tail, where it is free the part beyond the bound is missing.
         """
         x, free, objective = self.most_probable(prior)
+        if not math.isfinite(objective):
+            return -math.inf
         m = self.a[np.ix_(free, free)] + np.diag(prior.deviation[free] ** -2)
         _, log_det = np.linalg.slogdet(m)
         out = -0.5 * objective - 0.5 * log_det - np.sum(np.log(prior.deviation[free]))

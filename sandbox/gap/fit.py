@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,9 +51,7 @@ class Fit:
 
 
 def coordinates_of(point: Point, effects: Sequence[str]) -> list[Coordinate]:
-    """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others.
-
-    """
+    """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others."""
     campaign = point.prepared.campaign
     wide: dict[str, Coordinate] = {}
     for effect in effects:
@@ -107,9 +105,7 @@ def fit(
     return Fit(tuple(effects), point, n.bare(), value, cost)
 
 
-def tried(
-    n: Normal, trial: Point, prior: Prior, weights: Weights, workers: int
-) -> tuple[float, Normal | None]:
+def tried(n: Normal, trial: Point, prior: Prior, weights: Weights, workers: int) -> tuple[float, Normal | None]:
     """Return the objective and the equations at a trial; infinite where the point is none a drive can have."""
     try:
         reached = n.at(trial, workers=workers)

@@ -80,7 +80,8 @@ class Normal:
             for b, (first, last) in enumerate(blocks(len(r), cut)):
                 own = r[first:last].ravel()
                 wide = own.size // (last - first)
-                g[b], rr[b] = own @ rows[first * wide : last * wide], own @ own
+                with np.errstate(over="ignore", invalid="ignore"):  # of an absurd set: nothing is probable there
+                    g[b], rr[b] = own @ rows[first * wide : last * wide], own @ own
             segments.append(replace(s, g=g, rr=rr))
         x = [point.turns.get(c.names[0], 0.0) if c.form == "turn" else c.value(values) for c in self.coordinates]
         return replace(self, x=np.array(x), segments=tuple(segments), simulations=1.0)
@@ -217,7 +218,7 @@ def _channel(r: Residual, channel: str, k: int = 0) -> Array:
 def _acting(j: Array, columns: NDArray[np.int64], scale: Array) -> tuple[Array, NDArray[np.int64]]:
     """Return the slopes (n c, q) of those coordinates that act on a channel, scaled, and which of them they are."""
     flat = j.reshape(-1, j.shape[-1])
-    acts = np.flatnonzero(np.any(flat[:, columns] != 0.0, axis=0))
+    acts = np.flatnonzero(flat.any(axis=0)[columns])
     return flat[:, columns[acts]] * scale[acts], acts
 
 
@@ -229,6 +230,7 @@ def _segment(k: int, channel: str, j: Array, places: NDArray[np.int64], r: Array
     rr, count = np.empty(len(cuts)), np.empty(len(cuts))
     for b, (first, last) in enumerate(cuts):
         jb, rb = j[first * wide : last * wide], r[first:last].ravel()
-        a[b], g[b] = jb.T @ jb, rb @ jb
-        rr[b], count[b] = rb @ rb, rb.size
+        with np.errstate(over="ignore", invalid="ignore"):
+            a[b], g[b] = jb.T @ jb, rb @ jb
+            rr[b], count[b] = rb @ rb, rb.size
     return Segment(k, channel, places, a, g, rr, count)

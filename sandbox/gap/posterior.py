@@ -59,6 +59,7 @@ def tempered(judged: Sequence[Judged], raw: float) -> tuple[list[tuple[float, Ju
 
     raw: normalised rms at the nominal model; what a simulator gets wrong grows with what it has to explain.
     """
+    judged = [j for j in judged if math.isfinite(j.log_evidence)]
     best = max(judged, key=lambda j: j.log_evidence)
     temperature = misfit(best.normal, best.equations, best.prior) * (1.0 + raw / ACCURATE)
     score = np.array([j.log_evidence / temperature + log_prior(j.effects) for j in judged])

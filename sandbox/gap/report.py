@@ -51,7 +51,9 @@ figure {{ margin: .6rem 0; break-inside: avoid; }} figure svg {{ width: 100%; he
 @media (min-width: 50rem) {{ .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 figcaption {{ color: var(--soft); font-size: .9rem; }}
 details {{ margin: .8rem 0; }} summary {{ cursor: pointer; color: var(--mark); }}
-@media print {{ body {{ font-size: 11pt; max-width: none; padding: 0; }} h2 {{ break-after: avoid; }} }}
+@media print {{ body {{ font-size: 10pt; max-width: none; padding: 0; }} h2 {{ break-after: avoid; }}
+  tr {{ break-inside: avoid; }} figure svg {{ max-height: 10.5cm; }} figure {{ margin: .3rem 0; }}
+  .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 </style></head><body>
 {body}
 <script>
@@ -62,11 +64,12 @@ addEventListener("beforeprint", () => document.querySelectorAll("details").forEa
 
 
 def print_answers(a: Answers) -> None:
-    """Print the answers in sentences, the hypotheses and the gap per recording as tables."""
+    """Print the answers and what is left in sentences, the hypotheses and the gap per recording as tables."""
     d = a.diagnosis
     print(f"{d.campaign.name}: {TITLES[a.verdict].lower()}")
     for head, text in _three(a):
         print(f"{head:<10} {text}")
+    print(f"{'Left?':<10} {answers.remains_text(a)}")
     rows = [[answers.label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
     report.print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
     if d.parameters[0]:
@@ -111,9 +114,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     before, after = shown(d.before.point), shown(d.after.point)
     part, rest = decompose(d.before.point, before), decompose(d.after.point, after)
     yield "<h2>The gap, recording by recording</h2>"
-    yield _figure(
-        _by_recording(a), "rms of the residual over its noise floor; 1 is noise. ● held out: not used to fit."
-    )
+    yield _figure(_by_recording(a), "rms of the residual over its noise floor; 1 is noise. ● held out of the fit.")
     yield fold("All figures", table(["recording", "before", "after", "share of the gap"], _recordings(a, part)))
     if a.where:
         yield "<h2>Where it lies</h2><ul>"

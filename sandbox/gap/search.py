@@ -8,6 +8,7 @@ The best are fitted; from the two best of them sets grow on.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,6 +21,7 @@ from sandbox.gap.fit import Fit, Weights, fit
 from sandbox.gap.normal import Normal, Point
 from sandbox.gap.probes import Probe, probes
 from sandbox.gap.sized import with_sizes
+from sandbox.gap.space import ordinary
 from sandbox.gap.table import Table, gains_of, settled, table
 
 Array = NDArray[np.float64]
@@ -29,6 +31,7 @@ TRIED = 0.5  # share of what slopes promise that a size that was tried has to re
 FAR = 1.02  # normalised rms above which effects are screened alone, too
 BEHIND, RIVAL = 400.0, 0.003  # log evidence, and share of the gap, behind which a fit is no rival
 JUDGED = 4
+BUDGET = 1200  # simulations after which sets grow no further: some 300 to 600 are left for weighing
 LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
 CLOSE, EXCHANGED = 60.0, 2  # log evidence within which another effect may stand in one's place; most of them tried
 NEAR = 10.0  # times the best set's excess over noise, up to which another set grows on, too
@@ -82,11 +85,13 @@ def search(
     cost += null.simulations
     parents = [null]
     for depth in range(MOST):
+        if cost > BUDGET:
+            break
         ranked, spent = _candidates(parents, set(fits), chosen, weights, workers)
         cost += spent
         new: list[Fit] = []
         for key, parent, begin, promised in ranked[: FITTED[depth]]:
-            if new and _settles(new, null, promised):
+            if new and (cost > BUDGET or _settles(new, null, promised)):
                 break
             report(f"fitting {' + '.join(key)}")
             at = replace(parent.point, values={**parent.point.values, **begin})
@@ -128,7 +133,8 @@ def _neighbours(
 ) -> list[Fit]:
     """Return fits of the best set with one effect left out, or exchanged for another, where algebra says that little
     is lost."""
-    neutral = library.neutral(best.fit.point.prepared.campaign.drive.motor)
+    campaign = best.fit.point.prepared.campaign
+    neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
     out = []
     for effect in best.effects:
         rest = tuple(e for e in best.effects if e != effect)
@@ -137,9 +143,14 @@ def _neighbours(
             others = [tuple(sorted((*rest, e))) for e in best.table.members if e not in best.effects]
             told = {k: best.table.log_evidence(k) for k in others}
             keys = [k for k in sorted(told, key=lambda k: -told[k]) if told[k] > best.log_evidence - CLOSE][:EXCHANGED]
-        values = {k: neutral[k] if k.partition(".")[0] == effect else v for k, v in best.fit.point.values.items()}
+        own = [k for k in neutral if k.startswith(f"{effect}.") and k not in kept]
+        off = {k: neutral[k] for k in own if k.partition(".")[2] not in library.SHARED}
+        values = {**best.fit.point.values, **off}
         start = replace(best.fit.point, values=values)
-        out += [fits.get(k) or fit(start, k, weights, workers=workers) for k in keys if k not in known]
+        for key in keys:
+            if key not in known:
+                with suppress(BadInput):  # none a drive can have
+                    out.append(fits.get(key) or fit(start, key, weights, workers=workers))
     return out
 
 
@@ -196,9 +207,7 @@ def _candidates(
             }  # fmt: skip
             lists.append([(g, e, parent) for e, g in sorted(gains.items(), key=lambda x: -x[1])])
         if len(lists) > 1 and parent is parents[0]:
-            lists.append(
-                sorted(((p.gain, e, parent) for e, p in wider.items() if e in gains), key=lambda x: -x[0])
-            )
+            lists.append(sorted(((p.gain, e, parent) for e, p in wider.items() if e in gains), key=lambda x: -x[0]))
     out: dict[tuple[str, ...], tuple[Fit, Mapping[str, float], float]] = {}
     for turn in zip(*lists, strict=False):
         for gain, effect, parent in turn:

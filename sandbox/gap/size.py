@@ -1,7 +1,7 @@
 """How large the gap is: residuals over their floor, before and after an effect is added, on recordings held out.
 
-`before` lets ordinary deviations move as far as ordinary goes (`space.ORDINARY` standard deviations): what would only fit with
-a resistance ten deviations off is a gap, not a deviation.
+`before` lets ordinary deviations move as far as ordinary goes (`space.ORDINARY` standard deviations): what would only
+fit with a resistance ten deviations off is a gap, not a deviation.
 """
 
 from __future__ import annotations

@@ -12,15 +12,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from model.effects import library
-from model.effects.card import Effect
+from model.effects.card import Effect, saturation_size
 from model.effects.dead_time import SOFT_SIGN
-from model.parameters import Drive, Motor
+from model.parameters import Drive
 from sandbox.campaign import Campaign
 from sandbox.replay.sensitivity import mechanical_only
 
 Set = Mapping[str, float]
 WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
-SATURATED = 0.1
 FARTHEST = 4.0  # standard deviations that an effect may move
 ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
 DEFAULT_UNCERTAINTY = {  # relative, where a campaign states nothing: what a careful identification reaches
@@ -40,7 +39,7 @@ class Coordinate:
     """One direction of a fit: label, prior mean and standard deviation, the parameter(s) it moves and how.
 
     form: "linear", "log", "reciprocal", or "cosine"/"sine" of the pair (amplitude, phase); "share" is a step from the
-    neutral value (0) to the values `along` (1), nothing between; with other forms `along` goes with a move (companions).
+    neutral value (0) to the values `along` (1), nothing between; with other forms `along` goes with a move.
     """
 
     label: str
@@ -174,20 +173,9 @@ def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:
             own = f"saturation.{p.name}" if effect == "cross_saturation" else name
             away = abs(size - neutral) or abs(size)
             if p.of_motor.startswith("alpha_"):  # a nominal model may lack saturation altogether
-                away = max(away, alpha_scale(drive.motor, p.of_motor))
+                away = max(away, saturation_size(drive.motor, p.of_motor))
             out.append(Coordinate(own, neutral, WIDE * away, "linear", (own,)))
     return [replace(c, within=FARTHEST) for c in out]
-
-
-def alpha_scale(motor: Motor, name: str) -> float:
-    """Return the size of a saturation coefficient that moves currents by about SATURATED at rated current.
-
-    Of degree n in flux: SATURATED Gamma / phi^(n - 2), phi the larger flux of rated current.
-    """
-    degree = sum(int(digit) for digit in name.removeprefix("alpha_"))
-    flux = motor.rated_current * max(motor.inductance_d, motor.inductance_q)
-    stiffness = 1.0 / max(motor.inductance_d, motor.inductance_q)
-    return SATURATED * stiffness / flux ** (degree - 2)
 
 
 def amplitudes(card: Effect) -> dict[str, str]:

@@ -19,6 +19,7 @@ from sandbox.trace import COLOURS, GREY, Plot, write_series
 Array = NDArray[np.float64]
 BEFORE, AFTER = COLOURS["linear"], COLOURS["saturated"]
 RECORDED = GREY
+HALF = 0.5  # a bar of width 1 is drawn from its place on
 
 
 def write_traces(path: Path, a: Answers) -> None:
@@ -27,7 +28,7 @@ def write_traces(path: Path, a: Answers) -> None:
     points = {"before": d.before.point, "after": d.after.point}
     seen = {name: _seen(p) for name, p in points.items()}
     parts = {name: decompose(p, seen[name][1]) for name, p in points.items()}
-    tabs = {"All recordings": dict(_whole(a, parts))}
+    tabs = {"Overview": dict(_whole(a, parts))}
     for k, r in enumerate(d.start.prepared.recordings):
         held = ", held out" if k in d.held_out else ""
         shown = {name: (p.prepared.recordings[k], seen[name][0], seen[name][1][k]) for name, p in points.items()}
@@ -42,7 +43,7 @@ def _seen(point: Point) -> tuple[Prediction, list[Residual]]:
 
 def _whole(a: Answers, parts: dict[str, Decomposition]) -> Iterator[tuple[str, Plot]]:
     rows = a.diagnosis.size.recordings
-    place = np.arange(1.0, len(rows) + 1.0)
+    place = np.arange(1.0, len(rows) + 1.0) - HALF
     columns = {"before": np.array([r[1] for r in rows]), "after": np.array([r[2] for r in rows])}
     yield (
         "recordings",
@@ -57,7 +58,7 @@ def _whole(a: Answers, parts: dict[str, Decomposition]) -> Iterator[tuple[str, P
             name: 100.0 * scale[name] * np.array([getattr(part, field).get(n, 0.0) for n in orders])
             for name, part in parts.items()
         }
-        yield field, Plot(title, np.array(orders, float), lines, [BEFORE, AFTER], bars=True)
+        yield field, Plot(title, np.array(orders, float) - HALF, lines, [BEFORE, AFTER], bars=True)
 
 
 def _recording(

@@ -9,7 +9,7 @@ is left when its effects are missing and all else is fitted.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -195,7 +195,8 @@ def _details(
     name: str, share: float, part: Decomposition, recordings: int, channel: str, mostly: str
 ) -> Iterator[Finding]:
     def one(of: float, text: str, order: float | None = None, at: str = channel) -> Finding:
-        return Finding(name, at, mostly, order, share * of, f"{percent(share * of)} of the gap {text}.".capitalize())
+        part = share * min(of, 1.0)  # a region's excess may outdo the whole where others fall below their floor
+        return Finding(name, at, mostly, order, part, f"{percent(part)} of the gap {text}.".capitalize())
 
     file = max(part.recordings, key=lambda f: part.recordings[f])
     if part.recordings[file] > max(DETAIL, 1.5 / recordings):

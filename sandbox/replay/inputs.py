@@ -91,7 +91,12 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
     if r.rotor == "free":
         torque_error = torque_noise(motor, converter)
         table[:, 10:13] = motion_gains(
-            load, motor.pole_pairs / motor.inertia, period, variance, torque_error**2, load_share(campaign),
+            load,
+            motor.pole_pairs / motor.inertia,
+            period,
+            variance,
+            torque_error**2,
+            load_share(campaign),
             (count / period) ** 2,
         )
         table[:, 13] = motion.at(period, np.array([0.5]))[:, 0]

@@ -159,7 +159,10 @@ def test_a_large_gap_is_no_mistake():
     for factor in (0.5, 2.0):
         names = ("resistance", "inductance_d", "inductance_q")
         wrong = dataclasses.replace(motor, **{n: factor * getattr(motor, n) for n in names})
-        check(bench.recordings, dataclasses.replace(bench.drive, motor=wrong))
+        found = check(bench.recordings, dataclasses.replace(bench.drive, motor=wrong))
+        told = [f.text for f in found]
+        assert all("no single wrong unit, sign or order explains it" in text for text in told), told
+        assert any("a large gap" in text for text in told) == (factor == 2.0)  # doubled it is said, but no more
 
 
 def test_two_mistakes_at_once_are_named_together():

@@ -109,3 +109,18 @@ def test_unknown_suffix_and_no_runs_are_errors(tmp_path):
     with pytest.raises(ValueError, match="at least one run"):
         plots.comparison_figure(empty, tmp_path / "figure.png")
     assert not list(tmp_path.iterdir())
+
+
+def test_figures_of_a_report_need_one_font_only(caplog, monkeypatch, request):
+    """A machine without the fonts of powers and Greek letters gets the same figures, and no warning about fonts."""
+    from matplotlib import font_manager
+
+    manager = font_manager.fontManager
+    monkeypatch.setattr(manager, "ttflist", [f for f in manager.ttflist if f.fname.endswith("DejaVuSans.ttf")])
+    manager._findfont_cached.cache_clear()
+    request.addfinalizer(manager._findfont_cached.cache_clear)
+    svg = plots.bars_svg(["run_a ●", "b"], {"before": [20.0, 3.0], "after": [1.0, 1.1]}, "residual", log_from=0.5)
+    wide = plots.bars_svg(["a"], {"before": [2e4]}, "residual", log_from=0.5)
+    lines = plots.lines_svg([("i_a", {"before": ([0.0, 1.0], [2.0, 1.0])})], "t (s)")
+    assert all(s.startswith("<svg") for s in (svg, wide, lines))
+    assert not caplog.records

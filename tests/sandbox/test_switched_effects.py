@@ -8,25 +8,16 @@ import pytest
 from scipy.linalg import expm
 
 from model.effects.library import parameters
-from model.parameters import Converter, Motor
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.inverter import CORE_ALPHA, I_ALPHA, SKIN_ALPHA, SPEED, TWIST, advance, integrate
 from sandbox.switched.machine import DRIVEN, FREE, LOCKED, current_and_torque, friction, powers, stored_energy
 from sandbox.switched.simulate import flux_for, replay, start
-
-L, R, U, TS = 0.05, 10.0, 400.0, 250e-6
-LINEAR = Motor("linear", 4, R, 0.1, L, L, 1e-3, 2.0, 1.0, 1000.0)
-NO_MAGNET = dataclasses.replace(LINEAR, magnet_flux=0.0)
-IPM = Motor("ipm", 6, 12.0, 0.1, 0.09, 0.045, 1e-3, 1.2, 1.0, 1000.0, 7.7, 5.35, 19.4, 22.2, 6.6)
-CONVERTER = Converter(TS, U, 0.0, 0.0)
+from tests.sandbox.averaged import vector
+from tests.sandbox.effect_motors import CONVERTER, IPM, LINEAR, NO_MAGNET, TS, L, R, U, signs
 
 
 def make(effects=None, motor=LINEAR):
     return quiet(bench(motor, CONVERTER, effects))
-
-
-def vector(out):
-    return (2 * out["i_a"] - out["i_b"] - out["i_c"]) / 3 + 1j * (out["i_b"] - out["i_c"]) / np.sqrt(3)
 
 
 def settled(b, u, n=800):
@@ -167,12 +158,6 @@ def test_winding_asymmetry_unbalances_the_steady_current():
     back = np.array([[1, 0], [-0.5, math.sqrt(0.75)], [-0.5, -math.sqrt(0.75)]])
     i = np.linalg.solve(R * np.eye(2) + clarke @ np.diag([0.8, -0.5, 0.0]) @ back, [15.0, 10.0])
     assert settled(b, 15 + 10j) == pytest.approx(complex(*i), rel=1e-4)
-
-
-def signs(i):
-    """Return the vector of the three legs' current signs: amplitude 4/3."""
-    a, b, c = i.real, -i.real / 2 + math.sqrt(0.75) * i.imag, -i.real / 2 - math.sqrt(0.75) * i.imag
-    return (2 * np.sign(a) - np.sign(b) - np.sign(c)) / 3 + 1j * (np.sign(b) - np.sign(c)) / math.sqrt(3)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.3, 1.2, 4.0])

@@ -32,7 +32,7 @@ from tests.sandbox.gap.conftest import DEAD_TIME
 
 
 def content_of(a):
-    return plain(contract(a.diagnosis, a.where, a.position, a.following))
+    return plain(contract(a.diagnosis, a.where, a.position, a.following, a.remains))
 
 
 def test_where_names_the_inverter_in_a_plain_sentence(small_answers):
@@ -54,7 +54,7 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
         "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "next_recording", "cost"
     }  # fmt: skip
     assert set(c["gap"]) == {
-        "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg"
+        "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg", "remains"
     }  # fmt: skip
     assert set(c["gap"]["position_error_deg"]) == {"recorded", "simulated_before", "simulated_after"}
     assert [set(r) for r in c["gap"]["recordings"]] == 4 * [{"file", "before", "after", "held_out"}]

@@ -1,0 +1,92 @@
+"""Real data through the command: an answer with its limits, or one clear sentence."""
+
+import dataclasses
+import json
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments import synrm_standstill
+from experiments.thor_bench import Tables
+from model.drives import thor
+from model.effects import library
+from model.parameters import load_drive
+from model.standstill import fit_axes
+from sandbox.cli import main
+from sandbox.real_campaigns import HIDDEN, real_drives
+from tests.data import real_data
+
+MAP = Path(__file__).resolve().parents[3] / "experiments" / "synrm_standstill.toml"
+
+
+def test_synrm_is_diagnosed_from_its_raw_tables(tmp_path, capsys):
+    """The quartic nominal model misses this map by 53 floors, so `unknown` has to be said, and the limits told."""
+    call = ["diagnose", str(real_data() / "synrm_standstill"), "--columns", str(MAP), "--out", str(tmp_path / "out")]
+    assert main(call) == 0
+    said = capsys.readouterr().out
+    found = json.loads((tmp_path / "out" / "diagnosis.json").read_text())
+    assert sum(h["probability"] for h in found["hypotheses"] if "unknown" in h["effects"]) > 0.5
+    assert found["gap"]["remains"]["excess"] > 100.0
+    for wanted in ("Cannot show: single phases", "phase currents are made from i_d and i_q", "never turned"):
+        assert wanted in said
+
+
+def test_map_of_the_synrm_holds_its_identification():
+    """[motor] is R and the least-squares quartic of the flux points, computed here from the recordings again."""
+    real_data()
+    motor = tomllib.loads(MAP.read_text())["motor"]
+    data = synrm_standstill.tests()
+    fit = fit_axes([(data["d"], 0), (data["q"], 1)])
+    d, q, i_d, i_q = synrm_standstill.points(data, fit, half=True)
+    o = np.zeros_like(d)
+    rows = np.r_[np.c_[d, o, 4 * d**3, 2 * d * q**2, o], np.c_[o, q, o, 2 * d**2 * q, 4 * q**3]]
+    x = np.linalg.lstsq(rows, np.r_[i_d, i_q], rcond=None)[0]
+    assert motor["resistance"] == pytest.approx(fit.resistance, rel=1e-3)
+    assert (motor["inductance_d"], motor["inductance_q"]) == pytest.approx(tuple(1 / x[:2]), rel=1e-3)
+    assert [motor[f"alpha_{k}"] for k in ("40", "22", "04")] == pytest.approx(list(x[2:]), rel=1e-3)
+    assert np.sqrt(np.mean((np.r_[i_d, i_q] - rows @ x) ** 2)) == pytest.approx(0.24, abs=0.005)
+
+
+def test_what_holds_no_time_series_is_refused_in_one_sentence(tmp_path, capsys):
+    assert main(["diagnose", str(real_data() / "moteus_ld"), "--out", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert "holds no campaign.toml" in said
+    assert "--columns" in said
+    assert said.count("\n") == 1
+
+
+def test_laas_says_what_it_hides():
+    real_data()
+    drive = real_drives("laas_bldc")[0]
+    assert set(HIDDEN) < set(library.effect_names())
+    assert drive.hidden == HIDDEN
+    told = drive.campaign.drive.provenance
+    assert any("no replay of" in told[k] for k in told if k.startswith("cannot show"))
+
+
+def test_thors_tables_are_met_at_their_points_and_mirrored():
+    """Cubic splines meet the tables' own points (not at the rim), and i_q < 0 is the mirror image."""
+    t = thor.read(real_data() / "thor_fea" / "thor_fea.npz")
+    tables, rng = Tables(t), np.random.default_rng(0)
+    a, b, c = rng.integers(5, 26, 40), rng.integers(1, 26, 40), rng.integers(0, 90, 40)
+    i = np.c_[t.i_d[a], t.i_q[b]]
+    assert np.allclose(tables.flux(i, t.theta[c]), np.c_[t.psi_d[a, b, c], t.psi_q[a, b, c]], atol=1e-9)
+    x = tables.flux(i * (1.0, -1.0), -t.theta[c]) * (1.0, -1.0)
+    assert np.allclose(x, tables.flux(i, t.theta[c]), atol=1e-9)
+    psi = tables.flux(i, t.theta[c])
+    assert np.allclose(tables.current(psi, t.theta[c], i + 0.5), i, atol=1e-4)
+
+
+def test_a_motor_without_magnets_has_sizes():
+    """Effects on the magnet flux need a scale: what rated current links on the mean inductance."""
+    drive = load_drive("ipm_exchanged")
+    bare = dataclasses.replace(drive.motor, magnet_flux=0.0)
+    links = np.sqrt(bare.inductance_d * bare.inductance_q) * bare.rated_current
+    sizes = library.typical("magnet_flux", bare, drive.converter)
+    assert sizes["magnet_flux.magnet_flux"] == pytest.approx(0.06 * links)
+    of_harmonics = library.typical("flux_harmonics", bare, drive.converter)
+    own = library.typical("flux_harmonics", drive.motor, drive.converter)
+    ratio = links / drive.motor.magnet_flux
+    assert of_harmonics["flux_harmonics.psi_d6"] == pytest.approx(ratio * own["flux_harmonics.psi_d6"])
