@@ -30,6 +30,7 @@ OPTIONAL = ("load_torque", "temperature", "torque", "theta_hat")
 ROTORS = ("locked", "driven", "free")
 AXES = ("d", "q", "none")
 TABLES = ("campaign", "drive", "motor", "uncertainty", "background", "injection", "provenance", "recording")
+OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
 RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
 
 
@@ -45,18 +46,25 @@ class Finding:
 
 @dataclass(frozen=True)
 class CampaignRecording:
-    """One table of a campaign; every column is an attribute too, float64, shape (n,)."""
+    """One table of a campaign; every column is an attribute too, float64, shape (n,).
+
+    dc_bus_voltage: V, the nominal link voltage it was recorded at, where that is not [drive]'s.
+    """
 
     file: str
     rotor: str
     injection_axis: str
     columns: Mapping[str, Array]
+    dc_bus_voltage: float | None = None
 
     def __post_init__(self) -> None:
         if self.rotor not in ROTORS:
             raise BadInput(f"{self.file}: {unknown('rotor', self.rotor, ROTORS)}")
         if self.injection_axis not in AXES:
             raise BadInput(f"{self.file}: {unknown('injection_axis', self.injection_axis, AXES)}")
+        link = self.dc_bus_voltage
+        if link is not None and not (math.isfinite(link) and link > 0.0):
+            raise BadInput(f"{self.file}: dc_bus_voltage = {link:g} is no link voltage; give volts > 0")
         _check_columns(self.file, self.columns)
 
     def __getattr__(self, name: str) -> Array:
@@ -105,8 +113,8 @@ def read_campaign(folder: str | Path, rotors: Sequence[str] = ROTORS) -> Campaig
         raise BadInput(f"campaign '{folder}' is not a folder; give the folder that holds campaign.toml")
     data = read_toml(folder / "campaign.toml")
     recordings = tuple(
-        CampaignRecording(file, rotor, axis, read_parquet(folder / file))
-        for file, rotor, axis in entries_of(data, rotors)
+        CampaignRecording(file, rotor, axis, read_parquet(folder / file), link)
+        for file, rotor, axis, link in entries_of(data, rotors)
     )
     return assemble(data, recordings, folder.name)
 
@@ -147,8 +155,8 @@ def converter_of(data: Mapping[str, Any]) -> Converter:
 
 def entries_of(
     data: Mapping[str, Any], rotors: Sequence[str] = ROTORS, source: str = "campaign.toml"
-) -> list[tuple[str, str, str]]:
-    """Return (file, rotor, injection_axis) of the [[recording]] entries whose rotor is wanted."""
+) -> list[tuple[str, str, str, float | None]]:
+    """Return (file, rotor, injection_axis, dc_bus_voltage) of the [[recording]] entries whose rotor is wanted."""
     for table in data:
         if table not in TABLES:
             raise BadInput(f"{source}: {unknown('table', table, TABLES)}")
@@ -159,13 +167,17 @@ def entries_of(
     return [e for e in found if e[1] in rotors or e[1] not in ROTORS]
 
 
-def _entry(entry: Any, source: str) -> tuple[str, str, str]:
+def _entry(entry: Any, source: str) -> tuple[str, str, str, float | None]:
     if not isinstance(entry, dict) or "file" not in entry:
         raise BadInput(f"{source}: a [[recording]] lacks 'file'; name its table, e.g. file = \"locked_d.parquet\"")
     for key in entry:
-        if key not in ("file", "rotor", "injection_axis", "note"):
-            raise BadInput(f"{source}: {unknown('key in [[recording]]', key, ('file', 'rotor', 'injection_axis'))}")
-    return str(entry["file"]), str(entry.get("rotor", "")), str(entry.get("injection_axis", "none"))
+        if key not in (*OF_RECORDING, "note"):
+            raise BadInput(f"{source}: {unknown('key in [[recording]]', key, OF_RECORDING)}")
+    link = entry.get("dc_bus_voltage")
+    if link is not None and (isinstance(link, bool) or not isinstance(link, (int, float))):
+        raise BadInput(f"{source}: dc_bus_voltage = {link!r} in [[recording]] is no number; give volts > 0")
+    axis = str(entry.get("injection_axis", "none"))
+    return str(entry["file"]), str(entry.get("rotor", "")), axis, None if link is None else float(link)
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
@@ -275,7 +287,7 @@ def _toml(c: Campaign) -> str:
         ("[provenance]", c.drive.provenance),
     ]
     for r in c.recordings:
-        tables.append(("[[recording]]", {"file": r.file, "rotor": r.rotor, "injection_axis": r.injection_axis}))
+        tables.append(("[[recording]]", {key: getattr(r, key) for key in OF_RECORDING}))
     return "\n".join(
         head
         + "\n"

@@ -51,14 +51,14 @@ def read_recordings(path: str | Path, columns: Path | None = None, rotors: Seque
         raise BadInput(f"{source}: {error}") from None
     pairs = _pole_pairs(data, mapped, source)
     recordings, findings = [], []
-    for file, rotor, axis in entries:
+    for file, rotor, axis, link in entries:
         table = read_table(folder / file, [c.column for c in mapped.values()])
         stranger = next((n for n in table.columns if n not in KIND), None)
         if columns is None and stranger is not None:
             raise BadInput(f"{file}: {unknown('column', stranger, KIND)}; map other names with --columns FILE.toml")
-        values, notes = contract(file, table, mapped, pairs, converter.dc_bus_voltage)
+        values, notes = contract(file, table, mapped, pairs, link or converter.dc_bus_voltage)
         values["t"], moved = regular(file, values.get("t"), len(values["theta"]), converter.sampling_period)
-        recordings.append(CampaignRecording(file, rotor, axis, values))
+        recordings.append(CampaignRecording(file, rotor, axis, values, link))
         findings += notes + moved
     campaign = assemble(data, tuple(recordings), folder.resolve().name, source)
     return dataclasses.replace(campaign, findings=(*findings, *check(recordings, campaign.drive)))

@@ -42,7 +42,7 @@ def check(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding
 def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:
     """Return a finding where u_dc is far from nominal; BadInput where it is not positive or in another unit."""
     low = np.flatnonzero(r.u_dc <= 0.0)
-    nominal, middle = drive.converter.dc_bus_voltage, float(np.median(r.u_dc))
+    nominal, middle = r.dc_bus_voltage or drive.converter.dc_bus_voltage, float(np.median(r.u_dc))
     if low.size:
         k = int(low[0])
         raise BadInput(

@@ -21,15 +21,19 @@ from sandbox.campaign import Campaign
 from sandbox.gap.menu import Entry, menu, recording_of, shaft
 from sandbox.gap.normal import Point, normal
 from sandbox.gap.search import Judged
-from sandbox.replay.replay import prepare, replay
+from sandbox.replay.kernel import GAIN_ANGLE, GAIN_SPEED, READ, SCALE
+from sandbox.replay.replay import Prepared, prepare, replay
 
 ODDS = math.log(19.0)  # log evidence for 95 %
+LEAST_POWER = 0.5
 
 
 @dataclass(frozen=True)
 class Next:
-    """A recommended recording: description, the two hypotheses, expected log evidence, probability of separating."""
+    """A recommended recording: the menu's name for it, description, the two hypotheses, expected log evidence,
+    probability of separating."""
 
+    entry: str
     description: str
     separates: tuple[tuple[str, ...], tuple[str, ...]]
     gain: float
@@ -46,7 +50,7 @@ def expected_evidence(campaign: Campaign, entry: Entry, a: Judged, b: Judged, te
     columns = {**planned.recordings[0].columns, **{f"i_{p}": read[:, k].copy() for k, p in enumerate("abc")}}
     told = replace(planned, recordings=(replace(planned.recordings[0], columns=columns),))
     belief = dict(b.fit.point.values)
-    point = Point(prepare(told, belief, steps=1), belief)
+    point = Point(as_predicted(prepare(told, belief, steps=1), truth), belief)
     own = [c for c in b.normal.coordinates if c.form not in ("turn", "share")]
     n = normal(point, own)
     g_all, rr_all = n.summed()[1:]
@@ -60,26 +64,52 @@ def expected_evidence(campaign: Campaign, entry: Entry, a: Judged, b: Judged, te
     return float(0.5 * (rr_all - follow) / temperature)
 
 
+def as_predicted(prepared: Prepared, truth: Mapping[str, float]) -> Prepared:
+    """Return recordings as a truth would read them on their motion: its currents, and the angle that its torque gives.
+
+    The wanted motion is that of wanted currents; the predicted ones turn a free rotor otherwise.  An innovation of the
+    motion filter without correction is the reading less that free run, so taking it off leaves the truth none.
+    """
+    free_run = []
+    for r in prepared.recordings:
+        table = r.table.copy()
+        table[:, GAIN_ANGLE], table[:, GAIN_SPEED], table[:, SCALE] = 0.0, 0.0, 1.0
+        free_run.append(replace(r, table=table))
+    found = replay(replace(prepared, recordings=tuple(free_run)), [truth])
+    out = []
+    for r, current, miss in zip(prepared.recordings, found.currents, found.motion, strict=True):
+        table = r.table.copy()
+        if miss is not None:
+            table[:, READ] -= miss[:, 0]
+        out.append(replace(r, read=np.ascontiguousarray(current[:, :, 0]), table=table))
+    return replace(prepared, recordings=tuple(out))
+
+
 def recommend(
     campaign: Campaign, candidates: Sequence[Judged], temperature: float, entries: Sequence[Entry] | None = None
 ) -> Next | None:
-    """Return the recording that separates the two most probable of the candidates best; None with fewer than two."""
+    """Return the recording that separates the two most probable of the candidates best.
+
+    None with fewer than two, or where no experiment is likely to separate them (LEAST_POWER).
+    """
     if len(candidates) < 2:
         return None
     a, b = candidates[0], candidates[1]
-    found: list[tuple[float, str]] = []
+    found: list[tuple[float, str, str]] = []
     for entry in menu(campaign.drive) if entries is None else entries:
         try:
             both = [expected_evidence(campaign, entry, x, y, temperature) for x, y in ((a, b), (b, a))]
         except (BadInput, PhysicsError, np.linalg.LinAlgError):
             continue
-        found.append((min(both), entry.description))
+        found.append((min(both), entry.name, entry.description))
     if not found:
         return None
-    gain, description = max(found)
+    gain, name, description = max(found)
     # the log evidence is normal with variance twice its mean (a Gaussian likelihood ratio)
     power = 0.5 * math.erfc((ODDS - gain) / math.sqrt(4.0 * max(gain, 1e-12)))
-    return Next(description, (a.effects, b.effects), gain, power)
+    if power < LEAST_POWER:
+        return None
+    return Next(name, description, (a.effects, b.effects), gain, power)
 
 
 def as_json(n: Next | None) -> Mapping[str, object] | None:
@@ -87,5 +117,6 @@ def as_json(n: Next | None) -> Mapping[str, object] | None:
     if n is None:
         return None
     return {
-        "description": n.description, "separates": [list(s) for s in n.separates], "gain": n.gain, "power": n.power
+        "entry": n.entry, "description": n.description, "separates": [list(s) for s in n.separates], "gain": n.gain,
+        "power": n.power,
     }  # fmt: skip

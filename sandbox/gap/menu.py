@@ -24,8 +24,10 @@ SETTLE = 0.1  # s at the start, until open-loop currents stand
 
 @dataclass(frozen=True)
 class Entry:
-    """One experiment: what a person would do, kind of rotor, wanted i_d, i_q (n,) and speed (n,), link's share."""
+    """One experiment: a name that stays, what a person would do, kind of rotor, wanted i_d, i_q (n,) in A and speed
+    (n,) in rad/s electrical, the link's share."""
 
+    name: str
     description: str
     rotor: str
     i_d: Array
@@ -52,28 +54,33 @@ def menu(drive: Drive) -> list[Entry]:
     crossing = 0.15 * np.sin(2.0 * around)
     steps = np.where(np.sin(3.0 * around) > 0.0, 0.6, -0.6)
     turn = 0.04 * rated
-    stairs: Array = np.round(4.0 * ramp(t, (0.0, -1.2), (1.0, 1.2))) / 4.0
+    stairs: Array = np.round(4.0 * ramp(t, (0.0, -1.0), (1.0, 1.0))) / 4.0
     swing = 0.5 * np.sign(np.sin(math.tau * np.cumsum(5.0 + 75.0 * t / DURATION) * (t[1] - t[0])))
     both = ramp(t, (0.0, 0.8), (0.35, 0.8), (0.65, -0.8), (1.0, -0.8))
     out = [
-        Entry("locked rotor, current slowly through zero", "locked", crossing, crossing * np.cos(around), zero),
-        Entry("locked rotor, current slowly through zero at half the DC-link voltage", "locked", crossing,
-              crossing * np.cos(around), zero, link=0.5),
-        Entry("locked rotor, rated current slowly around the circle", "locked", fade * np.cos(around),
-              fade * np.sin(around), zero),
-        Entry("locked rotor, large steps along d and q", "locked", steps, np.roll(steps, len(t) // 5), zero),
-        Entry("locked rotor, injection along d over a staircase on q", "locked", zero,
-              stairs, zero, injection=(pulse, 0.0)),
-        Entry("locked rotor, injection along q over a staircase on d", "locked",
+        Entry("locked_low_current", "locked rotor, current slowly through zero", "locked",
+              crossing, crossing * np.cos(around), zero),
+        Entry("locked_low_current_half_link", "locked rotor, current slowly through zero at half the DC-link voltage",
+              "locked", crossing, crossing * np.cos(around), zero, link=0.5),
+        Entry("locked_circle", "locked rotor, rated current slowly around the circle", "locked",
+              fade * np.cos(around), fade * np.sin(around), zero),
+        Entry("locked_steps", "locked rotor, large steps along d and q", "locked",
+              steps, np.roll(steps, len(t) // 5), zero),
+        Entry("locked_q_inject_d", "locked rotor, injection along d over a staircase on q", "locked",
+              zero, stairs, zero, injection=(pulse, 0.0)),
+        Entry("locked_d_inject_q", "locked rotor, injection along q over a staircase on d", "locked",
               stairs, zero, zero, injection=(0.0, pulse)),
-        Entry("driven at 80 % speed both ways, rated current on q", "driven", zero, fade, both * rated),
-        Entry("driven at 80 % speed both ways without current", "driven", zero, zero, both * rated),
-        Entry("driven at 80 % speed at twice the share of the link (half its voltage) without current", "driven", zero,
-              zero, 0.5 * both * rated, link=0.5),
-        Entry("driven slowly, half of rated current on d and q", "driven", 0.35 * fade, 0.35 * fade, turn * one),
-        Entry("free rotor, accelerated and left to coast to standstill", "free", zero,
-              ramp(t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0)), zero),
-        Entry("free rotor, torque reversed faster and faster", "free", zero, swing, zero),
+        Entry("driven_fast_q", "driven at 80 % speed both ways, rated current on q", "driven",
+              zero, fade, both * rated),
+        Entry("driven_fast_idle", "driven at 80 % speed both ways without current", "driven",
+              zero, zero, both * rated),
+        Entry("driven_idle_half_link", "driven at 80 % speed at twice the share of the link (half its voltage) "
+              "without current", "driven", zero, zero, 0.5 * both * rated, link=0.5),
+        Entry("driven_slow_dq", "driven slowly, half of rated current on d and q", "driven",
+              0.35 * fade, 0.35 * fade, turn * one),
+        Entry("free_coast", "free rotor, accelerated and left to coast to standstill", "free",
+              zero, ramp(t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0)), zero),
+        Entry("free_swing", "free rotor, torque reversed faster and faster", "free", zero, swing, zero),
     ]  # fmt: skip
     return [replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q) for e in out]
 
@@ -109,9 +116,8 @@ def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[A
         "i_a": np.zeros(len(d)), "i_b": np.zeros(len(d)), "i_c": np.zeros(len(d)), "theta": theta,
         "u_dc": np.full(len(d), link),
     }  # fmt: skip
-    one = CampaignRecording("next.parquet", entry.rotor, "none", columns)
-    converter = replace(drive.converter, dc_bus_voltage=link)
-    return replace(campaign, drive=replace(drive, converter=converter), recordings=(one,))
+    one = CampaignRecording("next.parquet", entry.rotor, "none", columns, None if entry.link == 1.0 else link)
+    return replace(campaign, recordings=(one,))
 
 
 def shaft(values: Mapping[str, float], pole_pairs: float, period: float) -> Callable[[Array], Array]:

@@ -42,6 +42,7 @@ class Inputs:
     angle_floor: float  # rad rms of one encoder reading
     pole_pairs: float
     loaded: bool  # current flows at the first sample
+    link: float = 1.0  # nominal link voltage over the drive's
 
     def with_steps(self, period: float, steps: int) -> Inputs:
         """Return the same for another number of plant steps a period."""
@@ -108,6 +109,7 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
     first = Inputs(
         r.file, r.rotor, table, edges, np.empty((0, 0, 2)), read, motion, math.sqrt(variance), float(motor.pole_pairs),
         start > AT_REST * motor.rated_current,
+        (r.dc_bus_voltage or converter.dc_bus_voltage) / converter.dc_bus_voltage,
     )  # fmt: skip
     return first.with_steps(period, steps)
 

@@ -207,6 +207,7 @@ def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence
 def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Array, first: int) -> None:
     """Replay one recording through one block into columns first ... of out (n, 3, ...) and moved (n, ...)."""
     rows = block.rows.copy()
+    rows[lanes.LINK] *= r.link
     if r.rotor == "locked":
         rows[lanes.OFFSET] -= block.lock
         rows[lanes.OFF_C], rows[lanes.OFF_S] = np.cos(rows[lanes.OFFSET]), np.sin(rows[lanes.OFFSET])

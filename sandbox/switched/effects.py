@@ -11,11 +11,16 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import numpy as np
+
 from model.effects.library import complete, friction_rate
 from model.parameters import Converter, Motor
+from model.spline import SplineEnergy
 
 SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
+SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
 UNLISTED = ("grip", "grip_radius", "short_conductance", "short_time", "knee", "knee_flux")
+NO_MAP = SplineEnergy(np.empty((0, 0, 5, 5)), 0.0, 0.0, 1.0, 1.0)
 STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
 
 
@@ -87,11 +92,13 @@ class Bench(NamedTuple):
     short_time: float
     knee: float  # A/Wb^2 beyond a flux of knee_flux, Wb: saturation with a knee
     knee_flux: float
+    flux_map: SplineEnergy  # in place of the harmonic series, which is 0 then; NO_MAP: none
 
 
 def bench(motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None) -> Bench:
     """Return the compiled bench of a motor, a converter and effects such as {"dead_time.time": 2e-6}.
 
+    A motor with a flux map (`model.mapped`) keeps its map: effects on its magnetics are out of bounds.
     BadInput names an unknown parameter (with the nearest), a value out of bounds, or effects that contradict
     each other.
     """
@@ -110,8 +117,10 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     stiffness = v["shaft_compliance.stiffness"] if m_load else 0.0
     reduced = m_motor * m_load / (m_motor + m_load)
     period = converter.sampling_period
+    magnetics = motor.energy
+    mapped = isinstance(magnetics, SplineEnergy)
     values = {
-        **_energy(motor, v),
+        **(dict.fromkeys(SERIES, 0.0) if mapped else _energy(motor, v)),
         "pole_pairs": float(motor.pole_pairs),
         "resistance": v["stator_resistance.resistance"],
         "magnet_flux": v["magnet_flux.magnet_flux"],
@@ -159,7 +168,8 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
     values |= {key: v[name] for name in v for effect, _, key in [name.partition(".")] if effect in same_name}
     rate = math.sqrt(stiffness / reduced) if m_load else 0.0
-    return Bench(**values, step=_longest_step(period, v, rate))
+    flux_map = magnetics if isinstance(magnetics, SplineEnergy) else NO_MAP
+    return Bench(**values, step=_longest_step(period, v, rate), flux_map=flux_map)
 
 
 def _energy(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:

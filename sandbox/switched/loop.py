@@ -33,12 +33,12 @@ from sandbox.loop import (
     record,
     sample_of,
 )
-from sandbox.switched.effects import Bench
+from sandbox.switched.effects import NO_MAP, Bench
 from sandbox.switched.inverter import I_ALPHA, I_BETA, PSI_ALPHA, PSI_BETA, SPEED, THETA, advance
 from sandbox.switched.machine import least_stiffness
 from sandbox.switched.simulate import measure
 
-BENCH = numba.typeof(Bench(*len(Bench._fields) * (0.0,)))
+BENCH = numba.typeof(Bench._make([*(len(Bench._fields) - 1) * (0.0,), NO_MAP]))
 RUN = types.UniTuple(types.int64, 2)(
     types.FunctionType(STEP), STATE, VECTOR, BENCH, types.float64, RIG, CONTROL, BELIEF, TUNING, TABLE, VECTOR, VECTOR,
     RNG, TABLE,

@@ -11,12 +11,13 @@ and at constant w only the Re z^n depend on the angle: d/dtheta Re z^n = n Im z^
 
     dpsi/dt = v - R i - skin - phases,  i = i_m + i_c
 
-Three more that the effect library does not hold, so that something unknown can be asked for:
+Four more that the effect library does not hold, so that something unknown can be asked for:
 
 - hysteresis, a vector play: i += grip e, e = psi - psi_held, |e| <= grip_radius, psi_held dragged along by e;
 - short-circuited turns of phase a (share mu, fault resistance R_f, leakage L_f), s = 2/3 mu i_f:
   i_alpha += s, dpsi/dt += R s, tau ds/dt = g (R i_a + dpsi_alpha/dt) - s, g = 2/3 mu^2 / (R_f + mu R),
   tau = L_f / (R_f + mu R); the flux of phase a without its zero sequence;
+- a measured flux map: with H of `model.spline` in place of the series, H(Re z, Im z), dH/dtheta = i_d Im z - i_q Re z;
 - saturation with a knee: H += knee/3 (|z| - knee_flux)^3 beyond knee_flux.
 """
 
@@ -24,6 +25,7 @@ from __future__ import annotations
 
 import math
 
+from model import quartic, spline
 from model.compiled import kernel
 
 LOCKED, DRIVEN, FREE = 0, 1, 2
@@ -57,6 +59,8 @@ def stored_energy(b, psi, theta):
     r_2 = z.real * z.real + z.imag * z.imag
     h = 0.5 * (b.g_0 * r_2 + b.g_2 * z_2.real + b.gamma_6 * (z_2 * sixth(e_1).conjugate()).real)
     h += r_2 * b.c_1 * z.real + b.c_3 * (z_2 * z).real
+    if b.flux_map.cells.shape[0] > 0:
+        h += spline.energy(b.flux_map, z.real, z.imag)
     h += b.knee / 3.0 * max(math.sqrt(r_2) - b.knee_flux, 0.0) ** 3
     return h + r_2 * (b.q_0 * r_2 + b.q_2 * z_2.real) + b.q_4 * (z_2 * z_2).real
 
@@ -75,6 +79,10 @@ def current_and_torque(b, psi, theta):
     i += (3.0 * b.c_3 + 4.0 * b.q_4 * back) * z_2.conjugate()
     turning = (b.g_2 + 2.0 * b.q_2 * r_2) * z_2.imag + b.c_1 * r_2 * z.imag
     turning += 3.0 * b.c_3 * (z_2 * z).imag + 4.0 * b.q_4 * (z_2 * z_2).imag
+    if b.flux_map.cells.shape[0] > 0:
+        i_d, i_q = spline.currents(b.flux_map, z.real, z.imag)
+        i += complex(i_d, i_q)
+        turning += i_d * z.imag - i_q * z.real
     if b.gamma_6 != 0.0:
         e_6 = sixth(e_1)
         i += b.gamma_6 * e_6 * back
@@ -94,6 +102,8 @@ def least_stiffness(b, psi, theta):
     """
     e_1 = complex(math.cos(theta), math.sin(theta))
     z = (psi - magnet(b, e_1)[0]) * e_1.conjugate()
+    if b.flux_map.cells.shape[0] > 0:
+        return quartic.min_eigenvalue(*spline.hessian(b.flux_map, z.real, z.imag))
     back, z_2 = z.conjugate(), z * z
     r_2 = z.real * z.real + z.imag * z.imag
     a = b.g_0 + 4.0 * b.c_1 * z.real + 8.0 * b.q_0 * r_2 + 6.0 * b.q_2 * z_2.real

@@ -50,7 +50,7 @@ NEWTON_STEPS = 50
 def flux_for(b: Bench, i: complex, theta: float) -> complex:
     """Return the flux vector (Wb) whose magnetising current is i (A): Newton's method with a difference Jacobian."""
     m = magnet(b, complex(math.cos(theta), math.sin(theta)))[0]
-    psi, h = m, 1e-6 * max(abs(b.magnet_flux), abs(i) / b.g_0, 1e-6)
+    psi, h = m, 1e-6 * max(abs(b.magnet_flux), abs(i) / (b.g_0 or b.flux_map.gamma_q), 1e-6)
     for _ in range(NEWTON_STEPS):
         at = current_and_torque(b, psi, theta)[0]
         miss = i - at

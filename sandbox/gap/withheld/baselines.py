@@ -87,9 +87,9 @@ def nuisances(campaign: Campaign) -> tuple[Prepared, dict[str, float], float]:
     """Return the campaign with its ordinary deviations refitted, that set, and the raw gap."""
     prepared, nominal = fit.start(campaign)
     raw = fit.rms(prepared, nominal)
-    values = fit.refit(campaign, prepared, nominal, (), 1)
+    values = fit.refit(campaign, prepared, nominal, (), 2)
     prepared = prepare(campaign, values, steps=1)
-    return prepared, fit.refit(campaign, prepared, values, (), 2), raw
+    return prepared, fit.refit(campaign, prepared, values, (), 3), raw
 
 
 def by_refit(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:

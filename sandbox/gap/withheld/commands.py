@@ -33,7 +33,9 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
     c.add_argument("--limit", type=positive, help="the first so many campaigns (all)")
     c.add_argument("--leave-out", type=float, default=0.0, metavar="SHARE", help="of single effects, once more without")
     c.add_argument("--baselines", action="store_true", help="score the simple methods on the same campaigns, too")
-    c.add_argument("--again", action="store_true", help="forget the reports of earlier calls")
+    either = c.add_mutually_exclusive_group()
+    either.add_argument("--finished", action="store_true", help="run nothing; judge what has a report already")
+    either.add_argument("--again", action="store_true", help="forget the reports of earlier calls")
     _common(c, positive)
 
 
@@ -45,10 +47,13 @@ def _common(command: Any, positive: Number) -> None:
 def run_make(options: argparse.Namespace) -> None:
     """Make a check; the seal's hash is printed before anything is recorded."""
     from sandbox.gap.withheld.make import make
+    from sandbox.gap.withheld.mapped import missing
 
     def announce(digest: str) -> None:
         if not options.quiet:
             print(f"truth sealed, SHA-256 {digest}", flush=True)
+            if options.kind == "mixed" and (reason := missing()):
+                print(reason)
 
     with report.progress_bar("recording", options.quiet) as progress:
         made = make(
@@ -72,7 +77,7 @@ def run_score(options: argparse.Namespace) -> None:
             result = score(
                 options.folder, diagnose, method=method, jobs=options.jobs or os.cpu_count() or 1,
                 limit=options.limit, leave_out=options.leave_out if method == "diagnosis" else 0.0,
-                again=options.again, progress=progress,
+                again=options.again, finished=options.finished, progress=progress,
             )  # fmt: skip
         scored.append(result)
     content = {**scored[0].as_json(), "methods": {s.method: s.as_json() for s in scored}, "figure": "withheld.png"}
@@ -81,4 +86,7 @@ def run_score(options: argparse.Namespace) -> None:
         report.write_json(out, "withheld", content)
     if not options.quiet:
         report.print_table(f"{options.folder}: {len(scored[0].judged)} campaigns", *table(scored))
+        for s in scored:
+            if len(s.code) > 1:
+                print(f"reports of '{s.method}' come from {len(s.code)} versions of the code; --again makes them anew")
         print(f"seal and hash agree; withheld.json and withheld.png in {options.folder}")

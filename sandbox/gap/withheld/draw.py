@@ -12,10 +12,12 @@ from numpy.random import Generator
 
 from model.effects.library import complete, effect_names
 from model.errors import BadInput, unknown
+from model.mapped import without_map
 from model.parameters import Drive, Motor
 from sandbox.gap.withheld.cycles import STYLES
 from sandbox.gap.withheld.drives import FAMILIES, UNCERTAINTY, Bench, draw_bench, draw_drive, misjudge, valid
 from sandbox.gap.withheld.ladder import LADDER, OUTSIDE, changed, plant, truth_of
+from sandbox.gap.withheld.mapped import FLUX_MAP, identified, missing
 
 SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
 KINDS = ("mixed", "controls")
@@ -64,7 +66,7 @@ class Drawn:
             "sizes": case.sizes,
             "parameters": truth_of(list(case.names), self.true.motor, self.stated, self.plant),
             "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
-            "true_motor": dataclasses.asdict(self.true.motor),
+            "true_motor": dataclasses.asdict(without_map(self.true.motor)),
             "plant": self.plant,
             "bench": {
                 "common_offset": float(np.mean(b.offsets)), "load_torque_offset": b.load_torque_offset,
@@ -73,10 +75,16 @@ class Drawn:
         }  # fmt: skip
 
 
+def outside_names() -> list[str]:
+    """Return what is outside the library and can be made here: a flux map needs its data set."""
+    return [*OUTSIDE, *([] if missing() else [FLUX_MAP])]
+
+
 def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] = tuple(OUTSIDE)) -> list[Case]:
     """Return the cases of a check: every effect and size in turn, in an order drawn from the seed.
 
-    Shares of a mixed check as SHARES (each at least one campaign as soon as there are ten).
+    Shares of a mixed check as SHARES (each at least one campaign as soon as there are ten).  A flux map is a drive of
+    its own and has one size.
     """
     if kind not in KINDS:
         raise unknown("kind of check", kind, KINDS)
@@ -104,6 +112,8 @@ def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] =
         elif what == "outside":
             name, size = unlisted[turn % len(unlisted)]
             base = dataclasses.replace(base, outside=str(name), sizes=(float(size),))
+            if name == FLUX_MAP:
+                base = dataclasses.replace(base, family="mapped", sizes=(1.0,))
         out.append(base)
     return out
 
@@ -142,12 +152,13 @@ def _once(case: Case, rng: Generator) -> Drawn | None:
     drive = draw_drive(case.family, rng, case.style == "scored")
     bench = draw_bench(drive, rng)
     base = drive.motor
-    true, believed, values, own, drift = base, base, dict[str, float](), dict[str, float](), 0.0
+    believed = identified(base) if case.outside == FLUX_MAP else base
+    true, values, own, drift = base, dict[str, float](), dict[str, float](), 0.0
     for name, size in zip(case.names, case.sizes, strict=bool(case.names)):
         p = plant(name, base, drive.converter, size, rng)
         true, believed = changed(true, p.true), changed(believed, p.believed)
         values |= p.plant
-    if case.outside is not None:
+    if case.outside in OUTSIDE:
         p = OUTSIDE[case.outside](base, case.sizes[0], rng)
         own, drift = dict(p.bench), p.drift
     values = with_deviations(values, bench)

@@ -15,15 +15,17 @@ from numpy.random import Generator
 
 from model import energy
 from model.errors import unknown
+from model.mapped import MappedMotor
 from model.parameters import Drive, Motor, load_drive
 
-MODERN = Path(__file__).with_name("modern.toml")
+OWN = {name: Path(__file__).with_name(f"{name}.toml") for name in ("modern", "mapped")}
 FAMILIES = ("ipm", "ipm_exchanged", "spm_exchanged", "modern")
 MODERN_RATES = (8000.0, 10000.0, 12500.0, 16000.0)  # Hz
 SPREAD = {"magnet_flux": 0.06, "viscous_friction": 0.3}  # half width of a family, relative
 USUAL_SPREAD = 0.1
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 DRAWN = ("resistance", "magnet_flux", "inductance_d", "inductance_q", *ALPHAS, "inertia", "viscous_friction")
+KEPT = ("inductance_d", "inductance_q", *ALPHAS)
 UNCERTAINTY = {
     "resistance": 0.01, "magnet_flux": 0.01, "inductance_d": 0.015, "inductance_q": 0.015,
     "alpha_30": 0.03, "alpha_12": 0.04, "alpha_40": 0.04, "alpha_22": 0.05, "alpha_04": 0.04,
@@ -46,10 +48,10 @@ class Bench:
 
 
 def family_drive(family: str) -> Drive:
-    """Return a family's drive; BadInput with the nearest name for an unknown one."""
-    if family not in FAMILIES:
-        raise unknown("family", family, FAMILIES)
-    return load_drive(MODERN if family == "modern" else family)
+    """Return a family's drive; BadInput with the nearest name for an unknown one, or where its flux map is missing."""
+    if family not in (*FAMILIES, *OWN):
+        raise unknown("family", family, (*FAMILIES, *OWN))
+    return load_drive(OWN.get(family, family))
 
 
 def draw_drive(family: str, rng: Generator, other_encoders: bool) -> Drive:
@@ -70,11 +72,15 @@ def draw_drive(family: str, rng: Generator, other_encoders: bool) -> Drive:
 
 
 def draw_motor(family: Motor, rng: Generator) -> Motor:
-    """Return a motor around its family whose energy is convex as far as the campaign's currents go."""
+    """Return a motor around its family whose energy is convex as far as the campaign's currents go.
+
+    A flux map stays as it was measured.
+    """
+    drawn = [n for n in DRAWN if not (isinstance(family, MappedMotor) and n in KEPT)]
     for _ in range(100):
         values = {
             name: getattr(family, name) * (1.0 + SPREAD.get(name, USUAL_SPREAD) * rng.uniform(-1.0, 1.0))
-            for name in DRAWN
+            for name in drawn
         }
         motor = dataclasses.replace(family, **values)
         if valid(motor):

@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +19,11 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.campaign import Campaign, CampaignRecording, write_campaign
 from sandbox.gap.withheld.cycles import Cycle, cycles
-from sandbox.gap.withheld.draw import Drawn, cases, draw, uncertainty
+from sandbox.gap.withheld.draw import Drawn, cases, draw, outside_names, uncertainty
 from sandbox.gap.withheld.drives import LINK_NOISE
 from sandbox.gap.withheld.ladder import DRIFT_TIME
 from sandbox.gap.withheld.rig import COLUMNS, record, tuned
+from sandbox.gap.withheld.spread import spread
 from sandbox.report import plain
 from sandbox.switched.effects import Bench, bench
 
@@ -57,9 +56,9 @@ def make(
     kind: 'mixed' or 'controls' (shorter, without a gap); style of the cycles: 'practice' or 'scored'; jobs: processes.
     BadInput where the folder holds another check.
     """
-    listed = cases(count, seed, kind, style)
-    drawn = [draw(case, seed) for case in listed]
-    digest = seal(folder, {"seed": seed, "kind": kind, "style": style}, drawn)
+    outside = outside_names()
+    drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside)]
+    digest = seal(folder, {"seed": seed, "kind": kind, "style": style, "outside": outside}, drawn)
     if announce is not None:
         announce(digest)
     share = CONTROL_SHARE if kind == "controls" else 1.0
@@ -71,19 +70,6 @@ def make(
     return Made(folder, digest, len(left))
 
 
-def spread(task: Callable[[Any], Any], work: Sequence[Any], jobs: int) -> Iterator[Any]:
-    """Yield task(item) for all items, as they finish, on so many processes."""
-    if jobs == 1 or len(work) < 2:
-        for item in work:
-            yield task(item)
-        return
-    from concurrent.futures import as_completed
-
-    with ProcessPoolExecutor(min(jobs, len(work)), mp_context=get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(task, item) for item in work]):
-            yield future.result()
-
-
 def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
     """Write all truths into one file and its SHA-256 beside it; return the hash.  BadInput where another is there."""
     content = {"schema": 1, **header, "campaigns": {d.case.name: d.as_json() for d in drawn}}
@@ -91,7 +77,9 @@ def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
     digest = hashlib.sha256(text).hexdigest()
     path = folder / SEAL
     if path.exists() and path.read_bytes() != text:
-        raise BadInput(f"'{folder}' holds another withheld check; give a new folder, or its own count, seed and kind")
+        raise BadInput(
+            f"'{folder}' holds another withheld check; give a new folder, or its own count, seed, kind and data"
+        )
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in ((SEAL, text), (HASH, f"{digest}  {SEAL}\n".encode())):
         aside = folder / f".{name}.part"
@@ -113,8 +101,7 @@ def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
     b = switched(drawn)
     recordings = []
     for k, plan in enumerate(plans):
-        warm = 1.0 + drawn.drift * (1.0 - float(np.exp(-k / DRIFT_TIME)))
-        recordings.append(_recording(drawn, b._replace(resistance=warm * b.resistance), plan, rng))
+        recordings.append(recording(drawn, drifted(drawn, b, k), plan, rng))
     stated = replace(drawn.stated, name=drawn.case.name, description="")
     nominal = Drive(stated, drive.converter, drive.injection, {})
     return Campaign(drawn.case.name, nominal, tuple(recordings), uncertainty(), drawn.bench.background, True)
@@ -123,18 +110,33 @@ def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
 def switched(drawn: Drawn) -> Bench:
     """Return the switched bench of a drawn case."""
     b = bench(drawn.true.motor, drawn.true.converter, drawn.plant)
-    return b._replace(common_offset=float(np.mean(drawn.bench.offsets)), **drawn.own)
+    own: dict[str, Any] = dict(drawn.own)
+    return b._replace(common_offset=float(np.mean(drawn.bench.offsets)), **own)
 
 
-def _recording(drawn: Drawn, b: Bench, plan: Cycle, rng: np.random.Generator) -> CampaignRecording:
+def drifted(drawn: Drawn, b: Bench, k: int) -> Bench:
+    """Return the bench at the campaign's recording k."""
+    warm = 1.0 + drawn.drift * (1.0 - float(np.exp(-k / DRIFT_TIME)))
+    return b._replace(resistance=warm * b.resistance)
+
+
+def recording(
+    drawn: Drawn, b: Bench, plan: Cycle, rng: np.random.Generator, link: float | None = None
+) -> CampaignRecording:
+    """Record one cycle; link: nominal DC-link voltage (V) where it is not the drive's."""
     n, converter = len(plan.plan), drawn.true.converter
+    drive = drawn.true
+    if link is not None:
+        b = b._replace(link_voltage=b.link_voltage * link / converter.dc_bus_voltage)
+        converter = replace(converter, dc_bus_voltage=link)
+        drive = replace(drive, converter=converter)
     asked = np.array(plan.plan[:, 3])
     noise = 1.0 + drawn.bench.background["load_torque_gain"] * rng.standard_normal(n)
     acting = asked * noise + drawn.bench.load_torque_offset
     u_dc = converter.dc_bus_voltage + LINK_NOISE * rng.standard_normal(n)
-    tuning = tuned(drawn.true, drawn.stated, plan.injection_axis, rng)
+    tuning = tuned(drive, drawn.stated, plan.injection_axis, rng)
     table = record(b, plan, tuning, drawn.theta, acting, u_dc, int(rng.integers(2**31)))
     columns = {"t": np.arange(n, dtype=np.float64) * converter.sampling_period}
     columns |= {name: table[:, j].copy() for j, name in enumerate(COLUMNS)}
     columns |= {"u_dc": u_dc, "load_torque": asked}
-    return CampaignRecording(f"{plan.file}.parquet", plan.rotor, plan.injection_axis, columns)
+    return CampaignRecording(f"{plan.file}.parquet", plan.rotor, plan.injection_axis, columns, link)

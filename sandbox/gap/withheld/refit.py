@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
+from model.effects.dead_time import SOFT_SIGN
 from sandbox.campaign import Campaign
+from sandbox.gap.space import SOFT_SPREAD
 from sandbox.replay.replay import Prepared, prepare, replay, residuals
 from sandbox.replay.sensitivity import all_parameters, sensitivities
 from sandbox.replay.sets import BENCH, complete
@@ -60,6 +62,7 @@ def priors(campaign: Campaign) -> dict[str, float]:
     }
     counts = campaign.drive.converter.encoder_counts or 65536
     out["bench.lock_angle"] = math.tau * motor.pole_pairs / counts / math.sqrt(12.0)
+    out["bench.soft_current"] = SOFT_SPREAD * SOFT_SIGN * motor.rated_current
     out |= {f"inductance.scale_{x}": u.get(f"inductance_{x}", 0.015) for x in "dq"}
     for n in ("30", "12", "40", "22", "04"):
         out[f"saturation.alpha_{n}"] = u.get(f"alpha_{n}", 0.04) * abs(getattr(motor, f"alpha_{n}"))

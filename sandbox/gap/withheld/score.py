@@ -11,7 +11,6 @@ import json
 import shutil
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -20,25 +19,29 @@ from model.errors import BadInput
 from sandbox.campaign import read_campaign
 from sandbox.gap.answers import answer
 from sandbox.gap.contract import contract
+from sandbox.gap.withheld.follow import recommended
 from sandbox.gap.withheld.judge import Judgement, judge
 from sandbox.gap.withheld.limits import Figure
-from sandbox.gap.withheld.make import CAMPAIGNS, HASH, SEAL, spread
+from sandbox.gap.withheld.make import CAMPAIGNS, HASH, SEAL
 from sandbox.gap.withheld.metrics import by_size, confusion, detection_floor, figures, left_out, reliability
+from sandbox.gap.withheld.running import Diagnose, follow_all, run_all
 from sandbox.report import plain
 
-DIAGNOSES, LEFT_OUT = "diagnoses", "left_out"
+DIAGNOSES, LEFT_OUT, RESOLVED = "diagnoses", "left_out", "resolved"
 LEAST_LEFT_OUT = 1.0  # size from which on an effect is left out of the library
-Diagnose = Callable[[Path, tuple[str, ...]], Any]
 
 
 @dataclass(frozen=True)
 class Scores:
-    """A scored check of one method: figures by name, judgements, and those with the true effect left out."""
+    """A scored check of one method: figures by name, judgements, those with the true effect left out, those with the
+    recommended recording made; code: of the reports (`code_digest`), more than one where versions are mixed."""
 
     method: str
     figures: dict[str, Figure]
     judged: tuple[Judgement, ...]
     left_out: tuple[Judgement, ...]
+    followed: tuple[Judgement, ...]
+    code: tuple[str, ...]
 
     def as_json(self) -> dict[str, Any]:
         """Return what `withheld.json` keeps of it."""
@@ -48,6 +51,8 @@ class Scores:
             "by_size": sizes, "detection_floor": detection_floor(self.judged), "confusion": confusion(self.judged),
             "reliability": reliability(self.judged), "failed": [j.name for j in self.judged if j.failed],
             "missed": [[j.name, *j.effects, "->", j.label] for j in self.judged if not j.hit],
+            "unresolved": [[j.name, *j.effects, "->", j.label] for j in self.followed if not settled(j)],
+            "code": self.code,
         }  # fmt: skip
 
 
@@ -66,31 +71,57 @@ def score(
     limit: int | None = None,
     leave_out: float = 0.0,
     again: bool = False,
+    finished: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Scores:
     """Diagnose a check's campaigns (those without a report yet) and judge them.
 
     limit: the first so many campaigns; leave_out: share of the single effects of medium size or more diagnosed once
-    more without the true effect in the library; again: forget earlier reports.  BadInput where the folder is no check
-    or its seal is not the one that was hashed.
+    more without the true effect in the library; again: forget earlier reports; finished: run nothing, judge what has
+    a report.  Where a diagnosis is ambiguous, the recording that it recommends is made and all is diagnosed again.
+    BadInput where the folder is no check or its seal is not the one that was hashed.
     """
     if not 0.0 <= leave_out <= 1.0:
         raise BadInput(f"leave_out = {leave_out} is no share; give a number in [0, 1]")
     names = campaign_names(folder, limit)
     reports = folder / DIAGNOSES if method == "diagnosis" else folder / DIAGNOSES / method
+    if finished:
+        names = with_report(reports, names)
+        if not names:
+            raise BadInput(f"no campaign of '{folder}' has a report of '{method}' yet; score without --finished")
     if again:
         shutil.rmtree(reports / LEFT_OUT, ignore_errors=True)
+        shutil.rmtree(reports / RESOLVED, ignore_errors=True)
         for old in reports.glob("*.json"):
             old.unlink()
     run_all(folder, dict.fromkeys(names, ()), diagnose, reports, jobs, progress)
-    truth = opened(folder)
+    content = opened(folder)
+    truth = content["campaigns"]
     single = [n for n in names if truth[n]["kind"] == "one" and truth[n]["sizes"][0] >= LEAST_LEFT_OUT]
-    chosen = single[: round(leave_out * len(single))]
-    without = {n: tuple(truth[n]["effects"]) for n in chosen}
-    run_all(folder, without, diagnose, reports / LEFT_OUT, jobs, progress)
-    judged = tuple(judge(n, truth[n], read_report(reports, n)) for n in names)
-    others = tuple(judge(n, truth[n], read_report(reports / LEFT_OUT, n)) for n in chosen)
-    return Scores(method, figures(judged) | (left_out(others) if others else {}), judged, others)
+    without = {n: tuple(truth[n]["effects"]) for n in single[: round(leave_out * len(single))]}
+    found = {n: read_report(reports, n) for n in names}
+    asked = {n: entry for n, d in found.items() if "failed" not in d and (entry := recommended(d)) is not None}
+    if not finished:
+        run_all(folder, without, diagnose, reports / LEFT_OUT, jobs, progress)
+        follow_all(folder, asked, content, diagnose, reports / RESOLVED, jobs, progress)
+    judged = tuple(judge(n, truth[n], d) for n, d in found.items())
+    others, followed = (
+        tuple(judge(n, truth[n], read_report(part, n)) for n in with_report(part, list(chosen)))
+        for part, chosen in ((reports / LEFT_OUT, without), (reports / RESOLVED, asked))
+    )
+    figures_ = figures(judged, [settled(j) for j in followed]) | (left_out(others) if others else {})
+    code = tuple(sorted({str(d.get("code", "unknown")) for d in found.values()}))
+    return Scores(method, figures_, judged, others, followed, code)
+
+
+def settled(j: Judgement) -> bool:
+    """Tell whether a diagnosis with the recommended recording left the truth alone in the ambiguity set."""
+    return j.in_set and j.set_size == 1
+
+
+def with_report(reports: Path, names: Sequence[str]) -> list[str]:
+    """Return the campaigns that have a report already."""
+    return [n for n in names if (reports / f"{n}.json").exists()]
 
 
 def campaign_names(folder: Path, limit: int | None = None) -> list[str]:
@@ -101,31 +132,6 @@ def campaign_names(folder: Path, limit: int | None = None) -> list[str]:
     return found[:limit]
 
 
-def run_all(
-    folder: Path, work: dict[str, tuple[str, ...]], diagnose: Diagnose, reports: Path, jobs: int,
-    progress: Callable[[float], None] | None = None,
-) -> None:  # fmt: skip
-    """Diagnose campaigns, each with effects excluded, that have no report yet; every finished one is kept."""
-    reports.mkdir(parents=True, exist_ok=True)
-    left = [(folder / CAMPAIGNS / n, x, reports) for n, x in work.items() if not (reports / f"{n}.json").exists()]
-    for done, _ in enumerate(spread(partial(_one, diagnose), left, jobs), 1):
-        if progress is not None:
-            progress(done / len(left))
-
-
-def _one(diagnose: Diagnose, item: tuple[Path, tuple[str, ...], Path]) -> None:
-    """Diagnose one campaign; whatever goes wrong is written down as a miss, not raised."""
-    campaign, exclude, reports = item
-    try:
-        content = plain(diagnose(campaign, exclude).json)
-    except Exception as error:  # a failing campaign is a result
-        content = {"campaign": campaign.name, "failed": f"{type(error).__name__}: {error}"}
-    path = reports / f"{campaign.name}.json"
-    aside = reports / f".{campaign.name}.part"
-    aside.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
-    aside.replace(path)
-
-
 def read_report(reports: Path, name: str) -> dict[str, Any]:
     """Return one stored diagnosis."""
     content: dict[str, Any] = json.loads((reports / f"{name}.json").read_text(encoding="utf-8"))
@@ -133,14 +139,14 @@ def read_report(reports: Path, name: str) -> dict[str, Any]:
 
 
 def opened(folder: Path) -> dict[str, Any]:
-    """Return the truths by campaign; BadInput where the seal is not the file that was hashed."""
+    """Return what the seal holds; BadInput where it is not the file that was hashed."""
     data = (folder / SEAL).read_bytes()
     stated = (folder / HASH).read_text(encoding="utf-8").split()[0] if (folder / HASH).is_file() else "missing"
     found = hashlib.sha256(data).hexdigest()
     if found != stated:
         raise BadInput(f"{SEAL} has SHA-256 {found}, {HASH} says {stated}: the truth was changed; make the check anew")
-    campaigns: dict[str, Any] = json.loads(data)["campaigns"]
-    return campaigns
+    content: dict[str, Any] = json.loads(data)
+    return content
 
 
 def table(scores: Sequence[Scores]) -> tuple[list[str], list[list[str]]]:

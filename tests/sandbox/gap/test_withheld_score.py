@@ -11,8 +11,8 @@ from model.errors import BadInput
 from sandbox.gap.withheld.figure import withheld_figure
 from sandbox.gap.withheld.judge import alike, closed, covered, f1, judge
 from sandbox.gap.withheld.limits import area, auroc, mean, quantile, ratio, share
-from sandbox.gap.withheld.make import spread
 from sandbox.gap.withheld.score import score, table
+from sandbox.gap.withheld.spread import spread
 
 
 def truth_of(effects=("dead_time",), kind="one", sizes=(1.0,), parameters=None):

@@ -1,0 +1,73 @@
+"""What a diagnosis recommends is recorded on the true bench and diagnosed with the rest: does it settle the ambiguity?
+
+Recording knows the truth (the seal is open by then), diagnosing gets a campaign's folder only.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from model.errors import BadInput, unknown
+from sandbox.campaign import Campaign, read_campaign, write_campaign
+from sandbox.gap.menu import Entry, menu
+from sandbox.gap.withheld.cycles import CURRENT, Cycle, cycle
+from sandbox.gap.withheld.draw import Drawn, cases, draw
+from sandbox.gap.withheld.make import drifted, recording, switched
+
+FILE = "recommended"
+
+
+def recommended(diagnosis: Mapping[str, Any]) -> str | None:
+    """Return the name of the recording that an ambiguous diagnosis recommends; None where nothing is to settle."""
+    following = diagnosis.get("next_recording")
+    if following is None or len(diagnosis["ambiguity_set"]) < 2:
+        return None
+    name = following.get("entry")
+    return None if name is None else str(name)
+
+
+def entry_of(campaign: Campaign, name: str) -> Entry:
+    """Return a campaign's menu entry; BadInput with the nearest name for an unknown one."""
+    entries = {e.name: e for e in menu(campaign.drive)}
+    if name not in entries:
+        raise unknown("recording", name, list(entries))
+    return entries[name]
+
+
+def grow(folder: Path, new: Path, entry: str, drawn: Drawn) -> Path:
+    """Write a campaign with one more recording, made on its true bench, into a new folder."""
+    campaign = read_campaign(folder)
+    wanted = entry_of(campaign, entry)
+    rng = np.random.default_rng([drawn.seed, 4])
+    share = wanted.link if wanted.link != 1.0 else None
+    link = None if share is None else share * drawn.true.converter.dc_bus_voltage
+    b = drifted(drawn, switched(drawn), len(campaign.recordings))
+    added = recording(drawn, b, cycle_of(wanted), rng, link)
+    shutil.rmtree(new, ignore_errors=True)
+    return write_campaign(new, replace(campaign, recordings=(*campaign.recordings, added)))
+
+
+def cycle_of(entry: Entry) -> Cycle:
+    """Return a menu's entry as a cycle under current control."""
+    axis = "d" if entry.injection[0] else "q" if entry.injection[1] else "none"
+    return cycle(FILE, entry.rotor, axis, CURRENT, entry.i_d, entry.i_q, speed=entry.speed)
+
+
+def drawn_again(content: Mapping[str, Any], name: str) -> Drawn:
+    """Return a campaign's truth as it was drawn; BadInput where today's drawing no longer gives what was sealed."""
+    from sandbox.report import plain
+
+    truths = content["campaigns"]
+    listed = cases(len(truths), content["seed"], content["kind"], content["style"], content["outside"])
+    drawn = draw(next(c for c in listed if c.name == name), content["seed"])
+    if plain(drawn.as_json()) != truths[name]:
+        raise BadInput(
+            f"{name}: the seal was made by another version, whose bench cannot be drawn again; make a new one"
+        )
+    return drawn

@@ -1,0 +1,98 @@
+"""Diagnosing the campaigns of a check, one report each: goes on after an interruption, whatever fails is a miss.
+
+Every report says by `code` which version of the code made it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+from sandbox.gap.withheld.draw import Drawn
+from sandbox.gap.withheld.follow import drawn_again, grow
+from sandbox.gap.withheld.make import CAMPAIGNS
+from sandbox.gap.withheld.spread import spread
+from sandbox.report import plain
+
+Diagnose = Callable[[Path, tuple[str, ...]], Any]
+CODE = ("model", "sandbox/replay", "sandbox/gap")  # what a diagnosis depends on
+
+
+def run_all(
+    folder: Path, work: dict[str, tuple[str, ...]], diagnose: Diagnose, reports: Path, jobs: int,
+    progress: Callable[[float], None] | None = None,
+) -> None:  # fmt: skip
+    """Diagnose campaigns, each with effects excluded, that have no report yet; every finished one is kept."""
+    _spread(diagnose, [_Task(folder / CAMPAIGNS / n, x, reports) for n, x in work.items()], jobs, progress)
+
+
+def follow_all(
+    folder: Path, asked: Mapping[str, str], content: Mapping[str, Any], diagnose: Diagnose, reports: Path, jobs: int,
+    progress: Callable[[float], None] | None = None,
+) -> None:  # fmt: skip
+    """Make the recording asked for of each campaign that has no report here yet, and diagnose it with the rest."""
+    left = [n for n in asked if not (reports / f"{n}.json").exists()]
+    tasks = [_Task(folder / CAMPAIGNS / n, (), reports, asked[n], drawn_again(content, n)) for n in left]
+    _spread(diagnose, tasks, jobs, progress)
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One campaign to diagnose: its folder, effects excluded, where reports go, the recording to make before."""
+
+    campaign: Path
+    exclude: tuple[str, ...]
+    reports: Path
+    entry: str | None = None
+    drawn: Drawn | None = None
+
+    @property
+    def name(self) -> str:
+        """The campaign's name."""
+        return self.campaign.name
+
+
+def _spread(
+    diagnose: Diagnose, tasks: Sequence[_Task], jobs: int, progress: Callable[[float], None] | None
+) -> None:  # fmt: skip
+    left = [t for t in tasks if not (t.reports / f"{t.name}.json").exists()]
+    for done, _ in enumerate(spread(partial(_one, diagnose), left, jobs, _lost), 1):
+        if progress is not None:
+            progress(done / len(left))
+
+
+def _one(diagnose: Diagnose, task: _Task) -> None:
+    """Diagnose one campaign; whatever goes wrong is written down as a miss, not raised."""
+    try:
+        folder = task.campaign
+        if task.entry is not None and task.drawn is not None:
+            folder = grow(folder, task.reports / CAMPAIGNS / task.name, task.entry, task.drawn)
+        content = plain(diagnose(folder, task.exclude).json)
+    except Exception as error:  # a failing campaign is a result
+        content = {"campaign": task.name, "failed": f"{type(error).__name__}: {error}"}
+    _write(task, content)
+
+
+def _lost(task: _Task) -> None:
+    _write(task, {"campaign": task.name, "failed": "the process that diagnosed it died"})
+
+
+def _write(task: _Task, content: dict[str, Any]) -> None:
+    task.reports.mkdir(parents=True, exist_ok=True)
+    aside = task.reports / f".{task.name}.part"
+    text = json.dumps({**content, "code": code_digest()}, indent=1, allow_nan=False)
+    aside.write_text(text + "\n", encoding="utf-8")
+    aside.replace(task.reports / f"{task.name}.json")
+
+
+@cache
+def code_digest() -> str:
+    """Return a short hash of the code that diagnoses, which tells reports of one version from those of another."""
+    root = Path(__file__).parents[3]
+    files = sorted(p for part in CODE for p in (root / part).rglob("*.py"))
+    return hashlib.sha256(b"".join(p.read_bytes() for p in files)).hexdigest()[:12]

@@ -1,0 +1,122 @@
+"""Long runs: a dying process is one miss, an interrupted run goes on, an ambiguity is followed up and scored."""
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from model.errors import BadInput
+from sandbox.gap.withheld import make as maker
+from sandbox.gap.withheld import running
+from sandbox.gap.withheld.make import campaign_of, make
+from sandbox.gap.withheld.running import code_digest
+from sandbox.gap.withheld.score import score
+from sandbox.gap.withheld.spread import spread
+from tests.sandbox.gap.test_withheld_score import diagnosis_of
+
+
+def die_on_three(x):
+    """Square a number; a process that meets 3 dies at once, without a word."""
+    if x == 3:
+        os._exit(9)
+    return x * x
+
+
+def test_a_process_that_dies_costs_one_item():
+    assert sorted(spread(die_on_three, range(6), 2, lambda x: -x)) == [-3, 0, 1, 4, 16, 25]
+    with pytest.raises(RuntimeError, match="process"):  # BrokenProcessPool
+        list(spread(die_on_three, range(6), 2))
+
+
+PAIR = diagnosis_of((["dead_time"], 0.6), (["device_drop"], 0.4), members=[["dead_time"], ["device_drop"]])
+AMBIGUOUS = {**PAIR, "verdict": "ambiguous", "next_recording": {"entry": "locked_low_current", "description": "..."}}
+
+
+def blind(folder, exclude):
+    """Be ambiguous about twelve recordings and sure about thirteen; see nothing but the folder."""
+    assert not (folder / "truth.sealed").exists()
+    more = (folder / "recommended.parquet").is_file()
+    assert len(list(folder.glob("*.parquet"))) == (13 if more else 12)
+    return SimpleNamespace(json=diagnosis_of((["dead_time"], 1.0)) if more else AMBIGUOUS)
+
+
+@pytest.fixture
+def check(tmp_path, monkeypatch):
+    monkeypatch.setattr(maker, "campaign_of", lambda drawn, share: campaign_of(drawn, 0.02))
+    make(tmp_path, 2, 5)
+    return tmp_path
+
+
+def test_an_ambiguity_is_followed_up_and_scored(check, monkeypatch):
+    right = json.loads((check / "truth.sealed").read_text())["campaigns"]["w000"]["effects"]
+
+    def told(folder, exclude):
+        first = blind(folder, exclude)
+        return first if first.json is AMBIGUOUS else SimpleNamespace(json=diagnosis_of((right, 1.0), members=[right]))
+
+    result = score(check, told)
+    assert (result.figures["resolved"].n, result.figures["resolved"].value) == (2, 0.5)
+    assert [j.set_size for j in result.followed] == [1, 1]
+    assert [row[0] for row in result.as_json()["unresolved"]] == ["w001"]
+    assert result.code == (code_digest(),)
+    monkeypatch.setattr(running, "grow", None)  # another call makes no recording again
+    assert score(check, blind).followed == result.followed
+
+
+def test_what_is_finished_can_be_judged_alone(check):
+    with pytest.raises(BadInput, match="has a report of 'diagnosis' yet"):
+        score(check, blind, finished=True)
+    score(check, blind, limit=1)
+    part = score(check, None, finished=True)
+    assert [j.name for j in part.judged] == [j.name for j in part.followed] == ["w000"]
+    report = check / "diagnoses" / "w000.json"
+    report.write_text(report.read_text().replace(code_digest(), "of before"))
+    assert score(check, blind).code == (code_digest(), "of before")
+
+
+def test_a_recording_that_cannot_be_made_settles_nothing(check):
+    asked = {**AMBIGUOUS, "next_recording": {"entry": "of another version"}}
+    result = score(check, lambda folder, exclude: SimpleNamespace(json=asked), limit=1)
+    assert result.followed[0].failed
+    assert result.figures["resolved"].value == 0.0
+    assert "of another version" in (check / "diagnoses" / "resolved" / "w000.json").read_text()
+
+
+def test_processes_end_with_the_one_that_started_them(tmp_path):
+    """As an interrupted command does, the parent leaves at once, without a word to its processes."""
+    script = tmp_path / "leaves.py"
+    script.write_text(
+        "import os, pathlib, sys, threading, time\n"
+        "from sandbox.gap.withheld.spread import spread\n"
+        "def wait(x):\n"
+        "    pathlib.Path(sys.argv[1], str(os.getpid())).touch()\n"
+        "    time.sleep(60)\n"
+        "def leave():\n"
+        "    while len(list(pathlib.Path(sys.argv[1]).iterdir())) < 2: time.sleep(0.05)\n"
+        "    os._exit(130)\n"
+        "if __name__ == '__main__':\n"
+        "    threading.Thread(target=leave).start()\n"
+        "    list(spread(wait, [1, 2], 2))\n"
+    )
+    (tmp_path / "pids").mkdir()
+    done = subprocess.run([sys.executable, str(script), str(tmp_path / "pids")], timeout=50, check=False)
+    assert done.returncode == 130
+    left = [int(p.name) for p in (tmp_path / "pids").iterdir()]
+    assert len(left) == 2
+    end = time.monotonic() + 10.0
+    while time.monotonic() < end and any(map(alive, left)):
+        time.sleep(0.05)
+    assert not any(map(alive, left))
+
+
+def alive(pid):
+    """Tell whether a process is there (a zombie is not)."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
