@@ -218,7 +218,7 @@ def _channel(r: Residual, channel: str, k: int = 0) -> Array:
 def _acting(j: Array, columns: NDArray[np.int64], scale: Array) -> tuple[Array, NDArray[np.int64]]:
     """Return the slopes (n c, q) of those coordinates that act on a channel, scaled, and which of them they are."""
     flat = j.reshape(-1, j.shape[-1])
-    acts = np.flatnonzero(flat.any(axis=0)[columns])
+    acts = np.flatnonzero(np.asarray(flat.any(axis=0))[columns])
     return flat[:, columns[acts]] * scale[acts], acts
 
 
