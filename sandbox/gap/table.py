@@ -21,7 +21,7 @@ from sandbox.gap.space import Coordinate, of_effect, ordinary
 
 Array = NDArray[np.float64]
 ROUNDS, SETTLED = 8, 0.5  # steps to a table's most probable point; promised gain of the objective that ends them
-SMALL = 0.03  # of an effect's wide prior: what no bench is free of
+SMALL = 0.01  # of an effect's wide prior: what no bench is free of
 
 
 @dataclass(frozen=True)

@@ -59,7 +59,7 @@ class Scores:
 def standard(folder: Path, exclude: tuple[str, ...] = ()) -> Any:
     """Diagnose a campaign with the project's own diagnosis."""
     a = answer(read_campaign(folder), exclude=exclude, workers=1)
-    return SimpleNamespace(json=plain(contract(a.diagnosis, a.where, a.position, a.following)))
+    return SimpleNamespace(json=plain(contract(a.diagnosis, a.where, a.position, a.following, a.remains)))
 
 
 def score(

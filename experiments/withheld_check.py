@@ -1,0 +1,78 @@
+"""How good is the diagnosis on campaigns of the second simulator whose effect is withheld, beside simple methods?
+
+200 campaigns with scored cycles and 300 controls without a gap, drawn from seeds never used while tuning; then the
+single effects once more with the true one taken out of the library.  Everything is made and diagnosed in WORK and goes
+on where it was interrupted; tables and the figure page are written to results/withheld/.
+
+Run: python -m experiments.withheld_check WORK [JOBS]   (about 1.5 hours on two cores)
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+RESULTS = Path(__file__).parent / "results" / "withheld"
+MIXED, CONTROLS = (200, 20261121), (300, 20261122)  # campaigns, seed
+LEFT_OUT = 0.2
+
+
+def sensorless(*arguments: object) -> None:
+    """Run one step of the command line; its progress and tables go to the terminal."""
+    subprocess.run([sys.executable, "-m", "sandbox.cli", *map(str, arguments)], check=True)
+
+
+def make(folder: Path, kind: str, count: int, seed: int, jobs: int) -> None:
+    """Make a check unless it is there."""
+    more = ["--kind", kind, "--jobs", jobs]
+    sensorless("withheld", "make", folder, "--count", count, "--seed", seed, *more)
+
+
+def cell(figure: Any) -> str:
+    """Return a figure with its limits for a table."""
+    if not isinstance(figure, dict) or figure.get("value") is None:
+        return "–"
+    low, high = figure.get("low"), figure.get("high")
+    between = "" if low is None else f" [{low:.3g}, {high:.3g}]"
+    return f"{figure['value']:.3g}{between}, n = {figure['n']}"
+
+
+def table(content: dict[str, Any], goals: dict[str, str]) -> list[str]:
+    """Return the table of metrics, a column a method."""
+    methods = content["methods"]
+    names = [k for k, v in methods["diagnosis"].items() if isinstance(v, dict) and "value" in v and "n" in v]
+    lines = [f"| metric | goal | {' | '.join(methods)} |", "|---|---|" + "---|" * len(methods)]
+    lines += [f"| {n} | {goals.get(n, '')} | {' | '.join(cell(m.get(n)) for m in methods.values())} |" for n in names]
+    return lines
+
+
+def main(work: Path, jobs: int) -> None:
+    """Run whatever is left of the check and write its results."""
+    from sandbox.gap.withheld.metrics import GOALS
+
+    mixed, controls = work / "mixed", work / "controls"
+    make(mixed, "mixed", *MIXED, jobs)
+    make(controls, "controls", *CONTROLS, jobs)
+    sensorless("withheld", "score", mixed, "--leave-out", LEFT_OUT, "--jobs", jobs)
+    sensorless("withheld", "score", controls, "--jobs", jobs)
+    sensorless("withheld", "score", mixed, "--leave-out", LEFT_OUT, "--baselines", "--jobs", jobs)
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    lines = [f"Made {date.today()} by `python -m experiments.withheld_check`; limits are one-sided 95 %.", ""]
+    for folder, title in ((mixed, "Campaigns with one to three effects, none, or one outside the library"),
+                          (controls, "Controls without a gap")):  # fmt: skip
+        content = json.loads((folder / "withheld.json").read_text())
+        lines += [f"## {title}", "", f"Seal SHA-256 `{(folder / 'SHA256').read_text().split()[0]}`.", ""]
+        lines += [*table(content, GOALS), ""]
+        for name in ("withheld.json", "withheld.png"):
+            shutil.copyfile(folder / name, RESULTS / f"{folder.name}{Path(name).suffix}")
+    (RESULTS / "README.md").write_text("\n".join(lines))
+    print(RESULTS / "README.md")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 2)
