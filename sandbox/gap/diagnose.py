@@ -98,7 +98,7 @@ def diagnose(
     before = fit(found.null.point, (), fitted, workers=workers)
     after = fit(best.fit.point, best.effects, fitted, workers=workers) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in prepared.recordings])
-    rest = remainder(before, after)
+    rest = remainder(found.null, best.fit)
     hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained))
     cost += nominal.simulations + before.simulations + (after.simulations if best.effects else 0)
     return Diagnosis(

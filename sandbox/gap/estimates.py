@@ -1,4 +1,4 @@
-"""Parameters of a hypothesis with intervals that allow for residuals alike within a block."""
+"""Parameters of a hypothesis with intervals that allow for residuals alike within a block, or within a recording."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from sandbox.gap.evidence import algebra, prior_of, sandwich
+from sandbox.gap.evidence import algebra, between_segments, prior_of, sandwich
 from sandbox.gap.search import Judged
 
 Array = NDArray[np.float64]
 Z = 1.959964
+SPREAD = 1.15  # of standard deviations: what the largest of three estimates still falls short of
 TRACES = 0.5  # of the move that traces of other effects bring, taken as one standard deviation
 
 
@@ -38,11 +39,13 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     x, _, _ = own.most_probable(prior)
     plain = own.covariance(prior)
     robust = sandwich(j.fit.normal, x, plain)
+    apart = between_segments(j.fit.normal, x, plain)
     place = {c.label: k for k, c in enumerate(j.fit.coordinates)}
     beside, _, _ = j.equations.most_probable(j.prior)
     there = {c.label: float(y) for c, y in zip(j.normal.coordinates, beside, strict=True)}
     traces = np.array([there.get(c.label, y) - y for c, y in zip(j.fit.coordinates, x, strict=True)])
-    wider = np.sqrt(np.maximum(np.diag(robust), np.diag(plain)) + (TRACES * traces) ** 2)
+    variance = np.max([np.diag(c) for c in (plain, robust, apart)], axis=0)
+    wider = np.sqrt(SPREAD**2 * variance + (TRACES * traces) ** 2)
     out: dict[str, Estimate] = {}
     for effect in j.effects:
         out |= _of_effect(effect, j, x, wider, place)

@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr
 
-from sandbox.gap.normal import Normal
+from sandbox.gap.normal import Normal, Segment
 from sandbox.gap.space import Coordinate
 
 Array = NDArray[np.float64]
@@ -142,7 +142,26 @@ def sandwich(n: Normal, x: Array, covariance: Array) -> Array:
     v, a = np.zeros_like(covariance), np.zeros_like(covariance)
     for s in n.segments:
         own = np.ix_(s.places, s.places)
-        score = s.g - s.a @ (x - n.x)[s.places]
+        score = _scores(n, s, x)
         v[own] += score.T @ score
         a[own] += s.a.sum(0)
     return np.asarray(covariance + covariance @ (v - a) @ covariance)
+
+
+def between_segments(n: Normal, x: Array, covariance: Array) -> Array:
+    """Return the covariance (p, p) of estimates x told by how segments disagree: one score each, as clusters.
+
+    What is alike over a whole recording, encoder counts that beat with the samples for instance, shows here only
+    (Liang, Zeger, Biometrika 73 (1986) 13, with k/(k - 1) for k segments).
+    """
+    v = np.zeros_like(covariance)
+    for s in n.segments:
+        score = _scores(n, s, x).sum(0)
+        v[np.ix_(s.places, s.places)] += np.outer(score, score)
+    k = len(n.segments)
+    return np.asarray(covariance @ v @ covariance * (k / max(1, k - 1)))
+
+
+def _scores(n: Normal, s: Segment, x: Array) -> Array:
+    """Return the slope of each block's squares at x (b, p)."""
+    return np.asarray(s.g - s.a @ (x - n.x)[s.places])

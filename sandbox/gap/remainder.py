@@ -24,7 +24,8 @@ class Remainder:
 
 
 def remainder(before: Fit, after: Fit) -> Remainder:
-    """Return what remains of the gap after the best hypothesis, on all recordings."""
+    """Return what remains of the gap, on all recordings; before, after: fits to all of them, without and with the best
+    hypothesis."""
     every = range(1 + max(s.recording for s in before.normal.segments))
     j0, j1 = rms(before.normal, every) ** 2 - 1.0, rms(after.normal, every) ** 2 - 1.0
     ratio = max(j1, 1e-4) / (FLOOR + SHARE * max(j0, 0.0))

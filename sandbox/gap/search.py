@@ -22,7 +22,7 @@ from sandbox.gap.normal import Normal, Point
 from sandbox.gap.probes import Probe, probes
 from sandbox.gap.sized import with_sizes
 from sandbox.gap.space import ordinary
-from sandbox.gap.table import Table, gains_of, settled, table
+from sandbox.gap.table import Table, gains_of, ordinary_share, settled, table
 
 Array = NDArray[np.float64]
 FITTED, MOST, PARENTS = (3, 3, 2), 3, 2  # sets fitted at one, two, three effects; parents that grow on
@@ -83,11 +83,11 @@ def search(
     fits: dict[tuple[str, ...], Fit] = {(): null}
     chosen, cost = choose(null, exclude, weights, workers)
     cost += null.simulations
-    parents = [null]
+    parents, share = [null], ordinary_share(_rms(null))
     for depth in range(MOST):
         if cost > BUDGET:
             break
-        ranked, spent = _candidates(parents, set(fits), chosen, weights, workers)
+        ranked, spent = _candidates(parents, set(fits), chosen, share, weights, workers)
         cost += spent
         new: list[Fit] = []
         for key, parent, begin, promised in ranked[: FITTED[depth]]:
@@ -118,13 +118,13 @@ def search(
     leader = min(f.objective for f in fits.values())
     gate = leader + 2.0 * BEHIND + RIVAL * max(0.0, null.objective - leader)
     rivals = sorted((f for f in fits.values() if f.objective <= gate), key=lambda f: f.objective)[:JUDGED]
-    judged = [judge(f, chosen, weights, workers) for f in rivals]
+    judged = [judge(f, chosen, share, weights, workers) for f in rivals]
     for _ in range(MOST - 1):
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
         others = _neighbours(best, fits, known, weights, workers)
         cost += sum(f.simulations for f in others if f.effects not in fits)
         fits |= {f.effects: f for f in others}
-        judged += [judge(f, chosen, weights, workers) for f in others]
+        judged += [judge(f, chosen, share, weights, workers) for f in others]
     return Search(null, tuple(judged), cost + sum(j.simulations for j in judged))
 
 
@@ -190,14 +190,19 @@ def choose(found: Fit, exclude: Sequence[str], weights: Weights, workers: int) -
 
 
 def _candidates(
-    parents: Sequence[Fit], tried: set[tuple[str, ...]], chosen: Sequence[Probe], weights: Weights, workers: int
+    parents: Sequence[Fit],
+    tried: set[tuple[str, ...]],
+    chosen: Sequence[Probe],
+    share: float,
+    weights: Weights,
+    workers: int,
 ) -> tuple[list[tuple[tuple[str, ...], Fit, Mapping[str, float], float]], float]:
     """Return the sets one effect larger than their parents that promise most, by turns of both ways of screening,
     with the parent, the values of the new effect that a fit starts from, and the promised log evidence."""
     lists, cost = [], 0.0
     wider = {p.effect: p for p in chosen}
     for parent in parents:
-        own = table(parent.point, chosen, parent.effects, weights, workers)
+        own = table(parent.point, chosen, parent.effects, share, weights, workers)
         cost += own.normal.simulations
         for alone in (False, True) if _rms(parent) > FAR else (False,):
             level = own.log_evidence(parent.effects, alone=alone)
@@ -222,9 +227,9 @@ def begin(probe: Probe, promised: float) -> Mapping[str, float]:
     return probe.sized if probe.sized is not None and probe.gain > TRIED * promised else probe.start
 
 
-def judge(found: Fit, chosen: Sequence[Probe], weights: Weights, workers: int) -> Judged:
+def judge(found: Fit, chosen: Sequence[Probe], share: float, weights: Weights, workers: int) -> Judged:
     """Return a fit weighed with all effects beside it, at the point to which their ordinary sizes move it."""
-    first = table(found.point, chosen, found.effects, weights, workers)
+    first = table(found.point, chosen, found.effects, share, weights, workers)
     prior = first.prior(found.effects)
     last, unmet, cost = settled(first, prior, weights, workers)
     log_evidence = last.log_evidence(found.effects) - 0.5 * unmet

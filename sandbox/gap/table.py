@@ -1,8 +1,9 @@
 """Equations of all effects at one point, and the evidence of any set of effects by algebra.
 
-Every effect has an ordinary size, too (SMALL of the wide prior): unless a hypothesis claims an effect, its coordinates
-stay in the equations with that narrow prior.  So a trace of an effect, or a trace of the simulator's own error that
-resembles one, is no discovery.  A companion (time constant, frequency) is a shape, not a size: one prior for both.
+Every effect has an ordinary size, too, a small share of the wide prior: unless a hypothesis claims an effect, its
+coordinates stay in the equations with that narrow prior.  So a trace of an effect, or a trace of the simulator's own
+error that resembles one, is no discovery.  That error grows with what there is to explain, and the share with it.
+A companion (time constant, frequency) is a shape, not a size: one prior for both.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from sandbox.gap.space import Coordinate, of_effect, ordinary
 
 Array = NDArray[np.float64]
 ROUNDS, SETTLED = 8, 0.5  # steps to a table's most probable point; promised gain of the objective that ends them
-SMALL = 0.01  # of an effect's wide prior: what no bench is free of
+SMALL, LARGEST, GROWS = 0.01, 0.03, 7.0  # shares of the wide prior; normalised rms that doubles the smallest
 
 
 @dataclass(frozen=True)
@@ -91,8 +92,16 @@ def is_shape(c: Coordinate, probe: Probe) -> bool:
     return c.form in ("log", "share") or c.names[0] in probe.start
 
 
-def table(point: Point, chosen: Sequence[Probe], active: Sequence[str], weights: Weights, workers: int) -> Table:
-    """Return the equations of all effects (one probe each) at a point; active: effects that are on there."""
+def ordinary_share(rms: float) -> float:
+    """Return the ordinary size of effects, a share of their wide priors, where ordinary deviations leave that rms."""
+    return min(LARGEST, SMALL * (1.0 + rms / GROWS))
+
+
+def table(
+    point: Point, chosen: Sequence[Probe], active: Sequence[str], share: float, weights: Weights, workers: int
+) -> Table:
+    """Return the equations of all effects (one probe each) at a point; active: effects that are on there; share:
+    ordinary size of the others."""
     campaign = point.prepared.campaign
     narrow = {c.label: c for c in ordinary(campaign)}
     usual, claimed = set(narrow), dict(narrow)
@@ -103,7 +112,7 @@ def table(point: Point, chosen: Sequence[Probe], active: Sequence[str], weights:
         else:
             own = probe_coordinates(point, probe, "")
         for c in own:
-            narrow.setdefault(c.label, c if is_shape(c, probe) else replace(c, deviation=SMALL * c.deviation))
+            narrow.setdefault(c.label, c if is_shape(c, probe) else replace(c, deviation=share * c.deviation))
             if c.deviation >= claimed.get(c.label, c).deviation:
                 claimed[c.label] = c
         groups[probe.effect] = [c.label for c in own]

@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 
 from sandbox.campaign import read_campaign
-from sandbox.gap.evidence import Algebra, Prior, sandwich
+from sandbox.gap.evidence import Algebra, Prior, between_segments, sandwich
 from sandbox.gap.fit import coordinates_of, fit
 from sandbox.gap.normal import Normal, Point, Segment, normal
 from sandbox.gap.space import Coordinate
@@ -121,3 +121,67 @@ def test_a_kind_that_is_there_once_is_never_held_out():
     assert choices(["locked", "free", "free"]) == [(1,), (2,)]
     assert choices(["locked"]) == [()]
     assert len(choices(["locked"] * 5)) == 10
+
+
+def test_segments_that_disagree_widen_estimates_by_as_much_as_they_scatter():
+    """k segments of equal size, each with a bias of its own: the mean's variance is (bias^2 + noise^2 / m) / k.
+
+    Over 400 draws its average is known to sqrt(2 / (k - 1) / 400), a chi-square with k - 1 degrees of freedom.
+    """
+    rng = np.random.default_rng(3)
+    k, m, bias, draws = 8, 50, 0.4, 400
+    flat = Coordinate("x", 0.0, 1e6, "linear", ("x",))
+    told = []
+    for _ in range(draws):
+        r = rng.normal(size=(k, m)) + bias * rng.normal(size=(k, 1))
+        one = np.ones((m, 1, 1))
+        segments = tuple(
+            Segment(s, "current", np.array([0]), one, r[s][:, None], r[s] ** 2, np.ones(m)) for s in range(k)
+        )
+        n = Normal((flat,), np.zeros(1), segments, 1)
+        a, g, _ = n.summed()
+        plain = np.linalg.inv(a)
+        told.append(float(between_segments(n, plain @ g, plain)[0, 0]))
+    true = (bias**2 + 1.0 / m) / k
+    assert np.mean(told) == pytest.approx(true, rel=4.0 * math.sqrt(2.0 / (k - 1) / draws))
+
+
+def test_bounded_most_probable_point_is_that_of_an_independent_minimiser():
+    """L-BFGS-B on the same objective, in scipy; 20 draws of ten coordinates of which some are held at a bound."""
+    from scipy.optimize import minimize
+
+    rng = np.random.default_rng(4)
+    held = 0
+    for _ in range(20):
+        j, y = rng.normal(size=(30, 10)), 3.0 * rng.normal(size=30)
+        deviation = 10.0 ** rng.uniform(-1.0, 1.0, 10)
+        low, high = np.zeros(10), np.full(10, 0.3)
+        prior = Prior(np.zeros(10), deviation, low, high)
+        start = rng.uniform(0.0, 0.3, 10)
+        r = y - j @ start
+        x, free, value = Algebra(j.T @ j, j.T @ r, float(r @ r), start).most_probable(prior)
+
+        def cost(z, j=j, y=y, deviation=deviation):
+            return float(np.sum((y - j @ z) ** 2) + np.sum((z / deviation) ** 2))
+
+        found = minimize(cost, start, bounds=list(zip(low, high, strict=True)), options={"ftol": 1e-15, "gtol": 1e-10})
+        assert value == pytest.approx(cost(x), rel=1e-10)
+        assert value <= found.fun * (1.0 + 1e-9)
+        held += int((~free).sum())
+    assert held > 50  # bounds did act
+
+
+def test_equations_kept_from_one_point_to_another_have_the_other_point_s_residuals(small_folder):
+    """The same slopes, residuals of a replay at the other point: r'r as taken anew, g = J' r with the old J."""
+    at = start(small_folder)
+    coordinates = coordinates_of(at, ())
+    n = normal(at, coordinates)
+    d = np.array([0.5 * c.deviation for c in n.coordinates])
+    other = at.moved(n.coordinates, n.x + d)
+    kept, anew = n.at(other), normal(other, coordinates)
+    assert kept.summed()[2] == pytest.approx(anew.summed()[2], rel=1e-9)
+    assert np.array_equal(kept.summed()[0], n.summed()[0])
+    assert kept.x == pytest.approx(anew.x, rel=1e-12)
+    # halfway by old slopes: the true change of r'r over a small step along d is -2 e d'g of the point itself
+    slope = anew.summed()[1] @ d
+    assert kept.summed()[1] @ d == pytest.approx(slope, rel=0.1)  # slopes change little over half a deviation
