@@ -59,10 +59,15 @@ def answer(
     report("position estimate")
     position = position_error(d)
     report("what to record next")
-    rivals = [h.judged for h in d.ambiguity_set if UNKNOWN not in h.effects]
-    following = recommend(campaign, rivals, d.temperature) if len(rivals) > 1 else None
+    following = next_recording(d)
     report("what remains")
     return Answers(d, found, position, following, remains(d.after.point, d.held_out, d.size.before))
+
+
+def next_recording(d: Diagnosis) -> Next | None:
+    """Return the recording that would tell the named hypotheses of an ambiguity set apart; None with one of them."""
+    rivals = [h.judged for h in d.ambiguity_set if UNKNOWN not in h.effects]
+    return recommend(d.campaign, rivals, d.temperature) if len(rivals) > 1 else None
 
 
 def linear(campaign: Campaign) -> Campaign:

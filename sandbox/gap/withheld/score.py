@@ -17,8 +17,10 @@ from typing import Any
 
 from model.errors import BadInput
 from sandbox.campaign import read_campaign
-from sandbox.gap.answers import answer
+from sandbox.gap.answers import next_recording
 from sandbox.gap.contract import contract
+from sandbox.gap.diagnose import diagnose
+from sandbox.gap.where import where
 from sandbox.gap.withheld.follow import recommended
 from sandbox.gap.withheld.judge import Judgement, judge
 from sandbox.gap.withheld.limits import Figure
@@ -57,9 +59,9 @@ class Scores:
 
 
 def standard(folder: Path, exclude: tuple[str, ...] = ()) -> Any:
-    """Diagnose a campaign with the project's own diagnosis."""
-    a = answer(read_campaign(folder), exclude=exclude, workers=1)
-    return SimpleNamespace(json=plain(contract(a.diagnosis, a.where, a.position, a.following, a.remains)))
+    """Diagnose a campaign with the project's own diagnosis; position error and free regression are not scored."""
+    d = diagnose(read_campaign(folder), exclude=exclude, workers=1)
+    return SimpleNamespace(json=plain(contract(d, where(d), None, next_recording(d))))
 
 
 def score(

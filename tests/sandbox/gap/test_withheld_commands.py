@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from types import SimpleNamespace
 
 from sandbox.cli import main
 from sandbox.gap.withheld import make as maker
@@ -26,8 +25,9 @@ def test_make_and_score(tmp_path, monkeypatch, capsys):
     digest = hashlib.sha256((folder / "truth.sealed").read_bytes()).hexdigest()
     assert capsys.readouterr().out.startswith(f"truth sealed, SHA-256 {digest}")
 
-    found = SimpleNamespace(diagnosis=None, where=(), position=None, following=None)
-    monkeypatch.setattr(scorer, "answer", lambda campaign, **how: found)
+    monkeypatch.setattr(scorer, "diagnose", lambda campaign, **how: None)
+    monkeypatch.setattr(scorer, "where", lambda found: ())
+    monkeypatch.setattr(scorer, "next_recording", lambda found: None)
     monkeypatch.setattr(scorer, "contract", lambda *parts: Nothing.json)
     assert main(["withheld", "score", str(folder), "--jobs", "1"]) == 0
     content = json.loads((folder / "withheld.json").read_text())
