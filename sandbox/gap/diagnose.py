@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+from model.effects import library
 from sandbox.campaign import Campaign, read_campaign
 from sandbox.gap.estimates import Estimate, estimates
 from sandbox.gap.fit import Fit, fit
@@ -95,8 +96,8 @@ def diagnose(
     nominal = normal(start, (), workers=workers)
     ranked, temperature = tempered(judged, rms(nominal, range(count)))
     best = ranked[0][1]
-    before = fit(found.null.point, (), fitted, workers=workers)
-    after = fit(best.fit.point, best.effects, fitted, workers=workers) if best.effects else before
+    before = fit(start, (), fitted, workers=workers)
+    after = fit(_with_effects(before.point, best), best.effects, fitted, workers=workers) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in prepared.recordings])
     rest = remainder(found.null, best.fit)
     hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained))
@@ -106,6 +107,15 @@ def diagnose(
         tuple(estimates(h.judged) for h in hypotheses), temperature, rest, size, round(cost),
         time.perf_counter() - began,
     )  # fmt: skip
+
+
+def _with_effects(point: Point, best: Judged) -> Point:
+    """Return a point with the effects' own values of a fit to all recordings, for another fit to start from."""
+    found = best.fit.point.values
+    own = {k: v for k, v in found.items() if k.partition(".")[0] in best.effects}
+    shared = {k.partition(".")[2] for k in own} & set(library.SHARED)
+    own |= {k: v for k, v in found.items() if k.partition(".")[2] in shared}  # one number under two names
+    return replace(point, values={**point.values, **own}).resmoothed()
 
 
 def verdict(d: Diagnosis) -> str:

@@ -98,7 +98,8 @@ class Algebra:
         """Return the log evidence (Laplace) under a prior.
 
         A size that can only be positive has half a Gaussian as its prior: where the most probable value lies at the
-        bound the posterior is its tail, where it is free the part beyond the bound is missing.
+        bound the posterior is its tail, where it is free the part beyond the bound is missing.  The same tail where any
+        other value is held at a bound.
         """
         x, free, objective = self.most_probable(prior)
         if not math.isfinite(objective):
@@ -111,11 +112,13 @@ class Algebra:
         if inner.any():
             spread = np.sqrt(np.diag(np.linalg.inv(m))[inner[free]])
             out += np.sum(np.log(2.0) + log_ndtr(np.abs(x - prior.mean)[inner] / spread))
-        outer = halved & ~free
+        outer = (prior.deviation > 0.0) & ~free
         if outer.any():
-            slope = np.abs(self.g - self.a @ (x - self.x))[outer]
-            curve = np.diag(self.a)[outer] + prior.deviation[outer] ** -2
-            out += np.sum(np.log(erfcx(slope / np.sqrt(2.0 * curve)) / (prior.deviation[outer] * np.sqrt(curve))))
+            sd, away = prior.deviation[outer], (x - prior.mean)[outer]
+            slope = np.abs((self.g - self.a @ (x - self.x))[outer] - away * sd**-2)
+            curve = np.diag(self.a)[outer] + sd**-2
+            half = np.where(halved[outer], 1.0, 0.5)  # a whole Gaussian has half its weight on either side
+            out += np.sum(np.log(half * erfcx(slope / np.sqrt(2.0 * curve)) / (sd * np.sqrt(curve))))
         return float(out)
 
     def covariance(self, prior: Prior) -> Array:

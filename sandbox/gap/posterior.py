@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
+from model.errors import BadInput
 from sandbox.gap.evidence import Algebra, Prior, sandwich
 from sandbox.gap.normal import Normal
 
@@ -60,6 +61,10 @@ def tempered(judged: Sequence[Judged], raw: float) -> tuple[list[tuple[float, Ju
     raw: normalised rms at the nominal model; what a simulator gets wrong grows with what it has to explain.
     """
     judged = [j for j in judged if math.isfinite(j.log_evidence)]
+    if not judged:
+        raise BadInput(
+            "no hypothesis predicts finite readings for this campaign; check the units of [motor] and of the recordings"
+        )
     best = max(judged, key=lambda j: j.log_evidence)
     temperature = misfit(best.normal, best.equations, best.prior) * (1.0 + raw / ACCURATE)
     score = np.array([j.log_evidence / temperature + log_prior(j.effects) for j in judged])

@@ -19,7 +19,8 @@ from sandbox.replay.sensitivity import mechanical_only
 class Probe:
     """An effect and the values its companions start from.
 
-    sized: values of the effect away from neutral to start a fit from, and gain: log evidence they bring (`sized`).
+    sized: values of the effect away from neutral to start a fit from; gain: half of what the objective falls by there
+    (module `sized`).
     """
 
     effect: str

@@ -7,6 +7,7 @@ The best are fitted; from the two best of them sets grow on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -99,8 +100,11 @@ def search(
                 new.append(fit(at.resmoothed() if begin else at, key, weights, workers=workers))
             except BadInput:
                 continue
-            fits[key] = new[-1]
             cost += new[-1].simulations
+            if math.isfinite(new[-1].objective):
+                fits[key] = new[-1]
+            else:
+                new.pop()
         if not new:
             break
         least = min(new, key=lambda f: f.objective)
@@ -114,6 +118,8 @@ def search(
             kept = [p for p in chosen if p.effect in least.effects]
             chosen = kept + [p for p in again if p.effect not in least.effects]
             cost += spent
+        else:
+            chosen = [replace(p, sized=None, gain=0.0) for p in chosen]  # they were tried at another point
     report("weighing hypotheses")
     leader = min(f.objective for f in fits.values())
     gate = leader + 2.0 * BEHIND + RIVAL * max(0.0, null.objective - leader)

@@ -47,10 +47,19 @@ def is_size(c: Coordinate, probe: Probe) -> bool:
     return c.form in ("linear", "reciprocal") and c.names[0] not in probe.start
 
 
+def held(prior: Prior, n: Normal, names: set[str]) -> Prior:
+    """Return a prior that leaves the coordinates of some parameters where they are."""
+    own = np.array([not names.isdisjoint(c.names) for c in n.coordinates])
+    return Prior(
+        np.where(own, n.x, prior.mean), np.where(own, 0.0, prior.deviation),
+        np.where(own, -np.inf, prior.low), np.where(own, np.inf, prior.high),
+    )  # fmt: skip
+
+
 def with_sizes(
     found: Fit, probes: Sequence[Probe], n: Normal, prior: Prior, weights: Weights, workers: int
 ) -> tuple[list[Probe], float]:
-    """Return the probes with the best size to start from and what it gains (log evidence), and simulations.
+    """Return the probes with the best size to start from and half of what the objective falls by; and simulations.
 
     n: equations at the fit's point with slopes; prior: of the fit's own coordinates, all others held.
     """
@@ -59,7 +68,11 @@ def with_sizes(
     if not flat:
         return list(probes), 0.0
     level = algebra(n, weights).most_probable(prior)[2]
-    reached = [algebra(x, weights).most_probable(prior)[2] for x in n.at_each(flat, workers=workers)]
+    tried = n.at_each(flat, workers=workers)
+    named = [set(m) for own in moves for m in own]
+    reached = [
+        algebra(x, weights).most_probable(held(prior, x, names))[2] for x, names in zip(tried, named, strict=True)
+    ]
     gains = iter([0.5 * (level - x) if np.isfinite(x) else -np.inf for x in reached])
     out = []
     for probe, own in zip(probes, moves, strict=True):

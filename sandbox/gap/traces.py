@@ -37,8 +37,9 @@ def write_traces(path: Path, a: Answers) -> None:
 
 
 def _seen(point: Point) -> tuple[Prediction, list[Residual]]:
-    prediction = replay(point.prepared, [point.values])
-    return prediction, residuals(point.prepared, prediction)
+    prepared = point.turned()
+    prediction = replay(prepared, [point.values])
+    return prediction, residuals(prepared, prediction)
 
 
 def _whole(a: Answers, parts: dict[str, Decomposition]) -> Iterator[tuple[str, Plot]]:

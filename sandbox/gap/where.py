@@ -122,7 +122,7 @@ def _held(j: Judged, effects: Sequence[str]) -> Prior:
         if c.label in usual and c.label in missing:
             prior.mean[k], prior.deviation[k] = usual[c.label].mean, usual[c.label].deviation
             prior.low[k], prior.high[k] = usual[c.label].bounds()
-        elif c.label in missing or (k not in claimed and c.label not in usual and c.form != "lock"):
+        elif c.label in missing or (k not in claimed and c.label not in usual and c.form != "turn"):
             prior.mean[k], prior.deviation[k] = missing.get(c.label, c).mean, 0.0
     return prior
 

@@ -121,7 +121,8 @@ def load_share(campaign: Campaign) -> float:
 
 def torque_noise(motor: Motor, converter: Converter) -> float:
     """Return the standard deviation (N m) of the torque that a sample's measured currents tell."""
-    return 1.5 * motor.pole_pairs * motor.magnet_flux * noise_floor(converter)
+    reluctance = abs(motor.inductance_d - motor.inductance_q) * motor.rated_current
+    return 1.5 * motor.pole_pairs * max(motor.magnet_flux, reluctance) * noise_floor(converter)
 
 
 def duties(u_alpha: Array, u_beta: Array, u_dc: Array) -> Array:
@@ -171,8 +172,8 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
         )
         net += v["cogging_torque.amplitude"] * np.sin(v["cogging_torque.order_mech"] * turn + v["cogging_torque.phase"])
         taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
-        shaken = net / m.inertia + swing(row, net, taken)
-        acceleration = pairs * (0.5 * (shaken + np.append(shaken[1:], shaken[-1])) - taken / m.inertia)
+        mean = 0.5 * (net + np.append(net[1:], net[-1]))
+        acceleration = pairs * ((mean - taken) / m.inertia + swing(row, net, taken))
         noise = pairs / m.inertia * np.hypot(torque_noise(motor, converter), load_share(campaign) * load)
         motion = free_motion(r.theta, acceleration, period, count, noise)
         angle, speed = motion.angle, motion.speed
@@ -192,7 +193,8 @@ def _true_currents(r: CampaignRecording, v: Mapping[str, float]) -> tuple[Array,
 
 @kernel
 def swing(row, net, taken):
-    """Return what a compliant shaft adds to the motor's acceleration (n,) in rad/s^2 mechanical, from rest."""
+    """Return what a compliant shaft adds to the motor's acceleration, mean over the interval from each sample on, (n,)
+    in rad/s^2 mechanical, from rest; the load's torque is constant in an interval."""
     out = np.zeros(len(net))
     if row[lanes.LOAD_SHARE] == 0.0:
         return out
@@ -200,15 +202,16 @@ def swing(row, net, taken):
     rate_2 = 1.0 / row[lanes.OSC_REST]
     damping = (row[lanes.OSC_11] - row[lanes.OSC_22]) / row[lanes.OSC_12]  # 2 x ratio x rate
     for k in range(len(net)):
-        rest = row[lanes.OSC_REST] * (net[k] * row[lanes.MOTOR_INV] + taken[k] * row[lanes.LOAD_INV])
-        out[k] = row[lanes.LOAD_SHARE] * (rate_2 * (rest - t) - damping * v)
-        if k + 1 < len(net):
-            mean = 0.5 * (net[k] + net[k + 1])
-            rest = row[lanes.OSC_REST] * (mean * row[lanes.MOTOR_INV] + taken[k] * row[lanes.LOAD_INV])
+        last = net[min(k + 1, len(net) - 1)]
+        pulled = row[lanes.OSC_REST] * taken[k] * row[lanes.LOAD_INV]
+        pushed = row[lanes.OSC_REST] * row[lanes.MOTOR_INV]
+        first = rate_2 * (pushed * net[k] + pulled - t) - damping * v
+        rest = pushed * 0.5 * (net[k] + last) + pulled
         t, v = (
             rest + row[lanes.OSC_11] * (t - rest) + row[lanes.OSC_12] * v,
             row[lanes.OSC_21] * (t - rest) + row[lanes.OSC_22] * v,
         )
+        out[k] = 0.5 * row[lanes.LOAD_SHARE] * (first + rate_2 * (pushed * last + pulled - t) - damping * v)
     return out
 
 

@@ -8,6 +8,7 @@ from sandbox.gap.menu import menu
 from sandbox.gap.probes import probes_at_typical
 from sandbox.gap.search import judge
 from sandbox.gap.split import weights_of
+from sandbox.gap.table import ordinary_share
 from tests.sandbox.gap.test_evidence import start
 
 
@@ -16,7 +17,10 @@ def pair(small_folder):
     at = start(small_folder)
     weights = weights_of(len(at.prepared.recordings))
     chosen = [p for p in probes_at_typical(at) if p.effect in ("dead_time", "device_drop", "encoder_offset")]
-    return [judge(fit(at, effects, weights), chosen, weights, 1) for effects in (("dead_time",), ("device_drop",))]
+    return [
+        judge(fit(at, effects, weights), chosen, ordinary_share(1.0), weights, 1)
+        for effects in (("dead_time",), ("device_drop",))
+    ]
 
 
 def test_nothing_tells_a_hypothesis_from_itself(pair):

@@ -37,6 +37,21 @@ def test_evidence_of_a_size_that_can_only_be_positive_is_its_integral(pull):
     assert own.log_evidence(prior) == pytest.approx(math.log(quad(density, 0.0, 20.0)[0]), abs=1e-6)
 
 
+@pytest.mark.parametrize("pull", [9.0, 14.0, -11.0])
+def test_evidence_of_a_deviation_held_at_four_sigma_is_its_integral(pull):
+    """A whole Gaussian prior cut off at four deviations, the likelihood's top beyond: integrated numerically."""
+    a, sd = 3.0, 0.7
+    own = Algebra(np.array([[a]]), np.array([4.0 * pull]), 5.0, np.array([0.0]))
+    prior = Prior(np.array([0.0]), np.array([sd]), np.array([-4.0 * sd]), np.array([4.0 * sd]))
+
+    def density(x):
+        gauss = 1.0 / (sd * math.sqrt(2.0 * math.pi)) * math.exp(-0.5 * (x / sd) ** 2)
+        return gauss * math.exp(-0.5 * (5.0 - 8.0 * pull * x + a * x * x))
+
+    whole = quad(density, -4.0 * sd, 4.0 * sd, points=[math.copysign(4.0 * sd - 0.1, pull)], limit=200)[0]
+    assert own.log_evidence(prior) == pytest.approx(math.log(whole), abs=1e-5)
+
+
 def test_evidence_of_several_free_coordinates_is_the_gaussian_integral():
     """log N(y; 0, J P J' + 1) of data y = J x + noise: the marginal likelihood written in the data's own space."""
     rng = np.random.default_rng(1)
