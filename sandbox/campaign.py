@@ -29,6 +29,15 @@ REQUIRED = ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc")
 OPTIONAL = ("load_torque", "temperature", "torque", "theta_hat")
 ROTORS = ("locked", "driven", "free")
 AXES = ("d", "q", "none")
+STATED = {  # standard deviations that a campaign may state
+    "uncertainty": (
+        "resistance", "magnet_flux", "inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22",
+        "alpha_04", "inertia", "viscous_friction",
+    ),
+    "background": (
+        "current_gain", "current_offset", "encoder_offset", "dead_time", "load_torque_gain", "load_torque_offset",
+    ),
+}  # fmt: skip
 TABLES = ("campaign", "drive", "motor", "uncertainty", "background", "injection", "provenance", "recording")
 OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
 RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
@@ -164,6 +173,9 @@ def entries_of(
     if not isinstance(entries, list) or not entries:
         raise BadInput(f"{source}: no [[recording]] entry; list at least one table of the campaign")
     found = [_entry(e, source) for e in entries]
+    for k, (file, *_) in enumerate(found):
+        if file in [f for f, *_ in found[:k]]:
+            raise BadInput(f"{source}: two [[recording]] entries name '{file}'; list each table once")
     return [e for e in found if e[1] in rotors or e[1] not in ROTORS]
 
 
@@ -247,6 +259,8 @@ def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording]) -> 
 def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:
     values = table_of(data, table)
     for key, value in values.items():
+        if key not in STATED[table]:
+            raise unknown(f"key in [{table}]", key, STATED[table])
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not value >= 0.0:
             raise BadInput(f"[{table}] {key} = {value!r} is no standard deviation; give a number >= 0")
     return {k: float(v) for k, v in values.items()}

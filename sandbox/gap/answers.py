@@ -98,9 +98,10 @@ def which_text(a: Answers) -> str:
         return f"None: ordinary deviations alone are {likely(best.probability)}."
     if a.verdict == "unknown":
         named = [e for e in best.effects if e != UNKNOWN]
+        chance = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
         if not named:
-            return f"None in the library: that something it does not hold is at work is {likely(best.probability)}."
-        besides = f"something outside the library is at work, {likely(best.probability)}"
+            return f"None in the library: that something it does not hold is at work is {likely(chance)}."
+        besides = f"something outside the library is at work, {likely(chance)}"
         return f"{capital(names(named))}, but not alone: {besides}."
     if a.verdict == "ambiguous":
         told = "; or ".join(f"{names(h.effects)} ({percent(h.probability)})" for h in d.ambiguity_set)
@@ -147,7 +148,9 @@ def position_text(a: Answers) -> str:
         return f"{text}says {p.simulated_before:.2f}°."
     text += f"said {p.simulated_before:.2f}° before and says {p.simulated_after:.2f}° now."
     if p.believing_after is not None:
-        text += f" Believing the motor found, it errs by {p.believing_after:.2f}° on the recorded currents."
+        text += (
+            f" An estimator that believes the fitted motor errs by {p.believing_after:.2f}° on the recorded currents."
+        )
     return text
 
 
@@ -157,9 +160,10 @@ def next_text(a: Answers) -> str:
         pair = " from ".join(names(s) for s in a.following.separates)
         return f"Record: {a.following.description}. It would tell {pair}."
     if a.verdict == "no_gap":
-        return "Nothing is needed; the nominal model may be used as it is."
+        return "Nothing is needed, as far as these recordings see; the nominal model may be used as it is."
     if a.verdict == "explained":
-        return "Nothing is needed to name the cause; put the values below into the simulator and measure once more."
+        values = ",".join(f"{k}={e.value:.6g}" for k, e in a.diagnosis.parameters[0].items() if math.isfinite(e.value))
+        return f"Nothing is needed to name the cause; simulate it with `sensorless simulate --effects {values}`."
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
     disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
     told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
@@ -171,6 +175,14 @@ def caveats(a: Answers) -> list[str]:
     d = a.diagnosis
     out = [f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}" for f in d.campaign.findings]
     out += [f"{capital(what)}: {text}" for what, text in d.campaign.drive.provenance.items()]
+    out += [d.caution] if d.caution else []
+    if d.excluded:
+        out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")
+    if all(getattr(d.campaign.drive.motor, x, 1.0) == 0.0 for x in ALPHAS):
+        out.append("The nominal model has no saturation (all five alphas are 0).")
+    blind = [r.file for r in d.campaign.recordings if r.rotor == "free" and "load_torque" not in r.columns]
+    if blind:
+        out.append(f"{', '.join(blind)}: no column 'load_torque', so a free rotor's load is taken as none.")
     if not d.held_out:
         out.append(
             "No recording was held out (each kind of rotor is there only once), so the figures are those of the fit."
@@ -203,11 +215,10 @@ def caveats(a: Answers) -> list[str]:
 def remains_text(a: Answers) -> str:
     """Return what the best hypothesis leaves, whether it has structure, and how much of it could still be closed."""
     r = a.diagnosis.remainder
-    size = (
-        f"After it the mean square residual is {1.0 + r.after:.3g} times that of noise (before: {1.0 + r.before:.3g})"
-    )
+    before, after = (math.sqrt(max(0.0, 1.0 + x)) for x in (r.before, r.after))
+    size = f"After it residuals are {after:.3g} times the noise floor over all recordings (before: {before:.3g})"
     if not a.diagnosis.best.effects:
-        size = f"The mean square residual is {1.0 + r.before:.3g} times that of noise"
+        size = f"Residuals are {before:.3g} times the noise floor over all recordings"
     chance = sum(h.probability for h in a.diagnosis.hypotheses if UNKNOWN in h.effects)
     return (
         f"{size}; that something outside the library is at work is {likely(chance)}. {regression_text(a)} "

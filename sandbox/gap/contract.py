@@ -58,6 +58,7 @@ def contract(
         ],
         "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
         "next_recording": as_json(following),
+        "excluded": list(d.excluded),
         "cost": {"simulations": d.simulations, "seconds": d.seconds},
     }  # fmt: skip
 

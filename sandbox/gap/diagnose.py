@@ -13,12 +13,16 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from model.effects import library
+from model.errors import PhysicsError
 from sandbox.campaign import Campaign, read_campaign
 from sandbox.gap.estimates import Estimate, estimates
 from sandbox.gap.fit import Fit, fit
+from sandbox.gap.noise import noise_caution
 from sandbox.gap.normal import Normal, Point, normal
-from sandbox.gap.posterior import Hypothesis, tempered, with_unknown
+from sandbox.gap.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.remainder import Remainder, remainder
 from sandbox.gap.search import Judged, search
 from sandbox.gap.size import Size, rms, size_of
@@ -51,6 +55,8 @@ class Diagnosis:
     size: Size
     simulations: int
     seconds: float
+    excluded: tuple[str, ...] = ()
+    caution: str = ""  # about the stated noise
 
     @property
     def best(self) -> Hypothesis:
@@ -84,16 +90,22 @@ def diagnose(
     began = time.perf_counter()
     own = campaign if isinstance(campaign, Campaign) else read_campaign(campaign)
     report("reading")
+    caution = noise_caution(own)
     prepared = prepare(own)
     motor, converter = own.drive.motor, own.drive.converter
     start = Point(prepared, complete(motor, converter))
+    nominal = normal(start, (), workers=workers)
+    if not np.isfinite(rms(nominal, range(len(prepared.recordings)))):
+        raise PhysicsError(
+            "the nominal model predicts no finite currents for these voltages; check [motor] (units, alphas: "
+            "`sensorless audit` shows where an energy stops being convex)"
+        )
     left = held_out(start, exclude, workers=workers)
     count = len(prepared.recordings)
     fitted, everything = weights_of(count, left), weights_of(count)
     found = search(start, everything, exclude=exclude, workers=workers, report=report)
     judged, cost = found.judged, found.simulations
     report("measuring the gap")
-    nominal = normal(start, (), workers=workers)
     ranked, temperature = tempered(judged, rms(nominal, range(count)))
     best = ranked[0][1]
     before = fit(start, (), fitted, workers=workers)
@@ -104,8 +116,8 @@ def diagnose(
     cost += nominal.simulations + before.simulations + (after.simulations if best.effects else 0)
     return Diagnosis(
         own, start, nominal, before, after, left, tuple(judged), hypotheses,
-        tuple(estimates(h.judged) for h in hypotheses), temperature, rest, size, round(cost),
-        time.perf_counter() - began,
+        tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,
+        round(cost), time.perf_counter() - began, tuple(exclude), caution,
     )  # fmt: skip
 
 

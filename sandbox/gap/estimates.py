@@ -70,7 +70,8 @@ def _of_effect(effect: str, j: Judged, x: Array, sd: Array, place: Mapping[str, 
             out[phase] = Estimate(angle, angle - Z * turn, angle + Z * turn, "rad")
         elif own in place:
             k = place[own]
-            value, low, high = (_public(p.fit, float(y)) for y in (x[k], x[k] - Z * sd[k], x[k] + Z * sd[k]))
+            ends = (j.fit.coordinates[k].bounded(float(x[k] + z * sd[k])) for z in (0.0, -Z, Z))
+            value, low, high = (_public(p.fit, y) for y in ends)
             out[name] = Estimate(value, min(low, high), max(low, high), p.unit)
         elif p.scan and name in j.fit.point.values and p.fit == "fixed":
             value = j.fit.point.values[name]

@@ -99,6 +99,12 @@ def score(
     run_all(folder, dict.fromkeys(names, ()), diagnose, reports, jobs, progress)
     content = opened(folder)
     truth = content["campaigns"]
+    absent = sorted(set(truth) - set(campaign_names(folder)))
+    if absent:
+        raise BadInput(
+            f"{len(absent)} of {len(truth)} sealed campaigns are not recorded ({absent[0]}, ...); "
+            "run `withheld make` once more"
+        )
     single = [n for n in names if truth[n]["kind"] == "one" and truth[n]["sizes"][0] >= LEAST_LEFT_OUT]
     without = {n: tuple(truth[n]["effects"]) for n in single[: round(leave_out * len(single))]}
     found = {n: read_report(reports, n) for n in names}
@@ -136,14 +142,22 @@ def campaign_names(folder: Path, limit: int | None = None) -> list[str]:
 
 def read_report(reports: Path, name: str) -> dict[str, Any]:
     """Return one stored diagnosis."""
-    content: dict[str, Any] = json.loads((reports / f"{name}.json").read_text(encoding="utf-8"))
+    path = reports / f"{name}.json"
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError:
+        content = None
+    if not isinstance(content, dict):
+        raise BadInput(f"'{path}' holds no report; delete it and score again")
     return content
 
 
 def opened(folder: Path) -> dict[str, Any]:
     """Return what the seal holds; BadInput where it is not the file that was hashed."""
     data = (folder / SEAL).read_bytes()
-    stated = (folder / HASH).read_text(encoding="utf-8").split()[0] if (folder / HASH).is_file() else "missing"
+    stated = (folder / HASH).read_text(encoding="utf-8").split()[0] if (folder / HASH).is_file() else ""
+    if not stated:
+        raise BadInput(f"'{folder / HASH}' is missing, so the seal cannot be checked; make the check anew")
     found = hashlib.sha256(data).hexdigest()
     if found != stated:
         raise BadInput(f"{SEAL} has SHA-256 {found}, {HASH} says {stated}: the truth was changed; make the check anew")

@@ -1,0 +1,88 @@
+"""The noise a campaign states against that of its readings, and other doors of a diagnosis."""
+
+import dataclasses
+import shutil
+
+import numpy as np
+import pytest
+
+from model.errors import BadInput, PhysicsError
+from sandbox.campaign import read_campaign
+from sandbox.cli import main
+from sandbox.gap.diagnose import diagnose
+from sandbox.gap.noise import noise_caution, seen
+from sandbox.replay.inputs import noise_floor
+
+
+def with_noise(campaign, noise):
+    converter = dataclasses.replace(campaign.drive.converter, current_noise=noise)
+    return dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=converter))
+
+
+def with_currents(campaign, change):
+    recordings = []
+    for r in campaign.recordings:
+        columns = {k: change(v) if k in ("i_a", "i_b", "i_c") else v for k, v in r.columns.items()}
+        recordings.append(dataclasses.replace(r, columns=columns))
+    return dataclasses.replace(campaign, recordings=tuple(recordings))
+
+
+def test_noise_seen_is_that_put_in(small_folder):
+    """White noise of 20 mA on top of the bench's own: their root sum of squares, less what the quietest blocks lie low.
+
+    The tenth percentile of mean squares of 400 second differences: relative deviation sqrt(2 * 35/18 / 400) = 0.10 of
+    the square (fourth moment of (1, -2, 1)-filtered noise), so 0.13 low in the square, 0.065 low in the root.
+    """
+    campaign, rng = read_campaign(small_folder), np.random.default_rng(0)
+    noisy = with_currents(campaign, lambda i: i + 0.02 * rng.standard_normal(len(i)))
+    true = np.hypot(0.02, noise_floor(campaign.drive.converter))
+    assert seen(noisy) == pytest.approx(0.935 * true, rel=0.03)
+
+
+def test_stated_noise_far_from_the_sensors_is_told(small_folder):
+    campaign = read_campaign(small_folder)
+    floor = noise_floor(campaign.drive.converter)
+    assert noise_caution(campaign) == ""
+    with pytest.raises(BadInput, match="nothing could be seen below the stated noise"):
+        noise_caution(with_noise(campaign, 1000.0 * floor))
+    with pytest.raises(BadInput, match="no current of any recording ever changes"):
+        noise_caution(with_currents(campaign, lambda i: 0.0 * i))
+    small = dataclasses.replace(campaign.drive.converter, current_noise=floor / 10.0, current_resolution=0.0)
+    told = noise_caution(dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=small)))
+    assert "may look larger than it is" in told
+
+
+def test_two_sensors_tell_nothing_of_noise(small_folder):
+    campaign = read_campaign(small_folder)
+    two = tuple(
+        dataclasses.replace(r, columns={**r.columns, "i_c": -r.columns["i_a"] - r.columns["i_b"]})
+        for r in campaign.recordings
+    )
+    assert seen(dataclasses.replace(campaign, recordings=two)) is None
+
+
+def test_a_nominal_model_without_finite_currents_is_refused(small_folder):
+    campaign = read_campaign(small_folder)
+    motor = dataclasses.replace(campaign.drive.motor, alpha_40=-1e3)
+    broken = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, motor=motor))
+    with pytest.raises((BadInput, PhysicsError)):
+        diagnose(broken, workers=1)
+
+
+def slips(text):
+    """Yield changed campaign.toml texts and what is to be said of them."""
+    yield text + "\n[background]\ncurrent_ofset = 1e-3\n", "did you mean 'current_offset'"
+    first = text.index("[[recording]]")
+    yield text + "\n" + text[first : text.index("[[recording]]", first + 5)], "list each table once"
+
+
+def test_slips_in_campaign_toml_are_one_sentence(small_folder, tmp_path, capsys):
+    for k, (text, told) in enumerate(slips((small_folder / "campaign.toml").read_text())):
+        folder, out = tmp_path / f"c{k}", tmp_path / f"out{k}"
+        shutil.copytree(small_folder, folder)
+        (folder / "campaign.toml").write_text(text)
+        assert main(["diagnose", str(folder), "--out", str(out), "--quiet"]) == 2
+        error = capsys.readouterr().err
+        assert told in error
+        assert error.count("\n") == 1
+        assert not out.exists()
