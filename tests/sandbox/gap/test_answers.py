@@ -51,7 +51,7 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
     """Keys and types as DIAGNOSIS.md lists them."""
     c = content_of(small_answers)
     assert set(c) == {
-        "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "next_recording", "cost"
+        "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "next_recording", "excluded", "cost"
     }  # fmt: skip
     assert set(c["gap"]) == {
         "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg", "remains"
