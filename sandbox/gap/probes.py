@@ -9,10 +9,12 @@ from itertools import product
 import numpy as np
 
 from model.effects import library
+from model.errors import BadInput
 from sandbox.gap.normal import Point
 from sandbox.gap.space import Coordinate, of_effect
 from sandbox.gap.spectrum import best_values, link_lines
 from sandbox.replay.sensitivity import mechanical_only
+from sandbox.replay.sets import complete
 
 
 @dataclass(frozen=True)
@@ -51,8 +53,18 @@ def probes(point: Point, exclude: Sequence[str] = ()) -> tuple[list[Probe], floa
             elif p.fit == "log":
                 size = p.typical_for(drive.motor, drive.converter)
                 choices.append([(name, s * size) for s in p.starts])
-        out += [Probe(effect, dict(c)) for c in product(*choices)]
+        out += [Probe(effect, dict(c)) for c in product(*choices) if possible(point, dict(c))]
     return out, cost
+
+
+def possible(point: Point, start: Mapping[str, float]) -> bool:
+    """Return whether a drive can have these values beside those of a point (masses, delays that bound each other)."""
+    drive = point.prepared.campaign.drive
+    try:
+        complete(drive.motor, drive.converter, {**point.values, **start})
+    except BadInput:
+        return False
+    return True
 
 
 def free_share(point: Point) -> float:

@@ -6,6 +6,7 @@ ends in a minimum of its own.  So sizes are tried one by one: a replay each, ord
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -47,6 +48,20 @@ def is_size(c: Coordinate, probe: Probe) -> bool:
     return c.form in ("linear", "reciprocal") and c.names[0] not in probe.start
 
 
+def _replayed(n: Normal, points: Sequence[Point], workers: int) -> list[Normal | None]:
+    """Return the equations at points side by side; one by one where some point is none a drive can have (None)."""
+    try:
+        return list(n.at_each(points, workers=workers))
+    except BadInput:
+        out: list[Normal | None] = []
+        for point in points:
+            try:
+                out.append(n.at(point, workers=workers))
+            except BadInput:
+                out.append(None)
+        return out
+
+
 def held(prior: Prior, n: Normal, names: set[str]) -> Prior:
     """Return a prior that leaves the coordinates of some parameters where they are."""
     own = np.array([not names.isdisjoint(c.names) for c in n.coordinates])
@@ -68,10 +83,10 @@ def with_sizes(
     if not flat:
         return list(probes), 0.0
     level = algebra(n, weights).most_probable(prior)[2]
-    tried = n.at_each(flat, workers=workers)
     named = [set(m) for own in moves for m in own]
     reached = [
-        algebra(x, weights).most_probable(held(prior, x, names))[2] for x, names in zip(tried, named, strict=True)
+        math.inf if x is None else algebra(x, weights).most_probable(held(prior, x, names))[2]
+        for x, names in zip(_replayed(n, flat, workers), named, strict=True)
     ]
     gains = iter([0.5 * (level - x) if np.isfinite(x) else -np.inf for x in reached])
     out = []

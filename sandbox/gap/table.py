@@ -106,7 +106,8 @@ def table(
     narrow = {c.label: c for c in ordinary(campaign)}
     usual, claimed = set(narrow), dict(narrow)
     groups = {}
-    for probe in chosen:
+    probed = {p.effect for p in chosen}
+    for probe in [*chosen, *(Probe(e, {}) for e in active if e not in probed)]:
         if probe.effect in active:
             own = of_effect(probe.effect, campaign.drive, {**point.values, **probe.start})
         else:
