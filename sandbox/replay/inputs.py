@@ -80,6 +80,7 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
     duty = duties(r.u_alpha, r.u_beta, r.u_dc)
     table[:, 0:2] = (2.0 / 3.0) * duty @ LEGS
     table[:, 2:5] = duty
+    table[:, 15:20] = ripple_moments(duty, period)
     load = np.asarray(r.columns.get("load_torque", np.zeros(n)))
     motion = _motion(campaign, r, base, load, count)
     table[:, 5] = motion.speed
@@ -130,6 +131,21 @@ def duties(u_alpha: Array, u_beta: Array, u_dc: Array) -> Array:
     legs = np.stack([u_alpha, u_beta], axis=1) @ LEGS.T
     middle = 0.5 * (legs.max(axis=1) + legs.min(axis=1))
     return np.asarray(np.clip(0.5 + (legs - middle[:, None]) / u_dc[:, None], 0.0, 1.0))
+
+
+def ripple_moments(duty: Array, period: float) -> Array:
+    """Return moments of the flux ripple of centred pulses of 1 V, columns of `kernel` from FIRST_A on (n, 5).
+
+    Ripple rho(t) of a leg of duty D, t from the period's middle: (1 - D) t, from the pulse's end on D (T/2 - t), odd.
+    First moment <t rho> = T^2 (D - D^3)/24 (s^2); mean products <rho rho> of two legs by parts (s^2).
+    """
+    first = (2.0 / 3.0) * (period**2 / 24.0) * (duty - duty**3) @ LEGS
+    a, b = np.minimum(duty[:, :, None], duty[:, None, :]), np.maximum(duty[:, :, None], duty[:, None, :])
+    rising = (1.0 - a) * (1.0 - b) * a**3 / 3.0
+    between = a * (1.0 - b) * (b * b / 2.0 - b**3 / 3.0 - a * a / 2.0 + a**3 / 3.0)
+    square = 0.25 * period**2 * (rising + between + a * b * (1.0 - b) ** 3 / 3.0)
+    m = (4.0 / 9.0) * np.einsum("nij,ia,jb->nab", square, LEGS, LEGS)
+    return np.column_stack([first, m[:, 0, 0], m[:, 0, 1], m[:, 1, 1]])
 
 
 def edge_table(duty: Array, period: float) -> Array:

@@ -30,9 +30,10 @@ from sandbox.replay.lanes import (
     SHIFTED_SAMPLE,
     SKIN,
     TORQUE,
+    bend,
+    hold,
     plain_sample,
     plain_step,
-    turn_and_hold,
     turn_by_offset,
 )  # fmt: skip
 
@@ -53,8 +54,13 @@ from sandbox.replay.lanes import (
     SCALE,
     MID_ANGLE,
     MID_SPEED,
-) = range(15)
-COLUMNS = 15
+    FIRST_A,
+    FIRST_B,
+    SQUARE_AA,
+    SQUARE_AB,
+    SQUARE_BB,
+) = range(20)
+COLUMNS = 20
 EDGE = 5  # instant, unit flux (2), unit vector of the leg (2)
 MACHINE = HARMONICS | IRON | SKIN | ASYMMETRY  # what `plain_step` cannot do
 SAMPLED = IRON | FILTER | SHIFTED_SAMPLE
@@ -153,7 +159,7 @@ def run(w, features, table, edges, turns, period, steps, motion, out, moved, fir
     """
     h, share, width = period / steps, 0.5 / steps, len(w) // ROWS
     eccentric, twisted, dry = features & ECCENTRIC != 0, features & SHAFT_TWIST != 0, features & DRY != 0
-    machine_effects, simple = features & (MACHINE | FILTER) != 0, features & INVERTER == 0
+    machine_effects = features & (MACHINE | FILTER) != 0
     c, s = turns[0, 0, 0], turns[0, 0, 1]
     sensors.deviations(w, table[0, SINE], table[0, COSINE], width)
     for j in range(LANES):
@@ -174,6 +180,10 @@ def run(w, features, table, edges, turns, period, steps, motion, out, moved, fir
             break
         if features & INVERTER:
             deliver(w, features, table, edges, k, period, width)
+        else:
+            hold(w, table[k, MEAN_A], table[k, MEAN_B])
+        t = table[k]
+        bend(w, t[FIRST_A], t[FIRST_B], t[SQUARE_AA], t[SQUARE_AB], t[SQUARE_BB], t[OMEGA])
         if eccentric:
             sensors.deviations(w, table[k + 1, SINE], table[k + 1, COSINE], width)
         for m in range(steps):
@@ -181,11 +191,9 @@ def run(w, features, table, edges, turns, period, steps, motion, out, moved, fir
             c_2, s_2 = turns[k, 2 * m + 2, 0], turns[k, 2 * m + 2, 1]
             if m > 0:
                 substep_start(w, machine_effects)
-            if simple:
-                turn_and_hold(w, c_1, s_1, c_2, s_2, table[k, MEAN_A], table[k, MEAN_B])
             if eccentric:
                 sensors.turn_by_deviation(w, (2 * m + 1) * share, (2 * m + 2) * share, c_1, s_1, c_2, s_2)
-            elif not simple:
+            else:
                 turn_by_offset(w, c_1, s_1, c_2, s_2)
             if machine_effects:
                 machine.full_step(w, h)

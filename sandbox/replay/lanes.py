@@ -145,10 +145,41 @@ def turn_by_offset(w, c_1, s_1, c_2, s_2):
 
 
 @kernel
-def turn_and_hold(w, c_1, s_1, c_2, s_2, mean_a, mean_b):
-    """The same, and the voltage of a period without effects of the inverter: link times mean duties."""
+def hold(w, mean_a, mean_b):
+    """Write the voltage of a period without effects of the inverter: link times mean duties."""
     for j in range(LANES):
-        x, y, v = w[OFF_C * LANES + j], w[OFF_S * LANES + j], w[LINK * LANES + j]
-        w[C_1 * LANES + j], w[S_1 * LANES + j] = c_1 * x + s_1 * y, s_1 * x - c_1 * y
-        w[C_2 * LANES + j], w[S_2 * LANES + j] = c_2 * x + s_2 * y, s_2 * x - c_2 * y
+        v = w[LINK * LANES + j]
         w[U_A * LANES + j], w[U_B * LANES + j] = v * mean_a, v * mean_b
+
+
+@kernel
+def bend(w, first_a, first_b, square_aa, square_ab, square_bb, omega):
+    """Take from the period's voltage what the flux ripple's curvature costs: R times the mean current it adds.
+
+    first (s^2), square (s^2): the ripple's first moment about the period's middle and its mean square, of unit link
+    voltage, from the duties (`inputs.ripple_moments`); `sandbox/switched/AVERAGING.md`, 0.
+    """
+    for j in range(LANES):
+        c, s, v, r = w[C_0 * LANES + j], w[S_0 * LANES + j], w[LINK * LANES + j], w[RESISTANCE * LANES + j]
+        a, b, b_2, c_2 = w[PSI_A * LANES + j], w[PSI_B * LANES + j], w[B2 * LANES + j], w[C2 * LANES + j]
+        x_d, x_q = c * a + s * b, c * b - s * a
+        d, q = x_d - w[MAGNET * LANES + j], x_q
+        dd, dq, qq = incremental(w, j, d, q)
+        w_d, w_q = v * (c * first_a + s * first_b), v * (c * first_b - s * first_a)
+        g_d, g_q = dd * w_d + dq * w_q, dq * w_d + qq * w_q
+        i_d, i_q = r * (dd * g_d + dq * g_q), r * (dq * g_d + qq * g_q)  # the ripple's own resistive drop
+        i_d += omega * ((dd - qq) * w_q - 2.0 * dq * w_d)  # salience turning under it
+        i_q += omega * ((dd - qq) * w_d + 2.0 * dq * w_q)
+        p_a = w[U_A * LANES + j] - r * w[I_A * LANES + j]
+        p_b = w[U_B * LANES + j] - r * w[I_B * LANES + j]
+        p_d, p_q = c * p_a + s * p_b + omega * x_q, c * p_b - s * p_a - omega * x_d
+        half = 0.5 * v * v
+        m_dd = p_d * w_d + half * (c * c * square_aa + 2.0 * c * s * square_ab + s * s * square_bb)
+        m_qq = p_q * w_q + half * (s * s * square_aa - 2.0 * c * s * square_ab + c * c * square_bb)
+        m_dq = p_d * w_q + p_q * w_d + 2.0 * half * (c * s * (square_bb - square_aa) + (c * c - s * s) * square_ab)
+        ddd, ddq = 2.0 * w[A3 * LANES + j] + 6.0 * w[A4 * LANES + j] * d, 4.0 * c_2 * q
+        dqq, qqq = 2.0 * (b_2 + 2.0 * c_2 * d), 6.0 * w[B4 * LANES + j] * q
+        i_d += ddd * m_dd + ddq * m_dq + dqq * m_qq  # saturation changing under it, and over its width
+        i_q += ddq * m_dd + dqq * m_dq + qqq * m_qq
+        w[U_A * LANES + j] -= r * (c * i_d - s * i_q)
+        w[U_B * LANES + j] -= r * (s * i_d + c * i_q)
