@@ -27,7 +27,7 @@ from sandbox.full import (
 from sandbox.inverter import late_by, leg_links
 from sandbox.plant import OMEGA, PHI_D, PHI_Q, THETA, turn
 
-LARGEST_GROWTH = 1.0  # a sample before t_k looks back through the filter: by at most one time constant
+LARGEST_GROWTH = 1.0  # a sample before t_k looks back at the iron-loss current: by at most one time constant
 
 
 class Sensors(NamedTuple):
@@ -124,8 +124,7 @@ def sampled(x, p, m, v, e, u_alpha, u_beta, rng):
     if e.filter_time > 0.0:
         f_alpha, f_beta = filtered(x, p, m, v, e, c, n, iron)
         if s != 0.0:
-            back = max(s, -LARGEST_GROWTH * e.filter_time)
-            f_alpha = current_filter.after(f_alpha, i_alpha, j_alpha, back, e.filter_time)
-            f_beta = current_filter.after(f_beta, i_beta, j_beta, back, e.filter_time)
+            f_alpha = current_filter.after(f_alpha, i_alpha, j_alpha, s, e.filter_time)
+            f_beta = current_filter.after(f_beta, i_beta, j_beta, s, e.filter_time)
         j_alpha, j_beta = f_alpha, f_beta
     return j_alpha, j_beta, i_d, i_q

@@ -25,6 +25,7 @@ from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.remainder import Remainder, remainder
 from sandbox.gap.search import Judged, search
+from sandbox.gap.slight import slight
 from sandbox.gap.size import Size, rms, size_of
 from sandbox.gap.split import held_out, weights_of
 from sandbox.replay.replay import prepare
@@ -106,7 +107,7 @@ def diagnose(
     found = search(start, everything, exclude=exclude, workers=workers, report=report)
     judged, cost = found.judged, found.simulations
     report("measuring the gap")
-    ranked, temperature = tempered(judged, rms(nominal, range(count)))
+    ranked, temperature = tempered([*judged, *slight(judged)], rms(nominal, range(count)))
     best = ranked[0][1]
     before = fit(start, (), fitted, workers=workers)
     after = fit(_with_effects(before.point, best), best.effects, fitted, workers=workers) if best.effects else before

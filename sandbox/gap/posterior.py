@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from sandbox.gap.search import Judged
 
 Array = NDArray[np.float64]
-NUMBER = (0.35, 0.45, 0.15, 0.05)  # prior probability of 0, 1, 2, 3 effects
+NUMBER = (0.6, 0.27, 0.1, 0.03)  # prior probability of 0, 1, 2, 3 effects
 UNKNOWN = "unknown"
 ACCURATE = 10.0  # floors of residual up to which the simulator's own error stays below them
 
@@ -67,7 +67,7 @@ def tempered(judged: Sequence[Judged], raw: float) -> tuple[list[tuple[float, Ju
         )
     best = max(judged, key=lambda j: j.log_evidence)
     temperature = misfit(best.normal, best.equations, best.prior) * (1.0 + raw / ACCURATE)
-    score = np.array([j.log_evidence / temperature + log_prior(j.effects) for j in judged])
+    score = np.array([j.tempered(temperature) + log_prior(j.effects) for j in judged])
     p = np.exp(score - score.max())
     return sorted(zip((p / p.sum()).tolist(), judged, strict=True), key=lambda x: -x[0]), temperature
 

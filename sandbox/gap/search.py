@@ -27,7 +27,7 @@ from sandbox.gap.table import Table, gains_of, ordinary_share, settled, table
 
 Array = NDArray[np.float64]
 FITTED, MOST, PARENTS = (3, 3, 2), 3, 2  # sets fitted at one, two, three effects; parents that grow on
-WORTH = 4.0  # log evidence that one more effect must promise
+WORTH = 2.0  # log evidence that one more effect must promise
 TRIED = 0.5  # share of what slopes promise that a size that was tried has to reach to be started from
 FAR = 1.02  # normalised rms above which effects are screened alone, too
 BEHIND, RIVAL = 400.0, 0.003  # log evidence, and share of the gap, behind which a fit is no rival
@@ -47,6 +47,7 @@ class Judged:
     table: Table
     prior: Prior
     log_evidence: float
+    unmet: float  # of the objective: what slopes still promise, counted against it
     simulations: float
 
     @property
@@ -63,6 +64,10 @@ class Judged:
     def equations(self) -> Algebra:
         """The same summed."""
         return self.table.equations
+
+    def tempered(self, temperature: float) -> float:
+        """Return the log evidence where the data counts for as much less."""
+        return self.table.log_evidence(self.effects, temperature=temperature) - 0.5 * self.unmet / temperature
 
 
 @dataclass(frozen=True)
@@ -239,4 +244,4 @@ def judge(found: Fit, chosen: Sequence[Probe], share: float, weights: Weights, w
     prior = first.prior(found.effects)
     last, unmet, cost = settled(first, prior, weights, workers)
     log_evidence = last.log_evidence(found.effects) - 0.5 * unmet
-    return Judged(found, last, prior, log_evidence, cost + first.normal.simulations)
+    return Judged(found, last, prior, log_evidence, unmet, cost + first.normal.simulations)

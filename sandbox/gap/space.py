@@ -122,11 +122,11 @@ def ordinary(campaign: Campaign) -> list[Coordinate]:
     neutral = library.neutral(motor)
     out = []
     for name, field in library.OF_MOTOR.items():
-        sd = campaign.uncertainty.get(field, DEFAULT_UNCERTAINTY[field]) * abs(getattr(motor, field))
+        sd = seen(campaign.uncertainty.get(field, DEFAULT_UNCERTAINTY[field])) * abs(getattr(motor, field))
         if sd > 0.0:
             out.append(Coordinate(name, neutral[name], sd, "linear", (name,)))
     for axis in "dq":
-        sd = campaign.uncertainty.get(f"inductance_{axis}", DEFAULT_UNCERTAINTY[f"inductance_{axis}"])
+        sd = seen(campaign.uncertainty.get(f"inductance_{axis}", DEFAULT_UNCERTAINTY[f"inductance_{axis}"]))
         out.append(Coordinate(f"inductance.scale_{axis}", 1.0, sd, "linear", (f"inductance.scale_{axis}",)))
 
     def of_bench(key: str) -> float:
@@ -146,6 +146,14 @@ def ordinary(campaign: Campaign) -> list[Coordinate]:
     soft = math.log(SOFT_SIGN * motor.rated_current)
     out = [replace(c, within=ORDINARY) for c in out]
     return [*out, Coordinate("bench.soft_current", soft, SOFT_SPREAD, "log", ("bench.soft_current",), within=3.0)]
+
+
+def seen(deviation: float) -> float:
+    """Return a relative deviation of the stated from the true value as seen from the stated one.
+
+    True = stated/(1 + x): two deviations too low a statement, 1 - 2 s of the truth, is 2 s/(1 - 2 s) of itself off.
+    """
+    return deviation / (1.0 - min(2.0 * deviation, 0.5))
 
 
 def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:

@@ -4,10 +4,15 @@ Every effect has an ordinary size, too, a small share of the wide prior: unless 
 coordinates stay in the equations with that narrow prior.  So a trace of an effect, or a trace of the simulator's own
 error that resembles one, is no discovery.  That error grows with what there is to explain, and the share with it.
 A companion (time constant, frequency) is a shape, not a size: one prior for both.
+
+How large a claimed effect is nobody knows beforehand: its evidence is the mean over SIZES, shares of the wide prior,
+each on top of the ordinary size.  So a small effect is not held against a large one's prior.  Traces may have either
+sign: an error of the simulator need not keep to an effect's bounds.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,6 +27,8 @@ from sandbox.gap.space import Coordinate, of_effect, ordinary
 
 Array = NDArray[np.float64]
 ROUNDS, SETTLED = 8, 0.5  # steps to a table's most probable point; promised gain of the objective that ends them
+SIZES = (1.0, 0.5, 0.25, 0.125)  # shares of an effect's wide prior, alike in probability
+TRACE = 4.0  # deviations that a trace may have, to either side
 SMALL, LARGEST, GROWS = 0.01, 0.03, 7.0  # shares of the wide prior; normalised rms that doubles the smallest
 
 
@@ -44,18 +51,48 @@ class Table:
 
     def prior(self, effects: Sequence[str], *, alone: bool = False) -> Prior:
         """Return the prior of a set of effects: wide for these, narrow for all others (alone: none of the others)."""
-        claimed = np.zeros(len(self.narrow.mean), dtype=bool)
-        for effect in effects:
-            claimed[list(self.members[effect])] = True
+        claimed = self._places(effects)
         n, w = self.narrow, self.wide
         if alone:
             n = n.with_deviation(np.where(self.of_effects, 0.0, n.deviation))
         parts = ((n.mean, w.mean), (n.deviation, w.deviation), (n.low, w.low), (n.high, w.high))
         return Prior(*(np.where(claimed, b, a) for a, b in parts))
 
-    def log_evidence(self, effects: Sequence[str], *, alone: bool = False) -> float:
-        """Return the log evidence of a set of effects."""
-        return self.equations.log_evidence(self.prior(effects, alone=alone))
+    def log_evidence(self, effects: Sequence[str], *, alone: bool = False, temperature: float = 1.0) -> float:
+        """Return the log evidence of a set of effects; temperature: the data counts for as much less, priors do not.
+
+        One effect's size is averaged over at a time, the others' held where they are most probable.
+        """
+        equations, prior = self.equations.scaled(temperature), self.prior(effects, alone=alone)
+        traces = self.of_effects & ~self._places(effects) & (prior.deviation < self.wide.deviation)
+        reach = TRACE * prior.deviation
+        loose = Prior(
+            prior.mean, prior.deviation, np.where(traces, prior.mean - reach, prior.low),
+            np.where(traces, prior.mean + reach, prior.high),
+        )  # fmt: skip
+        level, averaged = equations.log_evidence(loose), 0.0
+        for effect in effects:
+            sized = [loose.with_deviation(self._sized(effect, loose.deviation, share)) for share in SIZES]
+            told = np.array([level, *(equations.log_evidence(p) for p in sized[1:])])
+            k = int(np.argmax(told))
+            if not math.isfinite(told[k]):
+                return -math.inf
+            level, loose = float(told[k]), sized[k]
+            averaged += float(np.log(np.mean(np.exp(told - told[k]))))
+        return level + averaged
+
+    def _places(self, effects: Sequence[str]) -> NDArray[np.bool_]:
+        """Return which coordinates belong to effects (p,)."""
+        out = np.zeros(len(self.narrow.mean), dtype=bool)
+        for effect in effects:
+            out[list(self.members[effect])] = True
+        return out
+
+    def _sized(self, effect: str, deviation: Array, share: float) -> Array:
+        """Return deviations (p,) with an effect's a share of its wide ones, on top of its ordinary ones."""
+        own = np.hypot(self.narrow.deviation, share * self.wide.deviation)
+        size = self._places([effect]) & (self.narrow.deviation < self.wide.deviation) & (share < 1.0)
+        return np.where(size, own, deviation)
 
 
 def settled(t: Table, prior: Prior, weights: Weights, workers: int) -> tuple[Table, float, float]:

@@ -8,7 +8,7 @@ is left when its effects are missing and all else is fitted.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -50,10 +50,10 @@ class Finding:
 
 
 def where(d: Diagnosis) -> tuple[Finding, ...]:
-    """Return the findings, the largest share first; none where nothing is wrong (`summary` says so)."""
-    if verdict(d) == "no_gap":
-        return ()
+    """Return the findings, the largest share first; none where surely nothing is wrong (`summary` says so)."""
     shares = subsystems(d)
+    if verdict(d) == "no_gap":
+        return possible(d, shares) if len(d.ambiguity_set) > 1 else ()
     found: list[Finding] = []
     for name, share in shares.items():
         if share >= LEAST:
@@ -62,9 +62,22 @@ def where(d: Diagnosis) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda f: -f.share))
 
 
+def possible(d: Diagnosis, shares: Mapping[str, float]) -> tuple[Finding, ...]:
+    """Return where a gap would lie that cannot be told from none: a share of what its hypotheses are probable."""
+    chance = 1.0 - sum(h.probability for h in d.hypotheses if not h.effects)
+    return tuple(
+        Finding(
+            name, "currents", "all speeds", None, chance * share,
+            f"If there is a gap at all ({percent(chance)} probable), {percent(share)} of it is expected in the "
+            f"{NAMES[name]}.",
+        )
+        for name, share in sorted(shares.items(), key=lambda x: -x[1]) if share >= LEAST
+    )  # fmt: skip
+
+
 def summary(d: Diagnosis, findings: Sequence[Finding]) -> str:
     """Return one sentence: the first finding, or that nothing is wrong."""
-    if findings:
+    if findings and verdict(d) != "no_gap":
         return findings[0].text
     return (
         f"Nowhere: with ordinary deviations refitted, residuals stand at {d.size.before:.3g} times the noise floor on "

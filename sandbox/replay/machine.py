@@ -159,11 +159,13 @@ def full_step(w, h):
         slow_a, slow_b = x_decay * x_a + x_old * i_a, x_decay * x_b + x_old * i_b
         j_a, j_b = full_current(w, j, c_1, s_1, a + half * p_a, b + half * p_b)
         j_a, j_b = j_a + kept_a + k_new * g * p_a, j_b + kept_b + k_new * g * p_b
+        m_a, m_b = 0.5 * j_a, 0.5 * j_b  # the middle's two estimates err by h^2 to either side
         v_a, v_b = phase_drop(w, j, j_a, j_b)
         q_a, q_b = u_a - v_a - r_1 * (j_a - slow_a - x_new * j_a), u_b - v_b - r_1 * (j_b - slow_b - x_new * j_b)
         k_a, k_b = kept_a + k_new * g * q_a, kept_b + k_new * g * q_b  # iron-loss current in the middle
         j_a, j_b = full_current(w, j, c_1, s_1, a + half * q_a, b + half * q_b)
         j_a, j_b = j_a + k_a, j_b + k_b
+        m_a, m_b = m_a + 0.5 * j_a, m_b + 0.5 * j_b
         x_a, x_b = slow_a + x_new * j_a, slow_b + x_new * j_b
         v_a, v_b = phase_drop(w, j, j_a, j_b)
         r_a, r_b = u_a - v_a - r_1 * (j_a - x_a), u_b - v_b - r_1 * (j_b - x_b)
@@ -176,7 +178,7 @@ def full_step(w, h):
         w[CORE_A * LANES + j], w[CORE_B * LANES + j] = kept_a + k_new * g * e_a, kept_b + k_new * g * e_b
         w[SLOW_A * LANES + j], w[SLOW_B * LANES + j] = slow_a, slow_b  # `close_lags` adds the coming sample's share
         decay, old, mid = w[FILTER_DECAY * LANES + j], w[FILTER_OLD * LANES + j], w[FILTER_MID * LANES + j]
-        w[FILTER_A * LANES + j] = decay * w[FILTER_A * LANES + j] + old * i_a + mid * j_a  # here, too
-        w[FILTER_B * LANES + j] = decay * w[FILTER_B * LANES + j] + old * i_b + mid * j_b
+        w[FILTER_A * LANES + j] = decay * w[FILTER_A * LANES + j] + old * i_a + mid * m_a  # here, too
+        w[FILTER_B * LANES + j] = decay * w[FILTER_B * LANES + j] + old * i_b + mid * m_b
         w[PSI_A * LANES + j] = a + part * (p_a + 2.0 * (q_a + r_a) + e_a)
         w[PSI_B * LANES + j] = b + part * (p_b + 2.0 * (q_b + r_b) + e_b)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
+from model.effects.current_filter import sample_weights
 from model.effects.dead_time import SOFT_SIGN
 from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor
@@ -157,7 +158,8 @@ def compile_set(motor: Motor, converter: Converter, v: Mapping[str, float], step
     s = v["current_sampling.delay"]
     row[lanes.SAMPLING] = s
     row[lanes.CORE_SHIFT] = math.expm1(-max(s, -core) / core)
-    row[lanes.BACK_DECAY : lanes.BACK_NEW + 1] = _back(s, filter_time)
+    seen = sample_weights(s, filter_time) if filter_time > 0.0 else (0.0, 0.0, 1.0)
+    row[lanes.BACK_DECAY : lanes.BACK_NEW + 1] = seen
     for j, phase in enumerate("abc"):
         row[lanes.GAIN_A + j] = v[f"current_gain.gain_{phase}"]
     row[lanes.OFFSET_A], row[lanes.OFFSET_B] = v["current_offset.offset_a"], v["current_offset.offset_b"]
@@ -168,19 +170,6 @@ def compile_set(motor: Motor, converter: Converter, v: Mapping[str, float], step
     row[lanes.ECC_COS], row[lanes.ECC_SIN] = amplitude * math.cos(phase_), amplitude * math.sin(phase_)
     _shaft(row, pairs, period, v)
     return row
-
-
-def _back(s: float, tau: float) -> tuple[float, float, float]:
-    """Weights of a filter s after t_k; a sample before it looks back by at most one time constant."""
-    if tau <= 0.0:
-        return 0.0, 0.0, 1.0
-    s = max(s, -tau)
-    if s >= 0.0:
-        return lag_weights(s, tau) if s > 0.0 else (1.0, 0.0, 0.0)
-    x = s / tau
-    decay = math.exp(-x)
-    mean = -math.expm1(-x) / x if abs(x) > 1e-5 else 1.0 - 0.5 * x
-    return decay, mean - decay, 1.0 - mean
 
 
 def _inverter(row: Array, converter: Converter, v: Mapping[str, float]) -> None:

@@ -1,0 +1,52 @@
+"""Effects too small to show: weighed by algebra beside the hypothesis that there is none.
+
+Where ordinary deviations alone explain a campaign, an effect whose trace cannot be told from nothing stays possible,
+and so does one that looks like a large but still ordinary deviation.  Near the floor the equations at the point without
+effects say how probable each is, and what its parameters would be; a fit would add nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sandbox.gap.fit import Fit
+from sandbox.gap.normal import Normal, Segment
+from sandbox.gap.search import Judged
+from sandbox.gap.space import Coordinate
+
+BEHIND = 30.0  # log evidence behind the best at which there is no point in it
+
+
+def slight(judged: Sequence[Judged]) -> list[Judged]:
+    """Return every single effect that was not fitted, weighed at the point without effects; none if that has no
+    chance itself."""
+    none = next((j for j in judged if not j.effects), None)
+    if none is None or none.log_evidence < max(j.log_evidence for j in judged) - BEHIND:
+        return []
+    known = {j.effects for j in judged}
+    return [by_algebra(none, e) for e in none.table.members if (e,) not in known]
+
+
+def by_algebra(none: Judged, effect: str) -> Judged:
+    """Return an effect's hypothesis from the equations at the point without effects."""
+    t, effects = none.table, (effect,)
+    prior = t.prior(effects, alone=True)
+    kept = [k for k, c in enumerate(t.coordinates) if prior.deviation[k] > 0.0 or c.form == "turn"]
+    own = [replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k])) for k in kept]
+    n = part_of(t.normal, kept, own)
+    found = Fit(effects, t.point, n, t.equations.most_probable(prior)[2], 0.0)
+    return Judged(found, t, t.prior(effects), t.log_evidence(effects), none.unmet, 0.0)
+
+
+def part_of(n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate]) -> Normal:
+    """Return normal equations of some coordinates only, the others held; coordinates: what to call these."""
+    place = {k: m for m, k in enumerate(kept)}
+    segments = []
+    for s in n.segments:
+        inside = np.array([m for m, k in enumerate(s.places) if int(k) in place], dtype=np.int64)
+        places = np.array([place[int(s.places[m])] for m in inside], dtype=np.int64)
+        segments.append(Segment(s.recording, s.channel, places, s.a[:, inside][:, :, inside], s.g[:, inside], s.rr, s.n))
+    return Normal(tuple(coordinates), n.x[list(kept)], tuple(segments), 0.0)
