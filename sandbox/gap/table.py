@@ -31,6 +31,8 @@ SIZES = (1.0, 0.5, 0.25, 0.125)  # shares of an effect's wide prior, alike in pr
 TRACE = 4.0  # deviations that a trace may have, to either side
 SMALL, LARGEST, GROWS = 0.01, 0.03, 7.0  # shares of the wide prior; normalised rms that doubles the smallest
 
+SHARP = {"current_filter": 0.3, "current_sampling": 0.3}  # instants of reading are met better: of that share
+
 
 @dataclass(frozen=True)
 class Table:
@@ -150,7 +152,8 @@ def table(
         else:
             own = probe_coordinates(point, probe, "")
         for c in own:
-            narrow.setdefault(c.label, c if is_shape(c, probe) else replace(c, deviation=share * c.deviation))
+            own_share = share * SHARP.get(probe.effect, 1.0)
+            narrow.setdefault(c.label, c if is_shape(c, probe) else replace(c, deviation=own_share * c.deviation))
             if c.deviation >= claimed.get(c.label, c).deviation:
                 claimed[c.label] = c
         groups[probe.effect] = [c.label for c in own]

@@ -28,6 +28,7 @@ from sandbox.gap.spectrum import shown
 Array = NDArray[np.float64]
 LEAST = 0.02  # share below which a subsystem is not spoken of
 DETAIL = 0.1  # the same for a detail, of its subsystem's part
+WORTH = 0.1  # probability below which a gap that cannot be told from none is not spoken of
 ALIKE = 1.5  # ratio of amplitudes within which they count as independent of speed or current
 NAMES = {"inverter": "inverter", "machine": "machine", "sensor": "sensors", "mechanics": "mechanics"}
 WHAT = {"motion": "motion of the free rotor", "position": "the encoder's angle at imposed speed"}
@@ -53,7 +54,7 @@ def where(d: Diagnosis) -> tuple[Finding, ...]:
     """Return the findings, the largest share first; none where surely nothing is wrong (`summary` says so)."""
     shares = subsystems(d)
     if verdict(d) == "no_gap":
-        return possible(d, shares) if len(d.ambiguity_set) > 1 else ()
+        return possible(d, shares)
     found: list[Finding] = []
     for name, share in shares.items():
         if share >= LEAST:
@@ -65,7 +66,7 @@ def where(d: Diagnosis) -> tuple[Finding, ...]:
 def possible(d: Diagnosis, shares: Mapping[str, float]) -> tuple[Finding, ...]:
     """Return where a gap would lie that cannot be told from none: a share of what its hypotheses are probable."""
     chance = 1.0 - sum(h.probability for h in d.hypotheses if not h.effects)
-    return tuple(
+    return () if chance < WORTH else tuple(
         Finding(
             name, "currents", "all speeds", None, chance * share,
             f"If there is a gap at all ({percent(chance)} probable), {percent(share)} of it is expected in the "
