@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 RESULTS = Path(__file__).parent / "results" / "withheld"
-MIXED, CONTROLS = (200, 20261121), (300, 20261122)  # campaigns, seed
+MIXED, CONTROLS = (200, 20261123), (300, 20261124)  # campaigns, seed
 LEFT_OUT = 0.2
 
 

@@ -25,8 +25,8 @@ from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.remainder import Remainder, remainder
 from sandbox.gap.search import Judged, search
-from sandbox.gap.slight import slight
 from sandbox.gap.size import Size, rms, size_of
+from sandbox.gap.slight import slight
 from sandbox.gap.split import held_out, weights_of
 from sandbox.replay.replay import prepare
 from sandbox.replay.sets import complete

@@ -48,5 +48,7 @@ def part_of(n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate]) -
     for s in n.segments:
         inside = np.array([m for m, k in enumerate(s.places) if int(k) in place], dtype=np.int64)
         places = np.array([place[int(s.places[m])] for m in inside], dtype=np.int64)
-        segments.append(Segment(s.recording, s.channel, places, s.a[:, inside][:, :, inside], s.g[:, inside], s.rr, s.n))
+        segments.append(
+            Segment(s.recording, s.channel, places, s.a[:, inside][:, :, inside], s.g[:, inside], s.rr, s.n)
+        )
     return Normal(tuple(coordinates), n.x[list(kept)], tuple(segments), 0.0)

@@ -49,6 +49,8 @@ from sandbox.replay.lanes import (
     RESISTANCE,
     S_0,
     SOFT,
+    SPILL_A,
+    SPILL_B,
     SWING_D,
     SWING_Q,
     THRESHOLD,
@@ -112,24 +114,28 @@ def core_after(w, j, iron, x, y, on_a, on_b, time):
 
 @inlined
 def six_edges(w, j, iron, omega, e_0, e_1, e_2, e_3, e_4, e_5):
-    """Return instant and current of each edge in order of time, and the volt-seconds lost in all."""
+    """Return instant and current of each edge in order of time, and the volt-seconds lost in all.
+
+    What late pulses of the last period still bring is there before the first edge.
+    """
+    n_a, n_b = w[SPILL_A * LANES + j], w[SPILL_B * LANES + j]
     v, third = w[LINK_A * LANES + j], 2.0 / 3.0
     slope = -w[CORE_G * LANES + j] * w[CORE_INV * LANES + j]
     x, y = w[CORE_A * LANES + j] + slope * w[CLAG_A * LANES + j], w[CORE_B * LANES + j] + slope * w[CLAG_B * LANES + j]
     if not iron:
         x, y = w[CORE_A * LANES + j], w[CORE_B * LANES + j]
     x, y = core_after(w, j, iron, x, y, 0.0, 0.0, e_0[0] + w[DELAY * LANES + j])
-    l_0, t_0, x_0, y_0 = edge(w, j, omega, e_0, 1.0, 0.0, 0.0, x, y)
+    l_0, t_0, x_0, y_0 = edge(w, j, omega, e_0, 1.0, n_a, n_b, x, y)
     on_a, on_b = third * e_0[3], third * e_0[4]
-    a, b = lost(v, e_1[0], e_0, 1.0, l_0, 0.0, 0.0)
+    a, b = lost(v, e_1[0], e_0, 1.0, l_0, n_a, n_b)
     x, y = core_after(w, j, iron, x, y, on_a, on_b, e_1[0] - e_0[0])
     l_1, t_1, x_1, y_1 = edge(w, j, omega, e_1, 1.0, a, b, x, y)
     on_a, on_b = on_a + third * e_1[3], on_b + third * e_1[4]
-    a, b = lost(v, e_2[0], e_0, 1.0, l_0, 0.0, 0.0)
+    a, b = lost(v, e_2[0], e_0, 1.0, l_0, n_a, n_b)
     a, b = lost(v, e_2[0], e_1, 1.0, l_1, a, b)
     x, y = core_after(w, j, iron, x, y, on_a, on_b, e_2[0] - e_1[0])
     l_2, t_2, x_2, y_2 = edge(w, j, omega, e_2, 1.0, a, b, x, y)
-    a, b = lost(v, e_3[0], e_0, 1.0, l_0, 0.0, 0.0)
+    a, b = lost(v, e_3[0], e_0, 1.0, l_0, n_a, n_b)
     a, b = lost(v, e_3[0], e_1, 1.0, l_1, a, b)
     a, b = lost(v, e_3[0], e_2, 1.0, l_2, a, b)
     x, y = core_after(w, j, iron, x, y, 0.0, 0.0, e_3[0] - e_2[0])

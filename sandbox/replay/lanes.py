@@ -20,7 +20,9 @@ PI_HIGH, PI_LOW = 1.5707963267341256, 6.077100506506192e-11  # pi/2 in two parts
 (CORE_RATE_A, CORE_RATE_B, KF_ANGLE, KF_SPEED, TWIST, SLIP, LAST_TORQUE, DEVIATION) = range(12, 20)
 # scratch of one period
 (I_A, I_B, M_A, M_B, TORQUE, U_A, U_B, GAMMA_DD, GAMMA_DQ, GAMMA_QQ, I_D, I_Q, X_D, X_Q) = range(20, 34)
-(READ_A, READ_B, READ_C, MISS, _, _, C_1, S_1, C_2, S_2, LINK_A, LINK_B, LINK_C, STEEP_A, STEEP_B) = range(34, 49)
+(READ_A, READ_B, READ_C, MISS, SPILL_A, SPILL_B, C_1, S_1, C_2, S_2, LINK_A, LINK_B, LINK_C, STEEP_A, STEEP_B) = range(
+    34, 49
+)
 C_0, S_0 = C_2, S_2  # the end of one step is the start of the next
 SAMPLE_A, SAMPLE_B, NEXT_DEVIATION, PULSE_TORQUE = range(49, 53)
 # parameters, as `sandbox.replay.sets` compiles them

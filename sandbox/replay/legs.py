@@ -55,6 +55,8 @@ from sandbox.replay.lanes import (
     SAMPLE_A,
     SAMPLE_B,
     SAMPLING,
+    SPILL_A,
+    SPILL_B,
     U_A,
     U_B,
     fading,
@@ -112,6 +114,12 @@ def mean_voltage(w, d_a, d_b, d_c, width):
         w[U_A * LANES + j], w[U_B * LANES + j] = (2.0 * a - b - c) * (1.0 / 3.0), (b - c) * (1.0 / ROOT)
 
 
+@inlined
+def spilt(before, late, period):
+    """Return how long (s) a leg's pulse of the last period lasts into this one."""
+    return min(max(0.5 * (1.0 + before) * period + late - period, 0.0), before * period)
+
+
 @kernel
 def late_voltage(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
     """Write the voltage of a late pattern: its volt-seconds, R Gamma of the mean flux it moves (1); and its torque."""
@@ -127,6 +135,9 @@ def late_voltage(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
         y = v_b * mean_deviation(d_b, b_b, period, late)
         z = v_c * mean_deviation(d_c, b_c, period, late)
         rho_a, rho_b = (2.0 * x - y - z) * (1.0 / 3.0), (y - z) * (1.0 / ROOT)
+        x, y = v_a * spilt(b_a, w[DELAY * LANES + j], period), v_b * spilt(b_b, w[DELAY * LANES + j], period)
+        z = v_c * spilt(b_c, w[DELAY * LANES + j], period)
+        w[SPILL_A * LANES + j], w[SPILL_B * LANES + j] = (2.0 * x - y - z) * (1.0 / 3.0), (y - z) * (1.0 / ROOT)
         c, s = turn(w[C_0 * LANES + j], w[S_0 * LANES + j], -half * omega)  # the frame in the middle of the period
         a = w[PSI_A * LANES + j] + half * (u_a - r * w[I_A * LANES + j])
         b = w[PSI_B * LANES + j] + half * (u_b - r * w[I_B * LANES + j])
