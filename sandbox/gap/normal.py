@@ -184,6 +184,7 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
         if moved is not None:  # innovations are normalised already
             parts.append(("motion", moved[:, None, :], -scale))
         if turned is not None:
+            turned[:, turn] = sign  # the reading turns with the angle itself, not with the encoder's offset
             parts.append(("angle", turned[:, None, :], scale / r.angle_floor))
         for channel, j, size in parts:
             own = _acting(j, columns, size)

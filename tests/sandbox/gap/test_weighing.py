@@ -1,0 +1,133 @@
+"""Evidence over sizes, data that counts for less, effects too small to fit: against integrals and fits."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from sandbox.campaign import write_campaign
+from sandbox.gap.estimates import estimates
+from sandbox.gap.evidence import Algebra, Prior
+from sandbox.gap.fit import fit
+from sandbox.gap.posterior import tempered
+from sandbox.gap.probes import probes_at_typical
+from sandbox.gap.search import Judged, judge
+from sandbox.gap.slight import part_of, slight
+from sandbox.gap.space import ORDINARY, ordinary, seen
+from sandbox.gap.split import weights_of
+from sandbox.gap.table import SIZES, TRACE, Table, ordinary_share
+from tests.sandbox.gap.conftest import small_campaign
+from tests.sandbox.gap.test_evidence import start
+
+NARROW, WIDE = 0.02, 1.5
+
+
+def one_effect(pull, curve, *, low=-np.inf):
+    """Return a table of one coordinate of one effect: log likelihood pull x - curve x^2/2."""
+    own = Algebra(np.array([[curve]]), np.array([pull]), 0.0, np.zeros(1))
+    zero, high = np.zeros(1), np.array([np.inf])
+    narrow, wide = (Prior(zero, np.array([sd]), np.array([low]), high) for sd in (NARROW, WIDE))
+    return Table(None, None, own, narrow, wide, {"x": (0,)}, np.array([True]))
+
+
+def gauss(x, sd):
+    return math.exp(-0.5 * (x / sd) ** 2) / (sd * math.sqrt(2.0 * math.pi))
+
+
+@pytest.mark.parametrize("pull", [0.0, 3.0, 40.0])
+@pytest.mark.parametrize("temperature", [1.0, 7.0])
+def test_evidence_is_the_mean_over_sizes_and_only_data_is_tempered(pull, temperature):
+    curve = 30.0
+    told = one_effect(pull, curve).log_evidence(["x"], temperature=temperature)
+    sizes = [WIDE, *(math.hypot(NARROW, s * WIDE) for s in SIZES[1:])]
+
+    def density(x):
+        likelihood = math.exp((pull * x - 0.5 * curve * x * x) / temperature)
+        return likelihood * sum(gauss(x, sd) for sd in sizes) / len(sizes)
+
+    top = pull / curve
+    whole = quad(density, -12.0, 12.0, points=[0.0, top], limit=400)[0]
+    assert told == pytest.approx(math.log(whole), abs=1e-6)
+
+
+def test_what_priors_tell_apart_no_temperature_takes_away():
+    """A value known far better than either prior, four narrow deviations off: the odds are those of the priors."""
+    at, curve = 4.0 * NARROW, 1e8
+    for temperature in (1.0, 50.0):
+        t = one_effect(at * curve, curve)
+        odds = t.log_evidence(["x"], temperature=temperature) - t.log_evidence([], temperature=temperature)
+        sizes = [WIDE, *(math.hypot(NARROW, s * WIDE) for s in SIZES[1:])]
+        wide = sum(gauss(at, sd) for sd in sizes) / len(sizes)
+        assert odds == pytest.approx(math.log(wide / gauss(at, NARROW)), abs=1e-2)  # width of the likelihood
+
+
+def test_a_trace_may_have_either_sign_a_claim_may_not():
+    """An error of the simulator that looks like a negative size: taken up by the trace, no evidence for the effect."""
+    t = one_effect(-60.0, 2000.0, low=0.0)
+    symmetric = one_effect(-60.0, 2000.0)
+    assert t.log_evidence([]) == pytest.approx(symmetric.log_evidence([]), abs=1e-12)
+    assert t.log_evidence(["x"]) < symmetric.log_evidence(["x"]) - 1.0
+    assert TRACE >= ORDINARY
+
+
+def test_a_stated_deviation_is_seen_from_the_stated_value():
+    """True = stated/(1 + x), x normal: two deviations too low a statement lie two of the seen ones off."""
+    for s in (0.01, 0.05, 0.15):
+        true = 1.0 / (1.0 - 2.0 * s)
+        assert (true - 1.0) / seen(s) == pytest.approx(2.0, rel=1e-12)
+
+
+@pytest.fixture(scope="module")
+def quiet(tmp_path_factory):
+    """The point without effects of a campaign without a gap, judged with all effects beside it."""
+    at = start(write_campaign(tmp_path_factory.mktemp("weighing") / "quiet", small_campaign({})))
+    weights = weights_of(len(at.prepared.recordings))
+    found = fit(at, (), weights)
+    return judge(found, probes_at_typical(at), ordinary_share(1.0), weights, 1), weights
+
+
+def test_a_slight_effect_is_what_a_fit_says_of_it(quiet):
+    """By algebra from the point without effects; near the floor a fit from there moves by less than it is unsure."""
+    none, weights = quiet
+    by_name = {j.effects[0]: j for j in slight([none])}
+    assert set(by_name) == set(none.table.members)
+    for name in ("stator_resistance", "flux_harmonics", "winding_asymmetry"):
+        own = by_name[name]
+        found = fit(none.fit.point, (name,), weights)
+        assert own.fit.objective == pytest.approx(found.objective, abs=0.2)  # TOLERANCE of a fit
+        here, there = (estimates(dataclasses.replace(own, fit=f)) for f in (own.fit, found))
+        for parameter, e in there.items():
+            assert here[parameter].value == pytest.approx(e.value, abs=0.1 * (e.high - e.low))
+            assert here[parameter].high - here[parameter].low == pytest.approx(e.high - e.low, rel=0.1)
+    assert sum(p for p, _ in tempered([none, *by_name.values()], 2.0)[0]) == pytest.approx(1.0)
+
+
+def test_part_of_the_equations_is_the_rest_held(quiet):
+    """Squares at any values of the kept coordinates: those of the whole equations, the others at what they are held."""
+    none, _ = quiet
+    n, kept, rng = none.normal, [0, 3, len(none.normal.x) - 1], np.random.default_rng(2)
+    held = n.x + 0.1 * none.prior.deviation * rng.standard_normal(len(n.x))
+    own = part_of(n, kept, [n.coordinates[k] for k in kept], held)
+    x = n.x[kept] + none.prior.deviation[kept] * rng.standard_normal(len(kept))
+    whole = held.copy()
+    whole[kept] = x
+    (a, g, rr), (b, h, ss) = n.summed(), own.summed()
+    far, near = whole - n.x, x - n.x[kept]
+    assert ss - 2.0 * near @ h + near @ b @ near == pytest.approx(rr - 2.0 * far @ g + far @ a @ far, rel=1e-10)
+
+
+def test_nothing_slight_beside_a_large_effect(quiet):
+    none, _ = quiet
+    large = dataclasses.replace(none, log_evidence=none.log_evidence + 100.0)
+    assert isinstance(large, Judged)
+    assert slight([none, dataclasses.replace(large, fit=dataclasses.replace(none.fit, effects=("dead_time",)))]) == []
+
+
+def test_ordinary_coordinates_use_the_seen_deviation(quiet):
+    none, _ = quiet
+    campaign = none.fit.point.prepared.campaign
+    viscous = next(c for c in ordinary(campaign) if c.label == "viscous_friction.coefficient")
+    stated = campaign.uncertainty.get("viscous_friction", 0.2)
+    assert viscous.deviation == pytest.approx(seen(stated) * campaign.drive.motor.viscous_friction)
