@@ -65,8 +65,12 @@ def answer(
 
 
 def next_recording(d: Diagnosis) -> Next | None:
-    """Return the recording that would tell the named hypotheses of an ambiguity set apart; None with one of them."""
-    rivals = [h.judged for h in d.ambiguity_set if UNKNOWN not in h.effects]
+    """Return the recording that would tell the named hypotheses of an ambiguity set apart; None with one of them.
+
+    Those not fitted predict what their neighbour does: no recording parts them.
+    """
+    fitted = {id(j) for j in d.judged}
+    rivals = [h.judged for h in d.ambiguity_set if UNKNOWN not in h.effects and id(h.judged) in fitted]
     return recommend(d.campaign, rivals, d.temperature) if len(rivals) > 1 else None
 
 
@@ -95,7 +99,11 @@ def which_text(a: Answers) -> str:
     """Return which effect causes it, or that none does, or that it cannot be told."""
     d, best = a.diagnosis, a.diagnosis.best
     if a.verdict == "no_gap":
-        return f"None: ordinary deviations alone are {likely(best.probability)}."
+        others = [h for h in d.ambiguity_set if h.effects and UNKNOWN not in h.effects]
+        text = f"None: ordinary deviations alone are {likely(best.probability)}."
+        if not others:
+            return text
+        return f"{text} Too slight to exclude: {', '.join(f'{names(h.effects)} ({percent(h.probability)})' for h in others)}."
     if a.verdict == "unknown":
         named = [e for e in best.effects if e != UNKNOWN]
         chance = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
