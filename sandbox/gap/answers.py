@@ -101,9 +101,8 @@ def which_text(a: Answers) -> str:
     if a.verdict == "no_gap":
         others = [h for h in d.ambiguity_set if h.effects and UNKNOWN not in h.effects]
         text = f"None: ordinary deviations alone are {likely(best.probability)}."
-        if not others:
-            return text
-        return f"{text} Too slight to exclude: {', '.join(f'{names(h.effects)} ({percent(h.probability)})' for h in others)}."
+        told = ", ".join(f"{names(h.effects)} ({percent(h.probability)})" for h in others)
+        return f"{text} Too slight to exclude: {told}." if others else text
     if a.verdict == "unknown":
         named = [e for e in best.effects if e != UNKNOWN]
         chance = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
