@@ -36,7 +36,7 @@ from sandbox.protocol_tests import (
 from sandbox.report import BELIEFS, plain, print_table, results, write_json
 
 ESTIMATORS = (
-    "qnull", "inversion", "rotating", "table", "arbitrary", "fluxdemod", "pll3", "mechanical", "monitor",
+    "qnull", "inversion", "rotating", "table", "arbitrary", "pwm_ripple", "fluxdemod", "pll3", "mechanical", "monitor",
     "active_flux", "hybrid", "ekf", "ukf",
 )  # fmt: skip
 READING = (
