@@ -12,7 +12,7 @@ from __future__ import annotations
 import cmath
 import math
 
-from estimators.believed import believed_hessian, tracked
+from estimators.believed import tracked
 from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, FREE, OMEGA, PHASE, SLOW_OMEGA, blank, demodulate
 from estimators.matrix_fit import TAKEN, add, angle_error, believed, forgetting, get, put, solve
@@ -74,9 +74,9 @@ def step(state, sample, belief, tuning):
         f = g = 0j
     back = cmath.exp(-1j * axis)
     f, g = f * back, g * back
-    s, d = believed(*believed_hessian(state, belief.energy, mean_d, mean_q))
+    s, d, slope = believed(state, belief.energy, complex(mean_d, mean_q))
     add(state, f, g - s * f - d * f.conjugate(), forgetting(tuning.period))
-    correct(state, angle_error(d, solve(state, believed_weight(tuning))[1], belief.energy), tuning)
+    correct(state, angle_error(d, slope, solve(state, believed_weight(tuning))[1], belief.energy), tuning)
     return tracked(state, state[AXIS], y_d, y_q, tuning)
 
 

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import cmath
 
-from estimators.believed import believed_hessian, tracked
+from estimators.believed import tracked
 from estimators.contract import PWM, STEP_INSIDE, Estimator
 from estimators.demodulation import AXIS, FREE, OMEGA, PHASE, blank
 from estimators.matrix_fit import TAKEN, add, angle_error, believed, forgetting, get, put, solve
@@ -108,10 +108,10 @@ def step(state, sample, belief, tuning):
     mean *= back / sample.readings.shape[0]
     both = 0.5 * (mean + get(state, MEAN))
     put(state, MEAN, mean)
-    s, d = believed(*believed_hessian(state, belief.energy, both.real, both.imag))
+    s, d, slope = believed(state, belief.energy, both)
     collect(state, sample.readings, back, s, d, belief.resistance, tuning)
     d_d = solve(state, believed_weight(belief.energy, tuning))[1]
-    correct(state, angle_error(d, d_d, belief.energy), tuning)
+    correct(state, angle_error(d, slope, d_d, belief.energy), tuning)
     return tracked(state, state[AXIS], 0.0, 0.0, tuning, 0.0)
 
 

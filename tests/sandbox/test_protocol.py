@@ -110,7 +110,7 @@ def test_cost_of_the_ripple():
     f = h * (np.abs(np.arange(n) - n / 2) - n / 4)
     expected = 30.0 * math.hypot(dd, dq) * np.sqrt(np.mean(f**2))
     assert m["ripple_a"] == pytest.approx(expected, rel=0.05)  # of it: R Gamma T / 2 pi = 0.1 squared, and noise
-    assert m["loss_w"] == pytest.approx(1.5 * 12.15 * m["ripple_a"] ** 2)
+    assert m["loss_w"] == pytest.approx(1.5 * 12.15 * (m["ripple_a"] ** 2 + m["pwm_ripple_a"] ** 2))
     assert 50.0 < m["step_ns"] < 20000.0
 
 
