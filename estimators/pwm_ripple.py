@@ -25,10 +25,11 @@ from estimators.contract import PWM, STEP_INSIDE, Estimator
 from estimators.demodulation import AXIS, FREE, OMEGA, PHASE, blank
 from estimators.matrix_fit import TAKEN, add, angle_error, believed, forgetting, get, put, solve
 from estimators.startup import TRACKING, start, tell
-from estimators.tracking import correct, predict
+from estimators.tracking import correct_type_3, predict
 from model.compiled import kernel, kernel_as
 
 MOST = 32  # readings of a period
+AGE = 2  # periods, one pair: the fit has a matrix in each, what averages is the tracking loop
 # flux and current ripple of the last period and of the new one, each from its own frame, complex
 F, G, NEW_F, NEW_G = range(FREE + TAKEN, FREE + TAKEN + 8 * MOST, 2 * MOST)
 MEAN = FREE + TAKEN + 8 * MOST  # current of the last period, complex
@@ -78,7 +79,7 @@ def ripples(state, readings, back, resistance, h):
 def collect(state, readings, back, s, d, resistance, tuning):
     """Add a period's ripples less the last one's to the sums, where they oppose; back: stator to rotor frame."""
     opposed = ripples(state, readings, back, resistance, tuning.sampling_period) < 0.0
-    add(state, 0j, 0j, forgetting(tuning.period))
+    add(state, 0j, 0j, forgetting(AGE))
     for j in range(readings.shape[0]):
         f, g = get(state, NEW_F + 2 * j), get(state, NEW_G + 2 * j)
         if opposed:
@@ -111,7 +112,7 @@ def step(state, sample, belief, tuning):
     s, d, slope = believed(state, belief.energy, both)
     collect(state, sample.readings, back, s, d, belief.resistance, tuning)
     d_d = solve(state, believed_weight(belief.energy, tuning))[1]
-    correct(state, angle_error(d, slope, d_d, belief.energy), tuning)
+    correct_type_3(state, angle_error(d, slope, d_d, belief.energy), tuning)
     return tracked(state, state[AXIS], 0.0, 0.0, tuning, 0.0)
 
 
@@ -123,7 +124,7 @@ def init(belief, tuning, angle=None):
 ESTIMATOR = Estimator(
     "pwm_ripple", "1/inductance fitted to the PWM's own ripple, read inside the period; angle of it", init, step,
     injection=PWM,
-    delay="1 + 0.5 (N - 1) periods: pairs of periods, forgotten as an average over N samples",
+    delay="1.5 periods: pairs of periods, forgotten as an average over two",
     speeds="0 to where the current loop holds; switched plant only",
     source="Wolbank, Machl, Hofmann, IEEE Trans. Power Electron. 19 (2004) and Paulus, Landsmann, Kennel, SLED 2011 "
     "(PWM excitation, direct angle); pairs of periods and belief derived here",
