@@ -30,7 +30,7 @@ from model.errors import BadInput, PhysicsError
 from model.frames import stationary
 from model.parameters import Drive
 from sandbox.design import belief_of, design
-from sandbox.injection import carrier
+from sandbox.injection import carrier, samples_per_period
 from sandbox.recording import Recording
 from sandbox.scenario import Scenario, Segment
 from sandbox.simulate import simulate
@@ -147,12 +147,14 @@ def cost(drive: Drive, name: str, belief: str, seed: int) -> dict[str, float | N
 
 
 def torque_ripple(drive: Drive, r: Recording) -> float:
-    """Return the rms of the torque around its mean over that mean, from the sampled currents."""
+    """Return the rms of the sampled torque around its mean of each injection period, over the whole mean."""
     motor, torques, d, q = drive.motor, [], 0.0, 0.0
+    n = samples_per_period(drive.injection, drive.converter)
     for i_d, i_q in zip(r.i_d, r.i_q, strict=True):
         d, q, _ = flux_newton(motor.energy, float(i_d), float(i_q), d, q)
         torques.append(torque(motor.energy, d, q, motor.magnet_flux, float(motor.pole_pairs)))
-    return float(np.std(torques) / abs(np.mean(torques)))
+    periods = np.reshape(torques[: len(torques) // n * n], (-1, n))
+    return float(np.sqrt(np.mean(np.var(periods, axis=1))) / abs(np.mean(periods)))
 
 
 def at_speed(drive: Drive, estimator: Estimator, belief: str, seed: int) -> tuple[float | None, float | None]:
