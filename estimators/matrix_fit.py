@@ -24,7 +24,7 @@ from model.compiled import kernel
 P, FV = range(FREE, FREE + 4, 2)
 Q, REAL_FV = range(FREE + 4, FREE + 6)
 TAKEN = 6  # slots; an estimator's own begin behind them
-SCALE = 0.02  # c
+SCALE = 0.1  # c: the scale is known three times less well than the saliency
 DELTA = 0.02  # rad, half width of the difference for D'
 
 

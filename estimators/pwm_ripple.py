@@ -126,6 +126,6 @@ ESTIMATOR = Estimator(
     injection=PWM,
     delay="1.5 periods: pairs of periods, forgotten as an average over two",
     speeds="0 to where the current loop holds; switched plant only",
-    source="Wolbank, Machl, Hofmann, IEEE Trans. Power Electron. 19 (2004) and Paulus, Landsmann, Kennel, SLED 2011 "
-    "(PWM excitation, direct angle); pairs of periods and belief derived here",
+    source="Schroedl, IAS 1996 (INFORM); Gao, Asher, Sumner, Makys, IEEE Trans. Ind. Appl. 43 (2007) (PWM excitation); "
+    "pairs of periods, fit and belief derived here",
 )  # fmt: skip
