@@ -114,7 +114,7 @@ class Protocol:
         """Return the protocol with the peer's reversal beside ours: CPU seconds a second, error rms (degrees)."""
         rows = []
         for row in self.rows:
-            if row.unit.test == "reversal":
+            if row.unit.test == "reversal" and not row.failure:
                 ratios = with_peer(row.outcome.metrics, cpu, rms)
                 metrics = dict(row.outcome.metrics) | ratios
                 row = replace(row, outcome=replace(row.outcome, metrics=metrics, passed=beats_peer(ratios)))
