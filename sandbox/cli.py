@@ -233,13 +233,13 @@ def run_simulate(options: argparse.Namespace) -> None:
     drive, scenario = load_drive(options.motor), load_scenario(options.scenario)
     if options.duration is not None:
         scenario = scenario.cut(options.duration)
-    load_estimator(options.estimator)
+    estimator = load_estimator(options.estimator)
     effects = parse(options.effects)
     if options.record is not None:
         from sandbox.record import bench_of, campaign_of
 
         check_new_folder(options.record, _folder(options))
-        drive = bench_of(drive)
+        drive = bench_of(drive, estimator)
     result, gains = single(
         drive, scenario, options.estimator, options.belief, not options.open, options.seed, effects, options.plant
     )

@@ -135,6 +135,13 @@ def test_averaged_plant_is_refused_in_a_sentence(tmp_path, capsys):
     assert not list(tmp_path.iterdir())
 
 
+def test_recordings_are_of_centred_pulses(tmp_path, capsys):
+    call = ["simulate", "--estimator", "pwm_ripple", "--duration", "0.05", "--record", str(tmp_path / "c")]
+    assert main([*call, "--out", str(tmp_path / "o")]) == 2
+    assert "recordings are of centred ones" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
 @given(st.one_of(st.none(), st.integers(), st.floats(), st.text()), st.one_of(st.none(), st.floats(), st.text()))
 def test_readings_and_shift_are_checked(readings, shift):
     """Whatever is given, it is taken as it stands or refused with its name and bounds."""
