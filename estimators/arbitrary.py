@@ -3,14 +3,8 @@
 No carrier is known.  Flux ripple f and current ripple g are what one filter, real in the rotor's frame, leaves of
 psi = integral of (u - R i) and of i: two zeros at rest there, two poles at half the injection's frequency,
   H = (1 - r/z)^2 / (1 - a r/z)^2,   r = exp(j omega h),   a = exp(-pi/N),
-so means, their ramps and the magnet are gone.  In the estimated rotor frame, as complex numbers,
-  g = S f + D conj(f),   S = (Gamma_dd + Gamma_qq)/2,   D = (Gamma_dd - Gamma_qq)/2 + j Gamma_dq,
-and an error e turns D by 2 e.  Of what the believed S and D at the mean current leave of g, v = g - S f - D conj(f),
-recursive least squares with forgetting make dS and dD, q = sum |f|^2, p = sum f^2:
-  (q + c rho) dS + Re(conj(p) dD) = sum Re(conj(f) v),    (q + rho) dD + p dS = sum f v,
-  e = arg((D + dD)/D) / 2,
-the angle directly, without a search.  rho is the belief's weight: along one axis only three of four entries show, and
-c < 1 says that the scale S is known less well than the saliency, so that an inductance all wrong turns nothing.
+so means, their ramps and the magnet are gone.  Seen from the estimated rotor frame the matrix between them is fitted
+and its turn is the error (`matrix_fit`), the believed one being that at the mean current.
 """
 
 from __future__ import annotations
@@ -18,33 +12,20 @@ from __future__ import annotations
 import cmath
 import math
 
-from estimators.believed import believed_hessian, tracked
+from estimators.believed import tracked
 from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, FREE, OMEGA, PHASE, SLOW_OMEGA, blank, demodulate
+from estimators.matrix_fit import TAKEN, add, angle_error, believed, forgetting, get, put, solve
 from estimators.startup import TRACKING, start, tell
 from estimators.tracking import correct, predict
 from model.compiled import kernel, kernel_as
 
-# complex numbers, two slots each: current, flux, and both filtered, of the last two samples; sums p and f v
-I_1, I_2, PSI_1, PSI_2, F_1, F_2, G_1, G_2, P, FV = range(FREE, FREE + 20, 2)
-Q, REAL_FV, SEEN = range(FREE + 20, FREE + 23)
-OWN = 23
+# complex numbers, two slots each: current, flux, and both filtered, of the last two samples
+I_1, I_2, PSI_1, PSI_2, F_1, F_2, G_1, G_2 = range(FREE + TAKEN, FREE + TAKEN + 16, 2)
+SEEN = FREE + TAKEN + 16
+OWN = TAKEN + 17
 LEAK = 0.03  # of the filter's corner: where the integral forgets offsets of the voltage
 BELIEVED = 0.2  # rho over the sum of |f|^2 that the injection makes
-SCALE = 0.02  # c
-LEAST = 0.05  # of the saliency at zero current: below it the matrix carries no angle
-
-
-@kernel
-def get(state, slot):
-    """Return the complex number at a slot."""
-    return complex(state[slot], state[slot + 1])
-
-
-@kernel
-def put(state, slot, value):
-    """Write a complex number to a slot."""
-    state[slot], state[slot + 1] = value.real, value.imag
 
 
 @kernel
@@ -74,27 +55,6 @@ def ripples(state, sample, omega, resistance, tuning):
 
 
 @kernel
-def deviation(state, f, v, weight, keep):
-    """Add a pair f (Wb), v (A) of the rotor frame, forgetting by `keep`; return dS, dD (1/H) at weight rho (Wb^2)."""
-    p = keep * get(state, P) + f * f
-    fv = keep * get(state, FV) + f * v
-    put(state, P, p)
-    put(state, FV, fv)
-    state[Q] = keep * state[Q] + abs(f) ** 2
-    state[REAL_FV] = keep * state[REAL_FV] + (f.conjugate() * v).real
-    q = state[Q] + weight
-    d_s = (state[REAL_FV] - (p.conjugate() * fv).real / q) / (state[Q] + SCALE * weight - abs(p) ** 2 / q)
-    return d_s, (fv - d_s * p) / q
-
-
-@kernel
-def forgetting(n):
-    """Return the factor a sample that makes the data as old in the mean as in an average over n samples."""
-    age = 0.5 * (n - 1)
-    return age / (1.0 + age)
-
-
-@kernel
 def believed_weight(tuning):
     """Return rho (Wb^2)."""
     energy = tuning.amplitude * tuning.amplitude * tuning.power / tuning.period
@@ -114,14 +74,9 @@ def step(state, sample, belief, tuning):
         f = g = 0j
     back = cmath.exp(-1j * axis)
     f, g = f * back, g * back
-    dd, dq, qq = believed_hessian(state, belief.energy, mean_d, mean_q)
-    d = complex(0.5 * (dd - qq), dq)
-    v = g - 0.5 * (dd + qq) * f - d * f.conjugate()
-    _, d_d = deviation(state, f, v, believed_weight(tuning), forgetting(tuning.period))
-    turned = (d + d_d) * d.conjugate()
-    least = LEAST * 0.5 * (belief.energy.gamma_d - belief.energy.gamma_q)
-    share = abs(d) ** 2 / max(abs(d) ** 2, least * least)
-    correct(state, 0.5 * share * math.atan2(turned.imag, turned.real), tuning)
+    s, d, slope = believed(state, belief.energy, complex(mean_d, mean_q))
+    add(state, f, g - s * f - d * f.conjugate(), forgetting(tuning.period))
+    correct(state, angle_error(d, slope, solve(state, believed_weight(tuning))[1], belief.energy), tuning)
     return tracked(state, state[AXIS], y_d, y_q, tuning)
 
 

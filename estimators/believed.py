@@ -7,6 +7,7 @@ from estimators.demodulation import AXIS, FLUX_D, FLUX_Q, OMEGA, OUTSIDE
 from model.compiled import kernel
 from model.energy import SOLVED, flux_newton, hessian
 
+LEAST = 0.3  # of the slope at zero current, see `damped`
 TRACKED, UNCERTAIN = 1.0, 2.0  # Estimate.tracking; UNCERTAIN: the belief has no flux at the measured current
 
 
@@ -30,6 +31,18 @@ def believed_hessian(state, energy, i_d, i_q):
     """Return Gamma_dd, Gamma_dq, Gamma_qq (1/H) there."""
     d, q = believed_flux(state, energy, i_d, i_q)
     return hessian(energy, d, q)
+
+
+@kernel
+def damped(step, power, energy):
+    """Return a Gauss-Newton step (rad): its numerator over the slope's square (1/H^2), less of it where that is small.
+
+    Noise goes through one over the slope, so a step is taken in full at the slope of zero current, by half at LEAST of
+    it, where damping of the tracking loop has gone from 1 to 0.7, and not at all where the matrix carries no angle.
+    """
+    usual = energy.gamma_d - energy.gamma_q
+    least = LEAST * LEAST
+    return (1.0 + least) * step / (power + least * usual * usual)
 
 
 @kernel

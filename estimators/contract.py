@@ -4,7 +4,8 @@ An estimator is two functions,
   init(belief, tuning, angle=None) -> state              state: flat float64 array, its only memory
   step(state, sample, belief, tuning) -> Estimate        updates the state in place
 called once a sampling period.  A compiled one has the explicit signature STEP and is passed into the loop as a
-function pointer; one written in Python keeps whatever object it likes as state and runs on the slower path.
+function pointer; one written in Python keeps whatever object it likes as state and runs on the slower path.  One that
+reads the current inside the PWM period (PWM) is given an Oversampled in place of the Sample: signature STEP_INSIDE.
 """
 
 from __future__ import annotations
@@ -16,12 +17,13 @@ from threading import Lock
 from typing import Any, NamedTuple
 
 import numba
+import numpy as np
 from numba import types
 
 from model.compiled import kernel_as
 from model.energy import AnyEnergy, Energy
 
-PULSATING, ROTATING, NONE = "pulsating", "rotating", "none"
+PULSATING, ROTATING, NONE, PWM = "pulsating", "rotating", "none", "pwm"
 MAX_PERIOD = 64  # samples in an injection period
 
 
@@ -33,6 +35,17 @@ class Sample(NamedTuple):
     u_alpha: float  # V, commanded for the interval that ends at t_k
     u_beta: float
     carrier: float  # s, zero-mean primitive F of the injected waveform at t_k: flux ripple per volt
+
+
+class Oversampled(NamedTuple):
+    """A Sample, and what was read inside the PWM period that ends at t_k."""
+
+    i_alpha: float
+    i_beta: float
+    u_alpha: float
+    u_beta: float
+    carrier: float
+    readings: np.ndarray  # (n, 4): i_alpha, i_beta (A) read at t_k - h + (j + 1/2) h/n, V s commanded since t_k - h
 
 
 class Estimate(NamedTuple):
@@ -81,11 +94,13 @@ class Tuning(NamedTuple):
 _ZERO_BELIEF = Belief(Energy(*7 * (0.0,)), 0.0, 0.0, 0.0, 0.0)
 _ZERO_TUNING = Tuning(0, 0, 0, 0, *11 * (0.0,))
 SAMPLE = numba.typeof(Sample(*5 * (0.0,)))
+OVERSAMPLED = numba.typeof(Oversampled(*5 * (0.0,), np.zeros((1, 4))))
 ESTIMATE = numba.typeof(Estimate(*8 * (0.0,)))
 BELIEF = numba.typeof(_ZERO_BELIEF)
 TUNING = numba.typeof(_ZERO_TUNING)
 STATE = types.Array(types.float64, 1, "C")
 STEP = ESTIMATE(STATE, SAMPLE, BELIEF, TUNING)
+STEP_INSIDE = ESTIMATE(STATE, OVERSAMPLED, BELIEF, TUNING)
 _COMPILING = Lock()
 
 
@@ -96,12 +111,22 @@ class Estimator:
     name: str
     summary: str
     init: Callable[..., Any]
-    step: Callable[[Any, Sample, Belief, Tuning], Estimate]
+    step: Callable[[Any, Any, Belief, Tuning], Estimate]
     compiled: bool = True
-    injection: str = PULSATING  # PULSATING, ROTATING or NONE; starting up always pulsates
+    injection: str = PULSATING  # PULSATING, ROTATING, NONE or PWM (its own ripple); starting up always pulsates
     delay: str = ""
     speeds: str = ""  # where it may be used
     source: str = ""
+
+    @property
+    def inside(self) -> bool:
+        """Whether it reads the current inside the PWM period, which only the switched plant has."""
+        return self.injection == PWM
+
+    @property
+    def sample(self) -> Any:
+        """What it is given, as a numba type."""
+        return OVERSAMPLED if self.inside else SAMPLE
 
     def step_for(self, belief: Belief) -> Any:
         """Return the compiled step for a belief's kind of energy: STEP, or another compiled when first asked for."""
@@ -109,9 +134,9 @@ class Estimator:
         if not self.compiled or kind == BELIEF:
             return self.step
         with _COMPILING:
-            return _step_of(self.step.py_func, kind)  # type: ignore[attr-defined]
+            return _step_of(self.step.py_func, self.sample, kind)  # type: ignore[attr-defined]
 
 
 @cache
-def _step_of(step: Callable[..., Estimate], belief: Any) -> Any:
-    return kernel_as(ESTIMATE(STATE, SAMPLE, belief, TUNING))(step)
+def _step_of(step: Callable[..., Estimate], sample: Any, belief: Any) -> Any:
+    return kernel_as(ESTIMATE(STATE, sample, belief, TUNING))(step)

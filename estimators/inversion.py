@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 
-from estimators.believed import believed_hessian, tracked
+from estimators.believed import believed_hessian, damped, tracked
 from estimators.contract import STEP, Estimator
 from estimators.demodulation import AXIS, OMEGA, PHASE, SLOW_OMEGA, blank, demodulate
 from estimators.startup import TRACKING, start, tell
@@ -48,9 +48,7 @@ def believed_error(state, mean_d, mean_q, y_d, y_q, belief, tuning):
     b_d, b_q = believed_ripple(state, mean_d, mean_q, DELTA, belief, tuning)
     s_d, s_q = believed_ripple(state, mean_d, mean_q, 0.0, belief, tuning)
     g_d, g_q = (b_d - a_d) / (2.0 * DELTA), (b_q - a_q) / (2.0 * DELTA)
-    unsaturated = belief.energy.gamma_d - belief.energy.gamma_q
-    weakest = 0.01 * unsaturated * unsaturated  # below it the ripple carries no angle: hold rather than jump
-    return (g_d * (y_d - s_d) + g_q * (y_q - s_q)) / max(g_d * g_d + g_q * g_q, weakest)
+    return damped(g_d * (y_d - s_d) + g_q * (y_q - s_q), g_d * g_d + g_q * g_q, belief.energy)
 
 
 @kernel_as(STEP)

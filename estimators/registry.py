@@ -13,6 +13,7 @@ MODULES = {
     "rotating": "estimators.rotating",
     "table": "estimators.table",
     "arbitrary": "estimators.arbitrary",
+    "pwm_ripple": "estimators.pwm_ripple",
     "fluxdemod": "estimators.fluxdemod",
     "pll3": "estimators.pll3",
     "mechanical": "estimators.mechanical",

@@ -94,7 +94,10 @@ class Motor:
 
 @dataclass(frozen=True)
 class Converter:
-    """The inverter and the current sensors: one sample and one voltage update each sampling period."""
+    """The inverter and the current sensors: one sample and one voltage update each sampling period.
+
+    readings, pulse_shift: for estimators that read inside the PWM period (usual values where None), not used by others.
+    """
 
     sampling_period: float = quantity("s", 1e-6, 0.01)
     dc_bus_voltage: float = quantity("V", 0.1, 1e5)
@@ -104,6 +107,8 @@ class Converter:
     transformation: str = "amplitude-invariant"
     encoder_counts: int | None = quantity("counts per revolution", 1, 1e9, default=None)
     link_noise: float = quantity("V rms of the DC-link reading", 0, 1e4, default=0.0)
+    readings: int | None = quantity("current readings inside a PWM period", 4, 32, default=None)
+    pulse_shift: float | None = quantity("of a period, the legs' pulses against each other", 0.01, 0.25, default=None)
 
     def __post_init__(self) -> None:
         check(self, "drive")
@@ -114,6 +119,8 @@ class Converter:
                 f"[drive] pwm_frequency = {self.pwm_frequency} Hz and sampling_period = {self.sampling_period} s do "
                 "not belong together; one sample a PWM period is simulated: give pwm_frequency = 1 / sampling_period"
             )
+        if self.readings is not None and self.readings != int(self.readings):
+            raise BadInput(f"[drive] readings = {self.readings} is not whole; give a number of readings a period")
         if not self.link_noise <= 0.1 * self.dc_bus_voltage:
             raise BadInput(
                 f"[drive] link_noise = {self.link_noise:g} V is out of range; duties are formed with that reading: "

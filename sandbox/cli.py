@@ -112,7 +112,7 @@ def build_parser() -> Parser:
     c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
-    c.add_argument("--plant", default="averaged", choices=("averaged", "switched"))
+    c.add_argument("--plant", choices=("averaged", "switched"), help="(averaged, or what the estimator needs)")
     c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
     c = add("audit", run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
@@ -233,13 +233,13 @@ def run_simulate(options: argparse.Namespace) -> None:
     drive, scenario = load_drive(options.motor), load_scenario(options.scenario)
     if options.duration is not None:
         scenario = scenario.cut(options.duration)
-    load_estimator(options.estimator)
+    estimator = load_estimator(options.estimator)
     effects = parse(options.effects)
     if options.record is not None:
         from sandbox.record import bench_of, campaign_of
 
         check_new_folder(options.record, _folder(options))
-        drive = bench_of(drive)
+        drive = bench_of(drive, estimator)
     result, gains = single(
         drive, scenario, options.estimator, options.belief, not options.open, options.seed, effects, options.plant
     )
@@ -247,7 +247,7 @@ def run_simulate(options: argparse.Namespace) -> None:
     lost = any(r.lost_lock for r in run.rows)
     content: dict[str, Any] = {
         "motor": drive.name, "scenario": scenario.name, "estimator": run.estimator, "belief": run.belief,
-        "closed_loop": run.closed_loop, "seed": options.seed, "plant": options.plant, "effects": effects,
+        "closed_loop": run.closed_loop, "seed": options.seed, "plant": result.properties["plant"], "effects": effects,
         "simulated_seconds": float(run.recording.t[-1]), "cpu_seconds": run.cpu_seconds, "lost_lock": lost,
         "error_deg": asdict(error_of(settled_part(run.recording, run.rows), lost)),
         "rows": [asdict(r) for r in run.rows], "loops": {k: asdict(v) for k, v in gains.loops.items()},

@@ -18,7 +18,7 @@ from sandbox.recording import Recording
 from sandbox.report import version
 from sandbox.scenario import Scenario
 from sandbox.score import Row, rows_of
-from sandbox.simulate import simulate
+from sandbox.simulate import plant_for, simulate
 
 BELIEFS = ("linear", "saturated")
 ESTIMATORS = ("qnull", "inversion", "ekf")
@@ -132,13 +132,12 @@ def single(
     closed_loop: bool = True,
     seed: int = 0,
     effects: Mapping[str, float] | None = None,
-    plant: str = "averaged",
+    plant: str | None = None,
 ) -> tuple[Comparison, Design]:
     """Return one run as a comparison of one, and the gains it used; effects and plant as `simulate`."""
-    done = simulate(
-        drive, scenario, load_estimator(estimator), belief,
-        closed_loop=closed_loop, seed=seed, effects=effects, plant=plant,
-    )  # fmt: skip
+    loaded = load_estimator(estimator)
+    plant = plant_for(loaded, plant)
+    done = simulate(drive, scenario, loaded, belief, closed_loop=closed_loop, seed=seed, effects=effects, plant=plant)
     rows = rows_of(drive, scenario, done.recording, done.start_time, estimator, belief, closed_loop)
     run = Run(estimator, belief, closed_loop, done.recording, rows, done.cpu_seconds)
     made = properties_of(drive, scenario, seed) | {"plant": plant} | dict(effects or {})

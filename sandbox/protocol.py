@@ -20,7 +20,7 @@ from estimators.registry import load_estimator
 from model.compiled import source_key
 from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive, load_drive
-from sandbox.protocol_motion import bandwidth, hand_over, reversal, reversal_case, with_peer
+from sandbox.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
 from sandbox.protocol_tests import (
     Outcome,
     Point,
@@ -36,13 +36,14 @@ from sandbox.protocol_tests import (
 from sandbox.report import BELIEFS, plain, print_table, results, write_json
 
 ESTIMATORS = (
-    "qnull", "inversion", "rotating", "table", "arbitrary", "fluxdemod", "pll3", "mechanical", "monitor",
+    "qnull", "inversion", "rotating", "table", "arbitrary", "pwm_ripple", "fluxdemod", "pll3", "mechanical", "monitor",
     "active_flux", "hybrid", "ekf", "ukf",
 )  # fmt: skip
 READING = (
     "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the ripple "
     "carries information; attraction: started wrong all round, share back / at the wrong pole / elsewhere; "
-    "slow: the speed asked for not reached in time; ✓ ✗: goal met or not."
+    "slow: the speed asked for not reached in time; cost: a step, torque ripple at standstill/at speed; "
+    "✓ ✗: goal met or not."
 )
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
 MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
@@ -113,9 +114,10 @@ class Protocol:
         """Return the protocol with the peer's reversal beside ours: CPU seconds a second, error rms (degrees)."""
         rows = []
         for row in self.rows:
-            if row.unit.test == "reversal":
+            if row.unit.test == "reversal" and not row.failure:
                 ratios = with_peer(row.outcome.metrics, cpu, rms)
-                row = replace(row, outcome=replace(row.outcome, metrics=dict(row.outcome.metrics) | ratios))
+                metrics = dict(row.outcome.metrics) | ratios
+                row = replace(row, outcome=replace(row.outcome, metrics=metrics, passed=beats_peer(ratios)))
             rows.append(row)
         return Protocol(tuple(rows), self.seed, (cpu, rms))
 
@@ -295,7 +297,9 @@ def cell(row: Row | None) -> str:
             f"{100 * (m['back'] or 0):.0f}/{100 * (m['reversed'] or 0):.0f}/{100 * (m['elsewhere'] or 0):.0f} %{mark}"
         )
     if m.get("step_ns") is not None:
-        return f"{m['step_ns']:.0f} ns{mark}"
+        ripples = [m.get(name) for name in ("torque_ripple", "torque_ripple_at_speed")]
+        said = "/".join("–" if v is None else f"{100 * v:.1f}" for v in ripples)
+        return f"{m['step_ns']:.0f} ns, {said} %{mark}"
     if "bandwidth_hz" in m:
         return f"{m['bandwidth_hz']:.0f} Hz{mark}" if m["bandwidth_hz"] is not None else f"–{mark}"
     lost = f", {m['lost']:.0f} lost" if m.get("lost") else ""

@@ -109,6 +109,12 @@ def reversal(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
     return Outcome((), metrics, not lost)
 
 
+def beats_peer(ratios: Mapping[str, float | None]) -> bool:
+    """Tell whether `with_peer`'s ratios meet the goals: half the error, a three-hundredth of the CPU."""
+    error, spent = ratios["rms_to_peer"], ratios["cpu_to_peer"]
+    return error is not None and spent is not None and error <= 0.5 and spent <= 1.0 / 300.0
+
+
 def with_peer(metrics: Mapping[str, float | None], cpu: float, rms: float) -> dict[str, float | None]:
     """Return a reversal's figures over the peer's: rms_to_peer (goal 1/2), cpu_to_peer (goal 1/300)."""
     ours, spent = metrics.get("rms_deg"), metrics.get("cpu_s_per_s")

@@ -309,7 +309,8 @@ def starting(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
     """3024 starts over 36 angles, each with its own noise; the same start-up serves every estimator."""
     from sandbox.starts import starts
 
-    found = starts(drive, load_estimator(estimator), belief, seed=seed)
+    loaded = load_estimator(estimator)
+    found = starts(drive, load_estimator("qnull") if loaded.inside else loaded, belief, seed=seed)
     e = found.axis_errors
     size = np.abs(e)
     metrics = {

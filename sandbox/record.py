@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 
+from estimators.contract import Estimator
 from model.errors import BadInput
 from model.frames import wrapped
 from model.parameters import Drive
@@ -21,11 +22,17 @@ UNCERTAINTY = {  # relative standard deviations as a motor's identification stat
 }  # fmt: skip
 
 
-def bench_of(drive: Drive) -> Drive:
+def bench_of(drive: Drive, estimator: Estimator | None = None) -> Drive:
     """Return the drive as it is run for a recording: an encoder with counts, a link voltage read with noise.
 
-    What the drive file states stays; the same numbers act in the run and stand in the campaign.
+    What the drive file states stays; the same numbers act in the run and stand in the campaign.  BadInput for an
+    estimator with which the recording would not be what the format says.
     """
+    if estimator is not None and estimator.inside:
+        raise BadInput(
+            f"estimator '{estimator.name}' shifts the pulses inside the PWM period, recordings are of centred ones; "
+            "record with another estimator"
+        )
     c = drive.converter
     counts = COUNTS if c.encoder_counts is None else c.encoder_counts
     noise = c.link_noise or LINK_NOISE * c.dc_bus_voltage

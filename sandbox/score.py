@@ -18,7 +18,7 @@ from sandbox.simulate import torque_at_load
 LOST_ANGLE = math.radians(45.0)
 LOST_TIME = 0.1  # s beyond LOST_ANGLE that count as lost lock
 # Their linear belief has a stationary point where the q ripple vanishes; the filter's moves with its model of R.
-WITH_THEORY = ("qnull", "inversion", "table", "arbitrary", "pll3", "mechanical")
+WITH_THEORY = ("qnull", "inversion", "table", "arbitrary", "pwm_ripple", "pll3", "mechanical")
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import dataclasses
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from estimators.contract import Belief, Estimator
 from estimators.startup import start_periods
 from model.effects.library import complete, true_motor
-from model.energy import AnyEnergy, Energy, flux_from_current, torque
+from model.energy import AnyEnergy, flux_from_current, torque
 from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
 from sandbox import loop
@@ -91,19 +92,18 @@ def simulate(
     plant_step: float = PLANT_STEP,
     truth: AnyEnergy | None = None,
     effects: Mapping[str, float] | None = None,
-    plant: str = "averaged",
+    plant: str | None = None,
 ) -> Simulation:
     """Run a scenario and return its recording.
 
     belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls; stride: record
     every stride-th sample; plant_step: s, an upper bound; truth: another magnetic model for the plant than the
     one the estimator's belief comes from; effects: what the plant has and the model lacks, by public name such as
-    {"dead_time.time": 2e-6}; plant: `averaged` or `switched` (every leg inside the PWM period).  Raises
-    BadInput or PhysicsError with one sentence.
+    {"dead_time.time": 2e-6}; plant: `averaged` or `switched` (every leg inside the PWM period), None for the one that
+    the estimator needs.  Raises BadInput or PhysicsError with one sentence.
     """
     check_call(estimator, belief, seed, stride, plant_step)
-    if plant not in PLANTS:
-        raise unknown("plant", plant, PLANTS)
+    plant = plant_for(estimator, plant)
     values = complete(drive.motor, drive.converter, effects)
     check_injection(estimator, drive)
     gains = design(drive, scenario.start_up)
@@ -119,7 +119,7 @@ def simulate(
     wave = carrier(drive.injection, drive.converter)
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle + scenario.start_error)
     table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
-    on = _switched if plant == "switched" else averaged_bench
+    on = partial(_switched, inside=estimator.inside) if plant == "switched" else averaged_bench
     run, x, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
     rig = rig_of(drive, scenario, bench[0].step, closed_loop, samples, stride, start_time)
     step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
@@ -133,6 +133,20 @@ def simulate(
     if status != loop.DONE:
         raise _failure(status, at * h, _flux(plant, bench[0], x), drive)
     return Simulation(Recording(table), gains, start_time, spent)
+
+
+def plant_for(estimator: Estimator, plant: str | None) -> str:
+    """Return the plant asked for, or the one an estimator needs; BadInput where these differ."""
+    if plant is None:
+        return "switched" if estimator.inside else "averaged"
+    if plant not in PLANTS:
+        raise unknown("plant", plant, PLANTS)
+    if estimator.inside and plant != "switched":
+        raise BadInput(
+            f"estimator '{estimator.name}' reads the current inside the PWM period, of which the {plant} plant knows "
+            "the mean alone; run it on the switched one (--plant switched)"
+        )
+    return plant
 
 
 def averaged_bench(
@@ -157,21 +171,29 @@ def averaged_bench(
 
 def _switched(
     drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
-    believed: Belief | None,
+    believed: Belief | None, inside: bool = False,
 ) -> tuple[Any, ...]:  # fmt: skip
-    """Return the loop's kernel, the bench's state, the bench and the nominal link voltage."""
+    """Return the loop's kernel, the bench's state, the bench, the nominal link voltage, room for readings inside the
+    period (None without) and the pulses' shift (s).
+    """
     from sandbox.switched import loop as switched
     from sandbox.switched import simulate as bench_of
     from sandbox.switched.effects import bench
+    from sandbox.switched.inverter import READINGS
+    from sandbox.switched.readings import USUAL_READINGS, shift_of
 
     if truth is not None:
         raise BadInput("the switched plant takes no other magnetic model; give effects such as saturation.alpha_30")
-    if not isinstance(drive.motor.energy, Energy):
-        raise BadInput(f"the switched plant knows the quartic energy only; run '{drive.name}' with plant = 'averaged'")
     b = bench(drive.motor, drive.converter, values)
     b = b._replace(step=min(b.step, plant_step)) if plant_step != PLANT_STEP else b
-    run = switched.run_compiled if believed else switched.run_python
-    return run, bench_of.start(b, scenario.start_angle), b, drive.converter.dc_bus_voltage
+    x, c = bench_of.start(b, scenario.start_angle), drive.converter
+    room, shift = None, 0.0
+    if inside:
+        room = np.zeros((c.readings or USUAL_READINGS, 4))
+        shift = shift_of(c)
+        x[READINGS] = len(room)
+    run = switched.run_for(believed, room) if believed else switched.run_python
+    return run, x, b, c.dc_bus_voltage, room, shift
 
 
 def rig_of(drive: Drive, scenario: Scenario, step: float, closed: bool, n: int, stride: int, start: float) -> loop.Rig:

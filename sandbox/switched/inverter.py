@@ -32,7 +32,10 @@ EDGES = 36  # three legs of ROOM edge times relative to t_k
 ROOM = 8
 SUNK = EDGES + 3 * ROOM  # V, by which the link sags in this period
 DEVICES, COMMANDED = SUNK + 1, SUNK + 2  # audited, too: lost in the devices, from the link without dead time (J)
-SIZE = SUNK + 3
+SHIFT, LAST_SHIFT = SUNK + 3, SUNK + 6  # three legs each: s by which this period's pulse is late, and the last one's
+READINGS = SUNK + 9  # number of readings inside a period, then the current vector of each (see `readings`)
+MOST_READINGS = 32
+SIZE = READINGS + 1 + 2 * MOST_READINGS
 NEVER = np.inf
 TIE = 1e-13  # s: closer events are one
 
@@ -147,11 +150,21 @@ def duties(u_alpha, u_beta, u_dc):
 
 
 @kernel
-def pulse(b, duty):
-    """Return a leg's commanded rising and falling edge (s after the start of its period); NEVER without a pulse."""
+def pulse(b, duty, shift):
+    """Return a leg's commanded rising and falling edge (s after the start of its period); NEVER without a pulse.
+
+    shift: s by which it is late, as far as it stays within its period.
+    """
     if duty <= 0.0:
         return NEVER, NEVER
-    return 0.5 * (1.0 - duty) * b.period + b.pwm_delay, 0.5 * (1.0 + duty) * b.period + b.pwm_delay
+    late = b.pwm_delay + within(0.5 * (1.0 - duty) * b.period, shift)
+    return 0.5 * (1.0 - duty) * b.period + late, 0.5 * (1.0 + duty) * b.period + late
+
+
+@kernel
+def within(room, shift):
+    """Return a pulse's shift (s), limited to the room on either side of it."""
+    return min(max(shift, -room), room)
 
 
 @kernel
@@ -168,17 +181,17 @@ def append(state, leg, n, edge):
 def schedule(state, b, leg, duty):
     """Write a leg's commanded edges of the coming period, delayed ones of the last pulse first; return their number."""
     n = int(state[CARRIED + leg])
-    rise, fall = pulse(b, state[LAST_DUTY + leg])
+    rise, fall = pulse(b, state[LAST_DUTY + leg], state[LAST_SHIFT + leg])
     if rise != NEVER and rise - b.period >= 0.0:
         n = append(state, leg, n, rise - b.period)
     if fall != NEVER and fall - b.period >= 0.0:
         n = append(state, leg, n, fall - b.period)
-    rise, fall = pulse(b, duty)
+    rise, fall = pulse(b, duty, state[SHIFT + leg])
     if rise < b.period:
         n = append(state, leg, n, rise)
     if fall < b.period:
         n = append(state, leg, n, fall)
-    state[LAST_DUTY + leg] = duty
+    state[LAST_DUTY + leg], state[LAST_SHIFT + leg] = duty, state[SHIFT + leg]
     return n
 
 
@@ -236,6 +249,21 @@ def switch_vector(state):
 
 
 @kernel
+def reading_due(state, b, j):
+    """Return when (s after t_k) the j-th reading inside the period is taken; NEVER after the last."""
+    n = state[READINGS]
+    return min(max((j + 0.5) * b.period / n + b.sampling_delay, 0.0), b.period) if j < n else NEVER
+
+
+@kernel
+def hold(state, b, first):
+    """Write the current vector that a sensor sees now to two slots."""
+    state[first], state[first + 1] = state[I_ALPHA], state[I_BETA]
+    if b.filter_time > 0.0:
+        state[first], state[first + 1] = state[FILTER_ALPHA], state[FILTER_BETA]
+
+
+@kernel
 def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end):
     """Switch and integrate from t_k to t_k + end; edges beyond stay undone (see `advance`, `simulate.measure`)."""
     d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
@@ -246,6 +274,7 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
     n_a, n_b, n_c = schedule(state, b, 0, d_a), schedule(state, b, 1, d_b), schedule(state, b, 2, d_c)
     a_a = a_b = a_c = 0
     early = b.period + state[OFFSET] if state[OFFSET] < 0.0 else NEVER
+    j, inside = 0, reading_due(state, b, 0)
     t = 0.0
     while True:
         i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
@@ -253,14 +282,16 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
         a_b, t_b, n_b = settle(state, b, 1, a_b, t_b, n_b, t, i_b)
         a_c, t_c, n_c = settle(state, b, 2, a_c, t_c, n_c, t, i_c)
         if t >= early:
-            state[SAMPLE_ALPHA], state[SAMPLE_BETA] = state[I_ALPHA], state[I_BETA]
-            if b.filter_time > 0.0:
-                state[SAMPLE_ALPHA], state[SAMPLE_BETA] = state[FILTER_ALPHA], state[FILTER_BETA]
+            hold(state, b, SAMPLE_ALPHA)
             early = NEVER
+        while t >= inside:
+            hold(state, b, READINGS + 1 + 2 * j)
+            j += 1
+            inside = reading_due(state, b, j)
         if t >= end:
             break
         until = min(due(state, 0, a_a, t_a, n_a), due(state, 1, a_b, t_b, n_b), due(state, 2, a_c, t_c, n_c))
-        until = min(until, early, end)
+        until = min(until, early, inside, end)
         integrate(state, b, mode, switch_vector(state), t, until, load_torque, acceleration)
         t = until
     carry(state, b, 0, a_a, t_a)

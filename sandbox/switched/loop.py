@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from functools import cache
+from threading import Lock
+from typing import Any
 
 import numba
 import numpy as np
 from numba import types
+from numba.extending import overload
 
-from estimators.contract import BELIEF, STATE, STEP, TUNING
+from estimators.contract import BELIEF, ESTIMATE, OVERSAMPLED, SAMPLE, STATE, TUNING, Belief, Oversampled
 from model.compiled import kernel, kernel_as
 from model.frames import rotate
 from sandbox.control import CONTROL, SIZE, speed_from
@@ -36,13 +40,21 @@ from sandbox.loop import (
 from sandbox.switched.effects import NO_MAP, Bench
 from sandbox.switched.inverter import I_ALPHA, I_BETA, PSI_ALPHA, PSI_BETA, SPEED, THETA, advance
 from sandbox.switched.machine import least_stiffness
+from sandbox.switched.readings import gather, shift_pulses
 from sandbox.switched.simulate import measure
 
 BENCH = numba.typeof(Bench._make([*(len(Bench._fields) - 1) * (0.0,), NO_MAP]))
-RUN = types.UniTuple(types.int64, 2)(
-    types.FunctionType(STEP), STATE, VECTOR, BENCH, types.float64, RIG, CONTROL, BELIEF, TUNING, TABLE, VECTOR, VECTOR,
-    RNG, TABLE,
-)  # fmt: skip
+ALONE = types.none  # no readings inside the period
+
+
+def run_signature(belief: Any, inside: Any) -> Any:
+    """Return the loop's signature for the numba types of a belief and of the readings inside a period."""
+    sample = SAMPLE if inside == ALONE else OVERSAMPLED
+    step = types.FunctionType(ESTIMATE(STATE, sample, belief, TUNING))
+    return types.UniTuple(types.int64, 2)(
+        step, STATE, VECTOR, BENCH, types.float64, inside, types.float64, RIG, CONTROL, belief, TUNING, TABLE, VECTOR,
+        VECTOR, RNG, TABLE,
+    )  # fmt: skip
 
 
 @kernel
@@ -52,9 +64,45 @@ def encoder_slope(b, theta, speed):
     return b.pole_pairs * speed * (1.0 + slope)
 
 
-@kernel_as(RUN)
-def run_compiled(step, state, x, b, u_dc, rig, control, belief, tuning, profile, waveform, primitive, rng, table):
-    """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped); u_dc: V, nominal."""
+def ask(step, state, sample, inside, belief, tuning):
+    """Return the estimate of a sample, or of it and the readings inside the period where there are any."""
+    if inside is None:
+        return step(state, sample, belief, tuning)
+    i_alpha, i_beta, u_alpha, u_beta, carrier = sample
+    return step(state, Oversampled(i_alpha, i_beta, u_alpha, u_beta, carrier, inside), belief, tuning)
+
+
+@overload(ask)
+def _ask(step, state, sample, inside, belief, tuning):
+    """Choose the branch by type: only one of them fits the step."""
+    if isinstance(inside, types.NoneType):
+        return lambda step, state, sample, inside, belief, tuning: step(state, sample, belief, tuning)
+
+    def oversampled(step, state, sample, inside, belief, tuning):
+        i_alpha, i_beta, u_alpha, u_beta, carrier = sample
+        return step(state, Oversampled(i_alpha, i_beta, u_alpha, u_beta, carrier, inside), belief, tuning)
+
+    return oversampled
+
+
+@kernel
+def progress(k, x, b, mode, acting, read, torque, imposed, inside, shift, rng):
+    """Advance the bench over [t_k, t_k+1), its pulses shifted and the current read inside where that is asked for."""
+    if inside is not None:
+        shift_pulses(x, k, shift)
+    advance(x, b, mode, acting[0], acting[1], read, torque, imposed)
+    if inside is not None:
+        gather(x, b, acting, read, rng, inside)
+
+
+@kernel_as(run_signature(BELIEF, ALONE))
+def run_compiled(
+    step, state, x, b, u_dc, inside, shift, rig, control, belief, tuning, profile, waveform, primitive, rng, table
+):
+    """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped).
+
+    u_dc: V, nominal; inside: None, or room for the readings inside a period (n, 4), pulses then shifted by `shift` (s).
+    """
     controller = np.zeros(SIZE)
     memory = np.zeros(MEMORY)
     held = np.zeros(4)
@@ -72,11 +120,11 @@ def run_compiled(step, state, x, b, u_dc, rig, control, belief, tuning, profile,
         measured = (held[3], speed_from(memory, ENCODER, held[3], slope, b.encoder_step, rig.sampling_period))
         true = rotate(x[I_ALPHA], x[I_BETA], -x[THETA])
         sample = sample_of(k, reading, memory, primitive)
-        estimate = step(state, sample, belief, tuning)
+        estimate = ask(step, state, sample, inside, belief, tuning)
         u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
             record(table[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q, read)
-        advance(x, b, rig.rotor, acting[0], acting[1], read, wanted[1], imposed)
+        progress(k, x, b, rig.rotor, acting, read, wanted[1], imposed, inside, shift, rng)
         keep(memory, (u_alpha, u_beta))
         if not math.isfinite(x[PSI_ALPHA] + x[PSI_BETA] + x[SPEED] + x[THETA] + u_alpha + u_beta):
             return NOT_FINITE, k
@@ -86,3 +134,18 @@ def run_compiled(step, state, x, b, u_dc, rig, control, belief, tuning, profile,
 
 
 run_python = run_compiled.py_func  # the same loop, interpreted, around an estimator of any kind
+_COMPILING = Lock()
+
+
+def run_for(belief: Belief, inside: Any) -> Any:
+    """Return the compiled loop for a belief's kind of energy, with readings inside or None: compiled when asked for."""
+    kinds = numba.typeof(belief), numba.typeof(inside)
+    if kinds == (BELIEF, ALONE):
+        return run_compiled
+    with _COMPILING:
+        return _run_of(*kinds)
+
+
+@cache
+def _run_of(belief: Any, inside: Any) -> Any:
+    return kernel_as(run_signature(belief, inside))(run_python)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from estimators import arbitrary
+from estimators import arbitrary, matrix_fit
 from estimators.contract import Sample
 from estimators.demodulation import blank
 from estimators.registry import load_estimator
@@ -36,7 +36,8 @@ def fitted(samples, turn, resistance, omega, weight=1e-12):
         sample = Sample(i.real, i.imag, u.real, u.imag, 0.0)
         f, g = arbitrary.ripples(state, sample, omega, resistance, TUNING)
         back = cmath.exp(-1j * turn(k))
-        found.append(arbitrary.deviation(state, f * back, g * back, weight, 0.98))
+        matrix_fit.add(state, f * back, g * back, 0.98)
+        found.append(matrix_fit.solve(state, weight))
     return np.mean(found[500:], axis=0)
 
 
@@ -81,17 +82,18 @@ def test_one_axis_alone_leaves_the_rest_to_the_belief():
     state, rng = blank(arbitrary.OWN), np.random.default_rng(4)
     for _ in range(400):
         f = 0.01 * rng.standard_normal()
-        d_s, d_d = arbitrary.deviation(state, complex(f), complex(2.0 * f, 0.7 * f), 1e-5, 0.98)
+        matrix_fit.add(state, complex(f), complex(2.0 * f, 0.7 * f), 0.98)
+    d_s, d_d = matrix_fit.solve(state, 1e-5)
     assert d_d.imag == pytest.approx(0.7, rel=0.01)  # rho over the sum of f^2: 1e-5/5e-3
     assert d_s + d_d.real == pytest.approx(2.0, rel=0.01)
-    assert d_d.real / d_s == pytest.approx(arbitrary.SCALE, rel=1e-6)  # minimum of c dS^2 + dD^2 at a given sum
+    assert d_d.real / d_s == pytest.approx(matrix_fit.SCALE, rel=1e-6)  # minimum of c dS^2 + dD^2 at a given sum
 
 
 @pytest.mark.parametrize("motor", ["ipm", "ipm_exchanged", "spm_exchanged"])
 def test_gains_of_the_design_keep_their_margin(motor):
     """The loop as the kernel runs it: gains, forgetting, and nothing else between angle and error."""
     tuning = design(load_drive(motor)).tuning
-    h, keep, w = tuning.sampling_period, arbitrary.forgetting(tuning.period), _grid(tuning.sampling_period)
+    h, keep, w = tuning.sampling_period, matrix_fit.forgetting(tuning.period), _grid(tuning.sampling_period)
     z = np.exp(1j * w * h)
     loop = (tuning.kp * h + tuning.ki * h * h * z / (z - 1)) / (z - 1) * (1 - keep) / (1 - keep / z)
     assert _margins(loop, w)[1] > TRACKING_MARGIN

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from estimators import active_flux, fluxdemod, rotating, table, tracking
 from estimators.believed import UNCERTAIN, believed_flux, trust
-from estimators.contract import Sample
+from estimators.contract import Oversampled, Sample
 from estimators.demodulation import ACCELERATION, AXIS, LOAD_TORQUE, OMEGA, blank
 from estimators.registry import estimator_names, load_estimator
 from model import energy
@@ -253,6 +253,9 @@ def test_samples_carry_what_step_needs():
         estimator = load_estimator(name)
         state = estimator.init(belief, tuning, 0.3)
         for k in range(40):
-            out = estimator.step(state, Sample(0.1, 0.2, 5.0, -3.0, [-1, 1][k % 2] * tuning.peak), belief, tuning)
+            sample = Sample(0.1, 0.2, 5.0, -3.0, [-1, 1][k % 2] * tuning.peak)
+            if estimator.inside:
+                sample = Oversampled(*sample, 0.01 * np.sin(np.arange(32.0) + k).reshape(8, 4))
+            out = estimator.step(state, sample, belief, tuning)
             assert np.isfinite(out).all(), name
         assert math.isfinite(state[OMEGA])

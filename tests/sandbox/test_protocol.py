@@ -110,8 +110,27 @@ def test_cost_of_the_ripple():
     f = h * (np.abs(np.arange(n) - n / 2) - n / 4)
     expected = 30.0 * math.hypot(dd, dq) * np.sqrt(np.mean(f**2))
     assert m["ripple_a"] == pytest.approx(expected, rel=0.05)  # of it: R Gamma T / 2 pi = 0.1 squared, and noise
-    assert m["loss_w"] == pytest.approx(1.5 * 12.15 * m["ripple_a"] ** 2)
+    assert m["loss_w"] == pytest.approx(1.5 * 12.15 * (m["ripple_a"] ** 2 + m["pwm_ripple_a"] ** 2))
     assert 50.0 < m["step_ns"] < 20000.0
+    assert m["at_speed"] == 0.3
+    assert m["torque_ripple_at_speed"] == pytest.approx(m["torque_ripple"], rel=0.1)  # injected at any speed
+
+
+def test_who_injects_nothing_at_speed_ripples_no_more():
+    """Hybrid has faded out at 30 % speed; the PWM's ripple is zero at the samples and costs inside the period."""
+    faded, shifted = (t.costs(DRIVE, name, "saturated", 0).metrics for name in ("hybrid", "pwm_ripple"))
+    assert faded["torque_ripple"] > 0.05
+    assert max(faded["torque_ripple_at_speed"], shifted["torque_ripple"], shifted["torque_ripple_at_speed"]) < 0.002
+    assert faded["pwm_ripple_a"] < 0.5 * shifted["pwm_ripple_a"]
+
+
+@pytest.mark.parametrize(("error", "cpu", "met"), [(0.5, 1 / 300, True), (0.51, 1e-3, False), (0.1, 1 / 299, False)])
+def test_reversal_is_judged_by_the_peer(error, cpu, met):
+    row = p.Row(p.Unit(p.PEER, "reversal", "ekf", "saturated"),
+                t.Outcome((), {"rms_deg": 2.0 * error, "cpu_s_per_s": 3.0 * cpu}, True), 0.0)  # fmt: skip
+    found = p.Protocol((row,), 0).beside(3.0, 2.0).rows[0].outcome
+    assert found.metrics["rms_to_peer"] == pytest.approx(error)
+    assert found.passed is met
 
 
 SMALL = ["protocol", "--estimators", "qnull", "--motors", "ipm_exchanged", "--tests", "creep,cost", "--quiet"]
