@@ -9,6 +9,7 @@ is left when its effects are missing and all else is fitted.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from model.effects.card import SUBSYSTEMS
+from model.errors import BadInput
 from sandbox.gap.decompose import Decomposition, decompose
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.evidence import Prior
@@ -24,6 +26,7 @@ from sandbox.gap.posterior import UNKNOWN, Hypothesis
 from sandbox.gap.search import Judged
 from sandbox.gap.space import of_effect, ordinary
 from sandbox.gap.spectrum import shown
+from sandbox.replay.sets import complete
 
 Array = NDArray[np.float64]
 LEAST = 0.02  # share below which a subsystem is not spoken of
@@ -160,10 +163,14 @@ def without(d: Diagnosis, subsystem: str, *, alone: bool) -> Point:
     own = [e for e in d.best.effects if e != UNKNOWN and library.load_effect(e).subsystem == subsystem]
     if alone or not own:
         return d.before.point
-    j = d.best.judged
+    j, drive = d.best.judged, d.campaign.drive
     x = j.equations.most_probable(_held(j, own))[0]
     moved = [(c, to) for c, to in zip(j.normal.coordinates, x, strict=True) if c.form != "share"]
-    return j.table.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
+    point = j.table.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
+    with suppress(BadInput):  # extrapolated: none that a drive can have
+        complete(drive.motor, drive.converter, point.values)
+        return point
+    return d.before.point
 
 
 def sentences(name: str, share: float, part: Decomposition, recordings: int) -> Iterator[Finding]:

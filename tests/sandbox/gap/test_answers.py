@@ -11,10 +11,12 @@ import pytest
 
 from estimators.registry import load_estimator
 from model.effects.card import SUBSYSTEMS
+from model.errors import BadInput
 from model.parameters import load_drive
 from sandbox.campaign import read_campaign
 from sandbox.cli import main
 from sandbox.design import design
+from sandbox.gap import where as places
 from sandbox.gap.answers import answer, caveats, far_text, linear, next_text, quantity, which_text
 from sandbox.gap.contract import contract
 from sandbox.gap.estimates import Estimate
@@ -250,3 +252,15 @@ def test_linear_model_as_nominal_is_found_to_lack_saturation():
     p = found.position
     assert abs(p.recorded - p.simulated_after) < 0.2 * abs(p.recorded - p.simulated_before)
     assert p.believing_after < p.recorded
+
+
+def test_a_point_that_no_drive_can_have_is_not_shown(small_answers, monkeypatch):
+    """Leaving a subsystem out by the equations may lead anywhere: then the place is told from where it all began."""
+    d = small_answers.diagnosis
+    assert places.without(d, "inverter", alone=False) is not d.before.point
+
+    def refused(*_):
+        raise BadInput("none a drive can have")
+
+    monkeypatch.setattr(places, "complete", refused)
+    assert places.without(d, "inverter", alone=False) is d.before.point
