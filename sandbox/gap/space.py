@@ -151,9 +151,9 @@ def ordinary(campaign: Campaign) -> list[Coordinate]:
 def seen(deviation: float) -> float:
     """Return a relative deviation of the stated from the true value as seen from the stated one.
 
-    True = stated/(1 + x): two deviations too low a statement, 1 - 2 s of the truth, is 2 s/(1 - 2 s) of itself off.
+    True = stated/(1 + x): three deviations too low a statement, 1 - 3 s of the truth, is 3 s/(1 - 3 s) of itself off.
     """
-    return deviation / (1.0 - min(2.0 * deviation, 0.5))
+    return deviation / (1.0 - min(3.0 * deviation, 0.6))
 
 
 def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:

@@ -73,10 +73,10 @@ def test_a_trace_may_have_either_sign_a_claim_may_not():
 
 
 def test_a_stated_deviation_is_seen_from_the_stated_value():
-    """True = stated/(1 + x), x normal: two deviations too low a statement lie two of the seen ones off."""
+    """True = stated/(1 + x), x normal: three deviations too low a statement lie three of the seen ones off."""
     for s in (0.01, 0.05, 0.15):
-        true = 1.0 / (1.0 - 2.0 * s)
-        assert (true - 1.0) / seen(s) == pytest.approx(2.0, rel=1e-12)
+        true = 1.0 / (1.0 - 3.0 * s)
+        assert (true - 1.0) / seen(s) == pytest.approx(3.0, rel=1e-12)
 
 
 @pytest.fixture(scope="module")
