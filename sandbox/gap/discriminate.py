@@ -46,6 +46,7 @@ def expected_evidence(campaign: Campaign, entry: Entry, a: Judged, b: Judged, te
     motion = shaft(a.fit.point.values, float(drive.motor.pole_pairs), drive.converter.sampling_period)
     planned = recording_of(campaign, entry, motion)
     truth = {k: v for k, v in a.fit.point.values.items() if v == v}
+    planned = encoded(planned, truth)
     read = replay(prepare(planned, truth, steps=1), [truth]).currents[0][:, :, 0]
     columns = {**planned.recordings[0].columns, **{f"i_{p}": read[:, k].copy() for k, p in enumerate("abc")}}
     told = replace(planned, recordings=(replace(planned.recordings[0], columns=columns),))
@@ -62,6 +63,16 @@ def expected_evidence(campaign: Campaign, entry: Entry, a: Judged, b: Judged, te
     prior[: len(own), : len(own)] = np.linalg.inv(covariance)
     follow = g_all @ np.linalg.solve(n.summed()[0] + prior, g_all)
     return float(0.5 * (rr_all - follow) / temperature)
+
+
+def encoded(planned: Campaign, truth: Mapping[str, float]) -> Campaign:
+    """Return a campaign of one recording whose driven rotor is read by an encoder as eccentric as a truth has it."""
+    r, pairs = planned.recordings[0], planned.drive.motor.pole_pairs
+    if r.rotor != "driven":
+        return planned
+    size, phase = (truth[f"encoder_eccentricity.{p}"] for p in ("amplitude_mech", "phase"))
+    read = r.theta + pairs * size * np.sin(r.theta / pairs + phase)
+    return replace(planned, recordings=(replace(r, columns={**r.columns, "theta": read}),))
 
 
 def as_predicted(prepared: Prepared, truth: Mapping[str, float]) -> Prepared:

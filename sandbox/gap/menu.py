@@ -1,7 +1,7 @@
 """A menu of further recordings: what a bench can do in a second, as commands and motion, before anything is measured.
 
-Voltages are those of the nominal model for the wanted currents and speed (open loop), so any parameter set can be asked
-what it would read.  Currents are in units of rated current, speeds of rated speed.
+Voltages are those of the nominal model for the currents that a bench's control reaches and for the speed (open loop),
+so any parameter set can be asked what it would read.  Currents are in units of rated current, speeds of rated speed.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from model.energy import flux_from_current
 from model.parameters import Drive
@@ -20,6 +21,8 @@ from sandbox.campaign import Campaign, CampaignRecording
 Array = NDArray[np.float64]
 DURATION = 1.0  # s
 SETTLE = 0.1  # s at the start, until open-loop currents stand
+FOLLOWS = 5e-3  # s: how slowly a bench's current control follows what is wanted; no step asks for the whole link
+FULL, TIGHTEST = 0.86, 0.25  # of the voltage limit at the most (control needs the rest); least share of the link
 
 
 @dataclass(frozen=True)
@@ -57,6 +60,7 @@ def menu(drive: Drive) -> list[Entry]:
     stairs: Array = np.round(4.0 * ramp(t, (0.0, -1.0), (1.0, 1.0))) / 4.0
     swing = 0.5 * np.sign(np.sin(math.tau * np.cumsum(5.0 + 75.0 * t / DURATION) * (t[1] - t[0])))
     both = ramp(t, (0.0, 0.8), (0.35, 0.8), (0.65, -0.8), (1.0, -0.8))
+    link, top, high = tight(drive)
     out = [
         Entry("locked_low_current", "locked rotor, current slowly through zero", "locked",
               crossing, crossing * np.cos(around), zero),
@@ -76,6 +80,9 @@ def menu(drive: Drive) -> list[Entry]:
               zero, zero, both * rated),
         Entry("driven_idle_half_link", "driven at 80 % speed at twice the share of the link (half its voltage) "
               "without current", "driven", zero, zero, 0.5 * both * rated, link=0.5),
+        Entry("driven_tight_link", f"driven both ways at up to {top / rated:.0%} of rated speed, {high:.0%} of rated "
+              f"current along d, the DC link at {link:.0%}, so that nearly all of its voltage is used", "driven",
+              high * fade, zero, ramp(t, (0, 0.8), (0.35, 1.0), (0.45, 1.0), (0.65, -0.8), (1, -1.0)) * top, link=link),
         Entry("driven_slow_dq", "driven slowly, half of rated current on d and q", "driven",
               0.35 * fade, 0.35 * fade, turn * one),
         Entry("free_coast", "free rotor, accelerated and left to coast to standstill", "free",
@@ -85,6 +92,21 @@ def menu(drive: Drive) -> list[Entry]:
     return [replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q) for e in out]
 
 
+def tight(drive: Drive) -> tuple[float, float, float]:
+    """Return share of the link, speed (rad/s electrical) and i_d over rated current that use up FULL of the voltage."""
+    motor, limit = drive.motor, FULL * drive.converter.voltage_limit
+    high = 0.4
+    flux = flux_from_current(motor.energy, high * motor.rated_current, 0.0)[0] + motor.magnet_flux
+    link = min(max(0.8 * motor.rated_omega * flux / limit, TIGHTEST), 1.0)
+    return link, min(link * limit / flux, 1.2 * motor.rated_omega), high
+
+
+def reached(wanted: Array, period: float) -> Array:
+    """Return the current (n,) that control reaches: the one wanted (n,) through a first-order lag."""
+    decay = math.exp(-period / FOLLOWS)
+    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], wanted))
+
+
 def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[Array], Array]) -> Campaign:
     """Return a campaign of one recording with an entry's commands and angles; its currents are still zero.
 
@@ -92,16 +114,17 @@ def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[A
     """
     drive = campaign.drive
     motor, period = drive.motor, drive.converter.sampling_period
-    d, q = flux_from_current(motor.energy, entry.i_d, entry.i_q)
+    i_d, i_q = reached(entry.i_d, period), reached(entry.i_q, period)
+    d, q = flux_from_current(motor.energy, i_d, i_q)
     if entry.rotor == "free":
-        torque = 1.5 * motor.pole_pairs * ((d + motor.magnet_flux) * entry.i_q - q * entry.i_d)
+        torque = 1.5 * motor.pole_pairs * ((d + motor.magnet_flux) * i_q - q * i_d)
         theta = torque_to_motion(torque)
         speed = np.gradient(theta, period)
     else:
         speed = entry.speed
         theta = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * period)]) + 0.3
-    u_d = motor.resistance * entry.i_d + np.gradient(d, period) - speed * q
-    u_q = motor.resistance * entry.i_q + np.gradient(q, period) + speed * (d + motor.magnet_flux)
+    u_d = motor.resistance * i_d + np.gradient(d, period) - speed * q
+    u_q = motor.resistance * i_q + np.gradient(q, period) + speed * (d + motor.magnet_flux)
     wave = np.where(np.arange(len(d)) % 8 < 4, 1.0, -1.0)
     u_d, u_q = u_d + entry.injection[0] * wave, u_q + entry.injection[1] * wave
     half = theta + 0.5 * speed * period
