@@ -19,12 +19,12 @@ from model.effects import library
 from model.errors import PhysicsError
 from sandbox.campaign import Campaign, read_campaign
 from sandbox.gap.estimates import Estimate, estimates
-from sandbox.gap.fit import Fit, fit
+from sandbox.gap.fit import Fit, Weights, fit
 from sandbox.gap.noise import noise_caution
 from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.remainder import Remainder, remainder
-from sandbox.gap.search import Judged, search
+from sandbox.gap.search import Judged, Search, search
 from sandbox.gap.size import Size, rms, size_of
 from sandbox.gap.slight import slight
 from sandbox.gap.split import held_out, weights_of
@@ -105,9 +105,8 @@ def diagnose(
     count = len(prepared.recordings)
     fitted, everything = weights_of(count, left), weights_of(count)
     found = search(start, everything, exclude=exclude, workers=workers, report=report)
-    judged, cost = found.judged, found.simulations
     report("measuring the gap")
-    ranked, temperature = tempered([*judged, *slight(judged)], rms(nominal, range(count)))
+    judged, ranked, temperature, cost = _ranked(found, rms(nominal, range(count)), everything, workers)
     best = ranked[0][1]
     before = fit(start, (), fitted, workers=workers)
     after = fit(_with_effects(before.point, best), best.effects, fitted, workers=workers) if best.effects else before
@@ -116,10 +115,30 @@ def diagnose(
     hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained))
     cost += nominal.simulations + before.simulations + (after.simulations if best.effects else 0)
     return Diagnosis(
-        own, start, nominal, before, after, left, tuple(judged), hypotheses,
+        own, start, nominal, before, after, left, judged, hypotheses,
         tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,
         round(cost), time.perf_counter() - began, tuple(exclude), caution,
     )  # fmt: skip
+
+
+def _ranked(
+    found: Search, raw: float, weights: Weights, workers: int
+) -> tuple[tuple[Judged, ...], list[tuple[float, Judged]], float, float]:
+    """Return what was judged, the same and slight effects with probabilities, the temperature, and simulations.
+
+    A slight effect that comes out first is fitted before it is believed.
+    """
+    judged, cost = found.judged, found.simulations
+    others = slight(judged, found.fitted)
+    while True:
+        ranked, temperature = tempered([*judged, *others], raw)
+        best = ranked[0][1]
+        if all(best is not j for j in others):
+            return judged, ranked, temperature, cost
+        others = [j for j in others if j is not best]
+        fitted = found.judge_also(best.effects, weights, workers)
+        if fitted is not None:
+            judged, cost = (*judged, fitted), cost + fitted.simulations
 
 
 def _with_effects(point: Point, best: Judged) -> Point:

@@ -3,9 +3,10 @@
 Hypothesis A predicts an experiment's readings; hypothesis B, free to move as far as its own fit leaves it, tries to
 follow.  What it cannot follow is the expected log evidence for A,
 
-    gain = 1/2 (r'r - g' (A + C^-1)^-1 g) / temperature,
+    gain = 1/2 (r'r - g' (A + C^-1)^-1 g),
 
-C the covariance of B's fit; the smaller of both directions counts.
+C the covariance of B's fit; the data of both count for as much less as the temperature says.  The smaller of both
+directions counts.
 """
 
 from __future__ import annotations
@@ -54,15 +55,15 @@ def expected_evidence(campaign: Campaign, entry: Entry, a: Judged, b: Judged, te
     point = Point(as_predicted(prepare(told, belief, steps=1), truth), belief)
     own = [c for c in b.normal.coordinates if c.form not in ("turn", "share")]
     n = normal(point, own)
-    g_all, rr_all = n.summed()[1:]
+    a_all, g_all, rr_all = (x / temperature for x in n.summed())
     place = {c.label: k for k, c in enumerate(b.normal.coordinates)}
-    known = b.equations.a + np.diag(np.where(b.prior.deviation > 0.0, b.prior.deviation, 1e-12) ** -2)
+    known = b.equations.a / temperature + np.diag(np.where(b.prior.deviation > 0.0, b.prior.deviation, 1e-12) ** -2)
     inside = [place[c.label] for c in own]
     covariance = np.linalg.inv(known)[np.ix_(inside, inside)]
     prior = np.diag([c.deviation**-2 for c in n.coordinates])
     prior[: len(own), : len(own)] = np.linalg.inv(covariance)
-    follow = g_all @ np.linalg.solve(n.summed()[0] + prior, g_all)
-    return float(0.5 * (rr_all - follow) / temperature)
+    follow = g_all @ np.linalg.solve(a_all + prior, g_all)
+    return float(0.5 * (rr_all - follow))
 
 
 def encoded(planned: Campaign, truth: Mapping[str, float]) -> Campaign:

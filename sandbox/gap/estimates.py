@@ -33,7 +33,7 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     """Return the parameters of a hypothesis' effects, by public name.
 
     Values are those of the hypothesis alone; the interval also allows for what ordinary traces of all other effects
-    would move them by.
+    would move them by.  Where a value is held at its bound, the interval reaches from there as far as its tail.
     """
     own, prior = algebra(j.fit.normal), prior_of(j.fit.coordinates)
     x, _, _ = own.most_probable(prior)
@@ -46,13 +46,18 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     traces = np.array([there.get(c.label, y) - y for c, y in zip(j.fit.coordinates, x, strict=True)])
     variance = np.max([np.diag(c) for c in (plain, robust, apart)], axis=0)
     wider = np.sqrt(SPREAD**2 * variance + (TRACES * traces) ** 2)
+    tails = own.tails(prior)
+    below = np.where(x > prior.low, tails, 0.0) + Z * wider
+    above = np.where(x < prior.high, tails, 0.0) + Z * wider
     out: dict[str, Estimate] = {}
     for effect in j.effects:
-        out |= _of_effect(effect, j, x, wider, place)
+        out |= _of_effect(effect, j, x, wider, (x - below, x + above), place)
     return out
 
 
-def _of_effect(effect: str, j: Judged, x: Array, sd: Array, place: Mapping[str, int]) -> dict[str, Estimate]:
+def _of_effect(
+    effect: str, j: Judged, x: Array, sd: Array, reach: tuple[Array, Array], place: Mapping[str, int]
+) -> dict[str, Estimate]:
     card = library.load_effect(effect)
     out: dict[str, Estimate] = {}
     for p in card.parameters:
@@ -70,7 +75,7 @@ def _of_effect(effect: str, j: Judged, x: Array, sd: Array, place: Mapping[str, 
             out[phase] = Estimate(angle, angle - Z * turn, angle + Z * turn, "rad")
         elif own in place:
             k = place[own]
-            ends = (j.fit.coordinates[k].bounded(float(x[k] + z * sd[k])) for z in (0.0, -Z, Z))
+            ends = (j.fit.coordinates[k].bounded(float(to[k])) for to in (x, *reach))
             value, low, high = (_public(p.fit, y) for y in ends)
             out[name] = Estimate(value, min(low, high), max(low, high), p.unit)
         elif p.scan and name in j.fit.point.values and p.fit == "fixed":

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
-from scipy.special import erfcx, log_ndtr
+from scipy.special import erfcx, log_ndtr, ndtri_exp
 
 from sandbox.gap.normal import Normal, Segment
 from sandbox.gap.space import Coordinate
@@ -127,6 +127,24 @@ class Algebra:
         out = np.zeros_like(self.a)
         own = np.ix_(free, free)
         out[own] = np.linalg.inv(self.a[own] + np.diag(prior.deviation[free] ** -2))
+        return out
+
+    def tails(self, prior: Prior, share: float = 0.05) -> Array:
+        """Return how far (p,) from its bound a value that is held there may lie: all but `share` of its posterior.
+
+        The posterior is the tail of a Gaussian whose slope at the bound pushes outwards, the others following; zero
+        where free.
+        """
+        x, free, _ = self.most_probable(prior)
+        out = np.zeros_like(x)
+        own = np.ix_(free, free)
+        m = self.a[own] + np.diag(prior.deviation[free] ** -2)
+        for k in np.flatnonzero((prior.deviation > 0.0) & ~free):
+            across = self.a[k, free]
+            curve = self.a[k, k] + prior.deviation[k] ** -2 - across @ np.linalg.solve(m, across)
+            slope = abs((self.g - self.a @ (x - self.x))[k] - (x - prior.mean)[k] * prior.deviation[k] ** -2)
+            beyond = slope / np.sqrt(curve)
+            out[k] = (-ndtri_exp(math.log(share) + log_ndtr(-beyond)) - beyond) / np.sqrt(curve)
         return out
 
 

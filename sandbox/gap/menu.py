@@ -97,8 +97,8 @@ def tight(drive: Drive) -> tuple[float, float, float]:
     motor, limit = drive.motor, FULL * drive.converter.voltage_limit
     high = 0.4
     flux = flux_from_current(motor.energy, high * motor.rated_current, 0.0)[0] + motor.magnet_flux
-    link = min(max(0.8 * motor.rated_omega * flux / limit, TIGHTEST), 1.0)
-    return link, min(link * limit / flux, 1.2 * motor.rated_omega), high
+    link = min(max(0.8 * motor.rated_omega * float(flux) / limit, TIGHTEST), 1.0)
+    return link, min(link * limit / float(flux), 1.2 * motor.rated_omega), high
 
 
 def reached(wanted: Array, period: float) -> Array:

@@ -72,11 +72,26 @@ class Judged:
 
 @dataclass(frozen=True)
 class Search:
-    """What a search found: ordinary deviations alone, judged sets, simulations it took."""
+    """What a search found: ordinary deviations alone, judged sets, simulations it took.
+
+    fitted: all sets that were fitted; chosen, share: probes and ordinary sizes of effects, as sets are judged with.
+    """
 
     null: Fit
     judged: tuple[Judged, ...]
     simulations: float
+    fitted: frozenset[tuple[str, ...]]
+    chosen: tuple[Probe, ...]
+    share: float
+
+    def judge_also(self, effects: tuple[str, ...], weights: Weights, workers: int) -> Judged | None:
+        """Return one more set, fitted from ordinary deviations alone and weighed; None where no drive can have it."""
+        try:
+            found = fit(starting(self.null.point, effects, self.chosen), effects, weights, workers=workers)
+        except BadInput:
+            return None
+        own = judge(found, self.chosen, self.share, weights, workers)
+        return replace(own, simulations=own.simulations + found.simulations)
 
 
 def search(
@@ -132,15 +147,21 @@ def search(
     judged = [judge(f, chosen, share, weights, workers) for f in rivals]
     for _ in range(MOST - 1):
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
-        others = _neighbours(best, fits, known, weights, workers)
+        others = _neighbours(best, fits, known, chosen, weights, workers)
         cost += sum(f.simulations for f in others if f.effects not in fits)
         fits |= {f.effects: f for f in others}
         judged += [judge(f, chosen, share, weights, workers) for f in others]
-    return Search(null, tuple(judged), cost + sum(j.simulations for j in judged))
+    cost += sum(j.simulations for j in judged)
+    return Search(null, tuple(judged), cost, frozenset(fits), tuple(chosen), share)
 
 
 def _neighbours(
-    best: Judged, fits: Mapping[tuple[str, ...], Fit], known: set[tuple[str, ...]], weights: Weights, workers: int
+    best: Judged,
+    fits: Mapping[tuple[str, ...], Fit],
+    known: set[tuple[str, ...]],
+    chosen: Sequence[Probe],
+    weights: Weights,
+    workers: int,
 ) -> list[Fit]:
     """Return fits of the best set with one effect left out, or exchanged for another, where algebra says that little
     is lost."""
@@ -161,8 +182,16 @@ def _neighbours(
         for key in keys:
             if key not in known:
                 with suppress(BadInput):  # none a drive can have
-                    out.append(fits.get(key) or fit(start, key, weights, workers=workers))
+                    new = [e for e in key if e not in best.effects]
+                    begun = starting(start, new, chosen)
+                    out.append(fits.get(key) or fit(begun, key, weights, workers=workers))
     return out
+
+
+def starting(point: Point, effects: Sequence[str], chosen: Sequence[Probe]) -> Point:
+    """Return a point with the companions of effects where their probes start."""
+    begun = {k: v for p in chosen if p.effect in effects for k, v in p.start.items()}
+    return replace(point, values={**point.values, **begun})
 
 
 def _settles(new: Sequence[Fit], null: Fit, promised: float) -> bool:

@@ -7,7 +7,7 @@ effects say how probable each is, and what its parameters would be; a fit would 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,14 +22,13 @@ Array = NDArray[np.float64]
 BEHIND = 30.0  # log evidence behind the best at which there is no point in it
 
 
-def slight(judged: Sequence[Judged]) -> list[Judged]:
-    """Return every single effect that was not fitted, weighed at the point without effects; none if that has no
-    chance itself."""
+def slight(judged: Sequence[Judged], fitted: Collection[tuple[str, ...]]) -> list[Judged]:
+    """Return every single effect that is not among those fitted, weighed at the point without effects; none if that has
+    no chance itself."""
     none = next((j for j in judged if not j.effects), None)
     if none is None or none.log_evidence < max(j.log_evidence for j in judged) - BEHIND:
         return []
-    known = {j.effects for j in judged}
-    return [by_algebra(none, e) for e in none.table.members if (e,) not in known]
+    return [by_algebra(none, e) for e in none.table.members if (e,) not in fitted]
 
 
 def by_algebra(none: Judged, effect: str) -> Judged:
@@ -40,7 +39,7 @@ def by_algebra(none: Judged, effect: str) -> Judged:
     own = [replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k])) for k in kept]
     n = part_of(t.normal, kept, own, prior.mean)
     found = Fit(effects, t.point, n, t.equations.most_probable(prior)[2], 0.0)
-    return Judged(found, t, t.prior(effects), t.log_evidence(effects), none.unmet, 0.0)
+    return Judged(found, t, t.prior(effects), t.log_evidence(effects) - 0.5 * none.unmet, none.unmet, 0.0)
 
 
 def part_of(n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array) -> Normal:

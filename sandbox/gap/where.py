@@ -1,9 +1,9 @@
 """Where the gap lies: sentences, the largest share first.
 
 How much of the gap belongs to a subsystem follows from the hypotheses: each counts by its probability, and its effects
-by what the fit loses without them.  For `unknown` counts how much of what remains the effects of a subsystem could take
-up together.  What a subsystem's part looks like (channel, direction, region, order) is measured on the residual that
-is left when its effects are missing and all else is fitted.
+by what the fit loses without them.  For `unknown` counts which readings show it (`outside`).  What a subsystem's part
+looks like (channel, direction, region, order) is measured on the residual that is left when its effects are missing
+and all else is fitted.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from sandbox.gap.decompose import Decomposition, decompose
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.evidence import Prior
 from sandbox.gap.normal import Point
+from sandbox.gap.outside import outside
 from sandbox.gap.posterior import UNKNOWN, Hypothesis
 from sandbox.gap.search import Judged
 from sandbox.gap.space import of_effect, ordinary
@@ -110,7 +111,7 @@ def _of_hypothesis(d: Diagnosis, h: Hypothesis) -> dict[str, float]:
     if UNKNOWN in h.effects:
         open_part = 1.0 - d.remainder.explained if named else 1.0
         judged = h.judged if named else min(d.judged, key=lambda j: len(j.effects))
-        spans = _spans(judged)
+        spans = outside(judged.table.point, _spans(judged))
         out = {name: (1.0 - open_part) * out[name] + open_part * spans[name] for name in SUBSYSTEMS}
     return out
 

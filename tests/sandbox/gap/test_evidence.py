@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.integrate import quad
+from scipy.stats import truncnorm
 
 from sandbox.campaign import read_campaign
 from sandbox.gap.evidence import Algebra, Prior, between_segments, sandwich
@@ -200,3 +201,20 @@ def test_equations_kept_from_one_point_to_another_have_the_other_point_s_residua
     # halfway by old slopes: the true change of r'r over a small step along d is -2 e d'g of the point itself
     slope = anew.summed()[1] @ d
     assert kept.summed()[1] @ d == pytest.approx(slope, rel=0.1)  # slopes change little over half a deviation
+
+
+@pytest.mark.parametrize("slope", [0.5, 3.0, 400.0])
+def test_a_value_held_at_its_bound_may_lie_as_far_as_its_tail(slope):
+    """One size that can only be positive beside a free one: the quantile of a truncated normal (scipy.stats), the other
+    integrated out."""
+    a = np.array([[4.0, 1.0], [1.0, 9.0]])
+    x = np.array([0.0, 0.5])
+    prior = Prior(np.array([0.0, 0.5]), np.array([2.0, 1.0]), np.array([0.0, -np.inf]), np.array([np.inf, np.inf]))
+    own = Algebra(a, np.array([-slope, 0.0]), 10.0, x)
+    precision = a + np.diag([0.25, 1.0])
+    spread = np.sqrt(np.linalg.inv(precision)[0, 0])
+    middle = -slope * spread**2
+    expected = truncnorm(-middle / spread, np.inf, middle, spread).isf(0.05)
+    tail = own.tails(prior)
+    assert tail[0] == pytest.approx(expected, rel=1e-6)
+    assert tail[1] == 0.0

@@ -91,7 +91,7 @@ def quiet(tmp_path_factory):
 def test_a_slight_effect_is_what_a_fit_says_of_it(quiet):
     """By algebra from the point without effects; near the floor a fit from there moves by less than it is unsure."""
     none, weights = quiet
-    by_name = {j.effects[0]: j for j in slight([none])}
+    by_name = {j.effects[0]: j for j in slight([none], {()})}
     assert set(by_name) == set(none.table.members)
     for name in ("stator_resistance", "flux_harmonics", "winding_asymmetry"):
         own = by_name[name]
@@ -122,7 +122,10 @@ def test_nothing_slight_beside_a_large_effect(quiet):
     none, _ = quiet
     large = dataclasses.replace(none, log_evidence=none.log_evidence + 100.0)
     assert isinstance(large, Judged)
-    assert slight([none, dataclasses.replace(large, fit=dataclasses.replace(none.fit, effects=("dead_time",)))]) == []
+    assert (
+        slight([none, dataclasses.replace(large, fit=dataclasses.replace(none.fit, effects=("dead_time",)))], set())
+        == []
+    )
 
 
 def test_ordinary_coordinates_use_the_seen_deviation(quiet):
