@@ -30,7 +30,7 @@ def one(folder: Path) -> dict[str, Any]:
     path = RESULTS / folder.parent.name / f"{folder.name}.json"
     if not path.exists():
         a = answer(read_campaign(folder), workers=1)
-        found = plain(contract(a.diagnosis, a.where, a.position, a.following, a.remains))
+        found = plain(contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike))
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(found, indent=1) + "\n")
     answered: dict[str, Any] = json.loads(path.read_text())

@@ -11,6 +11,7 @@ from typing import Any
 from model.effects import library
 from model.errors import BadInput
 from sandbox.campaign import Campaign
+from sandbox.gap.alike import Alike, alike
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.discriminate import Next, recommend
 from sandbox.gap.estimates import Estimate
@@ -36,6 +37,7 @@ class Answers:
     position: PositionError | None
     following: Next | None
     remains: Remains | None
+    alike: Alike | None = None
 
     @property
     def verdict(self) -> str:
@@ -61,7 +63,8 @@ def answer(
     report("what to record next")
     following = next_recording(d)
     report("what remains")
-    return Answers(d, found, position, following, remains(d.after.point, d.held_out, d.size.before))
+    left = remains(d.after.point, d.held_out, d.size.before)
+    return Answers(d, found, position, following, left, alike(d))
 
 
 def next_recording(d: Diagnosis) -> Next | None:

@@ -42,7 +42,9 @@ def run_diagnose(options: argparse.Namespace) -> None:
             progress("writing")
             write_report(out / "report.html", found)
             write_traces(out / "diagnosis.rrd", found)
-            content = contract(found.diagnosis, found.where, found.position, found.following, found.remains)
+            content = contract(
+                found.diagnosis, found.where, found.position, found.following, found.remains, found.alike
+            )
             report.write_json(out, "diagnosis", content, command="diagnose")
     if not options.quiet:
         print_answers(found)

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sandbox.gap.alike import Alike
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.discriminate import Next, as_json
 from sandbox.gap.estimates import Estimate
@@ -27,8 +28,9 @@ def contract(
     position: PositionError | None,
     following: Next | None = None,
     remains: Remains | None = None,
+    alike: Alike | None = None,
 ) -> dict[str, Any]:
-    """Return what `diagnosis.json` holds beyond its header; gap.remains is more than the contract asks for."""
+    """Return what `diagnosis.json` holds beyond its header; alike and gap.remains are more than the contract."""
     named = verdict(d)
     size = d.size
     closed = None if named == "no_gap" else size.closed
@@ -57,6 +59,7 @@ def contract(
             for h, own in zip(d.hypotheses, d.parameters, strict=True)
         ],
         "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
+        "alike": None if alike is None else asdict(alike),
         "next_recording": as_json(following),
         "excluded": list(d.excluded),
         "cost": {"simulations": d.simulations, "seconds": d.seconds},

@@ -11,6 +11,7 @@ import numpy as np
 from model.effects import library
 from sandbox import report
 from sandbox.gap import answers
+from sandbox.gap.alike import Alike
 from sandbox.gap.answers import Answers
 from sandbox.gap.contract import closed_by
 from sandbox.gap.decompose import Decomposition, decompose
@@ -108,6 +109,8 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     yield "<h2>Hypotheses</h2>" + _hypotheses(a, [h for h in d.hypotheses if h.probability >= FEWEST])
     told = ", or ".join(answers.names(h.effects) for h in d.ambiguity_set)
     yield f'<p class="soft">With 95 % probability it is {_html(told)}.</p>'
+    if a.alike is not None:
+        yield from _why_alike(a.alike)
     if d.parameters[0]:
         yield f"<h2>Parameters of {_html(answers.names(d.best.effects))}</h2>"
         yield table(["parameter", "value [95 % interval]"], _parameters(a))
@@ -136,6 +139,21 @@ def _hypotheses(a: Answers, chosen: Sequence) -> str:
     ]
     head = "<tr><th>effects</th><th class='n'>probability</th><th class='n'>gap closed</th></tr>"
     return f"<div class='wide'><table>{head}{''.join(rows)}</table></div>"
+
+
+def _why_alike(x: Alike) -> Iterator[str]:
+    """Yield why an ambiguity is one: how alike its effects look, and how flat the likelihood is between both."""
+    yield "<h2>Why it cannot be told</h2><ul>"
+    for effect, cosine in x.cosines.items():
+        own, other = (x.first, x.second) if effect in x.first else (x.second, x.first)
+        rival = [e for e in other if e not in own]
+        others = answers.names(rival) if rival else "what ordinary deviations can do"
+        text = f"On these recordings {answers.words(effect)} looks like {others}: cosine {cosine:.4f}."
+        yield f"<li>{_html(text)}</li>"
+    what = f"0: {answers.names(x.second)}, 1: {answers.names(x.first)}. Flat: the recordings cannot choose."
+    line = (list(x.share), list(x.log_likelihood))
+    panels = [("log likelihood", {"all parameters going along": line})]
+    yield "</ul>" + _figure(lines_svg(panels, "share of the way between both fits"), what)
 
 
 def _share(x: float | None) -> str:

@@ -34,7 +34,7 @@ from tests.sandbox.gap.conftest import DEAD_TIME
 
 
 def content_of(a):
-    return plain(contract(a.diagnosis, a.where, a.position, a.following, a.remains))
+    return plain(contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike))
 
 
 def test_where_names_the_inverter_in_a_plain_sentence(small_answers):
@@ -53,7 +53,8 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
     """Keys and types as DIAGNOSIS.md lists them."""
     c = content_of(small_answers)
     assert set(c) == {
-        "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "next_recording", "excluded", "cost"
+        "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "alike", "next_recording", "excluded",
+        "cost",
     }  # fmt: skip
     assert set(c["gap"]) == {
         "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg", "remains"

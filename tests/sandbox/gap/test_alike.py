@@ -1,0 +1,81 @@
+"""How alike two hypotheses are: the cosine against plain regression on dense slopes, the way against both fits."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sandbox.gap.alike import alike
+from sandbox.gap.fit import fit
+from sandbox.gap.normal import normal
+from sandbox.gap.posterior import Hypothesis
+from sandbox.gap.probes import probes_at_typical
+from sandbox.gap.search import judge
+from sandbox.gap.split import weights_of
+from sandbox.gap.table import ordinary_share
+from tests.sandbox.gap.test_evidence import start
+
+SETS = (("dead_time",), ("device_drop",))
+
+
+@pytest.fixture(scope="module")
+def pair(small_folder):
+    at = start(small_folder)
+    weights = weights_of(len(at.prepared.recordings))
+    chosen = [p for p in probes_at_typical(at) if p.effect in ("dead_time", "device_drop", "encoder_offset")]
+    return [judge(fit(at, effects, weights), chosen, ordinary_share(1.0), weights, 1) for effects in SETS]
+
+
+def diagnosis(judged, temperature=1.0):
+    members = tuple(Hypothesis(j.effects, 0.5, j) for j in judged)
+    return SimpleNamespace(ambiguity_set=members, temperature=temperature)
+
+
+def left(columns, target, deviation):
+    """Squares that regression with Gaussian priors leaves of a target: extra rows 1/deviation (ridge), by lstsq."""
+    rows = np.vstack([columns, np.diag(1.0 / deviation)])
+    aim = np.concatenate([target, np.zeros(len(deviation))])
+    rest = aim - rows @ np.linalg.lstsq(rows, aim, rcond=None)[0]
+    return rest @ rest
+
+
+def test_the_cosine_is_that_of_plain_regression_on_dense_slopes(pair):
+    drop = pair[1]
+    t, effect, rival = drop.table, "device_drop", "dead_time"
+    own = [c for c in t.coordinates if c.form != "turn"]
+    n = normal(t.point, own)
+    dense = np.zeros((sum(len(r) for r in n.rows), len(n.x)))
+    at = 0
+    for s, rows in zip(n.segments, n.rows, strict=True):
+        dense[at : at + len(rows), s.places] = rows
+        at += len(rows)
+    wide = t.prior(drop.effects)
+    move = t.equations.most_probable(wide)[0] - wide.mean
+    places = [k for k in t.members[effect] if t.of_effects[k]]
+    target = dense[:, places] @ move[places]
+    squares = []
+    for claimed in ((), (rival,)):
+        prior = t.prior(claimed)
+        others = [k for k in np.flatnonzero(prior.deviation > 0.0) if k not in places]
+        squares.append(left(dense[:, others], target, prior.deviation[others]))
+    found = alike(diagnosis(pair))
+    assert found is not None
+    # a table keeps the slopes of where it began, these are those of where it settled
+    assert found.cosines[effect] == pytest.approx(np.sqrt(1.0 - squares[1] / squares[0]), rel=1e-2)
+
+
+def test_the_way_ends_at_both_fits(pair):
+    """Same smoothing for both, so the ends are what the fits reached; temperature divides."""
+    found, halved = alike(diagnosis(pair)), alike(diagnosis(pair, 2.0))
+    assert found is not None
+    assert halved is not None
+    assert (found.first, found.second) == SETS
+    reached = [-0.5 * sum(float(s.rr.sum()) for s in j.fit.normal.segments) for j in pair]
+    told = found.log_likelihood
+    assert told[-1] - told[0] == pytest.approx(reached[0] - reached[1], abs=0.5)
+    assert max(told) == 0.0
+    assert np.array(halved.log_likelihood) == pytest.approx(0.5 * np.array(told), rel=1e-12)
+
+
+def test_one_hypothesis_has_no_rival(pair):
+    assert alike(diagnosis(pair[:1])) is None
