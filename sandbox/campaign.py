@@ -261,8 +261,8 @@ def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:
     for key, value in values.items():
         if key not in STATED[table]:
             raise unknown(f"key in [{table}]", key, STATED[table])
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not value >= 0.0:
-            raise BadInput(f"[{table}] {key} = {value!r} is no standard deviation; give a number >= 0")
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value < math.inf:
+            raise BadInput(f"[{table}] {key} = {value!r} is no standard deviation; give a finite number >= 0")
     return {k: float(v) for k, v in values.items()}
 
 

@@ -169,7 +169,7 @@ def _projected(point: Point, k: int, x: Residual, rng: np.random.Generator) -> t
 
 def _means(x: Array, width: int) -> Array:
     n = len(x) // width
-    return np.asarray(x[: n * width].reshape(n, width, -1).mean(axis=1))
+    return np.asarray(x[: n * width].reshape(n, width, x.shape[1]).mean(axis=1))
 
 
 def _amplitudes(p: Array, noise: Array, speed, current) -> Array:

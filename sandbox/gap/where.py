@@ -35,6 +35,7 @@ DETAIL = 0.1  # the same for a detail, of its subsystem's part
 WORTH = 0.1  # probability below which a gap that cannot be told from none is not spoken of
 ALIKE = 1.5  # ratio of amplitudes within which they count as independent of speed or current
 NAMES = {"inverter": "inverter", "machine": "machine", "sensor": "sensors", "mechanics": "mechanics"}
+WHOSE = {"inverter": "inverter's", "machine": "machine's", "sensor": "sensors'", "mechanics": "mechanics'"}
 WHAT = {"motion": "motion of the free rotor", "position": "the encoder's angle at imposed speed"}
 ORDER_TEXT = {
     1: "stands still in the stator (order 1 of the rotor's frame)",
@@ -183,7 +184,7 @@ def sentences(name: str, share: float, part: Decomposition, recordings: int) -> 
     if channel == "currents":
         direction, size = part.direction
         what = f"voltage {direction}" if size > 0.5 else "voltage in no single direction"
-        what += f" ({percent(size)} of it)" if 0.5 < size < 0.95 else ""
+        what = what.replace("voltage ", f"voltage, mostly ({percent(size)}) ") if 0.5 < size < 0.95 else what
         what += _dependence(part)
     else:
         what = f"{WHAT[channel]}, {mostly}"
@@ -218,7 +219,10 @@ def _details(
 ) -> Iterator[Finding]:
     def one(of: float, text: str, order: float | None = None, at: str = channel) -> Finding:
         part = share * min(of, 1.0)  # a region's excess may outdo the whole where others fall below their floor
-        return Finding(name, at, mostly, order, part, f"{percent(part)} of the gap {text}.".capitalize())
+        said = f"{percent(part)} of the gap {text}."
+        if share < 1.0 - LEAST:
+            said = f"of the {WHOSE[name]} part {percent(min(of, 1.0))} {text}."
+        return Finding(name, at, mostly, order, part, said[:1].upper() + said[1:])
 
     file = max(part.recordings, key=lambda f: part.recordings[f])
     if part.recordings[file] > max(DETAIL, 1.5 / recordings):
