@@ -32,7 +32,7 @@ TRIED = 0.5  # share of what slopes promise that a size that was tried has to re
 FAR = 1.02  # normalised rms above which effects are screened alone, too
 BEHIND, RIVAL = 400.0, 0.003  # log evidence, and share of the gap, behind which a fit is no rival
 JUDGED = 4
-BUDGET = 1600  # simulations after which sets grow no further: some 300 to 600 are left for weighing
+BUDGET, LAST = 1250, 1400  # simulations after which sets grow no further, and after which no rival is looked for
 LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
 CLOSE, EXCHANGED = 60.0, 2  # log evidence within which another effect may stand in one's place; most of them tried
 NEAR = 10.0  # times the best set's excess over noise, up to which another set grows on, too
@@ -146,6 +146,8 @@ def search(
     rivals = sorted((f for f in fits.values() if f.objective <= gate), key=lambda f: f.objective)[:JUDGED]
     judged = [judge(f, chosen, share, weights, workers) for f in rivals]
     for _ in range(MOST - 1):
+        if cost + sum(j.simulations for j in judged) > LAST:
+            break
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
         others = _neighbours(best, fits, known, chosen, weights, workers)
         cost += sum(f.simulations for f in others if f.effects not in fits)
