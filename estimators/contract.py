@@ -12,15 +12,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from threading import Lock
 from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numba import types
 
-from model.compiled import kernel_as
+from model.compiled import compiled_as
 from model.energy import AnyEnergy, Energy
 
 PULSATING, ROTATING, NONE, PWM = "pulsating", "rotating", "none", "pwm"
@@ -101,7 +99,6 @@ TUNING = numba.typeof(_ZERO_TUNING)
 STATE = types.Array(types.float64, 1, "C")
 STEP = ESTIMATE(STATE, SAMPLE, BELIEF, TUNING)
 STEP_INSIDE = ESTIMATE(STATE, OVERSAMPLED, BELIEF, TUNING)
-_COMPILING = Lock()
 
 
 @dataclass(frozen=True)
@@ -133,10 +130,4 @@ class Estimator:
         kind = numba.typeof(belief)
         if not self.compiled or kind == BELIEF:
             return self.step
-        with _COMPILING:
-            return _step_of(self.step.py_func, self.sample, kind)  # type: ignore[attr-defined]
-
-
-@cache
-def _step_of(step: Callable[..., Estimate], sample: Any, belief: Any) -> Any:
-    return kernel_as(ESTIMATE(STATE, sample, belief, TUNING))(step)
+        return compiled_as(ESTIMATE(STATE, self.sample, kind, TUNING), self.step.py_func)  # type: ignore[attr-defined]

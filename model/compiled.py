@@ -14,7 +14,9 @@ import shutil
 import tempfile
 import time
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 import numba
@@ -59,6 +61,7 @@ def _cache_dir() -> str:
 
 
 _CACHE_DIR = _cache_dir()
+_COMPILING = Lock()
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -85,3 +88,14 @@ def kernel_as(signature: Any, **more: Any) -> Callable[[Callable[..., Any]], Any
             config.CACHE_DIR = before
 
     return compile_
+
+
+def compiled_as(signature: Any, function: Callable[..., Any]) -> Any:
+    """Return a function compiled for a signature, once a process, whichever thread asks first."""
+    with _COMPILING:
+        return _compiled_as(signature, function)
+
+
+@cache
+def _compiled_as(signature: Any, function: Callable[..., Any]) -> Any:
+    return kernel_as(signature)(function)

@@ -9,8 +9,6 @@ else.
 from __future__ import annotations
 
 import math
-from functools import cache
-from threading import Lock
 from typing import Any, NamedTuple
 
 import numba
@@ -18,7 +16,7 @@ import numpy as np
 from numba import types
 
 from estimators.contract import BELIEF, ESTIMATE, SAMPLE, STATE, TUNING, Belief, Sample
-from model.compiled import kernel, kernel_as
+from model.compiled import compiled_as, kernel, kernel_as
 from model.effects.current_gain import read
 from model.energy import min_eigenvalue
 from model.frames import phases, rotate, stationary
@@ -244,18 +242,9 @@ def run_compiled(
 
 
 run_python = run_compiled.py_func  # the same loop, interpreted, around an estimator of any kind
-_COMPILING = Lock()
 
 
 def run_for(plant: Plant, belief: Belief) -> Any:
     """Return the compiled loop for these kinds of energy: `run_compiled`, or another compiled when first asked for."""
     kinds = numba.typeof(plant), numba.typeof(belief)
-    if kinds == (PLANT, BELIEF):
-        return run_compiled
-    with _COMPILING:
-        return _run_of(*kinds)
-
-
-@cache
-def _run_of(plant: Any, belief: Any) -> Any:
-    return kernel_as(run_signature(plant, belief))(run_python)
+    return run_compiled if kinds == (PLANT, BELIEF) else compiled_as(run_signature(*kinds), run_python)

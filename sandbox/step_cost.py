@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from functools import cache
 from typing import Any
 
 import numba
@@ -24,7 +23,7 @@ from estimators.contract import (
     Sample,
 )
 from estimators.registry import load_estimator
-from model.compiled import kernel_as
+from model.compiled import compiled_as
 from model.energy import flux_newton, hessian, torque
 from model.errors import BadInput, PhysicsError
 from model.frames import stationary
@@ -61,12 +60,11 @@ def _through_inside(step, state, samples, belief, tuning, readings):
     return theta
 
 
-@cache
 def _compiled(belief: Any, inside: bool) -> Any:
     step = types.FunctionType(ESTIMATE(STATE, OVERSAMPLED if inside else SAMPLE, belief, TUNING))
     table = types.Array(types.float64, 2, "C")
     signature = [step, STATE, table, belief, TUNING] + inside * [types.Array(types.float64, 3, "C")]
-    return kernel_as(types.float64(*signature))(_through_inside if inside else _through)
+    return compiled_as(types.float64(*signature), _through_inside if inside else _through)
 
 
 def readings_like(drive: Drive, samples: np.ndarray) -> np.ndarray:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from functools import cache
-from threading import Lock
 from typing import Any
 
 import numba
@@ -13,7 +11,7 @@ from numba import types
 from numba.extending import overload
 
 from estimators.contract import BELIEF, ESTIMATE, OVERSAMPLED, SAMPLE, STATE, TUNING, Belief, Oversampled
-from model.compiled import kernel, kernel_as
+from model.compiled import compiled_as, kernel, kernel_as
 from model.frames import rotate
 from sandbox.control import CONTROL, SIZE, speed_from
 from sandbox.loop import (
@@ -134,18 +132,9 @@ def run_compiled(
 
 
 run_python = run_compiled.py_func  # the same loop, interpreted, around an estimator of any kind
-_COMPILING = Lock()
 
 
 def run_for(belief: Belief, inside: Any) -> Any:
     """Return the compiled loop for a belief's kind of energy, with readings inside or None: compiled when asked for."""
     kinds = numba.typeof(belief), numba.typeof(inside)
-    if kinds == (BELIEF, ALONE):
-        return run_compiled
-    with _COMPILING:
-        return _run_of(*kinds)
-
-
-@cache
-def _run_of(belief: Any, inside: Any) -> Any:
-    return kernel_as(run_signature(belief, inside))(run_python)
+    return run_compiled if kinds == (BELIEF, ALONE) else compiled_as(run_signature(*kinds), run_python)

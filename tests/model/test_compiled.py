@@ -6,7 +6,12 @@ import os
 import subprocess
 import sys
 import textwrap
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+
+from numba import types
+
+from model.compiled import compiled_as
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -46,3 +51,20 @@ def test_changed_constant_of_a_file_without_kernels_recompiles(tmp_path):
         (tmp_path / "copy" / "model" / "constants.py").write_text(f"K = {value}\n")
         callee = "K * x\n\n\nfrom model.constants import K  # noqa: E402"
         assert answer(tmp_path / "copy", callee, tmp_path / "cache") == str(2.0 * float(value) + 1.0)
+
+
+def double(x):
+    return x + x
+
+
+def test_a_signature_is_compiled_once_whichever_thread_asks():
+    """Four threads at once get one dispatcher with one machine code; another signature gets another."""
+    real = types.float64(types.float64)
+    with ThreadPoolExecutor(4) as pool:
+        found = list(pool.map(lambda _: compiled_as(real, double), range(4)))
+    assert all(f is found[0] for f in found)
+    assert found[0].signatures == [(types.float64,)]
+    assert found[0](1.5) == 3.0
+    whole = compiled_as(types.int64(types.int64), double)
+    assert whole is not found[0]
+    assert whole(3) == 6
