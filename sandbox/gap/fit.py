@@ -7,7 +7,7 @@ their priors.  Near the most probable point all is Gaussian:
     log evidence = -1/2 objective - 1/2 log det(A + P^-1) - sum log deviation,
 
 A summed over recordings (Laplace's approximation; MacKay, Neural Comput. 4 (1992) 415).  Checked against direct
-integration in tests/sandbox/gap/test_fit.py.
+integration in tests/sandbox/gap/test_evidence.py.
 """
 
 from __future__ import annotations

@@ -17,6 +17,7 @@ from sandbox.gap.contract import closed_by
 from sandbox.gap.decompose import Decomposition, decompose
 from sandbox.gap.posterior import UNKNOWN
 from sandbox.gap.spectrum import shown
+from sandbox.gap.words import label, names, quantity, words
 from sandbox.plots import bars_svg, lines_svg
 from sandbox.replay.replay import Residual
 
@@ -71,7 +72,7 @@ def print_answers(a: Answers) -> None:
     for head, text in _three(a):
         print(f"{head:<10} {text}")
     print(f"{'Left?':<10} {answers.remains_text(a)}")
-    rows = [[answers.label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
+    rows = [[label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
     report.print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
     if d.parameters[0]:
         report.print_table("parameters", ["name", "value [95 % interval]"], _parameters(a))
@@ -107,12 +108,12 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     for head, text in _three(a):
         yield f'<div class="answer"><b>{heads[head]}</b>{_html(text)}</div>'
     yield "<h2>Hypotheses</h2>" + _hypotheses(a, [h for h in d.hypotheses if h.probability >= FEWEST])
-    told = ", or ".join(answers.names(h.effects) for h in d.ambiguity_set)
+    told = ", or ".join(names(h.effects) for h in d.ambiguity_set)
     yield f'<p class="soft">With 95 % probability it is {_html(told)}.</p>'
     if a.alike is not None:
         yield from _why_alike(a.alike)
     if d.parameters[0]:
-        yield f"<h2>Parameters of {_html(answers.names(d.best.effects))}</h2>"
+        yield f"<h2>Parameters of {_html(names(d.best.effects))}</h2>"
         yield table(["parameter", "value [95 % interval]"], _parameters(a))
     before, after = shown(d.before.point), shown(d.after.point)
     part, rest = decompose(d.before.point, before), decompose(d.after.point, after)
@@ -133,7 +134,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
 
 def _hypotheses(a: Answers, chosen: Sequence) -> str:
     rows = [
-        f"<tr><td>{_html(answers.label(h))}<div class='bar' style='width:{100.0 * h.probability:.1f}%'></div></td>"
+        f"<tr><td>{_html(label(h))}<div class='bar' style='width:{100.0 * h.probability:.1f}%'></div></td>"
         f"<td class='n'>{100.0 * h.probability:.1f} %</td><td class='n'>{_share(closed_by(a.diagnosis, h))}</td></tr>"
         for h in chosen
     ]
@@ -161,7 +162,7 @@ def _share(x: float | None) -> str:
 
 
 def _parameters(a: Answers) -> list[list[str]]:
-    return [[name, answers.quantity(e)] for name, e in a.diagnosis.parameters[0].items()]
+    return [[name, quantity(e)] for name, e in a.diagnosis.parameters[0].items()]
 
 
 def _recordings(a: Answers, part: Decomposition) -> list[list[str]]:
@@ -238,7 +239,7 @@ def _detail(a: Answers) -> Iterator[str]:
         yield fold("Hypotheses that were tried and dropped", _hypotheses(a, rest))
     for effect in dict.fromkeys(e for h in d.ambiguity_set for e in h.effects if e != UNKNOWN):
         yield fold(
-            f"The effect {answers.words(effect)}",
+            f"The effect {words(effect)}",
             f"<pre>{html.escape(library.card_text(library.load_effect(effect)))}</pre>",
         )
     rows = [[k, f"{v:g}" if isinstance(v, (int, float)) else str(v)] for k, v in vars(d.campaign.drive.motor).items()]

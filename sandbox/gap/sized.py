@@ -20,7 +20,7 @@ from sandbox.gap.probes import Probe
 from sandbox.gap.space import WIDE, Coordinate, of_effect
 from sandbox.replay.sets import complete
 
-SIZES = (-4.0, -2.0, 2.0, 4.0)  # typical sizes; nearer to neutral slopes tell enough
+TRIED_SIZES = (-4.0, -2.0, 2.0, 4.0)  # typical sizes; nearer to neutral slopes tell enough
 MOST = 2  # sizes an effect may have: more are many small ones, for which slopes do
 
 
@@ -32,7 +32,7 @@ def trials(point: Point, probe: Probe) -> list[dict[str, float]]:
     out = []
     for c in own if len(own) <= MOST else []:
         low, high = c.bounds()
-        for to in (c.mean + s * c.deviation / WIDE for s in SIZES):
+        for to in (c.mean + s * c.deviation / WIDE for s in TRIED_SIZES):
             if low <= to <= high and to != c.mean:
                 moved = {**probe.start, **c.changes(values, to)}
                 try:

@@ -17,12 +17,13 @@ from sandbox.campaign import read_campaign
 from sandbox.cli import main
 from sandbox.design import design
 from sandbox.gap import where as places
-from sandbox.gap.answers import answer, caveats, far_text, linear, next_text, quantity, which_text
+from sandbox.gap.answers import answer, caveats, far_text, linear, next_text, which_text
 from sandbox.gap.contract import contract
 from sandbox.gap.estimates import Estimate
 from sandbox.gap.position import carrier_at, errors
 from sandbox.gap.report import write_report
 from sandbox.gap.where import subsystems
+from sandbox.gap.words import quantity
 from sandbox.injection import carrier
 from sandbox.record import campaign_of
 from sandbox.report import plain
