@@ -129,17 +129,19 @@ def far_text(a: Answers) -> str:
     elif s.closed is None:
         text = f"Residuals are {s.before:.3g} times the noise floor {on}; no effect of the library lowers them."
     else:
-        low, high = s.closed_ci95 or (math.nan, math.nan)
-        between = (
-            percent_fine(low)
-            if percent_fine(low) == percent_fine(high)
-            else f"{percent_fine(low)} to {percent_fine(high)}"
-        )
         text = (
-            f"{percent_fine(s.closed)} of the reducible gap closes {on} (95 % interval: {between}); "
+            f"{percent_fine(s.closed)} of the reducible gap closes {on} ({_between(s.closed_ci95)}); "
             f"residuals fall from {s.before:.3g} to {s.after:.3g} times the noise floor."
         )
     return f"{capital(text)} {position_text(a)}".strip()
+
+
+def _between(interval: tuple[float, float] | None) -> str:
+    """Return an interval of shares in words."""
+    if interval is None:
+        return "the gap is too near the noise floor for an interval"
+    low, high = (percent_fine(x) for x in interval)
+    return f"95 % interval: {low if low == high else f'{low} to {high}'}"
 
 
 def position_text(a: Answers) -> str:

@@ -17,11 +17,12 @@ from sandbox.gap.normal import Normal
 
 Array = NDArray[np.float64]
 DRAWS = 400
+UNDEFINED = 0.05  # of the draws, without a gap to close: more, and there is no interval
 
 
 @dataclass(frozen=True)
 class Size:
-    """Normalised rms on the recordings held out: raw, before, after, share closed (or None) and its interval.
+    """Normalised rms on the recordings held out: raw, before, after, share closed (or None) and its interval (or None).
 
     recordings: (file, before, after, held out) of each.
     """
@@ -52,7 +53,11 @@ def share_closed(before: float, after: float) -> float:
 
 
 def size_of(raw: Normal, before: Fit, after: Fit, held_out: Sequence[int], files: Sequence[str], seed: int = 0) -> Size:
-    """Return how large the gap is; without recordings held out, on all."""
+    """Return how large the gap is; without recordings held out, on all.
+
+    The interval is a bootstrap over blocks.  Draws without a gap (rms at most 1) have no share; where these are more
+    than UNDEFINED of all there is no interval, since the rest would tell one given that there is a gap.
+    """
     chosen = list(held_out) or list(range(len(files)))
     j0, j1 = rms(before.normal, chosen), rms(after.normal, chosen)
     each = tuple((f, rms(before.normal, [k]), rms(after.normal, [k]), k in held_out) for k, f in enumerate(files))
@@ -64,6 +69,7 @@ def size_of(raw: Normal, before: Fit, after: Fit, held_out: Sequence[int], files
         total = n[pick].sum(1)
         excess = a[pick].sum(1) / total - 1.0
         drawn = (a[pick] - b[pick]).sum(1) / total / np.where(excess > 0.0, excess, np.nan)
-        low, high = np.nanpercentile(drawn, [2.5, 97.5])
-        interval = (float(low), float(high))
+        if np.mean(excess <= 0.0) <= UNDEFINED:
+            low, high = np.nanpercentile(drawn, [2.5, 97.5])
+            interval = (float(low), float(high))
     return Size(rms(raw, chosen), j0, j1, closed, interval, each)

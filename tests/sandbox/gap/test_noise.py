@@ -61,11 +61,57 @@ def test_two_sensors_tell_nothing_of_noise(small_folder):
     assert seen(dataclasses.replace(campaign, recordings=two)) is None
 
 
+def test_two_sensors_kept_as_float32_are_no_noise(small_folder):
+    """Without counts each reading is rounded to 24 bits; the sum's rest is rounding, below all stated noise."""
+    campaign = read_campaign(small_folder)
+    rng = np.random.default_rng(1)
+    two = []
+    for r in campaign.recordings:
+        a, b = (c + 0.01 * rng.standard_normal(len(c)) for c in (r.i_a, r.i_b))
+        kept = {k: v.astype(np.float32).astype(float) for k, v in (("i_a", a), ("i_b", b), ("i_c", -a - b))}
+        two.append(dataclasses.replace(r, columns={**r.columns, **kept}))
+    assert np.any(two[0].i_a + two[0].i_b + two[0].i_c != 0.0)
+    two = dataclasses.replace(campaign, recordings=tuple(two))
+    assert seen(two) is None
+    assert noise_caution(two) == ""
+
+
+def with_counts(campaign, noise, resolution):
+    """Return a campaign read in counts, the first recording at rest, the others swinging; noise (A) in each reading."""
+    rng = np.random.default_rng(2)
+
+    def read(i, size):
+        return resolution * np.round((size * i + noise * rng.standard_normal(len(i))) / resolution)
+
+    recordings = []
+    for k, r in enumerate(campaign.recordings):
+        columns = {x: read(v, float(k > 0)) if x in ("i_a", "i_b", "i_c") else v for x, v in r.columns.items()}
+        recordings.append(dataclasses.replace(r, columns=columns))
+    converter = dataclasses.replace(campaign.drive.converter, current_noise=noise, current_resolution=resolution)
+    drive = dataclasses.replace(campaign.drive, converter=converter)
+    return dataclasses.replace(campaign, drive=drive, recordings=tuple(recordings))
+
+
+def test_coarse_counts_at_rest_are_cautioned_not_refused(small_folder):
+    """Counts of 50 mA, noise of 6 mA: half a count is four deviations away, so a current at rest never changes.
+
+    Stated in mA instead (a count of 5 A), readings a hundredth of that apart tell the slip, and it is refused.
+    """
+    counts = with_counts(read_campaign(small_folder), 6e-3, 50e-3)
+    assert np.ptp(counts.recordings[0].i_a) == 0.0
+    told = noise_caution(counts)
+    assert "a count of 0.05 A hides the noise" in told
+    assert "0.0156 A" in told  # (6^2 + 50^2/12)^(1/2) mA
+    slip = dataclasses.replace(counts.drive.converter, current_resolution=5.0)
+    with pytest.raises(BadInput, match="nothing could be seen below the stated noise"):
+        noise_caution(dataclasses.replace(counts, drive=dataclasses.replace(counts.drive, converter=slip)))
+
+
 def test_a_nominal_model_without_finite_currents_is_refused(small_folder):
     campaign = read_campaign(small_folder)
     motor = dataclasses.replace(campaign.drive.motor, alpha_40=-1e3)
     broken = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, motor=motor))
-    with pytest.raises((BadInput, PhysicsError)):
+    with pytest.raises(PhysicsError, match="nominal model predicts no finite currents"):
         diagnose(broken, workers=1)
 
 

@@ -1,0 +1,54 @@
+"""How large a gap is: the share closed and its interval, against planted scatter of blocks."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sandbox.gap.answers import far_text
+from sandbox.gap.size import Size, size_of
+
+BLOCKS, COUNT, SCATTER = 400, 10, 0.2
+
+
+def fit_with(squares, effects=()):
+    """Return what is read of a fit: one recording, mean squares (b,) of its blocks over their floor."""
+    segment = SimpleNamespace(recording=0, rr=COUNT * squares, n=np.full(len(squares), float(COUNT)))
+    return SimpleNamespace(normal=SimpleNamespace(segments=(segment,)), effects=effects)
+
+
+def size_at(deviations):
+    """Return the size of a gap whose J^2 - 1 is so many standard deviations of its own; half of it closes."""
+    apart = SCATTER * np.where(np.arange(BLOCKS) % 2, 1.0, -1.0)
+    excess = deviations * SCATTER / BLOCKS**0.5
+    before = fit_with(1.0 + excess + apart)
+    return size_of(before.normal, before, fit_with(1.0 + 0.5 * excess + apart, ("x",)), [0], ["a"])
+
+
+@pytest.mark.parametrize("deviations", [1.0, 1.4])
+def test_near_the_floor_there_is_no_interval(deviations):
+    """A normal mean one (1.4) deviation above the floor falls below in 16 % (8 %) of draws."""
+    s = size_at(deviations)
+    assert s.closed == pytest.approx(0.5)
+    assert s.closed_ci95 is None
+
+
+@pytest.mark.parametrize("deviations", [2.2, 100.0])
+def test_farther_off_the_interval_holds_the_share(deviations):
+    """At 2.2 deviations 1.4 % of draws fall below; what closes is drawn with the gap, excess e': (e/2)/e'.
+
+    So a draw z deviations off gives 1/2 / (1 + z/deviations), far off 1/2 (1 -+ 1.96/deviations).
+    """
+    s = size_at(deviations)
+    low, high = s.closed_ci95
+    assert low < 0.5 < high
+    if deviations > 10.0:
+        assert (low, high) == pytest.approx((0.5 / 1.0196, 0.5 / 0.9804), rel=0.003)
+
+
+def test_a_missing_interval_is_said():
+    s = Size(2.0, 1.01, 1.0, 0.9, None, ())
+    near = SimpleNamespace(diagnosis=SimpleNamespace(size=s, held_out=(0,)), verdict="explained", position=None)
+    text = far_text(near)
+    assert "90.0 % of the reducible gap closes" in text
+    assert "too near the noise floor for an interval" in text
