@@ -14,13 +14,15 @@ from sandbox.campaign import Campaign
 from sandbox.gap.alike import Alike, alike
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.discriminate import Next, recommend
+from sandbox.gap.menu import DURATION
 from sandbox.gap.position import PositionError, position_error
 from sandbox.gap.posterior import UNKNOWN
 from sandbox.gap.regression import Remains, remains
 from sandbox.gap.where import Finding, percent, summary, where
-from sandbox.gap.words import capital, likely, names, percent_fine, sizes, words
+from sandbox.gap.words import capital, likely, names, percent_fine, sizes, times, words
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+HARDLY = 5e-4  # of what remains: less is nothing
 ALIKE = 2.0  # variance of sums over that of white noise: less is not spoken of
 
 
@@ -125,13 +127,17 @@ def far_text(a: Answers) -> str:
         else "on the recordings it was fitted to"
     )
     if a.verdict == "no_gap":
-        text = f"There is nothing to close: residuals are {s.before:.3g} times the noise floor {on}."
+        text = f"There is nothing to close: residuals are {times(s.before)} the noise floor {on}."
     elif s.closed is None:
-        text = f"Residuals are {s.before:.3g} times the noise floor {on}; no effect of the library lowers them."
+        text = f"Residuals are {times(s.before)} the noise floor {on}; no effect of the library lowers them."
+    elif not math.isfinite(s.after):
+        text = f"Not at all: what was fitted to the others predicts nothing finite {on} ({times(s.before)} before)."
+    elif s.closed <= 0.0:
+        text = f"Not at all: residuals grow from {times(s.before)} to {times(s.after)} the noise floor {on}."
     else:
         text = (
             f"{percent_fine(s.closed)} of the reducible gap closes {on} ({_between(s.closed_ci95)}); "
-            f"residuals fall from {s.before:.3g} to {s.after:.3g} times the noise floor."
+            f"residuals fall from {s.before:.3g} to {times(s.after)} the noise floor."
         )
     return f"{capital(text)} {position_text(a)}".strip()
 
@@ -166,12 +172,15 @@ def next_text(a: Answers) -> str:
     """Return what to record or do next."""
     if a.following is not None:
         pair = " from ".join(names(s) for s in a.following.separates)
-        return f"Record: {a.following.description}. It would tell {pair}."
+        chance = percent(a.following.power)
+        return f"Record: {a.following.description}, for {DURATION:g} s. It would tell {pair}, {chance} probable."
     if a.verdict == "no_gap":
-        return "Nothing is needed, as far as these recordings see; the nominal model may be used as it is."
+        return (
+            "Nothing is needed, as far as these recordings see: the nominal model explains them once what "
+            "[uncertainty] and [background] allow is refitted."
+        )
     if a.verdict == "explained":
-        values = ",".join(f"{k}={e.value:.6g}" for k, e in a.diagnosis.parameters[0].items() if math.isfinite(e.value))
-        return f"Nothing is needed to name the cause; simulate it with `sensorless simulate --effects {values}`."
+        return "Nothing is needed to name the cause; the values above belong into this drive's simulator."
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
     disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
     told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
@@ -214,8 +223,8 @@ def caveats(a: Answers) -> list[str]:
         out.append("No turning recording has injection, so the position error cannot be compared.")
     if d.temperature > 2.0:
         out.append(
-            f"Log evidence was divided by {d.temperature:.2g}: residuals are alike within blocks of time, and the "
-            "simulator's own error grows with the gap."
+            f"In weighing hypotheses the data counted for {d.temperature:,.3g} times less than its samples: residuals "
+            "are alike within blocks of time, and the simulator's own error grows with the gap."
         )
     return out
 
@@ -224,9 +233,9 @@ def remains_text(a: Answers) -> str:
     """Return what the best hypothesis leaves, whether it has structure, and how much of it could still be closed."""
     r = a.diagnosis.remainder
     before, after = (math.sqrt(max(0.0, 1.0 + x)) for x in (r.before, r.after))
-    size = f"After it residuals are {after:.3g} times the noise floor over all recordings (before: {before:.3g})"
+    size = f"After it residuals are {times(after)} the noise floor over all recordings (before: {before:.3g})"
     if not a.diagnosis.best.effects:
-        size = f"Residuals are {before:.3g} times the noise floor over all recordings"
+        size = f"Residuals are {times(before)} the noise floor over all recordings"
     chance = sum(h.probability for h in a.diagnosis.hypotheses if UNKNOWN in h.effects)
     return (
         f"{size}; that something outside the library is at work is {likely(chance)}. {regression_text(a)} "
@@ -240,7 +249,7 @@ def regression_text(a: Answers) -> str:
     if r is None:
         return "How much a free regression could still close was not measured: no recording was held out."
     on = "on the recordings held out, a free regression of it on currents, speed and angle"
-    if not r.structure or r.closable is None:
+    if not r.structure or r.closable is None or r.closable < HARDLY:
         return f"{capital(on)} closes nothing more."
     of_gap = "" if r.of_gap is None or not a.diagnosis.best.effects else f", {percent_fine(r.of_gap)} of the gap before"
     return f"{capital(on)} closes {percent_fine(min(r.closable, 1.0))} more{of_gap}: structure that no effect took up."

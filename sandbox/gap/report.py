@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from sandbox.gap.alike import Alike
 from sandbox.gap.answers import Answers
 from sandbox.gap.contract import closed_by
 from sandbox.gap.decompose import Decomposition, decompose
+from sandbox.gap.estimates import Estimate
 from sandbox.gap.posterior import UNKNOWN
 from sandbox.gap.spectrum import shown
 from sandbox.gap.words import label, names, quantity, words
@@ -75,7 +77,8 @@ def print_answers(a: Answers) -> None:
     rows = [[label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
     report.print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
     if d.parameters[0]:
-        report.print_table("parameters", ["name", "value [95 % interval]"], _parameters(a))
+        heads = ["name", "value [95 % interval]", "nominal"]
+        report.print_table("parameters", heads, _parameters(a, d.parameters[0]))
     rows = [[f + (" (held out)" if h else ""), f"{b:.2f}", f"{x:.2f}"] for f, b, x, h in d.size.recordings]
     report.print_table("residual over its noise floor (rms)", ["recording", "before", "after"], rows)
     for text in answers.caveats(a):
@@ -109,12 +112,13 @@ def _body(a: Answers, title: str) -> Iterator[str]:
         yield f'<div class="answer"><b>{heads[head]}</b>{_html(text)}</div>'
     yield "<h2>Hypotheses</h2>" + _hypotheses(a, [h for h in d.hypotheses if h.probability >= FEWEST])
     told = ", or ".join(names(h.effects) for h in d.ambiguity_set)
-    yield f'<p class="soft">With 95 % probability it is {_html(told)}.</p>'
+    yield f'<p class="soft">With at least 95 % probability it is {_html(told)}.</p>'
     if a.alike is not None:
         yield from _why_alike(a.alike)
-    if d.parameters[0]:
-        yield f"<h2>Parameters of {_html(names(d.best.effects))}</h2>"
-        yield table(["parameter", "value [95 % interval]"], _parameters(a))
+    for h, own in zip(d.hypotheses, d.parameters, strict=True):
+        if own and h in d.ambiguity_set:
+            yield f"<h2>Parameters of {_html(names(h.effects))}</h2>"
+            yield table(["parameter", "value [95 % interval]", "nominal"], _parameters(a, own))
     before, after = shown(d.before.point), shown(d.after.point)
     part, rest = decompose(d.before.point, before), decompose(d.after.point, after)
     yield "<h2>The gap, recording by recording</h2>"
@@ -148,10 +152,10 @@ def _why_alike(x: Alike) -> Iterator[str]:
     for effect, cosine in x.cosines.items():
         own, other = (x.first, x.second) if effect in x.first else (x.second, x.first)
         rival = [e for e in other if e not in own]
-        others = answers.names(rival) if rival else "what ordinary deviations can do"
-        text = f"On these recordings {answers.words(effect)} looks like {others}: cosine {cosine:.4f}."
+        others = names(rival) if rival else "what ordinary deviations can do"
+        text = f"On these recordings {words(effect)} looks like {others}: cosine {cosine:.4f}."
         yield f"<li>{_html(text)}</li>"
-    what = f"0: {answers.names(x.second)}, 1: {answers.names(x.first)}. Flat: the recordings cannot choose."
+    what = f"0: {names(x.second)}, 1: {names(x.first)}. Flat: the recordings cannot choose."
     line = (list(x.share), list(x.log_likelihood))
     panels = [("log likelihood", {"all parameters going along": line})]
     yield "</ul>" + _figure(lines_svg(panels, "share of the way between both fits"), what)
@@ -161,8 +165,11 @@ def _share(x: float | None) -> str:
     return "–" if x is None else f"{100.0 * x:.1f} %"
 
 
-def _parameters(a: Answers) -> list[list[str]]:
-    return [[name, quantity(e)] for name, e in a.diagnosis.parameters[0].items()]
+def _parameters(a: Answers, own: Mapping[str, Estimate]) -> list[list[str]]:
+    """Return rows of name, value with interval, and what the nominal model has."""
+    neutral = library.neutral(a.diagnosis.campaign.drive.motor)
+    nominal = {k: replace(e, value=neutral[k], low=neutral[k], high=neutral[k]) for k, e in own.items()}
+    return [[k, quantity(e), quantity(nominal[k])] for k, e in own.items()]
 
 
 def _recordings(a: Answers, part: Decomposition) -> list[list[str]]:

@@ -20,6 +20,11 @@ def likely(p: float) -> str:
     return "less than 1 % probable" if p < 0.005 else f"{100.0 * p:.0f} % probable"
 
 
+def times(x: float) -> str:
+    """Return a multiple of the noise floor: "12.3 times", near one with enough digits."""
+    return f"{x:.2f} times" if x < 10.0 else f"{x:.3g} times" if x < 1000.0 else f"{x:,.0f} times"
+
+
 def percent_fine(x: float) -> str:
     """Return a share with enough digits near one."""
     if not math.isfinite(x):
