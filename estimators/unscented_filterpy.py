@@ -19,6 +19,7 @@ def begin(theta: float, i: np.ndarray, belief: Belief, tuning: Tuning) -> Any:
     t = tuning.sampling_period
 
     def move(x: np.ndarray, dt: float, u: np.ndarray) -> np.ndarray:
+        """Return the state (4,) a period later under the voltage u (2,), V, by Heun's rule."""
         slope = model.rate(x, u)
         return x + 0.5 * t * (slope + model.rate(x + t * slope, u))
 

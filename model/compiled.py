@@ -78,6 +78,7 @@ def kernel_as(signature: Any, **more: Any) -> Callable[[Callable[..., Any]], Any
     """Compile a function at import for one explicit signature, so that it can be passed as a function pointer."""
 
     def compile_(function: Callable[..., Any]) -> Any:
+        """Return the dispatcher of a function, its machine code kept in the rooms' own folder."""
         config: Any = numba.config
         before = config.CACHE_DIR
         config.CACHE_DIR = _CACHE_DIR  # only while decorating: the caller's own kernels keep their own place

@@ -36,6 +36,7 @@ def _either(name: str) -> Callable[..., Any]:
     of_quartic, of_spline = getattr(quartic, name), getattr(spline, name)
 
     def interpreted(m, *rest):
+        """Do it outside kernels, on scalars or arrays of one shape."""
         if not isinstance(m, SplineEnergy):
             return of_quartic.py_func(m, *rest)
         grid = np.broadcast_arrays(*rest)
@@ -43,6 +44,7 @@ def _either(name: str) -> Callable[..., Any]:
         return tuple(out.T.reshape(-1, *grid[0].shape)) if out.ndim > 1 else out.reshape(grid[0].shape)
 
     def choose(m, *rest):
+        """Give a kernel the one that fits the type of m, while it is compiled."""
         return (of_spline if m.instance_class is SplineEnergy else of_quartic).py_func
 
     overload(interpreted, strict=False, jit_options={"error_model": "numpy", "nogil": True})(choose)

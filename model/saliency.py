@@ -97,6 +97,7 @@ def current_for_torque(motor: Motor, torque: float, closed_loop: bool, steps: in
     m = motor.energy
 
     def at(i_q: float) -> tuple[float, float]:
+        """Return the angle error (rad) and the torque (N m) where i_q (A) is asked for."""
         if i_q == 0.0:
             return 0.0, 0.0
         e = self_consistent_angle(m, 0.0, i_q, 20) if closed_loop else float(local_angle(m, 0.0, i_q))

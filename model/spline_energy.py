@@ -198,6 +198,7 @@ class _Box:
         step_d, step_q = self.knots_d[1] - self.knots_d[0], self.knots_q[1] - self.knots_q[0]
 
         def taylor(knots: Any, corner: Any, step: float) -> Array:
+            """Return coefficients (power, cell, spline) of an axis' splines, in steps from each cell's corner."""
             inside = corner + 0.5 * step  # derivatives at the middle, shifted: safe from the corner's side
             at = [self._basis(knots, inside, k) * step**k / math.factorial(k) for k in range(DEGREE + 1)]
             shift = [

@@ -94,6 +94,7 @@ def compare(
     stride = math.ceil(samples / MOST_SAMPLES)
 
     def one(case: tuple[str, str, bool]) -> Run:
+        """Run an estimator (name, belief, closed loop) through the scenario."""
         nonlocal done
         name, belief, closed = case
         run = simulate(

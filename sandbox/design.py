@@ -292,6 +292,7 @@ def _tuned(loops: Sequence[Response], h: float, margin: float, highest: float) -
     w = _grid(h)
 
     def spare(log_bandwidth: float) -> float:
+        """Return how far (a share) the worst loop is inside both limits at a bandwidth (log of rad/s)."""
         found = (_crossing(loop(w, math.exp(log_bandwidth))[0], w) for loop in loops)
         return min(min(phase / margin - 1.0, 1.0 - crossover / highest) for phase, crossover in found)
 

@@ -56,6 +56,7 @@ def checked(estimator: Estimator) -> Callable[..., Estimate]:
     """Return a Python estimator's step that says so when it returns something else than an Estimate."""
 
     def step(*arguments: object) -> Estimate:
+        """Return the estimate, once it is seen to be one."""
         estimate = estimator.step(*arguments)  # type: ignore[arg-type]
         if not isinstance(estimate, Estimate):
             raise BadInput(

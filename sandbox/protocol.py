@@ -198,6 +198,7 @@ def protocol(
     lock, done = threading.Lock(), len(todo) - len(missing)
 
     def one(unit: Unit) -> None:
+        """Run a unit and keep its row."""
         nonlocal done
         row = run_unit(unit, drives[unit.motor], seed)
         with lock:

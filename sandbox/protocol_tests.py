@@ -121,6 +121,7 @@ def summary(points: Iterable[Point]) -> dict[str, float | None]:
     deficits = [p.torque_deficit for p in known if p.torque_deficit is not None and p.closed_loop]
 
     def worst(name: str) -> float | None:
+        """Return the largest size of a figure over the points in lock, None where none has it."""
         return max((abs(getattr(p, name)) for p in known if getattr(p, name) is not None), default=None)
 
     rms = [p.rms_deg for p in known if p.rms_deg is not None]

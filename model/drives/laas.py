@@ -91,6 +91,7 @@ def cogging(run: Run, orders: tuple[int, ...] = ORDERS) -> tuple[np.ndarray, np.
     design = np.c_[np.ones(len(run.position)), harmonics(run.position, orders)]
 
     def fit(mask: np.ndarray) -> np.ndarray:
+        """Return mean and harmonics (A) fitted to the positions of a mask."""
         return np.linalg.lstsq(design[mask], run.current[mask], rcond=None)[0]
 
     return jackknife(fit, np.floor(run.position / (2.0 * np.pi / 24)).astype(int))
@@ -163,6 +164,7 @@ def _friction(
     electric = np.c_[speed, current, ones]
 
     def fit(mask: np.ndarray) -> np.ndarray:
+        """Return K, J, T_c and B of a mask (SI units); friction and inertia from its fast samples only."""
         k = 1.5 * np.linalg.lstsq(electric[mask], voltage[mask], rcond=None)[0][0]
         return np.r_[k, k * np.linalg.lstsq(motion[mask & fast], current[mask & fast], rcond=None)[0][:3]]
 

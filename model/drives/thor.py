@@ -117,7 +117,10 @@ def skin_effect(frequency: np.ndarray, factor: np.ndarray, dc: float) -> SkinEff
     """Return the fit of the skin effect's first-order form to an AC resistance factor (jackknife over frequencies)."""
 
     def fit(mask: np.ndarray) -> np.ndarray:
+        """Return log of ratio and of time constant (s) fitted to a mask's frequencies."""
+
         def miss(x: np.ndarray) -> np.ndarray:
+            """Return the resistance factor of the form less that of the table, by frequency."""
             return skin_factor(frequency[mask], np.exp(x[0]), np.exp(x[1])) - factor[mask]
 
         return least_squares(miss, [np.log(2.0), np.log(1e-4)], xtol=1e-12, ftol=1e-12).x

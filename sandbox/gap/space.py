@@ -130,6 +130,7 @@ def ordinary(campaign: Campaign) -> list[Coordinate]:
         out.append(Coordinate(f"inductance.scale_{axis}", 1.0, sd, "linear", (f"inductance.scale_{axis}",)))
 
     def of_bench(key: str) -> float:
+        """Return a standard deviation of [background], or the usual one scaled by the motor's rating."""
         scale = getattr(motor, OF_RATED[key]) if key in OF_RATED else 1.0
         return campaign.background.get(key, DEFAULT_BACKGROUND[key] * scale)
 

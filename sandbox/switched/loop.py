@@ -77,6 +77,7 @@ def _ask(step, state, sample, inside, belief, tuning):
         return lambda step, state, sample, inside, belief, tuning: step(state, sample, belief, tuning)
 
     def oversampled(step, state, sample, inside, belief, tuning):
+        """Hand the readings inside over with the sample."""
         i_alpha, i_beta, u_alpha, u_beta, carrier = sample
         return step(state, Oversampled(i_alpha, i_beta, u_alpha, u_beta, carrier, inside), belief, tuning)
 
