@@ -89,6 +89,7 @@ def build_parser() -> Parser:
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
 
     def add(name: str, run: Callable[[argparse.Namespace], None], text: str, writes: bool = True) -> Parser:
+        """Return the parser of a new command, with the arguments of all that write."""
         command: Parser = commands.add_parser(name, help=text, description=text)
         command.set_defaults(run=run)
         if writes:
@@ -176,8 +177,8 @@ def _which(command: Parser) -> None:
     command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml", help="(staircase)")
 
 
-def _names(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
+def _names(text: str | None, usual: Iterable[str] = ()) -> list[str]:
+    return list(usual) if text is None else [name.strip() for name in text.split(",") if name.strip()]
 
 
 def _peers(command: Parser) -> None:
@@ -342,14 +343,11 @@ def run_protocol(options: argparse.Namespace) -> None:
     """Run the protocol; write protocol.json, protocol.png and protocol.parquet."""
     from sandbox import protocol as p
 
-    def names(text: str | None, usual: Iterable[str]) -> list[str]:
-        return list(usual) if text is None else _names(text)
-
     folder = report.output_folder(_folder(options))
     with report.progress_bar("protocol", options.quiet) as progress:
         result = p.protocol(
-            names(options.estimators, p.ESTIMATORS), names(options.motors, () if options.motors else p.usual_motors()),
-            names(options.tests, p.TESTS),
+            _names(options.estimators, p.ESTIMATORS),
+            _names(options.motors, () if options.motors else p.usual_motors()), _names(options.tests, p.TESTS),
             seed=options.seed, jobs=options.jobs or os.cpu_count() or 1, keep=folder, progress=progress,
         )  # fmt: skip
     if options.peer:

@@ -7,8 +7,9 @@ import math
 import os
 import shutil
 import sys
+import zlib
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as installed
 from pathlib import Path
@@ -55,46 +56,75 @@ def plain(value: Any) -> Any:
     return value
 
 
-def output_folder(out: Path) -> Path:
-    """Return the folder for results, made if need be; BadInput where it cannot be."""
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise BadInput(f"cannot write to '{out}': {error.strerror}; give another --out") from None
-    if not os.access(out, os.W_OK):
-        raise BadInput(f"cannot write to '{out}': no permission; give another --out")
-    return out
-
-
 KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html", ".parquet")
 
 
-def _aside(out: Path) -> Path:
-    return out / f".part-{os.getpid()}"
+def _aside(place: Path, full: Path) -> Path:
+    return place / f".part-{os.getpid()}-{zlib.crc32(os.fsencode(full)):x}"
+
+
+def _waiting(out: Path) -> Path:
+    """Return a new folder for files on their way to `out`, below the nearest place that exists."""
+    full = Path(os.path.realpath(out))
+    place = next(p for p in (full, *full.parents) if os.path.lexists(p))
+    path = _aside(place, full) / full.relative_to(place)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"cannot write to '{out}': {error.strerror}; give another --out") from None
+    return path
+
+
+def check_output(out: Path) -> None:
+    """Raise BadInput, before a run, where its results could not be written to a folder; nothing is left there."""
+    try:
+        _waiting(out)
+    finally:
+        discard(out)
+
+
+def output_folder(out: Path) -> Path:
+    """Return the folder for results, made if need be; BadInput where it cannot be."""
+    check_output(out)
+    out.mkdir(parents=True, exist_ok=True)
+    return out
 
 
 @contextmanager
 def results(out: Path, command: str) -> Iterator[Path]:
     """Give a folder for a command's files; they appear in `out` together, the JSON last, or not at all.
 
-    What an earlier call left there under the same names goes, so that the files in a folder belong together.
+    A folder that does not exist appears whole.  What an earlier call left there under the same names goes, so that
+    the files in a folder belong together.
     """
-    aside = _aside(output_folder(out))
-    aside.mkdir(exist_ok=True)
     try:
-        yield aside
-        for old in out.glob(f"{command}.*"):
-            if old.suffix in KINDS and not (aside / old.name).exists():
-                old.unlink()
-        for new in sorted(aside.iterdir(), key=lambda path: path.suffix == ".json"):
-            new.replace(out / new.name)
+        waiting = _waiting(out)
+        yield waiting
+        _publish(waiting, Path(os.path.realpath(out)), command)
     finally:
         discard(out)
 
 
+def _publish(waiting: Path, full: Path, command: str) -> None:
+    missing = [p for p in (full, *full.parents) if not os.path.lexists(p)]
+    if missing:
+        top = missing[-1]
+        with suppress(OSError):  # made by another process in the meantime: file by file
+            os.rename(_aside(top.parent, full) / top.name, top)
+            return
+    full.mkdir(parents=True, exist_ok=True)
+    for old in full.glob(f"{command}.*"):
+        if old.suffix in KINDS and not (waiting / old.name).exists():
+            old.unlink()
+    for new in sorted(waiting.iterdir(), key=lambda path: path.suffix == ".json"):
+        new.replace(full / new.name)
+
+
 def discard(out: Path) -> None:
-    """Remove what this process had not finished writing into a folder."""
-    shutil.rmtree(_aside(out), ignore_errors=True)
+    """Remove what this process had not finished writing into a folder, and on the way to it."""
+    full = Path(os.path.realpath(out))
+    for place in (full, *full.parents):
+        shutil.rmtree(_aside(place, full), ignore_errors=True)
 
 
 def write_json(out: Path, name: str, content: dict[str, Any], command: str = "") -> Path:

@@ -33,6 +33,7 @@ def run_diagnose(options: argparse.Namespace) -> None:
     from sandbox.importing import read_recordings
 
     folder = options.out or Path("sensorless-out") / options.command
+    report.check_output(folder)
     campaign = read_recordings(options.campaign, options.columns)
     campaign = linear(campaign) if options.nominal else campaign
     exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]

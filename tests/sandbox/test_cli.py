@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 
 from model.parameters import MOTORS
 from sandbox.cli import build_parser, main
+from sandbox.report import results
 
 SHORT = """
 [scenario]
@@ -238,7 +239,38 @@ def test_interrupt_leaves_nothing_half_written(tmp_path):
     assert process.returncode == 130
     assert "interrupted" in said
     assert time.monotonic() - begun < 3.0
-    assert not out.exists() or list(out.iterdir()) == []
+    assert not out.exists()
+
+
+def test_files_come_together_or_not_at_all(tmp_path):
+    """Stopped when all is written but the last step, no folder is left on the way; done, only the files are."""
+    out = tmp_path / "not" / "there" / "yet"
+
+    def stopped():
+        with results(out, "audit") as folder:
+            (folder / "audit.json").write_text("{}")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stopped()
+    assert list(tmp_path.iterdir()) == []
+    for text in ("{}", "[]"):  # into a new folder, then into the same again
+        with results(out, "audit") as folder:
+            (folder / "audit.json").write_text(text)
+            assert not (out / "audit.json").exists() or text == "[]"
+        assert [p.relative_to(out).as_posix() for p in out.rglob("*")] == ["audit.json"]
+        assert (out / "audit.json").read_text() == text
+        assert list(tmp_path.iterdir()) == [tmp_path / "not"]
+
+
+def test_a_folder_made_by_another_in_the_meantime_takes_the_files(tmp_path):
+    out = tmp_path / "shared" / "audit"
+    with results(out, "audit") as folder:
+        (folder / "audit.json").write_text("{}")
+        (tmp_path / "shared" / "maps").mkdir(parents=True)
+    assert sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*")) == [
+        "shared", "shared/audit", "shared/audit/audit.json", "shared/maps"
+    ]  # fmt: skip
 
 
 def test_stale_files_go_and_strangers_stay(short, tmp_path):

@@ -132,3 +132,17 @@ def test_slips_in_campaign_toml_are_one_sentence(small_folder, tmp_path, capsys)
         assert told in error
         assert error.count("\n") == 1
         assert not out.exists()
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_the_run(small_folder, tmp_path, capsys, monkeypatch):
+    def begun(*_, **__):
+        raise AssertionError("the run began")
+
+    monkeypatch.setattr("sandbox.importing.read_recordings", begun)
+    (tmp_path / "file").write_text("mine")
+    for out in (tmp_path / "file", tmp_path / "file" / "below", tmp_path / "new" / (300 * "x")):
+        assert main(["diagnose", str(small_folder), "--out", str(out), "--quiet"]) == 2
+        error = capsys.readouterr().err
+        assert f"cannot write to '{out}'" in error
+        assert error.count("\n") == 1
+    assert [p.name for p in tmp_path.iterdir()] == ["file"]
