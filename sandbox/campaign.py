@@ -133,7 +133,7 @@ def assemble(
 ) -> Campaign:
     """Return the campaign of parsed tables `data` and its recordings; `source` is the file an error names."""
     try:
-        motor, from_data = _motor(data, recordings)
+        own_name, (motor, from_data) = _name(data, name), _motor(data, recordings)
         converter = converter_of(data)
         injection = build(Injection, dict(table_of(data, "injection")), "injection")
         uncertainty, background = _numbers(data, "uncertainty"), _numbers(data, "background")
@@ -143,7 +143,7 @@ def assemble(
         _check_period(r, converter.sampling_period)
     provenance = {k: str(v) for k, v in table_of(data, "provenance").items()}
     return Campaign(
-        str(table_of(data, "campaign").get("name", name)), Drive(motor, converter, injection, provenance), recordings,
+        own_name, Drive(motor, converter, injection, provenance), recordings,
         uncertainty, background, from_data,
     )  # fmt: skip
 
@@ -154,6 +154,13 @@ def table_of(data: Mapping[str, Any], name: str) -> dict[str, Any]:
     if not isinstance(table, dict):
         raise BadInput(f"'{name}' is not a table; write [{name}]")
     return dict(table)
+
+
+def _name(data: Mapping[str, Any], usual: str) -> str:
+    name = table_of(data, "campaign").get("name", usual)
+    if not isinstance(name, str):
+        raise BadInput(f"[campaign] name = {name!r:.40} is not a text; put it in quotes")
+    return name
 
 
 def converter_of(data: Mapping[str, Any]) -> Converter:
@@ -185,11 +192,18 @@ def _entry(entry: Any, source: str) -> tuple[str, str, str, float | None]:
     for key in entry:
         if key not in (*OF_RECORDING, "note"):
             raise BadInput(f"{source}: {unknown('key in [[recording]]', key, OF_RECORDING)}")
+    for key in OF_RECORDING[:3]:
+        if not isinstance(entry.get(key, ""), str):
+            raise BadInput(f"{source}: {key} = {entry[key]!r:.40} in [[recording]] is not a text; put it in quotes")
     link = entry.get("dc_bus_voltage")
     if link is not None and (isinstance(link, bool) or not isinstance(link, (int, float))):
         raise BadInput(f"{source}: dc_bus_voltage = {link!r} in [[recording]] is no number; give volts > 0")
-    axis = str(entry.get("injection_axis", "none"))
-    return str(entry["file"]), str(entry.get("rotor", "")), axis, None if link is None else float(link)
+    return (
+        entry["file"],
+        entry.get("rotor", ""),
+        entry.get("injection_axis", "none"),
+        None if link is None else float(link),
+    )
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
@@ -239,7 +253,7 @@ def _check_period(r: CampaignRecording, period: float) -> None:
 
 def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording]) -> tuple[Motor, bool]:
     """Return the nominal motor, its missing rated values replaced by the largest recorded ones."""
-    values = {"name": str(table_of(data, "campaign").get("name", "campaign")), **table_of(data, "motor")}
+    values = {"name": _name(data, "campaign"), **table_of(data, "motor")}
     missing = [k for k in RATED if k not in values]
     if missing:
         current = max((float(np.max(np.hypot(*r.current))) for r in recordings), default=0.0)

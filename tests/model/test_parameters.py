@@ -98,6 +98,7 @@ def test_user_motor_with_defaults(tmp_path):
         ("resistance = 1.0|resistance = 1" + 400 * "0", ("resistance = 1e+300", "ohm")),
         ("[motor]|x = " + 3000 * "[" + "\n[motor]", ("mine.toml",)),
         ("[motor]|[motor]\nname = 3", ("name = 3", "quotes")),
+        ("[motor]|[motor]\nname = ['a']", ("name = ['a']", "quotes")),
         ("pole_pairs = 4|pole_pairs = 4.5", ("pole_pairs", "whole")),
         ("[motor]|[moter]", ("moter", "did you mean 'motor'")),
         ("[motor]|[motor", ("not valid TOML",)),

@@ -8,6 +8,7 @@ import pytest
 from model.errors import BadInput
 from model.parameters import load_drive
 from sandbox.campaign import Campaign, CampaignRecording, read_campaign, write_campaign
+from sandbox.cli import main
 from tests.data import recordings_folder
 
 N = 40
@@ -92,6 +93,7 @@ def test_a_gap_in_time_names_its_row(tmp_path):
         ("resistance = 12.15", "resistance = -1", "resistance = -1.0 is out of range"),
         ("[background]", "[backgrund]", "unknown table 'backgrund'; did you mean 'background'"),
         ("current_gain = 0.002", "current_gain = -1", "current_gain = -1 is no standard deviation"),
+        ('rotor = "locked"', 'rotor = ["locked"]', r"rotor = \['locked'\] in \[\[recording\]\] is not a text"),
     ],
 )
 def test_a_wrong_file_names_its_key(tmp_path, old, new, message):
@@ -99,6 +101,20 @@ def test_a_wrong_file_names_its_key(tmp_path, old, new, message):
     _edit(folder, old, new)
     with pytest.raises(BadInput, match=message):
         read_campaign(folder)
+
+
+@pytest.mark.parametrize("name", ['["a"]', "3", "true", "1979-05-27"])
+@pytest.mark.parametrize("table", ["campaign", "motor"])
+def test_a_name_that_is_no_text_is_refused_in_one_sentence(tmp_path, capsys, table, name):
+    folder = write_campaign(tmp_path / "c", _campaign())
+    lines = [x for x in (folder / "campaign.toml").read_text().split("\n") if not x.startswith("name = ")]
+    lines.insert(lines.index(f"[{table}]") + 1, f"name = {name}")
+    (folder / "campaign.toml").write_text("\n".join(lines))
+    assert main(["identify", str(folder), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith(f"sensorless identify: campaign.toml: [{table}] name = ")
+    assert error.endswith("is not a text; put it in quotes\n")
+    assert error.count("\n") == 1
 
 
 def test_a_folder_that_is_none_is_named(tmp_path):
