@@ -19,13 +19,8 @@ from sandbox.replay.lanes import (
     CORE_B,
     CORE_G,
     CORE_INV,
-    CORE_TIME,
     DEAD,
     DELAY,
-    FILTER_INV,
-    FILTER_TIME,
-    FLAG_A,
-    FLAG_B,
     GAMMA_DD,
     GAMMA_DQ,
     GAMMA_QQ,
@@ -238,42 +233,3 @@ def dead_time_and_drop(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period):
         x, y = lost_voltage(w, j, x, y, period)
         w[U_A * LANES + j] = w[U_A * LANES + j] + x - drop * s_a
         w[U_B * LANES + j] = w[U_B * LANES + j] + y - drop * s_b
-
-
-@inlined
-def kick(w, j, late, e, side, inverse, even, period, x, y):
-    """Add what one edge, later or earlier than its pattern by half the dead time, leaves in a lag (V s)."""
-    t = e[0] + w[LATE * LANES + j]
-    size = side * (2.0 / 3.0) * w[LINK_A * LANES + j] * (late - 0.5 * abs(w[DEAD * LANES + j]))
-    size *= fading(min(t - period, 0.0) * inverse) - even
-    return x + size * e[3], y + size * e[4]
-
-
-@inlined
-def kicks(w, j, tau, inverse, e_0, e_1, e_2, e_3, e_4, e_5, period):
-    """Return what the edges leave in a lag beyond the late pattern (V s): lost volt-seconds, where they are."""
-    even = tau / period * (1.0 - fading(-period * inverse))
-    x, y = kick(w, j, w[LATE_0 * LANES + j], e_0, 1.0, inverse, even, period, 0.0, 0.0)
-    x, y = kick(w, j, w[LATE_1 * LANES + j], e_1, 1.0, inverse, even, period, x, y)
-    x, y = kick(w, j, w[LATE_2 * LANES + j], e_2, 1.0, inverse, even, period, x, y)
-    x, y = kick(w, j, w[LATE_3 * LANES + j], e_3, -1.0, inverse, even, period, x, y)
-    x, y = kick(w, j, w[LATE_4 * LANES + j], e_4, -1.0, inverse, even, period, x, y)
-    return kick(w, j, w[LATE_5 * LANES + j], e_5, -1.0, inverse, even, period, x, y)
-
-
-@kernel
-def kick_filter(w, e_0, e_1, e_2, e_3, e_4, e_5, period):
-    """Add dead time's edges to the current filter's ripple."""
-    for j in range(LANES):
-        tau, inverse = w[FILTER_TIME * LANES + j], w[FILTER_INV * LANES + j]
-        x, y = kicks(w, j, tau, inverse, e_0, e_1, e_2, e_3, e_4, e_5, period)
-        w[FLAG_A * LANES + j], w[FLAG_B * LANES + j] = w[FLAG_A * LANES + j] + x, w[FLAG_B * LANES + j] + y
-
-
-@kernel
-def kick_core(w, e_0, e_1, e_2, e_3, e_4, e_5, period):
-    """Add dead time's edges to the iron-loss current's ripple."""
-    for j in range(LANES):
-        tau, inverse = w[CORE_TIME * LANES + j], w[CORE_INV * LANES + j]
-        x, y = kicks(w, j, tau, inverse, e_0, e_1, e_2, e_3, e_4, e_5, period)
-        w[CLAG_A * LANES + j], w[CLAG_B * LANES + j] = w[CLAG_A * LANES + j] + x, w[CLAG_B * LANES + j] + y

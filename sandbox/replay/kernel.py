@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from model.compiled import kernel
 from sandbox.replay import edges as late
-from sandbox.replay import legs, machine, sensors
+from sandbox.replay import filtered, kicks, legs, machine, memory, sensors
+from sandbox.replay.curvature import bend, bend_late
 from sandbox.replay.lanes import (
     ASYMMETRY,
     DEVIATION,
@@ -30,7 +31,6 @@ from sandbox.replay.lanes import (
     SHIFTED_SAMPLE,
     SKIN,
     TORQUE,
-    bend,
     hold,
     plain_sample,
     plain_step,
@@ -96,13 +96,22 @@ def deliver(w, features, table, edges, k, period, width):
     elif features & EDGES:
         late.dead_time(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period, features & IRON != 0)
     if features & FILTER:
-        legs.keep_filter_ripple(w, d_a, d_b, d_c, b_a, b_b, b_c, period)
+        mean_a, mean_b = table[k, MEAN_A], table[k, MEAN_B]
+        if features & LATE_PULSES:
+            memory.keep_late_ripple(
+                w, d_a, d_b, d_c, b_a, b_b, b_c, mean_a, mean_b, e_0, e_1, e_2, e_3, e_4, e_5, period
+            )
+            if k > 0:
+                memory.carry(w, edges[k - 1], b_a, b_b, b_c, table[k - 1, MEAN_A], table[k - 1, MEAN_B], period)
+        else:
+            memory.keep_filter_ripple(w, mean_a, mean_b, e_0, e_1, e_2, e_3, e_4, e_5, period)
         if features & EDGES:
-            late.kick_filter(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
+            kicks.kick_filter(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
+        filtered.open_filter_ripple(w, omega * period)
     if features & IRON:
         legs.keep_core_ripple(w, d_a, d_b, d_c, b_a, b_b, b_c, period)
         if features & EDGES:
-            late.kick_core(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
+            kicks.kick_core(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
 
 
 @kernel
@@ -115,6 +124,8 @@ def sample(w, features, table, k, period):
         machine.full_sample(w)
         if k > 0 and features & (SKIN | FILTER):
             machine.close_lags(w)
+        if k > 0 and features & FILTER:
+            filtered.close_filter_ripple(w)
     else:
         plain_sample(w)
     if features & LINK_SAG:
@@ -183,7 +194,11 @@ def run(w, features, table, edges, turns, period, steps, motion, out, moved, fir
         else:
             hold(w, table[k, MEAN_A], table[k, MEAN_B])
         t = table[k]
-        bend(w, t[FIRST_A], t[FIRST_B], t[SQUARE_AA], t[SQUARE_AB], t[SQUARE_BB], t[OMEGA])
+        f_a, f_b, s_aa, s_ab, s_bb = t[FIRST_A], t[FIRST_B], t[SQUARE_AA], t[SQUARE_AB], t[SQUARE_BB]
+        if features & LATE_PULSES:
+            bend_late(w, t[D_A], t[D_B], t[D_C], f_a, f_b, s_aa, s_ab, s_bb, t[OMEGA], period)
+        else:
+            bend(w, f_a, f_b, s_aa, s_ab, s_bb, t[OMEGA])
         if eccentric:
             sensors.deviations(w, table[k + 1, SINE], table[k + 1, COSINE], width)
         for m in range(steps):
@@ -191,6 +206,8 @@ def run(w, features, table, edges, turns, period, steps, motion, out, moved, fir
             c_2, s_2 = turns[k, 2 * m + 2, 0], turns[k, 2 * m + 2, 1]
             if m > 0:
                 substep_start(w, machine_effects)
+            if features & FILTER:
+                filtered.start_slope(w, t[OMEGA], h, features & HARMONICS != 0)
             if eccentric:
                 sensors.turn_by_deviation(w, (2 * m + 1) * share, (2 * m + 2) * share, c_1, s_1, c_2, s_2)
             else:

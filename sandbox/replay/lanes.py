@@ -39,7 +39,12 @@ SAMPLE_A, SAMPLE_B, NEXT_DEVIATION, PULSE_TORQUE = range(49, 53)
 LATE_0, LATE_1, LATE_2, LATE_3, LATE_4, LATE_5 = range(133, 139)  # of the period's edges, scratch
 CORE_SHIFT, SWING_D, SWING_Q = 139, 140, 141  # the last two: slope of the magnet's harmonics, Wb/rad, scratch
 SAG, PULSE_A, PULSE_B = 142, 143, 144  # the last two: mean voltage until a shifted sample, V, scratch
-ROWS = 145
+# ripple in the filter, scratch: now and from early on (V s), squared, the late pattern's mean flux (V s), slope (A)
+(NOW_A, NOW_B, EARLY_A, EARLY_B, BENT_AA, BENT_AB, BENT_BB, MOVED_A, MOVED_B, SLOPE_A, SLOPE_B) = range(145, 156)
+FILTER_SLOPE, CURVED_A, CURVED_B = 156, 157, 158
+(EDGE_0, EDGE_1, EDGE_2, EDGE_3, EDGE_4, EDGE_5) = range(159, 165)  # how much of each edge the filter still knows
+PATTERN_A, PATTERN_B = 165, 166  # mean voltage of the late pattern (V)
+ROWS = 167
 
 # features that a block of sets can need
 ECCENTRIC, HARMONICS, IRON, SKIN, ASYMMETRY, EDGES, DROP, LATE_PULSES, LINK_RIPPLE, FILTER = (1 << k for k in range(10))
@@ -152,36 +157,3 @@ def hold(w, mean_a, mean_b):
     for j in range(LANES):
         v = w[LINK * LANES + j]
         w[U_A * LANES + j], w[U_B * LANES + j] = v * mean_a, v * mean_b
-
-
-@kernel
-def bend(w, first_a, first_b, square_aa, square_ab, square_bb, omega):
-    """Take from the period's voltage what the flux ripple's curvature costs: R times the mean current it adds.
-
-    first (s^2), square (s^2): the ripple's first moment about the period's middle and its mean square, of unit link
-    voltage, from the duties (`inputs.ripple_moments`); `sandbox/switched/AVERAGING.md`, 0.
-    """
-    for j in range(LANES):
-        c, s, v, r = w[C_0 * LANES + j], w[S_0 * LANES + j], w[LINK * LANES + j], w[RESISTANCE * LANES + j]
-        a, b, b_2, c_2 = w[PSI_A * LANES + j], w[PSI_B * LANES + j], w[B2 * LANES + j], w[C2 * LANES + j]
-        x_d, x_q = c * a + s * b, c * b - s * a
-        d, q = x_d - w[MAGNET * LANES + j], x_q
-        dd, dq, qq = incremental(w, j, d, q)
-        w_d, w_q = v * (c * first_a + s * first_b), v * (c * first_b - s * first_a)
-        g_d, g_q = dd * w_d + dq * w_q, dq * w_d + qq * w_q
-        i_d, i_q = r * (dd * g_d + dq * g_q), r * (dq * g_d + qq * g_q)  # the ripple's own resistive drop
-        i_d += omega * ((dd - qq) * w_q - 2.0 * dq * w_d)  # salience turning under it
-        i_q += omega * ((dd - qq) * w_d + 2.0 * dq * w_q)
-        p_a = w[U_A * LANES + j] - r * w[I_A * LANES + j]
-        p_b = w[U_B * LANES + j] - r * w[I_B * LANES + j]
-        p_d, p_q = c * p_a + s * p_b + omega * x_q, c * p_b - s * p_a - omega * x_d
-        half = 0.5 * v * v
-        m_dd = p_d * w_d + half * (c * c * square_aa + 2.0 * c * s * square_ab + s * s * square_bb)
-        m_qq = p_q * w_q + half * (s * s * square_aa - 2.0 * c * s * square_ab + c * c * square_bb)
-        m_dq = p_d * w_q + p_q * w_d + 2.0 * half * (c * s * (square_bb - square_aa) + (c * c - s * s) * square_ab)
-        ddd, ddq = 2.0 * w[A3 * LANES + j] + 6.0 * w[A4 * LANES + j] * d, 4.0 * c_2 * q
-        dqq, qqq = 2.0 * (b_2 + 2.0 * c_2 * d), 6.0 * w[B4 * LANES + j] * q
-        i_d += ddd * m_dd + ddq * m_dq + dqq * m_qq  # saturation changing under it, and over its width
-        i_q += ddq * m_dd + dqq * m_dq + qqq * m_qq
-        w[U_A * LANES + j] -= r * (c * i_d - s * i_q)
-        w[U_B * LANES + j] -= r * (s * i_d + c * i_q)

@@ -21,11 +21,6 @@ from sandbox.replay.lanes import (
     CORE_KEEP,
     CORE_TIME,
     DELAY,
-    FILTER_INV,
-    FILTER_KEEP,
-    FILTER_TIME,
-    FLAG_A,
-    FLAG_B,
     GAMMA_6,
     I_A,
     I_B,
@@ -38,7 +33,11 @@ from sandbox.replay.lanes import (
     M_A,
     M_B,
     MAGNET,
+    MOVED_A,
+    MOVED_B,
     PAIRS,
+    PATTERN_A,
+    PATTERN_B,
     PSI_A,
     PSI_B,
     PSI_D6,
@@ -131,10 +130,12 @@ def late_voltage(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period):
         y = v_b / period * flux_after(d_b, b_b, period, late, period)
         z = v_c / period * flux_after(d_c, b_c, period, late, period)
         u_a, u_b = (2.0 * x - y - z) * (1.0 / 3.0), (y - z) * (1.0 / ROOT)
+        w[PATTERN_A * LANES + j], w[PATTERN_B * LANES + j] = u_a, u_b
         x = v_a * mean_deviation(d_a, b_a, period, late)
         y = v_b * mean_deviation(d_b, b_b, period, late)
         z = v_c * mean_deviation(d_c, b_c, period, late)
         rho_a, rho_b = (2.0 * x - y - z) * (1.0 / 3.0), (y - z) * (1.0 / ROOT)
+        w[MOVED_A * LANES + j], w[MOVED_B * LANES + j] = rho_a, rho_b
         x, y = v_a * spilt(b_a, w[DELAY * LANES + j], period), v_b * spilt(b_b, w[DELAY * LANES + j], period)
         z = v_c * spilt(b_c, w[DELAY * LANES + j], period)
         w[SPILL_A * LANES + j], w[SPILL_B * LANES + j] = (2.0 * x - y - z) * (1.0 / 3.0), (y - z) * (1.0 / ROOT)
@@ -174,16 +175,6 @@ def lagged_vector(w, j, tau, inverse, d_a, d_b, d_c, b_a, b_b, b_c, period):
     b = w[LINK_B * LANES + j] * lagged(d_b, b_b, period, late, tau, inverse)
     c = w[LINK_C * LANES + j] * lagged(d_c, b_c, period, late, tau, inverse)
     return (2.0 * a - b - c) * (1.0 / 3.0), (b - c) * (1.0 / ROOT)
-
-
-@kernel
-def keep_filter_ripple(w, d_a, d_b, d_c, b_a, b_b, b_c, period):
-    """Move the current filter's share of flux ripple on by one period."""
-    for j in range(LANES):
-        tau, inverse, keep = w[FILTER_TIME * LANES + j], w[FILTER_INV * LANES + j], w[FILTER_KEEP * LANES + j]
-        a, b = lagged_vector(w, j, tau, inverse, d_a, d_b, d_c, b_a, b_b, b_c, period)
-        w[FLAG_A * LANES + j] = keep * w[FLAG_A * LANES + j] + a
-        w[FLAG_B * LANES + j] = keep * w[FLAG_B * LANES + j] + b
 
 
 @kernel

@@ -53,6 +53,8 @@ from sandbox.replay.lanes import (
     SKIN_NEW,
     SKIN_OLD,
     SKIN_R,
+    SLOPE_A,
+    SLOPE_B,
     SLOW_A,
     SLOW_B,
     SWING_D,
@@ -142,7 +144,8 @@ def phase_drop(w, j, i_a, i_b):
 def full_step(w, h):
     """Move fluxes, iron-loss current and the current's lags on by a step of h (s).
 
-    Lags may be short: iron's and skin's are exact for an input linear over half steps, the filter's for a parabola.
+    Lags may be short: iron's and skin's are exact for an input linear over half steps, the filter's for a parabola,
+    or a cubic with `filtered.start_slope`; its share of the coming sample's current is `close_lags`', too.
     """
     half, part = 0.5 * h, h / 6.0
     for j in range(LANES):
@@ -178,7 +181,7 @@ def full_step(w, h):
         w[CORE_A * LANES + j], w[CORE_B * LANES + j] = kept_a + k_new * g * e_a, kept_b + k_new * g * e_b
         w[SLOW_A * LANES + j], w[SLOW_B * LANES + j] = slow_a, slow_b  # `close_lags` adds the coming sample's share
         decay, old, mid = w[FILTER_DECAY * LANES + j], w[FILTER_OLD * LANES + j], w[FILTER_MID * LANES + j]
-        w[FILTER_A * LANES + j] = decay * w[FILTER_A * LANES + j] + old * i_a + mid * m_a  # here, too
-        w[FILTER_B * LANES + j] = decay * w[FILTER_B * LANES + j] + old * i_b + mid * m_b
+        w[FILTER_A * LANES + j] = decay * w[FILTER_A * LANES + j] + old * i_a + mid * m_a + w[SLOPE_A * LANES + j]
+        w[FILTER_B * LANES + j] = decay * w[FILTER_B * LANES + j] + old * i_b + mid * m_b + w[SLOPE_B * LANES + j]
         w[PSI_A * LANES + j] = a + part * (p_a + 2.0 * (q_a + r_a) + e_a)
         w[PSI_B * LANES + j] = b + part * (p_b + 2.0 * (q_b + r_b) + e_b)

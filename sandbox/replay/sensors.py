@@ -14,7 +14,6 @@ from sandbox.replay.lanes import (
     BACK_DECAY,
     BACK_NEW,
     BACK_OLD,
-    C_0,
     C_1,
     C_2,
     CLAG_A,
@@ -39,9 +38,6 @@ from sandbox.replay.lanes import (
     GAIN_A,
     GAIN_B,
     GAIN_C,
-    GAMMA_DD,
-    GAMMA_DQ,
-    GAMMA_QQ,
     I_A,
     I_B,
     KF_ANGLE,
@@ -75,7 +71,6 @@ from sandbox.replay.lanes import (
     READ_B,
     READ_C,
     RESISTANCE,
-    S_0,
     S_1,
     S_2,
     SAMPLE_A,
@@ -131,14 +126,10 @@ def hold_sample(w, iron, filtered, shifted):
                 s_a += k * (i_a - w[M_A * LANES + j] + r * w[I_A * LANES + j] - g * w[PULSE_A * LANES + j])
                 s_b += k * (i_b - w[M_B * LANES + j] + r * w[I_B * LANES + j] - g * w[PULSE_B * LANES + j])
         if filtered:
-            c, s, f_a, f_b = w[C_0 * LANES + j], w[S_0 * LANES + j], w[FLAG_A * LANES + j], w[FLAG_B * LANES + j]
-            r_d, r_q = c * f_a + s * f_b, c * f_b - s * f_a
-            g_d = w[GAMMA_DD * LANES + j] * r_d + w[GAMMA_DQ * LANES + j] * r_q
-            g_q = w[GAMMA_DQ * LANES + j] * r_d + w[GAMMA_QQ * LANES + j] * r_q
-            o_a, o_b = w[FILTER_A * LANES + j] + c * g_d - s * g_q, w[FILTER_B * LANES + j] + s * g_d + c * g_q
+            o_a, o_b = w[FILTER_A * LANES + j], w[FILTER_B * LANES + j]
             if iron:
-                o_a -= g * w[CORE_FILTER * LANES + j] * (lag_a - f_a)
-                o_b -= g * w[CORE_FILTER * LANES + j] * (lag_b - f_b)
+                o_a -= g * w[CORE_FILTER * LANES + j] * (lag_a - w[FLAG_A * LANES + j])
+                o_b -= g * w[CORE_FILTER * LANES + j] * (lag_b - w[FLAG_B * LANES + j])
             if shifted:
                 back, old, new = w[BACK_DECAY * LANES + j], w[BACK_OLD * LANES + j], w[BACK_NEW * LANES + j]
                 o_a, o_b = back * o_a + old * i_a + new * s_a, back * o_b + old * i_b + new * s_b

@@ -123,6 +123,22 @@ def parabola_weights(step: float, tau: float) -> tuple[float, float, float, floa
     return math.exp(-x), *weights
 
 
+def cubic_weight(step: float, tau: float) -> float:
+    """Return the weight of the slope at a step's start beyond the parabola's: x (1 - x) (1 - 2 x), filtered."""
+    if tau <= 0.0:
+        return 0.0
+    x = step / tau
+    if x > 1.0:
+        first = 1.0 + math.expm1(-x) / x
+        second = 1.0 - 2.0 * first / x
+        return first - 3.0 * second + 2.0 * (1.0 - 3.0 * second / x)
+    term, third = x / 4.0, 0.0
+    for n in range(5, 21):  # of the third moment; the lower ones by recursion, which is exact that way
+        third, term = third + term, -term * x / n
+    second = x / 3.0 * (1.0 - third)
+    return x / 2.0 * (1.0 - second) - 3.0 * second + 2.0 * third
+
+
 def compile_set(motor: Motor, converter: Converter, v: Mapping[str, float], steps: int) -> Array:
     """Return the rows (ROWS,) of one completed set; the states are zero.  steps: plant steps a sampling period."""
     row = np.zeros(lanes.ROWS)
@@ -154,6 +170,10 @@ def compile_set(motor: Motor, converter: Converter, v: Mapping[str, float], step
     row[lanes.FILTER_INV] = min(1.0 / filter_time, LARGEST_RATE) if filter_time > 0.0 else LARGEST_RATE
     places = [lanes.FILTER_DECAY, lanes.FILTER_OLD, lanes.FILTER_MID, lanes.FILTER_NEW]
     row[places] = parabola_weights(2.0 * half, filter_time)
+    if not math.isfinite(v["iron_loss.core_resistance"]):  # its current has no slope a cubic could follow
+        share = cubic_weight(2.0 * half, filter_time)
+        row[places[1:]] += share * np.array([3.0, -4.0, 1.0])
+        row[lanes.FILTER_SLOPE] = share
     row[lanes.FILTER_KEEP] = lag_weights(period, filter_time)[0]
     s = v["current_sampling.delay"]
     row[lanes.SAMPLING] = s
