@@ -19,7 +19,7 @@ from model.spline import SplineEnergy
 
 SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
 SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
-UNLISTED = ("grip", "grip_radius", "short_conductance", "short_time", "knee", "knee_flux")
+UNLISTED = ("grip", "grip_radius", "short_conductance", "short_time", "knee", "knee_flux", "curvature", "fan")
 NO_MAP = SplineEnergy(np.empty((0, 0, 5, 5)), 0.0, 0.0, 1.0, 1.0)
 STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
 
@@ -92,6 +92,8 @@ class Bench(NamedTuple):
     short_time: float
     knee: float  # A/Wb^2 beyond a flux of knee_flux, Wb: saturation with a knee
     knee_flux: float
+    curvature: float  # 1/A^2: share of a phase current that its sensor loses, times the current squared
+    fan: float  # N m s^2/rad^2: load torque by the square of the load's speed
     flux_map: SplineEnergy  # in place of the harmonic series, which is 0 then; NO_MAP: none
 
 

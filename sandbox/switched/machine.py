@@ -11,14 +11,16 @@ and at constant w only the Re z^n depend on the angle: d/dtheta Re z^n = n Im z^
 
     dpsi/dt = v - R i - skin - phases,  i = i_m + i_c
 
-Four more that the effect library does not hold, so that something unknown can be asked for:
+What the effect library does not hold, so that something unknown can be asked for:
 
 - hysteresis, a vector play: i += grip e, e = psi - psi_held, |e| <= grip_radius, psi_held dragged along by e;
 - short-circuited turns of phase a (share mu, fault resistance R_f, leakage L_f), s = 2/3 mu i_f:
   i_alpha += s, dpsi/dt += R s, tau ds/dt = g (R i_a + dpsi_alpha/dt) - s, g = 2/3 mu^2 / (R_f + mu R),
   tau = L_f / (R_f + mu R); the flux of phase a without its zero sequence;
 - a measured flux map: with H of `model.spline` in place of the series, H(Re z, Im z), dH/dtheta = i_d Im z - i_q Re z;
-- saturation with a knee: H += knee/3 (|z| - knee_flux)^3 beyond knee_flux.
+- saturation with a knee: H += knee/3 (|z| - knee_flux)^3 beyond knee_flux;
+- a fan: load torque += fan omega |omega|, omega the speed of the load's side;
+- current sensors that lose curvature (`simulate.sensor`): reading = gain i (1 - curvature i^2).
 """
 
 from __future__ import annotations
@@ -185,6 +187,8 @@ def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
     net = torque - friction(b, speed)
     if b.cogging != 0.0:
         net += b.cogging * math.sin(b.cogging_order * theta / b.pole_pairs + b.cogging_phase)
+    if b.fan != 0.0:
+        load_torque += b.fan * load_speed * abs(load_speed)
     if b.load_inertia == 0.0:
         a = (net - load_torque) / b.inertia
         return a, a

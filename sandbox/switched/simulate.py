@@ -94,7 +94,9 @@ def encoder(b, theta):
 
 @kernel
 def sensor(b, current, gain, offset, rng):
-    """Return one sensor's reading (A): gain, offset, noise, counts."""
+    """Return one sensor's reading (A): curvature, gain, offset, noise, counts."""
+    if b.curvature != 0.0:
+        current *= 1.0 - b.curvature * current * current
     read = gain * current + offset
     if b.noise > 0.0:
         read += b.noise * rng.standard_normal()

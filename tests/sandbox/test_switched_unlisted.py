@@ -1,4 +1,4 @@
-"""What the switched bench has beside the effect library: hysteresis, short-circuited turns, a knee, a common offset."""
+"""What the switched bench has beside the effect library: hysteresis, shorted turns, a knee, a fan, curved sensors."""
 
 import dataclasses
 import math
@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from model.parameters import load_drive
-from sandbox.switched.effects import bench, quiet
+from sandbox.switched.effects import UNLISTED, bench, quiet
 from sandbox.switched.inverter import HELD_ALPHA
-from sandbox.switched.machine import current_and_torque, pull, stored_energy
-from sandbox.switched.simulate import replay, start
+from sandbox.switched.machine import accelerations, current_and_torque, friction, pull, stored_energy
+from sandbox.switched.simulate import replay, sensor, start
 
 DRIVE = load_drive("ipm_exchanged")
 BENCH = quiet(bench(DRIVE.motor, DRIVE.converter))
@@ -128,3 +128,48 @@ def test_common_offset_is_in_all_three_readings():
     a, b = replay(BENCH, "locked", u, u, 400.0), replay(BENCH._replace(common_offset=0.01), "locked", u, u, 400.0)
     for phase in ("i_a", "i_b", "i_c"):
         assert b[phase] - a[phase] == pytest.approx(np.full(20, 0.01), abs=1e-12)
+
+
+def test_neutral_sensors_and_loads_are_the_ones_without_by_the_bit():
+    """Gain, offset and a load torque alone, in the order in which the bench without them computes."""
+    assert all(getattr(BENCH, name) == 0.0 for name in UNLISTED)
+    rng = np.random.default_rng(4)
+    none, b = BENCH._replace(resolution=0.0), BENCH._replace(gain_a=1.013, inertia=0.0123)
+    for i, offset, torque, load, speed in rng.standard_normal((200, 5)):
+        assert sensor(none, i, 1.013, offset, rng) == 1.013 * i + offset
+        a, _ = accelerations(b, torque, load, 0.3, speed, speed, 0.0)
+        assert a == (torque - friction(b, speed) - load) / b.inertia
+
+
+@pytest.mark.parametrize("direction", [1.0, -1.0])
+def test_a_fan_alone_slows_a_rotor_hyperbolically(direction):
+    """J d omega/dt = -k omega |omega|: omega = omega_0 / (1 + k omega_0 t / J); no magnet, no friction, no current."""
+    motor = dataclasses.replace(DRIVE.motor, magnet_flux=0.0, viscous_friction=0.0)
+    b = quiet(bench(motor, DRIVE.converter))
+    k, first, n = 0.05 * motor.inertia, 40.0, 4000
+    u, t = np.zeros(n), np.arange(n) * DRIVE.converter.sampling_period
+    out = replay(b._replace(fan=k), "free", u, u, 400.0, speed=direction * first)
+    assert out["speed"] == pytest.approx(direction * first / (1.0 + k * first / motor.inertia * t), rel=1e-9)
+    assert abs(out["speed"][-1]) < 0.4 * first
+    assert replay(b, "free", u, u, 400.0, speed=direction * first)["speed"] == pytest.approx(direction * first)
+
+
+def test_a_fan_turns_with_the_load_behind_a_shaft():
+    b = BENCH._replace(fan=2e-3, load_inertia=3e-3, stiffness=50.0, damping=0.1)
+    without = accelerations(b._replace(fan=0.0), 1.0, 0.2, 0.3, 10.0, -12.0, 1e-3)
+    found = accelerations(b, 1.0, 0.2, 0.3, 10.0, -12.0, 1e-3)
+    assert found[0] == without[0]
+    assert found[1] - without[1] == pytest.approx(2e-3 * 12.0**2 / 3e-3)
+
+
+def test_a_curved_sensor_loses_by_the_square():
+    """Each phase on its own, gain on what is left; the true currents are those of straight sensors."""
+    u = 15.0 * np.sin(np.arange(400) / 30.0)
+    curvature, columns = 0.04 / DRIVE.motor.rated_current**2, (u, 0.3 * u, 400.0)
+    straight, curved = (replay(b._replace(gain_a=1.02), "locked", *columns)
+                        for b in (BENCH, BENCH._replace(curvature=curvature)))  # fmt: skip
+    for phase, gain in (("i_a", 1.02), ("i_b", 1.0), ("i_c", 1.0)):
+        true = straight[phase] / gain
+        assert curved[phase] == pytest.approx(gain * (true - curvature * true**3), abs=1e-12)
+    assert np.array_equal(straight["torque"], curved["torque"])
+    assert np.abs(straight["i_a"] - curved["i_a"]).max() > 0.01 * DRIVE.motor.rated_current

@@ -17,7 +17,7 @@ from model.parameters import Drive, Motor
 from sandbox.gap.withheld.cycles import STYLES
 from sandbox.gap.withheld.drives import FAMILIES, UNCERTAINTY, Bench, draw_bench, draw_drive, misjudge, valid
 from sandbox.gap.withheld.ladder import LADDER, OUTSIDE, changed, plant, truth_of
-from sandbox.gap.withheld.mapped import FLUX_MAP, identified, missing
+from sandbox.gap.withheld.mapped import FLUX_MAP, SUBSYSTEM, identified, missing
 
 SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
 KINDS = ("mixed", "controls")
@@ -63,6 +63,7 @@ class Drawn:
         return {
             **{k: getattr(case, k) for k in ("kind", "family", "style", "outside")},
             "effects": [*case.names, *(["unknown"] if case.outside else [])],
+            "outside_subsystem": outside_subsystem(case.outside),
             "sizes": case.sizes,
             "parameters": truth_of(list(case.names), self.true.motor, self.stated, self.plant),
             "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
@@ -80,6 +81,13 @@ def outside_names() -> list[str]:
     return [*OUTSIDE, *([] if missing() else [FLUX_MAP])]
 
 
+def outside_subsystem(name: str | None) -> str | None:
+    """Return where an effect outside the library lies."""
+    if name is None:
+        return None
+    return SUBSYSTEM if name == FLUX_MAP else OUTSIDE[name].subsystem
+
+
 def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] = tuple(OUTSIDE)) -> list[Case]:
     """Return the cases of a check: every effect and size in turn, in an order drawn from the seed.
 
@@ -95,27 +103,31 @@ def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] =
     rng = np.random.default_rng([seed, 1])
     kinds = _kinds(count, rng) if kind == "mixed" else ["none"] * count
     families = [str(f) for f in _turns(FAMILIES, count, rng)]
-    order, rungs = rng.permutation(effect_names()), rng.permutation(LADDER)
-    singles = [(n, rungs[(k + r) % len(rungs)]) for r in range(len(rungs)) for k, n in enumerate(order)]
-    unlisted = [(n, s) for s in (1.0, 2.0, 0.5) for n in rng.permutation(outside)]
+    singles, unlisted = _sized(effect_names(), rng), _sized(outside, rng)
     out = []
     for k, (what, family) in enumerate(zip(kinds, families, strict=True)):
         base = Case(k, what, family, style)
         turn = kinds[:k].count(what)
         if what == "one":
             name, size = singles[turn % len(singles)]
-            base = dataclasses.replace(base, names=(str(name),), sizes=(float(size),))
+            base = dataclasses.replace(base, names=(name,), sizes=(size,))
         elif what == "several":
             names = _several(rng)
             sizes = tuple(float(rng.choice(FOUND_SIZES)) for _ in names)
             base = dataclasses.replace(base, names=names, sizes=sizes)
         elif what == "outside":
             name, size = unlisted[turn % len(unlisted)]
-            base = dataclasses.replace(base, outside=str(name), sizes=(float(size),))
+            base = dataclasses.replace(base, outside=name, sizes=(size,))
             if name == FLUX_MAP:
                 base = dataclasses.replace(base, family="mapped", sizes=(1.0,))
         out.append(base)
     return out
+
+
+def _sized(names: Sequence[str], rng: Generator) -> list[tuple[str, float]]:
+    """Return every name at every size, names in turn and sizes mixed from the first on; both orders are drawn."""
+    order, rungs = rng.permutation(list(names)), rng.permutation(LADDER)
+    return [(str(n), float(rungs[(k + r) % len(rungs)])) for r in range(len(rungs)) for k, n in enumerate(order)]
 
 
 def _kinds(count: int, rng: Generator) -> list[str]:
@@ -159,7 +171,7 @@ def _once(case: Case, rng: Generator) -> Drawn | None:
         true, believed = changed(true, p.true), changed(believed, p.believed)
         values |= p.plant
     if case.outside in OUTSIDE:
-        p = OUTSIDE[case.outside](base, case.sizes[0], rng)
+        p = OUTSIDE[case.outside].planted(drive, case.sizes[0], rng)
         own, drift = dict(p.bench), p.drift
     values = with_deviations(values, bench)
     stated = misjudge(believed, rng)

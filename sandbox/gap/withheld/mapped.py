@@ -15,6 +15,7 @@ from model.mapped import without_map
 from model.parameters import Motor
 
 FLUX_MAP = "flux_map"  # what stands in the seal
+SUBSYSTEM = "machine"  # where it lies
 DATA = "baldor_pmsyrm"
 USED = 1.8  # times rated current: where the energy is fitted
 POINTS = 31  # a side

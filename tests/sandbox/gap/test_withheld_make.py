@@ -9,13 +9,14 @@ import tomllib
 import numpy as np
 import pytest
 
+from model.effects.card import SUBSYSTEMS
 from model.effects.library import effect_names
 from model.errors import BadInput
 from sandbox.campaign import read_campaign
 from sandbox.gap.withheld import make as maker
 from sandbox.gap.withheld.cycles import STYLES, cycles
 from sandbox.gap.withheld.draw import SHARES, Case, cases, draw
-from sandbox.gap.withheld.drives import DRAWN, FAMILIES, draw_bench, family_drive
+from sandbox.gap.withheld.drives import DRAWN, FAMILIES, VALID_TO, draw_bench, family_drive
 from sandbox.gap.withheld.ladder import LADDER, OUTSIDE
 from sandbox.gap.withheld.make import campaign_of, make
 from sandbox.replay.replay import prepare, replay, residuals
@@ -79,8 +80,38 @@ def test_with_the_real_encoder_counts_cost_a_free_rotor_a_little():
 
 @pytest.mark.parametrize("outside", OUTSIDE)
 def test_what_no_library_holds_shows(outside):
-    current, _ = misses(draw(Case(0, "outside", "ipm_exchanged", "scored", sizes=(1.0,), outside=outside), 3))
-    assert current.max() > 1.5
+    """In the currents; a fan in the motion of free rotors alone."""
+    drawn = draw(Case(0, "outside", "ipm_exchanged", "scored", sizes=(1.0,), outside=outside), 3)
+    current, motion = misses(drawn)
+    assert (motion if drawn.as_json()["outside_subsystem"] == "mechanics" else current).max() > 1.5
+
+
+def test_what_no_library_holds_lies_in_every_kind_of_subsystem_but_the_inverter():
+    found = {name: effect.subsystem for name, effect in OUTSIDE.items()}
+    assert set(found.values()) == {"machine", "sensor", "mechanics"} < set(SUBSYSTEMS)
+    assert (found["sensor_curvature"], found["fan"]) == ("sensor", "mechanics")
+    case = Case(0, "outside", "ipm", "scored", sizes=(1.0,), outside="fan")
+    assert draw(case, 3).as_json()["outside_subsystem"] == "mechanics"
+    assert draw(Case(0, "none", "ipm", "scored"), 3).as_json()["outside_subsystem"] is None
+
+
+def test_sizes_outside_the_library_are_what_they_say():
+    """At size 1: sensors 2.5 % low at rated current; the fan takes 10 % of rated torque at rated speed."""
+    drive, rng = family_drive("ipm"), np.random.default_rng(0)
+    curved, fan = (OUTSIDE[n].planted(drive, 1.0, rng).bench for n in ("sensor_curvature", "fan"))
+    assert curved == {"curvature": pytest.approx(0.025 / drive.motor.rated_current**2)}
+    speed = drive.motor.rated_speed_rpm * math.pi / 30.0
+    assert fan["fan"] * speed**2 == pytest.approx(0.1 * drive.motor.rated_torque)
+
+
+def test_curved_sensors_of_the_largest_size_still_read_what_cycles_ask_for():
+    """Three phases of a current X read X (1 - 3/4 c X^2) as a vector: 1.7 at X = 2.0; energies go to 2.2."""
+    drive, rng = family_drive("ipm"), np.random.default_rng(0)
+    c = OUTSIDE["sensor_curvature"].planted(drive, LADDER[-1], rng).bench["curvature"] * drive.motor.rated_current**2
+    x = np.linspace(0.0, VALID_TO, 2000)
+    read = x * (1.0 - 0.75 * c * x**2)
+    assert np.all(np.diff(read) > 0.0)
+    assert np.interp(1.7, read, x) < 2.05
 
 
 @pytest.mark.parametrize("name", effect_names())
@@ -152,6 +183,11 @@ def test_a_campaign_says_nothing_of_its_truth(tmp_path, monkeypatch):
             assert set(r.columns) == {"t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc", "load_torque"}
 
 
+def outsiders(seed):
+    """Return what is outside the library in a check, in turn."""
+    return [(c.outside, c.sizes[0]) for c in cases(400, seed, "mixed", "scored") if c.kind == "outside"]
+
+
 def test_shares_sizes_and_effects_of_a_mixed_check():
     listed = cases(400, 0, "mixed", "scored")
     kinds = [c.kind for c in listed]
@@ -164,6 +200,10 @@ def test_shares_sizes_and_effects_of_a_mixed_check():
     assert all(not {"saturation", "cross_saturation"} <= set(c.names) for c in listed)
     assert {len(c.names) for c in listed if c.kind == "several"} == {2, 3}
     assert {c.family for c in listed} == set(FAMILIES)
+    unlisted = outsiders(0)
+    assert {unlisted.count((n, s)) for n in OUTSIDE for s in LADDER} == {1, 2}
+    assert [n for n, _ in unlisted[: len(OUTSIDE)]] != [n for n, _ in outsiders(1)[: len(OUTSIDE)]]
+    assert sorted({s for _, s in unlisted[: len(OUTSIDE)]}) == list(LADDER)
     assert {c.kind for c in cases(20, 0, "controls", "scored")} == {"none"}
     with pytest.raises(BadInput, match="style of cycles"):
         cases(2, 0, "mixed", "score")
