@@ -39,8 +39,8 @@ def cell(figure: Any) -> str:
     if not isinstance(figure, dict) or figure.get("value") is None:
         return "–"
     low, high = figure.get("low"), figure.get("high")
-    between = "" if low is None else f" [{low:.3g}, {high:.3g}]"
-    return f"{figure['value']:.3g}{between}, n = {figure['n']}"
+    between = ", ".join("–" if x is None else f"{x:.3g}" for x in (low, high))
+    return f"{figure['value']:.3g} [{between}], n = {figure['n']}"
 
 
 def table(content: dict[str, Any], goals: dict[str, str]) -> list[str]:

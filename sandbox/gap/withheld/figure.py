@@ -8,6 +8,8 @@ from typing import Any
 
 from sandbox.plots import colour_of, page, save
 
+OPEN = (-1.0, 2.0)  # beyond the panel: where too few cases give no limit
+
 
 def withheld_figure(content: Mapping[str, Any], path: Path) -> None:
     """Draw a scored check (`withheld.json`): confusion matrix, reliability, detection floor, figures with limits.
@@ -74,8 +76,8 @@ def _limits(axes: Any, methods: Mapping[str, Mapping[str, Any]]) -> None:
         known = [(k, figures[name]) for k, name in enumerate(shares) if figures[name]["value"] is not None]
         places = [k + 0.2 * (m - 0.5 * (len(methods) - 1)) for k, _ in known]
         values = [f["value"] for _, f in known]
-        below = [f["value"] - f["low"] for _, f in known]
-        above = [f["high"] - f["value"] for _, f in known]
+        below = [f["value"] - (OPEN[0] if f["low"] is None else f["low"]) for _, f in known]
+        above = [(OPEN[1] if f["high"] is None else f["high"]) - f["value"] for _, f in known]
         axes.errorbar(values, places, xerr=[below, above], fmt="o", markersize=4, capsize=2, label=method)
     axes.set_yticks(range(len(shares)), shares, fontsize=8)
     axes.set_xlim(-0.05, 1.05)

@@ -1,7 +1,8 @@
 """One diagnosis against the truth of its campaign: what was right, what was missed.
 
 Where one effect contains another (saturation and its cross part), a verdict for either is right if the truth is in
-its ambiguity set.  A diagnosis that failed has everything wrong.
+its ambiguity set.  A diagnosis that failed has everything wrong: nothing is found, nothing located, and its P(unknown)
+is 0 where the truth is unknown, else 1.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from model.effects.library import load_effect
+from model.effects.library import load_effect, parameters
 
 INSEPARABLE = (frozenset({"saturation", "cross_saturation"}),)
 UNKNOWN = "unknown"
@@ -25,8 +26,9 @@ class Judgement:
     """What one diagnosis was worth; sizes as in the ladder, shares in [0, 1].
 
     hit: the true set is the first hypothesis; probability: given to the true set; unknown: P(unknown);
-    parts: parameters (covered, given); closed: None where it is undefined; label: the first hypothesis in one word;
-    confident: the first hypothesis' probability exceeds SETTLED; subsystem: None without an effect.
+    parts: parameters (covered, given); closed: None where it is undefined; subsystem: rightly located, None without an
+    effect; top, top_probability: the first hypothesis; in_set, unknown_in_set: the truth, or a hypothesis with
+    `unknown`, stands in the ambiguity set.
     """
 
     name: str
@@ -43,17 +45,28 @@ class Judgement:
     parts: tuple[int, int]
     closed: float | None
     in_set: bool
+    unknown_in_set: bool
     set_size: int
     subsystem: bool | None
     seconds: float | None
     simulations: float | None
-    label: str
+    top: tuple[str, ...]
     top_probability: float
 
     @property
     def separable(self) -> bool:
         """No effect of it contains another of the library."""
         return not any(set(self.effects) & group for group in INSEPARABLE)
+
+    @property
+    def label(self) -> str:
+        """The first hypothesis in one word."""
+        return "failed" if self.failed else label_of(self.top)
+
+    @property
+    def settled(self) -> bool:
+        """The truth is alone in the ambiguity set."""
+        return self.in_set and self.set_size == 1
 
     @property
     def confident(self) -> bool:
@@ -82,21 +95,24 @@ def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> 
     true = frozenset(truth["effects"])
     head = (name, truth["kind"], truth["family"], tuple(truth["effects"]), tuple(truth["sizes"]))
     if "failed" in diagnosis:
-        nothing = (0, 0) if not truth["parameters"] else (0, len(truth["parameters"]))
-        subsystem = False if true else None
-        return Judgement(*head, True, False, 0.0, 0.0, 0.0, "failed", nothing, None if not true else 0.0, False, 0,
-                         subsystem, None, None, "failed", 0.0)  # fmt: skip
+        missed = (0, sum(estimated(n) for n in truth["parameters"]))
+        unknown = 0.0 if UNKNOWN in true else 1.0
+        return Judgement(*head, True, False, 0.0, 0.0, unknown, "failed", missed, None if not true else 0.0, False,
+                         False, 0, False if true else None, None, None, (), 0.0)  # fmt: skip
     hypotheses = [(frozenset(h["effects"]), float(h["probability"]), h) for h in diagnosis["hypotheses"]]
     top, top_probability, best = hypotheses[0]
     members = [frozenset(m) for m in diagnosis["ambiguity_set"]]
     matches = [(e, p) for e, p, _ in hypotheses if _same(e, true, members)]
-    cost = diagnosis.get("cost", {})
+    cost, verdict = diagnosis.get("cost", {}), str(diagnosis["verdict"])
+    place = located(true, diagnosis.get("where", []), truth.get("outside_subsystem"))
+    if true and verdict == "no_gap":
+        place = False  # `where` then says where a gap would lie if there were one
     return Judgement(
         *head, False, _same(top, true, members), sum(p for _, p in matches), f1(top, true),
-        sum(p for e, p, _ in hypotheses if UNKNOWN in e), str(diagnosis["verdict"]),
+        sum(p for e, p, _ in hypotheses if UNKNOWN in e), verdict,
         covered(truth["parameters"], best.get("parameters", {}), sorted(top & true)), closed(true, diagnosis["gap"]),
-        any(_contains_truth(m, true) for m in members), len(members), located(true, diagnosis.get("where", [])),
-        cost.get("seconds"), cost.get("simulations"), label_of(sorted(top)), top_probability,
+        any(_contains_truth(m, true) for m in members), any(UNKNOWN in m for m in members), len(members), place,
+        cost.get("seconds"), cost.get("simulations"), tuple(sorted(top)), top_probability,
     )  # fmt: skip
 
 
@@ -118,17 +134,27 @@ def f1(found: frozenset[str], true: frozenset[str]) -> float:
     return 2.0 * len(named & true) / (len(named) + len(true))
 
 
+def estimated(name: str) -> bool:
+    """Tell whether a diagnosis estimates a parameter; others are kept, or chosen from a list, without an interval."""
+    known = parameters().get(name)
+    return known is None or known.fit != "fixed"
+
+
 def covered(true: Mapping[str, float], found: Mapping[str, Any], effects: Sequence[str]) -> tuple[int, int]:
-    """Return how many true parameters of rightly named effects lie in their 95 % intervals, and how many were given."""
+    """Return how many true parameters of rightly named effects lie in their 95 % intervals, and how many were given.
+
+    An interval without an end is open there.
+    """
     hits = given = 0
     for name, value in true.items():
         interval = found.get(name, {}).get("ci95") if name.partition(".")[0] in effects else None
-        if interval is None or None in interval:
+        if interval is None or not estimated(name):
             continue
-        low, high = (float(x) for x in interval)
+        low = -math.inf if interval[0] is None else float(interval[0])
+        high = math.inf if interval[1] is None else float(interval[1])
         given += 1
         turns = 0.0
-        if name.rpartition(".")[2] in PERIODIC:
+        if name.rpartition(".")[2] in PERIODIC and math.isfinite(high - low):
             turns = math.tau * round((0.5 * (low + high) - value) / math.tau)
         hits += low <= value + turns <= high
     return hits, given
@@ -143,9 +169,12 @@ def closed(true: frozenset[str], gap: Mapping[str, Any]) -> float | None:
     return None if float(gap["before"]) < NO_GAP_LEFT else 0.0
 
 
-def located(true: frozenset[str], where: Sequence[Mapping[str, Any]]) -> bool | None:
-    """Tell whether the first place named lies in a subsystem that has an effect (unknown ones are the machine's)."""
+def located(true: frozenset[str], where: Sequence[Mapping[str, Any]], outside: str | None = None) -> bool | None:
+    """Tell whether the first place named lies in a subsystem that has an effect; outside: that of an unknown one.
+
+    Seals that do not say so hold unknown effects of the machine only.
+    """
     if not true:
         return None
-    subsystems = {"machine" if e == UNKNOWN else load_effect(e).subsystem for e in true}
+    subsystems = {outside or "machine" if e == UNKNOWN else load_effect(e).subsystem for e in true}
     return bool(where) and where[0]["subsystem"] in subsystems

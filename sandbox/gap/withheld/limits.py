@@ -1,4 +1,8 @@
-"""Figures with one-sided 95 % limits: exact for shares, bootstrap over campaigns for the rest."""
+"""Figures with one-sided 95 % limits: exact for shares and quantiles, bootstrap over campaigns for the rest.
+
+A bootstrap of equal outcomes has no width, however few they are.  So figures in [0, 1] never have limits closer than an
+outcome that n cases did not show allows: its share may be up to 1 - 0.05^(1/n), and it may be worth 0 or 1.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +20,10 @@ DRAWS = 2000
 
 @dataclass(frozen=True)
 class Figure:
-    """A figure, its lower and upper one-sided 95 % limits, and how many cases it rests on; None where undefined."""
+    """A figure, its lower and upper one-sided 95 % limits, and how many cases it rests on; None where undefined.
+
+    A limit alone is None where so few cases give none.
+    """
 
     value: float | None
     low: float | None
@@ -54,14 +61,43 @@ def bootstrapped(values: ArrayLike, statistic: Callable[[Array], float]) -> Figu
     return Figure(float(statistic(rows)), float(low), float(high), len(rows))
 
 
+def widened(found: Figure, cases: int) -> Figure:
+    """Return a figure in [0, 1] whose limits leave room for an outcome that so many cases did not show."""
+    if found.value is None or found.low is None or found.high is None:
+        return found
+    seen = SIDE ** (1.0 / cases)
+    low, high = found.value * seen, 1.0 - (1.0 - found.value) * seen
+    return Figure(found.value, min(found.low, low), max(found.high, high), found.n)
+
+
 def mean(values: ArrayLike) -> Figure:
     """Return the mean."""
     return bootstrapped(values, lambda x: float(np.mean(x)))
 
 
+def mean_share(values: ArrayLike) -> Figure:
+    """Return the mean of numbers in [0, 1]."""
+    return widened(mean(values), np.size(values))
+
+
 def quantile(values: ArrayLike, q: float) -> Figure:
-    """Return a quantile."""
-    return bootstrapped(values, lambda x: float(np.quantile(x, q)))
+    """Return a quantile; limits are order statistics by the binomial distribution, free of any other assumption.
+
+    The true quantile lies at or above the k-th smallest of n with the chance of at least k of n below it (Thompson,
+    Ann. Math. Stat. 7 (1936) 122); None where even the outermost value is no limit.
+    """
+    from scipy.stats import binom
+
+    x = np.sort(np.asarray(values, dtype=float))
+    n = len(x)
+    if n == 0:
+        return NOTHING
+    below = binom.cdf(np.arange(-1, n), n, q)  # of fewer than k = 0 ... n values below the quantile
+    low = int(np.flatnonzero(below <= SIDE)[-1])
+    high = int(np.flatnonzero(below >= 1.0 - SIDE)[0]) if below[-1] >= 1.0 - SIDE else n + 1
+    return Figure(
+        float(np.quantile(x, q)), float(x[low - 1]) if low > 0 else None, float(x[high - 1]) if high <= n else None, n
+    )
 
 
 def ratio(parts: Sequence[tuple[int, int]]) -> Figure:
@@ -69,7 +105,7 @@ def ratio(parts: Sequence[tuple[int, int]]) -> Figure:
     known = [p for p in parts if p[1] > 0]
     if not known:
         return NOTHING
-    found = bootstrapped(known, lambda x: float(np.sum(x[:, 0]) / np.sum(x[:, 1])))
+    found = widened(bootstrapped(known, lambda x: float(np.sum(x[:, 0]) / np.sum(x[:, 1]))), len(known))
     return Figure(found.value, found.low, found.high, sum(p[1] for p in known))
 
 
@@ -80,10 +116,11 @@ def area(positive: ArrayLike, negative: ArrayLike) -> float:
 
 
 def auroc(positive: Sequence[float], negative: Sequence[float]) -> Figure:
-    """Return the area under the ROC, both groups drawn anew; n counts the smaller group."""
+    """Return the area under the ROC, both groups drawn anew; n counts the smaller group, which sets the least width."""
     if not positive or not negative:
         return NOTHING
     p, n, rng = np.array(positive), np.array(negative), np.random.default_rng(0)
     drawn = [area(rng.choice(p, len(p)), rng.choice(n, len(n))) for _ in range(DRAWS)]
     low, high = np.quantile(drawn, [SIDE, 1.0 - SIDE])
-    return Figure(area(p, n), float(low), float(high), min(len(p), len(n)))
+    fewer = min(len(p), len(n))
+    return widened(Figure(area(p, n), float(low), float(high), fewer), fewer)

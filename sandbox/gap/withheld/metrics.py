@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
 
 from model.effects.library import effect_names
 from sandbox.gap.withheld.judge import UNKNOWN, Judgement
-from sandbox.gap.withheld.limits import NOTHING, Figure, auroc, mean, quantile, ratio, share
+from sandbox.gap.withheld.limits import Figure, auroc, mean, mean_share, quantile, ratio, share
 
 GOALS = {
     "top1": "≥ 0.95", "mean_probability": "≥ 0.90", "set_f1": "≥ 0.90", "exact_set": "≥ 0.75",
@@ -18,22 +18,33 @@ GOALS = {
     "closed_p10": "≥ 0.70", "ambiguity_hit": "≥ 0.99", "ambiguity_size": "≤ 1.3", "subsystem": "≥ 0.99",
     "resolved": "≥ 0.90", "seconds": "≤ 60",
 }  # fmt: skip
+DOUBT = 0.05  # of P(unknown): more than this holds the question open
 
 
-def figures(judged: Sequence[Judgement], resolved: Sequence[bool] = ()) -> dict[str, Figure]:
-    """Return every metric by name; resolved: of each follow-up recording, whether it settled an ambiguity."""
+def figures(
+    judged: Sequence[Judgement], asked: Collection[str] = (), followed: Sequence[Judgement] = ()
+) -> dict[str, Figure]:
+    """Return every metric by name; asked: campaigns with a recommended recording; followed: diagnosed with it.
+
+    A method chooses what it asks for, so `resolved` is one of three: of what was recorded, it settled so much;
+    `recommended`: of all ambiguous verdicts, so many asked; `resolved_of_all`: of these, so many were settled.
+    """
     one = [j for j in judged if j.kind == "one"]
     several = [j for j in judged if j.kind == "several"]
     known = [j for j in judged if j.kind != "outside"]
-    outside = [j.unknown for j in judged if j.kind == "outside"]
+    outside = [j for j in judged if j.kind == "outside"]
+    ambiguous = [j.name for j in judged if j.verdict == "ambiguous"]
+    settled = {j.name: j.settled for j in followed}
+    tried = [n for n in ambiguous if n in settled or n not in asked]  # the others are not recorded yet
     shrunk = [j.closed for j in judged if j.closed is not None]
     times = [j.seconds for j in judged if j.seconds is not None]
     return {
         "top1": share([j.hit for j in one]),
-        "mean_probability": mean([j.probability for j in one]),
-        "set_f1": mean([j.f1 for j in several]),
+        "mean_probability": mean_share([j.probability for j in one]),
+        "set_f1": mean_share([j.f1 for j in several]),
         "exact_set": share([j.hit for j in several]),
-        "unknown_auroc": auroc(outside, [j.unknown for j in known]),
+        "unknown_auroc": auroc([j.unknown for j in outside], [j.unknown for j in known]),
+        "outside_named": share([j.failed or (len(j.top) > 1 and UNKNOWN in j.top) for j in outside]),
         "false_alarm": share([j.verdict != "no_gap" for j in judged if j.kind == "none"]),
         "coverage": ratio([j.parts for j in judged]),
         "closed_median": quantile(shrunk, 0.5),
@@ -41,7 +52,9 @@ def figures(judged: Sequence[Judgement], resolved: Sequence[bool] = ()) -> dict[
         "ambiguity_hit": share([j.in_set for j in judged]),
         "ambiguity_size": mean([j.set_size for j in one if j.separable and not j.failed]),
         "subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
-        "resolved": share(list(resolved)) if resolved else NOTHING,
+        "resolved": share([j.settled for j in followed]),
+        "recommended": share([n in asked for n in ambiguous]),
+        "resolved_of_all": share([settled.get(n, False) for n in tried]),
         "seconds": quantile(times, 0.5),
     }
 
@@ -49,12 +62,14 @@ def figures(judged: Sequence[Judgement], resolved: Sequence[bool] = ()) -> dict[
 def left_out(judged: Sequence[Judgement]) -> dict[str, Figure]:
     """Return the figures of diagnoses from whose library the true effect was taken.
 
-    unknown: `unknown` is the verdict or stands in the ambiguity set; confident_wrong: a name with all the
-    probability; subsystem: rightly located.
+    verdict_unknown: `unknown` is the verdict; unknown: P(unknown) > 0.05, or it stands in the ambiguity set;
+    confident_wrong: nearly all the probability on other names, or on none; subsystem: rightly located.
     """
+    held_open = [not j.failed and (j.unknown > DOUBT or j.unknown_in_set) for j in judged]
     return {
-        "leave_out_unknown": share([j.verdict == UNKNOWN or j.unknown > 0.05 for j in judged]),
-        "leave_out_confident_wrong": share([j.confident and j.unknown <= 0.05 and j.label != "none" for j in judged]),
+        "leave_out_verdict_unknown": share([j.verdict == UNKNOWN for j in judged]),
+        "leave_out_unknown": share(held_open),
+        "leave_out_confident_wrong": share([j.confident and j.unknown <= DOUBT for j in judged]),
         "leave_out_subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
     }
 
@@ -64,7 +79,7 @@ def by_size(judged: Sequence[Judgement]) -> dict[str, dict[str, Figure]]:
     sizes = sorted({j.sizes[0] for j in judged if j.kind == "one"})
     own = {s: [j for j in judged if j.kind == "one" and j.sizes[0] == s] for s in sizes}
     return {
-        f"{s:g}": {"top1": share([j.hit for j in js]), "mean_probability": mean([j.probability for j in js])}
+        f"{s:g}": {"top1": share([j.hit for j in js]), "mean_probability": mean_share([j.probability for j in js])}
         for s, js in own.items()
     }
 

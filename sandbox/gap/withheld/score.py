@@ -53,7 +53,7 @@ class Scores:
             "by_size": sizes, "detection_floor": detection_floor(self.judged), "confusion": confusion(self.judged),
             "reliability": reliability(self.judged), "failed": [j.name for j in self.judged if j.failed],
             "missed": [[j.name, *j.effects, "->", j.label] for j in self.judged if not j.hit],
-            "unresolved": [[j.name, *j.effects, "->", j.label] for j in self.followed if not settled(j)],
+            "unresolved": [[j.name, *j.effects, "->", j.label] for j in self.followed if not j.settled],
             "code": self.code,
         }  # fmt: skip
 
@@ -117,14 +117,9 @@ def score(
         tuple(judge(n, truth[n], read_report(part, n)) for n in with_report(part, list(chosen)))
         for part, chosen in ((reports / LEFT_OUT, without), (reports / RESOLVED, asked))
     )
-    figures_ = figures(judged, [settled(j) for j in followed]) | (left_out(others) if others else {})
+    figures_ = figures(judged, asked, followed) | (left_out(others) if others else {})
     code = tuple(sorted({str(d.get("code", "unknown")) for d in found.values()}))
     return Scores(method, figures_, judged, others, followed, code)
-
-
-def settled(j: Judgement) -> bool:
-    """Tell whether a diagnosis with the recommended recording left the truth alone in the ambiguity set."""
-    return j.in_set and j.set_size == 1
 
 
 def with_report(reports: Path, names: Sequence[str]) -> list[str]:
@@ -175,6 +170,7 @@ def table(scores: Sequence[Scores]) -> tuple[list[str], list[list[str]]]:
 
 
 def _cell(f: Figure | None) -> str:
-    if f is None or f.value is None or f.low is None or f.high is None:
+    if f is None or f.value is None:
         return "–"
-    return f"{f.value:.3g} [{f.low:.3g}, {f.high:.3g}] n={f.n}"
+    low, high = ("–" if x is None else f"{x:.3g}" for x in (f.low, f.high))
+    return f"{f.value:.3g} [{low}, {high}] n={f.n}"

@@ -8,11 +8,19 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
+from sandbox.gap.withheld import running
 from sandbox.gap.withheld.figure import withheld_figure
-from sandbox.gap.withheld.judge import alike, closed, covered, f1, judge
-from sandbox.gap.withheld.limits import area, auroc, mean, quantile, ratio, share
+from sandbox.gap.withheld.judge import alike, closed, covered, f1, judge, located
+from sandbox.gap.withheld.limits import area, auroc, mean, mean_share, quantile, ratio, share
+from sandbox.gap.withheld.metrics import figures, left_out
 from sandbox.gap.withheld.score import score, table
 from sandbox.gap.withheld.spread import spread
+
+
+@pytest.fixture(autouse=True)
+def here(monkeypatch):
+    """Diagnose in this process, where a test's own functions are."""
+    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost: map(task, work))
 
 
 def truth_of(effects=("dead_time",), kind="one", sizes=(1.0,), parameters=None):
@@ -47,7 +55,80 @@ def test_a_wrong_name_and_a_failure_are_misses():
     j = judge("w", truth_of(), {"failed": "no"})
     assert (j.hit, j.probability, j.closed, j.in_set, j.subsystem, j.parts) == (False, 0.0, 0.0, False, False, (0, 1))
     j = judge("w", truth_of((), "none", (), {}), {"failed": "no"})
-    assert (j.hit, j.subsystem, j.verdict) == (False, None, "failed")
+    assert (j.hit, j.subsystem, j.verdict, j.unknown, j.label) == (False, None, "failed", 1.0, "failed")
+    j = judge("w", truth_of(("unknown",), "outside", parameters={}), {"failed": "no"})
+    assert (j.hit, j.subsystem, j.unknown) == (False, False, 0.0)
+    cogging = {"cogging_torque.amplitude": 0.1, "cogging_torque.order_mech": 36.0, "cogging_torque.phase": 1.0}
+    assert judge("w", truth_of(("cogging_torque",), parameters=cogging), {"failed": "no"}).parts == (0, 2)
+
+
+def test_a_failure_spoils_the_ranking_of_unknown_either_way():
+    """Two outside, two known, one of each failed: of four pairs only that of the two that answered is in order."""
+    outside, known = truth_of(("unknown",), "outside", parameters={}), truth_of()
+    found = (
+        diagnosis_of((["unknown"], 0.9), (["dead_time"], 0.1)),
+        diagnosis_of((["dead_time"], 0.9), (["unknown"], 0.1)),
+    )
+    judged = [judge("a", outside, found[0]), judge("b", known, found[1])]
+    assert figures(judged)["unknown_auroc"].value == 1.0
+    judged += [judge("c", outside, {"failed": "no"}), judge("d", known, {"failed": "no"})]
+    assert figures(judged)["unknown_auroc"].value == 0.25
+
+
+def test_no_gap_locates_nothing_where_there_is_an_effect():
+    none = diagnosis_of(([], 1.0), verdict="no_gap", shrunk=None)
+    assert judge("w", truth_of(), none).subsystem is False
+    assert judge("w", truth_of((), "none", (), {}), none).subsystem is None
+
+
+def test_an_effect_outside_the_library_has_a_subsystem():
+    where = [{"subsystem": "sensor"}]
+    assert located(frozenset({"unknown"}), where, "sensor")
+    assert not located(frozenset({"unknown"}), where, "mechanics")
+    assert not located(frozenset({"unknown"}), where)  # seals of before: the machine's
+    true = truth_of(("unknown",), "outside", parameters={}) | {"outside_subsystem": "sensor"}
+    assert judge("w", true, diagnosis_of((["unknown"], 1.0), subsystem="sensor")).subsystem
+
+
+def test_names_beside_unknown_are_counted():
+    true = truth_of(("unknown",), "outside", parameters={})
+    answers = [(["unknown"], 1.0)], [(["iron_loss", "unknown"], 1.0)], [(["iron_loss"], 1.0)]
+    judged = [judge(f"w{k}", true, diagnosis_of(*a)) for k, a in enumerate(answers)]
+    named = figures(judged)["outside_named"]
+    assert (named.value, named.n) == (pytest.approx(1 / 3), 3)
+    assert figures([*judged, judge("w3", true, {"failed": "no"})])["outside_named"].value == 0.5
+
+
+def test_who_asks_for_nothing_resolves_nothing():
+    """Four ambiguous verdicts: one asks and is settled, one asks and is not, one does not ask, one is to be made."""
+    pair = [["dead_time"], ["device_drop"]]
+    first = diagnosis_of((["dead_time"], 0.6), (["device_drop"], 0.4), verdict="ambiguous", members=pair)
+    judged = [judge(name, truth_of(), first) for name in "abcd"]
+    judged.append(judge("e", truth_of(), diagnosis_of((["dead_time"], 1.0))))
+    settled, open_ = judge("a", truth_of(), diagnosis_of((["dead_time"], 1.0))), judge("b", truth_of(), first)
+    assert (settled.settled, open_.settled) == (True, False)
+    f = figures(judged, "abd", (settled, open_))
+    assert (f["resolved"].value, f["resolved"].n) == (0.5, 2)
+    assert (f["recommended"].value, f["recommended"].n) == (0.75, 4)
+    assert (f["resolved_of_all"].value, f["resolved_of_all"].n) == (pytest.approx(1 / 3), 3)
+    silent = figures(judged)
+    assert (silent["recommended"].value, silent["resolved_of_all"].value, silent["resolved"].n) == (0.0, 0.0, 0)
+
+
+def test_what_is_said_where_the_true_effect_was_left_out():
+    """Verdict unknown; unknown second; far second, in the set; a name for sure; "none" for sure; failed."""
+    answers = [
+        diagnosis_of((["unknown"], 0.9), (["iron_loss"], 0.1), verdict="unknown"),
+        diagnosis_of((["iron_loss"], 0.9), (["unknown"], 0.1)),
+        diagnosis_of((["iron_loss"], 0.6), ([], 0.36), (["unknown"], 0.04), members=[["iron_loss"], [], ["unknown"]]),
+        diagnosis_of((["iron_loss"], 0.97), (["unknown"], 0.03)),
+        diagnosis_of(([], 0.97), (["unknown"], 0.03), verdict="no_gap"),
+        {"failed": "no"},
+    ]
+    f = left_out([judge(f"w{k}", truth_of(), a) for k, a in enumerate(answers)])
+    assert f["leave_out_verdict_unknown"].value == pytest.approx(1 / 6)
+    assert f["leave_out_unknown"].value == pytest.approx(3 / 6)
+    assert f["leave_out_confident_wrong"].value == pytest.approx(2 / 6)
 
 
 def test_what_the_library_does_not_hold_is_unknown_also_beside_a_name():
@@ -77,7 +158,11 @@ def test_parts():
     true = {"x.phase": 0.1, "x.amplitude": 2.0, "y.time": 1.0}
     found = {"x.phase": {"ci95": [6.2, 6.6]}, "x.amplitude": {"ci95": [2.1, 2.2]}, "y.time": {"ci95": [0.0, 2.0]}}
     assert covered(true, found, ["x"]) == (1, 2)  # the phase a turn on; the amplitude missed; y not named
-    assert covered(true, {"x.phase": {"ci95": [None, 1.0]}}, ["x"]) == (0, 0)
+    assert covered(true, {"x.phase": {"ci95": [None, 1.0]}}, ["x"]) == (1, 1)
+    half = {"x.amplitude": {"ci95": [None, 1.9]}, "y.time": {"ci95": [0.9, None]}, "x.phase": {}}
+    assert covered(true, half, ["x", "y"]) == (1, 2)  # open ends; no interval, not given
+    kept = {"cogging_torque.order_mech": {"ci95": [36.0, 36.0]}}
+    assert covered({"cogging_torque.order_mech": 36.0}, kept, ["cogging_torque"]) == (0, 0)
     some = frozenset({"dead_time"})
     assert closed(some, {"before": 3.0, "closed": None}) == 0.0
     assert closed(some, {"before": 1.01, "closed": None}) is None
@@ -98,15 +183,52 @@ def test_limits_against_closed_forms():
     half = 1.645 / 20.0  # one-sided 95 %, sigma / sqrt(n)
     assert found.high - found.value == pytest.approx(half, rel=0.15)
     assert found.value - found.low == pytest.approx(half, rel=0.15)
-    assert quantile(np.arange(101.0), 0.1).value == pytest.approx(10.0)
     pooled = ratio([(1, 1), (0, 3), (0, 0)])
     assert (pooled.value, pooled.n) == (0.25, 4)
+
+
+def test_limits_of_quantiles_are_order_statistics():
+    """Median of n: the smallest value is a limit where 2^-n <= 0.05; n = 8: of 256 cases 9 have less than two below."""
+    four, five, eight = (quantile(np.arange(1.0, n + 1.0), 0.5) for n in (4, 5, 8))
+    assert (four.value, four.low, four.high) == (2.5, None, None)
+    assert (five.low, five.high) == (1.0, 5.0)
+    assert (eight.low, eight.high) == (2.0, 7.0)  # (1 + 8)/256 = 0.035, (1 + 8 + 28)/256 = 0.14
+    low, lower = quantile(np.arange(28.0), 0.1), quantile(np.arange(29.0), 0.1)
+    assert (low.low, lower.low) == (None, 0.0)  # 0.9^28 = 0.0523, 0.9^29 = 0.0471
+    assert quantile(np.arange(101.0), 0.1).value == pytest.approx(10.0)
+    assert quantile([], 0.5).value is None
+
+
+def test_limits_of_quantiles_hold_as_often_as_they_say():
+    """2000 draws of 30: the true quantile is beyond a limit in at most 5 % of them (three sigma: 1.5 %)."""
+    rng, q = np.random.default_rng(3), 0.3
+    found = [quantile(rng.uniform(size=30), q) for _ in range(2000)]
+    assert np.mean([f.low > q for f in found]) < 0.065
+    assert np.mean([f.high < q for f in found]) < 0.065
+
+
+def test_equal_outcomes_are_no_certainty():
+    """All of n the same: as the exact limit of a share, scaled; four outcomes never give [1, 1]."""
+    for n in (4, 30):
+        seen = 0.05 ** (1 / n)
+        ones, zeros, halves = (mean_share([x] * n) for x in (1.0, 0.0, 0.5))
+        assert (ones.low, ones.high) == (pytest.approx(seen), 1.0)
+        assert ones.low == pytest.approx(share([True] * n).low)
+        assert (zeros.low, zeros.high) == (0.0, pytest.approx(1.0 - seen))
+        assert (halves.low, halves.high) == (pytest.approx(0.5 * seen), pytest.approx(1.0 - 0.5 * seen))
+        assert ratio([(3, 3)] * n).low == pytest.approx(seen)  # as many campaigns, not parameters
+    assert mean([1.2] * 4).low == pytest.approx(1.2)  # of any numbers: the bootstrap alone
+    wide = mean_share([0.0, 1.0] * 50)
+    assert (wide.low, wide.high) == (mean([0.0, 1.0] * 50).low, mean([0.0, 1.0] * 50).high)
 
 
 def test_area_under_the_roc():
     assert area([1.0, 1.0], [0.0, 0.5]) == 1.0
     assert area([0.5], [0.5]) == 0.5
     assert area([0.0, 1.0], [0.5]) == 0.5
+    every, none = auroc([1.0] * 6, [0.0] * 20), auroc([0.0] * 20, [1.0] * 6)
+    assert (every.low, every.high) == (pytest.approx(0.05 ** (1 / 6)), 1.0)
+    assert (none.low, none.high) == (0.0, pytest.approx(1.0 - 0.05 ** (1 / 6)))
     p, n = np.random.default_rng(2).standard_normal((2, 500))
     shifted = auroc(list(p + 1.0), list(n))
     assert shifted.value == pytest.approx(0.5 * (1.0 + math.erf(0.5)), abs=0.03)  # Phi(1/sqrt 2)
@@ -170,7 +292,7 @@ def test_score_counts_what_is_known(check, tmp_path):
     assert [b["n"] for b in content["reliability"]] == [1, 4]  # 0.8 alone; 0.9 and 1 in the last bin
     heads, rows = table([result])
     assert heads == ["metric", "goal", "diagnosis"]
-    assert len(rows) == 17
+    assert len(rows) == 21
     withheld_figure({**content, "methods": {"diagnosis": content}}, tmp_path / "page.png")
     assert (tmp_path / "page.png").stat().st_size > 10_000
 
