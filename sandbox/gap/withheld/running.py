@@ -19,8 +19,13 @@ from sandbox.gap.withheld.make import CAMPAIGNS
 from sandbox.gap.withheld.spread import spread
 from sandbox.report import plain
 
+ROOT = Path(__file__).parents[3]
 Diagnose = Callable[[Path, tuple[str, ...]], Any]
-CODE = ("model", "sandbox/replay", "sandbox/gap")  # what a diagnosis depends on
+CODE = (  # what a diagnosis depends on, and what records where a recommended recording is made
+    "model", "estimators", "sandbox/replay", "sandbox/gap", "sandbox/switched",
+    "sandbox/campaign.py", "sandbox/columns.py", "sandbox/control.py", "sandbox/design.py", "sandbox/follow.py",
+    "sandbox/injection.py", "sandbox/plant.py", "sandbox/recording.py", "sandbox/report.py",
+)  # fmt: skip
 
 
 def run_all(
@@ -93,6 +98,14 @@ def _write(task: _Task, content: dict[str, Any]) -> None:
 @cache
 def code_digest() -> str:
     """Return a short hash of the code that diagnoses, which tells reports of one version from those of another."""
-    root = Path(__file__).parents[3]
-    files = sorted(p for part in CODE for p in (root / part).rglob("*.py"))
-    return hashlib.sha256(b"".join(p.read_bytes() for p in files)).hexdigest()[:12]
+    found = hashlib.sha256()
+    for path in code_files():
+        found.update(f"{path.relative_to(ROOT).as_posix()}\n{path.stat().st_size}\n".encode() + path.read_bytes())
+    return found.hexdigest()[:12]
+
+
+def code_files() -> list[Path]:
+    """Return the files that CODE names, drives (toml) included."""
+    parts = [ROOT / part for part in CODE]
+    inside = [p for part in parts for suffix in ("py", "toml") for p in part.rglob(f"*.{suffix}")]
+    return sorted({*inside, *(part for part in parts if part.is_file())})

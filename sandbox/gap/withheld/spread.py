@@ -20,8 +20,9 @@ def spread(
 
     lost: what to do with an item whose process died (out of memory, a crash in compiled code) twice, the second time
     alone; without it that raises.  Only `jobs` items are under way at once, so an interrupt leaves no queue behind.
+    One job, or a single item, needs no other process unless one may be lost.
     """
-    if jobs == 1 or len(work) < 2:
+    if lost is None and (jobs == 1 or len(work) < 2):
         for item in work:
             yield task(item)
         return

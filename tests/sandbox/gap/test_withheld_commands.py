@@ -5,6 +5,7 @@ import json
 
 from sandbox.cli import main
 from sandbox.gap.withheld import make as maker
+from sandbox.gap.withheld import running
 from sandbox.gap.withheld import score as scorer
 from sandbox.gap.withheld.make import campaign_of
 
@@ -25,6 +26,7 @@ def test_make_and_score(tmp_path, monkeypatch, capsys):
     digest = hashlib.sha256((folder / "truth.sealed").read_bytes()).hexdigest()
     assert capsys.readouterr().out.startswith(f"truth sealed, SHA-256 {digest}")
 
+    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost: map(task, work))  # sees the diagnosis below
     monkeypatch.setattr(scorer, "diagnose", lambda campaign, **how: None)
     monkeypatch.setattr(scorer, "where", lambda found: ())
     monkeypatch.setattr(scorer, "next_recording", lambda found: None)

@@ -28,13 +28,13 @@ def folder(tmp_path_factory):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_entry_can_be_recorded_and_replayed_at_the_truth(name, folder, tmp_path):
-    """Floor 1 within what encoder counts cost (free rotors: 1.2 as in test_withheld_make), also at half the link."""
+    """Floor 1 within what encoder counts cost (free rotors: 1.2 as in test_withheld_make), also on a lower link."""
     grown = read_campaign(grow(folder, tmp_path / "w000", name, DRAWN))
     assert [r.file for r in grown.recordings[:-1]] == [r.file for r in read_campaign(folder).recordings]
     added, entry = grown.recordings[-1], entry_of(grown, name)
-    half = name.endswith("half_link")
-    assert added.dc_bus_voltage == (0.5 * DRAWN.true.converter.dc_bus_voltage if half else None)
-    assert np.mean(added.u_dc) == pytest.approx(DRAWN.true.converter.dc_bus_voltage * (0.5 if half else 1.0), rel=1e-3)
+    full = DRAWN.true.converter.dc_bus_voltage
+    assert added.dc_bus_voltage == (entry.link * full if entry.link != 1.0 else None)
+    assert np.mean(added.u_dc) == pytest.approx(entry.link * full, rel=1e-3)
     values = true_set(DRAWN, grown)
     one = replace(grown, recordings=(added,))
     prepared = prepare(one, values)

@@ -1,7 +1,9 @@
 """Long runs: a dying process is one miss, an interrupted run goes on, an ambiguity is followed up and scored."""
 
+import ast
 import json
 import os
+import shutil
 import subprocess
 import sys
 import time
@@ -33,13 +35,19 @@ def test_a_process_that_dies_costs_one_item():
         list(spread(die_on_three, range(6), 2))
 
 
+def test_one_job_and_a_single_item_survive_it_too():
+    """Without somebody to tell, a single job stays in this process: nothing to start."""
+    assert sorted(spread(die_on_three, [2, 3, 4], 1, lambda x: -x)) == [-3, 4, 16]
+    assert list(spread(die_on_three, [3], 2, lambda x: -x)) == [-3]
+    assert list(spread(lambda x: os.getpid(), [1, 2], 1)) == [os.getpid()] * 2
+
+
 PAIR = diagnosis_of((["dead_time"], 0.6), (["device_drop"], 0.4), members=[["dead_time"], ["device_drop"]])
 AMBIGUOUS = {**PAIR, "verdict": "ambiguous", "next_recording": {"entry": "locked_low_current", "description": "..."}}
 
 
 def blind(folder, exclude):
-    """Be ambiguous about twelve recordings and sure about thirteen; see nothing but the folder."""
-    assert not (folder / "truth.sealed").exists()
+    """Be ambiguous about twelve recordings and sure about thirteen."""
     more = (folder / "recommended.parquet").is_file()
     assert len(list(folder.glob("*.parquet"))) == (13 if more else 12)
     return SimpleNamespace(json=diagnosis_of((["dead_time"], 1.0)) if more else AMBIGUOUS)
@@ -47,6 +55,8 @@ def blind(folder, exclude):
 
 @pytest.fixture
 def check(tmp_path, monkeypatch):
+    """Two short campaigns, diagnosed in this process, where a test's own functions are."""
+    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost: map(task, work))
     monkeypatch.setattr(maker, "campaign_of", lambda drawn, share: campaign_of(drawn, 0.02))
     make(tmp_path, 2, 5)
     return tmp_path
@@ -85,6 +95,74 @@ def test_a_recording_that_cannot_be_made_settles_nothing(check):
     assert result.followed[0].failed
     assert result.figures["resolved"].value == 0.0
     assert "of another version" in (check / "diagnoses" / "resolved" / "w000.json").read_text()
+
+
+def loaded(code):
+    """Return the project's modules that some code loads, as files."""
+    code += "\nimport sys\nprint([m.__file__ for m in sys.modules.values() if getattr(m, '__file__', None)])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    files = {Path(f).resolve() for f in ast.literal_eval(done.stdout)}
+    return {f for f in files if running.ROOT in f.parents and "tests" not in f.parts}
+
+
+def test_the_codes_hash_covers_whatever_diagnosing_loads():
+    used = loaded("import sandbox.gap.withheld.score, sandbox.gap.answers")
+    assert used >= {running.ROOT / "sandbox" / "campaign.py", running.ROOT / "sandbox" / "switched" / "machine.py"}
+    bare = {running.ROOT / room / "__init__.py" for room in ("model", "estimators", "sandbox")}
+    assert used - bare <= set(running.code_files())
+
+
+def test_the_codes_hash_knows_names(tmp_path, monkeypatch):
+    """Contents moved from one file to another are another version."""
+    (tmp_path / "model").mkdir()
+    monkeypatch.setattr(running, "ROOT", tmp_path)
+    found = []
+    for names in (("a", "b"), ("a", "c"), ("b", "a")):
+        for name, text in zip(names, ("x = 1", "y = 2"), strict=True):
+            (tmp_path / "model" / f"{name}.py").write_text(text)
+        found.append(code_digest.__wrapped__())
+        for path in (tmp_path / "model").iterdir():
+            path.unlink()
+    assert len(set(found)) == 3
+
+
+WATCHED = """
+import json, os, sys
+seen = []
+def note(event, args):
+    if event in ("open", "os.listdir", "os.scandir") and args and isinstance(args[0], (str, bytes, os.PathLike)):
+        seen.append(os.path.realpath(os.fsdecode(args[0])))
+sys.addaudithook(note)
+from pathlib import Path
+from pyarrow import parquet
+read = parquet.read_table
+parquet.read_table = lambda path: (seen.append(os.path.realpath(path)), read(path))[1]
+from sandbox.gap.withheld.score import standard
+found = standard(Path(sys.argv[1])).json
+Path(sys.argv[2]).write_text(json.dumps({"verdict": found["verdict"], "seen": seen}))
+"""
+
+
+def test_diagnosing_opens_nothing_but_its_campaign(quiet_folder, tmp_path):
+    """Of the check's folder: not the seal, no other campaign, no list of either.
+
+    By the interpreter's audit events, which parquet's own reader does not raise: it is watched beside them.
+    """
+    folder = tmp_path / "check"
+    for name in ("w000", "w001"):
+        shutil.copytree(quiet_folder, folder / "campaigns" / name)
+    for name in ("truth.sealed", "SHA256"):
+        (folder / name).write_text("{}")
+    own, told = folder / "campaigns" / "w000", tmp_path / "seen.json"
+    subprocess.run([sys.executable, "-c", WATCHED, str(own), str(told)], check=True, timeout=500)
+    report = json.loads(told.read_text())
+    assert report["verdict"] in ("no_gap", "ambiguous", "explained", "unknown")
+    paths = {Path(p) for p in report["seen"]}
+    assert own.resolve() / "campaign.toml" in paths  # the hook sees what is opened
+    assert any(p.suffix == ".parquet" and own.resolve() in p.parents for p in paths)
+    inside = {p for p in paths if p == folder.resolve() or folder.resolve() in p.parents}
+    assert {p for p in inside if p != own.resolve() and own.resolve() not in p.parents} == set()
+    assert not any(p.name == "truth.sealed" for p in paths)
 
 
 def test_processes_end_with_the_one_that_started_them(tmp_path):
