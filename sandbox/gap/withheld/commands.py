@@ -89,4 +89,7 @@ def run_score(options: argparse.Namespace) -> None:
         for s in scored:
             if len(s.code) > 1:
                 print(f"reports of '{s.method}' come from {len(s.code)} versions of the code; --again makes them anew")
+            failed = [j.name for j in s.judged if j.failed]
+            if failed:
+                print(f"'{s.method}' failed on {len(failed)}, counted as missed: {', '.join(failed[:5])}")
         print(f"seal and hash agree; withheld.json and withheld.png in {options.folder}")

@@ -26,7 +26,10 @@ def withheld_figure(content: Mapping[str, Any], path: Path) -> None:
 
 def _confusion(axes: Any, matrix: Mapping[str, Any]) -> None:
     """Draw counts of first hypotheses by true cause, each row in shares of its own."""
+    axes.set_title("confusion (campaigns with one effect or none of the library)", fontweight="bold")
     counts = matrix["counts"]
+    if not counts:
+        return
     axes.imshow([[x / max(1, sum(row)) for x in row] for row in counts], cmap="Blues", vmin=0.0, vmax=1.3)
     for y, row in enumerate(counts):
         for x, count in enumerate(row):
@@ -36,7 +39,6 @@ def _confusion(axes: Any, matrix: Mapping[str, Any]) -> None:
     axes.set_yticks(range(len(matrix["truth"])), matrix["truth"], fontsize=8)
     axes.set_xlabel("first hypothesis")
     axes.set_ylabel("truth")
-    axes.set_title("confusion (campaigns)", fontweight="bold")
 
 
 def _reliability(axes: Any, bins: Sequence[Mapping[str, Any]]) -> None:
@@ -83,5 +85,5 @@ def _limits(axes: Any, methods: Mapping[str, Mapping[str, Any]]) -> None:
     axes.set_xlim(-0.05, 1.05)
     axes.invert_yaxis()
     axes.grid(axis="x", color="0.9", linewidth=0.6)
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper left")
     axes.set_title("figures, one-sided 95 % limits", fontweight="bold")

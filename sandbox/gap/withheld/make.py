@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -82,7 +83,7 @@ def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
         )
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in ((SEAL, text), (HASH, f"{digest}  {SEAL}\n".encode())):
-        aside = folder / f".{name}.part"
+        aside = folder / f".{name}.{os.getpid()}.part"
         aside.write_bytes(data)
         aside.replace(folder / name)
     return digest

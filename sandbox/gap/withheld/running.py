@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -89,7 +90,7 @@ def _lost(task: _Task) -> None:
 
 def _write(task: _Task, content: dict[str, Any]) -> None:
     task.reports.mkdir(parents=True, exist_ok=True)
-    aside = task.reports / f".{task.name}.part"
+    aside = task.reports / f".{task.name}.{os.getpid()}.part"
     text = json.dumps({**content, "code": code_digest()}, indent=1, allow_nan=False)
     aside.write_text(text + "\n", encoding="utf-8")
     aside.replace(task.reports / f"{task.name}.json")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
@@ -86,25 +86,19 @@ def score(
     if not 0.0 <= leave_out <= 1.0:
         raise BadInput(f"leave_out = {leave_out} is no share; give a number in [0, 1]")
     names = campaign_names(folder, limit)
+    sealed(folder)  # an hour of diagnosing is not spent on a check whose truth was changed
     reports = folder / DIAGNOSES if method == "diagnosis" else folder / DIAGNOSES / method
     if finished:
         names = with_report(reports, names)
         if not names:
             raise BadInput(f"no campaign of '{folder}' has a report of '{method}' yet; score without --finished")
     if again:
-        shutil.rmtree(reports / LEFT_OUT, ignore_errors=True)
-        shutil.rmtree(reports / RESOLVED, ignore_errors=True)
-        for old in reports.glob("*.json"):
-            old.unlink()
-    run_all(folder, dict.fromkeys(names, ()), diagnose, reports, jobs, progress)
+        _forget(reports)
+    if not finished:
+        run_all(folder, dict.fromkeys(names, ()), diagnose, reports, jobs, progress)
     content = opened(folder)
     truth = content["campaigns"]
-    absent = sorted(set(truth) - set(campaign_names(folder)))
-    if absent:
-        raise BadInput(
-            f"{len(absent)} of {len(truth)} sealed campaigns are not recorded ({absent[0]}, ...); "
-            "run `withheld make` once more"
-        )
+    _complete(folder, truth)
     single = [n for n in names if truth[n]["kind"] == "one" and truth[n]["sizes"][0] >= LEAST_LEFT_OUT]
     without = {n: tuple(truth[n]["effects"]) for n in single[: round(leave_out * len(single))]}
     found = {n: read_report(reports, n) for n in names}
@@ -122,6 +116,27 @@ def score(
     return Scores(method, figures_, judged, others, followed, code)
 
 
+def _forget(reports: Path) -> None:
+    """Delete the reports of earlier calls."""
+    shutil.rmtree(reports / LEFT_OUT, ignore_errors=True)
+    shutil.rmtree(reports / RESOLVED, ignore_errors=True)
+    for old in reports.glob("*.json"):
+        old.unlink()
+
+
+def _complete(folder: Path, truth: Mapping[str, Any]) -> None:
+    """Raise BadInput unless the recorded campaigns are those sealed."""
+    recorded = campaign_names(folder)
+    absent, foreign = sorted(set(truth) - set(recorded)), sorted(set(recorded) - set(truth))
+    if foreign:
+        raise BadInput(f"'{folder / CAMPAIGNS / foreign[0]}' is no campaign of this check; move it elsewhere")
+    if absent:
+        raise BadInput(
+            f"{len(absent)} of {len(truth)} sealed campaigns are not recorded ({absent[0]}, ...); "
+            "run `withheld make` once more"
+        )
+
+
 def with_report(reports: Path, names: Sequence[str]) -> list[str]:
     """Return the campaigns that have a report already."""
     return [n for n in names if (reports / f"{n}.json").exists()]
@@ -129,34 +144,53 @@ def with_report(reports: Path, names: Sequence[str]) -> list[str]:
 
 def campaign_names(folder: Path, limit: int | None = None) -> list[str]:
     """Return the names of a check's campaigns; BadInput where there is none, or recording is not finished."""
-    found = sorted(p.name for p in (folder / CAMPAIGNS).glob("[!.]*") if p.is_dir())
+    found = sorted(p.name for p in (folder / CAMPAIGNS).glob("w[0-9][0-9][0-9]*") if p.is_dir())
     if not found or not (folder / SEAL).is_file():
         raise BadInput(f"'{folder}' is no withheld check; make one with `sensorless withheld make`")
     return found[:limit]
 
 
 def read_report(reports: Path, name: str) -> dict[str, Any]:
-    """Return one stored diagnosis."""
+    """Return one stored diagnosis; BadInput where a file is none, or another campaign's."""
     path = reports / f"{name}.json"
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError:
-        content = None
-    if not isinstance(content, dict):
-        raise BadInput(f"'{path}' holds no report; delete it and score again")
-    return content
+        sound = content.get("campaign", name) == name and ("failed" in content or _told(content["hypotheses"]))
+    except (ValueError, LookupError, TypeError, AttributeError):
+        sound = False
+    if not sound:
+        raise BadInput(f"'{path}' holds no report of {name}; delete it and score again")
+    return dict(content)
+
+
+def _told(hypotheses: Any) -> bool:
+    """Tell whether hypotheses are what the contract has."""
+    return bool(hypotheses) and all(
+        isinstance(h["effects"], list) and isinstance(h["probability"], (int, float)) for h in hypotheses
+    )
+
+
+def sealed(folder: Path) -> bytes:
+    """Return the sealed file unread; BadInput where it is not the one that was hashed."""
+    data, path = (folder / SEAL).read_bytes(), folder / HASH
+    stated = path.read_bytes().split()[:1] if path.is_file() else []
+    if not stated:
+        raise BadInput(f"'{path}' is missing or empty, so the seal cannot be checked; make the check anew")
+    found, told = hashlib.sha256(data).hexdigest(), stated[0].decode("ascii", "replace")
+    if found != told:
+        raise BadInput(f"{SEAL} has SHA-256 {found}, {HASH} says {told}: the truth was changed; make the check anew")
+    return data
 
 
 def opened(folder: Path) -> dict[str, Any]:
-    """Return what the seal holds; BadInput where it is not the file that was hashed."""
-    data = (folder / SEAL).read_bytes()
-    stated = (folder / HASH).read_text(encoding="utf-8").split()[0] if (folder / HASH).is_file() else ""
-    if not stated:
-        raise BadInput(f"'{folder / HASH}' is missing, so the seal cannot be checked; make the check anew")
-    found = hashlib.sha256(data).hexdigest()
-    if found != stated:
-        raise BadInput(f"{SEAL} has SHA-256 {found}, {HASH} says {stated}: the truth was changed; make the check anew")
-    content: dict[str, Any] = json.loads(data)
+    """Return what the seal holds; BadInput where it is not the file that was hashed, or holds no truth."""
+    try:
+        content: dict[str, Any] = json.loads(sealed(folder))
+        whole = isinstance(content["campaigns"], dict)
+    except (ValueError, LookupError, TypeError):
+        whole = False
+    if not whole:
+        raise BadInput(f"'{folder / SEAL}' holds no truth of a check; make the check anew")
     return content
 
 
