@@ -1,6 +1,6 @@
 """What a careful user would try without the project's diagnosis; each answers in the same contract.
 
-- `refit`: refit the ordinary deviations, name the one that left its stated uncertainty furthest;
+- `refit`: refit the ordinary deviations unbounded, name the one that left its stated uncertainty furthest;
 - `bic`: every effect alone beside the ordinary deviations, fitted to all data, compared by Schwarz' criterion;
 - `voltage`: regression of voltage residuals on signature functions (`voltage.py`).
 """
@@ -10,25 +10,31 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from model.effects import library
 from model.effects.library import effect_names, load_effect
+from model.errors import BadInput, PhysicsError
 from sandbox.campaign import Campaign, read_campaign
+from sandbox.gap.evidence import algebra, prior_of
+from sandbox.gap.normal import Point, normal
+from sandbox.gap.probes import Probe, probe_coordinates
+from sandbox.gap.space import Coordinate, ordinary
 from sandbox.gap.withheld import refit as fit
-from sandbox.gap.withheld.refit import QUADRATURE
-from sandbox.replay.replay import Prepared, prepare
+from sandbox.gap.withheld.refit import Z95, Refit, interval
+from sandbox.replay.replay import prepare
 from sandbox.replay.sets import complete
 
 SUSPICIOUS = 4.0  # standard deviations: further off is reported as a cause
 REMAINS = 1.05  # times the floor: more than this is left unexplained
+LOOSE = 30.0  # times the stated deviations: priors so wide that the data decide, but for what they do not show
 REFINED = 3  # effects that are fitted in full after the linear screening
-ROUNDS = 4  # of Gauss-Newton for each of them
-Z95 = 1.96
+ROUNDS, FREE = 3, 4  # of Gauss-Newton: with priors, without
+UNFITTED = (BadInput, PhysicsError, np.linalg.LinAlgError)  # what a fit may end with
 
 
 @dataclass(frozen=True)
@@ -83,106 +89,84 @@ def answer(
     })  # fmt: skip
 
 
-def nuisances(campaign: Campaign) -> tuple[Prepared, dict[str, float], float]:
-    """Return the campaign with its ordinary deviations refitted, that set, and the raw gap."""
-    prepared, nominal = fit.start(campaign)
-    raw = fit.rms(prepared, nominal)
-    values = fit.refit(campaign, prepared, nominal, (), 2)
-    prepared = prepare(campaign, values, steps=1)
-    return prepared, fit.refit(campaign, prepared, values, (), 3), raw
+def nuisances(campaign: Campaign) -> tuple[Refit, float]:
+    """Return the fit of the ordinary deviations alone, and the raw gap."""
+    start = Point(prepare(campaign, steps=1), complete(campaign.drive.motor, campaign.drive.converter))
+    return fit.refit(start, ordinary(campaign), ROUNDS), fit.rms(normal(start, ()))
 
 
 def by_refit(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
-    """Refit the ordinary deviations, name the furthest off (the effect it belongs to)."""
+    """Refit the ordinary deviations without priors or bounds, name the furthest off (the effect it belongs to)."""
     started, campaign = time.perf_counter(), read_campaign(folder)
-    prepared, values, raw = nuisances(campaign)
-    centre, sd = complete(campaign.drive.motor, campaign.drive.converter), fit.priors(campaign)
-    wide = {k: 1e3 * s for k, s in sd.items()}  # priors so wide that the data decide
-    names = list(sd)
-    n = fit.normal(prepared, names, values)
-    dx, covariance, _ = fit.step(n, values, centre, wide, names)
-    best = fit.moved(values, n, names, dx)
-    error = np.sqrt(np.diag(covariance))
-    off = [(abs(best[k] - centre[k]) / math.hypot(sd[k], e), k) for k, e in zip(names, error, strict=True)]
-    allowed = [(z, k) for z, k in off if k.partition(".")[0] in set(effect_names()) - set(exclude)]
-    z, name = max(allowed)
-    end = fit.rms(prepared, best)
-    effect = name.partition(".")[0]
-    own = {
-        k: interval(best[k], Z95 * e)
-        for k, e in zip(names, error, strict=True) if k.partition(".")[0] == effect
-    }  # fmt: skip
-    ranked: list[Any] = [((effect,), 1.0, own)] if z > SUSPICIOUS else [((), 1.0, {})]
-    return answer(campaign, ranked, (raw, n.rms, end), started, 4 * len(names))
+    null, raw = nuisances(campaign)
+    stated = ordinary(campaign)
+    near = fit.refit(null.point, fit.widened(stated, 1.0), ROUNDS)  # without bounds first, then without priors
+    free = fit.refit(near.point, fit.widened(stated, LOOSE), FREE)
+    x, error = free.normal.x, free.error()
+    off = [(abs(x[k] - c.mean) / math.hypot(c.deviation, error[k]), c.effect) for k, c in enumerate(stated)]
+    z, effect = max((z, e) for z, e in off if e in set(effect_names()) - set(exclude))
+    own = {c.names[0]: interval(x[k], Z95 * error[k]) for k, c in enumerate(stated) if c.effect == effect}
+    ranked: list[Any] = [((), 1.0, {})]
+    after = null.rms
+    if z > SUSPICIOUS:
+        ranked, after = [((effect,), 1.0, own)], free.rms
+    simulations = round(null.simulations + near.simulations + free.simulations)
+    return answer(campaign, ranked, (raw, null.rms, after), started, simulations)
 
 
 def by_bic(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
-    """Fit every effect alone beside the ordinary deviations, weigh by the Bayesian information criterion."""
+    """Fit every effect alone beside the ordinary deviations, weigh by the Bayesian information criterion.
+
+    All are screened by the equations of the ordinary fit; the best few are fitted, and one that cannot be is skipped.
+    """
     started, campaign = time.perf_counter(), read_campaign(folder)
-    prepared, values, raw = nuisances(campaign)
-    centre, sd = complete(campaign.drive.motor, campaign.drive.converter), fit.priors(campaign)
-    effects = [e for e in effect_names() if e not in exclude]
-    every = list(dict.fromkeys([*sd, *(p for e in effects for p in fit.parameters_of(e))]))
-    at = turned(campaign, prepared, values)
-    n = fit.normal(prepared, every, at)
-    size = float(np.sum(n.counts))
-
-    def cost(own: Sequence[str]) -> float:
-        kept = list(own)
-        while True:
-            free = {k: s for k, s in sd.items() if k not in own}
-            chosen = list(dict.fromkeys([*sd, *kept]))
-            dx, _, left = fit.step(n, at, centre, free, chosen)
-            out = [k for k, x in zip(chosen, dx, strict=True) if k in kept and k not in sd and fit.refused(n, at, k, x)]
-            if not out:
-                return left + len(own) * math.log(size)
-            kept = [k for k in kept if k not in out]
-
-    screened = sorted((cost(fit.parameters_of(e)), e) for e in effects)
-    ranked: list[Any] = [((), fit.cost(n, values, centre, sd), {}, n.rms)]
-    for _, effect in screened[:REFINED]:
-        ranked.append(_fitted(campaign, prepared, at, effect, size))
+    null, raw = nuisances(campaign)
+    listed, spent = screened(null, [e for e in effect_names() if e not in exclude])
+    ranked: list[Any] = [((), null.cost, {}, null.rms)]
+    for _, probe in listed[:REFINED]:
+        begin, coordinates = fit.with_effect(null.point, probe)
+        try:
+            found = fit.refit(begin, coordinates, ROUNDS)
+            own = fit.intervals(found, probe.effect)
+        except UNFITTED:
+            continue
+        spent += found.simulations
+        criterion = found.cost + _count(probe.effect, coordinates) * math.log(fit.readings(found.normal))
+        ranked.append(((probe.effect,), criterion, own, found.rms))
     best = min(r[1] for r in ranked)
     weights = sorted(((e, math.exp(-0.5 * min(c - best, 1400.0)), p, j) for e, c, p, j in ranked), key=lambda r: -r[1])
-    simulations = 2 * len(sd) + len(every) + REFINED * (ROUNDS + 1) * len(sd)
-    return answer(campaign, [w[:3] for w in weights], (raw, n.rms, weights[0][3]), started, simulations)
+    gaps = raw, null.rms, weights[0][3]
+    return answer(campaign, [w[:3] for w in weights], gaps, started, round(null.simulations + spent))
 
 
-def turned(campaign: Campaign, prepared: Prepared, values: Mapping[str, float]) -> dict[str, float]:
-    """Return the set with the cogging's order at typical and phases where linear amplitudes are largest."""
-    order = library.typical("cogging_torque", campaign.drive.motor, campaign.drive.converter)
-    out = {**values, "cogging_torque.order_mech": order["cogging_torque.order_mech"]}
-    for amplitude, phase in QUADRATURE.items():
-        sines = [fit.normal(prepared, [amplitude], {**out, phase: p}) for p in (1e-9, 0.5 * math.pi)]
-        parts = [s.right[0] / max(s.matrix[0, 0], 1e-300) for s in sines]
-        out[phase] = math.atan2(parts[1], parts[0])
-    return out
+def screened(null: Refit, effects: Sequence[str]) -> tuple[list[tuple[float, Probe]], float]:
+    """Return effects by the criterion that one step from the ordinary fit promises, the best first; simulations."""
+    point, known = null.point, {c.label: c for c in ordinary(null.point.prepared.campaign)}
+    own: dict[str, tuple[Probe, dict[str, Coordinate]]] = {}
+    for effect in effects:
+        with suppress(BadInput):
+            probe = fit.beginning(point, effect)
+            own[effect] = probe, {c.label: c for c in probe_coordinates(point, probe, "")}
+    every = dict(known)
+    for _, more in own.values():
+        every = {**more, **every}
+    n = normal(point, list(every.values()))
+    a, size = algebra(n), math.log(fit.readings(null.normal))
+    out = []
+    for probe, more in own.values():
+        chosen = [more.get(c.label, c) for c in n.coordinates]
+        free = [c.label in more or c.label in known or c.form == "turn" for c in chosen]
+        held = [replace(c, mean=float(x), deviation=0.0) for c, x in zip(chosen, n.x, strict=True)]
+        prior = prior_of([c if f else h for c, f, h in zip(chosen, free, held, strict=True)])
+        out.append((a.most_probable(prior)[2] + len(more) * size, probe))
+    return sorted(out, key=lambda r: r[0]), n.simulations
 
 
-def interval(value: float, half: float) -> dict[str, Any]:
-    """Return a parameter with its 95 % interval."""
-    return {"value": value, "ci95": [value - half, value + half]}
-
-
-def _fitted(campaign: Campaign, prepared: Prepared, at: Mapping[str, float], effect: str, size: float):
-    """Return an effect's hypothesis: effects, criterion, parameters with intervals, rms after the fit."""
-    own = fit.parameters_of(effect)
-    centre = complete(campaign.drive.motor, campaign.drive.converter)
-    sd = {k: s for k, s in fit.priors(campaign).items() if k not in own}
-    phases = {p for a, p in QUADRATURE.items() if a in own}
-    begin = {k: v for k, v in at.items() if k in phases or k not in QUADRATURE.values()}
-    if effect == "shaft_compliance":
-        begin |= library.typical(effect, campaign.drive.motor, campaign.drive.converter)
-    values = fit.refit(campaign, prepared, begin, own, ROUNDS)
-    names = list(dict.fromkeys([*sd, *own]))
-    n = fit.normal(prepared, names, values)
-    covariance, cost = fit.step(n, values, centre, sd, names)[1], fit.cost(n, values, centre, sd)
-    error = {k: Z95 * math.sqrt(covariance[names.index(k), names.index(k)]) for k in own}
-    found = {
-        (f"cross_{k}" if effect == "cross_saturation" else k): interval(values[k], error[k])
-        for k in own if math.isfinite(values[k])
-    }  # fmt: skip
-    return (effect,), cost + len(own) * math.log(size), found, n.rms
+def _count(effect: str, coordinates: Sequence[Coordinate]) -> int:
+    """Return how many coordinates are an effect's own, the cross part under saturation's names."""
+    owner = "saturation" if effect == "cross_saturation" else effect
+    names = {f"{owner}.{p.name}" for p in load_effect(effect).parameters}
+    return sum(c.names[0] in names for c in coordinates)
 
 
 def by_voltage(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:

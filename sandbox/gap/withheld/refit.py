@@ -1,188 +1,184 @@
-"""Least squares of a replayed campaign for the baselines: ordinary deviations with priors, effects without.
+"""Least squares of a replayed campaign for the baselines, on the nuisances and normal equations of the diagnosis.
 
-Gauss-Newton on the whole campaign: residuals over their floors, derivatives from `sandbox.replay.sensitivity`, normal
-equations gathered recording by recording.  Plain least squares: intervals assume white residuals.
+Ordinary deviations have the means, deviations and bounds that a campaign states (`space.ordinary`), every recording its
+own angle (`normal.turns`), an effect its wide prior.  Plain Gauss-Newton: of each step the largest share is taken that
+lowers the cost, and intervals assume white residuals.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from model.effects.dead_time import SOFT_SIGN
-from sandbox.campaign import Campaign
-from sandbox.gap.space import SOFT_SPREAD
-from sandbox.replay.replay import Prepared, prepare, replay, residuals
-from sandbox.replay.sensitivity import all_parameters, sensitivities
-from sandbox.replay.sets import BENCH, complete
+from model.errors import BadInput
+from sandbox.gap.evidence import Prior, algebra, prior_of
+from sandbox.gap.normal import Normal, Point, normal
+from sandbox.gap.probes import Probe, possible
+from sandbox.gap.space import Coordinate, of_effect, ordinary
 
 Array = NDArray[np.float64]
-STIFFNESS, LOAD = "shaft_compliance.stiffness", "shaft_compliance.load_inertia"
-QUADRATURE = {  # amplitude -> phase, so that an effect may be seen whatever its phase
-    "dc_link_ripple.amplitude": "dc_link_ripple.phase",
-    "encoder_eccentricity.amplitude_mech": "encoder_eccentricity.phase",
-    "cogging_torque.amplitude": "cogging_torque.phase",
-}
+SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step, tried in turn
+LITTLE, SHARE = 0.5, 1e-3  # of the cost, and of its excess over noise: a step that gains less ends a fit
+CHORDS = 2  # steps on the slopes of one point
+Z95 = 1.96
 
 
 @dataclass(frozen=True)
-class Normal:
-    """Normal equations of a campaign at a set: matrix (p, p), right side (p,), residual sum and count by recording."""
+class Refit:
+    """A fit: where it ended, the normal equations there, their priors, the cost (residual and prior terms)."""
 
-    names: tuple[str, ...]
-    coordinates: tuple[str, ...]
-    matrix: Array
-    right: Array
-    squares: Array
-    counts: Array
+    point: Point
+    normal: Normal
+    prior: Prior
+    cost: float
+    simulations: float
 
     @property
     def rms(self) -> float:
-        """Residual over the floor, all recordings."""
-        return math.sqrt(float(np.sum(self.squares) / np.sum(self.counts)))
+        """Residual over the floor, all recordings and channels."""
+        return rms(self.normal)
+
+    def error(self) -> Array:
+        """Return the standard deviations of all coordinates (p,)."""
+        return np.sqrt(np.diag(algebra(self.normal).covariance(self.prior)))
 
 
-def priors(campaign: Campaign) -> dict[str, float]:
-    """Return the standard deviations of the ordinary deviations by parameter, as [uncertainty] and [background] say."""
-    u, b, motor = campaign.uncertainty, campaign.background, campaign.drive.motor
-    out = {
-        "stator_resistance.resistance": u.get("resistance", 0.01) * motor.resistance,
-        "magnet_flux.magnet_flux": u.get("magnet_flux", 0.01) * motor.magnet_flux,
-        "inertia.inertia": u.get("inertia", 0.03) * motor.inertia,
-        "viscous_friction.coefficient": u.get("viscous_friction", 0.15) * motor.viscous_friction,
-        "encoder_offset.offset": b.get("encoder_offset", 0.002),
-        "dead_time.time": b.get("dead_time", 4e-8),
-        "bench.load_torque_offset": b.get("load_torque_offset", 0.003 * motor.rated_torque),
-        "bench.common_offset": b.get("current_offset", 1e-3 * motor.rated_current),
-    }
-    counts = campaign.drive.converter.encoder_counts or 65536
-    out["bench.lock_angle"] = math.tau * motor.pole_pairs / counts / math.sqrt(12.0)
-    out["bench.soft_current"] = SOFT_SPREAD * SOFT_SIGN * motor.rated_current
-    out |= {f"inductance.scale_{x}": u.get(f"inductance_{x}", 0.015) for x in "dq"}
-    for n in ("30", "12", "40", "22", "04"):
-        out[f"saturation.alpha_{n}"] = u.get(f"alpha_{n}", 0.04) * abs(getattr(motor, f"alpha_{n}"))
-    out |= {f"current_gain.gain_{x}": b.get("current_gain", 0.0015) for x in "abc"}
-    out |= {f"current_offset.offset_{x}": b.get("current_offset", 1e-3 * motor.rated_current) for x in "ab"}
-    return {name: s for name, s in out.items() if s > 0.0}
+def rms(n: Normal) -> float:
+    """Return the residual over the floor at a point."""
+    return math.sqrt(sum(float(s.rr.sum()) for s in n.segments) / readings(n))
 
 
-def normal(prepared: Prepared, names: Sequence[str], at: Mapping[str, float]) -> Normal:
-    """Return the normal equations of some parameters at a set."""
-    s = sensitivities(prepared, names, dict(at))
-    found = residuals(prepared, replay(prepared, [at]))
-    p = len(s.names)
-    matrix, right, squares, counts = np.zeros((p, p)), np.zeros(p), [], []
-    for k, (r, inputs) in enumerate(zip(found, prepared.recordings, strict=True)):
-        parts = [(s.currents[k].reshape(-1, p) / prepared.floor, r.current.reshape(-1))]
-        if r.motion is not None:
-            parts.append((-np.asarray(s.motion[k]), r.motion[:, 0]))
-        if r.angle is not None:
-            parts.append((np.asarray(s.angle[k]) / inputs.angle_floor, r.angle[:, 0]))
-        for j, y in parts:
-            matrix += j.T @ j
-            right += j.T @ y
-        squares.append(sum(float(y @ y) for _, y in parts))
-        counts.append(sum(len(y) for _, y in parts))
-    return Normal(s.names, s.coordinates, matrix, right, np.array(squares), np.array(counts))
+def readings(n: Normal) -> float:
+    """Return how many readings normal equations rest on."""
+    return sum(float(s.n.sum()) for s in n.segments)
 
 
-def step(n: Normal, at: Mapping[str, float], centre: Mapping[str, float], sd: Mapping[str, float],
-         chosen: Sequence[str]) -> tuple[Array, Array, float]:  # fmt: skip
-    """Return the least-squares step of the chosen parameters, its covariance, and the cost it would leave.
+def refit(point: Point, coordinates: Sequence[Coordinate], rounds: int) -> Refit:
+    """Return the fit of coordinates and all turns after so many rounds of Gauss-Newton, fewer where nothing gains.
 
-    sd: priors about `centre`; a parameter without one is free.  Cost: residual and prior terms together.
+    After each of them the motion of free rotors is smoothed again, by the torque of what was found.  BadInput or
+    LinAlgError where the equations cannot be had at the point itself.
     """
-    pick = [n.names.index(name) for name in chosen]
-    weight = np.array([1.0 / sd[name] ** 2 if name in sd else 0.0 for name in chosen])
-    off = np.array([at[name] - centre[name] if name in sd else 0.0 for name in chosen])
-    a, b = n.matrix[np.ix_(pick, pick)] + np.diag(weight), n.right[pick] - weight * off
-    scale = inverse_root(np.diag(a))
-    inverse = np.linalg.pinv(a * np.outer(scale, scale), rcond=1e-10, hermitian=True) * np.outer(scale, scale)
-    dx = inverse @ b
-    return dx, inverse, float(np.sum(n.squares) + weight @ off**2 - b @ dx)
+    spent = 0.0
+    for k in range(rounds):
+        if k:
+            point = point.resmoothed()
+        n = normal(point, coordinates)
+        prior = prior_of(n.coordinates)
+        first = cost = cost_of(n, prior)
+        spent += n.simulations
+        for _ in range(CHORDS):
+            before = cost
+            point, n, cost, tries = stepped(point, n, prior, cost)
+            spent += tries
+            if before - cost < little(n, cost):
+                break
+        if first - cost < little(n, cost):
+            break
+    return Refit(point, n.bare(), prior, cost, spent)
+
+
+def little(n: Normal, cost: float) -> float:
+    """Return a gain of the cost that is not worth another step."""
+    return max(LITTLE, SHARE * (cost - readings(n)))
+
+
+def stepped(point: Point, n: Normal, prior: Prior, cost: float) -> tuple[Point, Normal, float, int]:
+    """Return point, equations and cost after the largest share of a step that lowers the cost; simulations it took.
+
+    All as it was where no share does.
+    """
+    step = algebra(n).most_probable(prior)[0] - n.x
+    for tries, share in enumerate(SHARES, 1):
+        trial = point.moved(n.coordinates, n.x + share * step)
+        try:
+            reached = n.at(trial)
+            value = cost_of(reached, prior)
+        except (BadInput, np.linalg.LinAlgError):  # no drive has these values: a shorter step may do
+            continue
+        if math.isfinite(value) and value < cost:
+            return trial, reached, value, tries
+    return point, n, cost, len(SHARES)
+
+
+def cost_of(n: Normal, prior: Prior) -> float:
+    """Return the sum of squared residuals and of squared deviations from the priors' means."""
+    return algebra(n).objective(n.x, prior)
+
+
+def widened(coordinates: Sequence[Coordinate], factor: float) -> list[Coordinate]:
+    """Return coordinates with priors so many times wider and no bounds but their parameters' own.
+
+    The bench's own, which no effect is named by, stay as they are: a sign's width far off leads nowhere.
+    """
+    return [
+        c if c.effect == "bench" else replace(c, deviation=factor * c.deviation, within=math.inf) for c in coordinates
+    ]
+
+
+def beginning(point: Point, effect: str) -> Probe:
+    """Return an effect with its companions (time constants, frequencies, orders) at typical values."""
+    drive = point.prepared.campaign.drive
+    own = [p for p in library.load_effect(effect).parameters if p.fit == "log" or p.scan]
+    probe = Probe(effect, {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own})
+    if not possible(point, probe.start):
+        raise BadInput(f"{effect}: typical values {dict(probe.start)} are none this drive can have")
+    return probe
+
+
+def with_effect(point: Point, probe: Probe) -> tuple[Point, list[Coordinate]]:
+    """Return where an effect's fit begins, and the ordinary coordinates with its own (wide) ones."""
+    begin = replace(point, values={**point.values, **probe.start})
+    campaign = point.prepared.campaign
+    own = {c.label: c for c in of_effect(probe.effect, campaign.drive, begin.values)}
+    known = {c.label: c for c in ordinary(campaign)}
+    return begin, list((known | own).values())
+
+
+def intervals(fit: Refit, effect: str) -> dict[str, Any]:
+    """Return an effect's parameters by public name with 95 % intervals."""
+    card, out = library.load_effect(effect), {}
+    place = {c.label: k for k, c in enumerate(fit.normal.coordinates)}
+    sd = fit.error()
+    for p in card.parameters:
+        name = f"{effect}.{p.name}"
+        own = f"saturation.{p.name}" if effect == "cross_saturation" else name
+        if card.polar and p.name == card.polar[0]:
+            c, s = place[f"{name} cosine"], place[f"{name} sine"]
+            x, y = fit.normal.x[c], fit.normal.x[s]
+            size = max(math.hypot(x, y), 1e-300)
+            out[name] = interval(size, Z95 * math.hypot(x * sd[c], y * sd[s]) / size)
+            turn = min(math.hypot(y * sd[c], x * sd[s]) / size**2, math.pi)
+            out[f"{effect}.{card.polar[1]}"] = interval(math.atan2(y, x), Z95 * turn)
+        elif own in place:
+            k = place[own]
+            found = interval(float(fit.normal.x[k]), Z95 * float(sd[k]))
+            value, *ends = (public(p.fit, z) for z in (found["value"], *found["ci95"]))
+            out[name] = {"value": value, "ci95": sorted(ends)}
+    return out
+
+
+def public(form: str, x: float) -> float:
+    """Return a parameter from its coordinate."""
+    if form == "log":
+        return math.exp(x)
+    if form == "reciprocal":
+        return 1.0 / x if x > 0.0 else math.inf
+    return x
+
+
+def interval(value: float, half: float) -> dict[str, Any]:
+    """Return a parameter with its 95 % interval."""
+    return {"value": value, "ci95": [value - half, value + half]}
 
 
 def inverse_root(diagonal: Array) -> Array:
     """Return what scales a matrix' diagonal to 1; 0 where a column moves nothing, which leaves it out."""
     least = 1e-24 * float(np.max(diagonal, initial=1e-200))
     return np.where(diagonal > least, 1.0 / np.sqrt(np.maximum(diagonal, least)), 0.0)
-
-
-def cost(n: Normal, at: Mapping[str, float], centre: Mapping[str, float], sd: Mapping[str, float]) -> float:
-    """Return residual and prior terms at the set where the normal equations were taken."""
-    return float(np.sum(n.squares)) + sum(((at[k] - centre[k]) / s) ** 2 for k, s in sd.items())
-
-
-def refused(n: Normal, at: Mapping[str, float], name: str, dx: float) -> bool:
-    """Tell whether a step would leave a parameter's lower bound, where it stands already."""
-    if n.coordinates[n.names.index(name)].startswith("1/"):
-        return dx < 0.0
-    p = BENCH.get(name) or library.parameters()[name]
-    return dx < 0.0 and at[name] <= p.low
-
-
-def rms(prepared: Prepared, at: Mapping[str, float]) -> float:
-    """Return the residual over the floor at a set: all currents, motion and angles."""
-    parts = []
-    for r in residuals(prepared, replay(prepared, [at])):
-        parts += [x.ravel() for x in (r.current, r.motion, r.angle) if x is not None]
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
-
-
-def moved(at: Mapping[str, float], n: Normal, chosen: Sequence[str], dx: Array) -> dict[str, float]:
-    """Return the set after a step, inside the parameters' bounds; coordinates "1/name" from infinity."""
-    out = dict(at)
-    for name, x in zip(chosen, dx, strict=True):
-        value = float(at[name]) + float(x)
-        if n.coordinates[n.names.index(name)].startswith("1/"):
-            value = 1.0 / max(float(x), 1e-30)
-        p = BENCH.get(name) or library.parameters()[name]
-        out[name] = min(max(value, p.low), p.high)
-    if math.isfinite(out.get(STIFFNESS, math.inf)) and not out.get(LOAD, 0.0) > 0.0:
-        out[STIFFNESS], out[LOAD] = math.inf, 0.0  # a shaft without load is rigid
-    return consistent(out)
-
-
-def consistent(values: Mapping[str, float]) -> dict[str, float]:
-    """Return the set with the cross part of saturation equal to saturation's own."""
-    out = dict(values)
-    for alpha in library.SHARED:
-        if f"saturation.{alpha}" in out:
-            out[f"cross_saturation.{alpha}"] = out[f"saturation.{alpha}"]
-    return out
-
-
-def start(campaign: Campaign) -> tuple[Prepared, dict[str, float]]:
-    """Return the campaign prepared at its nominal set, and that set completed."""
-    return prepare(campaign, steps=1), complete(campaign.drive.motor, campaign.drive.converter)
-
-
-def refit(
-    campaign: Campaign, prepared: Prepared, at: Mapping[str, float], free: Sequence[str], rounds: int
-) -> dict[str, float]:
-    """Return the set after Gauss-Newton rounds of the ordinary deviations and the free parameters of an effect.
-
-    The campaign stays prepared as it is, so that costs of different effects compare.
-    """
-    centre = complete(campaign.drive.motor, campaign.drive.converter)
-    sd = {k: s for k, s in priors(campaign).items() if k not in free}
-    names = list(dict.fromkeys([*priors(campaign), *free]))
-    values = dict(at)
-    for _ in range(rounds):
-        n = normal(prepared, names, values)
-        values = moved(values, n, names, step(n, values, centre, sd, names)[0])
-    return values
-
-
-def parameters_of(effect: str) -> list[str]:
-    """Return the parameters of an effect that a screening varies; the cross part under saturation's names."""
-    if effect == "cross_saturation":
-        return [f"saturation.{alpha}" for alpha in library.SHARED]
-    own = [n for n in all_parameters() if n.partition(".")[0] == effect]
-    skipped = ("frequency", "order_mech", "width", "stribeck_torque", "stribeck_speed", "damping_ratio", "phase")
-    return [n for n in own if n.rpartition(".")[2] not in skipped]

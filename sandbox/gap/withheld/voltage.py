@@ -22,8 +22,9 @@ from model.effects.library import effect_names
 from model.energy import flux_newton
 from model.parameters import Motor
 from sandbox.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.gap.space import ordinary as stated
 from sandbox.gap.withheld.baselines import Answer, answer
-from sandbox.gap.withheld.refit import inverse_root, priors
+from sandbox.gap.withheld.refit import inverse_root
 from sandbox.replay.inputs import noise_floor
 from sandbox.replay.replay import prepare
 
@@ -219,7 +220,8 @@ def normal_matrix(
 
 def background(campaign: Campaign, places: dict[str, list[int]]) -> tuple[list[int], NDArray[np.float64]]:
     """Return the places of the ordinary deviations and their prior weights, at all places."""
-    sd, weight = priors(campaign), np.zeros(1 + max(max(p) for p in places.values()))
+    sd = {c.names[0]: c.deviation for c in stated(campaign)}
+    weight = np.zeros(1 + max(max(p) for p in places.values()))
     motor = campaign.drive.motor
     sizes = {
         "stator_resistance": [sd["stator_resistance.resistance"]],

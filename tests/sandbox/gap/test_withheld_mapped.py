@@ -30,7 +30,7 @@ def test_a_map_is_drawn_only_where_its_data_are(monkeypatch):
     monkeypatch.setattr(mapped, "locate", lambda name: None)
     assert "SENSORLESS_DATA" in mapped.missing()
     assert outside_names() == list(OUTSIDE)
-    listed = cases(200, 1, "mixed", "scored", [*OUTSIDE, mapped.FLUX_MAP])
+    listed = cases(300, 1, "mixed", "scored", [*OUTSIDE, mapped.FLUX_MAP])
     own = [c for c in listed if c.outside == mapped.FLUX_MAP]
     assert {(c.kind, c.family, c.sizes) for c in own} == {("outside", "mapped", (1.0,))}
     assert len(own) >= 3
