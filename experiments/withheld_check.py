@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 RESULTS = Path(__file__).parent / "results" / "withheld"
-MIXED, CONTROLS = (200, 20261123), (300, 20261124)  # campaigns, seed
+MIXED, CONTROLS = (200, 20261131), (300, 20261132)  # campaigns, seed
 LEFT_OUT = 0.2  # of single effects of medium size or more
 BESIDE = 60  # campaigns that the simple methods are scored on, too
 

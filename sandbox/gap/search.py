@@ -32,7 +32,7 @@ TRIED = 0.5  # share of what slopes promise that a size that was tried has to re
 FAR = 1.02  # normalised rms above which effects are screened alone, too
 BEHIND, RIVAL = 400.0, 0.003  # log evidence, and share of the gap, behind which a fit is no rival
 JUDGED = 4
-BUDGET, LAST = 1250, 1400  # simulations after which sets grow no further, and after which no rival is looked for
+BUDGET, LAST = 1350, 1500  # simulations after which sets grow no further, and after which no effect is exchanged
 LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
 CLOSE, EXCHANGED = 60.0, 2  # log evidence within which another effect may stand in one's place; most of them tried
 NEAR = 10.0  # times the best set's excess over noise, up to which another set grows on, too
@@ -146,10 +146,9 @@ def search(
     rivals = sorted((f for f in fits.values() if f.objective <= gate), key=lambda f: f.objective)[:JUDGED]
     judged = [judge(f, chosen, share, weights, workers) for f in rivals]
     for _ in range(MOST - 1):
-        if cost + sum(j.simulations for j in judged) > LAST:
-            break
+        exchange = EXCHANGED if cost + sum(j.simulations for j in judged) < LAST else 0
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
-        others = _neighbours(best, fits, known, chosen, weights, workers)
+        others = _neighbours(best, fits, known, chosen, exchange, weights, workers)
         cost += sum(f.simulations for f in others if f.effects not in fits)
         fits |= {f.effects: f for f in others}
         judged += [judge(f, chosen, share, weights, workers) for f in others]
@@ -162,6 +161,7 @@ def _neighbours(
     fits: Mapping[tuple[str, ...], Fit],
     known: set[tuple[str, ...]],
     chosen: Sequence[Probe],
+    exchange: int,
     weights: Weights,
     workers: int,
 ) -> list[Fit]:
@@ -176,7 +176,7 @@ def _neighbours(
         if best.table.log_evidence(rest) < best.log_evidence - LITTLE:
             others = [tuple(sorted((*rest, e))) for e in best.table.members if e not in best.effects]
             told = {k: best.table.log_evidence(k) for k in others}
-            keys = [k for k in sorted(told, key=lambda k: -told[k]) if told[k] > best.log_evidence - CLOSE][:EXCHANGED]
+            keys = [k for k in sorted(told, key=lambda k: -told[k]) if told[k] > best.log_evidence - CLOSE][:exchange]
         own = [k for k in neutral if k.startswith(f"{effect}.") and k not in kept]
         off = {k: neutral[k] for k in own if k.partition(".")[2] not in library.SHARED}
         values = {**best.fit.point.values, **off}
