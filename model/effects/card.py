@@ -67,6 +67,7 @@ class Effect:
     confused_with: tuple[str, ...]
     separated_by: str
     polar: tuple[str, str] | None = None  # amplitude and phase that are fitted as cosine and sine
+    trace: float = 1.0  # of the size an ordinary trace may have in a diagnosis: less where a simulation meets it better
 
 
 def saturation_size(motor: Motor, alpha: str) -> float:

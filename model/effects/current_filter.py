@@ -26,8 +26,10 @@ CARD = Effect(
     region="grows with voltage and speed",
     confused_with=("current_sampling", "pwm_delay", "iron_loss"),
     separated_by=(
-        "none between a short filter and late sampling; a time constant beyond the zero vector shows at large duty"
+        "driven rotor with the DC link nearly used up: the zero vector is then shorter than the time constant, and "
+        "late or early sampling reads otherwise"
     ),
+    trace=0.3,
 )
 
 

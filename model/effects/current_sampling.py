@@ -26,5 +26,9 @@ CARD = Effect(
     order="1 at speed, no injection band within the zero vector",
     region="grows with speed (back-EMF) and current",
     confused_with=("current_filter", "pwm_delay", "encoder_offset"),
-    separated_by=("driven rotor at high speed under current, both directions; large duty shortens the zero vector"),
+    separated_by=(
+        "driven rotor at high speed under current, both directions, with the DC link nearly used up, which shortens "
+        "the zero vector"
+    ),
+    trace=0.3,
 )

@@ -39,7 +39,7 @@ class Diagnosis:
     """All that a diagnosis found; `sandbox.gap.contract.contract` puts it into `diagnosis.json`.
 
     nominal, before, after: the campaign at the nominal model, after refitting ordinary deviations only, and with the
-    best hypothesis.  hypotheses: the most probable first.  temperature: how much log evidence was divided by.
+    best hypothesis.  hypotheses: the most probable first.  temperature: for how much less the data counted.
     """
 
     campaign: Campaign

@@ -153,6 +153,7 @@ def shaft(values: Mapping[str, float], pole_pairs: float, period: float) -> Call
     motor = total - load if compliant else total
 
     def move(torque: Sequence[float] | Array) -> Array:
+        """Return the angle (n,) in rad electrical of a torque (n,) in N m."""
         out = np.zeros(len(torque))
         angle = speed = twist = load_speed = 0.0
         inner = 4

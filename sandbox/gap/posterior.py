@@ -1,7 +1,7 @@
 """Probabilities over hypotheses: evidence tempered by the simulator's own misfit, a prior on the number of effects.
 
-Blocks of residuals that are alike carry less information than their samples; the log evidence is divided by how much
-they widen the variance of estimates at the best hypothesis (Pauli, Racugno, Ventura, Stat. Sinica 21 (2011) 149, for
+Blocks of residuals that are alike carry less information than their samples; the data counts for as much less as they
+widen the variance of estimates at the best hypothesis (Pauli, Racugno, Ventura, Stat. Sinica 21 (2011) 149, for
 composite likelihoods).  `unknown` beside or instead of named effects: how likely what remains is no effect of the
 library, from its size against what the simulator is known to miss (`remainder`).
 """

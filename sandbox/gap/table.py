@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.effects import library
 from sandbox.gap.evidence import Algebra, Prior, algebra, prior_of
 from sandbox.gap.fit import Fit, Weights, objective, tried
 from sandbox.gap.normal import Normal, Point, normal
@@ -30,8 +31,6 @@ ROUNDS, SETTLED = 8, 0.5  # steps to a table's most probable point; promised gai
 SIZES = (1.0, 0.5, 0.25, 0.125)  # shares of an effect's wide prior, alike in probability
 TRACE = 4.0  # deviations that a trace may have, to either side
 SMALL, LARGEST, GROWS = 0.01, 0.06, 7.0  # shares of the wide prior; normalised rms that doubles the smallest
-
-SHARP = {"current_filter": 0.3, "current_sampling": 0.3}  # instants of reading are met better: of that share
 
 
 @dataclass(frozen=True)
@@ -152,7 +151,7 @@ def table(
         else:
             own = probe_coordinates(point, probe, "")
         for c in own:
-            own_share = share * SHARP.get(probe.effect, 1.0)
+            own_share = share * library.load_effect(probe.effect).trace
             narrow.setdefault(c.label, c if is_shape(c, probe) else replace(c, deviation=own_share * c.deviation))
             if c.deviation >= claimed.get(c.label, c).deviation:
                 claimed[c.label] = c

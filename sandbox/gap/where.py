@@ -73,7 +73,7 @@ def possible(d: Diagnosis, shares: Mapping[str, float]) -> tuple[Finding, ...]:
     chance = 1.0 - sum(h.probability for h in d.hypotheses if not h.effects)
     return () if chance < WORTH else tuple(
         Finding(
-            name, "currents", "all speeds", None, chance * share,
+            name, "", "", None, chance * share,
             f"If there is a gap at all ({percent(chance)} probable), {percent(share)} of it is expected in the "
             f"{NAMES[name]}.",
         )

@@ -18,7 +18,7 @@ from model.frames import stationary
 from model.parameters import Converter, Motor
 from sandbox.campaign import Campaign, CampaignRecording
 from sandbox.replay import lanes
-from sandbox.replay.kernel import COLUMNS, EDGE
+from sandbox.replay.kernel import COLUMNS, EDGE, FIRST_A, SQUARE_BB
 from sandbox.replay.sets import compile_set, complete
 from sandbox.replay.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
 
@@ -80,7 +80,7 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
     duty = duties(r.u_alpha, r.u_beta, r.u_dc)
     table[:, 0:2] = (2.0 / 3.0) * duty @ LEGS
     table[:, 2:5] = duty
-    table[:, 15:20] = ripple_moments(duty, period)
+    table[:, FIRST_A : SQUARE_BB + 1] = ripple_moments(duty, period)
     load = np.asarray(r.columns.get("load_torque", np.zeros(n)))
     motion = _motion(campaign, r, base, load, count)
     table[:, 5] = motion.speed

@@ -143,6 +143,7 @@ def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Pred
     moved = [np.empty(shape if f else (1, lanes.LANES)) for f, shape in zip(free, shapes, strict=True)]
 
     def task(job: tuple[int, int]) -> None:
+        """Fill in what one block of sets predicts for one recording."""
         r, b = job
         run_block(prepared, prepared.recordings[r], blocks[b], currents[r], moved[r], b * lanes.LANES)
 

@@ -168,6 +168,7 @@ def slopes(
     jobs.sort(key=lambda job: -len(prepared.recordings[job[0]].table) * job[1].features.bit_count())
 
     def task(job) -> None:
+        """Fill in the slopes of one block of sets on one recording."""
         r, block, columns, first = job
         inputs, n = prepared.recordings[r], len(prepared.recordings[r].table)
         current = np.empty((n, 3, lanes.LANES))

@@ -79,6 +79,7 @@ def driven_motion(t: Array, theta: Array, pole_pairs: float, count: float) -> Mo
         wobble = np.stack([np.sin(theta / pole_pairs), np.cos(theta / pole_pairs)], axis=1)
 
     def fit(corners: Array) -> tuple[Motion, Array]:
+        """Return the motion with ramps from corner to corner (s), and what is left of the reading (n,)."""
         angle, speed = _ramps(t, np.concatenate([[0.0], corners, [end]]))
         a = np.column_stack([np.ones_like(t), angle, wobble])
         x = np.linalg.lstsq(a, theta, rcond=1e-12)[0]

@@ -50,6 +50,7 @@ def run_make(options: argparse.Namespace) -> None:
     from sandbox.gap.withheld.mapped import missing
 
     def announce(digest: str) -> None:
+        """Print the seal's hash before anything is recorded."""
         if not options.quiet:
             print(f"truth sealed, SHA-256 {digest}", flush=True)
             if options.kind == "mixed" and (reason := missing()):

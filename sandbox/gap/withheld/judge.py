@@ -85,6 +85,7 @@ def alike(one: frozenset[str], other: frozenset[str]) -> bool:
     """Tell whether two sets of effects are the same up to effects of which one contains the other."""
 
     def plain(effects: frozenset[str]) -> frozenset[str]:
+        """Return a set with each effect under the name of its group."""
         return frozenset("+".join(sorted(next((g for g in INSEPARABLE if e in g), {e}))) for e in effects)
 
     return plain(one) == plain(other)

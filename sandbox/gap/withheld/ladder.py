@@ -95,6 +95,7 @@ def plant(name: str, motor: Motor, converter: Converter, size: float, rng: Gener
     """Return what an effect of the library changes on a drive; size: multiple of the medium one."""
 
     def off(field_: str, step: float) -> float:
+        """Return the motor's value as it is believed, steps of its logarithm off."""
         return float(getattr(motor, field_)) * math.exp(-size * step)
 
     if name in ("stator_resistance", "magnet_flux", "inertia"):

@@ -62,16 +62,20 @@ def columns_of(campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float
     omega = np.gradient(theta, period)
 
     def flux(m: Motor, current: Complex, angle: Complex) -> Complex:
+        """Return a motor's flux linkage (Wb, stationary) at currents (A) and angles (unit phasors)."""
         local = current / angle
         return np.asarray((fluxes(m.energy, local.real.copy(), local.imag.copy()) + m.magnet_flux) * angle)
 
     def slope(psi: Complex) -> Complex:
+        """Return the voltage (V) that a flux linkage takes between samples."""
         return np.asarray(np.diff(psi) / period)
 
     def middle(x: Any) -> Any:
+        """Return means of neighbours."""
         return 0.5 * (x[1:] + x[:-1])
 
     def by(field: str) -> Complex:
+        """Return how that voltage answers to a motor's value."""
         h = SHARE * max(abs(getattr(motor, field)), 1e-9)
         values: Any = {field: getattr(motor, field) + h}
         return slope((flux(replace(motor, **values), i, turn) - psi) / h)
@@ -131,6 +135,7 @@ def mechanical(campaign: Campaign, r: CampaignRecording, theta, omega, psi: Comp
     lag = LAG / period
 
     def slow(x) -> Complex:
+        """Return what a lag lets through."""
         return smoothed(np.asarray(x, dtype=complex), lag)[:-1]
 
     return {
