@@ -42,9 +42,15 @@ def follow_all(
     progress: Callable[[float], None] | None = None,
 ) -> None:  # fmt: skip
     """Make the recording asked for of each campaign that has no report here yet, and diagnose it with the rest."""
-    left = [n for n in asked if not (reports / f"{n}.json").exists()]
+    left = [n for n in asked if not reported(reports, n)]
     tasks = [_Task(folder / CAMPAIGNS / n, (), reports, asked[n], drawn_again(content, n)) for n in left]
     _spread(diagnose, tasks, jobs, progress)
+
+
+def reported(reports: Path, name: str) -> bool:
+    """Tell whether a campaign has a report; one that says why diagnosing failed is worth another try."""
+    path = reports / f"{name}.json"
+    return path.exists() and b'"failed":' not in path.read_bytes()
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,7 @@ class _Task:
 def _spread(
     diagnose: Diagnose, tasks: Sequence[_Task], jobs: int, progress: Callable[[float], None] | None
 ) -> None:  # fmt: skip
-    left = [t for t in tasks if not (t.reports / f"{t.name}.json").exists()]
+    left = [t for t in tasks if not reported(t.reports, t.name)]
     for done, _ in enumerate(spread(partial(_one, diagnose), left, jobs, _lost), 1):
         if progress is not None:
             progress(done / len(left))

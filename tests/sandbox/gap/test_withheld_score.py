@@ -1,5 +1,6 @@
 """Scoring a withheld check with diagnoses whose worth is known, and its limits against closed forms."""
 
+import hashlib
 import json
 import math
 from types import SimpleNamespace
@@ -330,3 +331,60 @@ def test_no_check_is_refused(tmp_path):
         score(tmp_path, Oracle())
     with pytest.raises(BadInput, match="is no share"):
         score(tmp_path, Oracle(), leave_out=2.0)
+
+
+def test_what_failed_is_tried_again(check):
+    assert score(check, Oracle(failing="w000"), limit=1).judged[0].failed
+    second = Oracle()
+    assert not score(check, second, limit=1).judged[0].failed
+    assert [name for name, _ in second.calls] == ["w000"]
+
+
+def test_a_changed_truth_is_refused_before_anything_is_diagnosed(check):
+    (check / "truth.sealed").write_bytes((check / "truth.sealed").read_bytes() + b" ")
+    oracle = Oracle()
+    with pytest.raises(BadInput, match="truth was changed"):
+        score(check, oracle)
+    assert not oracle.calls
+
+
+@pytest.mark.parametrize("text", [b"", b"\xff\xfe\x00", b"   \n"])
+def test_a_damaged_hash_is_one_sentence(check, text):
+    (check / "SHA256").write_bytes(text)
+    with pytest.raises(BadInput, match="SHA"):
+        score(check, Oracle())
+
+
+@pytest.mark.parametrize("text", ["{}", "[]", "no JSON", '{"campaigns": 3}'])
+def test_a_seal_without_a_truth_is_one_sentence(check, text):
+    (check / "truth.sealed").write_text(text)
+    (check / "SHA256").write_text(hashlib.sha256(text.encode()).hexdigest())
+    with pytest.raises(BadInput, match="holds no truth"):
+        score(check, Oracle())
+
+
+@pytest.mark.parametrize(
+    "report",
+    [{}, {"hypotheses": []}, {"hypotheses": [{"effects": ["a"], "probability": "high"}]}, {"campaign": "w001"}],
+)
+def test_a_damaged_report_or_anothers_is_one_sentence(check, report):
+    score(check, Oracle())
+    whole = json.loads((check / "diagnoses" / "w000.json").read_text())
+    new = {**whole, **report} if report else report
+    (check / "diagnoses" / "w000.json").write_text(json.dumps(new))
+    with pytest.raises(BadInput, match="holds no report of w000"):
+        score(check, Oracle())
+
+
+def test_a_foreign_campaign_is_named(check):
+    (check / "campaigns" / "w900").mkdir()
+    with pytest.raises(BadInput, match="w900' is no campaign of this check"):
+        score(check, Oracle())
+
+
+def test_the_page_of_several_effects_only_has_no_confusion(check, tmp_path):
+    """Confusion counts single causes: none among campaigns of several effects."""
+    content = score(check, Oracle()).as_json()
+    content["confusion"] = {"truth": [], "verdict": [], "counts": []}
+    withheld_figure({**content, "methods": {"diagnosis": content}}, tmp_path / "page.png")
+    assert (tmp_path / "page.png").stat().st_size > 10_000
