@@ -93,6 +93,7 @@ def test_a_gap_in_time_names_its_row(tmp_path):
         ("resistance = 12.15", "resistance = -1", "resistance = -1.0 is out of range"),
         ("[background]", "[backgrund]", "unknown table 'backgrund'; did you mean 'background'"),
         ("current_gain = 0.002", "current_gain = -1", "current_gain = -1 is no standard deviation"),
+        ("current_gain = 0.002", "current_gain = inf", "current_gain = inf is no standard deviation"),
         ('rotor = "locked"', 'rotor = ["locked"]', r"rotor = \['locked'\] in \[\[recording\]\] is not a text"),
     ],
 )

@@ -19,11 +19,13 @@ from sandbox.design import design
 from sandbox.gap import where as places
 from sandbox.gap.answers import answer, caveats, far_text, linear, next_text, which_text
 from sandbox.gap.contract import contract
+from sandbox.gap.decompose import decompose
 from sandbox.gap.estimates import Estimate
 from sandbox.gap.position import carrier_at, errors
 from sandbox.gap.report import write_report
+from sandbox.gap.spectrum import shown
 from sandbox.gap.where import subsystems
-from sandbox.gap.words import quantity
+from sandbox.gap.words import quantity, times
 from sandbox.injection import carrier
 from sandbox.record import campaign_of
 from sandbox.report import plain
@@ -267,3 +269,34 @@ def test_a_point_that_no_drive_can_have_is_not_shown(small_answers, monkeypatch)
 
     monkeypatch.setattr(places, "complete", refused)
     assert places.without(d, "inverter", alone=False) is d.before.point
+
+
+def with_size(a, **changes):
+    d = a.diagnosis
+    return dataclasses.replace(a, diagnosis=dataclasses.replace(d, size=dataclasses.replace(d.size, **changes)))
+
+
+def test_what_grows_is_not_said_to_fall(small_answers):
+    assert small_answers.verdict != "no_gap"
+    worse = with_size(small_answers, before=43.1, after=85.4, closed=-2.927, closed_ci95=None)
+    assert far_text(worse).startswith("Not at all: residuals grow from 43.1 times to 85.4 times the noise floor")
+    lost = with_size(small_answers, before=215.0, after=math.nan, closed=math.nan, closed_ci95=None)
+    assert far_text(lost).startswith("Not at all: what was fitted to the others predicts nothing finite")
+    assert "nan" not in far_text(lost)
+
+
+@pytest.mark.parametrize(("x", "text"), [(1.0, "1.00 times"), (12.34, "12.3 times"), (1.7e6, "1,700,000 times")])
+def test_multiples_have_no_exponents(x, text):
+    assert times(x) == text
+
+
+def test_a_file_keeps_its_name_in_a_sentence(small_answers):
+    """Its capitals, too; a subsystem's details are shares of its own part."""
+    part = dataclasses.replace(
+        decompose(small_answers.diagnosis.before.point, shown(small_answers.diagnosis.before.point)),
+        recordings={"Locked_STEPS.parquet": 0.8},
+    )
+    told = [f.text for f in places.sentences("sensor", 0.5, part, 12)]
+    assert any("Of the sensors' part 80 % is in Locked_STEPS.parquet" in t for t in told)
+    whole = [f.text for f in places.sentences("sensor", 1.0, part, 12)]
+    assert any("80 % of the gap is in Locked_STEPS.parquet" in t for t in whole)
