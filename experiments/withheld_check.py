@@ -52,6 +52,16 @@ def table(content: dict[str, Any], goals: dict[str, str]) -> list[str]:
     return lines
 
 
+def details(method: dict[str, Any]) -> list[str]:
+    """Return how single effects fare by size, which campaigns were missed and which recordings settled nothing."""
+    sizes = ", ".join(f"{s}: {cell(f['top1'])}" for s, f in method["by_size"].items())
+    lines = [f"Top-1 of single effects by size: {sizes}.", ""] if sizes else []
+    for key, text in (("missed", "First hypothesis wrong"), ("unresolved", "Not settled by the recommended recording")):
+        told = "; ".join(" ".join(x).replace("_", " ") for x in method[key])
+        lines += [f"{text}: {told}.", ""] if told else []
+    return lines
+
+
 def main(work: Path, jobs: int) -> None:
     """Run whatever is left of the check and write its results."""
     from sandbox.gap.withheld.metrics import GOALS
@@ -60,7 +70,10 @@ def main(work: Path, jobs: int) -> None:
     make(mixed, "mixed", *MIXED, jobs)
     make(controls, "controls", *CONTROLS, jobs)
     RESULTS.mkdir(parents=True, exist_ok=True)
-    lines = [f"Made {date.today()} by `python -m experiments.withheld_check`; limits are one-sided 95 %."]
+    lines = [
+        f"Made {date.today()} by `python -m experiments.withheld_check`; limits are one-sided 95 %. What each metric"
+    ]
+    lines += ["counts is said in [the check's README](../../../sandbox/gap/withheld/README.md)."]
     lines += ["Confusion, reliability and detection floors: [mixed.png](mixed.png).", ""]
     first = "Campaigns with one to three effects, none, or one outside the library"
     for name, folder, options, title in (
@@ -71,7 +84,11 @@ def main(work: Path, jobs: int) -> None:
         sensorless("withheld", "score", folder, *options, "--jobs", jobs)
         content = json.loads((folder / "withheld.json").read_text())
         lines += [f"## {title}", "", f"Seal SHA-256 `{(folder / 'SHA256').read_text().split()[0]}`.", ""]
-        lines += [*table(content, GOALS), ""]
+        lines += [
+            *table(content, GOALS),
+            "",
+            *(details(content["methods"]["diagnosis"]) if name != "baselines" else []),
+        ]
         for suffix in (".json", ".png"):
             shutil.copyfile(folder / f"withheld{suffix}", RESULTS / f"{name}{suffix}")
     (RESULTS / "README.md").write_text("\n".join(lines))
