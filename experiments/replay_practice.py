@@ -31,6 +31,7 @@ def step_time(prepared: Prepared, effects: dict[str, float], workers: int = 1, s
     per_block = [[(r, b) for r, b in jobs if b is block] for block in blocks]
 
     def task(own) -> None:
+        """Replay the recordings of one block of sets."""
         for r, b in own:
             run_block(prepared, r, b, *room[id(b)], 0)
 

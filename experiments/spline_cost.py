@@ -70,6 +70,7 @@ def per_call(f: Callable[..., float], m: AnyEnergy | Plant) -> Callable[[], floa
     """Return a timer of f(m, COUNT) in ns a turn of its loop."""
 
     def timed() -> float:
+        """Return ns a turn."""
         t = time.perf_counter()
         f(m, COUNT)
         return (time.perf_counter() - t) / COUNT * 1e9
@@ -86,6 +87,7 @@ def main() -> None:
     scenario = load_scenario("staircase")
 
     def whole(name: str) -> Callable[[], float]:
+        """Return a timer of a whole comparison, CPU s."""
         return lambda: sum(run.cpu_seconds for run in compare(drives[name], scenario).runs)
 
     costs = {

@@ -132,6 +132,7 @@ def _step(tables, resistance, x, u, theta, speed, at):
         th = theta + speed * h * n
 
         def slope(x, th, at):
+            """Return the flux linkage's slope (V, stationary) and where the table was read."""
             at = tables.current(_split(x * np.exp(-1j * th)), th, at)
             return u - resistance * (at[:, 0] + 1j * at[:, 1]) * np.exp(1j * th), at
 

@@ -218,6 +218,7 @@ def _details(
     name: str, share: float, part: Decomposition, recordings: int, channel: str, mostly: str
 ) -> Iterator[Finding]:
     def one(of: float, text: str, order: float | None = None, at: str = channel) -> Finding:
+        """Return a finding on a share of this subsystem's part."""
         part = share * min(of, 1.0)  # a region's excess may outdo the whole where others fall below their floor
         said = f"{percent(part)} of the gap {text}."
         if share < 1.0 - LEAST:
