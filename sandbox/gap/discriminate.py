@@ -5,7 +5,8 @@ follow.  What it cannot follow is the expected log evidence for A,
 
     gain = 1/2 (r'r - g' (A + C^-1)^-1 g),
 
-C the covariance of B's fit; the data of both count for as much less as the temperature says.  The smaller of both
+C the covariance of B's fit, less what the recording's own preparation leaves of the truth itself; the data of both count
+for as much less as the temperature says.  The smaller of both
 directions counts.
 """
 
@@ -53,6 +54,8 @@ def expected_evidence(campaign: Campaign, entry: Entry, a: Judged, b: Judged, te
     told = replace(planned, recordings=(replace(planned.recordings[0], columns=columns),))
     belief = dict(b.fit.point.values)
     point = Point(as_predicted(prepare(told, belief, steps=1), truth), belief)
+    itself = Point(as_predicted(prepare(told, truth, steps=1), truth), truth)
+    left = normal(itself, ()).summed()[2] / temperature  # what the recording's own preparation leaves of the truth
     own = [c for c in b.normal.coordinates if c.form not in ("turn", "share")]
     n = normal(point, own)
     a_all, g_all, rr_all = (x / temperature for x in n.summed())
@@ -63,7 +66,7 @@ def expected_evidence(campaign: Campaign, entry: Entry, a: Judged, b: Judged, te
     prior = np.diag([c.deviation**-2 for c in n.coordinates])
     prior[: len(own), : len(own)] = np.linalg.inv(covariance)
     follow = g_all @ np.linalg.solve(a_all + prior, g_all)
-    return float(0.5 * (rr_all - follow))
+    return float(0.5 * (rr_all - follow - left))
 
 
 def encoded(planned: Campaign, truth: Mapping[str, float]) -> Campaign:

@@ -32,7 +32,9 @@ TRIED = 0.5  # share of what slopes promise that a size that was tried has to re
 FAR = 1.02  # normalised rms above which effects are screened alone, too
 BEHIND, RIVAL = 400.0, 0.003  # log evidence, and share of the gap, behind which a fit is no rival
 JUDGED = 4
-BUDGET, LAST = 1350, 1500  # simulations after which sets grow no further, and after which no effect is exchanged
+BUDGET, FURTHER = 1300, 1700  # simulations after which sets grow no further; where they have explained most so far
+PROMISING = 0.2  # of the excess over noise: a set that leaves less has explained most
+LAST = 1500  # simulations after which no effect is exchanged
 LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
 CLOSE, EXCHANGED = 60.0, 2  # log evidence within which another effect may stand in one's place; most of them tried
 NEAR = 10.0  # times the best set's excess over noise, up to which another set grows on, too
@@ -106,13 +108,14 @@ def search(
     cost += null.simulations
     parents, share = [null], ordinary_share(_rms(null))
     for depth in range(MOST):
-        if cost > BUDGET:
+        budget = FURTHER if min(map(_excess, fits.values())) < PROMISING * _excess(null) else BUDGET
+        if cost > budget:
             break
         ranked, spent = _candidates(parents, set(fits), chosen, share, weights, workers)
         cost += spent
         new: list[Fit] = []
         for key, parent, begin, promised in ranked[: FITTED[depth]]:
-            if new and (cost > BUDGET or _settles(new, null, promised)):
+            if new and (cost > budget or _settles(new, null, promised)):
                 break
             report(f"fitting {' + '.join(key)}")
             at = replace(parent.point, values={**parent.point.values, **begin})
