@@ -5,9 +5,8 @@ follow.  What it cannot follow is the expected log evidence for A,
 
     gain = 1/2 (r'r - g' (A + C^-1)^-1 g),
 
-C the covariance of B's fit, less what the recording's own preparation leaves of the truth itself; the data of both count
-for as much less as the temperature says.  The smaller of both
-directions counts.
+C the covariance of B's fit, less what the recording's own preparation leaves of the truth itself; the data of both
+count for as much less as the temperature says.  The smaller of both directions counts.
 """
 
 from __future__ import annotations
