@@ -20,7 +20,7 @@ from typing import Any
 RESULTS = Path(__file__).parent / "results" / "withheld"
 MIXED, CONTROLS = (200, 20261131), (300, 20261132)  # campaigns, seed
 LEFT_OUT = 0.2  # of single effects of medium size or more
-BESIDE = 60  # campaigns that the simple methods are scored on, too
+BESIDE = 30  # campaigns that the simple methods are scored on, too: as long as the diagnosis of a dozen
 
 
 def sensorless(*arguments: object) -> None:

@@ -44,9 +44,11 @@ class Alike:
 
 
 def alike(d: Diagnosis) -> Alike | None:
-    """Return how alike the two most probable named hypotheses of an ambiguity set are; None where there is one only,
-    or where both are the same but for how large an ordinary deviation may be: then the prior decides."""
-    named = [h for h in d.ambiguity_set if UNKNOWN not in h.effects]
+    """Return how alike the two most probable fitted hypotheses of an ambiguity set are; None where there is one only
+    (what is too slight to fit has no fit to go to), or where both are the same but for how large an ordinary deviation
+    may be: then the prior decides."""
+    fitted = {id(j) for j in d.judged}
+    named = [h for h in d.ambiguity_set if UNKNOWN not in h.effects and id(h.judged) in fitted]
     if len(named) < 2:
         return None
     a, b = (h.judged for h in named[:2])

@@ -28,7 +28,7 @@ def pair(small_folder):
 
 def diagnosis(judged, temperature=1.0):
     members = tuple(Hypothesis(j.effects, 0.5, j) for j in judged)
-    return SimpleNamespace(ambiguity_set=members, temperature=temperature)
+    return SimpleNamespace(ambiguity_set=members, temperature=temperature, judged=tuple(judged))
 
 
 def left(columns, target, deviation):
@@ -79,3 +79,10 @@ def test_the_way_ends_at_both_fits(pair):
 
 def test_one_hypothesis_has_no_rival(pair):
     assert alike(diagnosis(pair[:1])) is None
+
+
+def test_what_was_not_fitted_has_no_fit_to_go_to(pair):
+    """A shaft's compliance by algebra, say, whose load's inertia is still 0."""
+    one = diagnosis(pair)
+    one.judged = (pair[0],)
+    assert alike(one) is None
