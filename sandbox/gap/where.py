@@ -184,7 +184,7 @@ def sentences(name: str, share: float, part: Decomposition, recordings: int) -> 
     if channel == "currents":
         direction, size = part.direction
         what = f"voltage {direction}" if size > 0.5 else "voltage in no single direction"
-        what = what.replace("voltage ", f"voltage, mostly ({percent(size)}) ") if 0.5 < size < 0.95 else what
+        what = what.replace("voltage ", f"voltage, mostly ({percent(size)}) ", 1) if 0.5 < size < 0.95 else what
         what += _dependence(part)
     else:
         what = f"{WHAT[channel]}, {mostly}"

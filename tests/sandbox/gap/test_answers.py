@@ -295,8 +295,10 @@ def test_a_file_keeps_its_name_in_a_sentence(small_answers):
     part = dataclasses.replace(
         decompose(small_answers.diagnosis.before.point, shown(small_answers.diagnosis.before.point)),
         recordings={"Locked_STEPS.parquet": 0.8},
+        directions={"along the voltage command": 0.7},
     )
     told = [f.text for f in places.sentences("sensor", 0.5, part, 12)]
     assert any("Of the sensors' part 80 % is in Locked_STEPS.parquet" in t for t in told)
     whole = [f.text for f in places.sentences("sensor", 1.0, part, 12)]
+    assert all(t.count("mostly") <= 1 for t in [*told, *whole])
     assert any("80 % of the gap is in Locked_STEPS.parquet" in t for t in whole)
