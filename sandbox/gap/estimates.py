@@ -76,7 +76,7 @@ def _of_effect(
         elif own in place:
             k = place[own]
             ends = (j.fit.coordinates[k].bounded(float(to[k])) for to in (x, *reach))
-            value, low, high = (_public(p.fit, y) for y in ends)
+            value, low, high = (public(p.fit, y) for y in ends)
             out[name] = Estimate(value, min(low, high), max(low, high), p.unit)
         elif p.scan and name in j.fit.point.values and p.fit == "fixed":
             value = j.fit.point.values[name]
@@ -84,7 +84,8 @@ def _of_effect(
     return out
 
 
-def _public(form: str, x: float) -> float:
+def public(form: str, x: float) -> float:
+    """Return a parameter from its coordinate."""
     if form == "log":
         return math.exp(x)
     if form == "reciprocal":

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from model.errors import BadInput
+from sandbox.gap.estimates import public
 from sandbox.gap.evidence import Prior, algebra, prior_of
 from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.probes import Probe, possible
@@ -162,15 +163,6 @@ def intervals(fit: Refit, effect: str) -> dict[str, Any]:
             value, *ends = (public(p.fit, z) for z in (found["value"], *found["ci95"]))
             out[name] = {"value": value, "ci95": sorted(ends)}
     return out
-
-
-def public(form: str, x: float) -> float:
-    """Return a parameter from its coordinate."""
-    if form == "log":
-        return math.exp(x)
-    if form == "reciprocal":
-        return 1.0 / x if x > 0.0 else math.inf
-    return x
 
 
 def interval(value: float, half: float) -> dict[str, Any]:
