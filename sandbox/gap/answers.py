@@ -14,7 +14,6 @@ from sandbox.campaign import Campaign
 from sandbox.gap.alike import Alike, alike
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.discriminate import Next, recommend
-from sandbox.gap.menu import DURATION
 from sandbox.gap.position import PositionError, position_error
 from sandbox.gap.posterior import UNKNOWN
 from sandbox.gap.regression import Remains, remains
@@ -59,20 +58,20 @@ def answer(
     report("position estimate")
     position = position_error(d)
     report("what to record next")
-    following = next_recording(d)
+    following = next_recording(d, workers)
     report("what remains")
     left = remains(d.after.point, d.held_out, d.size.before)
     return Answers(d, found, position, following, left, alike(d))
 
 
-def next_recording(d: Diagnosis) -> Next | None:
-    """Return the recording that would tell the named hypotheses of an ambiguity set apart; None with one of them.
-
-    Those not fitted predict what their neighbour does: no recording parts them.
-    """
+def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
+    """Return the recording that would tell the named hypotheses of an ambiguity set apart; None with one of them, or
+    where nothing but slight effects might be there beside ordinary deviations."""
+    rivals = [(h.probability, h.judged) for h in d.ambiguity_set if UNKNOWN not in h.effects]
     fitted = {id(j) for j in d.judged}
-    rivals = [h.judged for h in d.ambiguity_set if UNKNOWN not in h.effects and id(h.judged) in fitted]
-    return recommend(d.campaign, rivals, d.temperature) if len(rivals) > 1 else None
+    if not d.best.effects and sum(id(j) in fitted for _, j in rivals) < 2:
+        return None
+    return recommend(d.campaign, rivals, d.temperature, workers=workers)
 
 
 def linear(campaign: Campaign) -> Campaign:
@@ -171,9 +170,10 @@ def position_text(a: Answers) -> str:
 def next_text(a: Answers) -> str:
     """Return what to record or do next."""
     if a.following is not None:
-        pair = " from ".join(names(s) for s in a.following.separates)
-        chance = percent(a.following.power)
-        return f"Record: {a.following.description}, for {DURATION:g} s. It would tell {pair}, {chance} probable."
+        told, chance = "; ".join(names(s) for s in a.following.separates), percent(a.following.power)
+        return (
+            f"Record: {a.following.description}, for {a.following.seconds:g} s. It would tell apart {told}: {chance}."
+        )
     if a.verdict == "no_gap":
         return (
             "Nothing is needed, as far as these recordings see: the nominal model explains them once what "

@@ -19,7 +19,7 @@ from model.parameters import Drive
 from sandbox.campaign import Campaign, CampaignRecording
 
 Array = NDArray[np.float64]
-DURATION = 1.0  # s
+DURATION, FULL_RATE = 1.0, 8000.0  # s; Hz: faster drives record as many samples in less time
 SETTLE = 0.1  # s at the start, until open-loop currents stand
 FOLLOWS = 5e-3  # s: how slowly a bench's current control follows what is wanted; no step asks for the whole link
 FULL, TIGHTEST = 0.86, 0.25  # of the voltage limit at the most (control needs the rest); least share of the link
@@ -38,27 +38,34 @@ class Entry:
     speed: Array
     link: float = 1.0
     injection: tuple[float, float] = (0.0, 0.0)  # V on d and q, square wave
+    seconds: float = DURATION
 
 
 def ramp(t: Array, *points: tuple[float, float]) -> Array:
-    """Return straight lines through (share of the duration, value)."""
-    return np.asarray(np.interp(t / DURATION, [p[0] for p in points], [p[1] for p in points]))
+    """Return straight lines through (share of the duration, value); t (n,): shares of the duration."""
+    return np.asarray(np.interp(t, [p[0] for p in points], [p[1] for p in points]))
 
 
-def menu(drive: Drive) -> list[Entry]:
-    """Return the experiments for a drive."""
+def usual_seconds(drive: Drive) -> float:
+    """Return how long an experiment takes on a drive."""
+    return DURATION * min(1.0, FULL_RATE * drive.converter.sampling_period)
+
+
+def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
+    """Return the experiments for a drive; seconds: how long each takes (`usual_seconds`)."""
     period = drive.converter.sampling_period
-    t = np.linspace(0.0, DURATION, round(DURATION / period), endpoint=False)
+    seconds = usual_seconds(drive) if seconds is None else seconds
+    t = np.linspace(0.0, 1.0, round(seconds / period), endpoint=False)
     zero, one = np.zeros_like(t), np.ones_like(t)
-    fade = np.minimum(t / SETTLE, 1.0)
+    fade = np.minimum(seconds * t / SETTLE, 1.0)
     rate, pulse = drive.motor.rated_current, drive.injection.amplitude or 0.07 * drive.converter.dc_bus_voltage
     rated = drive.motor.rated_omega
-    around = math.tau * 2.0 * t / DURATION
+    around = math.tau * 2.0 * t
     crossing = 0.15 * np.sin(2.0 * around)
     steps = np.where(np.sin(3.0 * around) > 0.0, 0.6, -0.6)
     turn = 0.04 * rated
     stairs: Array = np.round(4.0 * ramp(t, (0.0, -1.0), (1.0, 1.0))) / 4.0
-    swing = 0.5 * np.sign(np.sin(math.tau * np.cumsum(5.0 + 75.0 * t / DURATION) * (t[1] - t[0])))
+    swing = 0.5 * np.sign(np.sin(math.tau * np.cumsum(5.0 + 75.0 * t) * period))
     both = ramp(t, (0.0, 0.8), (0.35, 0.8), (0.65, -0.8), (1.0, -0.8))
     link, top, high = tight(drive)
     out = [
@@ -89,7 +96,7 @@ def menu(drive: Drive) -> list[Entry]:
               zero, ramp(t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0)), zero),
         Entry("free_swing", "free rotor, torque reversed faster and faster", "free", zero, swing, zero),
     ]  # fmt: skip
-    return [replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q) for e in out]
+    return [replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q, seconds=seconds) for e in out]
 
 
 def tight(drive: Drive) -> tuple[float, float, float]:

@@ -38,7 +38,9 @@ def by_algebra(none: Judged, effect: str) -> Judged:
     kept = [k for k, c in enumerate(t.coordinates) if prior.deviation[k] > 0.0 or c.form == "turn"]
     own = [replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k])) for k in kept]
     n = part_of(t.normal, kept, own, prior.mean)
-    found = Fit(effects, t.point, n, t.equations.most_probable(prior)[2], 0.0)
+    x, _, objective = t.equations.most_probable(prior)
+    at = t.point.moved([t.coordinates[k] for k in kept], x[kept])
+    found = Fit(effects, at, n, objective, 0.0)
     return Judged(found, t, t.prior(effects), t.log_evidence(effects) - 0.5 * none.unmet, none.unmet, 0.0)
 
 

@@ -24,7 +24,12 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
     c.add_argument("folder", type=Path, metavar="DIR")
     c.add_argument("--count", type=positive, required=True, help="campaigns")
     c.add_argument("--seed", type=seed, default=0, help="of everything that is drawn (0)")
-    c.add_argument("--kind", default="mixed", choices=("mixed", "controls"), help="controls: shorter, without a gap")
+    c.add_argument(
+        "--kind",
+        default="mixed",
+        choices=("mixed", "controls", "pairs"),
+        help="controls: shorter, without a gap; pairs: one operating point, where two effects look alike",
+    )
     c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help="(scored)")
     _common(c, positive)
     c = steps.add_parser("score", help="diagnose blindly, then open the seal and score")

@@ -15,19 +15,22 @@ from model.errors import BadInput, unknown
 from model.mapped import without_map
 from model.parameters import Drive, Motor
 from sandbox.gap.withheld.cycles import STYLES
+from sandbox.gap.withheld.cycles_narrow import PAIRS
 from sandbox.gap.withheld.drives import FAMILIES, UNCERTAINTY, Bench, draw_bench, draw_drive, misjudge, valid
 from sandbox.gap.withheld.ladder import LADDER, OUTSIDE, changed, plant, truth_of
 from sandbox.gap.withheld.mapped import FLUX_MAP, SUBSYSTEM, identified, missing
 
 SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
-KINDS = ("mixed", "controls")
+KINDS = ("mixed", "controls", "pairs")
+PAIR_SIZES = LADDER[1:3]  # large enough to be seen at one operating point
 NESTED = {"saturation", "cross_saturation"}  # the one contains the other: never put in together
 FOUND_SIZES = LADDER[1:]  # for several at once
 
 
 @dataclass(frozen=True)
 class Case:
-    """One withheld campaign before anything is drawn of its drive: names are the library's, `outside` is not."""
+    """One withheld campaign before anything is drawn of its drive: names are the library's, `outside` is not; pair: of
+    effects that its narrow cycles cannot tell apart."""
 
     index: int
     kind: str
@@ -36,6 +39,7 @@ class Case:
     names: tuple[str, ...] = ()
     sizes: tuple[float, ...] = ()
     outside: str | None = None
+    pair: str | None = None
 
     @property
     def name(self) -> str:
@@ -62,6 +66,7 @@ class Drawn:
         case, b = self.case, self.bench
         return {
             **{k: getattr(case, k) for k in ("kind", "family", "style", "outside")},
+            **({"pair": case.pair} if case.pair else {}),
             "effects": [*case.names, *(["unknown"] if case.outside else [])],
             "outside_subsystem": outside_subsystem(case.outside),
             "sizes": case.sizes,
@@ -92,7 +97,7 @@ def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] =
     """Return the cases of a check: every effect and size in turn, in an order drawn from the seed.
 
     Shares of a mixed check as SHARES (each at least one campaign as soon as there are ten).  A flux map is a drive of
-    its own and has one size.
+    its own and has one size.  Pairs: one effect of every pair in turn, on the pair's narrow cycles.
     """
     if kind not in KINDS:
         raise unknown("kind of check", kind, KINDS)
@@ -101,6 +106,8 @@ def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] =
     if count < 1:
         raise BadInput(f"count = {count} is no number of campaigns; give 1 or more")
     rng = np.random.default_rng([seed, 1])
+    if kind == "pairs":
+        return _pairs(count, style, rng)
     kinds = _kinds(count, rng) if kind == "mixed" else ["none"] * count
     families = [str(f) for f in _turns(FAMILIES, count, rng)]
     singles, unlisted = _sized(effect_names(), rng), _sized(outside, rng)
@@ -121,6 +128,18 @@ def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] =
             if name == FLUX_MAP:
                 base = dataclasses.replace(base, family="mapped", sizes=(1.0,))
         out.append(base)
+    return out
+
+
+def _pairs(count: int, style: str, rng: Generator) -> list[Case]:
+    """Return campaigns of one operating point each: pairs in turn, of each both effects in turn."""
+    families, order = _turns(FAMILIES, count, rng), [str(p) for p in rng.permutation(list(PAIRS))]
+    out = []
+    for k, family in enumerate(families):
+        round_, place = divmod(k, len(order))
+        members = PAIRS[order[place]][0]
+        names = (members[(round_ + place) % len(members)],)
+        out.append(Case(k, "one", str(family), style, names, (float(rng.choice(PAIR_SIZES)),), None, order[place]))
     return out
 
 

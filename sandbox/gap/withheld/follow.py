@@ -23,27 +23,28 @@ from sandbox.gap.withheld.make import drifted, recording, switched
 FILE = "recommended"
 
 
-def recommended(diagnosis: Mapping[str, Any]) -> str | None:
-    """Return the name of the recording that an ambiguous diagnosis recommends; None where nothing is to settle."""
+def recommended(diagnosis: Mapping[str, Any]) -> tuple[str, float] | None:
+    """Return name and seconds of the recording that an ambiguous diagnosis recommends; None where nothing is to
+    settle."""
     following = diagnosis.get("next_recording")
     if following is None or len(diagnosis["ambiguity_set"]) < 2:
         return None
-    name = following.get("entry")
-    return None if name is None else str(name)
+    name, seconds = following.get("entry"), following.get("seconds")
+    return None if name is None or seconds is None else (str(name), float(seconds))
 
 
-def entry_of(campaign: Campaign, name: str) -> Entry:
+def entry_of(campaign: Campaign, name: str, seconds: float) -> Entry:
     """Return a campaign's menu entry; BadInput with the nearest name for an unknown one."""
-    entries = {e.name: e for e in menu(campaign.drive)}
+    entries = {e.name: e for e in menu(campaign.drive, seconds)}
     if name not in entries:
         raise unknown("recording", name, list(entries))
     return entries[name]
 
 
-def grow(folder: Path, new: Path, entry: str, drawn: Drawn) -> Path:
+def grow(folder: Path, new: Path, entry: tuple[str, float], drawn: Drawn) -> Path:
     """Write a campaign with one more recording, made on its true bench, into a new folder."""
     campaign = read_campaign(folder)
-    wanted = entry_of(campaign, entry)
+    wanted = entry_of(campaign, *entry)
     rng = np.random.default_rng([drawn.seed, 4])
     share = wanted.link if wanted.link != 1.0 else None
     link = None if share is None else share * drawn.true.converter.dc_bus_voltage

@@ -15,6 +15,11 @@ from typing import Any
 from model.effects.library import load_effect, parameters
 
 INSEPARABLE = (frozenset({"saturation", "cross_saturation"}),)
+TWINS = (  # one stands for the other where that one is missing
+    *INSEPARABLE,
+    frozenset({"dead_time", "device_drop"}),  # the same voltage at one link voltage
+    frozenset({"current_filter", "current_sampling"}),  # the same but for the curve of a pulse's current
+)
 UNKNOWN = "unknown"
 PERIODIC = ("phase",)  # parameters compared modulo 2 pi
 NO_GAP_LEFT = 1.05  # times the floor: below, `closed` is undefined rather than missed
@@ -67,6 +72,11 @@ class Judgement:
     def settled(self) -> bool:
         """The truth is alone in the ambiguity set."""
         return self.in_set and self.set_size == 1
+
+    @property
+    def twin(self) -> bool:
+        """The first hypothesis is the twin of the true effect."""
+        return self.top != self.effects and frozenset({*self.top, *self.effects}) in TWINS
 
     @property
     def confident(self) -> bool:

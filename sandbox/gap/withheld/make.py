@@ -19,7 +19,8 @@ import numpy as np
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.campaign import Campaign, CampaignRecording, write_campaign
-from sandbox.gap.withheld.cycles import Cycle, cycles
+from sandbox.gap.withheld.cycles import Cycle, cycles, scale_of
+from sandbox.gap.withheld.cycles_narrow import all_cycles as narrow
 from sandbox.gap.withheld.draw import Drawn, cases, draw, outside_names, uncertainty
 from sandbox.gap.withheld.drives import LINK_NOISE
 from sandbox.gap.withheld.ladder import DRIFT_TIME
@@ -54,7 +55,8 @@ def make(
 ) -> Made:
     """Make a check in `folder`; announce gets the seal's hash before anything is recorded.
 
-    kind: 'mixed' or 'controls' (shorter, without a gap); style of the cycles: 'practice' or 'scored'; jobs: processes.
+    kind: 'mixed', 'controls' (shorter, without a gap) or 'pairs' (one operating point, where two effects look alike);
+    style of the cycles: 'practice' or 'scored'; jobs: processes.
     BadInput where the folder holds another check.
     """
     outside = outside_names()
@@ -98,7 +100,8 @@ def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
     """Record a drawn case; the campaign states what its engineer knows, nothing of the truth."""
     rng = np.random.default_rng([drawn.seed, 3])
     drive = drawn.true
-    plans = cycles(drawn.case.style, drive, rng, share)
+    pair, style = drawn.case.pair, drawn.case.style
+    plans = cycles(style, drive, rng, share) if pair is None else narrow(pair, scale_of(drive, share), rng)
     b = switched(drawn)
     recordings = []
     for k, plan in enumerate(plans):

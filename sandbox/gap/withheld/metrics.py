@@ -63,13 +63,15 @@ def left_out(judged: Sequence[Judgement]) -> dict[str, Figure]:
     """Return the figures of diagnoses from whose library the true effect was taken.
 
     verdict_unknown: `unknown` is the verdict; unknown: P(unknown) > 0.05, or it stands in the ambiguity set;
-    confident_wrong: nearly all the probability on other names, or on none; subsystem: rightly located.
+    twin: nearly all the probability on an effect that is the same on such recordings (`judge.TWINS`); confident_wrong:
+    on other names, or on none; subsystem: rightly located.
     """
     held_open = [not j.failed and (j.unknown > DOUBT or j.unknown_in_set) for j in judged]
     return {
         "leave_out_verdict_unknown": share([j.verdict == UNKNOWN for j in judged]),
         "leave_out_unknown": share(held_open),
-        "leave_out_confident_wrong": share([j.confident and j.unknown <= DOUBT for j in judged]),
+        "leave_out_twin": share([j.twin and j.confident for j in judged]),
+        "leave_out_confident_wrong": share([j.confident and j.unknown <= DOUBT and not j.twin for j in judged]),
         "leave_out_subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
     }
 

@@ -38,10 +38,16 @@ def run_all(
 
 
 def follow_all(
-    folder: Path, asked: Mapping[str, str], content: Mapping[str, Any], diagnose: Diagnose, reports: Path, jobs: int,
+    folder: Path,
+    asked: Mapping[str, tuple[str, float]],
+    content: Mapping[str, Any],
+    diagnose: Diagnose,
+    reports: Path,
+    jobs: int,
     progress: Callable[[float], None] | None = None,
-) -> None:  # fmt: skip
-    """Make the recording asked for of each campaign that has no report here yet, and diagnose it with the rest."""
+) -> None:
+    """Make the recording asked for (entry, seconds) of each campaign that has no report here yet, and diagnose it with
+    the rest."""
     left = [n for n in asked if not reported(reports, n)]
     tasks = [_Task(folder / CAMPAIGNS / n, (), reports, asked[n], drawn_again(content, n)) for n in left]
     _spread(diagnose, tasks, jobs, progress)
@@ -60,7 +66,7 @@ class _Task:
     campaign: Path
     exclude: tuple[str, ...]
     reports: Path
-    entry: str | None = None
+    entry: tuple[str, float] | None = None
     drawn: Drawn | None = None
 
     @property

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from model.effects.library import load_effect
 from sandbox.campaign import write_campaign
@@ -13,8 +14,8 @@ from sandbox.gap.evidence import prior_of
 from sandbox.gap.fit import coordinates_of, fit, objective
 from sandbox.gap.normal import normal
 from sandbox.gap.probes import Probe, probes_at_typical
-from sandbox.gap.remainder import remainder
-from sandbox.gap.search import judge, search
+from sandbox.gap.remainder import STRETCHED, remainder, stretched
+from sandbox.gap.search import _pointed, judge, search
 from sandbox.gap.size import rms
 from sandbox.gap.sized import with_sizes
 from sandbox.gap.split import weights_of
@@ -117,7 +118,9 @@ def test_ordinary_sizes_grow_with_the_gap_and_stay_below_what_a_claim_may_be():
 
 
 class Has:
-    """What is read of a fit: one block of a given mean square over its floor."""
+    """What is read of a fit without effects: one block of a given mean square over its floor."""
+
+    effects = ()
 
     def __init__(self, square):
         segment = SimpleNamespace(recording=0, rr=np.array([square]), n=np.array([1.0]))
@@ -148,3 +151,30 @@ def test_share_explained_is_that_of_the_excess():
     assert (told.before, told.after, told.explained) == pytest.approx((10.0, 0.5, 0.95))
     assert remainder(Has(11.0), Has(12.0)).explained == 0.0
     assert remainder(Has(0.98), Has(0.97)).explained == 0.0
+
+
+def test_a_stretched_deviation_is_weighed_by_the_ratio_of_densities(small_folder):
+    """One of the deviations, it is not known which, from a wider Gaussian: SciPy's densities."""
+    at = start(small_folder)
+    found = fit(at, ("dead_time",), weights_of(len(at.prepared.recordings)))
+    z = np.array([
+        (x - c.mean) / c.deviation for c, x in zip(found.coordinates, found.normal.x, strict=True)
+        if c.form != "turn" and c.effect != "dead_time"
+    ])  # fmt: skip
+    expected = np.mean(norm.pdf(z, 0.0, STRETCHED) / norm.pdf(z))
+    assert stretched(found) == pytest.approx(expected)
+
+
+def test_a_stretched_deviation_points_to_its_effect(tmp_path):
+    """Resistance 60 % off where a device's drop was found in its place: of all sets, the resistance is tried."""
+    ohm = DRIVE.motor.resistance
+    folder = write_campaign(tmp_path / "wrong", small_campaign({"stator_resistance.resistance": 1.6 * ohm}))
+    at = start(folder)
+    weights = weights_of(len(at.prepared.recordings))
+    chosen = [p for p in probes_at_typical(at) if p.effect in ("stator_resistance", "current_gain")]
+    gain = judge(fit(at, ("current_gain",), weights), chosen, ordinary_share(1.0), weights, 1)
+    found = _pointed(gain, {}, {("current_gain",)}, chosen, weights, 1)
+    assert "stator_resistance" in {e for f in found for e in f.effects}
+    assert min(f.objective for f in found) < 0.1 * gain.fit.objective
+    right = judge(next(f for f in found if f.effects == ("stator_resistance",)), chosen, 0.0, weights, 1)
+    assert _pointed(right, {}, {right.effects}, chosen, weights, 1) == []

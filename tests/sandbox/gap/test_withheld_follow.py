@@ -29,9 +29,10 @@ def folder(tmp_path_factory):
 @pytest.mark.parametrize("name", NAMES)
 def test_every_entry_can_be_recorded_and_replayed_at_the_truth(name, folder, tmp_path):
     """Floor 1 within what encoder counts cost (free rotors: 1.2 as in test_withheld_make), also on a lower link."""
-    grown = read_campaign(grow(folder, tmp_path / "w000", name, DRAWN))
+    grown = read_campaign(grow(folder, tmp_path / "w000", (name, 0.5), DRAWN))
     assert [r.file for r in grown.recordings[:-1]] == [r.file for r in read_campaign(folder).recordings]
-    added, entry = grown.recordings[-1], entry_of(grown, name)
+    added, entry = grown.recordings[-1], entry_of(grown, name, 0.5)
+    assert len(added.t) == round(0.5 / DRAWN.true.converter.sampling_period)
     full = DRAWN.true.converter.dc_bus_voltage
     assert added.dc_bus_voltage == (entry.link * full if entry.link != 1.0 else None)
     assert np.mean(added.u_dc) == pytest.approx(entry.link * full, rel=1e-3)
@@ -52,12 +53,13 @@ def test_a_plan_asks_for_the_entrys_currents():
 
 
 def test_only_an_ambiguous_diagnosis_asks():
-    asks = {"next_recording": {"entry": "free_coast"}, "ambiguity_set": [["dead_time"], ["device_drop"]]}
-    assert recommended(asks) == "free_coast"
+    following = {"entry": "free_coast", "seconds": 2.0}
+    asks = {"next_recording": following, "ambiguity_set": [["dead_time"], ["device_drop"]]}
+    assert recommended(asks) == ("free_coast", 2.0)
     assert recommended({**asks, "ambiguity_set": [["dead_time"]]}) is None
     assert recommended({**asks, "next_recording": None}) is None
     with pytest.raises(BadInput, match=r"unknown recording .free_coats.*free_coast"):
-        entry_of(campaign_of(DRAWN, 0.02), "free_coats")
+        entry_of(campaign_of(DRAWN, 0.02), "free_coats", 1.0)
 
 
 def test_the_truth_is_drawn_again_or_refused():

@@ -15,7 +15,8 @@ from model.errors import BadInput
 from sandbox.campaign import read_campaign
 from sandbox.gap.withheld import make as maker
 from sandbox.gap.withheld.cycles import STYLES, cycles
-from sandbox.gap.withheld.draw import SHARES, Case, cases, draw
+from sandbox.gap.withheld.cycles_narrow import PAIRS
+from sandbox.gap.withheld.draw import PAIR_SIZES, SHARES, Case, cases, draw
 from sandbox.gap.withheld.drives import DRAWN, FAMILIES, VALID_TO, draw_bench, family_drive
 from sandbox.gap.withheld.ladder import LADDER, OUTSIDE
 from sandbox.gap.withheld.make import campaign_of, make
@@ -38,7 +39,8 @@ def true_set(drawn, campaign):
         f"inductance.scale_{x}": getattr(true, f"inductance_{x}") / getattr(stated, f"inductance_{x}") for x in "dq"
     }
     values |= {f"bench.{k}": own[k] for k in ("common_offset", "load_torque_offset", "soft_current")}
-    read = float(np.mean(campaign["locked_d"].theta))
+    locked = [r.theta for r in campaign.recordings if r.rotor == "locked"]
+    read = float(np.mean(locked[0])) if locked else drawn.theta
     wobble = drawn.plant.get("encoder_eccentricity.amplitude_mech", 0.0) * true.pole_pairs
     wobble *= math.sin(drawn.theta / true.pole_pairs + drawn.plant.get("encoder_eccentricity.phase", 0.0))
     return values | {"bench.lock_angle": drawn.theta + drawn.plant["encoder_offset.offset"] + wobble - read}
@@ -234,3 +236,28 @@ def test_cycles_fill_85000_samples_and_the_styles_differ():
     assert np.all(np.diff(stairs) >= 0.0)
     assert np.any(np.diff(other["locked_d"].plan[:, 1]) < 0.0)
     assert math.isclose(one["locked_d"].plan[0, 1], -one["locked_d"].plan[-1, 1])
+
+
+def test_pairs_come_in_turn_and_so_do_their_effects():
+    """Two rounds: every pair twice, once with either effect."""
+    found = cases(2 * len(PAIRS), 3, "pairs", "scored")
+    assert {c.pair: {n for d in found if d.pair == c.pair for n in d.names} for c in found} == {
+        pair: set(members) for pair, (members, _) in PAIRS.items()
+    }
+    assert {c.kind for c in found} == {"one"}
+    assert {c.sizes[0] for c in found} == set(PAIR_SIZES)
+    assert draw(found[0], 3).as_json()["pair"] == found[0].pair
+
+
+@pytest.mark.parametrize("pair", PAIRS)
+def test_a_narrow_campaign_is_one_operating_point_and_replays_at_the_truth(pair):
+    """Two recordings with one kind of rotor at one link voltage; floor 1 as in the tests above (free rotors: 1.2)."""
+    drawn = draw(Case(0, "one", "ipm_exchanged", "scored", (PAIRS[pair][0][0],), (1.0,), None, pair), 11)
+    campaign = campaign_of(drawn)
+    assert len(campaign.recordings) == 2
+    assert len({r.rotor for r in campaign.recordings}) == 1
+    assert {r.dc_bus_voltage for r in campaign.recordings} == {None}
+    values = true_set(drawn, campaign)
+    prepared = prepare(campaign, values)
+    for found in residuals(prepared, replay(prepared, [values])):
+        assert found.rms()[0] < 1.2

@@ -43,7 +43,7 @@ def test_one_job_and_a_single_item_survive_it_too():
 
 
 PAIR = diagnosis_of((["dead_time"], 0.6), (["device_drop"], 0.4), members=[["dead_time"], ["device_drop"]])
-AMBIGUOUS = {**PAIR, "verdict": "ambiguous", "next_recording": {"entry": "locked_low_current", "description": "..."}}
+AMBIGUOUS = {**PAIR, "verdict": "ambiguous", "next_recording": {"entry": "locked_low_current", "seconds": 0.5}}
 
 
 def blind(folder, exclude):

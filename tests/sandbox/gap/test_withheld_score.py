@@ -117,7 +117,7 @@ def test_who_asks_for_nothing_resolves_nothing():
 
 
 def test_what_is_said_where_the_true_effect_was_left_out():
-    """Verdict unknown; unknown second; far second, in the set; a name for sure; "none" for sure; failed."""
+    """Verdict unknown; unknown second; far second, in the set; a name for sure; "none" for sure; failed; the twin."""
     answers = [
         diagnosis_of((["unknown"], 0.9), (["iron_loss"], 0.1), verdict="unknown"),
         diagnosis_of((["iron_loss"], 0.9), (["unknown"], 0.1)),
@@ -125,11 +125,14 @@ def test_what_is_said_where_the_true_effect_was_left_out():
         diagnosis_of((["iron_loss"], 0.97), (["unknown"], 0.03)),
         diagnosis_of(([], 0.97), (["unknown"], 0.03), verdict="no_gap"),
         {"failed": "no"},
+        diagnosis_of((["device_drop"], 1.0)),
     ]
+    assert truth_of()["effects"] == ["dead_time"]
     f = left_out([judge(f"w{k}", truth_of(), a) for k, a in enumerate(answers)])
-    assert f["leave_out_verdict_unknown"].value == pytest.approx(1 / 6)
-    assert f["leave_out_unknown"].value == pytest.approx(3 / 6)
-    assert f["leave_out_confident_wrong"].value == pytest.approx(2 / 6)
+    assert f["leave_out_verdict_unknown"].value == pytest.approx(1 / 7)
+    assert f["leave_out_unknown"].value == pytest.approx(3 / 7)
+    assert f["leave_out_confident_wrong"].value == pytest.approx(2 / 7)
+    assert f["leave_out_twin"].value == pytest.approx(1 / 7)
 
 
 def test_what_the_library_does_not_hold_is_unknown_also_beside_a_name():
