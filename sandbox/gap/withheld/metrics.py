@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -22,18 +22,21 @@ DOUBT = 0.05  # of P(unknown): more than this holds the question open
 
 
 def figures(
-    judged: Sequence[Judgement], asked: Collection[str] = (), followed: Sequence[Judgement] = ()
+    judged: Sequence[Judgement], asked: Mapping[str, float] | None = None, followed: Sequence[Judgement] = ()
 ) -> dict[str, Figure]:
-    """Return every metric by name; asked: campaigns with a recommended recording; followed: diagnosed with it.
+    """Return every metric by name; asked: campaigns with a recommended recording and how probably it would settle them,
+    as the method says; followed: diagnosed with it.
 
-    A method chooses what it asks for, so `resolved` is one of three: of what was recorded, it settled so much;
-    `recommended`: of all ambiguous verdicts, so many asked; `resolved_of_all`: of these, so many were settled.
+    A method chooses what it asks for, so `resolved` is one of four: of what was recorded, it settled so much;
+    `resolved_promised`: as much as it had said; `recommended`: of all ambiguous verdicts, so many asked;
+    `resolved_of_all`: of these, so many were settled.
     """
     one = [j for j in judged if j.kind == "one"]
     several = [j for j in judged if j.kind == "several"]
     known = [j for j in judged if j.kind != "outside"]
     outside = [j for j in judged if j.kind == "outside"]
     ambiguous = [j.name for j in judged if j.verdict == "ambiguous"]
+    asked = asked or {}
     settled = {j.name: j.settled for j in followed}
     tried = [n for n in ambiguous if n in settled or n not in asked]  # the others are not recorded yet
     shrunk = [j.closed for j in judged if j.closed is not None]
@@ -53,6 +56,7 @@ def figures(
         "ambiguity_size": mean([j.set_size for j in one if j.separable and not j.failed]),
         "subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
         "resolved": share([j.settled for j in followed]),
+        "resolved_promised": mean_share([asked[j.name] for j in followed]),
         "recommended": share([n in asked for n in ambiguous]),
         "resolved_of_all": share([settled.get(n, False) for n in tried]),
         "seconds": quantile(times, 0.5),

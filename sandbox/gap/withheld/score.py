@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -111,7 +112,8 @@ def score(
         tuple(judge(n, truth[n], read_report(part, n)) for n in with_report(part, list(chosen)))
         for part, chosen in ((reports / LEFT_OUT, without), (reports / RESOLVED, asked))
     )
-    figures_ = figures(judged, asked, followed) | (left_out(others) if others else {})
+    promised = {n: float(found[n]["next_recording"].get("power", math.nan)) for n in asked}
+    figures_ = figures(judged, promised, followed) | (left_out(others) if others else {})
     code = tuple(sorted({str(d.get("code", "unknown")) for d in found.values()}))
     return Scores(method, figures_, judged, others, followed, code)
 

@@ -114,5 +114,5 @@ def test_a_longer_menu_holds_the_same_experiments_slower(small_folder):
         assert (once.name, twice.seconds) == (twice.name, 2.0 * once.seconds)
         assert len(twice.i_q) == pytest.approx(2 * len(once.i_q), abs=1)
         assert np.max(np.abs(twice.speed)) == pytest.approx(np.max(np.abs(once.speed)), rel=1e-3)
-    fast = replace(drive, converter=replace(drive.converter, sampling_period=1.0 / 16000.0))
+    fast = replace(drive, converter=replace(drive.converter, sampling_period=1.0 / 16000.0, pwm_frequency=None))
     assert usual_seconds(fast) == pytest.approx(0.5)

@@ -43,7 +43,11 @@ def test_one_job_and_a_single_item_survive_it_too():
 
 
 PAIR = diagnosis_of((["dead_time"], 0.6), (["device_drop"], 0.4), members=[["dead_time"], ["device_drop"]])
-AMBIGUOUS = {**PAIR, "verdict": "ambiguous", "next_recording": {"entry": "locked_low_current", "seconds": 0.5}}
+AMBIGUOUS = {
+    **PAIR,
+    "verdict": "ambiguous",
+    "next_recording": {"entry": "locked_low_current", "seconds": 0.5, "power": 0.9},
+}
 
 
 def blind(folder, exclude):
@@ -90,7 +94,7 @@ def test_what_is_finished_can_be_judged_alone(check):
 
 
 def test_a_recording_that_cannot_be_made_settles_nothing(check):
-    asked = {**AMBIGUOUS, "next_recording": {"entry": "of another version"}}
+    asked = {**AMBIGUOUS, "next_recording": {"entry": "of another version", "seconds": 0.5}}
     result = score(check, lambda folder, exclude: SimpleNamespace(json=asked), limit=1)
     assert result.followed[0].failed
     assert result.figures["resolved"].value == 0.0

@@ -108,7 +108,8 @@ def test_who_asks_for_nothing_resolves_nothing():
     judged.append(judge("e", truth_of(), diagnosis_of((["dead_time"], 1.0))))
     settled, open_ = judge("a", truth_of(), diagnosis_of((["dead_time"], 1.0))), judge("b", truth_of(), first)
     assert (settled.settled, open_.settled) == (True, False)
-    f = figures(judged, "abd", (settled, open_))
+    f = figures(judged, {"a": 0.9, "b": 0.8, "d": 0.6}, (settled, open_))
+    assert f["resolved_promised"].value == pytest.approx(0.85)
     assert (f["resolved"].value, f["resolved"].n) == (0.5, 2)
     assert (f["recommended"].value, f["recommended"].n) == (0.75, 4)
     assert (f["resolved_of_all"].value, f["resolved_of_all"].n) == (pytest.approx(1 / 3), 3)
@@ -296,7 +297,7 @@ def test_score_counts_what_is_known(check, tmp_path):
     assert [b["n"] for b in content["reliability"]] == [1, 4]  # 0.8 alone; 0.9 and 1 in the last bin
     heads, rows = table([result])
     assert heads == ["metric", "goal", "diagnosis"]
-    assert len(rows) == 21
+    assert [row[0] for row in rows] == list(f)
     withheld_figure({**content, "methods": {"diagnosis": content}}, tmp_path / "page.png")
     assert (tmp_path / "page.png").stat().st_size > 10_000
 
