@@ -22,10 +22,10 @@ DOUBT = 0.05  # of P(unknown): more than this holds the question open
 
 
 def figures(
-    judged: Sequence[Judgement], asked: Mapping[str, float] | None = None, followed: Sequence[Judgement] = ()
+    judged: Sequence[Judgement], asked: Mapping[str, float | None] | None = None, followed: Sequence[Judgement] = ()
 ) -> dict[str, Figure]:
     """Return every metric by name; asked: campaigns with a recommended recording and how probably it would settle them,
-    as the method says; followed: diagnosed with it.
+    as the method says (None: it does not); followed: diagnosed with it.
 
     A method chooses what it asks for, so `resolved` is one of four: of what was recorded, it settled so much;
     `resolved_promised`: as much as it had said; `recommended`: of all ambiguous verdicts, so many asked;
@@ -56,7 +56,7 @@ def figures(
         "ambiguity_size": mean([j.set_size for j in one if j.separable and not j.failed]),
         "subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
         "resolved": share([j.settled for j in followed]),
-        "resolved_promised": mean_share([asked[j.name] for j in followed]),
+        "resolved_promised": mean_share([p for j in followed if (p := asked[j.name]) is not None]),
         "recommended": share([n in asked for n in ambiguous]),
         "resolved_of_all": share([settled.get(n, False) for n in tried]),
         "seconds": quantile(times, 0.5),

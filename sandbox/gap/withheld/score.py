@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -112,7 +111,7 @@ def score(
         tuple(judge(n, truth[n], read_report(part, n)) for n in with_report(part, list(chosen)))
         for part, chosen in ((reports / LEFT_OUT, without), (reports / RESOLVED, asked))
     )
-    promised = {n: float(found[n]["next_recording"].get("power", math.nan)) for n in asked}
+    promised = {n: found[n]["next_recording"].get("power") for n in asked}
     figures_ = figures(judged, promised, followed) | (left_out(others) if others else {})
     code = tuple(sorted({str(d.get("code", "unknown")) for d in found.values()}))
     return Scores(method, figures_, judged, others, followed, code)
