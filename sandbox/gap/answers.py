@@ -69,7 +69,7 @@ def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
     where nothing but slight effects might be there beside ordinary deviations."""
     rivals = [(h.probability, h.judged) for h in d.ambiguity_set if UNKNOWN not in h.effects]
     fitted = {id(j) for j in d.judged}
-    if not d.best.effects and sum(id(j) in fitted for _, j in rivals) < 2:
+    if d.best.effects in ((), (UNKNOWN,)) and sum(id(j) in fitted for _, j in rivals) < 2:
         return None
     return recommend(d.campaign, rivals, d.temperature, workers=workers)
 

@@ -105,6 +105,17 @@ def fit(
     return Fit(tuple(effects), point, n.bare(), value, cost)
 
 
+def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:
+    """Return by label the ordinary deviations of a fit, those that its effects claim left out, and how many of their
+    standard deviations they go."""
+    usual = {c.label: c.deviation for c in ordinary(f.point.prepared.campaign)}
+    return {
+        c.label: (c, float(x - c.mean) / c.deviation)
+        for c, x in zip(f.coordinates, f.normal.x, strict=True)
+        if c.deviation > 0.0 and usual.get(c.label) == c.deviation
+    }
+
+
 def tried(n: Normal, trial: Point, prior: Prior, weights: Weights, workers: int) -> tuple[float, Normal | None]:
     """Return the objective and the equations at a trial; infinite where the point is none a drive can have."""
     try:

@@ -1,4 +1,4 @@
-"""A menu of further recordings: what a bench can do in a second, as commands and motion, before anything is measured.
+"""A menu of further recordings: what a bench can do in seconds, as commands and motion, before anything is measured.
 
 Voltages are those of the nominal model for the currents that a bench's control reaches and for the speed (open loop),
 so any parameter set can be asked what it would read.  Currents are in units of rated current, speeds of rated speed.
@@ -19,7 +19,7 @@ from model.parameters import Drive
 from sandbox.campaign import Campaign, CampaignRecording
 
 Array = NDArray[np.float64]
-DURATION, FULL_RATE = 1.0, 8000.0  # s; Hz: faster drives record as many samples in less time
+DURATION, FULL_RATE = 1.0, 8000.0  # s; Hz: faster drives record shorter, as many samples
 SETTLE = 0.1  # s at the start, until open-loop currents stand
 FOLLOWS = 5e-3  # s: how slowly a bench's current control follows what is wanted; no step asks for the whole link
 FULL, TIGHTEST = 0.86, 0.25  # of the voltage limit at the most (control needs the rest); least share of the link
@@ -28,7 +28,7 @@ FULL, TIGHTEST = 0.86, 0.25  # of the voltage limit at the most (control needs t
 @dataclass(frozen=True)
 class Entry:
     """One experiment: a name that stays, what a person would do, kind of rotor, wanted i_d, i_q (n,) in A and speed
-    (n,) in rad/s electrical, the link's share."""
+    (n,) in rad/s electrical, the link's share, voltages injected on d and q, length in seconds."""
 
     name: str
     description: str

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.evidence import Algebra, Prior
-from sandbox.gap.fit import Fit, Weights, fit
+from sandbox.gap.fit import Fit, Weights, fit, stray
 from sandbox.gap.normal import Normal, Point
 from sandbox.gap.probes import Probe, probes
 from sandbox.gap.sized import with_sizes
@@ -37,7 +37,7 @@ PROMISING = 0.2  # of the excess over noise: a set that leaves less has explaine
 LAST = 1500  # simulations after which no effect is exchanged
 LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
 CLOSE, EXCHANGED = 60.0, 2  # log evidence within which another effect may stand in one's place; most of them tried
-STRETCHED = 3.3  # standard deviations (one in a thousand) beyond which an ordinary deviation points to its effect
+POINTS = 3.3  # standard deviations (one in a thousand) beyond which an ordinary deviation points to its effect
 NEAR = 10.0  # times the best set's excess over noise, up to which another set grows on, too
 SETTLES = 0.01  # share of the excess: a set that leaves less ends the fitting of sets that promise less
 
@@ -149,11 +149,11 @@ def search(
     gate = leader + 2.0 * BEHIND + RIVAL * max(0.0, null.objective - leader)
     rivals = sorted((f for f in fits.values() if f.objective <= gate), key=lambda f: f.objective)[:JUDGED]
     judged = [judge(f, chosen, share, weights, workers) for f in rivals]
-    for _ in range(MOST - 1):
+    for turn in range(MOST - 1):
         exchange = EXCHANGED if cost + sum(j.simulations for j in judged) < LAST else 0
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
         others = _neighbours(best, fits, known, chosen, exchange, weights, workers)
-        if _excess(best.fit) < PROMISING * _excess(null):
+        if not turn and _excess(best.fit) < PROMISING * _excess(null):
             others += _pointed(best, fits, known | {f.effects for f in others}, chosen, weights, workers)
         cost += sum(f.simulations for f in others if f.effects not in fits)
         fits |= {f.effects: f for f in others}
@@ -196,20 +196,21 @@ def _pointed(
     weights: Weights,
     workers: int,
 ) -> list[Fit]:
-    """Return fits of the best set with the effect of an ordinary deviation that went STRETCHED far, added or in
+    """Return a fit of the best set with the effect of an ordinary deviation beyond POINTS, added or in
     another's place, as algebra says: such a deviation is what is left to a cause that is not in the set."""
-    at = zip(best.fit.coordinates, best.fit.normal.x, strict=True)
-    far = {c.effect for c, x in at if c.form != "turn" and abs(x - c.mean) > STRETCHED * c.deviation > 0.0}
+    far = {c.effect for c, z in stray(best.fit).values() if abs(z) > POINTS}
     told: dict[tuple[str, ...], float] = {}
     for effect in sorted(far & set(best.table.members) - set(best.effects)):
         keys = [tuple(sorted({*best.effects, effect} - {e})) for e in best.effects]
         keys += [tuple(sorted((*best.effects, effect)))] if len(best.effects) < MOST else []
         told |= {k: best.table.log_evidence(k) for k in keys if k not in known}
-    out = []
-    for key in sorted(told, key=lambda k: -told[k])[:EXCHANGED]:
-        with suppress(BadInput):
-            out.append(fits.get(key) or fit(_towards(best, key, chosen), key, weights, workers=workers))
-    return out
+    if not told:
+        return []
+    key = max(told, key=lambda k: told[k])
+    try:
+        return [fits.get(key) or fit(_towards(best, key, chosen), key, weights, workers=workers)]
+    except BadInput:  # none a drive can have
+        return []
 
 
 def _towards(best: Judged, key: Sequence[str], chosen: Sequence[Probe]) -> Point:
@@ -217,7 +218,7 @@ def _towards(best: Judged, key: Sequence[str], chosen: Sequence[Probe]) -> Point
     campaign = best.fit.point.prepared.campaign
     neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
     gone = tuple(f"{e}." for e in best.effects if e not in key)
-    own = [k for k in neutral if gone and k.startswith(gone) and k not in kept]
+    own = [k for k in neutral if k.startswith(gone) and k not in kept]
     off = {k: neutral[k] for k in own if k.partition(".")[2] not in library.SHARED}
     start = replace(best.fit.point, values={**best.fit.point.values, **off})
     return starting(start, [e for e in key if e not in best.effects], chosen)

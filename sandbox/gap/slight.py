@@ -39,7 +39,8 @@ def by_algebra(none: Judged, effect: str) -> Judged:
     own = [replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k])) for k in kept]
     n = part_of(t.normal, kept, own, prior.mean)
     x, _, objective = t.equations.most_probable(prior)
-    at = t.point.moved([t.coordinates[k] for k in kept], x[kept])
+    whole = [k for k in kept if t.coordinates[k].form != "share"]  # a share is there or not, nothing between
+    at = t.point.moved([t.coordinates[k] for k in whole], x[whole])
     found = Fit(effects, at, n, objective, 0.0)
     return Judged(found, t, t.prior(effects), t.log_evidence(effects) - 0.5 * none.unmet, none.unmet, 0.0)
 

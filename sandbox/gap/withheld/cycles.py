@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from model.errors import unknown
 from model.parameters import Drive
+from sandbox.gap.menu import FULL_RATE
 
 Array = NDArray[np.float64]
 VOLTAGE, CURRENT, SPEED = 0.0, 1.0, 2.0  # what `plan` asks for: u_d, u_q; i_d, i_q; electrical speed, -
 STYLES = ("practice", "scored")
-FULL_RATE = 8000.0  # Hz; faster drives record shorter, so that no campaign grows beyond 170 000 samples
 
 
 @dataclass(frozen=True)

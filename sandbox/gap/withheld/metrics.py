@@ -56,7 +56,7 @@ def figures(
         "ambiguity_size": mean([j.set_size for j in one if j.separable and not j.failed]),
         "subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
         "resolved": share([j.settled for j in followed]),
-        "resolved_promised": mean_share([p for j in followed if (p := asked[j.name]) is not None]),
+        "resolved_promised": mean_share([p for j in followed if (p := asked.get(j.name)) is not None]),
         "recommended": share([n in asked for n in ambiguous]),
         "resolved_of_all": share([settled.get(n, False) for n in tried]),
         "seconds": quantile(times, 0.5),
@@ -67,15 +67,15 @@ def left_out(judged: Sequence[Judgement]) -> dict[str, Figure]:
     """Return the figures of diagnoses from whose library the true effect was taken.
 
     verdict_unknown: `unknown` is the verdict; unknown: P(unknown) > 0.05, or it stands in the ambiguity set;
-    twin: nearly all the probability on an effect that is the same on such recordings (`judge.TWINS`); confident_wrong:
-    on other names, or on none; subsystem: rightly located.
+    confident_wrong: nearly all the probability on other names, or on none; twin: such on an effect that recordings can
+    hardly tell from the missing one (`judge.TWINS`), counted in both; subsystem: rightly located.
     """
     held_open = [not j.failed and (j.unknown > DOUBT or j.unknown_in_set) for j in judged]
     return {
         "leave_out_verdict_unknown": share([j.verdict == UNKNOWN for j in judged]),
         "leave_out_unknown": share(held_open),
         "leave_out_twin": share([j.twin and j.confident for j in judged]),
-        "leave_out_confident_wrong": share([j.confident and j.unknown <= DOUBT and not j.twin for j in judged]),
+        "leave_out_confident_wrong": share([j.confident and j.unknown <= DOUBT for j in judged]),
         "leave_out_subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
     }
 

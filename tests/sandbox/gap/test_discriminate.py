@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,13 +10,26 @@ from scipy.stats import multivariate_normal, norm
 
 from model.energy import flux_from_current
 from sandbox.campaign import read_campaign
-from sandbox.gap.discriminate import LEANS, Tried, expected_evidence, power, recommend, surprise
+from sandbox.gap import discriminate
+from sandbox.gap.discriminate import (
+    LEANS,
+    SURE,
+    Tried,
+    as_predicted,
+    expected_evidence,
+    foretold,
+    power,
+    recommend,
+    surprise,
+)  # fmt: skip
 from sandbox.gap.fit import fit
-from sandbox.gap.menu import FULL, menu, recording_of, usual_seconds
+from sandbox.gap.menu import FULL, Entry, menu, recording_of, usual_seconds
+from sandbox.gap.normal import Point, normal
 from sandbox.gap.probes import probes_at_typical
 from sandbox.gap.search import judge
 from sandbox.gap.split import weights_of
 from sandbox.gap.table import ordinary_share
+from sandbox.replay.replay import prepare
 from tests.sandbox.gap.test_evidence import start
 
 
@@ -30,14 +44,21 @@ def pair(small_folder):
     ]
 
 
+def left(campaign, entry, j, changes=None):
+    """Return r'r of an experiment that a hypothesis has foretold, replayed at its own set or a changed one."""
+    told, truth = foretold(campaign, entry, j)
+    belief = {**j.fit.point.values, **(changes or {})}
+    return normal(Point(as_predicted(prepare(told, belief, steps=1), truth), belief), ()).summed()[2]
+
+
 def test_nothing_tells_a_hypothesis_from_itself(pair):
     """Not even a free rotor, whose wanted motion is not the one that predicted currents give."""
     campaign = pair[0].fit.point.prepared.campaign
     one = {e.rotor: e for e in menu(campaign.drive)}
     for entry in one.values():
-        told, _ = expected_evidence(campaign, entry, pair[0], pair[:1], 1.0)
-        assert told == pytest.approx(0.0, abs=1e-6), entry.name
-        assert recommend(campaign, [(0.5, pair[0]), (0.5, pair[0])], 1.0, [entry]) is None
+        assert left(campaign, entry, pair[0]) == pytest.approx(0.0, abs=1e-6), entry.name
+        assert left(campaign, entry, pair[0], {"dead_time.time": 1e-6}) > 1.0, entry.name
+        assert recommend(campaign, [(0.5, pair[0]), (0.5, pair[0])], 1.0, [entry.name]) is None
 
 
 def test_an_eccentric_encoder_is_the_same_for_both(small_folder):
@@ -50,8 +71,9 @@ def test_an_eccentric_encoder_is_the_same_for_both(small_folder):
     own = judge(fit(at, ("encoder_eccentricity",), weights), chosen, ordinary_share(1.0), weights, 1)
     entries = {e.name: e for e in menu(at.prepared.campaign.drive)}
     for entry in (entries["driven_fast_q"], entries["driven_slow_dq"]):  # many turns, and less than one
-        told, _ = expected_evidence(at.prepared.campaign, entry, own, [own], 1.0)
-        assert told == pytest.approx(0.0, abs=1e-3), entry.name
+        campaign = at.prepared.campaign
+        assert left(campaign, entry, own) == pytest.approx(0.0, abs=2e-3), entry.name
+        assert left(campaign, entry, own, {"encoder_eccentricity.amplitude_mech": 0.0}) > 1.0, entry.name
 
 
 def test_the_link_is_as_tight_as_control_allows(small_folder):
@@ -71,13 +93,13 @@ def test_the_link_is_as_tight_as_control_allows(small_folder):
 def test_an_experiment_is_recommended_that_the_wrong_hypothesis_cannot_follow(pair):
     """The cards' own advice: a second link voltage, or zero crossings, part dead time from a device's drop."""
     campaign = pair[0].fit.point.prepared.campaign
-    entries = menu(campaign.drive)[:4]
+    entries = [e.name for e in menu(campaign.drive)[:4]]
     rivals = [(0.6, pair[0]), (0.4, pair[1])]
     best = recommend(campaign, rivals, 1.0, entries)
     assert best is not None
     assert best.seconds == usual_seconds(campaign.drive)
     assert best.separates == (("dead_time",), ("device_drop",))
-    entry = next(e for e in entries if e.name == best.entry)
+    entry = next(e for e in menu(campaign.drive) if e.name == best.entry)
     both = [expected_evidence(campaign, entry, a, [b], 1.0)[0][0] for a, b in (pair, pair[::-1])]
     assert best.gain == pytest.approx(min(both))
     assert best.power > 0.95
@@ -85,26 +107,94 @@ def test_an_experiment_is_recommended_that_the_wrong_hypothesis_cannot_follow(pa
 
 
 def test_surprise_is_minus_the_log_density_of_what_was_foretold():
-    """Readings r = J x + noise, x about 0 with covariance C: a Gaussian of covariance 1 + J C J' (SciPy's density)."""
+    """Readings r = J x + noise, x about 0 with covariance C: a Gaussian of covariance 1 + J C J' (SciPy's density), in
+    the mean over noise on top of r, by its trace."""
     rng = np.random.default_rng(3)
     j, c, r = rng.normal(size=(9, 3)), np.diag([0.5, 2.0, 0.1]), 2.0 * rng.normal(size=9)
-    told = surprise(j.T @ j, j.T @ r, float(r @ r), np.linalg.inv(c))
-    expected = multivariate_normal(np.zeros(9), np.eye(9) + j @ c @ j.T).logpdf(r)
-    assert told == pytest.approx(-expected - 4.5 * math.log(math.tau), rel=1e-9)
+    told = sum(surprise(j.T @ j, j.T @ r, float(r @ r), np.linalg.inv(c)))
+    wide = np.eye(9) + j @ c @ j.T
+    expected = -multivariate_normal(np.zeros(9), wide).logpdf(r) + 0.5 * np.trace(np.linalg.inv(wide))
+    assert told == pytest.approx(expected - 4.5 * math.log(math.tau) - 4.5, rel=1e-9)
 
 
-def test_power_is_the_chance_that_the_truth_comes_to_stand_alone():
+def tried(told, missed=0.0, name="x", seconds=1.0):
+    """Return an entry that brings evidence of its own (n, n), all of it what the other cannot follow."""
+    told = np.array(told, dtype=float)
+    np.fill_diagonal(told, np.inf)
+    apart = np.where(np.isinf(told), 0.0, told)
+    entry = Entry(name, name, "locked", np.zeros(1), np.zeros(1), np.zeros(1), seconds=seconds)
+    return Tried(entry, told, apart, np.full(len(told), missed))
+
+
+SAMPLING = 4.0 * math.sqrt(0.25 / discriminate.DRAWS)  # four standard deviations of a share of the draws
+
+
+@pytest.mark.parametrize("missed", [0.0, 30.0])
+def test_power_is_the_chance_that_the_truth_comes_to_stand_alone(missed):
     """Two rivals: log odds are normal about what is expected, its variance twice that and what the simulator misses."""
     rivals = [(0.6, None), (0.3, None)]
-    told = np.array([[np.inf, 5.0], [8.0, np.inf]])
-    for missed in (0.0, 30.0):
-        more = 1.0 + 2.0 * LEANS**2 * missed
-        needs = [math.log(19.0) - math.log(2.0), math.log(19.0) + math.log(2.0)]
-        each = [norm.sf(n, e, math.sqrt(2.0 * e * more)) for n, e in zip(needs, (5.0, 8.0), strict=True)]
-        expected = (0.6 * each[0] + 0.3 * each[1]) / 0.9
-        assert power(rivals, Tried(None, told, np.array([missed, missed]))) == pytest.approx(expected)
-    nothing = Tried(None, np.where(np.isinf(told), np.inf, 0.0), np.zeros(2))
-    assert power([(0.5, None), (0.5, None)], nothing) == pytest.approx(0.0)
+    more = 1.0 + 2.0 * LEANS**2 * missed
+    needs = [math.log(19.0) - math.log(2.0), math.log(19.0) + math.log(2.0)]
+    each = [norm.sf(n, e, math.sqrt(2.0 * e * more)) for n, e in zip(needs, (5.0, 8.0), strict=True)]
+    found = power(rivals, tried([[0, 5], [8, 0]], missed))
+    assert found == pytest.approx((0.6 * each[0] + 0.3 * each[1]) / 0.9, abs=SAMPLING)
+    assert power([(0.5, None), (0.5, None)], tried([[0, 0], [0, 0]])) == 0.0
+
+
+def test_power_among_several_is_that_of_readings():
+    """Four rivals equally far from each other, each a vector of readings, with white noise: posteriors of draws."""
+    rng = np.random.default_rng(8)
+    at = np.eye(4) * math.sqrt(8.0)  # |a - b|^2 / 2 = 8
+    read = at[0] + rng.standard_normal((20000, 4))
+    square = np.sum((read[:, None, :] - at) ** 2, axis=2)
+    share = 1.0 / np.exp(-0.5 * (square - square[:, :1])).sum(axis=1)
+    even = [[0 if k == m else 8 for m in range(4)] for k in range(4)]
+    assert power([(0.25, None)] * 4, tried(even)) == pytest.approx(np.mean(share >= 0.95), abs=SAMPLING + 0.015)
+
+
+def chosen(monkeypatch, rivals, table):
+    """Recommend where an entry tells what a table says: {(name, seconds): Tried or None}."""
+    names = sorted({name for name, _ in table})
+    empty = np.zeros(1)
+    made = lambda drive, seconds=1.0: [Entry(n, n, "locked", empty, empty, empty, seconds=seconds) for n in names]  # noqa: E731
+    monkeypatch.setattr(discriminate, "menu", made)
+    monkeypatch.setattr(discriminate, "usual_seconds", lambda drive: 1.0)
+    monkeypatch.setattr(discriminate, "_tried", lambda c, e, r, t, w: table.get((e.name, e.seconds)))
+    return recommend(SimpleNamespace(drive=None), rivals, 1.0)
+
+
+def even(x, n=2):
+    return [[x] * n for _ in range(n)]
+
+
+def test_what_is_sure_with_the_least_gap_is_chosen(monkeypatch):
+    pair = [(0.5, SimpleNamespace(effects=("a",))), (0.5, SimpleNamespace(effects=("b",)))]
+    table = {("big", 1.0): tried(even(60.0), 9.0, "big"), ("small", 1.0): tried(even(40.0), 2.0, "small")}
+    best = chosen(monkeypatch, pair, {**table, ("broken", 1.0): None})
+    assert (best.entry, best.gain, best.separates) == ("small", 40.0, (("a",), ("b",)))
+    assert best.power > SURE
+
+
+def test_a_longer_recording_is_asked_for_only_if_it_tells_more(monkeypatch):
+    """Power 0.7 in a second: two seconds do, or tell less than they promised, or cannot be made."""
+    pair = [(0.5, SimpleNamespace(effects=("a",))), (0.5, SimpleNamespace(effects=("b",)))]
+    first = {("x", 1.0): tried(even(4.5), 0.0, "x")}
+    longer = {("x", 2.0): tried(even(20.0), 0.0, "x", 2.0)}
+    assert 0.5 < chosen(monkeypatch, pair, first).power < SURE
+    assert chosen(monkeypatch, pair, first).seconds == 1.0
+    assert chosen(monkeypatch, pair, first | longer).seconds == 2.0
+    poor = {("x", 2.0): tried(even(4.0), 0.0, "x", 2.0), ("x", 4.0): tried(even(3.0), 0.0, "x", 4.0)}
+    assert chosen(monkeypatch, pair, first | poor).seconds == 1.0
+    assert chosen(monkeypatch, pair, {("x", 1.0): tried(even(0.2), 0.0, "x")}) is None
+
+
+def test_all_rivals_count(monkeypatch):
+    """What parts the first two from each other but not from the third settles little."""
+    three = [(0.4, SimpleNamespace(effects=("a",))), (0.35, SimpleNamespace(effects=("b",))),
+             (0.25, SimpleNamespace(effects=("c",)))]  # fmt: skip
+    apart = tried([[0, 90, 0.1], [90, 0, 90], [0.1, 90, 0]], 0.0, "two")
+    table = {("two", 1.0): apart, ("all", 1.0): tried(even(40.0, 3), 0.0, "all")}
+    assert chosen(monkeypatch, three, table).entry == "all"
 
 
 def test_a_longer_menu_holds_the_same_experiments_slower(small_folder):

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,10 +12,10 @@ from scipy.stats import norm
 from model.effects.library import load_effect
 from sandbox.campaign import write_campaign
 from sandbox.gap.evidence import prior_of
-from sandbox.gap.fit import coordinates_of, fit, objective
+from sandbox.gap.fit import coordinates_of, fit, objective, stray
 from sandbox.gap.normal import normal
 from sandbox.gap.probes import Probe, probes_at_typical
-from sandbox.gap.remainder import STRETCHED, remainder, stretched
+from sandbox.gap.remainder import IMITATED, STRETCH, remainder, stretched
 from sandbox.gap.search import _pointed, judge, search
 from sandbox.gap.size import rms
 from sandbox.gap.sized import with_sizes
@@ -161,20 +162,33 @@ def test_a_stretched_deviation_is_weighed_by_the_ratio_of_densities(small_folder
         (x - c.mean) / c.deviation for c, x in zip(found.coordinates, found.normal.x, strict=True)
         if c.form != "turn" and c.effect != "dead_time"
     ])  # fmt: skip
-    expected = np.mean(norm.pdf(z, 0.0, STRETCHED) / norm.pdf(z))
+    expected = np.mean(norm.pdf(z, 0.0, STRETCH) / norm.pdf(z))
     assert stretched(found) == pytest.approx(expected)
+    alone = fit(at, (), weights_of(len(at.prepared.recordings)))
+    quiet, doubted = (remainder(alone, f).unknown for f in (replace(found, effects=()), found))
+    odds = [x / (1.0 - x) for x in (quiet, doubted)]
+    assert odds[1] - odds[0] == pytest.approx(IMITATED[1] * expected, rel=1e-6)
+
+
+def test_what_an_effect_claims_is_no_ordinary_deviation(with_dead_time):
+    """Cross-saturation's coordinates bear saturation's name; dead time has an ordinary deviation of its own."""
+    weights = weights_of(len(with_dead_time.prepared.recordings))
+    for effect, claimed in (("cross_saturation", "saturation.alpha_12"), ("dead_time", "dead_time.time")):
+        told = stray(fit(with_dead_time, (effect,), weights))
+        assert claimed not in told
+        assert "saturation.alpha_30" in told
 
 
 def test_a_stretched_deviation_points_to_its_effect(tmp_path):
-    """Resistance 60 % off where a device's drop was found in its place: of all sets, the resistance is tried."""
+    """Resistance 60 % off where unequal gains were found in its place: the one set tried is the resistance."""
     ohm = DRIVE.motor.resistance
     folder = write_campaign(tmp_path / "wrong", small_campaign({"stator_resistance.resistance": 1.6 * ohm}))
     at = start(folder)
     weights = weights_of(len(at.prepared.recordings))
-    chosen = [p for p in probes_at_typical(at) if p.effect in ("stator_resistance", "current_gain")]
+    chosen = probes_at_typical(at)
     gain = judge(fit(at, ("current_gain",), weights), chosen, ordinary_share(1.0), weights, 1)
-    found = _pointed(gain, {}, {("current_gain",)}, chosen, weights, 1)
-    assert "stator_resistance" in {e for f in found for e in f.effects}
-    assert min(f.objective for f in found) < 0.1 * gain.fit.objective
-    right = judge(next(f for f in found if f.effects == ("stator_resistance",)), chosen, 0.0, weights, 1)
+    (found,) = _pointed(gain, {}, {("current_gain",)}, chosen, weights, 1)
+    assert "stator_resistance" in found.effects
+    assert found.objective < 0.1 * gain.fit.objective
+    right = judge(fit(at, ("stator_resistance",), weights), chosen, ordinary_share(1.0), weights, 1)
     assert _pointed(right, {}, {right.effects}, chosen, weights, 1) == []
