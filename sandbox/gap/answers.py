@@ -22,6 +22,7 @@ from sandbox.gap.words import capital, likely, names, percent_fine, sizes, times
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 HARDLY = 5e-4  # of what remains: less is nothing
+FEW = 1.2  # times the floor on recordings held out that ordinary deviations explain when fitted to all
 ALIKE = 2.0  # variance of sums over that of white noise: less is not spoken of
 
 
@@ -127,6 +128,12 @@ def far_text(a: Answers) -> str:
     )
     if a.verdict == "no_gap":
         text = f"There is nothing to close: residuals are {times(s.before)} the noise floor {on}."
+        if s.before > FEW:
+            every = math.sqrt(max(0.0, 1.0 + d.remainder.before))
+            text = (
+                f"Fitted to all recordings ordinary deviations leave {times(every)} the noise floor, but "
+                f"{times(s.before)} {on}: too few recordings to foretell one from the others."
+            )
     elif s.closed is None:
         text = f"Residuals are {times(s.before)} the noise floor {on}; no effect of the library lowers them."
     elif not math.isfinite(s.after):
@@ -170,10 +177,9 @@ def position_text(a: Answers) -> str:
 def next_text(a: Answers) -> str:
     """Return what to record or do next."""
     if a.following is not None:
-        told, chance = "; ".join(names(s) for s in a.following.separates), percent(a.following.power)
-        return (
-            f"Record: {a.following.description}, for {a.following.seconds:g} s. It would tell apart {told}: {chance}."
-        )
+        told, chance = "; ".join(names(s) for s in a.following.separates), likely(a.following.power)
+        text = f"Record: {a.following.description}, for {a.following.seconds:g} s."
+        return f"{text} That it leaves only the true one of these is {chance}: {told}."
     if a.verdict == "no_gap":
         return (
             "Nothing is needed, as far as these recordings see: the nominal model explains them once what "

@@ -25,7 +25,7 @@ from model.effects import library
 from model.errors import BadInput, PhysicsError
 from sandbox.campaign import Campaign
 from sandbox.gap.diagnose import CREDIBLE
-from sandbox.gap.menu import Entry, menu, recording_of, shaft, usual_seconds
+from sandbox.gap.menu import Entry, menu, recording_of, settings, shaft, usual_seconds
 from sandbox.gap.normal import Point, normal
 from sandbox.gap.remainder import FLOOR, SHARE
 from sandbox.gap.search import Judged
@@ -175,6 +175,8 @@ def recommend(
     if len(rivals) < 2:
         return None
     entries = [e for e in menu(campaign.drive) if names is None or e.name in names]
+    if campaign.rated_from_data and all(r.rotor == "locked" for r in campaign.recordings):
+        entries = [e for e in entries if e.rotor == "locked"]  # nothing says how fast it may turn
     found = [x for e in entries if (x := _tried(campaign, e, rivals[:2], temperature, workers))]
     if len(rivals) > 2:
         found.sort(key=lambda x: (power(rivals[:2], x), x.told.min()), reverse=True)
@@ -193,7 +195,8 @@ def recommend(
         return None
     entry, separates = best.entry, tuple(j.effects for _, j in rivals)
     gain, reached = float(best.told.min()), power(rivals, best)
-    return Next(entry.name, entry.description, entry.seconds, separates, gain, reached)
+    description = f"{entry.description} ({settings(entry, campaign.drive)})"
+    return Next(entry.name, description, entry.seconds, separates, gain, reached)
 
 
 def _best(rivals: Rivals, known: Sequence[Tried]) -> Tried | None:

@@ -99,6 +99,16 @@ def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
     return [replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q, seconds=seconds) for e in out]
 
 
+def settings(entry: Entry, drive: Drive) -> str:
+    """Return an entry's largest values in the drive's units, as a person sets them on a bench."""
+    rpm = 60.0 / math.tau / drive.motor.pole_pairs
+    told = [f"i_{axis} {x.min():.3g} to {x.max():.3g} A" for axis, x in (("d", entry.i_d), ("q", entry.i_q)) if x.any()]
+    if entry.rotor == "driven":
+        told.insert(0, f"{rpm * entry.speed.min():.0f} to {rpm * entry.speed.max():.0f} rpm")
+    told += [f"{u:.3g} V square wave on {axis}" for axis, u in zip("dq", entry.injection, strict=True) if u]
+    return ", ".join([*told, f"DC link {entry.link * drive.converter.dc_bus_voltage:.4g} V"])
+
+
 def tight(drive: Drive) -> tuple[float, float, float]:
     """Return share of the link, speed (rad/s electrical) and i_d over rated current that use up FULL of the voltage."""
     motor, limit = drive.motor, FULL * drive.converter.voltage_limit

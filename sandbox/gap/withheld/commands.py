@@ -96,6 +96,11 @@ def run_score(options: argparse.Namespace) -> None:
             if len(s.code) > 1:
                 print(f"reports of '{s.method}' come from {len(s.code)} versions of the code; --again makes them anew")
             failed = [j.name for j in s.judged if j.failed]
+            more = [j.name for j in (*s.followed, *s.left_out) if j.failed]
+            if more:
+                print(f"'{s.method}' failed once more on {len(more)}, see their reports: {', '.join(more[:5])}")
+            if options.leave_out and s is scored[0] and not s.left_out:
+                print("no single effect of medium size or more among these campaigns: nothing was left out")
             if failed:
                 print(f"'{s.method}' failed on {len(failed)}, counted as missed: {', '.join(failed[:5])}")
         print(f"seal and hash agree; withheld.json and withheld.png in {options.folder}")

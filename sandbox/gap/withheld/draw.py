@@ -22,6 +22,7 @@ from sandbox.gap.withheld.mapped import FLUX_MAP, SUBSYSTEM, identified, missing
 
 SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
 KINDS = ("mixed", "controls", "pairs")
+MOST = 10000  # campaigns
 PAIR_SIZES = LADDER[1:3]  # large enough to be seen at one operating point
 NESTED = {"saturation", "cross_saturation"}  # the one contains the other: never put in together
 FOUND_SIZES = LADDER[1:]  # for several at once
@@ -103,8 +104,8 @@ def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] =
         raise unknown("kind of check", kind, KINDS)
     if style not in STYLES:
         raise unknown("style of cycles", style, STYLES)
-    if count < 1:
-        raise BadInput(f"count = {count} is no number of campaigns; give 1 or more")
+    if not 1 <= count <= MOST:
+        raise BadInput(f"count = {count} is no number of campaigns; give 1 to {MOST}")
     rng = np.random.default_rng([seed, 1])
     if kind == "pairs":
         return _pairs(count, style, rng)

@@ -27,7 +27,7 @@ def recommended(diagnosis: Mapping[str, Any]) -> tuple[str, float] | None:
     """Return name and seconds of the recording that an ambiguous diagnosis recommends; None where nothing is to
     settle."""
     following = diagnosis.get("next_recording")
-    if following is None or len(diagnosis["ambiguity_set"]) < 2:
+    if following is None or diagnosis["verdict"] != "ambiguous":
         return None
     name, seconds = following.get("entry"), following.get("seconds")
     return None if name is None or seconds is None else (str(name), float(seconds))

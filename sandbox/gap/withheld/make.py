@@ -108,7 +108,8 @@ def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
         recordings.append(recording(drawn, drifted(drawn, b, k), plan, rng))
     stated = replace(drawn.stated, name=drawn.case.name, description="")
     nominal = Drive(stated, drive.converter, drive.injection, {})
-    return Campaign(drawn.case.name, nominal, tuple(recordings), uncertainty(), drawn.bench.background, True)
+    unrated = drawn.case.pair is None  # so few operating points show no rated values; a nameplate states them
+    return Campaign(drawn.case.name, nominal, tuple(recordings), uncertainty(), drawn.bench.background, unrated)
 
 
 def switched(drawn: Drawn) -> Bench:

@@ -48,7 +48,9 @@ def follow_all(
 ) -> None:
     """Make the recording asked for (entry, seconds) of each campaign that has no report here yet, and diagnose it with
     the rest."""
-    left = [n for n in asked if not reported(reports, n)]
+    left = [n for n in asked if not reported(reports, n) or recorded(reports, n) != list(asked[n])]
+    for name in left:
+        (reports / f"{name}.json").unlink(missing_ok=True)
     tasks = [_Task(folder / CAMPAIGNS / n, (), reports, asked[n], drawn_again(content, n)) for n in left]
     _spread(diagnose, tasks, jobs, progress)
 
@@ -57,6 +59,11 @@ def reported(reports: Path, name: str) -> bool:
     """Tell whether a campaign has a report; one that says why diagnosing failed is worth another try."""
     path = reports / f"{name}.json"
     return path.exists() and b'"failed":' not in path.read_bytes()
+
+
+def recorded(reports: Path, name: str) -> Any:
+    """Return what was recorded for a report: [entry, seconds]."""
+    return json.loads((reports / f"{name}.json").read_text(encoding="utf-8")).get("recorded")
 
 
 @dataclass(frozen=True)
@@ -103,7 +110,8 @@ def _lost(task: _Task) -> None:
 def _write(task: _Task, content: dict[str, Any]) -> None:
     task.reports.mkdir(parents=True, exist_ok=True)
     aside = task.reports / f".{task.name}.{os.getpid()}.part"
-    text = json.dumps({**content, "code": code_digest()}, indent=1, allow_nan=False)
+    more = {} if task.entry is None else {"recorded": list(task.entry)}
+    text = json.dumps({**content, **more, "code": code_digest()}, indent=1, allow_nan=False)
     aside.write_text(text + "\n", encoding="utf-8")
     aside.replace(task.reports / f"{task.name}.json")
 

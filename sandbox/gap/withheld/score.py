@@ -30,6 +30,7 @@ from sandbox.gap.withheld.running import Diagnose, follow_all, run_all
 from sandbox.report import plain
 
 DIAGNOSES, LEFT_OUT, RESOLVED = "diagnoses", "left_out", "resolved"
+LONGEST = 60.0  # s of a recommended recording
 LEAST_LEFT_OUT = 1.0  # size from which on an effect is left out of the library
 
 
@@ -156,7 +157,7 @@ def read_report(reports: Path, name: str) -> dict[str, Any]:
     path = reports / f"{name}.json"
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        sound = content.get("campaign", name) == name and ("failed" in content or _told(content["hypotheses"]))
+        sound = content.get("campaign", name) == name and ("failed" in content or _told(content))
     except (ValueError, LookupError, TypeError, AttributeError):
         sound = False
     if not sound:
@@ -164,10 +165,23 @@ def read_report(reports: Path, name: str) -> dict[str, Any]:
     return dict(content)
 
 
-def _told(hypotheses: Any) -> bool:
-    """Tell whether hypotheses are what the contract has."""
-    return bool(hypotheses) and all(
-        isinstance(h["effects"], list) and isinstance(h["probability"], (int, float)) for h in hypotheses
+def _told(content: Mapping[str, Any]) -> bool:
+    """Tell whether a report holds what judging reads of the contract."""
+    hypotheses, following = content["hypotheses"], content.get("next_recording")
+    named = [h["effects"] for h in hypotheses] + list(content["ambiguity_set"])
+    numbers = [h["probability"] for h in hypotheses]
+    if following is not None:
+        numbers.append(following.get("power", 0.0))
+        if "entry" in following and not (isinstance(following["entry"], str) and 0.0 < following["seconds"] <= LONGEST):
+            return False
+    return (
+        bool(hypotheses)
+        and all(isinstance(e, str) for names in named for e in names)
+        and all(isinstance(p, (int, float)) and 0.0 <= p <= 1.0 + 1e-9 for p in numbers)
+        and isinstance(content["verdict"], str)
+        and isinstance(content["gap"]["before"], (int, float))
+        and all(isinstance(w["subsystem"], str) for w in content.get("where", []))
+        and isinstance(content.get("cost", {}), dict)
     )
 
 

@@ -20,7 +20,9 @@ from sandbox.gap import where as places
 from sandbox.gap.answers import answer, caveats, far_text, linear, next_text, which_text
 from sandbox.gap.contract import contract
 from sandbox.gap.decompose import decompose
+from sandbox.gap.discriminate import Next
 from sandbox.gap.estimates import Estimate
+from sandbox.gap.menu import menu, settings
 from sandbox.gap.position import carrier_at, errors
 from sandbox.gap.report import write_report
 from sandbox.gap.spectrum import shown
@@ -94,6 +96,29 @@ def test_no_gap_is_said_plainly(quiet_answers):
     assert "nothing to close" in far_text(quiet_answers)
     assert "Nothing is needed" in next_text(quiet_answers)
     assert any("held out" in text for text in caveats(quiet_answers))  # a campaign of one recording
+
+
+def test_a_recommended_recording_is_told_as_it_is_set(small_answers):
+    campaign = small_answers.diagnosis.campaign
+    entry = next(e for e in menu(campaign.drive, 2.0) if e.name == "driven_idle_half_link")
+    told = settings(entry, campaign.drive)
+    rpm = 0.4 * campaign.drive.motor.rated_speed_rpm
+    assert told == f"{-rpm:.0f} to {rpm:.0f} rpm, DC link {0.5 * campaign.drive.converter.dc_bus_voltage:g} V"
+    asked = Next(entry.name, f"turn it ({told})", 2.0, (("dead_time",), ("device_drop",)), 12.0, 0.96)
+    text = next_text(dataclasses.replace(small_answers, following=asked))
+    assert text == (
+        f"Record: turn it ({told}), for 2 s. That it leaves only the true one of these is 96 % probable: "
+        "dead time; device drop."
+    )
+
+
+def test_few_recordings_that_do_not_foretell_each_other_are_no_closed_matter(quiet_answers):
+    d = quiet_answers.diagnosis
+    size = dataclasses.replace(d.size, before=2.05)
+    apart = dataclasses.replace(quiet_answers, diagnosis=dataclasses.replace(d, size=size))
+    assert "2.05 times" in far_text(apart)
+    assert "too few recordings" in far_text(apart)
+    assert "nothing to close" not in far_text(apart)
 
 
 def test_position_error_follows_the_diagnosis(small_answers):

@@ -54,9 +54,9 @@ def test_a_plan_asks_for_the_entrys_currents():
 
 def test_only_an_ambiguous_diagnosis_asks():
     following = {"entry": "free_coast", "seconds": 2.0}
-    asks = {"next_recording": following, "ambiguity_set": [["dead_time"], ["device_drop"]]}
+    asks = {"next_recording": following, "verdict": "ambiguous"}
     assert recommended(asks) == ("free_coast", 2.0)
-    assert recommended({**asks, "ambiguity_set": [["dead_time"]]}) is None
+    assert recommended({**asks, "verdict": "no_gap"}) is None
     assert recommended({**asks, "next_recording": None}) is None
     with pytest.raises(BadInput, match=r"unknown recording .free_coats.*free_coast"):
         entry_of(campaign_of(DRAWN, 0.02), "free_coats", 1.0)

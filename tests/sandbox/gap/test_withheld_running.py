@@ -93,6 +93,19 @@ def test_what_is_finished_can_be_judged_alone(check):
     assert score(check, blind).code == (code_digest(), "of before")
 
 
+def test_another_recommendation_is_recorded_anew(check):
+    """What was recorded stands in the report; the same recommendation is not recorded twice."""
+    score(check, blind, limit=1)
+    report, asked = check / "diagnoses" / "resolved" / "w000.json", check / "diagnoses" / "w000.json"
+    assert json.loads(report.read_text())["recorded"] == ["locked_low_current", 0.5]
+    seen = []
+    score(check, lambda folder, exclude: seen.append(folder), limit=1)
+    asked.write_text(asked.read_text().replace('"seconds": 0.5', '"seconds": 0.25'))
+    score(check, lambda folder, exclude: seen.append(folder.name) or blind(folder, exclude), limit=1)
+    assert seen == ["w000"]
+    assert json.loads(report.read_text())["recorded"] == ["locked_low_current", 0.25]
+
+
 def test_a_recording_that_cannot_be_made_settles_nothing(check):
     asked = {**AMBIGUOUS, "next_recording": {"entry": "of another version", "seconds": 0.5}}
     result = score(check, lambda folder, exclude: SimpleNamespace(json=asked), limit=1)
