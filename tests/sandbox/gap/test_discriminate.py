@@ -152,15 +152,32 @@ def test_power_among_several_is_that_of_readings():
     assert power([(0.25, None)] * 4, tried(even)) == pytest.approx(np.mean(share >= 0.95), abs=SAMPLING + 0.015)
 
 
-def chosen(monkeypatch, rivals, table):
-    """Recommend where an entry tells what a table says: {(name, seconds): Tried or None}."""
-    names = sorted({name for name, _ in table})
-    empty = np.zeros(1)
-    made = lambda drive, seconds=1.0: [Entry(n, n, "locked", empty, empty, empty, seconds=seconds) for n in names]  # noqa: E731
-    monkeypatch.setattr(discriminate, "menu", made)
+def chosen(monkeypatch, rivals, table, *, rotor="driven", turned=False, rated_from_data=True):
+    """Recommend where an entry tells what a table says, {(name, seconds): Tried or None}; of an entry's rotor, on a
+    campaign whose rotor turned or was locked, with or without a nameplate."""
+    empty, names = np.zeros(1), sorted({name for name, _ in table})
+
+    def entries(drive, seconds=1.0):
+        """Return a menu of the table's names."""
+        return [Entry(n, n, rotor, empty, empty, empty, seconds=seconds) for n in names]
+
+    monkeypatch.setattr(discriminate, "menu", entries)
+    monkeypatch.setattr(discriminate, "settings", lambda entry, drive: "as told")
     monkeypatch.setattr(discriminate, "usual_seconds", lambda drive: 1.0)
     monkeypatch.setattr(discriminate, "_tried", lambda c, e, r, t, w: table.get((e.name, e.seconds)))
-    return recommend(SimpleNamespace(drive=None), rivals, 1.0)
+    recordings = (SimpleNamespace(rotor="free" if turned else "locked"),)
+    campaign = SimpleNamespace(drive=None, rated_from_data=rated_from_data, recordings=recordings)
+    return recommend(campaign, rivals, 1.0)
+
+
+def test_nothing_is_to_turn_whose_speed_nobody_knows(monkeypatch):
+    """Locked recordings without a nameplate: no driven entry; with either, or a locked entry, there is one."""
+    pair = [(0.5, SimpleNamespace(effects=("a",))), (0.5, SimpleNamespace(effects=("b",)))]
+    table = {("x", 1.0): tried(even(40.0))}
+    assert chosen(monkeypatch, pair, table, turned=False) is None
+    assert chosen(monkeypatch, pair, table, turned=True).description == "x (as told)"
+    assert chosen(monkeypatch, pair, table, rated_from_data=False) is not None
+    assert chosen(monkeypatch, pair, table, rotor="locked") is not None
 
 
 def even(x, n=2):
@@ -170,7 +187,7 @@ def even(x, n=2):
 def test_what_is_sure_with_the_least_gap_is_chosen(monkeypatch):
     pair = [(0.5, SimpleNamespace(effects=("a",))), (0.5, SimpleNamespace(effects=("b",)))]
     table = {("big", 1.0): tried(even(60.0), 9.0, "big"), ("small", 1.0): tried(even(40.0), 2.0, "small")}
-    best = chosen(monkeypatch, pair, {**table, ("broken", 1.0): None})
+    best = chosen(monkeypatch, pair, {**table, ("broken", 1.0): None}, turned=True)
     assert (best.entry, best.gain, best.separates) == ("small", 40.0, (("a",), ("b",)))
     assert best.power > SURE
 
@@ -180,12 +197,12 @@ def test_a_longer_recording_is_asked_for_only_if_it_tells_more(monkeypatch):
     pair = [(0.5, SimpleNamespace(effects=("a",))), (0.5, SimpleNamespace(effects=("b",)))]
     first = {("x", 1.0): tried(even(4.5), 0.0, "x")}
     longer = {("x", 2.0): tried(even(20.0), 0.0, "x", 2.0)}
-    assert 0.5 < chosen(monkeypatch, pair, first).power < SURE
-    assert chosen(monkeypatch, pair, first).seconds == 1.0
-    assert chosen(monkeypatch, pair, first | longer).seconds == 2.0
+    assert 0.5 < chosen(monkeypatch, pair, first, turned=True).power < SURE
+    assert chosen(monkeypatch, pair, first, turned=True).seconds == 1.0
+    assert chosen(monkeypatch, pair, first | longer, turned=True).seconds == 2.0
     poor = {("x", 2.0): tried(even(4.0), 0.0, "x", 2.0), ("x", 4.0): tried(even(3.0), 0.0, "x", 4.0)}
-    assert chosen(monkeypatch, pair, first | poor).seconds == 1.0
-    assert chosen(monkeypatch, pair, {("x", 1.0): tried(even(0.2), 0.0, "x")}) is None
+    assert chosen(monkeypatch, pair, first | poor, turned=True).seconds == 1.0
+    assert chosen(monkeypatch, pair, {("x", 1.0): tried(even(0.2), 0.0, "x")}, turned=True) is None
 
 
 def test_all_rivals_count(monkeypatch):
@@ -194,7 +211,7 @@ def test_all_rivals_count(monkeypatch):
              (0.25, SimpleNamespace(effects=("c",)))]  # fmt: skip
     apart = tried([[0, 90, 0.1], [90, 0, 90], [0.1, 90, 0]], 0.0, "two")
     table = {("two", 1.0): apart, ("all", 1.0): tried(even(40.0, 3), 0.0, "all")}
-    assert chosen(monkeypatch, three, table).entry == "all"
+    assert chosen(monkeypatch, three, table, turned=True).entry == "all"
 
 
 def test_a_longer_menu_holds_the_same_experiments_slower(small_folder):
