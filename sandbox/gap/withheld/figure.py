@@ -70,10 +70,12 @@ def _floor(axes: Any, floor: Mapping[str, Mapping[str, Any]]) -> None:
 
 def _limits(axes: Any, methods: Mapping[str, Mapping[str, Any]]) -> None:
     """Draw the figures that are shares, method beside method, with one-sided 95 % limits."""
-    shares = (
+    every = (
         "top1", "mean_probability", "set_f1", "exact_set", "unknown_auroc", "false_alarm", "coverage",
-        "closed_median", "closed_p10", "ambiguity_hit", "subsystem",
+        "closed_median", "closed_p10", "ambiguity_hit", "subsystem", "resolved", "resolved_promised",
+        "recommended", "resolved_of_all",
     )  # fmt: skip
+    shares = [k for k in every if any(f[k]["value"] is not None for f in methods.values())]
     for m, (method, figures) in enumerate(methods.items()):
         known = [(k, figures[name]) for k, name in enumerate(shares) if figures[name]["value"] is not None]
         places = [k + 0.2 * (m - 0.5 * (len(methods) - 1)) for k, _ in known]
