@@ -87,5 +87,5 @@ def _limits(axes: Any, methods: Mapping[str, Mapping[str, Any]]) -> None:
     axes.set_xlim(-0.05, 1.05)
     axes.invert_yaxis()
     axes.grid(axis="x", color="0.9", linewidth=0.6)
-    axes.legend(fontsize=8, loc="upper left")
+    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=len(methods), frameon=False)
     axes.set_title("figures, one-sided 95 % limits", fontweight="bold")
