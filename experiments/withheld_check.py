@@ -1,9 +1,9 @@
 """How good is the diagnosis on campaigns of the second simulator whose effect is withheld, beside simple methods?
 
-200 campaigns with scored cycles, 300 controls without a gap and 140 campaigns of one operating point, where pairs of
-effects look alike, drawn from seeds never used while tuning; single effects once more with the true one taken out of
-the library; the simple methods on all of the 200.  Everything is made and diagnosed in WORK and goes on where it was
-interrupted; tables and the figure pages are written to results/withheld/.
+200 campaigns with scored cycles, 300 controls without a gap and 140 narrow campaigns, where pairs of effects look alike,
+drawn from seeds never used while tuning (the controls' served one check before, too); single effects once more with the
+true one taken out of the library; the simple methods on all of the 200.  Everything is made and diagnosed in WORK and
+goes on where it was interrupted; tables and the figure pages are written to results/withheld/.
 
 Run: python -m experiments.withheld_check WORK [JOBS]   (about 1.7 hours on two cores)
 """
@@ -77,7 +77,7 @@ def main(work: Path, jobs: int) -> None:
     lines += ["Confusion, reliability and detection floors: [mixed.png](mixed.png), [pairs.png](pairs.png).", ""]
     for name, kind, options, title in (
         ("mixed", "mixed", ["--leave-out", LEFT_OUT], "Campaigns with one to three effects, none, or one outside"),
-        ("pairs", "pairs", [], "One operating point: pairs that look alike"),
+        ("pairs", "pairs", [], "Narrow campaigns: pairs that look alike"),
         ("controls", "controls", [], "Controls without a gap"),
         ("baselines", "mixed", ["--baselines"], "Simple methods on the mixed campaigns"),
     ):

@@ -48,7 +48,7 @@ def follow_all(
 ) -> None:
     """Make the recording asked for (entry, seconds) of each campaign that has no report here yet, and diagnose it with
     the rest."""
-    left = [n for n in asked if not reported(reports, n) or recorded(reports, n) != list(asked[n])]
+    left = [n for n in asked if not reported(reports, n) or _of_another(reports / f"{n}.json", asked[n])]
     for name in left:
         (reports / f"{name}.json").unlink(missing_ok=True)
     tasks = [_Task(folder / CAMPAIGNS / n, (), reports, asked[n], drawn_again(content, n)) for n in left]
@@ -61,9 +61,12 @@ def reported(reports: Path, name: str) -> bool:
     return path.exists() and b'"failed":' not in path.read_bytes()
 
 
-def recorded(reports: Path, name: str) -> Any:
-    """Return what was recorded for a report: [entry, seconds]."""
-    return json.loads((reports / f"{name}.json").read_text(encoding="utf-8")).get("recorded")
+def _of_another(report: Path, entry: tuple[str, float]) -> bool:
+    """Tell whether another recording was made for a report; a damaged one is kept, to be named where it is judged."""
+    try:
+        return bool(json.loads(report.read_text(encoding="utf-8")).get("recorded") != list(entry))
+    except (ValueError, AttributeError):
+        return False
 
 
 @dataclass(frozen=True)

@@ -104,6 +104,11 @@ def test_another_recommendation_is_recorded_anew(check):
     score(check, lambda folder, exclude: seen.append(folder.name) or blind(folder, exclude), limit=1)
     assert seen == ["w000"]
     assert json.loads(report.read_text())["recorded"] == ["locked_low_current", 0.25]
+    for damage in ("{", "[]"):
+        report.write_text(damage)
+        with pytest.raises(BadInput, match=r"resolved/w000\.json' holds no report of w000; delete it"):
+            score(check, blind, limit=1)
+        assert report.read_text() == damage
 
 
 def test_a_recording_that_cannot_be_made_settles_nothing(check):
