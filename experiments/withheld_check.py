@@ -1,6 +1,6 @@
 """How good is the diagnosis on campaigns of the second simulator whose effect is withheld, beside simple methods?
 
-200 campaigns with scored cycles, 300 controls without a gap and 140 narrow campaigns, where pairs of effects look alike,
+200 campaigns with scored cycles, 300 controls without a gap and 140 narrow campaigns where pairs of effects look alike,
 drawn from seeds never used while tuning (the controls' served one check before, too); single effects once more with the
 true one taken out of the library; the simple methods on all of the 200.  Everything is made and diagnosed in WORK and
 goes on where it was interrupted; tables and the figure pages are written to results/withheld/.
