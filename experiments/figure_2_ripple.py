@@ -7,7 +7,7 @@ import numpy as np
 from experiments.drawing import COLOURS, new_figure, save
 from model.energy import currents, flux_from_current, hessian
 from model.parameters import load_drive
-from sandbox.plant import Plant, advance
+from sandbox.oldplant import Plant, advance
 
 MEAN, AMPLITUDE, FREQUENCY, FINE = 23.0, 30.0, 500.0, 100
 

@@ -26,7 +26,7 @@ def step_time(prepared: Prepared, effects: dict[str, float], workers: int = 1, s
     """Return the best of five times (ns) of one plant step of one parameter set, readings included."""
     blocks = plan(prepared, [effects] * sets)
     jobs = [(r, b) for r in prepared.recordings for b in blocks]
-    longest = max(len(r.table) for r in prepared.recordings)
+    longest = max(r.samples for r in prepared.recordings)
     room = {id(b): (np.empty((longest, 3, lanes.LANES)), np.empty((longest, lanes.LANES))) for b in blocks}
     per_block = [[(r, b) for r, b in jobs if b is block] for block in blocks]
 

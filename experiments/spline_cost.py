@@ -19,7 +19,7 @@ from model.fluxmap import FluxMap
 from model.mapped import ALPHAS, MappedMotor
 from model.parameters import Drive, Motor, load_drive
 from sandbox.compare import compare
-from sandbox.plant import Plant, advance
+from sandbox.oldplant import Plant, advance
 from sandbox.scenario import load_scenario
 
 COUNT, TURNS, GOALS = 200_000, 40, {"evaluation_ns": 3.0, "plant_step_ns": 3.0, "compare_cpu_s": 4.0}

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model.compiled import kernel
+from model.compiled import inlined, kernel
 
 SQRT3 = math.sqrt(3.0)
 
@@ -32,6 +32,14 @@ def phases(alpha, beta):
 def stationary(a, b, c):
     """Return alpha, beta of three phase quantities; a common part drops out."""
     return (2.0 * a - b - c) / 3.0, (b - c) / SQRT3
+
+
+@inlined
+def sixth(c, s):
+    """Return cos and sin of six times the angle of cos c, sin s."""
+    c_2, s_2 = c * c - s * s, 2.0 * c * s
+    c_4, s_4 = c_2 * c_2 - s_2 * s_2, 2.0 * c_2 * s_2
+    return c_4 * c_2 - s_4 * s_2, s_4 * c_2 + c_4 * s_2
 
 
 @kernel

@@ -25,7 +25,7 @@ from model.effects.library import effect_names, typical
 from model.errors import BadInput
 from model.parameters import Drive, load_drive
 from model.saliency import current_for_torque
-from sandbox.plant import Plant, advance
+from sandbox.oldplant import Plant, advance
 from sandbox.scenario import Scenario, Segment
 from sandbox.score import error_of
 from sandbox.simulate import simulate

@@ -16,7 +16,7 @@ from model.effects.shaft_compliance import damping_of
 from model.parameters import Converter, Motor
 from sandbox.full import DUTY, SIZE, Machine, Shaft
 from sandbox.inverter import Inverter
-from sandbox.plant import PHI_D, PHI_Q, THETA
+from sandbox.oldplant import PHI_D, PHI_Q, THETA
 from sandbox.sensors import Sensors
 
 BARE, FULL = 0, 1

@@ -1,6 +1,6 @@
-"""The plant with every effect of machine and shaft: the terms that `sandbox.plant` leaves out, in one kernel.
+"""The plant with every effect of machine and shaft: the terms that `sandbox.oldplant` leaves out, in one kernel.
 
-State and equations are those of `sandbox.plant`, phi_d, phi_q the flux linkage less the constant magnet flux phi_m,
+State and equations are those of `sandbox.oldplant`, phi_d, phi_q the flux linkage less the constant magnet flux phi_m,
 and beside them iron-loss current and slow part of the current (rotor frame), the load's speed and the shaft's
 twist.  With h(theta) the magnet's harmonics, current is the gradient of H at phi - h, torque
 3/2 p (psi_d i_q - psi_q i_d - dH/dtheta).  Each term is the kernel of its effect's file in `model/effects`.
@@ -25,7 +25,7 @@ from model.effects import (
 from model.effects.cogging_torque import torque as cogging
 from model.energy import currents, hessian
 from model.frames import rotate
-from sandbox.plant import OMEGA, PHI_D, PHI_Q, THETA, turn
+from sandbox.oldplant import OMEGA, PHI_D, PHI_Q, THETA, turn
 
 CORE_D, CORE_Q, SLOW_D, SLOW_Q, LOAD_OMEGA, TWIST = range(4, 10)  # A, A, rad/s electrical, rad mechanical
 FILTER_ALPHA, FILTER_BETA, FILTER_RIPPLE, CORE_RIPPLE = 10, 11, 12, 14  # A, and two vectors of V s
@@ -34,7 +34,7 @@ SIZE = 20
 
 
 class Machine(NamedTuple):
-    """What the machine has beside `sandbox.plant`."""
+    """What the machine has beside `sandbox.oldplant`."""
 
     psi_d6: float  # Wb
     psi_q6: float
@@ -49,7 +49,7 @@ class Machine(NamedTuple):
 
 
 class Shaft(NamedTuple):
-    """What the shaft has beside `sandbox.plant`; stiffness 0: rigid."""
+    """What the shaft has beside `sandbox.oldplant`; stiffness 0: rigid."""
 
     coulomb: float  # N m
     width: float  # rad/s, mechanical

@@ -15,7 +15,7 @@ from model.effects import dc_link_error, dc_link_ripple, dead_time, device_drop,
 from model.frames import phases, stationary
 from model.pulses import duties, flux_after, mean_deviation, ripple_lag_between
 from sandbox.full import CLOCK, CORE_D, CORE_Q, CORE_RIPPLE, DUTY, FILTER_RIPPLE, stator_currents, stiffness
-from sandbox.plant import OMEGA, PHI_D, PHI_Q, THETA, turn
+from sandbox.oldplant import OMEGA, PHI_D, PHI_Q, THETA, turn
 
 FAR = 1.0  # s: an edge that has not come yet
 

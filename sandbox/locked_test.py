@@ -1,6 +1,6 @@
 """The paper's test in software: a locked rotor, bias staircases, a pulsating voltage on top; makes a campaign.
 
-Open-loop voltages on the averaged-voltage plant of `sandbox.plant`; the inverter's voltage error (dead time, device
+Open-loop voltages on the averaged-voltage plant of `sandbox.oldplant`; the inverter's voltage error (dead time, device
 drop) acts with the sign of the phase currents at the start of each substep.
 """
 
@@ -20,7 +20,7 @@ from model.parameters import Drive
 from model.ripple import voltage_error
 from sandbox.campaign import Campaign, CampaignRecording
 from sandbox.injection import carrier
-from sandbox.plant import Plant, advance, stator_currents
+from sandbox.oldplant import Plant, advance, stator_currents
 
 Array = NDArray[np.float64]
 SUBSTEPS = 16

@@ -25,7 +25,7 @@ from sandbox.effects import BARE, EFFECTS
 from sandbox.full import advance as advance_full
 from sandbox.full import stiffness
 from sandbox.inverter import deliver
-from sandbox.plant import OMEGA, PHI_D, PHI_Q, PLANT, THETA, Plant, advance, stator_currents
+from sandbox.oldplant import OMEGA, PHI_D, PHI_Q, PLANT, THETA, Plant, advance, stator_currents
 from sandbox.recording import CHANNELS
 from sandbox.sensors import encoder, sampled
 

@@ -25,7 +25,7 @@ from sandbox.full import (
     stiffness,
 )
 from sandbox.inverter import late_by, leg_links
-from sandbox.plant import OMEGA, PHI_D, PHI_Q, THETA, turn
+from sandbox.oldplant import OMEGA, PHI_D, PHI_Q, THETA, turn
 
 LARGEST_GROWTH = 1.0  # a sample before t_k looks back at the iron-loss current: by at most one time constant
 

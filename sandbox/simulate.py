@@ -23,7 +23,7 @@ from sandbox.design import Design, belief_of, design
 from sandbox.effects import compiled, longest_step, masses, start
 from sandbox.feasible import check_call, check_feasible, check_injection, checked
 from sandbox.injection import carrier
-from sandbox.plant import LARGEST_TURN, Plant, steps_per_period
+from sandbox.oldplant import LARGEST_TURN, Plant, steps_per_period
 from sandbox.recording import Recording
 from sandbox.scenario import Scenario
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from model.parameters import Converter, Motor
 
@@ -52,8 +54,54 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class Port:
+    """A place of the plant where equations of effects enter: what they are handed, and how many numbers they return.
+
+    Several effects at one port add up; at the port `reading`, each is handed what the one before made of it.
+    """
+
+    quantities: tuple[str, ...]
+    returns: int
+    what: str
+
+
+PORTS = {
+    "link": Port(("time",), 1, "V added to the link's voltage at an instant of the recording (s)"),
+    "drawn": Port(("d_a", "d_b", "d_c", "i_a", "i_b"), 1, "V that the link sags by over a period: duties, current (A)"),
+    "edge": Port(
+        ("sign", "side"), 1, "s by which an edge (side 1 rises, -1 falls) acts late; sign of the leg's current"
+    ),
+    "leg": Port(
+        ("before", "after"), 1, "V a leg loses on average while its current over the width of its sign changes"
+    ),
+    "winding": Port(("i_a", "i_b"), 2, "V lost in the windings, stationary frame, at a current (A)"),
+    "magnets": Port(("c", "s"), 4, "harmonic flux d, q (Wb) and its slope (Wb/rad) at cos, sin of the rotor's angle"),
+    "energy": Port(("c", "s", "d", "q"), 3, "further current i_d, i_q (A) and dH/dtheta (J/rad) at a flux (Wb)"),
+    "torque": Port(("turn", "omega"), 1, "N m on the rotor at its mechanical angle (rad) and speed (rad/s)"),
+    "friction": Port(("omega",), 1, "N m that the motor's side loses at a mechanical speed (rad/s)"),
+    "load": Port(("omega",), 1, "N m that the load takes beside what it is asked for, at its speed (rad/s)"),
+    "reading": Port(("a", "b", "c"), 3, "what the sensors make of three phase currents (A)"),
+    "angle": Port(("turn", "pairs"), 1, "rad electrical that the angle's reading is off at a mechanical angle (rad)"),
+}
+
+
+@dataclass(frozen=True)
+class At:
+    """An equation at a port of the plant, handed the effect's parameters `numbers`, then the port's quantities."""
+
+    port: str
+    equation: Callable[..., Any]
+    numbers: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Effect:
-    """One effect; equation and source as text, signature as axis, order and region of the residual it leaves."""
+    """One effect; equation and source as text, signature as axis, order and region of the residual it leaves.
+
+    at: its equations at ports of the plant; rows: numbers of the plant itself that it changes (fields of
+    `sandbox.plant.batch.PLANT`), added to the motor's, as a function of the completed parameters of all effects and the
+    motor; switches: the effect is off while these parameters are neutral (default: all of its parameters).
+    """
 
     name: str
     summary: str
@@ -68,6 +116,14 @@ class Effect:
     separated_by: str
     polar: tuple[str, str] | None = None  # amplitude and phase that are fitted as cosine and sine
     trace: float = 1.0  # of the size an ordinary trace may have in a diagnosis: less where a simulation meets it better
+    at: tuple[At, ...] = ()
+    rows: Callable[[Mapping[str, float], Motor], dict[str, float]] | None = None
+    switches: tuple[str, ...] = ()
+
+    def switched_off(self, values: Mapping[str, float], neutral: Mapping[str, float]) -> bool:
+        """Return whether completed values leave the effect off."""
+        names = self.switches or tuple(p.name for p in self.parameters)
+        return all(values[f"{self.name}.{n}"] == neutral[f"{self.name}.{n}"] for n in names)
 
 
 def saturation_size(motor: Motor, alpha: str) -> float:

@@ -4,8 +4,29 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import kernel
-from model.effects.card import INF, Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import INF, At, Effect, Parameter
+from model.lanes import sine_cosine
+
+
+@inlined
+def helping(amplitude, order_mech, phase, turn, omega):
+    """Return the torque (N m) at a mechanical angle (rad), whatever the speed."""
+    sine, _ = sine_cosine(order_mech * turn + phase)
+    return amplitude * sine
+
+
+@inlined
+def torque(amplitude, order_mech, phase, theta_mech):
+    """Return the torque (N m) at a mechanical angle."""
+    return amplitude * math.sin(order_mech * theta_mech + phase)
+
+
+@inlined
+def potential(amplitude, order_mech, phase, theta_mech):
+    """Return its potential energy (J)."""
+    return amplitude / order_mech * math.cos(order_mech * theta_mech + phase)
+
 
 CARD = Effect(
     name="cogging_torque",
@@ -27,16 +48,6 @@ CARD = Effect(
     confused_with=("flux_harmonics", "encoder_eccentricity", "inductance_harmonics"),
     separated_by="slow free run and coasting without current: ripple of speed bound to position",
     polar=("amplitude", "phase"),
+    at=(At("torque", helping, ("amplitude", "order_mech", "phase")),),
+    switches=("amplitude",),
 )
-
-
-@kernel
-def torque(amplitude, order_mech, phase, theta_mech):
-    """Return the torque (N m) at a mechanical angle."""
-    return amplitude * math.sin(order_mech * theta_mech + phase)
-
-
-@kernel
-def potential(amplitude, order_mech, phase, theta_mech):
-    """Return its potential energy (J)."""
-    return amplitude / order_mech * math.cos(order_mech * theta_mech + phase)

@@ -2,10 +2,20 @@
 
 from __future__ import annotations
 
-import math
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
+from model.lanes import fading
 
-from model.compiled import kernel
-from model.effects.card import Effect, Parameter
+
+@inlined
+def drag(torque, width, stribeck_torque, stribeck_speed, omega_mech):
+    """Return the torque (N m) against a mechanical speed (rad/s)."""
+    slow = omega_mech / stribeck_speed
+    level = torque + stribeck_torque * fading(-slow * slow)
+    e = fading(-2.0 * abs(omega_mech) / width)
+    size = level * (1.0 - e) / (1.0 + e)  # tanh
+    return size if omega_mech >= 0.0 else -size
+
 
 CARD = Effect(
     name="coulomb_friction",
@@ -27,13 +37,6 @@ CARD = Effect(
     region="free rotor: constant drag, steps at reversals",
     confused_with=("viscous_friction", "inertia", "cogging_torque"),
     separated_by="coasting down to standstill: straight line against exponential; reversal",
+    at=(At("friction", drag, ("torque", "width", "stribeck_torque", "stribeck_speed")),),
+    switches=("torque", "stribeck_torque"),
 )
-
-
-@kernel
-def drag(torque, width, stribeck_torque, stribeck_speed, omega_mech):
-    """Return the torque (N m) against a mechanical speed (rad/s)."""
-    level = torque
-    if stribeck_torque != 0.0:
-        level += stribeck_torque * math.exp(-((omega_mech / stribeck_speed) ** 2))
-    return level * math.tanh(omega_mech / width)

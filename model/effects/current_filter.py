@@ -7,30 +7,7 @@ import math
 from model.compiled import kernel
 from model.effects.card import Effect, Parameter
 
-CARD = Effect(
-    name="current_filter",
-    summary="analogue low-pass between sensor and sampler",
-    subsystem="sensor",
-    equation=(
-        "tau df/dt = i - f before sampling; under centred pulses f carries the lagged flux ripple: for a "
-        "short tau the reading is i + tau Gamma (e + R i), the slope of the zero vector"
-    ),
-    source=(
-        "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"
-        " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123; form under centred pulses: "
-        "AVERAGING 3"
-    ),
-    parameters=(Parameter("time_constant", "s", 0.0, 0.0, 1e-2, 3e-5),),
-    axis="along the current's slope",
-    order="1 at speed and the injection band",
-    region="grows with voltage and speed",
-    confused_with=("current_sampling", "pwm_delay", "iron_loss"),
-    separated_by=(
-        "driven rotor with the DC link nearly used up: the zero vector is then shorter than the time constant, and "
-        "late or early sampling reads otherwise"
-    ),
-    trace=0.3,
-)
+FASTEST = 1e12  # 1/s
 
 
 @kernel
@@ -61,3 +38,35 @@ def after(filtered, start, end, s, tau):
     """Return the lag s (s, either sign) after it was `filtered`, its input going linearly from start to end."""
     decay, old, new = sample_weights(s, tau)
     return decay * filtered + old * start + new * end
+
+
+def rate_of(time_constant: float) -> float:
+    """Return the lag's rate (1/s); a filter without time constant has forgotten everything at once."""
+    return min(1.0 / time_constant, FASTEST) if time_constant > 0.0 else FASTEST
+
+
+CARD = Effect(
+    name="current_filter",
+    summary="analogue low-pass between sensor and sampler",
+    subsystem="sensor",
+    equation=(
+        "tau df/dt = i - f before sampling; under centred pulses f carries the lagged flux ripple: for a "
+        "short tau the reading is i + tau Gamma (e + R i), the slope of the zero vector"
+    ),
+    source=(
+        "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"
+        " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123; form under centred pulses: "
+        "AVERAGING 3"
+    ),
+    parameters=(Parameter("time_constant", "s", 0.0, 0.0, 1e-2, 3e-5),),
+    axis="along the current's slope",
+    order="1 at speed and the injection band",
+    region="grows with voltage and speed",
+    confused_with=("current_sampling", "pwm_delay", "iron_loss"),
+    separated_by=(
+        "driven rotor with the DC link nearly used up: the zero vector is then shorter than the time constant, and "
+        "late or early sampling reads otherwise"
+    ),
+    trace=0.3,
+    rows=lambda v, motor: {"filter_rate": rate_of(v["current_filter.time_constant"])},
+)

@@ -2,8 +2,21 @@
 
 from __future__ import annotations
 
-from model.compiled import kernel
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
+
+
+@inlined
+def scaled(gain_a, gain_b, gain_c, a, b, c):
+    """Return three readings (A) times their sensors' gains."""
+    return gain_a * a, gain_b * b, gain_c * c
+
+
+@inlined
+def read(current, gain, offset):
+    """Return what a sensor makes of a phase current (A) before noise and counts."""
+    return gain * current + offset
+
 
 CARD = Effect(
     name="current_gain",
@@ -30,10 +43,5 @@ CARD = Effect(
         "slow turn under constant current: order 1 in the sum of the three readings, order 2 in the rotor-frame "
         "current that no voltage explains"
     ),
+    at=(At("reading", scaled, ("gain_a", "gain_b", "gain_c")),),
 )
-
-
-@kernel
-def read(current, gain, offset):
-    """Return what a sensor makes of a phase current (A) before noise and counts."""
-    return gain * current + offset

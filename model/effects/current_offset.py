@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
+
+
+@inlined
+def shifted(offset_a, offset_b, a, b, c):
+    """Return three readings (A) with their offsets, whose sum is zero."""
+    return a + offset_a, b + offset_b, c - (offset_a + offset_b)
+
 
 CARD = Effect(
     name="current_offset",
@@ -22,4 +30,5 @@ CARD = Effect(
     region="everywhere alike, at zero current, too",
     confused_with=("winding_asymmetry", "dead_time", "encoder_eccentricity"),
     separated_by="no voltage, rotor at rest: the readings' mean",
+    at=(At("reading", shifted, ("offset_a", "offset_b")),),
 )

@@ -31,4 +31,5 @@ CARD = Effect(
         "the zero vector"
     ),
     trace=0.3,
+    rows=lambda v, motor: {"sample": v["current_sampling.delay"] - v["pwm_delay.delay"]},
 )

@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
-from model.compiled import kernel
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
 
 HALF_ROOT = 0.8660254037844386
+
+
+@inlined
+def sag(resistance, d_a, d_b, d_c, i_a, i_b):
+    """Return by how much the link sags (V) over a period of these duties, current (A) at its start."""
+    return resistance * drawn(d_a, d_b, d_c, i_a, i_b)
+
+
+@inlined
+def drawn(d_a, d_b, d_c, i_alpha, i_beta):
+    """Return the mean current (A) that legs of these duties draw from the link at a current vector (A)."""
+    return (d_a - 0.5 * (d_b + d_c)) * i_alpha + HALF_ROOT * (d_b - d_c) * i_beta
+
 
 CARD = Effect(
     name="dc_link_error",
@@ -32,10 +45,6 @@ CARD = Effect(
         "gain: none by itself: it equals scaling R, all fluxes and L together; told apart by a trusted value of"
         " one of them, e.g. the magnet flux on open circuit; sag: runs at speed without and with load"
     ),
+    at=(At("drawn", sag, ("sag",)),),
+    rows=lambda v, motor: {"link_gain": v["dc_link_error.gain_error"]},
 )
-
-
-@kernel
-def drawn(d_a, d_b, d_c, i_alpha, i_beta):
-    """Return the mean current (A) that legs of these duties draw from the link at a current vector (A)."""
-    return (d_a - 0.5 * (d_b + d_c)) * i_alpha + HALF_ROOT * (d_b - d_c) * i_beta

@@ -4,8 +4,25 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import kernel
-from model.effects.card import INF, Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import INF, At, Effect, Parameter
+from model.lanes import sine_cosine
+
+
+@inlined
+def ripple(amplitude, frequency, phase, time):
+    """Return the ripple (V) at an instant of the recording (s)."""
+    sine, _ = sine_cosine(math.tau * frequency * time + phase)
+    return amplitude * sine
+
+
+@inlined
+def pulse_mean(amplitude, rate, phase, middle, width):
+    """Return the mean of the ripple (V) over a pulse of the given width around an instant (s)."""
+    x = 0.5 * rate * width
+    sinc = math.sin(x) / x if x > 1e-4 else 1.0 - x * x / 6.0
+    return amplitude * math.sin(rate * middle + phase) * sinc
+
 
 CARD = Effect(
     name="dc_link_ripple",
@@ -27,12 +44,6 @@ CARD = Effect(
     confused_with=("cogging_torque", "flux_harmonics"),
     separated_by="constant large voltage at standstill, long enough to resolve the line",
     polar=("amplitude", "phase"),
+    at=(At("link", ripple, ("amplitude", "frequency", "phase")),),
+    switches=("amplitude",),
 )
-
-
-@kernel
-def pulse_mean(amplitude, rate, phase, middle, width):
-    """Return the mean of the ripple (V) over a pulse of the given width around an instant (s)."""
-    x = 0.5 * rate * width
-    sinc = math.sin(x) / x if x > 1e-4 else 1.0 - x * x / 6.0
-    return amplitude * math.sin(rate * middle + phase) * sinc

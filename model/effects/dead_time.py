@@ -2,8 +2,23 @@
 
 from __future__ import annotations
 
-from model.compiled import kernel
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
+
+SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
+
+
+@inlined
+def soft_sign(current, width):
+    """Return the sign of a current, linear within +-width (A)."""
+    return min(max(current / width, -1.0), 1.0)
+
+
+@inlined
+def late(time, sign, side):
+    """Return how late (s) an edge acts for the soft sign of its leg's current; side: 1 rises, -1 falls."""
+    return 0.5 * (abs(time) + side * time * sign)
+
 
 CARD = Effect(
     name="dead_time",
@@ -24,20 +39,5 @@ CARD = Effect(
     region="steps where a phase current crosses zero; size independent of current and speed",
     confused_with=("device_drop", "flux_harmonics", "stator_resistance"),
     separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",
+    at=(At("edge", late, ("time",)),),
 )
-
-
-SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
-
-
-@kernel
-def soft_sign(current, width):
-    """Return the sign of a current, linear within +-width (A)."""
-    return min(max(current / width, -1.0), 1.0)
-
-
-@kernel
-def lateness(time, sign):
-    """Return how late (s) a leg's rising and falling edge are for the soft sign of its current."""
-    size = abs(time)
-    return 0.5 * (size + time * sign), 0.5 * (size - time * sign)

@@ -2,8 +2,30 @@
 
 from __future__ import annotations
 
-from model.compiled import kernel
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
+
+
+@inlined
+def primitive(x):
+    """Return the integral of the soft sign from 0 to x (current over soft width)."""
+    size = abs(x)
+    return 0.5 * x * x if size < 1.0 else size - 0.5
+
+
+@inlined
+def mean_sign(x, y):
+    """Return the mean of the soft sign while the current goes linearly from x to y (currents over soft width)."""
+    step = y - x
+    flat = abs(step) < 1e-6
+    return min(max(0.5 * (x + y), -1.0), 1.0) if flat else (primitive(y) - primitive(x)) / (1.0 if flat else step)
+
+
+@inlined
+def lost(threshold, before, after):
+    """Return what a leg loses on average (V), its current over the soft width going from before to after."""
+    return threshold * mean_sign(before, after)
+
 
 CARD = Effect(
     name="device_drop",
@@ -25,19 +47,6 @@ CARD = Effect(
     separated_by=(
         "zero crossings at two DC-link voltages or PWM frequencies: dead time scales with them, the threshold does not"
     ),
+    at=(At("leg", lost, ("threshold",)),),
+    rows=lambda v, motor: {"resistance": v["device_drop.on_resistance"]},
 )
-
-
-@kernel
-def primitive(x):
-    """Return the integral of the soft sign from 0 to x (current over soft width)."""
-    size = abs(x)
-    return 0.5 * x * x if size < 1.0 else size - 0.5
-
-
-@kernel
-def mean_sign(x, y):
-    """Return the mean of the soft sign while the current goes linearly from x to y (currents over soft width)."""
-    if abs(y - x) < 1e-6:
-        return min(max(0.5 * (x + y), -1.0), 1.0)
-    return (primitive(y) - primitive(x)) / (y - x)

@@ -4,8 +4,23 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import kernel
-from model.effects.card import INF, Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import INF, At, Effect, Parameter
+from model.lanes import sine_cosine
+
+
+@inlined
+def off(amplitude_mech, phase, turn, pairs):
+    """Return the reading's error (rad, electrical) at a mechanical angle (rad)."""
+    sine, _ = sine_cosine(turn + phase)
+    return pairs * amplitude_mech * sine
+
+
+@inlined
+def deviation(amplitude_mech, phase, pole_pairs, theta):
+    """Return the reading's error (rad, electrical) at an electrical angle."""
+    return pole_pairs * amplitude_mech * math.sin(theta / pole_pairs + phase)
+
 
 CARD = Effect(
     name="encoder_eccentricity",
@@ -23,10 +38,6 @@ CARD = Effect(
     confused_with=("cogging_torque", "current_offset"),
     separated_by="slow driven turns at constant speed: angle against time, once a mechanical turn",
     polar=("amplitude_mech", "phase"),
+    at=(At("angle", off, ("amplitude_mech", "phase")),),
+    switches=("amplitude_mech",),
 )
-
-
-@kernel
-def deviation(amplitude_mech, phase, pole_pairs, theta):
-    """Return the reading's error (rad, electrical) at an electrical angle."""
-    return pole_pairs * amplitude_mech * math.sin(theta / pole_pairs + phase)

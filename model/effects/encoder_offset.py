@@ -7,6 +7,14 @@ import math
 from model.compiled import kernel
 from model.effects.card import Effect, Parameter
 
+
+@kernel
+def read(theta, offset, deviation, step):
+    """Return the electrical angle as read (rad): offset, eccentricity, nearest count (step 0: no counts)."""
+    angle = theta + offset + deviation
+    return step * math.floor(angle / step + 0.5) if step > 0.0 else angle
+
+
 CARD = Effect(
     name="encoder_offset",
     summary="encoder not aligned with the magnet",
@@ -22,11 +30,5 @@ CARD = Effect(
         "driven rotor at zero current: back-EMF on d proportional to speed in both directions; a delay's "
         "share is odd in speed, an offset's even"
     ),
+    rows=lambda v, motor: {"offset": v["encoder_offset.offset"]},
 )
-
-
-@kernel
-def read(theta, offset, deviation, step):
-    """Return the electrical angle as read (rad): offset, eccentricity, nearest count (step 0: no counts)."""
-    angle = theta + offset + deviation
-    return step * math.floor(angle / step + 0.5) if step > 0.0 else angle

@@ -2,8 +2,31 @@
 
 from __future__ import annotations
 
-from model.compiled import kernel
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
+from model.frames import sixth
+
+
+@inlined
+def harmonic(psi_d6, psi_q6, c, s):
+    """Return the harmonic part of the magnet flux (Wb) and its slope (Wb/rad) at cos, sin of the angle."""
+    c_6, s_6 = sixth(c, s)
+    d, q = flux(psi_d6, psi_q6, c_6, s_6)
+    t_d, t_q = slope(psi_d6, psi_q6, c_6, s_6)
+    return d, q, t_d, t_q
+
+
+@inlined
+def flux(psi_d6, psi_q6, cos_6, sin_6):
+    """Return the harmonic part of the magnet flux (Wb) in the rotor frame."""
+    return psi_d6 * cos_6, psi_q6 * sin_6
+
+
+@inlined
+def slope(psi_d6, psi_q6, cos_6, sin_6):
+    """Return its derivative by the angle, Wb/rad."""
+    return -6.0 * psi_d6 * sin_6, 6.0 * psi_q6 * cos_6
+
 
 CARD = Effect(
     name="flux_harmonics",
@@ -23,16 +46,5 @@ CARD = Effect(
     region="voltage grows with speed; also at zero current",
     confused_with=("inductance_harmonics", "dead_time", "cogging_torque"),
     separated_by="driven rotor at zero current: 5th and 7th of the back-EMF proportional to speed",
+    at=(At("magnets", harmonic, ("psi_d6", "psi_q6")),),
 )
-
-
-@kernel
-def flux(psi_d6, psi_q6, cos_6, sin_6):
-    """Return the harmonic part of the magnet flux (Wb) in the rotor frame."""
-    return psi_d6 * cos_6, psi_q6 * sin_6
-
-
-@kernel
-def slope(psi_d6, psi_q6, cos_6, sin_6):
-    """Return its derivative by the angle, Wb/rad."""
-    return -6.0 * psi_d6 * sin_6, 6.0 * psi_q6 * cos_6

@@ -2,8 +2,36 @@
 
 from __future__ import annotations
 
-from model.compiled import kernel
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
+from model.frames import sixth
+
+
+@inlined
+def further(gamma_6, c, s, d, q):
+    """Return the harmonic part of i_d, i_q (A) and of dH/dtheta (J/rad) at cos, sin of the angle and fluxes (Wb)."""
+    c_6, s_6 = sixth(c, s)
+    i_d, i_q = current(gamma_6, c_6, s_6, d, q)
+    return i_d, i_q, slope(gamma_6, c_6, s_6, d, q)
+
+
+@inlined
+def current(gamma_6, cos_6, sin_6, d, q):
+    """Return the harmonic part of i_d, i_q (A) at fluxes d, q (Wb)."""
+    return gamma_6 * (cos_6 * d + sin_6 * q), gamma_6 * (sin_6 * d - cos_6 * q)
+
+
+@inlined
+def energy(gamma_6, cos_6, sin_6, d, q):
+    """Return the harmonic part of H (J up to the factor 3/2)."""
+    return 0.5 * gamma_6 * (cos_6 * (d * d - q * q) + 2.0 * sin_6 * d * q)
+
+
+@inlined
+def slope(gamma_6, cos_6, sin_6, d, q):
+    """Return dH/dtheta at constant fluxes, J/rad."""
+    return 3.0 * gamma_6 * (2.0 * cos_6 * d * q - sin_6 * (d * d - q * q))
+
 
 CARD = Effect(
     name="inductance_harmonics",
@@ -22,22 +50,5 @@ CARD = Effect(
     region="grows with current; at every speed, standstill included",
     confused_with=("flux_harmonics", "cross_saturation", "winding_asymmetry"),
     separated_by="locked rotor at several angles with injection; or slow driven rotor under current",
+    at=(At("energy", further, ("gamma_6",)),),
 )
-
-
-@kernel
-def current(gamma_6, cos_6, sin_6, d, q):
-    """Return the harmonic part of i_d, i_q (A) at fluxes d, q (Wb)."""
-    return gamma_6 * (cos_6 * d + sin_6 * q), gamma_6 * (sin_6 * d - cos_6 * q)
-
-
-@kernel
-def energy(gamma_6, cos_6, sin_6, d, q):
-    """Return the harmonic part of H (J up to the factor 3/2)."""
-    return 0.5 * gamma_6 * (cos_6 * (d * d - q * q) + 2.0 * sin_6 * d * q)
-
-
-@kernel
-def slope(gamma_6, cos_6, sin_6, d, q):
-    """Return dH/dtheta at constant fluxes, J/rad."""
-    return 3.0 * gamma_6 * (2.0 * cos_6 * d * q - sin_6 * (d * d - q * q))

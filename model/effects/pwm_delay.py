@@ -24,4 +24,5 @@ CARD = Effect(
     region="grows with voltage and its changes",
     confused_with=("current_sampling", "current_filter", "encoder_offset"),
     separated_by="injection with steps of large amplitude, at two PWM frequencies",
+    rows=lambda v, motor: {"delay": v["pwm_delay.delay"]},
 )

@@ -3,9 +3,35 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from model.compiled import kernel
 from model.effects.card import INF, Effect, Parameter
+
+
+@kernel
+def shaft_torque(stiffness, damping, twist, difference):
+    """Return the torque (N m) from motor to load; twist in rad, difference of speeds in rad/s, mechanical."""
+    return stiffness * twist + damping * difference
+
+
+def damping_of(ratio: float, stiffness: float, motor_inertia: float, load_inertia: float) -> float:
+    """Return D (N m s/rad) of a damping ratio."""
+    return 2.0 * ratio * math.sqrt(stiffness * motor_inertia * load_inertia / (motor_inertia + load_inertia))
+
+
+def two_masses(v: Mapping[str, float]) -> dict[str, float]:
+    """Return both inertias' inverses (1/(kg m^2)) and rate (rad/s) and damping ratio of their swing; none if rigid."""
+    total, load, k = v["inertia.inertia"], v["shaft_compliance.load_inertia"], v["shaft_compliance.stiffness"]
+    if not (math.isfinite(k) and load > 0.0):
+        return {"motor_inv": 1.0 / total}
+    motor = total - load
+    return {
+        "motor_inv": 1.0 / motor, "load_inv": 1.0 / load, "load_share": load / total,
+        "swing_rate": math.sqrt(k * total / (motor * load)),
+        "swing_ratio": min(v["shaft_compliance.damping_ratio"], 0.999),
+    }  # fmt: skip
+
 
 CARD = Effect(
     name="shaft_compliance",
@@ -40,15 +66,6 @@ CARD = Effect(
     region="free rotor after steps of load or torque",
     confused_with=("inertia", "cogging_torque", "dc_link_ripple"),
     separated_by="free rotor, step of load or torque, sampled for several periods of the resonance",
+    rows=lambda v, motor: two_masses(v),
+    switches=("stiffness",),
 )
-
-
-@kernel
-def shaft_torque(stiffness, damping, twist, difference):
-    """Return the torque (N m) from motor to load; twist in rad, difference of speeds in rad/s, mechanical."""
-    return stiffness * twist + damping * difference
-
-
-def damping_of(ratio: float, stiffness: float, motor_inertia: float, load_inertia: float) -> float:
-    """Return D (N m s/rad) of a damping ratio."""
-    return 2.0 * ratio * math.sqrt(stiffness * motor_inertia * load_inertia / (motor_inertia + load_inertia))

@@ -5,6 +5,13 @@ from __future__ import annotations
 from model.compiled import kernel
 from model.effects.card import Effect, Parameter
 
+
+@kernel
+def slope(tau, i_d, i_q, slow_d, slow_q, omega):
+    """Return the slope of the slow part x of the current (A/s) in the rotor frame."""
+    return omega * slow_q + (i_d - slow_d) / tau, (i_q - slow_q) / tau - omega * slow_d
+
+
 CARD = Effect(
     name="skin_effect",
     summary="winding resistance and inductance against frequency",
@@ -28,10 +35,9 @@ CARD = Effect(
     ),
     confused_with=("iron_loss", "inductance", "stator_resistance"),
     separated_by="locked-rotor voltage steps at full sampling rate against a slow ramp",
+    rows=lambda v, motor: {
+        "skin_r": v["skin_effect.resistance"],
+        "skin_rate": 1.0 / v["skin_effect.time_constant"],
+    },
+    switches=("resistance",),
 )
-
-
-@kernel
-def slope(tau, i_d, i_q, slow_d, slow_q, omega):
-    """Return the slope of the slow part x of the current (A/s) in the rotor frame."""
-    return omega * slow_q + (i_d - slow_d) / tau, (i_q - slow_q) / tau - omega * slow_d

@@ -2,8 +2,15 @@
 
 from __future__ import annotations
 
-from model.compiled import kernel
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
+
+
+@inlined
+def drag(coefficient, omega_mech):
+    """Return the torque (N m) against a mechanical speed (rad/s)."""
+    return coefficient * omega_mech
+
 
 CARD = Effect(
     name="viscous_friction",
@@ -19,10 +26,5 @@ CARD = Effect(
     region="free rotor, grows with speed",
     confused_with=("coulomb_friction", "iron_loss", "magnet_flux"),
     separated_by="coasting down from high speed: exponential against straight line",
+    at=(At("friction", drag, ("coefficient",)),),
 )
-
-
-@kernel
-def drag(coefficient, omega_mech):
-    """Return the torque (N m) against a mechanical speed (rad/s)."""
-    return coefficient * omega_mech

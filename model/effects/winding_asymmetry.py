@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
-from model.compiled import kernel
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
+
+
+@inlined
+def drop(delta_a, delta_b, i_alpha, i_beta):
+    """Return the additional voltage drop (V) in the stationary frame."""
+    v_a, v_b = delta_a * i_alpha, delta_b * (0.8660254037844386 * i_beta - 0.5 * i_alpha)
+    return (2.0 * v_a - v_b) / 3.0, v_b * 0.5773502691896258
+
 
 CARD = Effect(
     name="winding_asymmetry",
@@ -26,11 +34,5 @@ CARD = Effect(
         "locked rotor at several angles (or a slow turn): drop at order 2 in voltage, while current gain "
         "also acts where no voltage drops"
     ),
+    at=(At("winding", drop, ("delta_a", "delta_b")),),
 )
-
-
-@kernel
-def drop(delta_a, delta_b, i_alpha, i_beta):
-    """Return the additional voltage drop (V) in the stationary frame."""
-    v_a, v_b = delta_a * i_alpha, delta_b * (0.8660254037844386 * i_beta - 0.5 * i_alpha)
-    return (2.0 * v_a - v_b) / 3.0, v_b * 0.5773502691896258

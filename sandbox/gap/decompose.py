@@ -104,7 +104,7 @@ def _stationary(x: Residual) -> Complex:
 
 def _speed(point: Point, r: Inputs) -> Array:
     top = max(float(np.max(np.abs(x.motion.speed))) for x in point.prepared.recordings)
-    return np.asarray(np.abs(r.motion.speed) / max(top, 1e-9) * np.ones(len(r.table)))
+    return np.asarray(np.abs(r.motion.speed) / max(top, 1e-9) * np.ones(r.samples))
 
 
 def _size(point: Point, r: Inputs) -> Array:
@@ -150,7 +150,8 @@ def _projected(point: Point, k: int, x: Residual, rng: np.random.Generator) -> t
     i = ((2.0 / 3.0) * r.read @ LEGS)[:-1]
     current = i[:, 0] + 1j * i[:, 1]
     size = np.abs(current)
-    command = r.table[:-1, 0] + 1j * r.table[:-1, 1]
+    duty = r.mean_duty()[:-1]
+    command = duty[:, 0] + 1j * duty[:, 1]
     units = (
         np.where(size > LEAST_CURRENT * drive.motor.rated_current, current / np.maximum(size, 1e-12), 0.0),
         command / np.maximum(np.abs(command), 1e-12),

@@ -28,8 +28,8 @@ from sandbox.gap.search import Judged, Search, search
 from sandbox.gap.size import Size, rms, size_of
 from sandbox.gap.slight import slight
 from sandbox.gap.split import held_out, weights_of
+from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
-from sandbox.replay.sets import complete
 
 CREDIBLE = 0.95
 

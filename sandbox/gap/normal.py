@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.space import FARTHEST, Coordinate
+from sandbox.plant.sets import complete
 from sandbox.replay.inputs import inputs_of
 from sandbox.replay.replay import Prepared, Residual, replay, residuals
 from sandbox.replay.sensitivity import slopes
-from sandbox.replay.sets import complete
 
 Array = NDArray[np.float64]
 BLOCK = 0.05  # s: several electrical time constants
@@ -127,8 +127,7 @@ class Point:
         recordings = []
         for r in self.prepared.recordings:
             shift = self.turns.get(r.file, 0.0)
-            moved = replace(r, motion=replace(r.motion, angle=r.motion.angle + shift)) if shift else r
-            recordings.append(moved.with_steps(period, self.prepared.steps) if shift else r)
+            recordings.append(r.along(replace(r.motion, angle=r.motion.angle + shift), period) if shift else r)
         return replace(self.prepared, recordings=tuple(recordings))
 
     def resmoothed(self) -> Point:
@@ -136,7 +135,7 @@ class Point:
         p = self.prepared
         base = {k: v for k, v in self.values.items() if v == v}
         recordings = tuple(
-            inputs_of(p.campaign, p.campaign[r.file], base, p.steps) if r.rotor == "free" else r for r in p.recordings
+            inputs_of(p.campaign, p.campaign[r.file], base) if r.rotor == "free" else r for r in p.recordings
         )
         return Point(replace(p, recordings=recordings, base=base), self.values, self.turns)
 
@@ -191,7 +190,7 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
             segments.append(_segment(k, channel, own[0], places[own[1]], _channel(res, channel), cut))
             rows.append(own[0])
     x = np.append(x, [point.turns.get(r.file, 0.0) for r in prepared.recordings])
-    free = sum(len(r.table) for r in prepared.recordings if r.rotor == "free") / prepared.samples
+    free = sum(r.samples for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
     return Normal((*coordinates, *own_turns), x, tuple(segments), cost, tuple(rows))
 

@@ -13,8 +13,8 @@ from model.errors import BadInput
 from sandbox.gap.normal import Point
 from sandbox.gap.space import Coordinate, of_effect
 from sandbox.gap.spectrum import best_values, link_lines
+from sandbox.plant.sets import complete
 from sandbox.replay.sensitivity import mechanical_only
-from sandbox.replay.sets import complete
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def possible(point: Point, start: Mapping[str, float]) -> bool:
 def free_share(point: Point) -> float:
     """Return the share of the samples in which the rotor is free."""
     own = point.prepared.recordings
-    return sum(len(r.table) for r in own if r.rotor == "free") / point.prepared.samples
+    return sum(r.samples for r in own if r.rotor == "free") / point.prepared.samples
 
 
 def probes_at_typical(point: Point, exclude: Sequence[str] = ()) -> list[Probe]:

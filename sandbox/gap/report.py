@@ -218,8 +218,8 @@ def _waves(a: Answers, part: Decomposition, before: Sequence[Residual], after: S
     k = max(range(len(files)), key=lambda k: part.recordings[files[k]])
     r = a.diagnosis.start.prepared.recordings[k]
     period = a.diagnosis.campaign.drive.converter.sampling_period
-    width = max(1, len(r.table) // POINTS)
-    t = (np.arange(len(r.table) // width) * width * period).tolist()
+    width = max(1, r.samples // POINTS)
+    t = (np.arange(r.samples // width) * width * period).tolist()
 
     def peaks(x) -> list[float]:
         """Return the largest value of each stretch, with its sign."""

@@ -18,7 +18,7 @@ from sandbox.gap.fit import Fit, Weights
 from sandbox.gap.normal import Normal, Point
 from sandbox.gap.probes import Probe
 from sandbox.gap.space import WIDE, Coordinate, of_effect
-from sandbox.replay.sets import complete
+from sandbox.plant.sets import complete
 
 TRIED_SIZES = (-4.0, -2.0, 2.0, 4.0)  # typical sizes; nearer to neutral slopes tell enough
 MOST = 2  # sizes an effect may have: more are many small ones, for which slopes do

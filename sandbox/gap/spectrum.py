@@ -31,10 +31,10 @@ def link_lines(point: Point, low: float, high: float) -> list[float]:
     """
     prepared = point.prepared
     period = prepared.campaign.drive.converter.sampling_period
-    length = max(len(r.table) for r in prepared.recordings)
+    length = max(r.samples for r in prepared.recordings)
     total = np.zeros(2 * length)
     for k, res in enumerate(shown(point)):
-        u = prepared.recordings[k].table[:-1, :2] * prepared.campaign.drive.converter.dc_bus_voltage
+        u = prepared.recordings[k].mean_duty()[:-1] * prepared.campaign.drive.converter.dc_bus_voltage
         v = voltage_residual(prepared, point.values, k, res.current)
         along = np.sum(v * u, axis=1)
         total[: len(along)] += along

@@ -67,7 +67,7 @@ def _recording(
 ) -> Iterator[tuple[str, Plot]]:
     """Yield currents in the rotor's frame, residuals over the floor, motion or angle, of one recording."""
     r = shown["after"][0]
-    t: Array = period * np.arange(len(r.table), dtype=np.float64)
+    t: Array = period * np.arange(r.samples, dtype=np.float64)
     turned = np.exp(-1j * r.motion.angle)
     currents = {"recorded": _complex(r.read) * turned}
     currents |= {f"simulated {name}": _complex(p.currents[k][:, :, 0]) * turned for name, (_, p, _) in shown.items()}

@@ -27,7 +27,7 @@ from sandbox.gap.posterior import UNKNOWN, Hypothesis
 from sandbox.gap.search import Judged
 from sandbox.gap.space import of_effect, ordinary
 from sandbox.gap.spectrum import shown
-from sandbox.replay.sets import complete
+from sandbox.plant.sets import complete
 
 Array = NDArray[np.float64]
 LEAST = 0.02  # share below which a subsystem is not spoken of

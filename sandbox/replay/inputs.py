@@ -5,21 +5,22 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
-from model.effects.coulomb_friction import drag
 from model.effects.library import true_motor
 from model.energy import flux_newton
 from model.errors import BadInput
 from model.frames import stationary
 from model.parameters import Converter, Motor
 from sandbox.campaign import Campaign, CampaignRecording
-from sandbox.replay import lanes
-from sandbox.replay.kernel import COLUMNS, EDGE, FIRST_A, SQUARE_BB
-from sandbox.replay.sets import compile_set, complete
+from sandbox.plant import additions, ports
+from sandbox.plant.mechanics import swing
+from sandbox.plant.sets import batch_of, complete, features_of
+from sandbox.replay.kernel import Track
 from sandbox.replay.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
 
 Array = NDArray[np.float64]
@@ -30,13 +31,11 @@ LEGS = np.array([[1.0, 0.0], [-0.5, math.sqrt(0.75)], [-0.5, -math.sqrt(0.75)]])
 
 @dataclass(frozen=True)
 class Inputs:
-    """One recording's inputs: table (n, COLUMNS), edges (n, 6, EDGE), turns (n, 2 steps + 1, 2), readings (n, 3) A."""
+    """One recording's inputs: what all sets share (`Track`), the readings (n, 3) in A, and the motion."""
 
     file: str
     rotor: str
-    table: Array
-    edges: Array
-    turns: Array
+    track: Track
     read: Array
     motion: Motion
     angle_floor: float  # rad rms of one encoder reading
@@ -44,18 +43,48 @@ class Inputs:
     loaded: bool  # current flows at the first sample
     link: float = 1.0  # nominal link voltage over the drive's
 
-    def with_steps(self, period: float, steps: int) -> Inputs:
-        """Return the same for another number of plant steps a period."""
-        angle = self.motion.at(period, np.arange(2 * steps + 1) / (2.0 * steps))
-        return replace(self, turns=np.ascontiguousarray(np.stack([np.cos(angle), np.sin(angle)], axis=-1)))
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(self.read)
 
-    def encoder(self, rows: Array) -> Array:
-        """Return the encoder's reading (n, sets) that sets predict for a driven rotor; rows (ROWS, sets)."""
-        x = self.motion.angle[:, None]
-        if self.motion.eccentric:
-            return np.asarray(np.broadcast_to(x, (len(x), rows.shape[1])))
-        turn = x / self.pole_pairs
-        return np.asarray(x + np.sin(turn) * rows[lanes.ECC_COS] + np.cos(turn) * rows[lanes.ECC_SIN])
+    def mean_duty(self) -> Array:
+        """Return the vector (n, 2) of the duties commanded: mean voltage over the link's."""
+        return np.asarray((2.0 / 3.0) * np.stack(self.track[:3], axis=1) @ LEGS)
+
+    def along(self, motion: Motion, period: float) -> Inputs:
+        """Return the same on another motion."""
+        return replace(self, motion=motion, track=self.track._replace(**course_of(motion, self.pole_pairs, period)))
+
+    def encoder(self, batch: Any) -> Array:
+        """Return the encoder's reading (n, lanes) that a batch predicts for a driven rotor."""
+        x = self.motion.angle
+        out = np.repeat(x[:, None], len(batch["offset"]), axis=1)
+        if not self.motion.eccentric:
+            readings_off(batch, x / self.pole_pairs, out)
+        return out
+
+
+@kernel
+def readings_off(w, turn, out):
+    """Add to readings (n, lanes) of the angle what the port `angle` says at mechanical angles turn (n,) (rad)."""
+    for k in range(len(turn)):
+        for j in range(w.psi_a.size):
+            out[k, j] += ports.angle(w, j, turn[k], w.pairs[j])
+
+
+def course_of(motion: Motion, pole_pairs: float, period: float) -> dict[str, Array]:
+    """Return the fields of `Track` that a motion gives: a cubic through angles and speeds of both samples."""
+    a, v = motion.angle, motion.speed
+    b, w = np.append(a[1:], a[-1] + period * v[-1]), np.append(v[1:], v[-1])
+    middle = 0.5 * (a + b) + 0.125 * period * (v - w)
+    turn = a / pole_pairs if motion.eccentric else np.empty(0)  # else nothing is to be taken off
+    course = {
+        "cos": np.cos(middle), "sin": np.sin(middle), "rate": 1.5 * (b - a) / period - 0.25 * (v + w),
+        "bend": 0.5 * (w - v) / period, "jerk": ((v + w) - 2.0 * (b - a) / period) / period**2, "speed": v, "turn": turn,
+        "middle_turn": middle / pole_pairs, "middle_omega": 0.5 * (v + w) / pole_pairs,
+    }  # fmt: skip
+    return {name: np.ascontiguousarray(x) for name, x in course.items()}
 
 
 def noise_floor(converter: Converter) -> float:
@@ -68,7 +97,7 @@ def noise_floor(converter: Converter) -> float:
     return floor
 
 
-def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float], steps: int) -> Inputs:
+def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]) -> Inputs:
     """Return a recording's inputs; base: the set at which a free rotor is smoothed."""
     motor, converter = campaign.drive.motor, campaign.drive.converter
     period, n = converter.sampling_period, len(r.t)
@@ -76,43 +105,29 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
         k = int(np.argmax(r.u_dc <= 0.0))
         raise BadInput(f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V; duties need a positive link voltage")
     count = math.tau * motor.pole_pairs / converter.encoder_counts if converter.encoder_counts else 1e-4
-    table = np.zeros((n, COLUMNS))
-    duty = duties(r.u_alpha, r.u_beta, r.u_dc)
-    table[:, 0:2] = (2.0 / 3.0) * duty @ LEGS
-    table[:, 2:5] = duty
-    table[:, FIRST_A : SQUARE_BB + 1] = ripple_moments(duty, period)
-    load = np.asarray(r.columns.get("load_torque", np.zeros(n)))
-    motion = _motion(campaign, r, base, load, count)
-    table[:, 5] = motion.speed
-    if motion.eccentric:
-        turn = motion.angle / motor.pole_pairs
-        table[:, 6], table[:, 7] = np.sin(turn), np.cos(turn)
-    table[:, 8], table[:, 9] = load, r.theta
     variance = max(count, 1e-9) ** 2 / 12.0
+    duty = np.ascontiguousarray(duties(r.u_alpha, r.u_beta, r.u_dc).T)
+    load = np.array(r.columns.get("load_torque", np.zeros(n)), dtype=float)
+    motion = _motion(campaign, r, base, load, count)
+    gains = np.zeros((n, 3))
     if r.rotor == "free":
-        torque_error = torque_noise(motor, converter)
-        table[:, 10:13] = motion_gains(
-            load,
-            motor.pole_pairs / motor.inertia,
-            period,
-            variance,
-            torque_error**2,
-            load_share(campaign),
-            (count / period) ** 2,
-        )
-        table[:, 13] = motion.at(period, np.array([0.5]))[:, 0]
-        table[:, 14] = 0.5 * (motion.speed + np.append(motion.speed[1:], motion.speed[-1]))
-    read = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
-    edges = edge_table(duty, period)
+        torque_error, rate = torque_noise(motor, converter), motor.pole_pairs / motor.inertia
+        start = (count / period) ** 2
+        gains = motion_gains(load, rate, period, variance, torque_error**2, load_share(campaign), start)
+    course = course_of(motion, motor.pole_pairs, period)
+    read = np.array(r.theta, dtype=float)
+    track = Track(*duty, load=load, read=read, gain_angle=gains[:, 0].copy(), gain_speed=gains[:, 1].copy(),
+                  scale=gains[:, 2].copy(), **course)  # fmt: skip
+    read_currents = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
     v = complete(motor, converter, base)
     off_a, off_b = v["current_offset.offset_a"], v["current_offset.offset_b"]
-    start = math.hypot(*stationary(read[0, 0] - off_a, read[0, 1] - off_b, read[0, 2] + off_a + off_b))
-    first = Inputs(
-        r.file, r.rotor, table, edges, np.empty((0, 0, 2)), read, motion, math.sqrt(variance), float(motor.pole_pairs),
-        start > AT_REST * motor.rated_current,
+    first = read_currents[0]
+    current = math.hypot(*stationary(first[0] - off_a, first[1] - off_b, first[2] + off_a + off_b))
+    return Inputs(
+        r.file, r.rotor, track, read_currents, motion, math.sqrt(variance), float(motor.pole_pairs),
+        current > AT_REST * motor.rated_current,
         (r.dc_bus_voltage or converter.dc_bus_voltage) / converter.dc_bus_voltage,
     )  # fmt: skip
-    return first.with_steps(period, steps)
 
 
 def load_share(campaign: Campaign) -> float:
@@ -133,35 +148,6 @@ def duties(u_alpha: Array, u_beta: Array, u_dc: Array) -> Array:
     return np.asarray(np.clip(0.5 + (legs - middle[:, None]) / u_dc[:, None], 0.0, 1.0))
 
 
-def ripple_moments(duty: Array, period: float) -> Array:
-    """Return moments of the flux ripple of centred pulses of 1 V, columns of `kernel` from FIRST_A on (n, 5).
-
-    Ripple rho(t) of a leg of duty D, t from the period's middle: (1 - D) t, from the pulse's end on D (T/2 - t), odd.
-    First moment <t rho> = T^2 (D - D^3)/24 (s^2); mean products <rho rho> of two legs by parts (s^2).
-    """
-    first = (2.0 / 3.0) * (period**2 / 24.0) * (duty - duty**3) @ LEGS
-    a, b = np.minimum(duty[:, :, None], duty[:, None, :]), np.maximum(duty[:, :, None], duty[:, None, :])
-    rising = (1.0 - a) * (1.0 - b) * a**3 / 3.0
-    between = a * (1.0 - b) * (b * b / 2.0 - b**3 / 3.0 - a * a / 2.0 + a**3 / 3.0)
-    square = 0.25 * period**2 * (rising + between + a * b * (1.0 - b) ** 3 / 3.0)
-    m = (4.0 / 9.0) * np.einsum("nij,ia,jb->nab", square, LEGS, LEGS)
-    return np.column_stack([first, m[:, 0, 0], m[:, 0, 1], m[:, 1, 1]])
-
-
-def edge_table(duty: Array, period: float) -> Array:
-    """Return the six edges of each period in order of time (n, 6, EDGE): instant, unit flux till then, leg's vector."""
-    order = np.argsort(-duty, axis=1, kind="stable")
-    n, rows = len(duty), np.arange(len(duty))
-    out = np.empty((n, 6, EDGE))
-    for m in range(6):
-        leg = order[:, m if m < 3 else 5 - m]
-        side = -1.0 if m < 3 else 1.0
-        t = 0.5 * (1.0 + side * duty[rows, leg]) * period
-        on = np.clip(t[:, None] - 0.5 * (1.0 - duty) * period, 0.0, duty * period)
-        out[:, m, 0], out[:, m, 1:3], out[:, m, 3:5] = t, (2.0 / 3.0) * on @ LEGS, LEGS[leg]
-    return out
-
-
 def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float], load: Array, count: float) -> Motion:
     motor, converter = campaign.drive.motor, campaign.drive.converter
     if r.rotor == "locked":
@@ -175,21 +161,18 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
     pairs, period = m.pole_pairs, converter.sampling_period
     i_alpha, i_beta = _true_currents(r, v)
     angle, speed = r.theta, np.zeros(len(r.theta))
-    eccentric, phase = v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
-    row = compile_set(motor, converter, v, 1)
+    batch, features = batch_of(motor, converter, [v], 1), features_of(motor, v)
+    off = np.zeros((len(angle), 1))
     for _ in range(2):
-        turn = (angle - v["encoder_offset.offset"]) / pairs
-        turn = turn - eccentric * np.sin(turn + phase)
+        turn = (angle - v["encoder_offset.offset"] - off[:, 0]) / pairs
+        off[:] = 0.0
+        readings_off(batch, turn, off)
         torque = torque_of(m.energy, m.magnet_flux, float(pairs), i_alpha, i_beta, pairs * turn)
-        omega = speed / pairs
-        net = torque - m.viscous_friction * omega
-        net -= dry(
-            *(v[f"coulomb_friction.{p}"] for p in ("torque", "width", "stribeck_torque", "stribeck_speed")), omega
-        )
-        net += v["cogging_torque.amplitude"] * np.sin(v["cogging_torque.order_mech"] * turn + v["cogging_torque.phase"])
+        net = torque + of_shaft(batch, turn, speed / pairs)
         taken = load * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
         mean = 0.5 * (net + np.append(net[1:], net[-1]))
-        acceleration = pairs * ((mean - taken) / m.inertia + swing(row, net, taken))
+        swung = swinging(batch, net, taken, period) if features & additions.TWIST else 0.0
+        acceleration = pairs * ((mean - taken) / m.inertia + swung)
         noise = pairs / m.inertia * np.hypot(torque_noise(motor, converter), load_share(campaign) * load)
         motion = free_motion(r.theta, acceleration, period, count, noise)
         angle, speed = motion.angle, motion.speed
@@ -208,35 +191,25 @@ def _true_currents(r: CampaignRecording, v: Mapping[str, float]) -> tuple[Array,
 
 
 @kernel
-def swing(row, net, taken):
-    """Return what a compliant shaft adds to the motor's acceleration, mean over the interval from each sample on, (n,)
-    in rad/s^2 mechanical, from rest; the load's torque is constant in an interval."""
-    out = np.zeros(len(net))
-    if row[lanes.LOAD_SHARE] == 0.0:
-        return out
-    t = v = 0.0
-    rate_2 = 1.0 / row[lanes.OSC_REST]
-    damping = (row[lanes.OSC_11] - row[lanes.OSC_22]) / row[lanes.OSC_12]  # 2 x ratio x rate
-    for k in range(len(net)):
-        last = net[min(k + 1, len(net) - 1)]
-        pulled = row[lanes.OSC_REST] * taken[k] * row[lanes.LOAD_INV]
-        pushed = row[lanes.OSC_REST] * row[lanes.MOTOR_INV]
-        first = rate_2 * (pushed * net[k] + pulled - t) - damping * v
-        rest = pushed * 0.5 * (net[k] + last) + pulled
-        t, v = (
-            rest + row[lanes.OSC_11] * (t - rest) + row[lanes.OSC_12] * v,
-            row[lanes.OSC_21] * (t - rest) + row[lanes.OSC_22] * v,
-        )
-        out[k] = 0.5 * row[lanes.LOAD_SHARE] * (first + rate_2 * (pushed * last + pulled - t) - damping * v)
+def of_shaft(w, turn, omega):
+    """Return what friction and torques bound to position give the rotor (n,), N m; of the batch's first lane."""
+    out = np.empty(len(turn))
+    for k in range(len(turn)):
+        out[k] = ports.torque(w, 0, turn[k], omega[k]) - ports.friction(w, 0, omega[k]) - ports.load(w, 0, omega[k])
     return out
 
 
 @kernel
-def dry(torque, width, stribeck_torque, stribeck_speed, omega):
-    """Return the dry friction (n,) in N m at mechanical speeds (rad/s)."""
-    out = np.empty(len(omega))
-    for k in range(len(omega)):
-        out[k] = drag(torque, width, stribeck_torque, stribeck_speed, omega[k])
+def swinging(w, net, taken, period):
+    """Return what a compliant shaft adds to the motor's acceleration, mean over the interval from each sample on, (n,)
+    in rad/s^2 mechanical, from rest: the load's share of the slip's change; the load's torque is constant in it."""
+    out = np.zeros(len(net))
+    w.twist[0] = w.slip[0] = 0.0
+    for k in range(len(net)):
+        before = w.slip[0]
+        w.net[0], w.taken[0] = 0.5 * (net[k] + net[min(k + 1, len(net) - 1)]), taken[k]
+        swing(w, period)
+        out[k] = w.load_share[0] * (w.slip[0] - before) / period
     return out
 
 

@@ -1,221 +1,128 @@
-"""One recording through LANES parameter sets: sample, period, sample, ... (see `sandbox.replay` for the meaning)."""
+"""One recording through a batch of parameter sets: sample, period, sample, ... (see `sandbox.replay.replay`)."""
 
 from __future__ import annotations
 
+from typing import Any, NamedTuple
+
+import numpy as np
+
 from model.compiled import kernel
-from sandbox.replay import edges as late
-from sandbox.replay import filtered, kicks, legs, machine, memory, sensors
-from sandbox.replay.curvature import bend, bend_late
-from sandbox.replay.lanes import (
-    ASYMMETRY,
-    DEVIATION,
-    DROP,
-    DRY,
-    ECCENTRIC,
-    EDGES,
-    FILTER,
-    HARMONICS,
-    IRON,
-    KF_ANGLE,
-    LANES,
-    LAST_TORQUE,
-    LATE_PULSES,
-    LINK_RIPPLE,
-    LINK_SAG,
-    MISS,
-    NEXT_DEVIATION,
-    OFFSET,
-    READ_A,
-    ROWS,
-    SHAFT_TWIST,
-    SHIFTED_SAMPLE,
-    SKIN,
-    TORQUE,
-    hold,
-    plain_sample,
-    plain_step,
-    turn_by_offset,
-)  # fmt: skip
+from sandbox.plant import additions as add
+from sandbox.plant.edges import write_edges
+from sandbox.plant.mechanics import step_shaft
+from sandbox.plant.period import Course, travel
+from sandbox.plant.sampling import deviate, hold_start, read
 
-# columns of the table that all sets share, one row a sample
-(
-    MEAN_A,
-    MEAN_B,
-    D_A,
-    D_B,
-    D_C,
-    OMEGA,
-    SINE,
-    COSINE,
-    LOAD,
-    READ,
-    GAIN_ANGLE,
-    GAIN_SPEED,
-    SCALE,
-    MID_ANGLE,
-    MID_SPEED,
-    FIRST_A,
-    FIRST_B,
-    SQUARE_AA,
-    SQUARE_AB,
-    SQUARE_BB,
-) = range(20)
-COLUMNS = 20
-EDGE = 5  # instant, unit flux (2), unit vector of the leg (2)
-MACHINE = HARMONICS | IRON | SKIN | ASYMMETRY  # what `plain_step` cannot do
-SAMPLED = IRON | FILTER | SHIFTED_SAMPLE
-INVERTER = EDGES | DROP | LATE_PULSES | LINK_RIPPLE | LINK_SAG | FILTER | IRON | SHIFTED_SAMPLE
+
+class Track(NamedTuple):
+    """What a recording gives to all sets alike, one value a sample (n,): duties, the encoder's angle over the period
+    from there on (cos and sin in its middle, then rate, bend, jerk as `Course`), its speed (rad/s electrical) and
+    mechanical angle (rad) at the sample (none where nothing is to be taken off for it), the load asked for (N m), and of a free rotor the angle read (rad), gains and
+    scale of its innovation, and smoothed mechanical angle and speed in the middle of the period."""
+
+    d_a: Any
+    d_b: Any
+    d_c: Any
+    cos: Any
+    sin: Any
+    rate: Any
+    bend: Any
+    jerk: Any
+    speed: Any
+    turn: Any
+    load: Any
+    read: Any
+    gain_angle: Any
+    gain_speed: Any
+    scale: Any
+    middle_turn: Any
+    middle_omega: Any
 
 
 @kernel
-def edge_of(e, m):
-    """Return one edge as numbers."""
-    return e[m, 0], e[m, 1], e[m, 2], e[m, 3], e[m, 4]
+def write(w, out, row, first):
+    """Write the readings (A) of all lanes to a row."""
+    for j in range(w.psi_a.size):
+        out[row, 0, first + j] = w.read_a[j]
+        out[row, 1, first + j] = w.read_b[j]
+        out[row, 2, first + j] = w.read_c[j]
 
 
 @kernel
-def deliver(w, features, table, edges, k, period, width):
-    """Write the voltage to hold over period k."""
-    d_a, d_b, d_c, omega = table[k, D_A], table[k, D_B], table[k, D_C], table[k, OMEGA]
-    b_a, b_b, b_c = (table[k - 1, D_A], table[k - 1, D_B], table[k - 1, D_C]) if k > 0 else (0.5, 0.5, 0.5)
-    if features & LATE_PULSES:
-        legs.late_voltage(w, d_a, d_b, d_c, b_a, b_b, b_c, omega, period)
-    else:
-        legs.mean_voltage(w, d_a, d_b, d_c, width)
-    e = edges[k]
-    e_0, e_1, e_2, e_3, e_4, e_5 = (
-        edge_of(e, 0),
-        edge_of(e, 1),
-        edge_of(e, 2),
-        edge_of(e, 3),
-        edge_of(e, 4),
-        edge_of(e, 5),
-    )
-    if features & DROP:
-        late.dead_time_and_drop(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period)
-    elif features & EDGES:
-        late.dead_time(w, e_0, e_1, e_2, e_3, e_4, e_5, omega, period, features & IRON != 0)
-    if features & FILTER:
-        mean_a, mean_b = table[k, MEAN_A], table[k, MEAN_B]
-        if features & LATE_PULSES:
-            memory.keep_late_ripple(
-                w, d_a, d_b, d_c, b_a, b_b, b_c, mean_a, mean_b, e_0, e_1, e_2, e_3, e_4, e_5, period
-            )
-            if k > 0:
-                memory.carry(w, edges[k - 1], b_a, b_b, b_c, table[k - 1, MEAN_A], table[k - 1, MEAN_B], period)
-        else:
-            memory.keep_filter_ripple(w, mean_a, mean_b, e_0, e_1, e_2, e_3, e_4, e_5, period)
-        if features & EDGES:
-            kicks.kick_filter(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
-        filtered.open_filter_ripple(w, omega * period)
-    if features & IRON:
-        legs.keep_core_ripple(w, d_a, d_b, d_c, b_a, b_b, b_c, period)
-        if features & EDGES:
-            kicks.kick_core(w, e_0, e_1, e_2, e_3, e_4, e_5, period)
+def write_some(w, out, row, first, early):
+    """Write those of lanes that sample before the pattern's start (early), or of the others."""
+    for j in range(w.psi_a.size):
+        if (w.sample[j] < 0.0) == early:
+            out[row, 0, first + j] = w.read_a[j]
+            out[row, 1, first + j] = w.read_b[j]
+            out[row, 2, first + j] = w.read_c[j]
 
 
 @kernel
-def sample(w, features, table, k, period):
-    """Set currents, torque and the three readings of sample k."""
-    full = features & (MACHINE | INVERTER) != 0
-    if features & INVERTER:
-        legs.links(w, k * period, period, table[k, D_A], table[k, D_B], table[k, D_C], features & LINK_RIPPLE != 0)
-    if full:
-        machine.full_sample(w)
-        if k > 0 and features & (SKIN | FILTER):
-            machine.close_lags(w)
-        if k > 0 and features & FILTER:
-            filtered.close_filter_ripple(w)
-    else:
-        plain_sample(w)
-    if features & LINK_SAG:
-        legs.sag(w, table[k, D_A], table[k, D_B], table[k, D_C])
-    if features & SHIFTED_SAMPLE:
-        d_a, d_b, d_c = table[k, D_A], table[k, D_B], table[k, D_C]
-        b_a, b_b, b_c = (table[k - 1, D_A], table[k - 1, D_B], table[k - 1, D_C]) if k > 0 else (0.5, 0.5, 0.5)
-        legs.shifted_sample(w, d_a, d_b, d_c, b_a, b_b, b_c, table[k, OMEGA], period)
-    if features & SAMPLED:
-        sensors.hold_sample(w, features & IRON != 0, features & FILTER != 0, features & SHIFTED_SAMPLE != 0)
-    sensors.read_sensors(w, features & SAMPLED == 0)
+def correct(w, track, k, moved, first):
+    """Write the innovation of the encoder's reading over its standard deviation, and correct the motion with it."""
+    for j in range(w.psi_a.size):
+        seen = track.read[k] - w.offset[j] - w.deviation[j]
+        if k == 0:
+            w.angle[j] = seen
+        miss = seen - (w.angle[j] + w.pairs[j] * w.load_share[j] * w.twist[j])
+        w.angle[j] += track.gain_angle[k] * miss
+        w.speed[j] += track.gain_speed[k] * miss
+        moved[k, first + j] = track.scale[k] * miss
 
 
 @kernel
-def move(w, table, k, period, dry, twisted):
-    """Bring the motion filter of a free rotor to sample k and set the innovation of its reading."""
-    if k == 0:
-        for j in range(LANES):
-            w[KF_ANGLE * LANES + j] = table[0, READ] - w[OFFSET * LANES + j] - w[DEVIATION * LANES + j]
-            w[LAST_TORQUE * LANES + j] = w[TORQUE * LANES + j]
-    else:
-        load, mid, speed = table[k - 1, LOAD], table[k - 1, MID_ANGLE], table[k - 1, MID_SPEED]
-        sensors.predict_motion(w, period, load, mid, speed, dry, twisted)
-    sensors.correct_motion(w, table[k, READ], table[k, GAIN_ANGLE], table[k, GAIN_SPEED], table[k, SCALE])
+def predict(w, features, track, k, period):
+    """Move a free rotor on by a period under the mean torque; friction at the motion smoothed for all sets.
 
-
-@kernel
-def substep_start(w, machine_effects):
-    """Set current and lags at the start of a further step within the period."""
-    if machine_effects:
-        machine.full_sample(w)
-        machine.close_lags(w)
-    else:
-        plain_sample(w)
-
-
-@kernel
-def run(w, features, table, edges, turns, period, steps, motion, out, moved, first):
-    """Replay one recording; readings (A) go to out[k, 0:3, first:first + LANES], innovations to moved[k, first:].
-
-    turns[k, m]: cos, sin of the encoder's angle at t_k + m period/(2 steps); `moved` is filled where `motion`.
+    The pattern's last part, as long as its delay, lies after the next sample: its torque belongs to the next period.
     """
-    h, share, width = period / steps, 0.5 / steps, len(w) // ROWS
-    eccentric, twisted, dry = features & ECCENTRIC != 0, features & SHAFT_TWIST != 0, features & DRY != 0
-    machine_effects = features & (MACHINE | FILTER) != 0
-    c, s = turns[0, 0, 0], turns[0, 0, 1]
-    sensors.deviations(w, table[0, SINE], table[0, COSINE], width)
-    for j in range(LANES):
-        w[DEVIATION * LANES + j] = w[NEXT_DEVIATION * LANES + j]
-    sensors.turn_by_deviation(w, 0.0, 0.0, c, s, c, s)
-    last = len(table) - 1
-    for k in range(last + 1):
-        sample(w, features, table, k, period)
-        for j in range(LANES):
-            out[k, 0, first + j] = w[READ_A * LANES + j]
-            out[k, 1, first + j] = w[(READ_A + 1) * LANES + j]
-            out[k, 2, first + j] = w[(READ_A + 2) * LANES + j]
-        if motion:
-            move(w, table, k, period, dry, twisted)
-            for j in range(LANES):
-                moved[k, first + j] = w[MISS * LANES + j]
-        if k == last:
-            break
-        if features & INVERTER:
-            deliver(w, features, table, edges, k, period, width)
+    for j in range(w.psi_a.size):
+        tail = w.torque[j]
+        w.torque[j] = (w.impulse[j] + w.delay[j] * (w.last_torque[j] - tail)) / period
+        w.impulse[j], w.last_torque[j] = 0.0, tail
+        w.turn[j] = track.middle_turn[k] - (w.offset[j] + w.deviation[j]) / w.pairs[j]
+        w.omega[j] = track.middle_omega[k]
+    step_shaft(w, features, period, track.load[k], 0.0)
+
+
+@kernel
+def run(w, flux_map, timing, features, room, track, out, moved, first):
+    """Replay one recording; readings (A) go to out[k, 0:3, first:first + lanes], a free rotor's innovations to
+    moved[k, first:] where features say MOTION.  w starts with fluxes and currents of the first sample; room: fresh."""
+    n, lanes, period = len(track.d_a), w.psi_a.size, timing.period
+    edges, pending = room.edges, room.pending
+    shift, duty, before = np.zeros(3), np.full(3, 0.5), np.full(3, 0.5)
+    span, wobbling = 0.0, features & add.WOBBLE != 0 and len(track.turn) > 0
+    if wobbling:
+        deviate(w, track.turn[0])
+        deviate(w, track.turn[0])
+        for j in range(lanes):
+            w.deviation[j] = w.next_deviation[j]
+    hold_start(w, features)
+    read(w)
+    write(w, out, 0, first)
+    for k in range(n):
+        if features & add.MOTION:
+            correct(w, track, k, moved, first)
+        if wobbling and k < n - 1:
+            deviate(w, track.turn[k + 1])
+        for m in range(3):
+            before[m] = duty[m]
+        duty[0], duty[1], duty[2] = track.d_a[k], track.d_b[k], track.d_c[k]
+        write_edges(edges, duty, before, shift, period)
+        course = Course(
+            track.cos[k], track.sin[k], 0.5 * period, 0.0, track.rate[k], track.bend[k], track.jerk[k], track.speed[k]
+        )
+        span = travel(w, flux_map, timing, features, edges, pending, course, k * period, duty, before, span)
+        read(w)
+        if timing.first >= 0.0:
+            write(w, out, k, first)
         else:
-            hold(w, table[k, MEAN_A], table[k, MEAN_B])
-        t = table[k]
-        f_a, f_b, s_aa, s_ab, s_bb = t[FIRST_A], t[FIRST_B], t[SQUARE_AA], t[SQUARE_AB], t[SQUARE_BB]
-        if features & LATE_PULSES:
-            bend_late(w, t[D_A], t[D_B], t[D_C], f_a, f_b, s_aa, s_ab, s_bb, t[OMEGA], period)
-        else:
-            bend(w, f_a, f_b, s_aa, s_ab, s_bb, t[OMEGA])
-        if eccentric:
-            sensors.deviations(w, table[k + 1, SINE], table[k + 1, COSINE], width)
-        for m in range(steps):
-            c_1, s_1 = turns[k, 2 * m + 1, 0], turns[k, 2 * m + 1, 1]
-            c_2, s_2 = turns[k, 2 * m + 2, 0], turns[k, 2 * m + 2, 1]
-            if m > 0:
-                substep_start(w, machine_effects)
-            if features & FILTER:
-                filtered.start_slope(w, t[OMEGA], h, features & HARMONICS != 0)
-            if eccentric:
-                sensors.turn_by_deviation(w, (2 * m + 1) * share, (2 * m + 2) * share, c_1, s_1, c_2, s_2)
-            else:
-                turn_by_offset(w, c_1, s_1, c_2, s_2)
-            if machine_effects:
-                machine.full_step(w, h)
-            else:
-                plain_step(w, h)
-        if eccentric:
-            for j in range(LANES):
-                w[DEVIATION * LANES + j] = w[NEXT_DEVIATION * LANES + j]
+            write_some(w, out, k, first, False)
+            write_some(w, out, min(k + 1, n - 1), first, k < n - 1)
+        if features & add.MOTION:
+            predict(w, features, track, k, period)
+        if wobbling:
+            for j in range(lanes):
+                w.deviation[j] = w.next_deviation[j]

@@ -19,25 +19,30 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.compiled import kernel
 from model.energy import SOLVED, Energy, flux_newton
 from model.errors import BadInput
 from model.frames import stationary
+from model.spline import SplineEnergy
 from sandbox.campaign import Campaign
-from sandbox.replay import lanes
-from sandbox.replay.inputs import Inputs, inputs_of, noise_floor
-from sandbox.replay.kernel import COSINE, READ, SINE, run
-from sandbox.replay.sets import compile_sets, complete, features_of
+from sandbox.plant import additions, ports
+from sandbox.plant.batch import LANES
+from sandbox.plant.period import blank_room
+from sandbox.plant.sets import batch_of, complete, features_of, timing_of
+from sandbox.replay.inputs import Inputs, inputs_of, noise_floor, readings_off
+from sandbox.replay.kernel import run
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
 STEPS = (1, 2, 4, 8)
 ENERGY_ROWS = (
-    (lanes.GAMMA_D, 1), (lanes.GAMMA_Q, 1), (lanes.A3, 3), (lanes.B2, 1), (lanes.A4, 4), (lanes.C2, 1), (lanes.B4, 4)
+    ("gamma_d", 1), ("gamma_q", 1), ("cubic_d", 3), ("cubic_q", 1), ("quartic_d", 4), ("quartic_dq", 1), ("quartic_q", 4)
 )  # fmt: skip
 ACCURACY = 0.02  # of the noise floor: largest rms change on halving the plant's step
 
@@ -55,7 +60,7 @@ class Prepared:
     @property
     def samples(self) -> int:
         """All samples of all recordings."""
-        return sum(len(r.table) for r in self.recordings)
+        return sum(r.samples for r in self.recordings)
 
 
 @dataclass(frozen=True)
@@ -99,7 +104,7 @@ def prepare(
         raise BadInput("no recording to replay; name at least one file of the campaign")
     floor = noise_floor(drive.converter)
     wanted = STEPS if steps is None else (steps,)
-    first = tuple(inputs_of(campaign, r, dict(base or {}), wanted[0]) for r in chosen)
+    first = tuple(inputs_of(campaign, r, dict(base or {})) for r in chosen)
     prepared = Prepared(campaign, first, wanted[0], floor, dict(base or {}))
     if steps is not None:
         return prepared
@@ -114,10 +119,7 @@ def with_steps(prepared: Prepared, steps: int) -> Prepared:
     """Return the same with another number of plant steps a sampling period."""
     if isinstance(steps, bool) or not isinstance(steps, int) or steps < 1:
         raise BadInput(f"steps = {steps!r} is no number of plant steps a period; give a whole number >= 1")
-    recordings = tuple(
-        r.with_steps(prepared.campaign.drive.converter.sampling_period, steps) for r in prepared.recordings
-    )
-    return Prepared(prepared.campaign, recordings, steps, prepared.floor, prepared.base)
+    return replace(prepared, steps=steps)
 
 
 def halving_error(prepared: Prepared, values: Set | None = None) -> list[float]:
@@ -136,28 +138,33 @@ def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Pred
     if not sets:
         raise BadInput("no parameter set to replay; give at least one ({} for the nominal model)")
     blocks = plan(prepared, sets)
-    width = len(blocks) * lanes.LANES
-    shapes = [(len(r.table), width) for r in prepared.recordings]
+    width = len(blocks) * LANES
+    shapes = [(r.samples, width) for r in prepared.recordings]
     currents = [np.empty((n, 3, width)) for n, width in shapes]
     free = [r.rotor == "free" for r in prepared.recordings]
-    moved = [np.empty(shape if f else (1, lanes.LANES)) for f, shape in zip(free, shapes, strict=True)]
+    moved = [np.empty(shape if f else (1, LANES)) for f, shape in zip(free, shapes, strict=True)]
 
     def task(job: tuple[int, int]) -> None:
         """Fill in what one block of sets predicts for one recording."""
         r, b = job
-        run_block(prepared, prepared.recordings[r], blocks[b], currents[r], moved[r], b * lanes.LANES)
+        run_block(prepared, prepared.recordings[r], blocks[b], currents[r], moved[r], b * LANES)
 
     in_threads(task, [(r, b) for r in range(len(prepared.recordings)) for b in range(len(blocks))], workers)
     order = np.empty(len(sets), dtype=int)
     for b, block in enumerate(blocks):
-        order[list(block.members)] = b * lanes.LANES + np.arange(len(block.members))
+        order[list(block.members)] = b * LANES + np.arange(len(block.members))
     pick = slice(0, len(sets)) if np.array_equal(order, np.arange(len(sets))) else order
-    rows = np.concatenate([b.rows[:, : len(b.members)] for b in blocks], axis=1)
-    rows = rows[:, np.argsort(np.concatenate([b.members for b in blocks]))]
+    turned = [
+        np.concatenate([r.encoder(b.batch)[:, : len(b.members)] for b in blocks], axis=1)
+        if r.rotor == "driven"
+        else None
+        for r in prepared.recordings
+    ]
+    back = np.argsort(np.concatenate([b.members for b in blocks]))
     return Prediction(
         tuple(c[:, :, pick] for c in currents),
         tuple(m[:, pick] if f else None for f, m in zip(free, moved, strict=True)),
-        tuple(r.encoder(rows) if r.rotor == "driven" else None for r in prepared.recordings),
+        tuple(None if t is None else t[:, back] for t in turned),
     )
 
 
@@ -167,17 +174,17 @@ def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
     for r, current, motion, angle in zip(
         prepared.recordings, prediction.currents, prediction.motion, prediction.angle, strict=True
     ):
-        turned = None if angle is None else (r.table[:, READ, None] - angle) / r.angle_floor
+        turned = None if angle is None else (r.track.read[:, None] - angle) / r.angle_floor
         out.append(Residual(r.file, r.rotor, (r.read[:, :, None] - current) / prepared.floor, motion, turned))
     return out
 
 
 @dataclass(frozen=True)
 class Block:
-    """Up to LANES sets that run together: their places, compiled rows (ROWS, LANES), lock angles, common features."""
+    """Up to LANES sets that run together: their places, the batch, lock angles, common features."""
 
     members: tuple[int, ...]
-    rows: Array
+    batch: Any
     lock: Array
     features: int
 
@@ -186,60 +193,94 @@ def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
     """Return the blocks in which sets run: those that need the same effects together, so that none pays for others."""
     drive = prepared.campaign.drive
     complete_sets = [complete(drive.motor, drive.converter, s) for s in sets]
-    needs = [features_of(v) for v in complete_sets]
+    needs = [features_of(drive.motor, v) for v in complete_sets]
     order = sorted(range(len(sets)), key=lambda k: (needs[k].bit_count(), needs[k]))
-    if len(order) <= lanes.LANES:
+    if len(order) <= LANES:
         order = list(range(len(sets)))
-    return [block_of(prepared, order[k : k + lanes.LANES], complete_sets) for k in range(0, len(order), lanes.LANES)]
+    return [block_of(prepared, order[k : k + LANES], complete_sets) for k in range(0, len(order), LANES)]
 
 
 def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence[Set]) -> Block:
     """Return one block; free lanes repeat its first set."""
     drive = prepared.campaign.drive
     own = [complete_sets[k] for k in members]
-    own += [own[0]] * (lanes.LANES - len(own))
     features = 0
     for v in own:
-        features |= features_of(v)
+        features |= features_of(drive.motor, v)
+    own += [own[0]] * (LANES - len(own))
     lock = np.array([v["bench.lock_angle"] for v in own])
-    return Block(tuple(members), compile_sets(drive.motor, drive.converter, own, prepared.steps), lock, features)
+    return Block(tuple(members), batch_of(drive.motor, drive.converter, own, LANES), lock, features)
 
 
 def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Array, first: int) -> None:
     """Replay one recording through one block into columns first ... of out (n, 3, ...) and moved (n, ...)."""
-    rows = block.rows.copy()
-    rows[lanes.LINK] *= r.link
+    w, drive = block.batch.copy(), prepared.campaign.drive
+    w["supply"] *= r.link
+    w["link"] *= r.link
     if r.rotor == "locked":
-        rows[lanes.OFFSET] -= block.lock
-        rows[lanes.OFF_C], rows[lanes.OFF_S] = np.cos(rows[lanes.OFFSET]), np.sin(rows[lanes.OFFSET])
-    _start(rows, r)
-    period = prepared.campaign.drive.converter.sampling_period
-    free = r.rotor == "free"
-    run(rows.ravel(), block.features, r.table, r.edges, r.turns, period, prepared.steps, free, out, moved, first)
+        w["offset"] -= block.lock
+        w["off_c"], w["off_s"] = np.cos(w["offset"]), np.sin(w["offset"])
+    energy = drive.motor.energy
+    flux_map = energy if isinstance(energy, SplineEnergy) else None
+    features = block.features | (additions.MOTION if r.rotor == "free" else 0)
+    _start(w, r, flux_map)
+    timing = timing_of(w, drive.converter.sampling_period, prepared.steps)
+    run(w, flux_map, timing, features, blank_room(LANES), r.track, out, moved, first)
 
 
-def _start(rows: Array, r: Inputs) -> None:
+def _start(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
     """Set the states at the first sample: without current, or (`Inputs.loaded`) with the current as read."""
-    for j in range(rows.shape[1]):
-        p = rows[:, j]
-        error = p[lanes.ECC_COS] * r.table[0, SINE] + p[lanes.ECC_SIN] * r.table[0, COSINE]
-        theta = math.atan2(r.turns[0, 0, 1], r.turns[0, 0, 0]) - p[lanes.OFFSET] - error
-        co, si = math.cos(theta), math.sin(theta)
+    off = np.zeros((1, LANES))
+    for _ in range(2):  # the deviation at the true angle
+        turn = r.motion.angle[:1] / r.pole_pairs - np.mean(w["offset"] + off[0]) / r.pole_pairs
+        off[:] = 0.0
+        if r.motion.eccentric:
+            readings_off(w, turn, off)
+    theta = r.motion.angle[0] - w["offset"] - off[0]
+    c, s = np.cos(theta), np.sin(theta)
+    rest = np.zeros((2, LANES))
+    at_rest(w, c, s, rest)
+    for j in range(LANES):
         d = q = 0.0
         if r.loaded:
-            off_a, off_b = p[lanes.OFFSET_A], p[lanes.OFFSET_B]
-            phases = (r.read[0] - p[lanes.COMMON] - (off_a, off_b, -off_a - off_b)) / p[lanes.GAIN_A : lanes.GAIN_C + 1]
-            i_a, i_b = stationary(*(float(x) for x in phases))
-            own = Energy(*(float(p[row] / n) for row, n in ENERGY_ROWS))
-            d, q, status = flux_newton(own, co * i_a + si * i_b, co * i_b - si * i_a, 0.0, 0.0)
-            if status != SOLVED:
-                raise BadInput(
-                    f"{r.file}: no flux of this motor gives the first reading of {math.hypot(i_a, i_b):.3g} A"
-                )
-            p[[lanes.SLOW_A, lanes.FILTER_A]], p[[lanes.SLOW_B, lanes.FILTER_B]] = i_a, i_b
-        d += p[lanes.MAGNET] + p[lanes.PSI_D6] * math.cos(6.0 * theta)
-        q += p[lanes.PSI_Q6] * math.sin(6.0 * theta)
-        p[lanes.PSI_A], p[lanes.PSI_B] = co * d - si * q, si * d + co * q
+            d, q = _flux_as_read(w, j, r, c[j], s[j], flux_map)
+        d, q = d + w["magnet"][j] + rest[0, j], q + rest[1, j]
+        w["psi_a"][j], w["psi_b"][j] = c[j] * d - s[j] * q, s[j] * d + c[j] * q
+    w["eddy_a"], w["eddy_b"] = w["psi_a"], w["psi_b"]
+
+
+@kernel
+def at_rest(w, c, s, rest):
+    """Write the magnets' harmonics (2, lanes) in Wb at angles of cos c, sin s (lanes,)."""
+    for j in range(w.psi_a.size):
+        rest[0, j], rest[1, j], _, _ = ports.magnets(w, j, c[j], s[j])
+
+
+def _flux_as_read(w: Any, j: int, r: Inputs, c: float, s: float, flux_map: SplineEnergy | None) -> tuple[float, float]:
+    """Return the flux (Wb) that the first reading's current links in lane j; its lags start from that current."""
+    phases = np.array(unread(w, j, *(r.read[0] - w["common"][j])))
+    i_a, i_b = stationary(*(float(x) for x in phases))
+    own = Energy(*(float(w[row][j] / n) for row, n in ENERGY_ROWS))
+    i_d, i_q = c * i_a + s * i_b, c * i_b - s * i_a
+    if flux_map is not None:
+        own = flux_map
+    d, q, status = flux_newton(own, i_d, i_q, 0.0, 0.0)
+    if status != SOLVED:
+        raise BadInput(f"{r.file}: no flux of this motor gives the first reading of {math.hypot(i_a, i_b):.3g} A")
+    for name, i in (("a", i_a), ("b", i_b)):
+        for lag in ("slow", "filter", "i"):
+            w[f"{lag}_{name}"][j] = i
+    return float(d), float(q)
+
+
+@kernel
+def unread(w, j, a, b, c):
+    """Return the phase currents (A) behind three readings: the port `reading` is solved for them, gains near one."""
+    x, y, z = a, b, c
+    for _ in range(20):
+        p, q, r = ports.reading(w, j, x, y, z)
+        x, y, z = x + (a - p), y + (b - q), z + (c - r)
+    return x, y, z
 
 
 def in_threads(task, jobs, workers: int) -> None:

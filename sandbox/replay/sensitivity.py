@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from model.compiled import kernel
 from model.effects import library
 from model.errors import BadInput, unknown
-from sandbox.replay import lanes
+from sandbox.plant.batch import LANES
+from sandbox.plant.sets import BENCH, complete, features_of, parameter_names
 from sandbox.replay.replay import Prediction, Prepared, Set, block_of, in_threads, run_block
-from sandbox.replay.sets import BENCH, complete, features_of, parameter_names
 
 Array = NDArray[np.float64]
 SHARE = 1e-4
@@ -94,7 +94,7 @@ def typical_change(prepared: Prepared, name: str, value: float) -> float:
     if math.isinf(neutral):
         return 1.0 / size if math.isinf(value) else size
     if name == "dc_link_ripple.frequency":  # a radian at the end of the longest recording
-        return 1.0 / (math.tau * converter.sampling_period * max(len(r.table) for r in prepared.recordings))
+        return 1.0 / (math.tau * converter.sampling_period * max(r.samples for r in prepared.recordings))
     if name == "cogging_torque.order_mech":  # likewise
         free = [float(np.ptp(r.motion.angle)) for r in prepared.recordings if r.rotor == "free"]
         return min(1.0, motor.pole_pairs / max(1.0, *free, 1.0))
@@ -165,28 +165,28 @@ def slopes(
     for r, inputs in enumerate(prepared.recordings):
         wanted = blocks[0] + blocks[1] if inputs.rotor == "free" else blocks[0]
         jobs += [(r, block, columns, k == 0) for k, (block, columns) in enumerate(wanted)]
-    jobs.sort(key=lambda job: -len(prepared.recordings[job[0]].table) * job[1].features.bit_count())
+    jobs.sort(key=lambda job: -prepared.recordings[job[0]].samples * job[1].features.bit_count())
 
     def task(job) -> None:
         """Fill in the slopes of one block of sets on one recording."""
         r, block, columns, first = job
-        inputs, n = prepared.recordings[r], len(prepared.recordings[r].table)
-        current = np.empty((n, 3, lanes.LANES))
-        moved_on = np.empty((n, lanes.LANES)) if inputs.rotor == "free" else np.empty((1, lanes.LANES))
+        inputs, n = prepared.recordings[r], prepared.recordings[r].samples
+        current = np.empty((n, 3, LANES))
+        moved_on = np.empty((n, LANES)) if inputs.rotor == "free" else np.empty((1, LANES))
         run_block(prepared, inputs, block, current, moved_on, 0)
         inverse = 1.0 / steps[columns]
         differences(current.reshape(3 * n, -1), inverse, columns, results[0][r].reshape(3 * n, -1))
         if inputs.rotor == "free":
             differences(moved_on, inverse, columns, results[1][r])
         if inputs.rotor == "driven":
-            read = inputs.encoder(block.rows)
+            read = inputs.encoder(block.batch)
             results[2][r][:, columns] = (read[:, 1 : len(columns) + 1] - read[:, :1]) * inverse
         if first:
             base[0][r][:] = current[:, :, :1]
             if inputs.rotor == "free":
                 base[1][r][:] = moved_on[:, :1]
             if inputs.rotor == "driven":
-                base[2][r][:] = inputs.encoder(block.rows)[:, :1]
+                base[2][r][:] = inputs.encoder(block.batch)[:, :1]
 
     in_threads(task, jobs, workers)
     return (tuple(results[0]), tuple(results[1]), tuple(results[2])), Prediction(*(tuple(x) for x in base))
@@ -198,7 +198,7 @@ def mechanical_only(name: str) -> bool:
 
 
 def _empty(prepared: Prepared, p: int):
-    n = [len(r.table) for r in prepared.recordings]
+    n = [r.samples for r in prepared.recordings]
     free = [r.rotor == "free" for r in prepared.recordings]
     driven = [r.rotor == "driven" for r in prepared.recordings]
     currents = [np.zeros((k, 3, p)) for k in n]
@@ -209,11 +209,11 @@ def _empty(prepared: Prepared, p: int):
 
 def _blocks(prepared: Prepared, sets: Sequence[Mapping[str, float]], columns: Sequence[int]):
     """Return blocks of the base and up to LANES - 1 displaced sets each, alike in needs, with their columns."""
-    needs = [features_of(sets[k + 1]) for k in columns]
+    needs = [features_of(prepared.campaign.drive.motor, sets[k + 1]) for k in columns]
     order = [k for _, k in sorted(zip(needs, columns, strict=True), key=lambda x: (x[0].bit_count(), x[0], x[1]))]
     out = []
-    for first in range(0, len(order), lanes.LANES - 1):
-        own = np.array(order[first : first + lanes.LANES - 1])
+    for first in range(0, len(order), LANES - 1):
+        own = np.array(order[first : first + LANES - 1])
         out.append((block_of(prepared, [0, *(own + 1)], sets), own))
     return out
 

@@ -7,7 +7,7 @@ from model.parameters import load_drive
 from sandbox.effects import compiled, longest_step, masses, start
 from sandbox.full import advance
 from sandbox.inverter import deliver
-from sandbox.plant import OMEGA, Plant, steps_per_period
+from sandbox.oldplant import OMEGA, Plant, steps_per_period
 from sandbox.sensors import sampled
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.simulate import replay

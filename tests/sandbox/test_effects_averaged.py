@@ -11,7 +11,7 @@ from model.effects import library
 from model.energy import currents, energy
 from sandbox.full import CORE_D, SLOW_D, magnetic
 from sandbox.loop import Rig, read_phases
-from sandbox.plant import PHI_D, PHI_Q
+from sandbox.oldplant import PHI_D, PHI_Q
 from sandbox.sensors import encoder
 from tests.sandbox import test_effects_averaged_motion as motion
 from tests.sandbox.averaged import Averaged

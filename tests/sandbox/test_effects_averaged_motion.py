@@ -16,7 +16,7 @@ from sandbox.effects import compiled as effects_compiled
 from sandbox.effects import start as effects_start
 from sandbox.full import CLOCK, LOAD_OMEGA, TWIST, advance, sixth, terminal
 from sandbox.inverter import deliver, leg_links
-from sandbox.plant import OMEGA, PHI_D, PHI_Q, THETA
+from sandbox.oldplant import OMEGA, PHI_D, PHI_Q, THETA
 from tests.sandbox.averaged import Averaged
 from tests.sandbox.effect_motors import CONVERTER, IPM, LINEAR, NO_MAGNET, TS, U
 

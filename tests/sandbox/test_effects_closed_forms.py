@@ -11,7 +11,7 @@ from model.effects.encoder_offset import read as encoder_read
 from model.effects.skin_effect import slope as skin_slope
 from model.parameters import Converter, Motor
 from sandbox.loop import Rig, read_current, read_phases
-from sandbox.plant import PHI_D, PHI_Q
+from sandbox.oldplant import PHI_D, PHI_Q
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.machine import friction
 from sandbox.switched.simulate import replay

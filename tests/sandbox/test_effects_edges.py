@@ -14,8 +14,8 @@ from model.parameters import Converter, Motor, load_drive
 from sandbox.cli import main
 from sandbox.control import ENCODER_BANDWIDTH, speed_from
 from sandbox.full import SLOW_D
-from sandbox.plant import OMEGA, PHI_D
-from sandbox.replay.sets import complete as replay_complete
+from sandbox.oldplant import OMEGA, PHI_D
+from sandbox.plant.sets import complete as replay_complete
 from sandbox.scenario import Scenario, Segment
 from sandbox.simulate import simulate
 from sandbox.switched.effects import bench, quiet

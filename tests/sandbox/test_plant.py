@@ -7,7 +7,7 @@ import pytest
 
 from model import energy as en
 from model.parameters import load_drive
-from sandbox.plant import Plant, advance, steps_per_period, turn
+from sandbox.oldplant import Plant, advance, steps_per_period, turn
 from sandbox.reference import trajectory
 
 PERIOD = 250e-6

@@ -15,11 +15,11 @@ from model.energy import flux_from_current, hessian
 from model.errors import BadInput
 from model.parameters import load_drive
 from sandbox.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.plant.sets import compile_set, complete, features_of, lag_weights, parabola_weights
 from sandbox.replay import lanes
 from sandbox.replay.inputs import edge_table
 from sandbox.replay.replay import halving_error, plan, prepare, replay, residuals, with_steps
 from sandbox.replay.sensitivity import all_parameters, sensitivities
-from sandbox.replay.sets import compile_set, complete, features_of, lag_weights, parabola_weights
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.simulate import replay as switched
 from tests.data import recordings_folder

@@ -9,10 +9,10 @@ from scipy.integrate import solve_ivp
 from model.effects.current_filter import sample_weights
 from model.parameters import load_drive
 from sandbox.campaign import Campaign, CampaignRecording
+from sandbox.plant.sets import cubic_weight, parabola_weights
 from sandbox.replay import lanes, memory
 from sandbox.replay.inputs import LEGS, edge_table, ripple_moments
 from sandbox.replay.replay import prepare, replay
-from sandbox.replay.sets import cubic_weight, parabola_weights
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.simulate import replay as switched
 

@@ -26,8 +26,8 @@ from sandbox.gap.probes import Probe, probe_coordinates
 from sandbox.gap.space import Coordinate, ordinary
 from sandbox.gap.withheld import refit as fit
 from sandbox.gap.withheld.refit import Z95, Refit, interval
+from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
-from sandbox.replay.sets import complete
 
 SUSPICIOUS = 4.0  # standard deviations: further off is reported as a cause
 REMAINS = 1.05  # times the floor: more than this is left unexplained

@@ -7,9 +7,9 @@ import pytest
 
 from sandbox.gap.decompose import CHANNELS, VARIANCE, decompose
 from sandbox.gap.normal import Point
+from sandbox.plant.sets import complete
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Residual, prepare, replay
-from sandbox.replay.sets import complete
 from tests.sandbox.gap.conftest import DRIVE, small_campaign
 
 SIZE = 4.0  # noise floors: amplitude of a planted space vector
@@ -26,8 +26,8 @@ def residual_of(point, vector, seed=0):
     for r in point.prepared.recordings:
         own = vector(r)
         phases = own if own.ndim == 2 else np.stack([own.real, own.imag], axis=1) @ LEGS.T
-        current = rng.standard_normal((len(r.table), 3)) + phases
-        angle = rng.standard_normal((len(r.table), 1)) if r.rotor == "driven" else None
+        current = rng.standard_normal((r.samples, 3)) + phases
+        angle = rng.standard_normal((r.samples, 1)) if r.rotor == "driven" else None
         out.append(Residual(r.file, r.rotor, current[:, :, None], None, angle))
     return out
 
@@ -42,8 +42,8 @@ def test_variance_of_a_space_vector_of_white_readings():
 
 
 def test_white_noise_has_no_excess(point):
-    part = decompose(point, residual_of(point, lambda r: np.zeros(len(r.table), complex)))
-    count = sum((4 if r.rotor == "driven" else 3) * len(r.table) for r in point.prepared.recordings)
+    part = decompose(point, residual_of(point, lambda r: np.zeros(r.samples, complex)))
+    count = sum((4 if r.rotor == "driven" else 3) * r.samples for r in point.prepared.recordings)
     assert part.excess < 4 * math.sqrt(2 * count) * len(point.prepared.recordings)  # each recording clipped at 0
 
 
@@ -52,7 +52,7 @@ def test_order_in_the_rotor_frame(point, order):
     """z = SIZE exp(j (order + 1) theta) on turning recordings: all of the excess 1.5 SIZE^2 n there."""
     plant = lambda r: SIZE * np.exp(1j * (order + 1) * r.motion.angle) * (r.rotor == "driven")  # noqa: E731
     part = decompose(point, residual_of(point, plant))
-    samples = sum(len(r.table) for r in turning(point))
+    samples = sum(r.samples for r in turning(point))
     assert part.excess == pytest.approx(1.5 * SIZE**2 * samples, rel=0.03)
     # only whole pairs of turns are looked at: 2 of 2.9 turns of one recording, 16 of 17.2 of the other, 0.81 in all
     assert 0.75 < part.electrical[order] < 1.03
@@ -64,7 +64,7 @@ def test_order_in_the_rotor_frame(point, order):
 def test_recordings_share_the_excess_by_their_squares(point):
     first, second = (r.file for r in point.prepared.recordings[:2])
     size = {first: 2.0 * SIZE, second: SIZE}
-    part = decompose(point, residual_of(point, lambda r: size.get(r.file, 0.0) * np.ones(len(r.table), complex)))
+    part = decompose(point, residual_of(point, lambda r: size.get(r.file, 0.0) * np.ones(r.samples, complex)))
     assert part.recordings[first] == pytest.approx(0.8, abs=0.02)
     assert part.recordings[second] == pytest.approx(0.2, abs=0.02)
     assert part.speeds["at standstill"] > 0.97
@@ -72,7 +72,7 @@ def test_recordings_share_the_excess_by_their_squares(point):
 
 def test_ripple_of_the_injection(point):
     n = round(1 / DRIVE.injection.frequency / DRIVE.converter.sampling_period)
-    plant = lambda r: SIZE * np.cos(2 * np.pi * np.arange(len(r.table)) / n) * np.exp(1j * r.motion.angle)  # noqa: E731
+    plant = lambda r: SIZE * np.cos(2 * np.pi * np.arange(r.samples) / n) * np.exp(1j * r.motion.angle)  # noqa: E731
     part = decompose(point, residual_of(point, plant))
     assert part.injection == pytest.approx(1.0, abs=0.1)
     assert decompose(point, residual_of(point, lambda r: SIZE * np.exp(1j * r.motion.angle))).injection < 0.05
@@ -80,7 +80,7 @@ def test_ripple_of_the_injection(point):
 
 def test_fixed_frequency_at_locked_rotor(point):
     period = DRIVE.converter.sampling_period
-    plant = lambda r: SIZE * np.exp(2j * np.pi * 173.0 * period * np.arange(len(r.table))) * (r.rotor == "locked")  # noqa: E731
+    plant = lambda r: SIZE * np.exp(2j * np.pi * 173.0 * period * np.arange(r.samples)) * (r.rotor == "locked")  # noqa: E731
     part = decompose(point, residual_of(point, plant))
     assert part.line is not None
     assert part.line[0] == pytest.approx(173.0, abs=0.5 / (1024 * period))

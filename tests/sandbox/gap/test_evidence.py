@@ -14,8 +14,8 @@ from sandbox.gap.fit import coordinates_of, fit
 from sandbox.gap.normal import Normal, Point, Segment, normal
 from sandbox.gap.space import Coordinate
 from sandbox.gap.split import choices, held_out, weights_of
+from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
-from sandbox.replay.sets import complete
 from tests.sandbox.gap.conftest import DEAD_TIME
 
 

@@ -11,10 +11,10 @@ from model.energy import currents as currents_of
 from sandbox.campaign import Campaign
 from sandbox.gap.normal import Point
 from sandbox.gap.regression import DRAWS, RIDGE, Remains, judged, regressors, remains, scalars
+from sandbox.plant.sets import complete
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Residual, prepare, replay
 from sandbox.replay.response import added_current
-from sandbox.replay.sets import complete
 from tests.sandbox.gap.conftest import DRIVE, record
 
 HELD = (1, 4)
@@ -153,7 +153,7 @@ def test_white_noise_leaves_nothing(quiet):
         rng = np.random.default_rng(seed)
         noise = [
             Residual(
-                r.file, r.rotor, rng.standard_normal((len(r.table), 3, 1)), None, rng.standard_normal((len(r.table), 1))
+                r.file, r.rotor, rng.standard_normal((r.samples, 3, 1)), None, rng.standard_normal((r.samples, 1))
             )
             for r in point.prepared.recordings
         ]

@@ -23,8 +23,8 @@ from sandbox.gap.withheld.draw import PAIR_SIZES, SHARES, Case, cases, draw
 from sandbox.gap.withheld.drives import DRAWN, FAMILIES, VALID_TO, draw_bench, family_drive
 from sandbox.gap.withheld.ladder import LADDER, OUTSIDE
 from sandbox.gap.withheld.make import campaign_of, make
+from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare, replay, residuals
-from sandbox.replay.sets import complete
 
 FILES = {"locked_d", "locked_q_inject_d", "locked_q_inject_q", "locked_steps", "locked_low_current", "run_slow"}
 FILES |= {"run_fast", "reversal", "coast_down", "driven_grid", "driven_grid_slow", "driven_idle"}

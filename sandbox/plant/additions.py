@@ -1,0 +1,211 @@
+"""What effects add to the electrical plant, each in a loop of its own that runs only where the effect is on.
+
+Lags are exact exponential steps, their input a parabola through the segment's start, middle and end.  The iron-loss
+current i_c, tau di_c/dt = g dpsi/dt - i_c, is g/tau times the flux less the flux behind a lag of tau: its input is
+then continuous, whatever the voltage does.
+"""
+
+from __future__ import annotations
+
+from model.compiled import kernel
+from model.lanes import lag_moments, lag_weights, sine_cosine
+from sandbox.plant import ports
+from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD, facing, finished, halfway, seen
+
+# what a batch may need beside the bare plant (bits)
+LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
+SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION = (1 << k for k in range(7, 13))
+LAGS = IRON | SKIN | FILTER
+ANGULAR = MAGNETS | ENERGY
+
+
+@kernel
+def orient(w, share, speed):
+    """Write what the rotor stands behind the angle handed in: offset, deviation, and the pattern's delay.
+
+    share: of the period, at which the deviation is taken between the samples; speed: rad/s electrical.
+    """
+    for j in range(w.psi_a.size):
+        d = w.deviation[j]
+        w.off_s[j], w.off_c[j] = sine_cosine(w.offset[j] + d + share * (w.next_deviation[j] - d) - speed * w.delay[j])
+
+
+@kernel
+def supply(w, clock):
+    """Write the link's voltage at an instant of the recording (s), later by each lane's delay."""
+    for j in range(w.psi_a.size):
+        w.link[j] = w.supply[j] - w.sunk[j] + ports.link(w, j, clock + w.delay[j])
+
+
+@kernel
+def draw(w, d_a, d_b, d_c):
+    """Write by how much the period's mean current makes the link sag, and its voltage."""
+    for j in range(w.psi_a.size):
+        w.sunk[j] = ports.drawn(w, j, d_a, d_b, d_c, w.i_a[j], w.i_b[j])
+        w.link[j] = w.supply[j] - w.sunk[j]
+
+
+@kernel
+def magnets(w, c_0, s_0):
+    """Write the magnets' harmonics at an angle of cos c_0, sin s_0 (as handed in)."""
+    for j in range(w.psi_a.size):
+        c, s = facing(w, j, c_0, s_0)
+        w.rest_d[j], w.rest_q[j], _, _ = ports.magnets(w, j, c, s)
+
+
+@kernel
+def energy_at_start(w, c_0, s_0, x, y, side, real):
+    """Add to the current at the segment's start what the energy's further terms say; drop and lateness follow."""
+    for j in range(w.psi_a.size):
+        c, s = facing(w, j, c_0, s_0)
+        d, q = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
+        i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
+        i_a, i_b = w.i_a[j] + c * i_d - s * i_q, w.i_b[j] + s * i_d + c * i_q
+        w.i_a[j], w.i_b[j] = i_a, i_b
+        w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
+        sign = min(max((x * i_a + y * i_b) * w.soft[j], -1.0), 1.0)
+        w.late[j] = real * ports.edge(w, j, sign, side)
+
+
+@kernel
+def energy_in_middle(w, c_0, s_0):
+    """Add the same in the segment's middle."""
+    for j in range(w.psi_a.size):
+        c, s = facing(w, j, c_0, s_0)
+        d, q = seen(w, j, c, s, w.mid_a[j], w.mid_b[j])
+        i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
+        i_a, i_b = w.j_a[j] + c * i_d - s * i_q, w.j_b[j] + s * i_d + c * i_q
+        w.j_a[j], w.j_b[j] = i_a, i_b
+        w.fall_a[j], w.fall_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
+
+
+@kernel
+def remember(w):
+    """Keep the current at the segment's start: the lags close over it once its end is known."""
+    for j in range(w.psi_a.size):
+        w.last_a[j], w.last_b[j] = w.i_a[j], w.i_b[j]
+
+
+@kernel
+def close_iron(w, span):
+    """Move the flux behind the iron's lag on by a segment (s) and write the iron-loss current at its end."""
+    for j in range(w.psi_a.size):
+        a, b = finished(w, j, span)
+        decay, w_0, w_m, w_1 = lag_weights(span * w.core_rate[j])
+        y_a = decay * w.eddy_a[j] + w_0 * w.psi_a[j] + w_m * w.mid_a[j] + w_1 * a
+        y_b = decay * w.eddy_b[j] + w_0 * w.psi_b[j] + w_m * w.mid_b[j] + w_1 * b
+        w.eddy_a[j], w.eddy_b[j] = y_a, y_b
+        g = w.core_g[j] * w.core_rate[j]
+        w.core_a[j], w.core_b[j] = g * (a - y_a), g * (b - y_b)
+
+
+@kernel
+def iron_in_middle(w, span, u_a, u_b, x, y):
+    """Write the mean iron-loss current of the segment, g/S times what the flux behind the lag moves by; the flux goes
+    straight on through its middle."""
+    inverse = 1.0 / span
+    for j in range(w.psi_a.size):
+        a, b = halfway(w, j, span, inverse, u_a, u_b, x, y)
+        decay, zeroth, first, _ = lag_moments(span * w.core_rate[j])
+        p, q, g = w.psi_a[j], w.psi_b[j], w.core_g[j] * inverse
+        w.core_a[j] = g * ((decay - 1.0) * w.eddy_a[j] + zeroth * p + 2.0 * first * (a - p))
+        w.core_b[j] = g * ((decay - 1.0) * w.eddy_b[j] + zeroth * q + 2.0 * first * (b - q))
+
+
+@kernel
+def close_filter(w, span):
+    """Move the sensors' filter on by a segment that ends with the current as it is now."""
+    for j in range(w.psi_a.size):
+        decay, w_0, w_m, w_1 = lag_weights(span * w.filter_rate[j])
+        w.filter_a[j] = decay * w.filter_a[j] + w_0 * w.last_a[j] + w_m * w.j_a[j] + w_1 * w.i_a[j]
+        w.filter_b[j] = decay * w.filter_b[j] + w_0 * w.last_b[j] + w_m * w.j_b[j] + w_1 * w.i_b[j]
+
+
+@kernel
+def close_skin(w, span):
+    """Move the slow part of the current on by a segment, and add the skin effect's drop at its end."""
+    for j in range(w.psi_a.size):
+        decay, w_0, w_m, w_1 = lag_weights(span * w.skin_rate[j])
+        x_a = decay * w.slow_a[j] + w_0 * w.last_a[j] + w_m * w.j_a[j] + w_1 * w.i_a[j]
+        x_b = decay * w.slow_b[j] + w_0 * w.last_b[j] + w_m * w.j_b[j] + w_1 * w.i_b[j]
+        w.slow_a[j], w.slow_b[j] = x_a, x_b
+        w.drop_a[j] += w.skin_r[j] * (w.i_a[j] - x_a)
+        w.drop_b[j] += w.skin_r[j] * (w.i_b[j] - x_b)
+
+
+@kernel
+def skin_in_middle(w, span):
+    """Add the skin effect's mean drop: R_1 tau/S times what its lag moves by, the current going on as it began."""
+    for j in range(w.psi_a.size):
+        x = span * w.skin_rate[j]
+        decay, zeroth, first, _ = lag_moments(x)
+        i_a, i_b = w.i_a[j], w.i_b[j]
+        moved_a = (decay - 1.0) * w.slow_a[j] + zeroth * i_a + 2.0 * first * (w.j_a[j] - i_a)
+        moved_b = (decay - 1.0) * w.slow_b[j] + zeroth * i_b + 2.0 * first * (w.j_b[j] - i_b)
+        r = w.skin_r[j] / x
+        w.fall_a[j] += r * moved_a
+        w.fall_b[j] += r * moved_b
+
+
+@kernel
+def winding_at_start(w):
+    """Add to the drop at the segment's start what windings lose beside their resistance."""
+    for j in range(w.psi_a.size):
+        v_a, v_b = ports.winding(w, j, w.i_a[j], w.i_b[j])
+        w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+
+
+@kernel
+def winding_in_middle(w):
+    """Add the same in its middle."""
+    for j in range(w.psi_a.size):
+        v_a, v_b = ports.winding(w, j, w.j_a[j], w.j_b[j])
+        w.fall_a[j], w.fall_b[j] = w.fall_a[j] + v_a, w.fall_b[j] + v_b
+
+
+@kernel
+def legs_at_start(w):
+    """Add to the drop what the legs lose for their currents at the segment's start."""
+    for j in range(w.psi_a.size):
+        k = w.soft[j]
+        half, side = -0.5 * w.i_a[j], HALF_ROOT * w.i_b[j]
+        a, b, c = k * w.i_a[j], k * (half + side), k * (half - side)
+        v_a, v_b, v_c = ports.leg(w, j, a, a), ports.leg(w, j, b, b), ports.leg(w, j, c, c)
+        w.drop_a[j] += (2.0 * v_a - v_b - v_c) * THIRD
+        w.drop_b[j] += (v_b - v_c) * ROOT_THIRD
+
+
+@kernel
+def legs_in_middle(w):
+    """Add their mean over the segment, currents going on as they began."""
+    for j in range(w.psi_a.size):
+        k = w.soft[j]
+        x, y = w.i_a[j], w.i_b[j]
+        p, q = 2.0 * w.j_a[j] - x, 2.0 * w.j_b[j] - y
+        half, side, ahead, beside = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
+        v_a = ports.leg(w, j, k * x, k * p)
+        v_b = ports.leg(w, j, k * (half + side), k * (ahead + beside))
+        v_c = ports.leg(w, j, k * (half - side), k * (ahead - beside))
+        w.fall_a[j] += (2.0 * v_a - v_b - v_c) * THIRD
+        w.fall_b[j] += (v_b - v_c) * ROOT_THIRD
+
+
+@kernel
+def turning(w, c_0, s_0):
+    """Write dH/dtheta in the middle: of the energy's further terms, and of the magnets' harmonics."""
+    for j in range(w.psi_a.size):
+        c, s = facing(w, j, c_0, s_0)
+        d, q = seen(w, j, c, s, w.mid_a[j], w.mid_b[j])
+        _, _, bent = ports.energy(w, j, c, s, d, q)
+        _, _, t_d, t_q = ports.magnets(w, j, c, s)
+        m_a, m_b = w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j]
+        w.turning[j] = bent - t_d * (c * m_a + s * m_b) - t_q * (c * m_b - s * m_a)
+
+
+@kernel
+def air_gap(w, span):
+    """Write the torque in the middle (N m), and add its integral over the segment (s)."""
+    for j in range(w.psi_a.size):
+        m_a, m_b = w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j]
+        w.torque[j] = 1.5 * w.pairs[j] * (w.mid_a[j] * m_b - w.mid_b[j] * m_a - w.turning[j])
+        w.impulse[j] += span * w.torque[j]

@@ -1,0 +1,83 @@
+"""The batch: many parameter sets side by side in one record, a row of `lanes` numbers for each quantity.
+
+A record with one small array a field is what lets a compiler see that rows do not overlap, so that loops over lanes
+become vector code; fields have names, not positions.  One state is a batch of one lane.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numba
+import numpy as np
+
+from sandbox.plant.ports import NUMBERS
+
+LANES = 16  # sets side by side in a replay: two or four vectors of today's processors
+
+STATES = {  # what a period starts from; stationary frame (alpha, beta) unless said otherwise
+    "psi_a": "flux linkage, Wb", "psi_b": "flux linkage, Wb",
+    "eddy_a": "flux behind the iron's lag, Wb", "eddy_b": "flux behind the iron's lag, Wb",
+    "slow_a": "current behind the skin effect's lag, A", "slow_b": "current behind the skin effect's lag, A",
+    "filter_a": "current behind the sensors' filter, A", "filter_b": "current behind the sensors' filter, A",
+    "angle": "rotor less the shaft's twist, rad electrical", "speed": "of it, rad/s electrical",
+    "twist": "of the shaft, rad mechanical", "slip": "slope of the twist, rad/s",
+    "deviation": "what the angle's readings are off beside a constant, rad electrical",
+    "carry_0": "s that leg a's last falling edge still waits", "carry_1": "leg b's", "carry_2": "leg c's",
+}  # fmt: skip
+SCRATCH = {  # within a period
+    "off_c": "cos of what the rotor stands behind the angle handed in", "off_s": "sin of it",
+    "rest_d": "magnets' harmonics in the rotor frame, Wb", "rest_q": "magnets' harmonics in the rotor frame, Wb",
+    "z_d": "flux due to currents, rotor frame, Wb", "z_q": "flux due to currents, rotor frame, Wb",
+    "i_d": "magnetising current, rotor frame, A", "i_q": "magnetising current, rotor frame, A",
+    "core_a": "iron-loss current, A", "core_b": "iron-loss current, A",
+    "i_a": "terminal current at the segment's start, A", "i_b": "terminal current at the segment's start, A",
+    "j_a": "terminal current in its middle, A", "j_b": "terminal current in its middle, A",
+    "last_a": "terminal current at the last segment's start, A", "last_b": "terminal current there, A",
+    "drop_a": "resistive voltage at the start, V", "drop_b": "resistive voltage at the start, V",
+    "fall_a": "resistive voltage, mean of the segment, V", "fall_b": "resistive voltage, mean of the segment, V",
+    "volt_a": "volt-seconds of the segment, V s", "volt_b": "volt-seconds of the segment, V s",
+    "mid_a": "flux in the middle, Wb", "mid_b": "flux in the middle, Wb",
+    "late": "s by which the edge just taken acts later", "lost_a": "volt-seconds edges before it take, V s",
+    "lost_b": "V s", "lose_a": "their mean over the segment, V s", "lose_b": "V s",
+    "link": "voltage of the DC link, V", "sunk": "what the load takes off it, V", "turning": "dH/dtheta of what depends on the angle, J/rad (up to 3/2)",
+    "torque": "of the air gap, N m", "impulse": "integral of it, N m s", "last_torque": "at the last period's end, N m",
+    "held_a": "current that the samplers hold, A", "held_b": "current that the samplers hold, A",
+    "when": "instant of a reading in the period, s", "next_deviation": "deviation at the period's end, rad",
+    "read_a": "reading of sensor a, A", "read_b": "of sensor b, A", "read_c": "of sensor c, A",
+    "stiff_aa": "inverse incremental inductance, 1/H", "stiff_ab": "1/H", "stiff_bb": "1/H",
+    "span_inv": "1/s of the segment", "turn": "rotor, rad mechanical", "omega": "rad/s mechanical",
+    "net": "torque on the rotor's side, N m", "taken": "by the load, N m",
+    "miss": "innovation of the angle's reading over its standard deviation",
+}  # fmt: skip
+PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; a mapped motor adds them to its map
+    "gamma_d": "1/H", "gamma_q": "1/H", "cubic_d": "3 alpha_30, A/Wb^2", "cubic_q": "alpha_12, A/Wb^2",
+    "quartic_d": "4 alpha_40, A/Wb^3", "quartic_dq": "alpha_22, A/Wb^3", "quartic_q": "4 alpha_04, A/Wb^3",
+    "magnet": "magnet flux, Wb", "resistance": "of winding and devices, ohm", "pairs": "pole pairs",
+    "supply": "mean voltage of the DC link, V", "common": "offset of all readings alike, A", "soft": "1/A: over half the width of sign(i) through zero",
+    "delay": "of the pattern, s", "sample": "instant of sampling less t_k and less the pattern's delay, s",
+    "core_g": "conductance across the flux slope, 1/ohm", "core_rate": "1/s of the iron's lag",
+    "skin_r": "ohm", "skin_rate": "1/s", "filter_rate": "1/s", "offset": "of the angle's reading, rad electrical",
+    "inertia_inv": "1/(kg m^2), all of it", "motor_inv": "1/(kg m^2), the motor's side", "load_inv": "the load's",
+    "load_share": "of the inertia", "swing_rate": "of the shaft, rad/s", "swing_ratio": "its damping ratio",
+    "load_gain": "relative error of the load's torque", "load_offset": "N m",
+}  # fmt: skip
+
+
+@cache
+def batch_type(lanes: int) -> np.dtype[Any]:
+    """Return the record's type for so many lanes."""
+    names = (*STATES, *SCRATCH, *PLANT, *NUMBERS)
+    return np.dtype([(name, np.float64, (lanes,)) for name in names], align=True)
+
+
+@cache
+def numba_type(lanes: int) -> Any:
+    """Return the same as numba's type."""
+    return numba.from_dtype(batch_type(lanes))
+
+
+def blank(lanes: int) -> Any:
+    """Return a record of zeros."""
+    return np.zeros(1, batch_type(lanes))[0]

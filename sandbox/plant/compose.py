@@ -1,0 +1,92 @@
+"""The plant's ports from the effects' cards: Python source that adds up what all effects do at each port.
+
+`python -m sandbox.plant.compose` writes `sandbox/plant/ports.py` for the library; a test keeps it up to date.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from model.effects.card import PORTS, Effect
+from model.effects.library import effect_names, load_effect
+
+HEAD = '''"""Where effects enter the plant: what their equations add at each port, for lane j of a batch.
+
+Written by `python -m sandbox.plant.compose` from the effects' cards; do not edit.
+"""
+
+from __future__ import annotations
+
+from model.compiled import inlined
+{imports}
+from model.spline import currents as map_currents
+
+__all__ = ["NUMBERS", "map_currents"]
+'''
+RESULTS = ("x", "y", "z", "t")
+
+
+def field(effect: str, number: str) -> str:
+    """Return the name of the batch's row that holds an effect's number."""
+    return f"{effect}_{number}"
+
+
+def source(cards: Iterable[Effect], modules: dict[str, str]) -> str:
+    """Return the module's text; modules: where each effect's equations are imported from."""
+    chosen = [c for c in cards if c.at]
+    imports = "\n".join(f"from {modules[c.name]} import {c.name}" for c in sorted(chosen, key=lambda c: c.name))
+    numbers = {field(c.name, n): _unit(c, n) for c in chosen for at in c.at for n in at.numbers}
+    rows = "\n".join(f'    "{name}": "{unit}",' for name, unit in numbers.items())
+    parts = [
+        HEAD.format(imports=imports),
+        f"NUMBERS = {{  # rows of the batch that hold effects' parameters\n{rows}\n}}",
+    ]
+    return "\n\n".join([*parts, *(_port(name, chosen) for name in PORTS)]) + "\n"
+
+
+def _unit(card: Effect, number: str) -> str:
+    return next(p.unit for p in card.parameters if p.name == number)
+
+
+def _port(name: str, cards: list[Effect]) -> str:
+    port = PORTS[name]
+    args = ", ".join(("w", "j", *port.quantities))
+    calls = [
+        _call(c, at.equation.__name__, at.numbers, port.quantities) for c in cards for at in c.at if at.port == name
+    ]
+    return f'\n@inlined\ndef {name}({args}):\n    """Return {port.what}."""\n' + _body(name, calls)
+
+
+def _call(card: Effect, function: str, numbers: tuple[str, ...], quantities: tuple[str, ...]) -> str:
+    own = ", ".join([*(f"w.{field(card.name, n)}[j]" for n in numbers), *quantities])
+    return f"{card.name}.{function}({own})"
+
+
+def _body(name: str, calls: list[str]) -> str:
+    port = PORTS[name]
+    if name == "reading":  # a chain
+        chained = "".join(f"    {', '.join(port.quantities)} = {call}\n" for call in calls)
+        return f"{chained}    return {', '.join(port.quantities)}"
+    if not calls:
+        return f"    return {', '.join(['0.0'] * port.returns)}"
+    if port.returns == 1:
+        return f"    return {' + '.join(calls)}"
+    if len(calls) == 1:
+        return f"    return {calls[0]}"
+    places = [f"{r}_{k}" for k in range(len(calls)) for r in RESULTS[: port.returns]]
+    lines = [
+        f"    {', '.join(places[k * port.returns : (k + 1) * port.returns])} = {call}\n" for k, call in enumerate(calls)
+    ]
+    sums = [" + ".join(f"{r}_{k}" for k in range(len(calls))) for r in RESULTS[: port.returns]]
+    return "".join(lines) + f"    return {', '.join(sums)}"
+
+
+def library_source() -> str:
+    """Return the text for the effects of the library."""
+    cards = [load_effect(name) for name in effect_names()]
+    return source(cards, {c.name: "model.effects" for c in cards})
+
+
+if __name__ == "__main__":
+    (Path(__file__).parent / "ports.py").write_text(library_source(), encoding="utf-8")

@@ -1,0 +1,215 @@
+"""The electrical plant between two events: one explicit step of second order, exact in the applied voltage.
+
+Stationary frame, psi the whole flux linkage, z what currents make of it in the rotor's frame:
+
+    dpsi/dt = u - drop(i),  i = exp(j theta) dH/dz(z, theta) + i_c,  z = exp(-j theta) psi - magnets' flux
+
+A segment is the time between two edges.  Over it u is constant but for edges that act late, so its volt-seconds and
+their mean are known exactly; the drop is taken in the middle of the segment, at the mean flux.  Two terms make the step
+one of third order, e the current's change from start to middle, omega the rotor's speed, G the inverse inductance at
+the period's start: the drop on the way to the middle (the flux there is off by R S/4 e), and the current's curvature, of
+whose S^2/24 the middle knows nothing: i'' = -R G i' + omega^2 i + 2 j omega i' (decay, and a straight line in a frame
+that turns).  `begin` ends the last segment, gives the current at the
+edge and how late the edge acts; `middle` goes on to the segment's middle.  What an effect adds comes between, in a
+loop of its own (`additions`): what is neutral costs nothing.
+"""
+
+from __future__ import annotations
+
+from model.compiled import inlined, kernel
+from model.spline import gradient, hessian
+from sandbox.plant import ports
+
+THIRD, ROOT_THIRD, HALF_ROOT = 1.0 / 3.0, 0.5773502691896258, 0.8660254037844386
+
+
+@inlined
+def quartic(w, j, d, q):
+    """Return i_d, i_q (A) of lane j at fluxes due to currents (Wb), eqs. (id), (iq)."""
+    qq, b, c = q * q, w.cubic_q[j], w.quartic_dq[j]
+    i_d = d * (w.gamma_d[j] + d * (w.cubic_d[j] + w.quartic_d[j] * d)) + qq * (b + 2.0 * c * d)
+    return i_d, q * (w.gamma_q[j] + 2.0 * d * (b + c * d) + w.quartic_q[j] * qq)
+
+
+@inlined
+def facing(w, j, c_0, s_0):
+    """Return cos and sin of lane j's rotor angle where the angle handed in has c_0, s_0."""
+    x, y = w.off_c[j], w.off_s[j]
+    return c_0 * x + s_0 * y, s_0 * x - c_0 * y
+
+
+@inlined
+def seen(w, j, c, s, a, b):
+    """Return the flux due to currents (Wb) in the rotor's frame."""
+    return c * a + s * b - w.magnet[j] - w.rest_d[j], c * b - s * a - w.rest_q[j]
+
+
+@inlined
+def finished(w, j, span):
+    """Return the flux (Wb) at the end of the last segment of length span (s)."""
+    return w.psi_a[j] + (w.volt_a[j] - span * w.fall_a[j]), w.psi_b[j] + (w.volt_b[j] - span * w.fall_b[j])
+
+
+@inlined
+def terminal(w, j, c, s, i_d, i_q):
+    """Return the terminal current (A), stationary frame."""
+    return c * i_d - s * i_q + w.core_a[j], s * i_d + c * i_q + w.core_b[j]
+
+
+@inlined
+def take(w, j, i_a, i_b, x, y, side, real):
+    """Write lane j's current at the segment's start, its drop, and how late the edge of leg (x, y) acts (s)."""
+    w.i_a[j], w.i_b[j] = i_a, i_b
+    w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
+    sign = min(max((x * i_a + y * i_b) * w.soft[j], -1.0), 1.0)
+    w.late[j] = real * ports.edge(w, j, sign, side)
+
+
+@kernel
+def begin(w, flux_map, c_0, s_0, span, x, y, side, real):
+    """End the last segment (span, s) and write current, drop and lateness of the edge at the next one's start.
+
+    (x, y): unit vector of the edge's leg; side: 1 rises, -1 falls; real: 0 where no edge is switched.
+    """
+    n = w.psi_a.size
+    if flux_map is None:
+        for j in range(n):
+            a, b = finished(w, j, span)
+            w.psi_a[j], w.psi_b[j] = a, b
+            c, s = facing(w, j, c_0, s_0)
+            d, q = seen(w, j, c, s, a, b)
+            i_d, i_q = quartic(w, j, d, q)
+            i_a, i_b = terminal(w, j, c, s, i_d, i_q)
+            take(w, j, i_a, i_b, x, y, side, real)
+    else:
+        for j in range(n):
+            a, b = finished(w, j, span)
+            w.psi_a[j], w.psi_b[j] = a, b
+            c, s = facing(w, j, c_0, s_0)
+            w.z_d[j], w.z_q[j] = seen(w, j, c, s, a, b)
+        mapped(w, flux_map)
+        for j in range(n):
+            c, s = facing(w, j, c_0, s_0)
+            i_a, i_b = terminal(w, j, c, s, w.i_d[j], w.i_q[j])
+            take(w, j, i_a, i_b, x, y, side, real)
+
+
+@inlined
+def halfway(w, j, span, inverse, u_a, u_b, x, y):
+    """Return the mean flux (Wb) over the segment, predicted with the drop at its start; write its volt-seconds.
+
+    inverse: 1/span; (u_a, u_b): vector of the legs' levels; (x, y): what of it the edge just taken changes.
+    """
+    v, half = w.link[j], 0.5 * span
+    r = min(w.late[j], span)
+    m = r * (1.0 - 0.5 * inverse * r)
+    w.volt_a[j], w.volt_b[j] = v * (span * u_a - x * r) - w.lost_a[j], v * (span * u_b - y * r) - w.lost_b[j]
+    a = w.psi_a[j] + (v * (half * u_a - x * m) - w.lose_a[j]) - half * w.drop_a[j]
+    b = w.psi_b[j] + (v * (half * u_b - y * m) - w.lose_b[j]) - half * w.drop_b[j]
+    w.mid_a[j], w.mid_b[j] = a, b
+    return a, b
+
+
+@inlined
+def settle(w, j, i_a, i_b, span, turned):
+    """Write lane j's current in the segment's middle and its mean drop; turned: rad by which the rotor turns in it."""
+    r = w.resistance[j]
+    k, e_a, e_b = 0.25 * span * (r + w.skin_r[j]), i_a - w.i_a[j], i_b - w.i_b[j]
+    x, y = k * (w.stiff_aa[j] * e_a + w.stiff_ab[j] * e_b), k * (w.stiff_ab[j] * e_a + w.stiff_bb[j] * e_b)
+    i_a, i_b = i_a - x, i_b - y
+    w.j_a[j], w.j_b[j] = i_a, i_b
+    more, across = 1.0 + turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
+    w.fall_a[j] = r * (more * i_a - across * e_b - x * (1.0 / 3.0))
+    w.fall_b[j] = r * (more * i_b + across * e_a - y * (1.0 / 3.0))
+
+
+@kernel
+def middle(w, flux_map, c_0, s_0, span, turned, u_a, u_b, x, y):
+    """Write volt-seconds, mean flux, and the current and drop at it, of a segment of length span (s)."""
+    n, inverse = w.psi_a.size, 1.0 / span
+    if flux_map is None:
+        for j in range(n):
+            a, b = halfway(w, j, span, inverse, u_a, u_b, x, y)
+            c, s = facing(w, j, c_0, s_0)
+            d, q = seen(w, j, c, s, a, b)
+            i_d, i_q = quartic(w, j, d, q)
+            i_a, i_b = terminal(w, j, c, s, i_d, i_q)
+            settle(w, j, i_a, i_b, span, turned)
+    else:
+        for j in range(n):
+            a, b = halfway(w, j, span, inverse, u_a, u_b, x, y)
+            c, s = facing(w, j, c_0, s_0)
+            w.z_d[j], w.z_q[j] = seen(w, j, c, s, a, b)
+        mapped(w, flux_map)
+        for j in range(n):
+            c, s = facing(w, j, c_0, s_0)
+            i_a, i_b = terminal(w, j, c, s, w.i_d[j], w.i_q[j])
+            settle(w, j, i_a, i_b, span, turned)
+
+
+@kernel
+def mapped(w, m):
+    """Write i_d, i_q (A) at the fluxes z_d, z_q: those of the map and each lane's own addition to it.
+
+    Lanes are nearly alike, so they mostly share one cell of the map: its polynomial is then a vector loop.
+    """
+    n = w.psi_a.size
+    x_0, y_0 = (w.z_d[0] - m.low_d) * m.per_d, (w.z_q[0] - m.low_q) * m.per_q
+    inside = 0.0 <= x_0 < m.cells.shape[0] and 0.0 <= y_0 < m.cells.shape[1]
+    i, k = (int(x_0), int(y_0)) if inside else (0, 0)
+    off = 0.0
+    for j in range(n):
+        x, y = (w.z_d[j] - m.low_d) * m.per_d - i, (w.z_q[j] - m.low_q) * m.per_q - k
+        off = max(off, max(abs(x - 0.5), abs(y - 0.5)))
+    if inside and off <= 0.5:
+        same_cell(w, m, m.cells[i, k], i, k)
+    else:
+        for j in range(n):
+            w.i_d[j], w.i_q[j] = ports.map_currents(m, w.z_d[j], w.z_q[j])
+    for j in range(n):
+        i_d, i_q = quartic(w, j, w.z_d[j], w.z_q[j])
+        w.i_d[j], w.i_q[j] = w.i_d[j] + i_d, w.i_q[j] + i_q
+
+
+@kernel
+def same_cell(w, m, p, i, k):
+    """Write the map's currents (A) of all lanes in cell (i, k), whose polynomial is p."""
+    for j in range(w.psi_a.size):
+        x, y = (w.z_d[j] - m.low_d) * m.per_d - i, (w.z_q[j] - m.low_q) * m.per_q - k
+        w.i_d[j], w.i_q[j] = gradient(m, p, x, y)
+
+
+@kernel
+def stiffen(w, flux_map, c_0, s_0):
+    """Write the inverse incremental inductance (1/H), stationary frame, at the flux of a period's start."""
+    for j in range(w.psi_a.size):
+        c, s = facing(w, j, c_0, s_0)
+        d, q = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
+        dd = w.gamma_d[j] + d * (2.0 * w.cubic_d[j] + 3.0 * w.quartic_d[j] * d) + 2.0 * w.quartic_dq[j] * q * q
+        qq = w.gamma_q[j] + 2.0 * d * (w.cubic_q[j] + w.quartic_dq[j] * d) + 3.0 * w.quartic_q[j] * q * q
+        dq = 2.0 * q * (w.cubic_q[j] + 2.0 * w.quartic_dq[j] * d)
+        if flux_map is not None:
+            g_dd, g_dq, g_qq = hessian(flux_map, d, q)
+            dd, dq, qq = dd + g_dd, dq + g_dq, qq + g_qq
+        mean, half = 0.5 * (dd + qq), 0.5 * (dd - qq)
+        c_2, s_2 = c * c - s * s, 2.0 * c * s
+        across = half * c_2 - dq * s_2
+        w.stiff_aa[j], w.stiff_bb[j], w.stiff_ab[j] = mean + across, mean - across, half * s_2 + dq * c_2
+
+
+@kernel
+def lose(w, acts, t, span, x, y):
+    """Add what an earlier edge of leg vector (x, y), acting at acts (lanes,) s, takes from a segment begun at t (s)."""
+    half = 0.5 / span
+    for j in range(w.psi_a.size):
+        r = min(max(acts[j] - t, 0.0), span)
+        m, v = r * (1.0 - half * r), w.link[j]
+        w.lost_a[j], w.lost_b[j] = w.lost_a[j] + v * x * r, w.lost_b[j] + v * y * r
+        w.lose_a[j], w.lose_b[j] = w.lose_a[j] + v * x * m, w.lose_b[j] + v * y * m
+
+
+@kernel
+def nothing_lost(w):
+    """Clear what earlier edges took."""
+    for j in range(w.psi_a.size):
+        w.lost_a[j] = w.lost_b[j] = w.lose_a[j] = w.lose_b[j] = 0.0

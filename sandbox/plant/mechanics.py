@@ -1,0 +1,47 @@
+"""The shaft over a step: rigid, or two masses; exact for torques that are constant in it.
+
+Rotor and load together turn like one mass; beside it, twist and slip of a compliant shaft swing about their rest.
+"""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import kernel
+from model.lanes import fading, sine_cosine
+from sandbox.plant import additions as add
+from sandbox.plant import ports
+
+
+@kernel
+def step_shaft(w, features, h, load, imposed):
+    """Move angle, speed and twist on by h (s) under the torque in w; load: asked of the load machine, N m.
+
+    w.turn, w.omega: mechanical angle (rad) and speed (rad/s) of the rotor in the middle of the step, for friction and
+    torques bound to position; imposed: rad/s^2 electrical.
+    """
+    for j in range(w.psi_a.size):
+        pairs = w.pairs[j]
+        taken = load * (1.0 + w.load_gain[j]) + w.load_offset[j] + ports.load(w, j, w.omega[j] - w.slip[j])
+        net = w.torque[j] + ports.torque(w, j, w.turn[j], w.omega[j]) - ports.friction(w, j, w.omega[j])
+        a = pairs * w.inertia_inv[j] * (net - taken) + imposed
+        w.angle[j] += h * (w.speed[j] + 0.5 * h * a)
+        w.speed[j] += h * a
+        w.net[j], w.taken[j] = net, taken
+    if features & add.TWIST:
+        swing(w, h)
+
+
+@kernel
+def swing(w, h):
+    """Move twist and slip (difference of both speeds) on by h: a damped swing about the twist at rest."""
+    for j in range(w.psi_a.size):
+        rate, ratio = max(w.swing_rate[j], 1e-9), w.swing_ratio[j]
+        root = math.sqrt(1.0 - ratio * ratio)
+        decay = fading(-ratio * rate * h)
+        s, c = sine_cosine(rate * root * h)
+        s /= rate * root
+        rest = (w.net[j] * w.motor_inv[j] + w.taken[j] * w.load_inv[j]) / (rate * rate)
+        x, v = w.twist[j] - rest, w.slip[j]
+        w.twist[j] = rest + decay * ((c + ratio * rate * s) * x + s * v)
+        w.slip[j] = decay * ((c - ratio * rate * s) * v - rate * rate * s * x)

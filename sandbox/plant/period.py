@@ -1,0 +1,290 @@
+"""One period of the plant, event by event: three legs rise and fall, samplers hold, nothing is averaged.
+
+Time in a period runs from its pattern's start, t_k + delay: the edges then come in one order and at one instant for
+all sets side by side, whatever their delays.  What differs from set to set is when a commanded edge acts: late by what
+the effects at the port `edge` say of the current there.  Volt-seconds of late edges are exact wherever they fall:
+before the next edge, beyond it, or in the next period (`Pending`).  A pulse cannot be negative.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from model.compiled import inlined, kernel
+from model.lanes import SHORT_TURN, turned, turned_a_little
+from sandbox.plant import additions as add
+from sandbox.plant import ports
+from sandbox.plant.edges import EDGES, LEG_X, LEG_Y, Edges, blank_edges
+from sandbox.plant.electrical import begin, lose, middle, nothing_lost, stiffen
+from sandbox.plant.sampling import hold_start, peek
+
+TWO_THIRDS = 2.0 / 3.0
+SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
+NEVER = -1.0  # s
+LAST = EDGES + 3
+
+
+class Timing(NamedTuple):
+    """How a batch's periods run: period and longest step (s), the latest that any edge acts (s), and the first and
+    last instant of sampling of all lanes, less t_k and each lane's delay (s)."""
+
+    period: float
+    longest: float
+    tardy: float
+    first: float
+    last: float
+
+
+class Pending(NamedTuple):
+    """Edges that may still wait: six of this period, then one of each leg left by the last.
+
+    acts: (9, lanes) s when they act; until: (9,) s when all have, the last of them in (10,); x, y: (9,) what they change
+    of the legs' vector.
+    """
+
+    acts: Any
+    until: Any
+    x: Any
+    y: Any
+
+
+class Course(NamedTuple):
+    """The rotor's angle handed in, over a period: theta = that of (cos, sin) + lead + rate z + bend z^2 + jerk z^3, z
+    the time from `origin` (s after the pattern's start); speed at the start, rad/s electrical."""
+
+    cos: float
+    sin: float
+    origin: float
+    lead: float
+    rate: float
+    bend: float
+    jerk: float
+    speed: float
+
+
+class Room(NamedTuple):
+    """Where a run keeps a period's edges and those that wait."""
+
+    edges: Edges
+    pending: Pending
+
+
+def blank_room(lanes: int) -> Room:
+    """Return room for a batch of so many lanes, nothing waiting."""
+    count = EDGES + 3
+    return Room(
+        blank_edges(), Pending(np.zeros((count, lanes)), np.full(count + 1, NEVER), np.zeros(count), np.zeros(count))
+    )
+
+
+@inlined
+def facing_at(course, t):
+    """Return cos and sin of the angle handed in, t (s) after the pattern's start."""
+    z = t - course.origin
+    angle = course.lead + z * (course.rate + z * (course.bend + z * course.jerk))
+    if abs(angle) < SHORT_TURN:
+        return turned_a_little(course.cos, course.sin, angle)
+    return turned(course.cos, course.sin, angle)
+
+
+@kernel
+def open_period(w, pending, duty, before):
+    """Begin a period: legs that were on to the end fall now, late by what the current says."""
+    for leg in range(3):
+        if before[leg] >= 1.0 and duty[leg] < 1.0:
+            x, y, acts = LEG_X[leg], LEG_Y[leg], pending.acts[EDGES + leg]
+            latest = 0.0
+            for j in range(w.psi_a.size):
+                sign = min(max((x * w.i_a[j] + y * w.i_b[j]) * w.soft[j], -1.0), 1.0)
+                acts[j] = ports.edge(w, j, sign, -1.0)
+                latest = max(latest, acts[j])
+            wait(pending, EDGES + leg, latest, x, y, -1.0)
+
+
+@inlined
+def wait(pending, m, until, x, y, side):
+    """Enter an edge among those that may still wait."""
+    pending.until[m], pending.until[LAST] = until, max(until, pending.until[LAST])
+    pending.x[m], pending.y[m] = TWO_THIRDS * side * x, TWO_THIRDS * side * y
+
+
+@kernel
+def take_turn(w, pending, e, g, t, tardy):
+    """Enter edge g, taken at t: pulses stay positive, and what acts after its segment waits."""
+    mate, leg = e.mate[g], e.leg[g]
+    own = pending.acts[g]
+    if mate >= 0 and pending.until[mate] > t:
+        before = pending.acts[mate]
+        for j in range(w.psi_a.size):
+            w.late[j] = max(w.late[j], before[j] - t)
+    for j in range(w.psi_a.size):
+        own[j] = t + w.late[j]
+    if e.side[g] > 0.0 and pending.until[EDGES + leg] > t:
+        left = pending.acts[EDGES + leg]
+        for j in range(w.psi_a.size):
+            left[j] = min(left[j], own[j])
+    wait(pending, g, t + tardy, e.x[g], e.y[g], e.side[g])
+
+
+@kernel
+def lose_waiting(w, pending, t, span, but):
+    """Take what edges that still wait lose in a segment from t on, of all but one; return whether any did."""
+    any_lost = False
+    for m in range(EDGES + 3):
+        if m != but and pending.until[m] > t:
+            lose(w, pending.acts[m], t, span, pending.x[m], pending.y[m])
+            any_lost = True
+    return any_lost
+
+
+@kernel
+def close_period(w, pending, period):
+    """End a period: falling edges that act after it are left to the next."""
+    over = pending.until[LAST] > period
+    for m in range(3):
+        pending.until[EDGES + m] = NEVER
+    pending.until[LAST] = NEVER
+    for g in range(EDGES if over else 0):
+        if pending.until[g] > period:
+            leg = 0 if pending.y[g] == 0.0 else (1 if pending.y[g] * pending.x[g] < 0.0 else 2)
+            acts, left = pending.acts[g], pending.acts[EDGES + leg]
+            latest = 0.0
+            for j in range(w.psi_a.size):
+                left[j] = max(acts[j] - period, 0.0)
+                latest = max(latest, left[j])
+            if latest > 0.0:
+                pending.until[EDGES + leg], pending.until[LAST] = latest, max(latest, pending.until[LAST])
+                pending.x[EDGES + leg], pending.y[EDGES + leg] = pending.x[g], pending.y[g]
+    for g in range(EDGES):
+        pending.until[g] = NEVER
+
+
+@inlined
+def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real):
+    """End the last segment and write all that holds at the start of the next."""
+    if features & add.WOBBLE:
+        add.orient(w, share, course.speed)
+    if features & add.MAGNETS:
+        add.magnets(w, c, s)
+    if features & add.LAGS:
+        add.remember(w)
+        if features & add.IRON and span > 0.0:
+            add.close_iron(w, span)
+    begin(w, flux_map, c, s, span, x, y, side, real)
+    if features & add.ENERGY:
+        add.energy_at_start(w, c, s, x, y, side, real)
+    if features & add.FILTER and span > 0.0:
+        add.close_filter(w, span)
+    if features & add.SKIN:
+        add.close_skin(w, span)
+    if features & add.WINDING:
+        add.winding_at_start(w)
+    if features & add.LEG:
+        add.legs_at_start(w)
+
+
+@inlined
+def in_middle(w, flux_map, features, c, s, share, course, span, u_a, u_b, x, y):
+    """Write all that holds in the middle of a segment."""
+    if features & add.WOBBLE:
+        add.orient(w, share, course.speed)
+    if features & add.MAGNETS:
+        add.magnets(w, c, s)
+    if features & add.IRON:
+        add.iron_in_middle(w, span, u_a, u_b, x, y)
+    middle(w, flux_map, c, s, span, span * course.rate, u_a, u_b, x, y)
+    if features & add.ENERGY:
+        add.energy_in_middle(w, c, s)
+    if features & add.WINDING:
+        add.winding_in_middle(w)
+    if features & add.SKIN:
+        add.skin_in_middle(w, span)
+    if features & add.LEG:
+        add.legs_in_middle(w)
+    if features & add.MOTION:
+        if features & add.ANGULAR:
+            add.turning(w, c, s)
+        add.air_gap(w, span)
+
+
+@inlined
+def part_of(left, timing, features, edge):
+    """Return the length of the next segment (s) of what is left until the next edge.
+
+    Behind an edge that may act late, lags get a short segment of their own: their input is smooth beside it.
+    """
+    if edge and features & add.LAGS and left > 2.0 * timing.tardy > 0.0:
+        return timing.tardy
+    return left if left <= timing.longest else left / math.ceil(left / timing.longest)
+
+
+@inlined
+def enter(w, pending, e, g, t, span, tardy):
+    """Take edge g at t; return whether edges that still wait take volt-seconds from the segment (besides this one's)."""
+    if e.real[g] > 0.0 and tardy > 0.0 and (span < tardy or pending.until[LAST] > t):
+        take_turn(w, pending, e, g, t, tardy)
+    return pending.until[LAST] > t and lose_waiting(w, pending, t, span, g)
+
+
+@inlined
+def first_instant(w, features, timing, pending, duty, before):
+    """Do what belongs to the pattern's start, its current known: sag of the link, legs that fall now, sampling."""
+    if features & add.DRAWN:
+        add.draw(w, duty[0], duty[1], duty[2])
+    if timing.tardy > 0.0 and max(before[0], before[1], before[2]) >= 1.0:
+        open_period(w, pending, duty, before)
+    if timing.first == 0.0 and timing.last == 0.0:
+        hold_start(w, features)
+
+
+@inlined
+def travel(w, flux_map, timing, features, e, pending, course, clock, duty, before, span):
+    """Move a batch on by one period of edges e along a course of the rotor; return its last segment's length (s).
+
+    clock: of the pattern less its delay, s after the recording began; duty, before: three legs', of this period and
+    the last; span: the last period's last segment, whose end is still to be taken (0 at the beginning).
+    """
+    period = timing.period
+    t, u_a, u_b = 0.0, 0.0, 0.0
+    for g in range(EDGES + 1):
+        x = y = side = real = 0.0
+        if g > 0:
+            x, y, side, real = e.x[g - 1], e.y[g - 1], e.side[g - 1], e.real[g - 1]
+        end = e.time[g] if g < EDGES else period
+        left = max(end - t, SHORTEST)
+        while left > 0.0:
+            if t == 0.0 and g == 0 and features & add.DELAYED:
+                add.orient(w, 0.0, course.speed)
+            c, s = facing_at(course, t)
+            at_start(w, flux_map, features, c, s, t / period, course, span, x, y, side, real)
+            if t == 0.0 and g == 0:
+                stiffen(w, flux_map, c, s)
+                first_instant(w, features, timing, pending, duty, before)
+            span = part_of(left, timing, features, real > 0.0)
+            x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
+            u_a, u_b = u_a + x, u_b + y
+            lossy = timing.tardy > 0.0 and (
+                enter(w, pending, e, g - 1, t, span, timing.tardy)
+                if side != 0.0
+                else pending.until[LAST] > t and lose_waiting(w, pending, t, span, -1)
+            )
+            middle_of = t + 0.5 * span
+            if features & add.LINK:
+                add.supply(w, clock + middle_of)
+            c, s = facing_at(course, middle_of)
+            in_middle(w, flux_map, features, c, s, middle_of / period, course, span, u_a, u_b, x, y)
+            if timing.first != 0.0 or timing.last != 0.0:
+                last = g == EDGES and span >= left
+                until = 2.0 * period if last else t + span
+                peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y)
+            if lossy:
+                nothing_lost(w)
+            t, left = t + span, left - span
+            x = y = side = real = 0.0
+        t = end
+    if pending.until[LAST] != NEVER:
+        close_period(w, pending, period)
+    return span

@@ -1,0 +1,142 @@
+"""Where effects enter the plant: what their equations add at each port, for lane j of a batch.
+
+Written by `python -m sandbox.plant.compose` from the effects' cards; do not edit.
+"""
+
+from __future__ import annotations
+
+from model.compiled import inlined
+from model.effects import (
+    cogging_torque,
+    coulomb_friction,
+    current_gain,
+    current_offset,
+    dc_link_error,
+    dc_link_ripple,
+    dead_time,
+    device_drop,
+    encoder_eccentricity,
+    flux_harmonics,
+    inductance_harmonics,
+    viscous_friction,
+    winding_asymmetry,
+)
+from model.spline import currents as map_currents
+
+__all__ = ["NUMBERS", "map_currents"]
+
+
+NUMBERS = {  # rows of the batch that hold effects' parameters
+    "flux_harmonics_psi_d6": "Wb",
+    "flux_harmonics_psi_q6": "Wb",
+    "inductance_harmonics_gamma_6": "1/H",
+    "winding_asymmetry_delta_a": "ohm",
+    "winding_asymmetry_delta_b": "ohm",
+    "dc_link_error_sag": "ohm",
+    "dc_link_ripple_amplitude": "V",
+    "dc_link_ripple_frequency": "Hz",
+    "dc_link_ripple_phase": "rad",
+    "dead_time_time": "s",
+    "device_drop_threshold": "V",
+    "current_gain_gain_a": "",
+    "current_gain_gain_b": "",
+    "current_gain_gain_c": "",
+    "current_offset_offset_a": "A",
+    "current_offset_offset_b": "A",
+    "encoder_eccentricity_amplitude_mech": "rad",
+    "encoder_eccentricity_phase": "rad",
+    "cogging_torque_amplitude": "N m",
+    "cogging_torque_order_mech": "",
+    "cogging_torque_phase": "rad",
+    "coulomb_friction_torque": "N m",
+    "coulomb_friction_width": "rad/s",
+    "coulomb_friction_stribeck_torque": "N m",
+    "coulomb_friction_stribeck_speed": "rad/s",
+    "viscous_friction_coefficient": "N m s/rad",
+}
+
+
+@inlined
+def link(w, j, time):
+    """Return V added to the link's voltage at an instant of the recording (s)."""
+    return dc_link_ripple.ripple(
+        w.dc_link_ripple_amplitude[j], w.dc_link_ripple_frequency[j], w.dc_link_ripple_phase[j], time
+    )
+
+
+@inlined
+def drawn(w, j, d_a, d_b, d_c, i_a, i_b):
+    """Return V that the link sags by over a period: duties, current (A)."""
+    return dc_link_error.sag(w.dc_link_error_sag[j], d_a, d_b, d_c, i_a, i_b)
+
+
+@inlined
+def edge(w, j, sign, side):
+    """Return s by which an edge (side 1 rises, -1 falls) acts late; sign of the leg's current."""
+    return dead_time.late(w.dead_time_time[j], sign, side)
+
+
+@inlined
+def leg(w, j, before, after):
+    """Return V a leg loses on average while its current over the width of its sign changes."""
+    return device_drop.lost(w.device_drop_threshold[j], before, after)
+
+
+@inlined
+def winding(w, j, i_a, i_b):
+    """Return V lost in the windings, stationary frame, at a current (A)."""
+    return winding_asymmetry.drop(w.winding_asymmetry_delta_a[j], w.winding_asymmetry_delta_b[j], i_a, i_b)
+
+
+@inlined
+def magnets(w, j, c, s):
+    """Return harmonic flux d, q (Wb) and its slope (Wb/rad) at cos, sin of the rotor's angle."""
+    return flux_harmonics.harmonic(w.flux_harmonics_psi_d6[j], w.flux_harmonics_psi_q6[j], c, s)
+
+
+@inlined
+def energy(w, j, c, s, d, q):
+    """Return further current i_d, i_q (A) and dH/dtheta (J/rad) at a flux (Wb)."""
+    return inductance_harmonics.further(w.inductance_harmonics_gamma_6[j], c, s, d, q)
+
+
+@inlined
+def torque(w, j, turn, omega):
+    """Return N m on the rotor at its mechanical angle (rad) and speed (rad/s)."""
+    return cogging_torque.helping(
+        w.cogging_torque_amplitude[j], w.cogging_torque_order_mech[j], w.cogging_torque_phase[j], turn, omega
+    )
+
+
+@inlined
+def friction(w, j, omega):
+    """Return N m that the motor's side loses at a mechanical speed (rad/s)."""
+    return coulomb_friction.drag(
+        w.coulomb_friction_torque[j],
+        w.coulomb_friction_width[j],
+        w.coulomb_friction_stribeck_torque[j],
+        w.coulomb_friction_stribeck_speed[j],
+        omega,
+    ) + viscous_friction.drag(w.viscous_friction_coefficient[j], omega)
+
+
+@inlined
+def load(w, j, omega):
+    """Return N m that the load takes beside what it is asked for, at its speed (rad/s)."""
+    return 0.0
+
+
+@inlined
+def reading(w, j, a, b, c):
+    """Return what the sensors make of three phase currents (A)."""
+    a, b, c = current_gain.scaled(w.current_gain_gain_a[j], w.current_gain_gain_b[j], w.current_gain_gain_c[j], a, b, c)
+    a, b, c = current_offset.shifted(w.current_offset_offset_a[j], w.current_offset_offset_b[j], a, b, c)
+    return a, b, c
+
+
+@inlined
+def angle(w, j, turn, pairs):
+    """Return rad electrical that the angle's reading is off at a mechanical angle (rad)."""
+    return encoder_eccentricity.off(
+        w.encoder_eccentricity_amplitude_mech[j], w.encoder_eccentricity_phase[j], turn, pairs
+    )

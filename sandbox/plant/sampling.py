@@ -1,0 +1,95 @@
+"""What the samplers hold: the plant looked at inside a segment, and the sensors behind it."""
+
+from __future__ import annotations
+
+from model.compiled import inlined, kernel
+from model.lanes import lag_moments, lag_weights, turned
+from sandbox.plant import additions as add
+from sandbox.plant import ports
+from sandbox.plant.electrical import HALF_ROOT, quartic
+
+
+@inlined
+def glimpse(w, j, flux_map, features, course, t, h, u_a, u_b, x, y, lost):
+    """Return lane j's terminal current (A) h (s) into the segment that began at t; see `sandbox.plant.electrical`.
+
+    lost: 1/s over the time in which edges before this one take their volt-seconds.
+    """
+    v, n, m = w.link[j], h * w.span_inv[j], min(h * lost, 1.0)
+    r = min(w.late[j], h)
+    a = w.psi_a[j] + (v * (h * u_a - x * r) - m * w.lost_a[j]) - h * (w.drop_a[j] + n * (w.fall_a[j] - w.drop_a[j]))
+    b = w.psi_b[j] + (v * (h * u_b - y * r) - m * w.lost_b[j]) - h * (w.drop_b[j] + n * (w.fall_b[j] - w.drop_b[j]))
+    z = t + h - course.origin
+    c_0, s_0 = turned(course.cos, course.sin, course.lead + z * (course.rate + z * (course.bend + z * course.jerk)))
+    c, s = c_0 * w.off_c[j] + s_0 * w.off_s[j], s_0 * w.off_c[j] - c_0 * w.off_s[j]
+    d, q = c * a + s * b - w.magnet[j], c * b - s * a
+    if features & add.MAGNETS:
+        rest_d, rest_q, _, _ = ports.magnets(w, j, c, s)
+        d, q = d - rest_d, q - rest_q
+    i_d, i_q = quartic(w, j, d, q)
+    if flux_map is not None:
+        m_d, m_q = ports.map_currents(flux_map, d, q)
+        i_d, i_q = i_d + m_d, i_q + m_q
+    if features & add.ENERGY:
+        e_d, e_q, _ = ports.energy(w, j, c, s, d, q)
+        i_d, i_q = i_d + e_d, i_q + e_q
+    i_a, i_b = c * i_d - s * i_q, s * i_d + c * i_q
+    if features & add.IRON:
+        decay, zeroth, first, _ = lag_moments(h * w.core_rate[j])
+        g = w.core_g[j] * w.core_rate[j]
+        i_a += g * (a - (decay * w.eddy_a[j] + (zeroth - first) * w.psi_a[j] + first * a))
+        i_b += g * (b - (decay * w.eddy_b[j] + (zeroth - first) * w.psi_b[j] + first * b))
+    return i_a, i_b
+
+
+@kernel
+def peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y):
+    """Hold the current (behind the filter) of every lane whose reading `when` falls between t and until (s)."""
+    n = w.psi_a.size
+    hit = False
+    for j in range(n):
+        hit = hit | ((w.when[j] >= t) & (w.when[j] < until))
+    if not hit:
+        return
+    lost = 1.0 / max(min(span, timing.tardy), 1e-12)
+    for j in range(n):
+        w.span_inv[j] = 1.0 / span
+    for j in range(n):
+        inside = (w.when[j] >= t) & (w.when[j] < until)
+        h = min(max(w.when[j] - t, 0.0), span)
+        i_a, i_b = glimpse(w, j, flux_map, features, course, t, h, u_a, u_b, x, y, lost)
+        if features & add.FILTER:
+            m_a, m_b = glimpse(w, j, flux_map, features, course, t, 0.5 * h, u_a, u_b, x, y, lost)
+            decay, w_0, w_m, w_1 = lag_weights(h * w.filter_rate[j])
+            i_a = decay * w.filter_a[j] + w_0 * w.i_a[j] + w_m * m_a + w_1 * i_a
+            i_b = decay * w.filter_b[j] + w_0 * w.i_b[j] + w_m * m_b + w_1 * i_b
+        w.held_a[j] = i_a if inside else w.held_a[j]
+        w.held_b[j] = i_b if inside else w.held_b[j]
+
+
+@kernel
+def hold_start(w, features):
+    """Hold the current (behind the filter) at the pattern's start."""
+    if features & add.FILTER:
+        for j in range(w.psi_a.size):
+            w.held_a[j], w.held_b[j] = w.filter_a[j], w.filter_b[j]
+    else:
+        for j in range(w.psi_a.size):
+            w.held_a[j], w.held_b[j] = w.i_a[j], w.i_b[j]
+
+
+@kernel
+def read(w):
+    """Write what the three sensors make of the current held (A)."""
+    for j in range(w.psi_a.size):
+        half, side = -0.5 * w.held_a[j], HALF_ROOT * w.held_b[j]
+        a, b, c = ports.reading(w, j, w.held_a[j], half + side, half - side)
+        w.read_a[j], w.read_b[j], w.read_c[j] = a + w.common[j], b + w.common[j], c + w.common[j]
+
+
+@kernel
+def deviate(w, turn):
+    """Write by how much the angle's reading will be off where the encoder's mechanical angle is `turn` (rad)."""
+    for j in range(w.psi_a.size):
+        true = turn - (w.offset[j] + w.next_deviation[j]) / w.pairs[j]
+        w.next_deviation[j] = ports.angle(w, j, true, w.pairs[j])

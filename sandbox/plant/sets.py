@@ -1,0 +1,134 @@
+"""Parameter sets for the plant: effects by their public names, checked, as rows of a batch.
+
+Beside the effect library's parameters a bench has deviations that are no effect, named `bench.*`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.effects import library
+from model.effects.card import At, Effect
+from model.effects.current_filter import FASTEST
+from model.effects.dead_time import SOFT_SIGN
+from model.errors import BadInput, unknown
+from model.parameters import Converter, Motor
+from sandbox.plant import additions as add
+from sandbox.plant.batch import PLANT, batch_type
+from sandbox.plant.compose import field
+from sandbox.plant.edge import latest
+from sandbox.plant.period import Timing
+
+Array = NDArray[np.float64]
+Set = Mapping[str, float]
+PORT_BITS = {
+    "link": add.LINK, "drawn": add.DRAWN, "leg": add.LEG, "winding": add.WINDING, "magnets": add.MAGNETS,
+    "energy": add.ENERGY, "angle": add.WOBBLE,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class BenchParameter:
+    """An ordinary deviation of a bench: neutral value (None: of the drive), bounds, unit."""
+
+    unit: str
+    neutral: float | None
+    low: float
+    high: float
+
+
+BENCH = {
+    "bench.lock_angle": BenchParameter("rad", 0.0, -math.pi, math.pi),  # added to a locked rotor's angle
+    "bench.load_torque_gain": BenchParameter("", 0.0, -1.0, 1.0),  # relative error of the load machine's torque
+    "bench.load_torque_offset": BenchParameter("N m", 0.0, -1e5, 1e5),
+    "bench.common_offset": BenchParameter("A", 0.0, -1e4, 1e4),  # in all three current readings alike
+    "bench.soft_current": BenchParameter("A", None, 1e-9, 1e5),  # half the width in which sign(i) goes through zero
+}
+
+
+def parameter_names() -> tuple[str, ...]:
+    """Return all names a parameter set may use: every effect parameter, then `bench.*`."""
+    return (*library.parameters(), *BENCH)
+
+
+def complete(motor: Motor, converter: Converter, values: Set | None = None) -> dict[str, float]:
+    """Return every parameter of a set, checked; BadInput for an unknown name (with the nearest) or a wrong value."""
+    given = dict(values or {})
+    for name in given:
+        if name not in BENCH and name not in library.parameters():
+            raise unknown("parameter", name, parameter_names())
+    effects = {name: value for name, value in given.items() if name not in BENCH}
+    out = library.complete(motor, converter, effects)
+    for name, p in BENCH.items():
+        value = given.get(name, SOFT_SIGN * motor.rated_current if p.neutral is None else p.neutral)
+        if isinstance(value, bool) or not isinstance(value, (int, float)) or not p.low <= value <= p.high:
+            raise BadInput(
+                f"{name} = {value!r} is out of range; give a number in [{p.low:g}, {p.high:g}] {p.unit}".rstrip()
+            )
+        out[name] = float(value)
+    return out
+
+
+def rows_of(motor: Motor, converter: Converter, v: Set) -> dict[str, float]:
+    """Return the batch's rows (fields of `PLANT` and of the ports' NUMBERS) of one completed set."""
+    rows = dict.fromkeys(PLANT, 0.0)
+    link_gain = 0.0
+    for card in map(library.load_effect, library.effect_names()):
+        for name, value in (card.rows(v, motor) if card.rows else {}).items():
+            if name == "link_gain":
+                link_gain += value
+            else:
+                rows[name] += value
+        for at in card.at:
+            rows |= {field(card.name, n): v[f"{card.name}.{n}"] for n in at.numbers}
+    rows["pairs"], rows["soft"] = float(motor.pole_pairs), 1.0 / v["bench.soft_current"]
+    rows["supply"] = (1.0 + link_gain) * converter.dc_bus_voltage
+    rows["common"] = v["bench.common_offset"]
+    rows["load_gain"], rows["load_offset"] = v["bench.load_torque_gain"], v["bench.load_torque_offset"]
+    return rows
+
+
+def features_of(motor: Motor, v: Set) -> int:
+    """Return what a completed set needs beside the bare plant (bits of `sandbox.plant.additions`)."""
+    neutral, out = library.neutral(motor), 0
+    for card in map(library.load_effect, library.effect_names()):
+        for at in card.at:
+            if at.port in PORT_BITS and is_on(card, at, v, neutral):
+                out |= PORT_BITS[at.port]
+    iron, filtered = math.isfinite(v["iron_loss.core_resistance"]), v["current_filter.time_constant"] > 0.0
+    twisting = math.isfinite(v["shaft_compliance.stiffness"]) and v["shaft_compliance.load_inertia"] > 0.0
+    out |= (add.IRON if iron else 0) | (add.FILTER if filtered else 0) | (add.TWIST if twisting else 0)
+    out |= add.SKIN if v["skin_effect.resistance"] else 0
+    return out | (add.DELAYED if v["pwm_delay.delay"] else 0)
+
+
+def is_on(card: Effect, at: At, v: Set, neutral: Set) -> bool:
+    """Return whether an equation of an effect does anything: one of its switches is not neutral."""
+    names = [n for n in at.numbers if n in card.switches] or at.numbers
+    return any(v[f"{card.name}.{n}"] != neutral[f"{card.name}.{n}"] for n in names)
+
+
+def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int) -> Any:
+    """Return the batch of completed sets at rest without flux; lanes beyond them repeat the first."""
+    w = np.zeros(1, batch_type(lanes))[0]
+    compiled = [rows_of(motor, converter, v) for v in sets]
+    compiled += [compiled[0]] * (lanes - len(compiled))
+    for name in compiled[0]:
+        w[name][:] = [rows[name] for rows in compiled]
+    w["link"][:] = w["supply"]
+    w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
+    w["when"][:] = np.where(w["sample"] >= 0.0, w["sample"], converter.sampling_period + w["sample"])
+    w["filter_rate"][w["filter_rate"] == 0.0] = FASTEST
+    return w
+
+
+def timing_of(w: Any, period: float, parts: int) -> Timing:
+    """Return how a batch's periods run; parts: no step is longer than half a period over it."""
+    sample = w["sample"]
+    return Timing(period, 0.5 * period / parts, float(latest(w)), float(sample.min()), float(sample.max()))
