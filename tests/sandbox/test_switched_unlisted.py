@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from model.parameters import load_drive
-from sandbox.switched.effects import UNLISTED, bench, quiet
+from sandbox.switched.effects import bench, quiet
 from sandbox.switched.inverter import HELD_ALPHA
 from sandbox.switched.machine import accelerations, current_and_torque, friction, pull, stored_energy
 from sandbox.switched.simulate import replay, sensor, start
+from sandbox.switched.unlisted import UNLISTED
 
 DRIVE = load_drive("ipm_exchanged")
 BENCH = quiet(bench(DRIVE.motor, DRIVE.converter))
