@@ -83,7 +83,7 @@ class Bench(NamedTuple):
     stiffness: float
     damping: float
     step: float  # longest integration step, s
-    audit: float  # other than 0: sum up energies (those of the library's effects)
+    audit: float  # other than 0: sum up energies (all effects but hysteresis and shorted turns)
     # The rest stands in no library and is off by default; `unlisted` has units and bounds.
     grip: float = 0.0  # magnetic hysteresis, and its radius in Wb
     grip_radius: float = 0.0
@@ -129,7 +129,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     reduced = m_motor * m_load / (m_motor + m_load)
     period = converter.sampling_period
     flux_map = flux_map_of(motor.energy)
-    values = {
+    values: dict[str, Any] = {
         **(_energy(motor, v) if flux_map is None else dict.fromkeys(SERIES, 0.0)),
         "pole_pairs": float(motor.pole_pairs),
         "resistance": v["stator_resistance.resistance"],

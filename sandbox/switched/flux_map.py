@@ -35,14 +35,15 @@ class FluxMap(NamedTuple):
     stiffness: float  # 1/H along q at zero current, to begin a search with
 
 
-
 def flux_map_of(energy: Any) -> FluxMap | None:
     """Return the bench's map of a motor's energy: data alone (cells, low_d, low_q, per_d, per_q, gamma_q) are read;
     None for an energy without cells."""
     if not hasattr(energy, "cells"):
         return None
     cells = np.asarray(energy.cells, dtype=float)
-    shift = np.array([[math.comb(a, m) * 0.5 ** (a - m) if m <= a else 0.0 for m in range(ORDER)] for a in range(ORDER)])
+    shift = np.array(
+        [[math.comb(a, m) * 0.5 ** (a - m) if m <= a else 0.0 for m in range(ORDER)] for a in range(ORDER)]
+    )
     centred = np.ascontiguousarray(shift.T @ cells @ shift)
     low_d, low_q, per_d, per_q = (float(x) for x in (energy.low_d, energy.low_q, energy.per_d, energy.per_q))
     high_d, high_q = low_d + cells.shape[0] / per_d, low_q + cells.shape[1] / per_q
@@ -53,8 +54,8 @@ def flux_map_of(energy: Any) -> FluxMap | None:
 def place(m, d, q):
     """Return the indices of the cell that holds fluxes (Wb) inside the map, and the way from its middle in cells."""
     x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
-    i = min(max(int(math.floor(x)), 0), m.cells.shape[0] - 1)
-    j = min(max(int(math.floor(y)), 0), m.cells.shape[1] - 1)
+    i = min(max(math.floor(x), 0), m.cells.shape[0] - 1)
+    j = min(max(math.floor(y), 0), m.cells.shape[1] - 1)
     return i, j, x - i - 0.5, y - j - 0.5
 
 

@@ -4,7 +4,7 @@ theta is the electrical, Theta the mechanical angle; everything in the rotor fra
 
 - Flux: h(theta) = sum [psi_d cos(n theta + phase) + j psi_q sin(n theta + phase)] (1 + k |z_0|^2), where
   z_0 = psi e^{-j theta} - phi_m is the flux that currents cause, harmonics not taken off.  The energy is H(z) of
-  z = z_0 - h, so the amplitude grows with the current that goes with z_0, and current and torque derive from that energy:
+  z = z_0 - h, so the amplitude grows with the current that goes with z_0; current and torque derive from that energy:
   with g = 2 dH/dz* (the current of a machine at z) and G = sum k [psi_d cos + j psi_q sin],
 
       i = g - 2 Re(g* G) z_0,   torque = 3/2 p [Re(g* s) - dH/dtheta at constant z e^{j theta}],
@@ -32,7 +32,7 @@ MOST_TURNS = 1e4  # order
 
 
 class FluxHarmonic(NamedTuple):
-    """One order of the magnet's flux: amplitudes in Wb, phase in rad, growth of the amplitudes at rated current's flux."""
+    """One order of the magnet's flux: amplitudes in Wb, phase in rad, their growth at the flux of rated current."""
 
     order: float
     psi_d: float = 0.0
@@ -70,14 +70,13 @@ def _records(kind: Any, rows: Sequence[Any]) -> Any:
     return np.array([tuple(row) for row in rows], dtype=[(name, np.float64) for name in kind._fields])
 
 
-
 def harmonics(
     motor: Motor,
     flux: Sequence[FluxHarmonic] = (),
     inductance: Sequence[InductanceHarmonic] = (),
     cogging: Sequence[CoggingHarmonic] = (),
 ) -> Harmonics:
-    """Return the lists for a bench (`bench(...)._replace(harmonics=...)`); what the effect library gives is beside them.
+    """Return the lists for a bench (`bench(...)._replace(harmonics=...)`); the effect library's are beside them.
 
     BadInput for a value that is not finite, an order of cogging below 1, and amplitudes that no motor of this kind can
     have: flux harmonics together (grown) not below the magnet's flux or, without a magnet, the flux of rated current;
@@ -87,7 +86,7 @@ def harmonics(
         _check_finite(kind)
     for one in cogging:
         if one.order < 1.0:
-            raise BadInput(f"cogging harmonic of order {one.order:g} has no potential; give a mechanical order from 1 on")
+            raise BadInput(f"cogging harmonic of order {one.order:g} has no potential; give an order from 1 on")
     rated = math.sqrt(motor.inductance_d * motor.inductance_q) * motor.rated_current
     grown = sum(max(abs(f.psi_d), abs(f.psi_q)) * max(1.0, abs(1.0 + f.growth)) for f in flux)
     swing = sum(abs(g.gamma) + abs(g.pulse) for g in inductance)

@@ -32,9 +32,13 @@ def leg_table(current: ArrayLike, volts: ArrayLike) -> Any:
     """
     i, v = np.atleast_1d(np.asarray(current, dtype=float)), np.atleast_1d(np.asarray(volts, dtype=float))
     if i.ndim != 1 or i.shape != v.shape or len(i) < 2:
-        raise BadInput(f"inverter table has {i.shape} currents and {v.shape} voltages; give as many of each, two at least")
+        raise BadInput(
+            f"inverter table has {i.shape} currents and {v.shape} voltages; give as many of each, two at least"
+        )
     if not (np.isfinite(i).all() and np.isfinite(v).all() and (np.diff(i) > 0.0).all()):
-        raise BadInput("inverter table has currents that do not rise, or values that are not finite; sort it and clean it")
+        raise BadInput(
+            "inverter table has currents that do not rise, or values that are not finite; sort it and clean it"
+        )
     if i[0] != 0.0 or v[0] != 0.0:
         raise BadInput(f"inverter table begins with {v[0]:g} V at {i[0]:g} A; it is odd: begin it with 0 V at 0 A")
     table = np.empty(len(i), POINT)

@@ -1,7 +1,7 @@
 """The DC link: error, sag and ripple of the effect library, and a resonance of its own.
 
-Resonance: a stiff source behind an inductance and the link's capacitance.  x is what the link dips below the source (V),
-y = Z i_L the current of the inductance times Z = sqrt(L/C); the inverter draws i_dc = sum of legs' levels times currents:
+Resonance: a stiff source behind an inductance and the link's capacitance.  x is the link's dip below the source (V),
+y = Z i_L the inductance's current times Z = sqrt(L/C); the inverter draws i_dc, the sum of legs' levels times currents:
 
     dx/dt = w (Z i_dc - y),   dy/dt = w (x - 2 D y),   w = 1/sqrt(L C),   D = R/(2 Z)
 

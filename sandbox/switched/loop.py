@@ -41,7 +41,8 @@ from sandbox.switched.machine import least_stiffness
 from sandbox.switched.readings import gather, shift_pulses
 from sandbox.switched.simulate import measure
 
-PLAIN = Bench(*(len(Bench._fields) - len(Bench._field_defaults)) * (0.0,))  # no map, no lists
+OFF = Bench._field_defaults.values()  # no map, no lists
+PLAIN = Bench._make([*(len(Bench._fields) - len(OFF)) * (0.0,), *OFF])
 BENCH = numba.typeof(PLAIN)
 ALONE = types.none  # no readings inside the period
 
@@ -51,14 +52,14 @@ def run_signature(belief: Any, inside: Any, of_bench: Any = BENCH) -> Any:
     sample = SAMPLE if inside == ALONE else OVERSAMPLED
     step = types.FunctionType(ESTIMATE(STATE, sample, belief, TUNING))
     return types.UniTuple(types.int64, 2)(
-        step, STATE, VECTOR, of_bench, types.float64, inside, types.float64, RIG, CONTROL, belief, TUNING, TABLE, VECTOR,
-        VECTOR, RNG, TABLE,
+        step, STATE, VECTOR, of_bench, types.float64, inside, types.float64, RIG, CONTROL, belief, TUNING, TABLE,
+        VECTOR, VECTOR, RNG, TABLE,
     )  # fmt: skip
 
 
 @kernel
 def encoder_slope(b, theta, speed):
-    """Return the slope (rad/s, electrical) of an encoder's angle, eccentricity and resolver's error in it, no counts."""
+    """Return the slope (rad/s, electrical) of an encoder's angle with its errors, without counts."""
     slope = b.eccentricity / b.pole_pairs * math.cos(theta / b.pole_pairs + b.eccentricity_phase)
     if b.resolver != 0.0:
         slope += 2.0 * b.resolver * math.cos(2.0 * theta / b.pole_pairs + b.resolver_phase)

@@ -60,7 +60,7 @@ def magnet(b, e_1):
 
 @inlined
 def seen_from(b, psi, theta, e_1):
-    """Return the magnet's flux and its slope (Wb) as `magnet`, with all harmonics, z_0 (Wb) and G (1/Wb): `harmonics`."""
+    """Return the magnet's flux and slope (Wb) as `magnet`, with all harmonics, z_0 (Wb), G (1/Wb): `harmonics`."""
     m, slope = magnet(b, e_1)
     return with_flux(b.harmonics, b.magnet_flux, psi, theta, e_1, m, slope)
 
@@ -281,7 +281,8 @@ def powers(b, switches, wanted, t, sunk, load_torque, psi, core, skin, theta, sp
     if b.load_inertia != 0.0:
         rubbing += b.damping * (speed - load_speed) ** 2
     supply, commanded = v.real * i.real + v.imag * i.imag, ideal.real * i.real + ideal.imag * i.imag
-    return 1.5 * supply, 1.5 * loss + rubbing, load_torque * load_speed, devices, 1.5 * commanded
+    output = (load_torque + b.fan * load_speed * abs(load_speed)) * load_speed
+    return 1.5 * supply, 1.5 * loss + rubbing, output, devices, 1.5 * commanded
 
 
 @kernel

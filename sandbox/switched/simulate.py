@@ -85,7 +85,7 @@ def rotor_flux(b: Bench, state: Vector) -> tuple[float, float]:
 
 @kernel
 def encoder(b, theta):
-    """Return the electrical angle as the encoder reads it: offset, eccentricity, resolver's error, counts (the nearest).
+    """Return the electrical angle as the encoder reads it: offset, eccentricity, resolver's error, nearest count.
 
     A resolver's error of second order is resolver sin(2 theta_mech + phase) in mechanical rad, as of one pole pair.
     """

@@ -21,7 +21,7 @@ from sandbox.switched.leg import SHAPES, leg_table
 
 @dataclass(frozen=True)
 class Unlisted:
-    """One number of an effect outside the library: its subsystem, unit, bounds, what it is; needs: without it, nothing."""
+    """One number of an effect outside the library: its subsystem, unit, bounds, what it is and what it needs."""
 
     subsystem: str
     unit: str
