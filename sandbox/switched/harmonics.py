@@ -157,6 +157,30 @@ def with_flux(h, magnet_flux, psi, theta, e_1, m, slope):
 
 
 @inlined
+def chained(h, i, z_0, grown, e_1):
+    """Return the current (A, stationary) of a machine at z with what growing amplitudes add to it, -2 Re(g* G) z_0."""
+    if h is None:
+        return i
+    seen = i * e_1.conjugate()
+    return i - 2.0 * (seen.real * grown.real + seen.imag * grown.imag) * (e_1 * z_0)
+
+
+@kernel
+def chained_stiffness(a, c, z_0, grown, along):
+    """Return a, c of d(g - 2 along z_0)/dz_0, along = Re(g* G), where dz = dz_0 - 2 G Re(z_0* dz_0), dg = a dz + c dz*.
+
+    The images of 1 and j give a (their mean stretch) and c (their difference): image(1) = a + c, image(j) = j (a - c).
+    """
+    one = 1.0 - 2.0 * z_0.real * grown
+    two = complex(0.0, 1.0) - 2.0 * z_0.imag * grown
+    first, second = a * one + c * one.conjugate(), a * two + c * two.conjugate()
+    first -= 2.0 * (first.real * grown.real + first.imag * grown.imag) * z_0 + 2.0 * along
+    second -= 2.0 * (second.real * grown.real + second.imag * grown.imag) * z_0 + 2.0 * along * complex(0.0, 1.0)
+    second *= complex(0.0, -1.0)
+    return 0.5 * (first + second).real, 0.5 * (first - second)
+
+
+@inlined
 def with_swing(h, z, theta, i, turning):
     """Return a current (A) and dH/dtheta (J, `machine.gradient`) with those of the inductance harmonics, at flux z."""
     if h is None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from model.compiled import kernel
 from sandbox.switched.leg import soft_sign
-from sandbox.switched.link import link_slope, link_step
+from sandbox.switched.link import link_step, settled_link, stage
 from sandbox.switched.machine import A, phase_currents, powers, pull, slopes, vector
 
 PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
@@ -82,23 +82,20 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
         b, mode, legs, t, sunk + link.real, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
     )
     for _ in range(steps):
-        d1 = link_slope(b, legs, i1, link)
         psi2, core2, skin2 = psi + k * p1, core + k * c1, skin + k * s1
-        x2, y2, z2, link2 = th + k * th1, w + k * w1, wl + k * wl1, link + k * d1
+        x2, y2, z2, link2 = th + k * th1, w + k * w1, wl + k * wl1, stage(b, legs, i1, link, link, k)
         p2, c2, s2, th2, w2, wl2, tw2, l2, i2 = slopes(
             b, mode, legs, t + k, sunk + link2.real, tau, acc, psi2, core2, skin2, x2, y2, z2, tw + k * tw1, held,
             sh + k * l1,
         )  # fmt: skip
-        d2 = link_slope(b, legs, i2, link2)
         psi3, core3, skin3 = psi + k * p2, core + k * c2, skin + k * s2
-        x3, y3, z3, link3 = th + k * th2, w + k * w2, wl + k * wl2, link + k * d2
+        x3, y3, z3, link3 = th + k * th2, w + k * w2, wl + k * wl2, stage(b, legs, i2, link2, link, k)
         p3, c3, s3, th3, w3, wl3, tw3, l3, i3 = slopes(
             b, mode, legs, t + k, sunk + link3.real, tau, acc, psi3, core3, skin3, x3, y3, z3, tw + k * tw2, held,
             sh + k * l2,
         )  # fmt: skip
-        d3 = link_slope(b, legs, i3, link3)
         psi4, core4, skin4 = psi + h * p3, core + h * c3, skin + h * s3
-        x4, y4, z4, link4 = th + h * th3, w + h * w3, wl + h * wl3, link + h * d3
+        x4, y4, z4, link4 = th + h * th3, w + h * w3, wl + h * wl3, stage(b, legs, i3, link3, link, h)
         p4, c4, s4, th4, w4, wl4, tw4, l4, i4 = slopes(
             b, mode, legs, t + h, sunk + link4.real, tau, acc, psi4, core4, skin4, x4, y4, z4, tw + h * tw3, held,
             sh + h * l3,
@@ -116,7 +113,7 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
         wl += sixth * (wl1 + 2.0 * (wl2 + wl3) + wl4)
         tw += sixth * (tw1 + 2.0 * (tw2 + tw3) + tw4)
         sh += sixth * (l1 + 2.0 * (l2 + l3) + l4)
-        link += sixth * (d1 + 2.0 * (d2 + d3) + link_slope(b, legs, i4, link4))
+        link = settled_link(b, legs, i4, link, (link2, link3, link4), h)
         if b.grip != 0.0:
             held = psi - pull(b, psi, held)
         t += h

@@ -25,14 +25,30 @@ def link_voltage(b, t, sunk):
     return b.link_voltage - sunk + b.ripple_amplitude * math.sin(b.ripple_rate * t + b.ripple_phase)
 
 
-@inlined
+@kernel
 def link_slope(b, legs, i, link):
     """Return the time derivative of link = x + j y (V); legs: vector of the legs' levels, i: terminal current (A)."""
-    if b.link_rate == 0.0:
-        return complex(0.0, 0.0)
     drawn = 1.5 * (legs.real * i.real + legs.imag * i.imag)
     swing = complex(-link.imag, link.real - 2.0 * b.link_damping * link.imag)
     return b.link_rate * (swing + b.link_impedance * drawn)
+
+
+@inlined
+def stage(b, legs, i, at, start, h):
+    """Return the link h (s) after `start`, with its slope at a Runge-Kutta stage's current and link `at`."""
+    return start if b.link_rate == 0.0 else start + h * link_slope(b, legs, i, at)
+
+
+@inlined
+def settled_link(b, legs, i, before, stages, h):
+    """Return the link after a Runge-Kutta step; before: at its begin, stages: the three behind it, i at the last.
+
+    With those at y + h/2 s1, y + h/2 s2, y + h s3: y + h/6 (s1 + 2 s2 + 2 s3 + s4) in their terms.
+    """
+    if b.link_rate == 0.0:
+        return before
+    two, three, four = stages
+    return (two + 2.0 * three + four - before) / 3.0 + h / 6.0 * link_slope(b, legs, i, four)
 
 
 @inlined

@@ -32,7 +32,15 @@ import math
 
 from model.compiled import inlined, kernel
 from sandbox.switched.flux_map import map_energy, with_map, with_map_stiffness
-from sandbox.switched.harmonics import cogging_sum, swing_energy, with_flux, with_swing, with_swing_stiffness
+from sandbox.switched.harmonics import (
+    chained,
+    chained_stiffness,
+    cogging_sum,
+    swing_energy,
+    with_flux,
+    with_swing,
+    with_swing_stiffness,
+)
 from sandbox.switched.leg import given, soft_sign, soft_signs, unlisted_drop
 from sandbox.switched.link import link_voltage
 
@@ -102,18 +110,15 @@ def gradient(b, z, theta, e_1):
     return i, turning
 
 
-@kernel
+@inlined
 def current_and_torque(b, psi, theta):
     """Return the magnetising current vector (A) and the air-gap torque (N m)."""
     e_1 = complex(math.cos(theta), math.sin(theta))
     m, slope, z_0, grown = seen_from(b, psi, theta, e_1)
     i, turning = gradient(b, (psi - m) * e_1.conjugate(), theta, e_1)
-    chained = i.real * grown.real + i.imag * grown.imag
     i *= e_1
     torque = 1.5 * b.pole_pairs * (i.real * slope.real + i.imag * slope.imag - turning)
-    if chained != 0.0:
-        i -= 2.0 * chained * (e_1 * z_0)
-    return i, torque
+    return chained(b.harmonics, i, z_0, grown, e_1), torque
 
 
 @kernel
@@ -138,21 +143,6 @@ def least_stiffness(b, psi, theta):
         i, _ = gradient(b, z, theta, e_1)
         a, c = chained_stiffness(a, c, z_0, grown, i.real * grown.real + i.imag * grown.imag)
     return a - abs(c)
-
-
-@kernel
-def chained_stiffness(a, c, z_0, grown, along):
-    """Return a, c of d(g - 2 along z_0)/dz_0, along = Re(g* G), where dz = dz_0 - 2 G Re(z_0* dz_0), dg = a dz + c dz*.
-
-    The images of 1 and j give a (their mean stretch) and c (their difference): image(1) = a + c, image(j) = j (a - c).
-    """
-    one = 1.0 - 2.0 * z_0.real * grown
-    two = complex(0.0, 1.0) - 2.0 * z_0.imag * grown
-    first, second = a * one + c * one.conjugate(), a * two + c * two.conjugate()
-    first -= 2.0 * (first.real * grown.real + first.imag * grown.imag) * z_0 + 2.0 * along
-    second -= 2.0 * (second.real * grown.real + second.imag * grown.imag) * z_0 + 2.0 * along * complex(0.0, 1.0)
-    second *= complex(0.0, -1.0)
-    return 0.5 * (first + second).real, 0.5 * (first - second)
 
 
 @kernel
