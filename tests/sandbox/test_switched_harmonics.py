@@ -6,8 +6,11 @@ import math
 import numpy as np
 import pytest
 
+from estimators.registry import load_estimator
 from model.errors import BadInput
 from model.parameters import load_drive
+from sandbox.scenario import Scenario, Segment
+from sandbox.simulate import simulate
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.harmonics import CoggingHarmonic, FluxHarmonic, InductanceHarmonic, harmonics
 from sandbox.switched.inverter import INPUT, LOSS, OUTPUT, advance
@@ -151,6 +154,22 @@ def test_back_emf_has_the_orders_of_the_list():
     assert abs(lines[60]) == pytest.approx(13 * 0.0015, rel=5e-3)
     assert abs(lines[-60]) == pytest.approx(11 * 0.0005, rel=5e-3)
     assert np.abs(lines[[30, -30, 61]]).max() < 1e-5
+
+
+@pytest.mark.parametrize("size", [0.0, 0.003])
+def test_the_closed_loop_takes_a_bench_with_lists(size, monkeypatch):
+    """Of no amplitude they leave every channel as it is, by the bit; with one they show."""
+    scene, effects = Scenario("short", (Segment(0.05, 0.3, 0.1),), "driven", start_up=False), {}
+
+    def listed(motor, converter, effects=None):
+        return bench(motor, converter, effects)._replace(
+            harmonics=harmonics(motor, [FluxHarmonic(12.0, size, 0.0, 0.2)], [InductanceHarmonic(6.0, 0.0, 0.0, 0.4)])
+        )
+
+    plain = simulate(IPM, scene, load_estimator("qnull"), effects=effects, plant="switched", seed=1).recording
+    monkeypatch.setattr("sandbox.switched.effects.bench", listed)
+    found = simulate(IPM, scene, load_estimator("qnull"), effects=effects, plant="switched", seed=1).recording
+    assert np.array_equal(found.table, plain.table) == (size == 0.0)
 
 
 @pytest.mark.parametrize(
