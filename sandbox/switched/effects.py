@@ -96,6 +96,7 @@ class Bench(NamedTuple):
     resolver: float = 0.0  # error of second order of the angle's reading
     resolver_phase: float = 0.0
     least_pulse: float = 0.0  # shorter pulses are dropped
+    least_vector: float = 0.0  # legs whose edges would follow each other faster switch together
     link_rate: float = 0.0  # resonance of the link
     link_impedance: float = 0.0
     link_damping: float = 0.0

@@ -170,6 +170,30 @@ def kept(b, duty):
 
 
 @kernel
+def together(b, d_a, d_b, d_c):
+    """Return the legs' duties after a driver that drops active vectors shorter than least_vector.
+
+    Legs whose edges would follow each other faster switch together, at the mean of their duties; both active vectors of
+    a half period may go, which leaves no voltage.
+    """
+    if b.least_vector == 0.0:
+        return d_a, d_b, d_c
+    least = 2.0 * b.least_vector / b.period
+    low, middle, high = min(d_a, d_b, d_c), max(min(d_a, d_b), min(max(d_a, d_b), d_c)), max(d_a, d_b, d_c)
+    first, second = high - middle < least, middle - low < least
+    if first and second:
+        mean = (d_a + d_b + d_c) / 3.0
+        return mean, mean, mean
+    if first:
+        mean = 0.5 * (high + middle)
+        return d_a if d_a < middle else mean, d_b if d_b < middle else mean, d_c if d_c < middle else mean
+    if second:
+        mean = 0.5 * (middle + low)
+        return d_a if d_a > middle else mean, d_b if d_b > middle else mean, d_c if d_c > middle else mean
+    return d_a, d_b, d_c
+
+
+@kernel
 def pulse(b, duty, shift):
     """Return a leg's commanded rising and falling edge (s after the start of its period); NEVER without a pulse.
 
@@ -287,7 +311,7 @@ def hold(state, b, first):
 def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end):
     """Switch and integrate from t_k to t_k + end; edges beyond stay undone (see `advance`, `simulate.measure`)."""
     d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
-    d_a, d_b, d_c = kept(b, d_a), kept(b, d_b), kept(b, d_c)
+    d_a, d_b, d_c = together(b, kept(b, d_a), kept(b, d_b), kept(b, d_c))
     if b.sag != 0.0:
         i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
         state[SUNK] = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c)

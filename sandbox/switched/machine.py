@@ -23,7 +23,7 @@ What the effect library does not hold, so that something unknown can be asked fo
 - a fan: load torque += fan omega |omega|, omega the speed of the load's side;
 - current sensors that lose curvature (`simulate.sensor`): reading = gain i (1 - curvature i^2);
 - a resolver (`simulate.encoder`), shapes of the current's sign, a table of the leg's voltage error, a device of one
-  direction (`leg`), a resonance of the link (`link`), a least pulse width (`inverter.kept`).
+  direction (`leg`), a resonance of the link (`link`), least pulses and vectors (`inverter.kept`, `together`).
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
     b = unlisted(bench(motor, converter), {"fan": 2e-5, "resolver": 2e-3})
     b = with_sign(b, "tanh", 0.45)
 
-Equations stand where they act: `machine`, `simulate`, `leg`, `link`, `inverter.kept`, `harmonics`.
+Equations stand where they act: `machine`, `simulate`, `leg`, `link`, `inverter.kept` and `together`, `harmonics`.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ UNLISTED = {
     "resolver": Unlisted("sensor", "rad mechanical", 0.0, 0.2, "error twice a turn, of a resolver of one pole pair"),
     "resolver_phase": Unlisted("sensor", "rad", -1e3, 1e3, "its phase"),
     "least_pulse": Unlisted("inverter", "s", 0.0, 1e-3, "shorter pulses and gaps of a leg are dropped"),
+    "least_vector": Unlisted("inverter", "s", 0.0, 1e-3, "shorter active vectors are dropped: legs switch together"),
     "link_rate": Unlisted("inverter", "rad/s", 0.0, 1e5, "resonance of the link, 1/sqrt(L C)", "link_impedance"),
     "link_impedance": Unlisted("inverter", "ohm", 0.0, 1e3, "sqrt(L/C): dip after a step of one ampere"),
     "link_damping": Unlisted("inverter", "", 0.0, 2.0, "damping ratio; 2 damping impedance is the link's resistance"),
@@ -60,11 +61,9 @@ def unlisted(b: Bench, values: Mapping[str, float]) -> Bench:
     for name, one in UNLISTED.items():
         if one.needs and getattr(new, name) > 0.0 and not getattr(new, one.needs) > 0.0:
             raise BadInput(f"{name} = {getattr(new, name):g} alone does nothing sound; give {one.needs} > 0 beside it")
-    if not new.least_pulse < 0.5 * new.period:
-        raise BadInput(
-            f"least_pulse = {new.least_pulse:g} s is out of range; it must stay below {0.5 * new.period:g} s, half the "
-            "PWM period"
-        )
+    for name in ("least_pulse", "least_vector"):
+        if not getattr(new, name) < 0.5 * new.period:
+            raise BadInput(f"{name} = {getattr(new, name):g} s is out of range; give less than half the PWM period")
     return new
 
 

@@ -133,6 +133,31 @@ def test_pulses_and_gaps_below_the_least_are_dropped():
     assert np.array_equal(a, b)
 
 
+def test_active_vectors_below_the_least_are_dropped():
+    """Legs nearer than 2 t / T_s in duty switch together at their mean: flux gained without resistance, as above.
+
+    Written pair by pair, highest leg first: (0.7, 0.66, 0.3) at 0.1 becomes (0.68, 0.68, 0.3).
+    """
+    free = quiet(bench(NO_MAGNET, CONVERTER, {"stator_resistance.resistance": 0.0}))
+    u = np.array([0.0, 5.0, -60.0, 60j, 62 * np.exp(0.1j), 70 * np.exp(-1.0j), 90 * np.exp(0.5j), 12 * np.exp(2j), 0.0])
+    least = 6e-6
+    i = vector(replay(unlisted(free, {"least_vector": least}), "locked", u.real, u.imag, U))
+    made, kinds = [], []
+    for x in u[:-1]:
+        whole = leg_means(x, 0.0)
+        order, near = np.argsort(-whole), 2.0 * least / TS
+        duty, gaps = whole.copy(), -np.diff(whole[order]) < near
+        if gaps.all():
+            duty[:] = whole.mean()
+        elif gaps.any():
+            pair = order[:2] if gaps[0] else order[1:]
+            duty[pair] = whole[pair].mean()
+        made.append((2 * duty[0] - duty[1] - duty[2]) / 3 + 1j * (duty[1] - duty[2]) / math.sqrt(3))
+        kinds.append(tuple(gaps))
+    assert np.diff(i) * L == pytest.approx(TS * U * np.array(made), abs=1e-9)
+    assert set(kinds) == {(True, True), (True, False), (False, True), (False, False)}
+
+
 @pytest.mark.parametrize(
     ("current", "volts", "told"),
     [

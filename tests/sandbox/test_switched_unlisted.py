@@ -205,5 +205,5 @@ def test_names_outside_the_library_are_checked():
             unlisted(BENCH, {"fan": bad})
     with pytest.raises(BadInput, match="link_rate = 3000 alone does nothing sound; give link_impedance"):
         unlisted(BENCH, {"link_rate": 3000.0})
-    with pytest.raises(BadInput, match="half the PWM period"):
+    with pytest.raises(BadInput, match=r"least_pulse = 0\.0002 s is out of range; give less than half"):
         unlisted(BENCH, {"least_pulse": 2e-4})
