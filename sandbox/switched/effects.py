@@ -9,18 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import NamedTuple
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from model.effects.library import complete, friction_rate
 from model.parameters import Converter, Motor
-from model.spline import SplineEnergy
+from sandbox.switched.flux_map import FluxMap, flux_map_of
+from sandbox.switched.harmonics import Harmonics
+from sandbox.switched.leg import LINEAR
 
 SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
 SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
-UNLISTED = ("grip", "grip_radius", "short_conductance", "short_time", "knee", "knee_flux", "curvature", "fan")
-NO_MAP = SplineEnergy(np.empty((0, 0, 5, 5)), 0.0, 0.0, 1.0, 1.0)
 STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
 
 
@@ -85,16 +83,28 @@ class Bench(NamedTuple):
     stiffness: float
     damping: float
     step: float  # longest integration step, s
-    audit: float  # other than 0: sum up energies (those of the library's effects)
-    grip: float  # 1/H, and its radius in Wb: magnetic hysteresis; this and the rest stand in no library, 0: none
-    grip_radius: float
-    short_conductance: float  # S, and time constant in s: turns of phase a short-circuited
-    short_time: float
-    knee: float  # A/Wb^2 beyond a flux of knee_flux, Wb: saturation with a knee
-    knee_flux: float
-    curvature: float  # 1/A^2: share of a phase current that its sensor loses, times the current squared
-    fan: float  # N m s^2/rad^2: load torque by the square of the load's speed
-    flux_map: SplineEnergy  # in place of the harmonic series, which is 0 then; NO_MAP: none
+    audit: float  # other than 0: sum up energies (all effects but hysteresis and shorted turns)
+    # The rest stands in no library and is off by default; `unlisted` has units and bounds.
+    grip: float = 0.0  # magnetic hysteresis, and its radius in Wb
+    grip_radius: float = 0.0
+    short_conductance: float = 0.0  # turns of phase a short-circuited, and the time constant of their loop
+    short_time: float = 0.0
+    knee: float = 0.0  # saturation with a knee, beyond a flux of knee_flux
+    knee_flux: float = 0.0
+    curvature: float = 0.0  # of current sensors
+    fan: float = 0.0  # load torque by the square of the load's speed
+    resolver: float = 0.0  # error of second order of the angle's reading
+    resolver_phase: float = 0.0
+    least_pulse: float = 0.0  # shorter pulses are dropped
+    least_vector: float = 0.0  # legs whose edges would follow each other faster switch together
+    link_rate: float = 0.0  # resonance of the link
+    link_impedance: float = 0.0
+    link_damping: float = 0.0
+    one_sided: float = 0.0  # devices that lose more for currents out of the leg
+    sign_shape: float = LINEAR  # how the sign of a current goes through zero, soft_current its half-width
+    leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
+    harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
+    flux_map: FluxMap | None = None  # in place of the harmonic series of the energy, which is 0 then
 
 
 def bench(motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None) -> Bench:
@@ -119,10 +129,9 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     stiffness = v["shaft_compliance.stiffness"] if m_load else 0.0
     reduced = m_motor * m_load / (m_motor + m_load)
     period = converter.sampling_period
-    magnetics = motor.energy
-    mapped = isinstance(magnetics, SplineEnergy)
-    values = {
-        **(dict.fromkeys(SERIES, 0.0) if mapped else _energy(motor, v)),
+    flux_map = flux_map_of(motor.energy)
+    values: dict[str, Any] = {
+        **(_energy(motor, v) if flux_map is None else dict.fromkeys(SERIES, 0.0)),
         "pole_pairs": float(motor.pole_pairs),
         "resistance": v["stator_resistance.resistance"],
         "magnet_flux": v["magnet_flux.magnet_flux"],
@@ -165,12 +174,10 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
         "damping": 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(stiffness * reduced),
         "audit": 0.0,
         "common_offset": 0.0,
-        **dict.fromkeys(UNLISTED, 0.0),
     }
     same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
     values |= {key: v[name] for name in v for effect, _, key in [name.partition(".")] if effect in same_name}
     rate = math.sqrt(stiffness / reduced) if m_load else 0.0
-    flux_map = magnetics if isinstance(magnetics, SplineEnergy) else NO_MAP
     return Bench(**values, step=_longest_step(period, v, rate), flux_map=flux_map)
 
 

@@ -13,7 +13,9 @@ import math
 import numpy as np
 
 from model.compiled import kernel
-from sandbox.switched.machine import A, phase_currents, powers, pull, slopes, soft_sign, vector
+from sandbox.switched.leg import soft_sign
+from sandbox.switched.link import link_step, settled_link, stage
+from sandbox.switched.machine import A, phase_currents, powers, pull, slopes, vector
 
 PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
 THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s mechanical; rad mechanical
@@ -33,7 +35,8 @@ ROOM = 8
 SUNK = EDGES + 3 * ROOM  # V, by which the link sags in this period
 DEVICES, COMMANDED = SUNK + 1, SUNK + 2  # audited, too: lost in the devices, from the link without dead time (J)
 SHIFT, LAST_SHIFT = SUNK + 3, SUNK + 6  # three legs each: s by which this period's pulse is late, and the last one's
-READINGS = SUNK + 9  # number of readings inside a period, then the current vector of each (see `readings`)
+LINK_DIP, LINK_FEED = SUNK + 9, SUNK + 10  # V: the link's resonance, see `link`
+READINGS = SUNK + 11  # number of readings inside a period, then the current vector of each (see `readings`)
 MOST_READINGS = 32
 SIZE = READINGS + 1 + 2 * MOST_READINGS
 NEVER = np.inf
@@ -62,7 +65,7 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
 
     legs: vector of the legs' levels; tau: load torque, N m; acc: imposed acceleration, rad/s^2.
     """
-    steps = math.ceil((end - begin - TIE) / b.step)
+    steps = math.ceil((end - begin - TIE) / link_step(b))
     if steps < 1:
         return
     h = (end - begin) / steps
@@ -74,31 +77,34 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
     th, w, wl, tw = state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST]
     held, sh = complex(state[HELD_ALPHA], state[HELD_BETA]), state[LOOP]
     t = state[TIME] + begin
-    sunk = state[SUNK]
+    sunk, link = state[SUNK], complex(state[LINK_DIP], state[LINK_FEED])
     p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(
-        b, mode, legs, t, sunk, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
+        b, mode, legs, t, sunk + link.real, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
     )
     for _ in range(steps):
         psi2, core2, skin2 = psi + k * p1, core + k * c1, skin + k * s1
-        x2, y2, z2 = th + k * th1, w + k * w1, wl + k * wl1
+        x2, y2, z2, link2 = th + k * th1, w + k * w1, wl + k * wl1, stage(b, legs, i1, link, link, k)
         p2, c2, s2, th2, w2, wl2, tw2, l2, i2 = slopes(
-            b, mode, legs, t + k, sunk, tau, acc, psi2, core2, skin2, x2, y2, z2, tw + k * tw1, held, sh + k * l1
-        )
+            b, mode, legs, t + k, sunk + link2.real, tau, acc, psi2, core2, skin2, x2, y2, z2, tw + k * tw1, held,
+            sh + k * l1,
+        )  # fmt: skip
         psi3, core3, skin3 = psi + k * p2, core + k * c2, skin + k * s2
-        x3, y3, z3 = th + k * th2, w + k * w2, wl + k * wl2
+        x3, y3, z3, link3 = th + k * th2, w + k * w2, wl + k * wl2, stage(b, legs, i2, link2, link, k)
         p3, c3, s3, th3, w3, wl3, tw3, l3, i3 = slopes(
-            b, mode, legs, t + k, sunk, tau, acc, psi3, core3, skin3, x3, y3, z3, tw + k * tw2, held, sh + k * l2
-        )
+            b, mode, legs, t + k, sunk + link3.real, tau, acc, psi3, core3, skin3, x3, y3, z3, tw + k * tw2, held,
+            sh + k * l2,
+        )  # fmt: skip
         psi4, core4, skin4 = psi + h * p3, core + h * c3, skin + h * s3
-        x4, y4, z4 = th + h * th3, w + h * w3, wl + h * wl3
-        p4, c4, s4, th4, w4, wl4, tw4, l4, _ = slopes(
-            b, mode, legs, t + h, sunk, tau, acc, psi4, core4, skin4, x4, y4, z4, tw + h * tw3, held, sh + h * l3
-        )
+        x4, y4, z4, link4 = th + h * th3, w + h * w3, wl + h * wl3, stage(b, legs, i3, link3, link, h)
+        p4, c4, s4, th4, w4, wl4, tw4, l4, i4 = slopes(
+            b, mode, legs, t + h, sunk + link4.real, tau, acc, psi4, core4, skin4, x4, y4, z4, tw + h * tw3, held,
+            sh + h * l3,
+        )  # fmt: skip
         if b.audit != 0.0:
-            audit(state, b, legs, t, sixth, tau, psi, core, skin, th, w, wl)
-            audit(state, b, legs, t + k, 2.0 * sixth, tau, psi2, core2, skin2, x2, y2, z2)
-            audit(state, b, legs, t + k, 2.0 * sixth, tau, psi3, core3, skin3, x3, y3, z3)
-            audit(state, b, legs, t + h, sixth, tau, psi4, core4, skin4, x4, y4, z4)
+            audit(state, b, legs, t, sunk + link.real, sixth, tau, psi, core, skin, th, w, wl)
+            audit(state, b, legs, t + k, sunk + link2.real, 2.0 * sixth, tau, psi2, core2, skin2, x2, y2, z2)
+            audit(state, b, legs, t + k, sunk + link3.real, 2.0 * sixth, tau, psi3, core3, skin3, x3, y3, z3)
+            audit(state, b, legs, t + h, sunk + link4.real, sixth, tau, psi4, core4, skin4, x4, y4, z4)
         psi += sixth * (p1 + 2.0 * (p2 + p3) + p4)
         core += sixth * (c1 + 2.0 * (c2 + c3) + c4)
         skin += sixth * (s1 + 2.0 * (s2 + s3) + s4)
@@ -107,12 +113,13 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
         wl += sixth * (wl1 + 2.0 * (wl2 + wl3) + wl4)
         tw += sixth * (tw1 + 2.0 * (tw2 + tw3) + tw4)
         sh += sixth * (l1 + 2.0 * (l2 + l3) + l4)
+        link = settled_link(b, legs, i4, link, (link2, link3, link4), h)
         if b.grip != 0.0:
             held = psi - pull(b, psi, held)
         t += h
         before = i1
         p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(
-            b, mode, legs, t, sunk, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
+            b, mode, legs, t, sunk + link.real, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
         )
         if b.filter_time > 0.0:
             f = lag(b, f, before, 0.5 * (i2 + i3), i1, h)
@@ -123,14 +130,15 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
     state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST] = th, w, wl, tw
     state[HELD_ALPHA], state[HELD_BETA], state[LOOP] = held.real, held.imag, sh
     state[I_ALPHA], state[I_BETA] = i1.real, i1.imag
+    state[LINK_DIP], state[LINK_FEED] = link.real, link.imag
 
 
 @kernel
-def audit(state, b, legs, t, weight, tau, psi, core, skin, theta, speed, load_speed):
+def audit(state, b, legs, t, sunk, weight, tau, psi, core, skin, theta, speed, load_speed):
     """Add the powers at one Runge-Kutta stage to the audited energies."""
     wanted = vector(state[WANTED], state[WANTED + 1], state[WANTED + 2])
     supply, loss, out, devices, commanded = powers(
-        b, legs, wanted, t, state[SUNK], tau, psi, core, skin, theta, speed, load_speed
+        b, legs, wanted, t, sunk, tau, psi, core, skin, theta, speed, load_speed
     )
     state[INPUT] += weight * supply
     state[LOSS] += weight * loss
@@ -147,6 +155,42 @@ def duties(u_alpha, u_beta, u_dc):
     v_0 = -0.5 * (max(v_a, v_b, v_c) + min(v_a, v_b, v_c))
     d_a, d_b, d_c = 0.5 + (v_a + v_0) / u_dc, 0.5 + (v_b + v_0) / u_dc, 0.5 + (v_c + v_0) / u_dc
     return min(max(d_a, 0.0), 1.0), min(max(d_b, 0.0), 1.0), min(max(d_c, 0.0), 1.0)
+
+
+@kernel
+def kept(b, duty):
+    """Return a leg's duty after its driver: a pulse, or the gap that its period leaves, below least_pulse is dropped.
+
+    The gap's two halves lie at either end of the period; a dropped gap joins the pulse with its neighbours.
+    """
+    on = duty * b.period
+    if on < b.least_pulse:
+        return 0.0
+    return 1.0 if b.period - on < b.least_pulse else duty
+
+
+@kernel
+def together(b, d_a, d_b, d_c):
+    """Return the legs' duties after a driver that drops active vectors shorter than least_vector.
+
+    Legs whose edges would follow each other faster switch together, at the mean of their duties; both active vectors of
+    a half period may go, which leaves no voltage.
+    """
+    if b.least_vector == 0.0:
+        return d_a, d_b, d_c
+    least = 2.0 * b.least_vector / b.period
+    low, middle, high = min(d_a, d_b, d_c), max(min(d_a, d_b), min(max(d_a, d_b), d_c)), max(d_a, d_b, d_c)
+    first, second = high - middle < least, middle - low < least
+    if first and second:
+        mean = (d_a + d_b + d_c) / 3.0
+        return mean, mean, mean
+    if first:
+        mean = 0.5 * (high + middle)
+        return d_a if d_a < middle else mean, d_b if d_b < middle else mean, d_c if d_c < middle else mean
+    if second:
+        mean = 0.5 * (middle + low)
+        return d_a if d_a > middle else mean, d_b if d_b > middle else mean, d_c if d_c > middle else mean
+    return d_a, d_b, d_c
 
 
 @kernel
@@ -267,6 +311,7 @@ def hold(state, b, first):
 def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end):
     """Switch and integrate from t_k to t_k + end; edges beyond stay undone (see `advance`, `simulate.measure`)."""
     d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
+    d_a, d_b, d_c = together(b, kept(b, d_a), kept(b, d_b), kept(b, d_c))
     if b.sag != 0.0:
         i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
         state[SUNK] = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c)

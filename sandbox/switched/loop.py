@@ -35,30 +35,34 @@ from sandbox.loop import (
     record,
     sample_of,
 )
-from sandbox.switched.effects import NO_MAP, Bench
+from sandbox.switched.effects import Bench
 from sandbox.switched.inverter import I_ALPHA, I_BETA, PSI_ALPHA, PSI_BETA, SPEED, THETA, advance
 from sandbox.switched.machine import least_stiffness
 from sandbox.switched.readings import gather, shift_pulses
 from sandbox.switched.simulate import measure
 
-BENCH = numba.typeof(Bench._make([*(len(Bench._fields) - 1) * (0.0,), NO_MAP]))
+OFF = Bench._field_defaults.values()  # no map, no lists
+PLAIN = Bench._make([*(len(Bench._fields) - len(OFF)) * (0.0,), *OFF])
+BENCH = numba.typeof(PLAIN)
 ALONE = types.none  # no readings inside the period
 
 
-def run_signature(belief: Any, inside: Any) -> Any:
-    """Return the loop's signature for the numba types of a belief and of the readings inside a period."""
+def run_signature(belief: Any, inside: Any, of_bench: Any = BENCH) -> Any:
+    """Return the loop's signature for the numba types of a belief, of the readings inside a period and of a bench."""
     sample = SAMPLE if inside == ALONE else OVERSAMPLED
     step = types.FunctionType(ESTIMATE(STATE, sample, belief, TUNING))
     return types.UniTuple(types.int64, 2)(
-        step, STATE, VECTOR, BENCH, types.float64, inside, types.float64, RIG, CONTROL, belief, TUNING, TABLE, VECTOR,
-        VECTOR, RNG, TABLE,
+        step, STATE, VECTOR, of_bench, types.float64, inside, types.float64, RIG, CONTROL, belief, TUNING, TABLE,
+        VECTOR, VECTOR, RNG, TABLE,
     )  # fmt: skip
 
 
 @kernel
 def encoder_slope(b, theta, speed):
-    """Return the slope (rad/s, electrical) of an eccentric encoder's angle without counts."""
+    """Return the slope (rad/s, electrical) of an encoder's angle with its errors, without counts."""
     slope = b.eccentricity / b.pole_pairs * math.cos(theta / b.pole_pairs + b.eccentricity_phase)
+    if b.resolver != 0.0:
+        slope += 2.0 * b.resolver * math.cos(2.0 * theta / b.pole_pairs + b.resolver_phase)
     return b.pole_pairs * speed * (1.0 + slope)
 
 
@@ -136,6 +140,18 @@ run_python = run_compiled.py_func  # the same loop, interpreted, around an estim
 
 
 def run_for(belief: Belief, inside: Any) -> Any:
-    """Return the compiled loop for a belief's kind of energy, with readings inside or None: compiled when asked for."""
+    """Return the compiled loop for a belief's kind of energy, with readings inside or None.
+
+    Whichever bench it is called with: for one with a map or lists it is compiled when called.
+    """
     kinds = numba.typeof(belief), numba.typeof(inside)
-    return run_compiled if kinds == (BELIEF, ALONE) else compiled_as(run_signature(*kinds), run_python)
+
+    def run(step: Any, state: Any, x: Any, b: Bench, *rest: Any) -> Any:
+        """Run the loop as `run_compiled`."""
+        of_bench = numba.typeof(b)
+        plain = (*kinds, of_bench) == (BELIEF, ALONE, BENCH)
+        return (run_compiled if plain else compiled_as(run_signature(*kinds, of_bench), run_python))(
+            step, state, x, b, *rest
+        )
+
+    return run

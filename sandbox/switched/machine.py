@@ -17,18 +17,32 @@ What the effect library does not hold, so that something unknown can be asked fo
 - short-circuited turns of phase a (share mu, fault resistance R_f, leakage L_f), s = 2/3 mu i_f:
   i_alpha += s, dpsi/dt += R s, tau ds/dt = g (R i_a + dpsi_alpha/dt) - s, g = 2/3 mu^2 / (R_f + mu R),
   tau = L_f / (R_f + mu R); the flux of phase a without its zero sequence;
-- a measured flux map: with H of `model.spline` in place of the series, H(Re z, Im z), dH/dtheta = i_d Im z - i_q Re z;
+- a measured flux map (`flux_map`): H(Re z, Im z) in place of the series, dH/dtheta = i_d Im z - i_q Re z;
+- harmonics of any orders, those of the flux growing with the current where asked for (`harmonics`);
 - saturation with a knee: H += knee/3 (|z| - knee_flux)^3 beyond knee_flux;
 - a fan: load torque += fan omega |omega|, omega the speed of the load's side;
-- current sensors that lose curvature (`simulate.sensor`): reading = gain i (1 - curvature i^2).
+- current sensors that lose curvature (`simulate.sensor`): reading = gain i (1 - curvature i^2);
+- a resolver (`simulate.encoder`), shapes of the current's sign, a table of the leg's voltage error, a device of one
+  direction (`leg`), a resonance of the link (`link`), least pulses and vectors (`inverter.kept`, `together`).
 """
 
 from __future__ import annotations
 
 import math
 
-from model import quartic, spline
-from model.compiled import kernel
+from model.compiled import inlined, kernel
+from sandbox.switched.flux_map import map_energy, with_map, with_map_stiffness
+from sandbox.switched.harmonics import (
+    chained,
+    chained_stiffness,
+    cogging_sum,
+    swing_energy,
+    with_flux,
+    with_swing,
+    with_swing_stiffness,
+)
+from sandbox.switched.leg import given, soft_sign, soft_signs, unlisted_drop
+from sandbox.switched.link import link_voltage
 
 LOCKED, DRIVEN, FREE = 0, 1, 2
 A = complex(-0.5, 0.5 * math.sqrt(3.0))  # exp(2 pi j / 3)
@@ -52,27 +66,30 @@ def magnet(b, e_1):
     return e_1 * m, e_1 * complex(-m.imag - 6.0 * b.psi_d6 * e_6.imag, m.real + 6.0 * b.psi_q6 * e_6.real)
 
 
+@inlined
+def seen_from(b, psi, theta, e_1):
+    """Return the magnet's flux and slope (Wb) as `magnet`, with all harmonics, z_0 (Wb), G (1/Wb): `harmonics`."""
+    m, slope = magnet(b, e_1)
+    return with_flux(b.harmonics, b.magnet_flux, psi, theta, e_1, m, slope)
+
+
 @kernel
 def stored_energy(b, psi, theta):
     """Return H (J up to the factor 3/2 of the transformation)."""
     e_1 = complex(math.cos(theta), math.sin(theta))
-    z = (psi - magnet(b, e_1)[0]) * e_1.conjugate()
+    z = (psi - seen_from(b, psi, theta, e_1)[0]) * e_1.conjugate()
     z_2 = z * z
     r_2 = z.real * z.real + z.imag * z.imag
     h = 0.5 * (b.g_0 * r_2 + b.g_2 * z_2.real + b.gamma_6 * (z_2 * sixth(e_1).conjugate()).real)
     h += r_2 * b.c_1 * z.real + b.c_3 * (z_2 * z).real
-    if b.flux_map.cells.shape[0] > 0:
-        h += spline.energy(b.flux_map, z.real, z.imag)
+    h += map_energy(b.flux_map, z.real, z.imag) + swing_energy(b.harmonics, z, theta)
     h += b.knee / 3.0 * max(math.sqrt(r_2) - b.knee_flux, 0.0) ** 3
     return h + r_2 * (b.q_0 * r_2 + b.q_2 * z_2.real) + b.q_4 * (z_2 * z_2).real
 
 
-@kernel
-def current_and_torque(b, psi, theta):
-    """Return the magnetising current vector (A) and the air-gap torque (N m)."""
-    e_1 = complex(math.cos(theta), math.sin(theta))
-    m, slope = magnet(b, e_1)
-    z = (psi - m) * e_1.conjugate()
+@inlined
+def gradient(b, z, theta, e_1):
+    """Return g = 2 dH/dz* (A, rotor frame) and dH/dtheta at constant w = z e^{j theta} (J)."""
     back = z.conjugate()
     z_2 = z * z
     r_2 = z.real * z.real + z.imag * z.imag
@@ -81,19 +98,27 @@ def current_and_torque(b, psi, theta):
     i += (3.0 * b.c_3 + 4.0 * b.q_4 * back) * z_2.conjugate()
     turning = (b.g_2 + 2.0 * b.q_2 * r_2) * z_2.imag + b.c_1 * r_2 * z.imag
     turning += 3.0 * b.c_3 * (z_2 * z).imag + 4.0 * b.q_4 * (z_2 * z_2).imag
-    if b.flux_map.cells.shape[0] > 0:
-        i_d, i_q = spline.currents(b.flux_map, z.real, z.imag)
-        i += complex(i_d, i_q)
-        turning += i_d * z.imag - i_q * z.real
+    i, turning = with_map(b.flux_map, z, i, turning)
     if b.gamma_6 != 0.0:
         e_6 = sixth(e_1)
         i += b.gamma_6 * e_6 * back
         turning += 4.0 * b.gamma_6 * (z_2 * e_6.conjugate()).imag
+    i, turning = with_swing(b.harmonics, z, theta, i, turning)
     if b.knee != 0.0 and r_2 > b.knee_flux * b.knee_flux:
         r = math.sqrt(r_2)
         i += b.knee * (r - b.knee_flux) ** 2 / r * z
+    return i, turning
+
+
+@inlined
+def current_and_torque(b, psi, theta):
+    """Return the magnetising current vector (A) and the air-gap torque (N m)."""
+    e_1 = complex(math.cos(theta), math.sin(theta))
+    m, slope, z_0, grown = seen_from(b, psi, theta, e_1)
+    i, turning = gradient(b, (psi - m) * e_1.conjugate(), theta, e_1)
     i *= e_1
-    return i, 1.5 * b.pole_pairs * (i.real * slope.real + i.imag * slope.imag - turning)
+    torque = 1.5 * b.pole_pairs * (i.real * slope.real + i.imag * slope.imag - turning)
+    return chained(b.harmonics, i, z_0, grown, e_1), torque
 
 
 @kernel
@@ -103,16 +128,20 @@ def least_stiffness(b, psi, theta):
     di = a dz + c dz* in the rotor frame (a real), so the eigenvalues are a +- |c|.
     """
     e_1 = complex(math.cos(theta), math.sin(theta))
-    z = (psi - magnet(b, e_1)[0]) * e_1.conjugate()
-    if b.flux_map.cells.shape[0] > 0:
-        return quartic.min_eigenvalue(*spline.hessian(b.flux_map, z.real, z.imag))
+    m, _, z_0, grown = seen_from(b, psi, theta, e_1)
+    z = (psi - m) * e_1.conjugate()
     back, z_2 = z.conjugate(), z * z
     r_2 = z.real * z.real + z.imag * z.imag
     a = b.g_0 + 4.0 * b.c_1 * z.real + 8.0 * b.q_0 * r_2 + 6.0 * b.q_2 * z_2.real
     c = b.g_2 + 2.0 * b.c_1 * z + 6.0 * b.c_3 * back + 4.0 * b.q_0 * z_2 + 6.0 * b.q_2 * r_2
     c += 12.0 * b.q_4 * back * back
+    a, c = with_map_stiffness(b.flux_map, z, a, c)
     if b.gamma_6 != 0.0:
         c += b.gamma_6 * sixth(e_1)
+    a, c = with_swing_stiffness(b.harmonics, theta, a, c)
+    if grown != 0.0:
+        i, _ = gradient(b, z, theta, e_1)
+        a, c = chained_stiffness(a, c, z_0, grown, i.real * grown.real + i.imag * grown.imag)
     return a - abs(c)
 
 
@@ -137,21 +166,20 @@ def vector(a, b, c):
     return complex((2.0 * a - b - c) / 3.0, (b - c) / ROOT)
 
 
-@kernel
-def soft_sign(b, current):
-    """Return the sign of a leg's current, linear within +-1.5 % of rated current."""
-    return min(max(current / b.soft_current, -1.0), 1.0)
-
-
-@kernel
+@inlined
 def phase_drop(b, i):
-    """Return the vector of what the phases lose one by one (V): device drop and winding asymmetry."""
-    if b.threshold == 0.0 and b.on_resistance == 0.0 and b.delta_a == 0.0 and b.delta_b == 0.0:
+    """Return the vector of what the phases lose one by one (V): legs and winding asymmetry."""
+    more = b.one_sided != 0.0 or given(b.leg_table)
+    if b.threshold == 0.0 and b.on_resistance == 0.0 and b.delta_a == 0.0 and b.delta_b == 0.0 and not more:
         return complex(0.0, 0.0)
     i_a, i_b, i_c = phase_currents(i)
-    v_a = b.threshold * soft_sign(b, i_a) + (b.on_resistance + b.delta_a) * i_a
-    v_b = b.threshold * soft_sign(b, i_b) + (b.on_resistance + b.delta_b) * i_b
-    return vector(v_a, v_b, b.threshold * soft_sign(b, i_c) + b.on_resistance * i_c)
+    sign_a, sign_b, sign_c = soft_signs(b, i_a, i_b, i_c)
+    v_a = b.threshold * sign_a + (b.on_resistance + b.delta_a) * i_a
+    v_b = b.threshold * sign_b + (b.on_resistance + b.delta_b) * i_b
+    v_c = b.threshold * sign_c + b.on_resistance * i_c
+    if not more:
+        return vector(v_a, v_b, v_c)
+    return vector(v_a + unlisted_drop(b, i_a), v_b + unlisted_drop(b, i_b), v_c + unlisted_drop(b, i_c))
 
 
 @kernel
@@ -160,15 +188,8 @@ def device_loss(b, i):
     lost = 0.0
     for current in phase_currents(i):
         lost += (b.threshold * soft_sign(b, current) + b.on_resistance * current) * current
+        lost += unlisted_drop(b, current) * current
     return lost
-
-
-@kernel
-def link_voltage(b, t, sunk):
-    """Return the true DC-link voltage (V) at time t from the recording's start; sunk: what the load takes off (V)."""
-    if b.ripple_amplitude == 0.0:
-        return b.link_voltage - sunk
-    return b.link_voltage - sunk + b.ripple_amplitude * math.sin(b.ripple_rate * t + b.ripple_phase)
 
 
 @kernel
@@ -187,6 +208,7 @@ def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
     net = torque - friction(b, speed)
     if b.cogging != 0.0:
         net += b.cogging * math.sin(b.cogging_order * theta / b.pole_pairs + b.cogging_phase)
+    net += cogging_sum(b.harmonics, theta / b.pole_pairs)[0]
     if b.fan != 0.0:
         load_torque += b.fan * load_speed * abs(load_speed)
     if b.load_inertia == 0.0:
@@ -249,7 +271,8 @@ def powers(b, switches, wanted, t, sunk, load_torque, psi, core, skin, theta, sp
     if b.load_inertia != 0.0:
         rubbing += b.damping * (speed - load_speed) ** 2
     supply, commanded = v.real * i.real + v.imag * i.imag, ideal.real * i.real + ideal.imag * i.imag
-    return 1.5 * supply, 1.5 * loss + rubbing, load_torque * load_speed, devices, 1.5 * commanded
+    output = (load_torque + b.fan * load_speed * abs(load_speed)) * load_speed
+    return 1.5 * supply, 1.5 * loss + rubbing, output, devices, 1.5 * commanded
 
 
 @kernel
@@ -262,4 +285,4 @@ def reservoir(b, psi, core, skin, theta, speed, load_speed, twist):
     if b.cogging != 0.0:
         angle = b.cogging_order * theta / b.pole_pairs + b.cogging_phase
         total += b.cogging / b.cogging_order * math.cos(angle)
-    return total
+    return total + cogging_sum(b.harmonics, theta / b.pole_pairs)[1]

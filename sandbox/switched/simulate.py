@@ -50,7 +50,7 @@ NEWTON_STEPS = 50
 def flux_for(b: Bench, i: complex, theta: float) -> complex:
     """Return the flux vector (Wb) whose magnetising current is i (A): Newton's method with a difference Jacobian."""
     m = magnet(b, complex(math.cos(theta), math.sin(theta)))[0]
-    psi, h = m, 1e-6 * max(abs(b.magnet_flux), abs(i) / (b.g_0 or b.flux_map.gamma_q), 1e-6)
+    psi, h = m, 1e-6 * max(abs(b.magnet_flux), abs(i) / (b.flux_map.stiffness if b.flux_map else b.g_0), 1e-6)
     for _ in range(NEWTON_STEPS):
         at = current_and_torque(b, psi, theta)[0]
         miss = i - at
@@ -85,10 +85,15 @@ def rotor_flux(b: Bench, state: Vector) -> tuple[float, float]:
 
 @kernel
 def encoder(b, theta):
-    """Return the electrical angle as the encoder reads it: offset, eccentricity, counts (the nearest)."""
+    """Return the electrical angle as the encoder reads it: offset, eccentricity, resolver's error, nearest count.
+
+    A resolver's error of second order is resolver sin(2 theta_mech + phase) in mechanical rad, as of one pole pair.
+    """
     read = theta + b.encoder_offset
     if b.eccentricity != 0.0:
         read += b.eccentricity * math.sin(theta / b.pole_pairs + b.eccentricity_phase)
+    if b.resolver != 0.0:
+        read += b.pole_pairs * b.resolver * math.sin(2.0 * theta / b.pole_pairs + b.resolver_phase)
     return round(read / b.encoder_step) * b.encoder_step if b.encoder_step > 0.0 else read
 
 
@@ -186,11 +191,12 @@ def replay(
 
 
 def true_angle(b: Bench, read: ArrayLike) -> Vector:
-    """Return the rotor angle (rad, electrical) behind an unquantised encoder reading: offset, eccentricity removed."""
+    """Return the rotor angle (rad, electrical) behind an unquantised encoder reading: `encoder` undone."""
     base = np.asarray(read, dtype=float) - b.encoder_offset
     theta = base
-    for _ in range(60):  # a contraction: eccentricity is far below one mechanical radian
-        theta = base - b.eccentricity * np.sin(theta / b.pole_pairs + b.eccentricity_phase)
+    for _ in range(60):  # a contraction: both errors are far below one mechanical radian
+        resolver = b.pole_pairs * b.resolver * np.sin(2.0 * theta / b.pole_pairs + b.resolver_phase)
+        theta = base - b.eccentricity * np.sin(theta / b.pole_pairs + b.eccentricity_phase) - resolver
     return np.asarray(theta)
 
 

@@ -9,6 +9,7 @@ from model.parameters import load_drive
 from model.quartic import currents
 from model.spline import SplineEnergy
 from sandbox.switched.effects import SERIES, bench, quiet
+from sandbox.switched.flux_map import flux_map_of
 from sandbox.switched.machine import current_and_torque, least_stiffness, stored_energy
 from sandbox.switched.simulate import replay
 
@@ -30,7 +31,9 @@ def one_cell(m, low, high):
     return SplineEnergy(cell[None, None], low, low, 1.0 / side, 1.0 / side, m.gamma_d, m.gamma_q)
 
 
-MAP_BENCH = SERIES_BENCH._replace(flux_map=one_cell(IPM.motor.energy, -0.4, 0.5), **dict.fromkeys(SERIES, 0.0))
+MAP_BENCH = SERIES_BENCH._replace(
+    flux_map=flux_map_of(one_cell(IPM.motor.energy, -0.4, 0.5)), **dict.fromkeys(SERIES, 0.0)
+)
 
 
 @pytest.mark.parametrize("theta", [0.0, 0.7, -2.9])

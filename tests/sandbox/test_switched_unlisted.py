@@ -6,11 +6,15 @@ import math
 import numpy as np
 import pytest
 
+from model.effects.card import SUBSYSTEMS
+from model.errors import BadInput
 from model.parameters import load_drive
-from sandbox.switched.effects import UNLISTED, bench, quiet
+from sandbox.switched.effects import bench, quiet
 from sandbox.switched.inverter import HELD_ALPHA
+from sandbox.switched.loop import encoder_slope
 from sandbox.switched.machine import accelerations, current_and_torque, friction, pull, stored_energy
-from sandbox.switched.simulate import replay, sensor, start
+from sandbox.switched.simulate import encoder, replay, sensor, start, true_angle
+from sandbox.switched.unlisted import UNLISTED, unlisted
 
 DRIVE = load_drive("ipm_exchanged")
 BENCH = quiet(bench(DRIVE.motor, DRIVE.converter))
@@ -173,3 +177,33 @@ def test_a_curved_sensor_loses_by_the_square():
         assert curved[phase] == pytest.approx(gain * (true - curvature * true**3), abs=1e-12)
     assert np.array_equal(straight["torque"], curved["torque"])
     assert np.abs(straight["i_a"] - curved["i_a"]).max() > 0.01 * DRIVE.motor.rated_current
+
+
+def test_a_resolver_errs_twice_a_mechanical_turn():
+    """Reading = theta + p a sin(2 theta_mech + phase), a in mechanical rad; undone, and its slope by differences."""
+    b = unlisted(BENCH, {"resolver": 4e-3, "resolver_phase": 0.7})
+    theta = np.linspace(-40.0, 40.0, 301)
+    read = np.array([encoder(b, x) for x in theta])
+    assert read == pytest.approx(theta + 6 * 4e-3 * np.sin(2.0 * theta / 6 + 0.7), abs=1e-12)
+    assert np.abs(true_angle(b, read) - theta).max() < 1e-12
+    h, speed = 1e-5, 12.0
+    for x in (0.3, 2.0, -5.0):
+        slope = (encoder(b, x + h) - encoder(b, x - h)) / (2 * h) * 6 * speed
+        assert encoder_slope(b, x, speed) == pytest.approx(slope, rel=1e-8)
+        assert encoder_slope(b, x, speed) != pytest.approx(6 * speed, rel=1e-4)
+    out = replay(b, "driven", 0 * theta, 0 * theta, 400.0, theta=theta)
+    assert out["theta"] == pytest.approx(read, abs=1e-12)
+    assert out["position"] == pytest.approx(theta, abs=1e-12)
+
+
+def test_names_outside_the_library_are_checked():
+    assert {one.subsystem for one in UNLISTED.values()} == set(SUBSYSTEMS)
+    with pytest.raises(BadInput, match="unknown effect outside the library 'fann'; did you mean 'fan'"):
+        unlisted(BENCH, {"fann": 1e-5})
+    for bad in (-1.0, math.nan, True, "x"):
+        with pytest.raises(BadInput, match=r"fan = .* is out of range; give a number in \[0, 1000\] N m s"):
+            unlisted(BENCH, {"fan": bad})
+    with pytest.raises(BadInput, match="link_rate = 3000 alone does nothing sound; give link_impedance"):
+        unlisted(BENCH, {"link_rate": 3000.0})
+    with pytest.raises(BadInput, match=r"least_pulse = 0\.0002 s is out of range; give less than half"):
+        unlisted(BENCH, {"least_pulse": 2e-4})

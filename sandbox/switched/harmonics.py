@@ -1,0 +1,222 @@
+"""Parts of the machine that repeat with the angle, in any orders: sums beside the sixth of the effect library.
+
+theta is the electrical, Theta the mechanical angle; everything in the rotor frame.
+
+- Flux: h(theta) = sum [psi_d cos(n theta + phase) + j psi_q sin(n theta + phase)] (1 + k |z_0|^2), where
+  z_0 = psi e^{-j theta} - phi_m is the flux that currents cause, harmonics not taken off.  The energy is H(z) of
+  z = z_0 - h, so the amplitude grows with the current that goes with z_0; current and torque derive from that energy:
+  with g = 2 dH/dz* (the current of a machine at z) and G = sum k [psi_d cos + j psi_q sin],
+
+      i = g - 2 Re(g* G) z_0,   torque = 3/2 p [Re(g* s) - dH/dtheta at constant z e^{j theta}],
+      s = j phi_m + h' + j h - 2 phi_m Im(z_0) G   (h' at constant z_0)
+
+  Growth with the square keeps H smooth at zero flux; k = growth / (flux of rated current)^2.
+- Inductance: H += sum [gamma/2 Re(z^2 e^{-j x}) + pulse/2 |z|^2 cos x], x = n theta + phase.  gamma is an inductance
+  ellipse that turns by n/2 against the rotor (the effect library's gamma_6 has n = 6), pulse one that breathes.
+- Cogging: torque sum A sin(n Theta + phase), potential sum A/n cos(n Theta + phase).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from model.compiled import inlined, kernel
+from model.errors import BadInput
+from model.parameters import Motor
+
+MOST_TURNS = 1e4  # order
+
+
+class FluxHarmonic(NamedTuple):
+    """One order of the magnet's flux: amplitudes in Wb, phase in rad, their growth at the flux of rated current."""
+
+    order: float
+    psi_d: float = 0.0
+    psi_q: float = 0.0
+    phase: float = 0.0
+    growth: float = 0.0
+
+
+class InductanceHarmonic(NamedTuple):
+    """One order of the inverse inductance, electrical: a turning and a breathing part in 1/H, phase in rad."""
+
+    order: float
+    gamma: float = 0.0
+    pulse: float = 0.0
+    phase: float = 0.0
+
+
+class CoggingHarmonic(NamedTuple):
+    """One order of the cogging torque, mechanical: amplitude in N m, phase in rad."""
+
+    order: float
+    amplitude: float = 0.0
+    phase: float = 0.0
+
+
+class Harmonics(NamedTuple):
+    """The lists as kernels read them: records of the three kinds above, growth in 1/Wb^2."""
+
+    flux: Any
+    inductance: Any
+    cogging: Any
+
+
+def _records(kind: Any, rows: Sequence[Any]) -> Any:
+    return np.array([tuple(row) for row in rows], dtype=[(name, np.float64) for name in kind._fields])
+
+
+def harmonics(
+    motor: Motor,
+    flux: Sequence[FluxHarmonic] = (),
+    inductance: Sequence[InductanceHarmonic] = (),
+    cogging: Sequence[CoggingHarmonic] = (),
+) -> Harmonics:
+    """Return the lists for a bench (`bench(...)._replace(harmonics=...)`); the effect library's are beside them.
+
+    BadInput for a value that is not finite, an order of cogging below 1, and amplitudes that no motor of this kind can
+    have: flux harmonics together (grown) not below the magnet's flux or, without a magnet, the flux of rated current;
+    inductance harmonics together not below the least inverse inductance.
+    """
+    for kind in (*flux, *inductance, *cogging):
+        _check_finite(kind)
+    for one in cogging:
+        if one.order < 1.0:
+            raise BadInput(f"cogging harmonic of order {one.order:g} has no potential; give an order from 1 on")
+    rated = math.sqrt(motor.inductance_d * motor.inductance_q) * motor.rated_current
+    grown = sum(max(abs(f.psi_d), abs(f.psi_q)) * max(1.0, abs(1.0 + f.growth)) for f in flux)
+    swing = sum(abs(g.gamma) + abs(g.pulse) for g in inductance)
+    _check_below("flux harmonics together", grown, max(motor.magnet_flux, rated), "Wb")
+    least = min(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
+    _check_below("inductance harmonics together", swing, least, "1/H, where the energy is not convex")
+    scaled = [f._replace(growth=f.growth / rated**2) for f in flux]
+    return Harmonics(
+        _records(FluxHarmonic, scaled), _records(InductanceHarmonic, inductance), _records(CoggingHarmonic, cogging)
+    )
+
+
+def _check_finite(one: Any) -> None:
+    for name, value in zip(one._fields, one, strict=True):
+        if not math.isfinite(value) or (name == "order" and abs(value) > MOST_TURNS):
+            raise BadInput(f"{type(one).__name__}: {name} = {value} is out of range; give a finite one, orders to 1e4")
+
+
+def _check_below(what: str, size: float, bound: float, unit: str) -> None:
+    if size > 0.0 and not size < bound:
+        raise BadInput(f"{what}: {size:g} is out of range; they must stay below {bound:g} {unit}")
+
+
+@kernel
+def flux_sum(rows, theta):
+    """Return the flux harmonics without growth (Wb) and their slope by theta; the same of what grows (1/Wb)."""
+    h = slope = grown = grown_slope = complex(0.0, 0.0)
+    for k in range(rows.shape[0]):
+        one = rows[k]
+        x = one.order * theta + one.phase
+        cos, sin = math.cos(x), math.sin(x)
+        value = complex(one.psi_d * cos, one.psi_q * sin)
+        turn = complex(-one.order * one.psi_d * sin, one.order * one.psi_q * cos)
+        h += value
+        slope += turn
+        grown += one.growth * value
+        grown_slope += one.growth * turn
+    return h, slope, grown, grown_slope
+
+
+@kernel
+def inductance_sum(rows, theta):
+    """Return the sums of gamma e^{j x}, n gamma e^{j x}, pulse cos x and n pulse sin x (1/H), x = n theta + phase."""
+    swing = turning = complex(0.0, 0.0)
+    pulse = pulse_slope = 0.0
+    for k in range(rows.shape[0]):
+        one = rows[k]
+        x = one.order * theta + one.phase
+        cos, sin = math.cos(x), math.sin(x)
+        swing += one.gamma * complex(cos, sin)
+        turning += one.order * one.gamma * complex(cos, sin)
+        pulse += one.pulse * cos
+        pulse_slope += one.order * one.pulse * sin
+    return swing, turning, pulse, pulse_slope
+
+
+@inlined
+def with_flux(h, magnet_flux, psi, theta, e_1, m, slope):
+    """Return the magnet's flux m and its slope (Wb, stationary) with the harmonics, z_0 (Wb) and G (1/Wb)."""
+    if h is None:
+        return m, slope, complex(0.0, 0.0), complex(0.0, 0.0)
+    more, turn, grown, grown_turn = flux_sum(h.flux, theta)
+    z_0 = psi * e_1.conjugate() - magnet_flux
+    r_2 = z_0.real * z_0.real + z_0.imag * z_0.imag
+    more, turn = more + r_2 * grown, turn + r_2 * grown_turn
+    turn += complex(-more.imag, more.real) - 2.0 * magnet_flux * z_0.imag * grown
+    return m + e_1 * more, slope + e_1 * turn, z_0, grown
+
+
+@inlined
+def chained(h, i, z_0, grown, e_1):
+    """Return the current (A, stationary) of a machine at z with what growing amplitudes add to it, -2 Re(g* G) z_0."""
+    if h is None:
+        return i
+    seen = i * e_1.conjugate()
+    return i - 2.0 * (seen.real * grown.real + seen.imag * grown.imag) * (e_1 * z_0)
+
+
+@kernel
+def chained_stiffness(a, c, z_0, grown, along):
+    """Return a, c of d(g - 2 along z_0)/dz_0, along = Re(g* G), where dz = dz_0 - 2 G Re(z_0* dz_0), dg = a dz + c dz*.
+
+    The images of 1 and j give a (their mean stretch) and c (their difference): image(1) = a + c, image(j) = j (a - c).
+    """
+    one = 1.0 - 2.0 * z_0.real * grown
+    two = complex(0.0, 1.0) - 2.0 * z_0.imag * grown
+    first, second = a * one + c * one.conjugate(), a * two + c * two.conjugate()
+    first -= 2.0 * (first.real * grown.real + first.imag * grown.imag) * z_0 + 2.0 * along
+    second -= 2.0 * (second.real * grown.real + second.imag * grown.imag) * z_0 + 2.0 * along * complex(0.0, 1.0)
+    second *= complex(0.0, -1.0)
+    return 0.5 * (first + second).real, 0.5 * (first - second)
+
+
+@inlined
+def with_swing(h, z, theta, i, turning):
+    """Return a current (A) and dH/dtheta (J, `machine.gradient`) with those of the inductance harmonics, at flux z."""
+    if h is None:
+        return i, turning
+    swing, swing_turn, pulse, pulse_turn = inductance_sum(h.inductance, theta)
+    turning += (z * z * (swing + 0.5 * swing_turn).conjugate()).imag
+    return i + swing * z.conjugate() + pulse * z, turning - 0.5 * pulse_turn * abs(z) ** 2
+
+
+@kernel
+def swing_energy(h, z, theta):
+    """Return the inductance harmonics' part of H (J up to the factor 3/2)."""
+    if h is None:
+        return 0.0
+    swing, _, pulse, _ = inductance_sum(h.inductance, theta)
+    return 0.5 * ((z * z * swing.conjugate()).real + pulse * abs(z) ** 2)
+
+
+@kernel
+def with_swing_stiffness(h, theta, a, c):
+    """Return a, c of di = a dz + c dz* (1/H) with those of the inductance harmonics added."""
+    if h is None:
+        return a, c
+    swing, _, pulse, _ = inductance_sum(h.inductance, theta)
+    return a + pulse, c + swing
+
+
+@inlined
+def cogging_sum(h, theta_mech):
+    """Return the cogging torque (N m) of the lists and its potential (J) at a mechanical angle."""
+    torque = potential = 0.0
+    if h is None:
+        return torque, potential
+    for k in range(h.cogging.shape[0]):
+        one = h.cogging[k]
+        x = one.order * theta_mech + one.phase
+        torque += one.amplitude * math.sin(x)
+        potential += one.amplitude / one.order * math.cos(x)
+    return torque, potential
