@@ -36,7 +36,7 @@ DRIVE = load_drive("ipm_exchanged")
 
 
 def run(
-    estimator: str, effects: dict[str, float], rotor: str, segments: tuple[Segment, ...], plant: str = "averaged"
+    estimator: str, effects: dict[str, float], rotor: str, segments: tuple[Segment, ...], plant: str = "exact"
 ) -> Any:
     """Return a run's recording after starting up; None where lock or the model's domain is lost."""
     scenario = Scenario("run", segments, rotor, "speed" if rotor == "free" else "current")
@@ -60,7 +60,7 @@ def lock_range(estimator: str, effects: dict[str, float]) -> float:
     return low
 
 
-def under_load(estimator: str, effects: dict[str, float], plant: str = "averaged") -> dict[str, float | None]:
+def under_load(estimator: str, effects: dict[str, float], plant: str = "exact") -> dict[str, float | None]:
     """Return mean and ripple (degrees) at rated load."""
     segments = (Segment(0.3, 0.0, SPEED, ramp=0.2), Segment(1.0 + TURN, 1.0, SPEED, ramp=0.5))
     recording = run(estimator, effects, "free", segments, plant)

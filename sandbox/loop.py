@@ -2,7 +2,8 @@
 
 `run_compiled` keeps all of it in one kernel and calls a compiled estimator through a function pointer;
 `run_python` is the same source interpreted: compiled pieces around an estimator written in Python.  The command
-computed at t_k acts over [t_{k+1}, t_{k+2}): the usual period of delay.  The estimator is handed a Sample, nothing
+computed at t_k acts over [t_{k+1}, t_{k+2}): the usual period of delay, so the plant can go on to the pattern's end
+before the sample it gave on its way is looked at.  The estimator is handed a Sample, nothing
 else.
 """
 
@@ -17,23 +18,25 @@ from numba import types
 
 from estimators.contract import BELIEF, ESTIMATE, SAMPLE, STATE, TUNING, Belief, Sample
 from model.compiled import compiled_as, kernel, kernel_as
-from model.effects.current_gain import read
 from model.energy import min_eigenvalue
-from model.frames import phases, rotate, stationary
+from model.frames import rotate, stationary
 from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
-from sandbox.effects import BARE, EFFECTS
-from sandbox.full import advance as advance_full
-from sandbox.full import stiffness
-from sandbox.inverter import deliver
-from sandbox.oldplant import OMEGA, PHI_D, PHI_Q, PLANT, THETA, Plant, advance, stator_currents
+from sandbox.plant import additions as add
+from sandbox.plant import ports
+from sandbox.plant.batch import numba_type
+from sandbox.plant.edges import duties, write_edges
+from sandbox.plant.period import Course, Room, Timing, blank_room, travel
+from sandbox.plant.sampling import read
 from sandbox.recording import CHANNELS
-from sandbox.sensors import encoder, sampled
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
 TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF, I_D_REF = range(6)  # columns of a profile's breakpoints
-# the loop's own memory: voltage now acting, and before; link voltage as read over its nominal value
+# the loop's own memory: voltage now acting, and before; link voltage as read over its nominal value; the last sample's
+# instant less t_k (s), the plant's last segment (s)
 CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK, ENCODER = range(7)
-MEMORY = 9  # the encoder's speed has three places
+INSTANT, SPAN = 9, 10
+MEMORY = 11  # the encoder's speed has three places
+SOONEST, LATEST = -0.45, 0.45  # of the period: instants of sampling, jitter included
 N_CHANNELS = len(CHANNELS)
 CLOSED, OPEN = 1, 0
 LOCKED, DRIVEN, FREE = 0, 1, 2
@@ -44,7 +47,6 @@ class Rig(NamedTuple):
 
     samples: int
     stride: int  # every stride-th sample is recorded
-    plant_steps: int  # a sampling period
     closed: int  # CLOSED: the estimate controls; OPEN: the encoder does
     speed_controlled: int
     rotor: int
@@ -54,12 +56,25 @@ class Rig(NamedTuple):
     start_time: float  # s, of starting up, before the profile begins
     link: float  # V, nominal
     link_noise: float  # V rms, of its reading, by which duties are formed
+    jitter: float  # s rms, of the instant of sampling
+    encoder_step: float  # rad, electrical, of one count; 0: no counts
 
 
-RIG = numba.typeof(Rig(*6 * (0,), *6 * (0.0,)))
+RIG = numba.typeof(Rig(*5 * (0,), *8 * (0.0,)))
 RNG = numba.typeof(np.random.default_rng(0))
 VECTOR = types.Array(types.float64, 1, "C")
 TABLE = types.Array(types.float64, 2, "C")
+TIMING, ROOM = numba.typeof(Timing(*5 * (0.0,))), numba.typeof(blank_room(1))
+
+
+class Bench(NamedTuple):
+    """The plant of a run: its batch of one lane, flux map (None: the quartic), timing, features, room."""
+
+    w: Any
+    flux_map: Any
+    timing: Timing
+    features: int
+    room: Room
 
 
 @kernel
@@ -93,13 +108,10 @@ def read_link(rig, rng):
 
 
 @kernel
-def read_phases(i_alpha, i_beta, sensors, rig, rng):
-    """Return the three phase currents (A) as their sensors read them."""
-    a, b, c = phases(i_alpha, i_beta)
-    a = read_current(read(a, sensors.gain_a, sensors.offset_a), rig, rng)
-    b = read_current(read(b, sensors.gain_b, sensors.offset_b), rig, rng)
-    c = read_current(read(c, sensors.gain_c, -sensors.offset_a - sensors.offset_b), rig, rng)
-    return a, b, c
+def read_phases(w, rig, rng):
+    """Return the three phase currents (A) as their sensors read the current held."""
+    read(w)
+    return read_current(w.read_a[0], rig, rng), read_current(w.read_b[0], rig, rng), read_current(w.read_c[0], rig, rng)
 
 
 @kernel
@@ -111,23 +123,30 @@ def sample_of(k, reading, memory, primitive):
 
 
 @kernel
-def formed(memory):
-    """Return the voltage (V) that the duties of the acting command make of the nominal link."""
-    return memory[U_ALPHA] / memory[LINK], memory[U_BETA] / memory[LINK]
+def encoder(w, theta, omega, step):
+    """Return angle (rad) as the encoder reads it, and its slope (rad/s, electrical) without counts."""
+    pairs, turn = w.pairs[0], theta / w.pairs[0]
+    off, small = ports.angle(w, 0, turn, pairs), 1e-6
+    slope = 1.0 + (ports.angle(w, 0, turn + small, pairs) - off) / (small * pairs)
+    angle = theta + w.offset[0] + off
+    return (step * math.floor(angle / step + 0.5) if step > 0.0 else angle), omega * slope
 
 
 @kernel
-def measure(x, plant, effects, rig, memory, rng):
-    """Return at t_k the three phase currents read, the true i_d, i_q, angle and speed as the encoder gives them."""
-    sensors = effects.sensors
-    if effects.path == BARE:
-        i_alpha, i_beta, i_d, i_q = stator_currents(x, plant)
-    else:
-        i_alpha, i_beta, i_d, i_q = sampled(x, plant, effects.machine, effects.inverter, sensors, *formed(memory), rng)
-    reading = read_phases(i_alpha, i_beta, sensors, rig, rng)
-    angle, slope = encoder(sensors, plant.pole_pairs, x[THETA], x[OMEGA])
-    omega = speed_from(memory, ENCODER, angle, slope, sensors.encoder_step, rig.sampling_period)
-    return reading, (i_d, i_q), (angle, omega)
+def rotor(w):
+    """Return angle (rad) and speed (rad/s) of the rotor, electrical, at the pattern's start, and at t_k before it."""
+    swing = w.pairs[0] * w.load_share[0]
+    theta, omega = w.angle[0] + swing * w.twist[0], w.speed[0] + swing * w.slip[0]
+    return theta, omega, theta - w.delay[0] * omega
+
+
+@kernel
+def instant(w, rig, rng):
+    """Return when the next sample is taken, s after its pattern's start (before it where negative)."""
+    if rig.jitter == 0.0:
+        return w.sample[0]
+    s = w.sample[0] + w.delay[0] + rig.jitter * rng.standard_normal()
+    return min(max(s, SOONEST * rig.sampling_period), LATEST * rig.sampling_period) - w.delay[0]
 
 
 @kernel
@@ -187,55 +206,79 @@ def keep(memory, next_u):
 
 
 @kernel
-def progress(k, x, plant, effects, rig, wanted, profile, memory, next_u):
-    """Advance the plant over [t_k, t_{k+1}) under the acting voltage; return DONE or what went wrong."""
-    imposed = imposed_on(k, x[OMEGA], rig, profile, memory)
-    v_alpha, v_beta = formed(memory)
-    if effects.path == BARE:
-        advance(x, plant, v_alpha, v_beta, wanted[1], imposed, rig.plant_steps)
-    else:
-        machine, shaft, inverter = effects.machine, effects.shaft, effects.inverter
-        u_alpha, u_beta = deliver(x, plant, machine, inverter, v_alpha, v_beta)
-        advance_full(
-            x, plant, machine, shaft, inverter.filter_time, u_alpha, u_beta, wanted[1], imposed, rig.plant_steps
-        )
-    keep(memory, next_u)
-    if not math.isfinite(x[PHI_D] + x[PHI_Q] + x[OMEGA] + x[THETA] + next_u[0] + next_u[1]):
+def progress(k, bench, rig, torque, imposed, memory, duty, before, looks, seen, rng):
+    """Move the plant on over the pattern that starts at t_k + its delay, and hold the current sampled for t_k.
+
+    torque: load asked for (N m); imposed: rad/s^2; duty, before: of this pattern (written) and the last.
+    looks, seen: instants (s) of the sample for t_k and, where it is before its pattern, of the next; and the currents.
+    """
+    w, period = bench.w, rig.sampling_period
+    for m in range(3):
+        before[m] = duty[m]
+    u_dc = rig.link * memory[LINK]
+    duty[0], duty[1], duty[2] = duties(memory[U_ALPHA], memory[U_BETA], u_dc)
+    write_edges(bench.room.edges, duty, before, bench.room.shift, period)
+    theta, omega, _ = rotor(w)
+    course = Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, 0.0, 0.0, omega, torque, imposed)
+    early = memory[INSTANT] < 0.0
+    after = instant(w, rig, rng)
+    looks[0] = -1.0 if early else memory[INSTANT]
+    looks[1] = period + after if after < 0.0 else -1.0
+    held = (seen[1, 0], seen[1, 1])
+    memory[SPAN] = travel(
+        w, bench.flux_map, bench.timing, bench.features, bench.room, course, k * period, duty, before, memory[SPAN],
+        looks, seen,
+    )  # fmt: skip
+    memory[INSTANT] = after
+    if bench.timing.first == 0.0 and bench.timing.last == 0.0:
+        return
+    w.held_a[0], w.held_b[0] = held if early else (seen[0, 0], seen[0, 1])
+
+
+@kernel
+def judge(w, next_u):
+    """Return DONE, or what is wrong with the plant after a period: not finite, or no longer convex."""
+    if not math.isfinite(w.psi_a[0] + w.psi_b[0] + w.speed[0] + w.angle[0] + next_u[0] + next_u[1]):
         return NOT_FINITE
-    c, s = (math.cos(x[THETA]), math.sin(x[THETA])) if effects.path != BARE else (1.0, 0.0)
-    dd, dq, qq = stiffness(plant, effects.machine, c, s, x[PHI_D], x[PHI_Q])
-    return DONE if min_eigenvalue(dd, dq, qq) > 0.0 else OUTSIDE_DOMAIN
+    return DONE if min_eigenvalue(w.stiff_aa[0], w.stiff_ab[0], w.stiff_bb[0]) > 0.0 else OUTSIDE_DOMAIN
 
 
-def run_signature(plant: Any, belief: Any) -> Any:
-    """Return the loop's signature for the numba types of a plant and of a belief."""
+def run_signature(flux_map: Any, belief: Any) -> Any:
+    """Return the loop's signature for the numba types of a flux map (none: the quartic) and of a belief."""
     step = types.FunctionType(ESTIMATE(STATE, SAMPLE, belief, TUNING))
+    bench = types.NamedTuple((numba_type(1), flux_map, TIMING, types.int64, ROOM), Bench)
     return types.UniTuple(types.int64, 2)(
-        step, STATE, VECTOR, plant, EFFECTS, RIG, CONTROL, belief, TUNING, TABLE, VECTOR, VECTOR, RNG, TABLE
+        step, STATE, bench, RIG, CONTROL, belief, TUNING, TABLE, VECTOR, VECTOR, RNG, TABLE
     )
 
 
-@kernel_as(run_signature(PLANT, BELIEF))
-def run_compiled(
-    step, state, x, plant, effects, rig, control, belief, tuning, profile, waveform, primitive, rng, table
-):
+@kernel_as(run_signature(types.none, BELIEF))
+def run_compiled(step, state, bench, rig, control, belief, tuning, profile, waveform, primitive, rng, table):
     """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped)."""
-    controller = np.zeros(SIZE)
-    memory = np.zeros(MEMORY)
+    controller, memory = np.zeros(SIZE), np.zeros(MEMORY)
+    duty, before, looks, seen = np.full(3, 0.5), np.full(3, 0.5), np.full(2, -1.0), np.zeros((2, 2))
+    w = bench.w
+    memory[INSTANT] = instant(w, rig, rng)
     for k in range(rig.samples):
         t = k * rig.sampling_period
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
         memory[CURSOR], memory[LINK] = cursor, read_link(rig, rng)
-        reading, true, measured = measure(x, plant, effects, rig, memory, rng)
+        _, omega, theta = rotor(w)
+        angle, slope = encoder(w, theta, omega, rig.encoder_step)
+        measured = angle, speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period)
+        imposed = imposed_on(k, omega, rig, profile, memory)
+        progress(k, bench, rig, wanted[1], imposed, memory, duty, before, looks, seen, rng)
+        reading = read_phases(w, rig, rng)
         sample = sample_of(k, reading, memory, primitive)
         estimate = step(state, sample, belief, tuning)
         acting = (memory[U_ALPHA], memory[U_BETA])
         u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
-            motion = (x[THETA], x[OMEGA])
-            u_dc = rig.link * memory[LINK]
-            record(table[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q, u_dc)
-        status = progress(k, x, plant, effects, rig, wanted, profile, memory, (u_alpha, u_beta))
+            true, u_dc = rotate(w.first_a[0], w.first_b[0], -theta), rig.link * memory[LINK]
+            row = table[k // rig.stride]
+            record(row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc)
+        keep(memory, (u_alpha, u_beta))
+        status = judge(w, (u_alpha, u_beta))
         if status != DONE:
             return status, k
     return DONE, rig.samples
@@ -244,7 +287,7 @@ def run_compiled(
 run_python = run_compiled.py_func  # the same loop, interpreted, around an estimator of any kind
 
 
-def run_for(plant: Plant, belief: Belief) -> Any:
+def run_for(flux_map: Any, belief: Belief) -> Any:
     """Return the compiled loop for these kinds of energy: `run_compiled`, or another compiled when first asked for."""
-    kinds = numba.typeof(plant), numba.typeof(belief)
-    return run_compiled if kinds == (PLANT, BELIEF) else compiled_as(run_signature(*kinds), run_python)
+    kinds = numba.typeof(flux_map), numba.typeof(belief)
+    return run_compiled if kinds == (types.none, BELIEF) else compiled_as(run_signature(*kinds), run_python)

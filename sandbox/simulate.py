@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,17 +21,17 @@ from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
 from sandbox import loop
 from sandbox.design import Design, belief_of, design
-from sandbox.effects import compiled, longest_step, masses, start
 from sandbox.feasible import check_call, check_feasible, check_injection, checked
 from sandbox.injection import carrier
-from sandbox.oldplant import LARGEST_TURN, Plant, steps_per_period
+from sandbox.plant.closed import closed_bench, longest_step, rotor_flux
+from sandbox.plant.sets import features_of
 from sandbox.recording import Recording
 from sandbox.scenario import Scenario
 
-PLANT_STEP = 12.5e-6  # s
 MOST_SAMPLES = 5_000_000  # recorded: 0.8 GB
-LARGEST_DECAY = 0.5  # of a winding's time constant at zero current in one plant step
-PLANTS = ("averaged", "switched")
+PLANTS = ("exact", "switched")
+OLD_NAME = "averaged"  # of the first
+LONGEST = 1e-2  # s
 ROTORS = {"locked": loop.LOCKED, "driven": loop.DRIVEN, "free": loop.FREE}
 
 
@@ -89,7 +90,7 @@ def simulate(
     closed_loop: bool = True,
     seed: int = 0,
     stride: int = 1,
-    plant_step: float = PLANT_STEP,
+    plant_step: float = LONGEST,
     truth: AnyEnergy | None = None,
     effects: Mapping[str, float] | None = None,
     plant: str | None = None,
@@ -97,9 +98,9 @@ def simulate(
     """Run a scenario and return its recording.
 
     belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls; stride: record
-    every stride-th sample; plant_step: s, an upper bound; truth: another magnetic model for the plant than the
+    every stride-th sample; plant_step: s, an upper bound (the plant chooses its own below); truth: another magnetic model for the plant than the
     one the estimator's belief comes from; effects: what the plant has and the model lacks, by public name such as
-    {"dead_time.time": 2e-6}; plant: `averaged` or `switched` (every leg inside the PWM period), None for the one that
+    {"dead_time.time": 2e-6}; plant: `exact` (event by event) or `switched` (the independent bench), None for the one that
     the estimator needs.  Raises BadInput or PhysicsError with one sentence.
     """
     check_call(estimator, belief, seed, stride, plant_step)
@@ -119,54 +120,47 @@ def simulate(
     wave = carrier(drive.injection, drive.converter)
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle + scenario.start_error)
     table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
-    on = partial(_switched, inside=estimator.inside) if plant == "switched" else averaged_bench
-    run, x, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
-    rig = rig_of(drive, scenario, bench[0].step, closed_loop, samples, stride, start_time)
+    on = partial(_switched, inside=estimator.inside) if plant == "switched" else exact_bench
+    run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
+    rig = rig_of(drive, scenario, values, closed_loop, samples, stride, start_time)
     step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
     profile = profile_of(drive, scenario)
     begun = time.thread_time()
     status, at = run(
-        step, state, x, *bench, rig, gains.control, believed, tuning, profile,
+        step, state, *bench, rig, gains.control, believed, tuning, profile,
         wave.waveform, wave.primitive, np.random.default_rng(seed), table,
     )  # fmt: skip
     spent = time.thread_time() - begun
     if status != loop.DONE:
-        raise _failure(status, at * h, _flux(plant, bench[0], x), drive)
+        raise _failure(status, at * h, _flux(plant, bench), drive)
     return Simulation(Recording(table), gains, start_time, spent)
 
 
 def plant_for(estimator: Estimator, plant: str | None) -> str:
     """Return the plant asked for, or the one an estimator needs; BadInput where these differ."""
     if plant is None:
-        return "switched" if estimator.inside else "averaged"
+        return "switched" if estimator.inside else "exact"
+    plant = "exact" if plant == OLD_NAME else plant
     if plant not in PLANTS:
         raise unknown("plant", plant, PLANTS)
     if estimator.inside and plant != "switched":
         raise BadInput(
-            f"estimator '{estimator.name}' reads the current inside the PWM period, of which the {plant} plant knows "
-            "the mean alone; run it on the switched one (--plant switched)"
+            f"estimator '{estimator.name}' reads the current inside the PWM period, which only the switched plant hands "
+            "over; run it there (--plant switched)"
         )
     return plant
 
 
-def averaged_bench(
+def exact_bench(
     drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
     believed: Belief | None,
 ) -> tuple[Any, ...]:  # fmt: skip
-    """Return the loop's kernel (interpreted where there is no compiled belief), the plant's state, plant, effects."""
-    motor, c = true_motor(drive.motor, values), drive.converter
+    """Return the loop's kernel (interpreted where there is no compiled belief) and the plant."""
+    motor = true_motor(drive.motor, values)
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
-    fastest = motor.resistance * max(motor.energy.gamma_d, motor.energy.gamma_q)
-    step = longest_step(values, min(plant_step, LARGEST_TURN / max(top, 1.0), LARGEST_DECAY / fastest))
-    free = scenario.rotor == "free"
-    plant = Plant(
-        truth or motor.energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs),
-        motor.pole_pairs / masses(values)[0] if free else 0.0, motor.viscous_friction,
-        c.sampling_period / steps_per_period(c.sampling_period, step, top),
-    )  # fmt: skip
-    effects = compiled(drive.motor, c, values, free)
-    run = loop.run_for(plant, believed) if believed else loop.run_python
-    return run, start(effects, scenario.start_angle), plant, effects
+    step = min(plant_step, longest_step(motor, values, features_of(drive.motor, values), top))
+    bench = closed_bench(drive.motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth)
+    return loop.run_for(bench.flux_map, believed) if believed else loop.run_python, bench
 
 
 def _switched(
@@ -185,7 +179,7 @@ def _switched(
     if truth is not None:
         raise BadInput("the switched plant takes no other magnetic model; give effects such as saturation.alpha_30")
     b = bench(drive.motor, drive.converter, values)
-    b = b._replace(step=min(b.step, plant_step)) if plant_step != PLANT_STEP else b
+    b = b._replace(step=min(b.step, plant_step))
     x, c = bench_of.start(b, scenario.start_angle), drive.converter
     room, shift = None, 0.0
     if inside:
@@ -196,23 +190,26 @@ def _switched(
     return run, x, b, c.dc_bus_voltage, room, shift
 
 
-def rig_of(drive: Drive, scenario: Scenario, step: float, closed: bool, n: int, stride: int, start: float) -> loop.Rig:
-    """Return sensors and converter for n samples, with the plant's step and the time of starting up in s."""
+def rig_of(
+    drive: Drive, scenario: Scenario, values: Mapping[str, float], closed: bool, n: int, stride: int, start: float
+) -> loop.Rig:
+    """Return sensors and converter for n samples, with the time of starting up in s."""
     c = drive.converter
+    counts = math.tau * drive.motor.pole_pairs / c.encoder_counts if c.encoder_counts else 0.0
     return loop.Rig(
-        n, stride, max(1, round(c.sampling_period / step)), loop.CLOSED if closed else loop.OPEN,
-        int(scenario.reference == "speed"), ROTORS[scenario.rotor],
+        n, stride, loop.CLOSED if closed else loop.OPEN, int(scenario.reference == "speed"), ROTORS[scenario.rotor],
         c.sampling_period, c.current_noise, c.current_resolution, start, c.dc_bus_voltage, c.link_noise,
+        values["current_sampling.jitter"], counts,
     )  # fmt: skip
 
 
-def _flux(plant: str, bench: Any, x: Any) -> tuple[float, float]:
+def _flux(plant: str, bench: Any) -> tuple[float, float]:
     """Return phi_d, phi_q (Wb) of either plant's state."""
     if plant == "switched":
-        from sandbox.switched.simulate import rotor_flux
+        from sandbox.switched.simulate import rotor_flux as of_switched
 
-        return rotor_flux(bench, x)
-    return float(x[0]), float(x[1])
+        return of_switched(bench[1], bench[0])
+    return rotor_flux(bench[0])
 
 
 def _failure(status: int, t: float, x: tuple[float, float], drive: Drive) -> PhysicsError:

@@ -20,7 +20,8 @@ from sandbox.feasible import check_feasible
 from sandbox.injection import carrier
 from sandbox.recording import CHANNELS
 from sandbox.scenario import Scenario, Segment
-from sandbox.simulate import PLANT_STEP, averaged_bench, profile_of, rig_of
+from sandbox.plant.closed import turned_to
+from sandbox.simulate import LONGEST, exact_bench, profile_of, rig_of
 
 ANGLES = 36
 AFTER = 0.004  # s simulated beyond the end of starting up
@@ -56,19 +57,18 @@ def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, s
     begin = start_periods(tuning.settle, tuning.average) * tuning.period * h
     samples = round((begin + AFTER) / h)
     values = complete(drive.motor, drive.converter, None)
-    run, x, *bench = averaged_bench(drive, scenario, values, PLANT_STEP, None, believed)
-    rig = rig_of(drive, scenario, bench[0].step, True, samples, 1, begin)
+    run, bench = exact_bench(drive, scenario, values, LONGEST, None, believed)
+    rig = rig_of(drive, scenario, values, True, samples, 1, begin)
     step, table = estimator.step_for(believed), np.zeros((samples, loop.N_CHANNELS))
     theta, theta_hat, tracking = (CHANNELS.index(name) for name in ("theta", "theta_hat", "tracking"))
     seeds = count // ANGLES
     errors = np.full((ANGLES, seeds), np.nan)
     for k, angle in enumerate(np.arange(ANGLES) * 2.0 * math.pi / ANGLES - math.pi):
         for n in range(seeds):
-            at = x.copy()
-            at[loop.THETA] = angle + 0.17 * n / seeds  # fills the gap between two of the angles
+            at = turned_to(bench, angle + 0.17 * n / seeds)  # fills the gap between two of the angles
             rng = np.random.default_rng([seed, k, n])
             status, _ = run(
-                step, estimator.init(believed, tuning), at, *bench, rig, gains.control, believed, tuning, profile,
+                step, estimator.init(believed, tuning), at, rig, gains.control, believed, tuning, profile,
                 wave.waveform, wave.primitive, rng, table,
             )  # fmt: skip
             first = int(np.argmax(table[:, tracking] > 0.0))

@@ -33,6 +33,7 @@ SCRATCH = {  # within a period
     "i_d": "magnetising current, rotor frame, A", "i_q": "magnetising current, rotor frame, A",
     "core_a": "iron-loss current, A", "core_b": "iron-loss current, A",
     "i_a": "terminal current at the segment's start, A", "i_b": "terminal current at the segment's start, A",
+    "first_a": "terminal current at the pattern's start, A", "first_b": "terminal current there, A",
     "j_a": "terminal current in its middle, A", "j_b": "terminal current in its middle, A",
     "last_a": "terminal current at the last segment's start, A", "last_b": "terminal current there, A",
     "drop_a": "resistive voltage at the start, V", "drop_b": "resistive voltage at the start, V",

@@ -19,6 +19,7 @@ from sandbox.plant import additions as add
 from sandbox.plant import ports
 from sandbox.plant.edges import EDGES, LEG_X, LEG_Y, Edges, blank_edges
 from sandbox.plant.electrical import begin, lose, middle, nothing_lost, stiffen
+from sandbox.plant.mechanics import step_shaft
 from sandbox.plant.sampling import hold_start, peek
 
 TWO_THIRDS = 2.0 / 3.0
@@ -63,21 +64,23 @@ class Course(NamedTuple):
     bend: float
     jerk: float
     speed: float
+    load: float = 0.0  # of a rotor that the plant moves: asked of the load machine, N m
+    imposed: float = 0.0  # and rad/s^2 electrical
 
 
 class Room(NamedTuple):
-    """Where a run keeps a period's edges and those that wait."""
+    """Where a run keeps a period's edges, how late each leg's pulse is moved (3,) in s, and the edges that wait."""
 
     edges: Edges
+    shift: Any
     pending: Pending
 
 
 def blank_room(lanes: int) -> Room:
     """Return room for a batch of so many lanes, nothing waiting."""
     count = EDGES + 3
-    return Room(
-        blank_edges(), Pending(np.zeros((count, lanes)), np.full(count + 1, NEVER), np.zeros(count), np.zeros(count))
-    )
+    waiting = Pending(np.zeros((count, lanes)), np.full(count + 1, NEVER), np.zeros(count), np.zeros(count))
+    return Room(blank_edges(), np.zeros(3), waiting)
 
 
 @inlined
@@ -238,17 +241,37 @@ def first_instant(w, features, timing, pending, duty, before):
         open_period(w, pending, duty, before)
     if timing.first == 0.0 and timing.last == 0.0:
         hold_start(w, features)
+    for j in range(w.psi_a.size):
+        w.first_a[j], w.first_b[j] = w.i_a[j], w.i_b[j]
 
 
 @inlined
-def travel(w, flux_map, timing, features, e, pending, course, clock, duty, before, span):
-    """Move a batch on by one period of edges e along a course of the rotor; return its last segment's length (s).
+def moved(w, features, course, t, span):
+    """Move the rotor itself on by a segment (s) from t and return its course from there."""
+    w.turn[0] = (w.angle[0] + w.pairs[0] * w.load_share[0] * w.twist[0] + 0.5 * span * course.rate) / w.pairs[0]
+    w.omega[0] = (course.rate + span * course.bend) / w.pairs[0]
+    swing = w.pairs[0] * w.load_share[0]
+    before = w.angle[0] + swing * w.twist[0]
+    step_shaft(w, features, span, course.load, course.imposed)
+    omega, on = w.speed[0] + swing * w.slip[0], w.angle[0] + swing * w.twist[0] - before
+    lead, bend = course.lead + on, 0.5 * (omega - course.rate) / span
+    return Course(
+        course.cos, course.sin, t + span, lead, omega, bend, 0.0, course.speed, course.load, course.imposed
+    )
+
+
+@inlined
+def travel(w, flux_map, timing, features, room, course, clock, duty, before, span, looks, seen):
+    """Move a batch on by one period of its room's edges along a course of the rotor; return its last segment (s).
 
     clock: of the pattern less its delay, s after the recording began; duty, before: three legs', of this period and
-    the last; span: the last period's last segment, whose end is still to be taken (0 at the beginning).
+    the last; span: the last period's last segment, whose end is still to be taken (0 at the beginning); looks: (m,)
+    instants (s) at which the first lane's current is held besides, seen (m, 2); features with MOVED: the plant moves
+    the rotor.
     """
-    period = timing.period
+    e, pending, period = room.edges, room.pending, timing.period
     t, u_a, u_b = 0.0, 0.0, 0.0
+    peeking = timing.first != 0.0 or timing.last != 0.0
     for g in range(EDGES + 1):
         x = y = side = real = 0.0
         if g > 0:
@@ -256,7 +279,7 @@ def travel(w, flux_map, timing, features, e, pending, course, clock, duty, befor
         end = e.time[g] if g < EDGES else period
         left = max(end - t, SHORTEST)
         while left > 0.0:
-            if t == 0.0 and g == 0 and features & add.DELAYED:
+            if t == 0.0 and g == 0 and features & add.DELAYED and not features & add.MOVED:
                 add.orient(w, 0.0, course.speed)
             c, s = facing_at(course, t)
             at_start(w, flux_map, features, c, s, t / period, course, span, x, y, side, real)
@@ -276,10 +299,16 @@ def travel(w, flux_map, timing, features, e, pending, course, clock, duty, befor
                 add.supply(w, clock + middle_of)
             c, s = facing_at(course, middle_of)
             in_middle(w, flux_map, features, c, s, middle_of / period, course, span, u_a, u_b, x, y)
-            if timing.first != 0.0 or timing.last != 0.0:
-                last = g == EDGES and span >= left
-                until = 2.0 * period if last else t + span
+            until = 2.0 * period if g == EDGES and span >= left else t + span
+            if peeking and len(looks) == 0:
                 peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y)
+            for m in range(len(looks)):
+                if t <= looks[m] < until:
+                    w.when[0] = looks[m]
+                    peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y)
+                    seen[m, 0], seen[m, 1] = w.held_a[0], w.held_b[0]
+            if features & add.MOVED:
+                course = moved(w, features, course, t, span)
             if lossy:
                 nothing_lost(w)
             t, left = t + span, left - span

@@ -92,8 +92,7 @@ def run(w, flux_map, timing, features, room, track, out, moved, first):
     """Replay one recording; readings (A) go to out[k, 0:3, first:first + lanes], a free rotor's innovations to
     moved[k, first:] where features say MOTION.  w starts with fluxes and currents of the first sample; room: fresh."""
     n, lanes, period = len(track.d_a), w.psi_a.size, timing.period
-    edges, pending = room.edges, room.pending
-    shift, duty, before = np.zeros(3), np.full(3, 0.5), np.full(3, 0.5)
+    duty, before, looks, seen = np.full(3, 0.5), np.full(3, 0.5), np.empty(0), np.empty((0, 2))
     span, wobbling = 0.0, features & add.WOBBLE != 0 and len(track.turn) > 0
     if wobbling:
         deviate(w, track.turn[0])
@@ -111,11 +110,11 @@ def run(w, flux_map, timing, features, room, track, out, moved, first):
         for m in range(3):
             before[m] = duty[m]
         duty[0], duty[1], duty[2] = track.d_a[k], track.d_b[k], track.d_c[k]
-        write_edges(edges, duty, before, shift, period)
+        write_edges(room.edges, duty, before, room.shift, period)
         course = Course(
             track.cos[k], track.sin[k], 0.5 * period, 0.0, track.rate[k], track.bend[k], track.jerk[k], track.speed[k]
         )
-        span = travel(w, flux_map, timing, features, edges, pending, course, k * period, duty, before, span)
+        span = travel(w, flux_map, timing, features, room, course, k * period, duty, before, span, looks, seen)
         read(w)
         if timing.first >= 0.0:
             write(w, out, k, first)
