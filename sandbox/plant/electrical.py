@@ -5,13 +5,13 @@ Stationary frame, psi the whole flux linkage, z what currents make of it in the 
     dpsi/dt = u - drop(i),  i = exp(j theta) dH/dz(z, theta) + i_c,  z = exp(-j theta) psi - magnets' flux
 
 A segment is the time between two edges.  Over it u is constant but for edges that act late, so its volt-seconds and
-their mean are known exactly; the drop is taken in the middle of the segment, at the mean flux.  Two terms make the step
-one of third order, e the current's change from start to middle, omega the rotor's speed, G the inverse inductance at
-the period's start: the drop on the way to the middle (the flux there is off by R S/4 e), and the current's curvature, of
-whose S^2/24 the middle knows nothing: i'' = -R G i' + omega^2 i + 2 j omega i' (decay, and a straight line in a frame
-that turns).  `begin` ends the last segment, gives the current at the
-edge and how late the edge acts; `middle` goes on to the segment's middle.  What an effect adds comes between, in a
-loop of its own (`additions`): what is neutral costs nothing.
+their mean are known exactly; the drop is taken in the middle of the segment, at the mean flux.  Two terms make the
+step one of third order, e the current's change from start to middle, omega the rotor's speed, G the inverse
+inductance at the period's start: the drop on the way to the middle (the flux there is off by R S/4 e), and the
+current's curvature, of whose S^2/24 the middle knows nothing: i'' = -R G i' + omega^2 i + 2 j omega i' (decay, and a
+straight line in a frame that turns).  `begin` ends the last segment, gives the current at the edge and how late the
+edge acts; `middle` goes on to the segment's middle.  What an effect adds comes between, in a loop of its own
+(`additions`): what is neutral costs nothing.
 """
 
 from __future__ import annotations

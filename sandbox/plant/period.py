@@ -42,8 +42,8 @@ class Timing(NamedTuple):
 class Pending(NamedTuple):
     """Edges that may still wait: six of this period, then one of each leg left by the last.
 
-    acts: (9, lanes) s when they act; until: (9,) s when all have, the last of them in (10,); x, y: (9,) what they change
-    of the legs' vector.
+    acts: (9, lanes) s when they act; until: (10,) s when all lanes' have, the last of all edges in the last place;
+    x, y: (9,) what they change of the legs' vector.
     """
 
     acts: Any
@@ -226,7 +226,7 @@ def part_of(left, timing, features, edge):
 
 @inlined
 def enter(w, pending, e, g, t, span, tardy):
-    """Take edge g at t; return whether edges that still wait take volt-seconds from the segment (besides this one's)."""
+    """Take edge g at t; return whether edges before it that still wait take volt-seconds from its segment."""
     if e.real[g] > 0.0 and tardy > 0.0 and (span < tardy or pending.until[LAST] > t):
         take_turn(w, pending, e, g, t, tardy)
     return pending.until[LAST] > t and lose_waiting(w, pending, t, span, g)

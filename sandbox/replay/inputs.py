@@ -81,7 +81,8 @@ def course_of(motion: Motion, pole_pairs: float, period: float) -> dict[str, Arr
     turn = a / pole_pairs if motion.eccentric else np.empty(0)  # else nothing is to be taken off
     course = {
         "cos": np.cos(middle), "sin": np.sin(middle), "rate": 1.5 * (b - a) / period - 0.25 * (v + w),
-        "bend": 0.5 * (w - v) / period, "jerk": ((v + w) - 2.0 * (b - a) / period) / period**2, "speed": v, "turn": turn,
+        "bend": 0.5 * (w - v) / period, "jerk": ((v + w) - 2.0 * (b - a) / period) / period**2,
+        "speed": v, "turn": turn,
         "middle_turn": middle / pole_pairs, "middle_omega": 0.5 * (v + w) / pole_pairs,
     }  # fmt: skip
     return {name: np.ascontiguousarray(x) for name, x in course.items()}

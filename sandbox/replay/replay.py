@@ -42,7 +42,8 @@ Array = NDArray[np.float64]
 Set = Mapping[str, float]
 STEPS = (1, 2, 4, 8)
 ENERGY_ROWS = (
-    ("gamma_d", 1), ("gamma_q", 1), ("cubic_d", 3), ("cubic_q", 1), ("quartic_d", 4), ("quartic_dq", 1), ("quartic_q", 4)
+    ("gamma_d", 1), ("gamma_q", 1), ("cubic_d", 3), ("cubic_q", 1), ("quartic_d", 4), ("quartic_dq", 1),
+    ("quartic_q", 4),
 )  # fmt: skip
 ACCURACY = 0.02  # of the noise floor: largest rms change on halving the plant's step
 
