@@ -113,7 +113,11 @@ def build_parser() -> Parser:
     c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
-    c.add_argument("--plant", choices=("exact", "switched", "averaged"), help="(exact, or what the estimator needs; averaged: old name)")
+    c.add_argument(
+        "--plant",
+        choices=("exact", "switched", "averaged"),
+        help="(exact, or what the estimator needs; averaged: old name)",
+    )
     c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
     c = add("audit", run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
