@@ -46,12 +46,11 @@ class Maps:
         mh = [(name, "mH", 1e3, getattr(self, name)) for name in ("l_dd", "l_dq", "l_qq")]
         return [*mh, ("angle", "°", 180.0 / math.pi, self.angle), ("gain", "", 1.0, self.gain)]
 
-    def at(self, values: Array, i_d: float, i_q: float) -> float:
-        """Return a map's value at the grid point nearest to a current (A); NaN outside the grid or the domain."""
-        if max(abs(i_d), abs(i_q)) > self.i_d[-1] * (1.0 + 1e-9):
+    def at(self, values: Array, i_q: float) -> float:
+        """Return a map's value at i_d = 0 (or nearest to it) and a current i_q (A); NaN outside plane or domain."""
+        if abs(i_q) > self.i_q[-1] * (1.0 + 1e-9):
             return math.nan
-        k = (int(np.argmin(np.abs(self.i_d - i_d))), int(np.argmin(np.abs(self.i_q - i_q))))
-        return float(values[k])
+        return float(np.interp(i_q, self.i_q, values[int(np.argmin(np.abs(self.i_d)))]))
 
     def summary(self) -> dict[str, float | None]:
         """Return the share of valid points and the largest errors of first order (H, rad) over them."""

@@ -59,7 +59,7 @@ MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
 MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
 
 
-Test = Callable[[Drive, str, str, int], Outcome]
+Test = Callable[[Drive, AnyEstimator, str, int], Outcome]
 TESTS: dict[str, Test] = {
     "start": starting,
     "static_map": static_map,
@@ -201,7 +201,11 @@ def protocol(
     for test in tests:
         if test not in TESTS:
             raise unknown("test", test, TESTS)
-    drives = {motor.name if isinstance(motor, Drive) else str(motor): motor for motor in wanted}
+    drives: dict[str, str | Path | Drive] = {}
+    for motor in wanted:
+        name = motor.name if isinstance(motor, Drive) else str(motor)
+        if drives.setdefault(name, motor) is not motor and isinstance(motor, Drive):
+            raise BadInput(f"two motors are called '{name}'; give one of them another name")
     loaded = {name: motor if isinstance(motor, Drive) else load_drive(motor) for name, motor in drives.items()}
     own = distinct(estimators)  # last: this may compile
     todo = units(drives, own, tests)

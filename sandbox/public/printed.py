@@ -144,7 +144,7 @@ def print_maps(m: Maps) -> None:
     content = m.summary()
     rows = []
     for name, unit, factor, values in m.shown():
-        middle, rated = m.at(values, 0.0, 0.0), m.at(values, 0.0, m.rated_current)
+        middle, rated = m.at(values, 0.0), m.at(values, m.rated_current)
         error = content.get(f"first_order_error_{name}")
         cells = [
             middle,
@@ -154,7 +154,7 @@ def print_maps(m: Maps) -> None:
             math.nan if error is None else error,
         ]
         label = f"{LABELS.get(name, name)}{f' ({unit})' if unit else ''}"
-        rows.append([label, *("–" if math.isnan(v) else f"{factor * v:.4g}" for v in cells)])
+        rows.append([label, *("–" if math.isnan(v) else f"{factor * v + 0.0:.4g}" for v in cells)])
     valid = 100.0 * (content["valid_share"] or 0.0)
     title = f"{m.motor}: over i_d and i_q up to ±{m.i_d[-1]:.4g} A, {valid:.3g} % of it valid"
     heads = ["what injection sees", "at zero\ncurrent", "at rated\ni_q", "least", "most", "first order\nerrs by ≤"]
