@@ -7,7 +7,6 @@ import io
 import logging
 import os
 import pickle
-import shutil
 import sys
 import threading
 from collections.abc import Callable, Sequence
@@ -71,7 +70,7 @@ def attempt(options: argparse.Namespace) -> int:
     except MemoryError:
         return _refuse(options, "not enough memory for this run; shorten the scenario or compare fewer estimators")
     except (EOFError, pickle.UnpicklingError):
-        shutil.rmtree(kernel_folder(), ignore_errors=True)
+        report.forget_kernels()
         return _refuse(options, "the cache of compiled kernels was damaged and has been removed; call again")
     return 0
 
@@ -79,13 +78,6 @@ def attempt(options: argparse.Namespace) -> int:
 def _refuse(options: argparse.Namespace, sentence: str, code: int = 2) -> int:
     print(f"sensorless {options.command}: {sentence}", file=sys.stderr)
     return code
-
-
-def kernel_folder() -> Path:
-    """Return the folder of this version's compiled kernels."""
-    from model.compiled import _CACHE_DIR
-
-    return Path(_CACHE_DIR)
 
 
 def build_parser() -> Parser:

@@ -15,8 +15,7 @@ from sandbox.public.loading import several
 from sandbox.public.result import Column, Result, columns_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+    from sandbox.plots import Figure
     from sandbox.protocol import Protocol
 
 POINT_UNITS = {

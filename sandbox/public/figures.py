@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.levels import D, Q
+from model.levels import AT_ZERO, D, Q
 from sandbox.plots import colour_of, drawn, page
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
+    from model.levels import Levels
     from sandbox.compare import Run
     from sandbox.identify import Identification
+    from sandbox.plots import Figure
 
 Array = NDArray[np.float64]
 MOST = 4000  # points drawn of a line: more than a page has pixels
@@ -66,9 +66,9 @@ def run_figure(run: Run, title: str, path: str | Path | None = None) -> Figure:
             panel.legend(frameon=False, fontsize=8, ncols=2, loc="upper left")
         for row in run.rows:
             panel.axvspan(row.t_start, row.t_end, color="0.95", linewidth=0, zorder=0)
-    scored = [row.error_deg.max for row in run.rows if row.error_deg.max is not None]
-    if scored:  # starting up may err by half a turn, and would flatten all that counts
-        reach = 1.3 * max(1.0, *scored)
+    largest = [row.transient_max_deg for row in run.rows if row.transient_max_deg is not None]
+    if largest:  # starting up may err by half a turn, and would flatten all that counts
+        reach = 1.1 * max(1.0, *largest)
         axes[0].set_ylim(-reach, reach)
     axes[0].axhline(0.0, color="0.6", linewidth=0.8)
     axes[-1].set_xlabel("time (s); grey: evaluated")
@@ -87,8 +87,7 @@ def identification_figure(result: Identification, path: str | Path | None = None
     figure, axes = page((12.5, 6.4), 2, len(STAIRCASES), sharex="col", height_ratios=(2.0, 1.0))
     peak = np.max(np.abs(levels.flux), axis=1)
     for k, (injected, biased, component, title) in enumerate(STAIRCASES):
-        rows = levels.pick(injected, biased)
-        rows = rows[np.argsort(levels.current[rows, biased])]
+        rows = staircase(levels, injected, biased)
         i, measured = levels.current[rows, biased], levels.slope[rows, component]
         above, below = axes[0, k], axes[1, k]
         bars = 2.0 * levels.slope_sd[rows, component]
@@ -107,6 +106,14 @@ def identification_figure(result: Identification, path: str | Path | None = None
     left_over = "; ".join(f"{name} leaves {1e3 * fit.residual_rms:.3g} mA rms" for name, fit in result.fits.items())
     figure.suptitle(f"{result.campaign.name}: measured and fitted ({left_over})", parse_math=False)
     return drawn(figure, path)
+
+
+def staircase(levels: Levels, injected: int, biased: int) -> NDArray[np.int64]:
+    """Return the levels of one staircase by rising current, without the small steps of the other axis' staircase."""
+    rows = levels.pick(injected, biased)
+    along, off = np.abs(levels.current[rows, biased]), np.abs(levels.current[rows, 1 - biased])
+    rows = rows[(off <= along) | (off <= AT_ZERO * np.max(np.hypot(*levels.current.T)))]
+    return rows[np.argsort(levels.current[rows, biased])]
 
 
 def replay_figure(title: str, rms: Mapping[str, float], path: str | Path | None = None) -> Figure:

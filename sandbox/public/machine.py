@@ -15,10 +15,9 @@ from sandbox.public.loading import load_motor
 from sandbox.public.result import Column, Result, write_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from model.saliency import Audit
     from sandbox.maps import Maps
+    from sandbox.plots import Figure
 
 LARGEST = 20.0  # x rated current: radius of an audit
 

@@ -128,10 +128,10 @@ def print_identification(result: Identification) -> None:
         cells = [name, f"{getattr(nominal, name):.5g}"]
         for fit in result.fits.values():
             low, high = fit.ci95(name) if name in fit.values else (math.nan, math.nan)
-            cells += [f"{fit.values[name]:.5g}", f"[{low:.4g}, {high:.4g}]"] if name in fit.values else ["–", "–"]
+            cells.append(f"{fit.values[name]:.5g}\n[{low:.4g}, {high:.4g}]" if name in fit.values else "–")
         lines.append(cells)
-    heads = [head for method in result.fits for head in (method, "95 %")]
-    print_table(f"{result.campaign.name}: identified motor (SI)", ["parameter", "nominal", *heads], lines, fixed=2)
+    heads = ["parameter", "nominal", *(f"{method}\n[95 % interval]" for method in result.fits)]
+    print_table(f"{result.campaign.name}: identified motor (SI)", heads, lines, fixed=2)
     for name, fit in result.fits.items():
         share = "" if math.isnan(fit.misfit) else f", {fit.misfit:.3g} x what noise explains"
         print(f"{name}: residual {1e3 * fit.residual_rms:.3g} mA rms{share}")

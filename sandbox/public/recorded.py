@@ -17,10 +17,9 @@ from sandbox.public.loading import read_campaign
 from sandbox.public.result import Column, Result, columns_of, write_table
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from sandbox.gap.answers import Answers
     from sandbox.identify import Identification
+    from sandbox.plots import Figure
     from sandbox.replay.replay import Prediction, Prepared
 
 AnyCampaign = str | Path | Campaign

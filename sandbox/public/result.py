@@ -17,7 +17,8 @@ from sandbox import report
 if TYPE_CHECKING:
     import pandas
     import pyarrow
-    from matplotlib.figure import Figure
+
+    from sandbox.plots import Figure
 
 
 class Column(NamedTuple):

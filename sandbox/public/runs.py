@@ -17,10 +17,9 @@ from sandbox.public.result import Column, Result, columns_of
 from sandbox.scenario import Scenario
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from sandbox.compare import Comparison, Run
     from sandbox.design import Design
+    from sandbox.plots import Figure
     from sandbox.recording import Recording
     from sandbox.score import ErrorDeg, Row
 
