@@ -41,8 +41,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without our letters still gets the rest
-    if getattr(options, "quiet", False):
-        logging.getLogger("sensorless").setLevel(logging.ERROR)
+    quiet = getattr(options, "quiet", False)  # not even that something is compiled
+    logging.getLogger("sensorless").setLevel(logging.ERROR if quiet else logging.NOTSET)
     codes: list[int] = []
     worker = threading.Thread(target=lambda: codes.append(attempt(options)), daemon=True)
     worker.start()

@@ -45,6 +45,7 @@ def run_simulate(options: argparse.Namespace) -> None:
     folder = folder_of(options)
     if options.record is not None:
         check_new_folder(options.record, folder)
+        report.check_output(folder)  # no campaign is left where the results could not be written
     result = sandbox.simulate(
         options.motor, options.scenario, options.estimator, belief=options.belief, closed_loop=not options.open,
         duration=options.duration, effects=options.effects, plant=options.plant, seed=options.seed,

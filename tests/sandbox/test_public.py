@@ -20,7 +20,7 @@ import pytest
 import sandbox
 from sandbox.cli import build_parser, commands, main
 from sandbox.locked_test import paper_campaign
-from sandbox.report import folded
+from sandbox.report import folded, print_table
 
 ROOT = Path(__file__).resolve().parents[2]
 SHORT = sandbox.Scenario("short", (sandbox.Segment(0.2), sandbox.Segment(0.2, 1.0, ramp=0.05, settle=0.1)))
@@ -431,6 +431,14 @@ def test_tables_fit_eighty_columns(small_comparison, capsys):
             assert cell in said
     assert said.count("load %") == 2 * len(folded(heads, rows, 3, 80))
     assert folded(["k", *(10 * ["x" * 17])], [], 1, 80) == [[0, 1, 2, 3], [0, 4, 5, 6], [0, 7, 8, 9], [0, 10]]
+
+
+def test_a_long_first_column_is_broken_and_numbers_are_not(capsys):
+    print_table("files", ["recording", "before", "after"], [["x" * 90, "123456.78", "1.25"]])
+    said = capsys.readouterr().out.splitlines()
+    assert max(map(len, said)) == 80
+    assert "123456.78" in said[4]
+    assert sum(line.count("x") for line in said) == 90
 
 
 @pytest.mark.parametrize("call", [["audit", "spm"], ["maps", "spm"], ["list", "estimators"]])
