@@ -1,7 +1,7 @@
 """One line for whoever waits: "compiling once, about N s", when a kernel is compiled and not read from the cache.
 
 It goes to the logger `sensorless`, which Python prints to stderr unless it is told otherwise.  N is what compiling
-took on this machine the last time it began with the same kernel.
+took on this machine the last time the same program was called with the same command.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import atexit
 import json
 import logging
+import sys
 import threading
 import time
 from pathlib import Path
@@ -27,7 +28,8 @@ class Watch(event.Listener):
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.first = ""
+        self.call = " ".join([Path(sys.argv[0]).name, *sys.argv[1:2]])
+        self.said = False
         self.seconds = 0.0
         self.depth = threading.local()
 
@@ -40,9 +42,9 @@ class Watch(event.Listener):
         if level == 0:
             self.depth.begun = time.perf_counter()
         self.depth.level = level + 1
-        if not self.first:
-            self.first = f"{function.__module__}.{function.__qualname__}"
-            expected = self.known().get(self.first, USUAL)
+        if not self.said:
+            self.said = True
+            expected = self.known().get(self.call, USUAL)
             if expected >= SHORT:
                 LOGGER.warning("compiling once, about %.0f s", expected)
             atexit.register(self.remember)
@@ -56,7 +58,7 @@ class Watch(event.Listener):
                 self.seconds += time.perf_counter() - self.depth.begun
 
     def known(self) -> dict[str, float]:
-        """Return the seconds of earlier times by the kernel they began with."""
+        """Return the seconds of earlier times by what was called."""
         try:
             found = json.loads(self.path.read_text(encoding="utf-8"))
             return {str(name): float(seconds) for name, seconds in found.items()}
@@ -66,7 +68,7 @@ class Watch(event.Listener):
     def remember(self) -> None:
         """Keep what it took for the next time."""
         try:
-            self.path.write_text(json.dumps(self.known() | {self.first: round(self.seconds, 1)}), encoding="utf-8")
+            self.path.write_text(json.dumps(self.known() | {self.call: round(self.seconds, 1)}), encoding="utf-8")
         except OSError:
             return  # a read-only home
 

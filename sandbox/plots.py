@@ -257,7 +257,7 @@ def _draw_cells(axes: Axes, heads: Sequence[str], names: Sequence[str], cells: S
         for x, text in enumerate(row):
             mark = next((m for m in colours if f" {m}" in text), "")
             face = colours.get(mark, "0.93" if text else "white")
-            text = text.replace(f" {mark} ", "\n") if mark else text
+            text = text.replace(f" {mark} ", "\ngoal: ") if mark else text
             axes.fill_between([x + 0.02, x + 0.98], y + 0.04, y + 0.96, color=face, linewidth=0)
             axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6.5)
     axes.set_xticks([x + 0.5 for x in range(len(heads))], heads, fontsize=8)

@@ -191,7 +191,7 @@ def print_table(title: str, heads: list[str], rows: list[list[str]], fixed: int 
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
     for number, chosen in enumerate(folded(heads, rows, fixed, width)):
         picked = [[row[k] for k in chosen] for row in [heads, *rows]]
-        needed = 1 + sum(_width(picked, k) for k in range(1, len(chosen))) + min(_width(picked, 0), LEAST)
+        needed = 1 + sum(_width(picked, k) for k in range(len(chosen)))
         console = Console(width=max(width, needed), markup=False, highlight=False)
         if number == 0:
             console.print(title, style="bold", soft_wrap=True)
@@ -206,12 +206,13 @@ def print_list(lines: Mapping[str, str]) -> None:
         print(textwrap.fill(text, max(width, 40), initial_indent=head, subsequent_indent=" " * len(head)))
 
 
-LEAST = 24  # columns that a first column keeps where it has to be broken
+LEAST = 24  # columns that a first column keeps where it has to be broken, its frame included
 
 
 def _width(rows: list[list[str]], k: int) -> int:
-    """Return the columns of a terminal that a table's column takes with its frame."""
-    return 3 + max(len(line) for row in rows for line in row[k].split("\n"))
+    """Return the columns of a terminal that a table's column takes with its frame; a first one may be broken."""
+    whole = 3 + max(len(line) for row in rows for line in row[k].split("\n"))
+    return whole if k else min(whole, LEAST)
 
 
 def folded(heads: list[str], rows: list[list[str]], fixed: int, width: int) -> list[list[int]]:
