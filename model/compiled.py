@@ -21,8 +21,13 @@ from typing import Any
 
 import numba
 
-ROOMS = ("model", "estimators", "sandbox")
-NO_KERNELS = ("sandbox/gap",)  # nothing compiled is in a file of these or depends on one (tests/test_house.py)
+from model.compiling import ROOMS, watch
+
+NO_KERNELS = (
+    "sandbox/gap",
+    "sandbox/public",
+    "sandbox/cli",
+)  # nothing compiled is in a file of these or depends on one (tests/test_house.py)
 KEPT_DAYS = 30
 
 
@@ -62,6 +67,7 @@ def _cache_dir() -> str:
 
 _CACHE_DIR = _cache_dir()
 _COMPILING = Lock()
+watch(cache_home())
 
 
 def kernel(function: Callable[..., Any]) -> Any:

@@ -151,7 +151,7 @@ def peer(anchors: Path, python: str, case: str = "poly", seconds: float = 1.0) -
 
 def warm_start() -> float:
     """Return the wall seconds of a whole short command in a new process, everything compiled."""
-    call = [sys.executable, "-m", "sandbox.cli", "simulate", "--duration", "0.01", "--no-trace", "--quiet", "--out"]
+    call = [sys.executable, "-m", "sandbox.cli", "simulate", "--duration", "0.01", "--json-only", "--quiet", "--out"]
     with tempfile.TemporaryDirectory() as out:
         times = []
         for _ in range(4):
