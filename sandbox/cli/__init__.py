@@ -121,7 +121,7 @@ def build_parser() -> Parser:
     c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
-    c.add_argument("--plant", choices=("exact", "switched", "averaged"), help="(averaged, or what the estimator needs)")
+    c.add_argument("--plant", choices=("exact", "switched", "averaged"), help="(exact, or what the estimator needs)")
     c.add_argument("--json-only", action="store_true", help="write simulate.json alone: no trace, figure or table")
     c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
     c = add("audit", commands.run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")

@@ -240,7 +240,7 @@ def simulate(
         s of the scenario to run; all of it by default.
     effects : mapping or str, optional
         What the plant has and the model lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see `list_effects`).
-    plant : {'averaged', 'switched'}, optional
+    plant : {'exact', 'switched'}, optional
         What the estimator needs, by default.
     seed : int
         Of the sensors' noise.
