@@ -31,6 +31,16 @@ NO_KERNELS = (
 KEPT_DAYS = 30
 
 
+_MORE: list[str] = []  # what kernels depend on beside the rooms' files
+
+
+def depend_on(key: str) -> None:
+    """Keep kernels decorated from now on apart from those that do not depend on what `key` stands for."""
+    global _CACHE_DIR
+    _MORE.append(key)
+    _CACHE_DIR = _cache_dir()
+
+
 def cache_home() -> Path:
     """Return the folder for compiled kernels and memoised designs (`SENSORLESS_CACHE` or the user's cache)."""
     user = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
@@ -50,7 +60,7 @@ def source_key() -> str:
 
 
 def _cache_dir() -> str:
-    path = cache_home() / f"kernels-{source_key()}"
+    path = cache_home() / "-".join(["kernels", source_key(), *_MORE])
     try:
         if not path.exists():
             path.mkdir(parents=True, exist_ok=True)
@@ -68,6 +78,11 @@ def _cache_dir() -> str:
 _CACHE_DIR = _cache_dir()
 _COMPILING = Lock()
 watch(cache_home())
+
+
+def kernel_folder() -> str:
+    """Return the folder in which kernels decorated now are kept."""
+    return _CACHE_DIR
 
 
 def kernel(function: Callable[..., Any]) -> Any:
