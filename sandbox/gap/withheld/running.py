@@ -1,6 +1,6 @@
 """Diagnosing the campaigns of a check, one report each: goes on after an interruption, whatever fails is a miss.
 
-Every report says by `code` which version of the code made it.
+Every report says by `code` which version of the code made it, and by `made` when.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -114,7 +115,8 @@ def _write(task: _Task, content: dict[str, Any]) -> None:
     task.reports.mkdir(parents=True, exist_ok=True)
     aside = task.reports / f".{task.name}.{os.getpid()}.part"
     more = {} if task.entry is None else {"recorded": list(task.entry)}
-    text = json.dumps({**content, **more, "code": code_digest()}, indent=1, allow_nan=False)
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    text = json.dumps({**content, **more, "code": code_digest(), "made": now}, indent=1, allow_nan=False)
     aside.write_text(text + "\n", encoding="utf-8")
     aside.replace(task.reports / f"{task.name}.json")
 
