@@ -6,7 +6,7 @@ single effects of the first 200 once more with the true one taken out of the lib
 Everything is made and diagnosed in WORK and goes on where it was interrupted.  Kept in results/withheld/: a row a
 diagnosis (NAME.rows.jsonl) and the opened seal (NAME.truth.json); all else there is computed from these two alone.
 
-Run: python -m experiments.withheld_check WORK [--jobs N] [--only NAME ...]   (four hours on two cores)
+Run: python -m experiments.withheld_check WORK [--jobs N] [--only NAME ...]   (three hours on two cores)
      python -m experiments.withheld_check --recompute                         (seconds)
 """
 

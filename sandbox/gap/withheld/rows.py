@@ -21,7 +21,7 @@ PARTS = (BLIND, LEFT_OUT, RESOLVED)
 TRUTH = (
     "kind", "family", "style", "pair", "outside", "outside_subsystem", "effects", "sizes", "parameters",
 )  # fmt: skip
-ANSWER = ("failed", "verdict", "ambiguity_set", "waterfall")  # as they are; the rest is shortened
+ANSWER = ("failed", "verdict", "ambiguity_set", "waterfall", "cpu_seconds")  # as they are; the rest is shortened
 LONGEST = 60.0  # s of a recommended recording
 KEPT = {
     "gap": ("raw", "before", "after", "closed"),

@@ -9,7 +9,7 @@ from typing import Any
 from model.errors import BadInput
 from sandbox.gap.withheld.follow import recommended
 from sandbox.gap.withheld.judge import Judgement, judge
-from sandbox.gap.withheld.limits import Figure
+from sandbox.gap.withheld.limits import Figure, quantile
 from sandbox.gap.withheld.metrics import GOALS, by_size, confusion, detection_floor, figures, left_out, reliability
 from sandbox.gap.withheld.rows import BLIND, LEFT_OUT, RESOLVED, Row, codes
 
@@ -61,7 +61,9 @@ def scored(rows: Sequence[Row]) -> Scores:
     )
     asked = [n for n, a in blind.items() if "failed" not in a and recommended(a) is not None]
     promised = {n: blind[n]["next_recording"].get("power") for n in asked}
-    found = figures(judged, promised, followed) | (left_out(others) if others else {})
+    spent = [a["cpu_seconds"] for a in blind.values() if "failed" not in a and "cpu_seconds" in a]
+    found = figures(judged, promised, followed) | {"cpu_seconds": quantile(spent, 0.5)}
+    found |= left_out(others) if others else {}
     return Scores(methods.pop(), found, judged, others, followed, tuple(rows))
 
 

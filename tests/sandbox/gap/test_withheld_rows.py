@@ -49,9 +49,8 @@ def twelve():
         (nothing, none), (nothing, none), (nothing, wrong), (outside, unknown), (outside, right), (several, both),
         (several, right), (small, none),
     ]  # fmt: skip
-    named = [
-        (f"w{k:03d}", t, {**d, "code": "abc", "made": "2026-01-01T00:00:00+00:00"}) for k, (t, d) in enumerate(cases)
-    ]
+    by = {"code": "abc", "made": "2026-01-01T00:00:00+00:00", "cpu_seconds": 1.5}
+    named = [(f"w{k:03d}", t, {**d, **by}) for k, (t, d) in enumerate(cases)]
     out = [row("diagnosis", BLIND, *n) for n in named]
     out.append(row("diagnosis", LEFT_OUT, "w000", truth_of(), {**unknown, "code": "abc"}))
     out.append(row("diagnosis", RESOLVED, "w003", truth_of(), {**right, "code": "abc"}))
@@ -74,6 +73,7 @@ def test_figures_of_a_file_are_those_of_the_run(tmp_path):
     assert content["by_size"]["0.25"]["top1"]["n"] == 1
     assert content["failed"] == ["w002"]
     assert content["simulations"]["value"] == 100.0
+    assert (content["cpu_seconds"]["value"], content["cpu_seconds"]["n"]) == (1.5, 11)  # w002 failed
 
 
 def test_score_says_what_its_rows_say(check, tmp_path):  # noqa: F811
