@@ -31,6 +31,7 @@ KEPT = {
 }
 INCLUDED = ("name", "probability", "share", "group")  # of one effect among many
 INTERVAL = ("value", "ci95")
+PLACES = 3  # of where a gap lies
 LIKELY = 0.5  # probability from which on an effect among many keeps its parameters
 
 
@@ -84,7 +85,7 @@ def answer_of(report: Mapping[str, Any]) -> dict[str, Any]:
         if key in report:
             part = report[key]
             out[key] = None if part is None else {n: part[n] for n in names if n in part}
-    out["where"] = [{k: w[k] for k in ("subsystem", "share") if k in w} for w in report.get("where", [])]
+    out["where"] = [{k: w[k] for k in ("subsystem", "share") if k in w} for w in report.get("where", [])[:PLACES]]
     if "effects" in report:
         out["effects"] = [
             {k: e[k] for k in INCLUDED if k in e} | ({"parameters": _intervals(e)} if e["probability"] > LIKELY else {})
