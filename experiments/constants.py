@@ -5,7 +5,7 @@ changes (verdict, first hypothesis, whether the truth is in the ambiguity set) s
 one line a diagnosis in constants.jsonl beside it.  Resumable: what that file holds for this state of the code stays.
 
 Run: python -m experiments.constants [FOLDER] [--jobs N] [--cases p12 ...] [--only WIDE ...]
-(FOLDER: practice campaigns, usually $SENSORLESS_RECORDINGS/practice; 25 s a diagnosis, 900 of them: some 6 hours of one core)
+(FOLDER: practice campaigns, usually $SENSORLESS_RECORDINGS/practice; 900 diagnoses of 25 s: 6 hours of one core)
 """
 
 from __future__ import annotations

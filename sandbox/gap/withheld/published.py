@@ -1,6 +1,6 @@
 """Sizes of effects from published ranges (`published.toml`, a source each) in place of the ladder's multiples.
 
-A size is drawn as a place in its range, 0 its lower and 1 its upper end on a logarithmic scale.  What the seal calls
+A size is drawn as a place in its range, 0 its weak and 1 its strong end on a logarithmic scale.  What the seal calls
 size stays a multiple of the ladder's medium one, so that figures by size can be compared.
 """
 

@@ -72,7 +72,8 @@ def score(
         _forget(reports)
     if not finished:
         if not allow_mixed:  # nor on reports that cannot be judged beside older ones
-            one_code(_rows(method, BLIND, reports, names, {}), f"'{reports}'", [code_digest()])
+            places = (reports, reports / LEFT_OUT, reports / RESOLVED)
+            one_code([r for p in places for r in _rows(method, BLIND, p, names, {})], f"'{reports}'", [code_digest()])
         run_all(folder, dict.fromkeys(names, ()), diagnose, reports, jobs, progress)
     content = opened(folder)
     truth = content["campaigns"]

@@ -13,14 +13,17 @@ import pytest
 
 from model.effects.library import effect_names, load_effect
 from model.errors import BadInput
+from sandbox.gap.withheld import draw as draw_module
 from sandbox.gap.withheld import drives, mapped
 from sandbox.gap.withheld.draw import SEALED, TABLES, Case, cases, draw
 from sandbox.gap.withheld.drives import FAMILIES, OFF, SHAPES, draw_bench, family_drive, misjudge, sign_of
 from sandbox.gap.withheld.ladder import LADDER, plant
-from sandbox.gap.withheld.make import switched
+from sandbox.gap.withheld.make import campaign_of, switched
 from sandbox.gap.withheld.published import core_loss, multiple, planted, resonance, table
 from sandbox.gap.withheld.rows import rounded
+from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.switched.effects import SOFT_SIGN
+from tests.sandbox.gap.test_withheld_make import true_set
 
 ROOT = Path(__file__).parents[3]
 
@@ -31,7 +34,8 @@ def test_every_effect_has_ranges_with_sources_for_parameters_that_it_has():
         assert set(ranges) <= {p.name for p in load_effect(name).parameters}, name
         for key, r in ranges.items():
             assert len(r.source) > 4, (name, key)
-            assert r.turn or r.choices or 0.0 < r.range[0] < r.range[1], (name, key)
+            assert r.turn or r.choices or 0.0 < min(r.range) < max(r.range), (name, key)
+            assert r.form == "resonance" or r.turn or r.choices or r.range[0] < r.range[1], (name, key)
         assert next(iter(ranges.values())).range, name
 
 
@@ -47,7 +51,7 @@ def test_a_size_by_its_range_is_the_ladders_at_the_same_amount(name):
 
 @pytest.mark.parametrize("name", effect_names())
 def test_places_are_the_ends_of_the_range(name):
-    """Leading parameter at 0 and 1: lower and upper end, so sizes differ by the ratio of the range (logarithms of 1 + x
+    """Leading parameter at 0 and 1: weak and strong end, so sizes differ by the ratio of the range (logarithms of 1 + x
     where the motor's own value is off, squares where a stiffness follows from a frequency)."""
     drive, sizes = family_drive("modern"), []
     own = name, drive.motor, drive.converter
@@ -57,6 +61,7 @@ def test_places_are_the_ends_of_the_range(name):
     low, high = r.range
     ratio = math.log1p(high) / math.log1p(low) if r.ratio else (high / low) ** (-2 if r.form == "resonance" else 1)
     assert sizes[1] / sizes[0] == pytest.approx(ratio)
+    assert ratio > 1.0
 
 
 def test_forms_by_their_definition():
@@ -126,6 +131,24 @@ def test_the_sign_of_a_current_has_other_shapes_and_widths(monkeypatch):
     found = [sign_of(motor, rng)["soft_current"] / usual for _ in range(60)]
     assert min(found) < 0.2 < 0.5 < max(found)
     assert not any(0.2 < x < 0.5 for x in found)
+
+
+@pytest.mark.parametrize("name", ["coulomb_friction", "device_drop", "iron_loss", "shaft_compliance", "cogging_torque"])
+def test_what_is_drawn_from_a_range_is_in_the_data_as_the_seal_says(name, monkeypatch):
+    """At the sealed truth, nothing fitted, the floor: limits as with the ladder's sizes (test_withheld_make); without
+    the effect, at the strong end of its range, a gap.  The sign of a current is the usual one, which replays know."""
+    monkeypatch.setattr(draw_module, "sign_of", lambda motor, rng: {})
+    drawn = draw(Case(0, "one", "ipm_exchanged", "scored", (name,), (1.0,), table="published"), 21)
+    campaign = campaign_of(drawn, 0.3)
+    values = true_set(drawn, campaign)
+    without = {k: v for k, v in values.items() if k.partition(".")[0] != name}
+    prepared = prepare(campaign, values)
+    found = residuals(prepared, replay(prepared, [values, without]))
+    current = np.array([r.rms() for r in found])
+    motion = np.array([np.sqrt(np.mean(r.motion**2, axis=0)) for r in found if r.motion is not None])
+    assert np.sqrt(np.mean(current[:, 0] ** 2)) < 1.04
+    assert max(current[:, 0].max(), motion[:, 0].max()) < 1.2
+    assert max(current[:, 1].max(), motion[:, 1].max()) > 1.25
 
 
 @pytest.mark.parametrize("family", FAMILIES)
