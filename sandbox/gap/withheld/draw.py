@@ -27,6 +27,7 @@ from sandbox.gap.withheld.drives import (
     draw_bench,
     draw_drive,
     misjudge,
+    off_by,
     sign_of,
     valid,
 )
@@ -85,6 +86,7 @@ class Drawn:
     theta: float  # rad at the start; where a locked rotor stands
     seed: int
     sizes: tuple[float, ...]  # multiples of the medium one
+    off: dict[str, float]  # ordinary deviations, in stated ones
 
     def as_json(self) -> dict[str, Any]:
         """Return the truth as the seal keeps it."""
@@ -100,6 +102,7 @@ class Drawn:
             "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
             "true_motor": dataclasses.asdict(without_map(self.true.motor)),
             "plant": self.plant,
+            "deviations": self.off,
             "bench": {
                 "common_offset": float(np.mean(b.offsets)), "load_torque_offset": b.load_torque_offset,
                 "theta": self.theta, "soft_current": SOFT_SIGN * self.true.motor.rated_current, **self.sign,
@@ -261,7 +264,7 @@ def _once(case: Case, rng: Generator) -> Drawn | None:
     stands = float(rng.uniform(0.0, 2.0 * np.pi))
     return Drawn(
         case, dataclasses.replace(drive, motor=true), stated, bench, values, own, sign, drift, stands,
-        int(rng.integers(2**31)), tuple(multiples),
+        int(rng.integers(2**31)), tuple(multiples), off_by(believed, stated, bench),
     )  # fmt: skip
 
 
