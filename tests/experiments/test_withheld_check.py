@@ -43,6 +43,18 @@ def test_all_published_files_follow_from_rows_and_seal(results):
     assert {p.name: p.read_bytes() for p in results.iterdir() if p.suffix != ".png"} == before
 
 
+def test_both_tables_of_sizes_stand_side_by_side(results):
+    """Where both were run: a row a metric, published sizes first."""
+    write_rows(results / "ladder.rows.jsonl", [r for r in twelve() if r.campaign != "w001"])
+    (results / "ladder.truth.json").write_bytes((results / "mixed.truth.json").read_bytes())
+    assert recompute(results) == ["mixed", "ladder"]
+    text = (results / "README.md").read_text()
+    assert "| metric | goal | diagnosis | by the ladder |" in text
+    one, other = (by_method([r for r in twelve() if r.campaign != w])[0].figures["top1"] for w in ("", "w001"))
+    cells = [f"{f.value:.3g} [{f.low:.3g}, {f.high:.3g}], n = {f.n}" for f in (one, other)]
+    assert f"| top1 | ≥ 0.95 | {cells[0]} | {cells[1]} |" in text
+
+
 def test_rows_of_another_seal_or_of_several_states_of_the_code_are_refused(results):
     rows = twelve()
     write_rows(results / "controls.rows.jsonl", [type(r)(**{**vars(r), "code": "new"}) for r in rows])
