@@ -71,5 +71,5 @@ def test_the_truth_is_drawn_again_or_refused():
     with pytest.raises(BadInput, match="another version"):
         drawn_again(content, "w001")
     del content["sizes"]
-    with pytest.raises(BadInput, match="table of sizes"):
+    with pytest.raises(BadInput, match="another version"):
         drawn_again(content, "w001")
