@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from estimators.contract import Estimator as Estimator
     from estimators.contract import Sample as Sample
     from estimators.contract import Tuning as Tuning
+    from model.effects.own import adopt as use_effects
     from model.errors import BadInput as BadInput
     from model.errors import PhysicsError as PhysicsError
     from sandbox.public.catalogue import describe as describe
@@ -49,7 +50,7 @@ if TYPE_CHECKING:
 
 __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "load_motor", "load_scenario", "load_estimator", "read_campaign",
-    "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe",
+    "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe", "use_effects",
     "simulate", "compare", "protocol", "bench", "audit", "maps", "identify", "diagnose", "replay",
     "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "BadInput", "PhysicsError",

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NoReturn
 
+from model.effects.own import adopt
 from model.errors import BadInput, PhysicsError
 from sandbox import report
 from sandbox.cli import commands
@@ -59,6 +60,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def attempt(options: argparse.Namespace) -> int:
     """Run a command; turn what a user can cause into one sentence and an exit code."""
     try:
+        for file in getattr(options, "effects_from", ()):
+            adopt(file)
         options.run(options)
         sys.stdout.flush()
     except (BadInput, PhysicsError) as error:
@@ -111,6 +114,7 @@ def build_parser() -> Parser:
     )
     _own(c)
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
+    _own_effects(c)
     text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
     c = add("simulate", commands.run_simulate, "one run of one estimator")
@@ -122,6 +126,7 @@ def build_parser() -> Parser:
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
     c.add_argument("--plant", choices=("exact", "switched", "averaged"), help="(exact, or what the estimator needs)")
+    _own_effects(c)
     c.add_argument("--json-only", action="store_true", help="write simulate.json alone: no trace, figure or table")
     c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
     c = add("audit", commands.run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
@@ -135,7 +140,7 @@ def build_parser() -> Parser:
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     text = "names and units of recordings from elsewhere (see sandbox/IMPORTING.md)"
     c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
-    add_diagnose(add)
+    _own_effects(add_diagnose(add))
     c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
@@ -157,6 +162,7 @@ def build_parser() -> Parser:
     c = add("list", commands.run_list, "what there is", writes=False)
     c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets"))
     c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")
+    _own_effects(c)
     c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")
     c.add_argument("--web", action="store_true", help="in a browser, on this machine or another")
@@ -198,6 +204,11 @@ def _which(command: Parser) -> None:
 def _own(command: Parser) -> None:
     text = "an estimator of your own, beside those of --estimators (may be repeated)"
     command.add_argument("--estimator", action="append", default=[], metavar="FILE.py", help=text)
+
+
+def _own_effects(command: Parser) -> None:
+    text = "a Python file with effects of your own (may be repeated), beside those of the library"
+    command.add_argument("--effects-from", action="append", default=[], type=Path, metavar="FILE.py", help=text)
 
 
 def _peers(command: Parser) -> None:
