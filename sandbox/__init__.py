@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from estimators.contract import Estimator as Estimator
     from estimators.contract import Sample as Sample
     from estimators.contract import Tuning as Tuning
-    from model.effects.own import adopt as use_effects
     from model.errors import BadInput as BadInput
     from model.errors import PhysicsError as PhysicsError
     from sandbox.public.catalogue import describe as describe
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from sandbox.public.loading import load_motor as load_motor
     from sandbox.public.loading import load_scenario as load_scenario
     from sandbox.public.loading import read_campaign as read_campaign
+    from sandbox.public.loading import use_effects as use_effects
     from sandbox.public.machine import audit as audit
     from sandbox.public.machine import maps as maps
     from sandbox.public.recorded import diagnose as diagnose
@@ -60,7 +60,7 @@ _HOMES = {
     "estimators.contract": ("Estimator", "Belief", "Tuning", "Sample", "Estimate"),
     "model.errors": ("BadInput", "PhysicsError"),
     "sandbox.scenario": ("Scenario", "Segment"),
-    "sandbox.public.loading": ("load_motor", "load_scenario", "load_estimator", "read_campaign"),
+    "sandbox.public.loading": ("load_motor", "load_scenario", "load_estimator", "read_campaign", "use_effects"),
     "sandbox.public.catalogue": (
         "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe",
     ),

@@ -10,8 +10,8 @@ from typing import Any
 from sandbox import report
 
 
-def add_diagnose(add: Callable[..., Any]) -> None:
-    """Add the command to the command line by its own `add`."""
+def add_diagnose(add: Callable[..., Any]) -> Any:
+    """Add the command to the command line by its own `add`; return its parser."""
     c = add(
         "diagnose",
         run_diagnose,
@@ -21,6 +21,7 @@ def add_diagnose(add: Callable[..., Any]) -> None:
     c.add_argument("--nominal", choices=("linear",), help="leave the nominal model's saturation out")
     c.add_argument("--exclude", action="append", default=[], metavar="EFFECT", help="no candidate (may be repeated)")
     c.add_argument("--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/IMPORTING.md)")
+    return c
 
 
 def run_diagnose(options: argparse.Namespace) -> None:

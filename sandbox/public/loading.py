@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from estimators import registry
 from estimators.registry import AnyEstimator
+from model.effects.own import adopt
 from model.errors import BadInput
 from model.parameters import Drive, load_drive
 from sandbox import importing
@@ -17,6 +18,34 @@ from sandbox.scenario import Scenario
 
 if TYPE_CHECKING:
     from estimators.contract import Estimator
+
+
+def use_effects(file: str | Path) -> tuple[str, ...]:
+    """Add effects of your own to the library, before the first run or replay of the process.
+
+    Parameters
+    ----------
+    file : str or Path
+        A Python file whose tuple `EFFECTS` holds cards with equations at ports of the plant (`model.effects.card`).
+
+    Returns
+    -------
+    tuple of str
+        The names added; simulations, replays and diagnoses know them from now on.
+
+    Raises
+    ------
+    BadInput
+        For a file that cannot be read, a card without an equation, a name that is taken, or if the plant has been
+        compiled already.
+
+    Examples
+    --------
+    >>> from sandbox import use_effects
+    >>> use_effects("my_effects.py")  # doctest: +SKIP
+    ('fan', 'resolver')
+    """
+    return tuple(card.name for card in adopt(file))
 
 
 def load_motor(motor: str | Path | Drive = "ipm_exchanged") -> Drive:
