@@ -64,8 +64,8 @@ class Course(NamedTuple):
     bend: float
     jerk: float
     speed: float
-    load: float = 0.0  # of a rotor that the plant moves: asked of the load machine, N m
-    imposed: float = 0.0  # and rad/s^2 electrical
+    load: float  # of a rotor that the plant moves: asked of the load machine, N m
+    imposed: float  # and rad/s^2 electrical
 
 
 class Room(NamedTuple):
