@@ -25,6 +25,7 @@ from sandbox.plant.sampling import hold_start, peek
 TWO_THIRDS = 2.0 / 3.0
 SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
 NEVER = -1.0  # s
+GAUSS = 0.5773502691896258  # of the way from a segment's middle to its ends: two places give means of third degree
 LAST = EDGES + 3
 
 
@@ -173,7 +174,7 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
     if features & add.MAGNETS:
         add.magnets(w, c, s)
     if features & add.LAGS:
-        add.remember(w)
+        add.remember(w, span)
         if features & add.IRON and span > 0.0:
             add.close_iron(w, span)
     begin(w, flux_map, c, s, span, x, y, side, real)
@@ -200,7 +201,10 @@ def in_middle(w, flux_map, features, c, s, share, course, span, u_a, u_b, x, y):
         add.iron_in_middle(w, span, u_a, u_b, x, y)
     middle(w, flux_map, c, s, span, span * course.rate, u_a, u_b, x, y)
     if features & add.ENERGY:
-        add.energy_in_middle(w, c, s)
+        add.energy_in_middle(w, c, s, span, span * course.rate)
+        for share in (-GAUSS, GAUSS):
+            c_0, s_0 = turned(c, s, 0.5 * share * span * course.rate)
+            add.energy_at(w, c_0, s_0, share)
     if features & add.WINDING:
         add.winding_in_middle(w)
     if features & add.SKIN:
@@ -296,7 +300,7 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
             )
             middle_of = t + 0.5 * span
             if features & add.LINK:
-                add.supply(w, clock + middle_of)
+                add.supply(w, clock + middle_of - 0.5 * GAUSS * span, clock + middle_of + 0.5 * GAUSS * span)
             c, s = facing_at(course, middle_of)
             in_middle(w, flux_map, features, c, s, middle_of / period, course, span, u_a, u_b, x, y)
             until = 2.0 * period if g == EDGES and span >= left else t + span
