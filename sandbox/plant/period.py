@@ -170,7 +170,7 @@ def close_period(w, pending, period):
 def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real):
     """End the last segment and write all that holds at the start of the next."""
     if features & add.WOBBLE:
-        add.orient(w, share, course.speed)
+        add.orient(w, share, course.rate)
     if features & add.MAGNETS:
         add.magnets(w, c, s)
     if features & add.LAGS:
@@ -194,7 +194,7 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
 def in_middle(w, flux_map, features, c, s, share, course, span, u_a, u_b, x, y):
     """Write all that holds in the middle of a segment."""
     if features & add.WOBBLE:
-        add.orient(w, share, course.speed)
+        add.orient(w, share, course.rate)
     if features & add.MAGNETS:
         add.magnets(w, c, s)
     if features & add.IRON:
@@ -284,7 +284,7 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
         left = max(end - t, SHORTEST)
         while left > 0.0:
             if t == 0.0 and g == 0 and features & add.DELAYED and not features & add.MOVED:
-                add.orient(w, 0.0, course.speed)
+                add.orient(w, 0.0, course.rate)
             c, s = facing_at(course, t)
             at_start(w, flux_map, features, c, s, t / period, course, span, x, y, side, real)
             if t == 0.0 and g == 0:
