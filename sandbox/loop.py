@@ -21,7 +21,6 @@ from model.compiled import compiled_as, kernel, kernel_as
 from model.energy import min_eigenvalue
 from model.frames import rotate, stationary
 from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
-from sandbox.plant import additions as add
 from sandbox.plant import ports
 from sandbox.plant.batch import numba_type
 from sandbox.plant.edges import duties, write_edges
