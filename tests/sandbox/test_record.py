@@ -88,7 +88,7 @@ def test_columns_belong_to_the_interval_that_starts_there():
     r = done.recording
     first = int(np.argmax(np.hypot(r.u_alpha, r.u_beta) > 1.0))
     i = np.hypot(r.i_d, r.i_q)
-    assert i[first] == 0.0
+    assert i[first] < 1e-9  # edges at one instant are taken 1e-14 s apart: 400 V for so long, six times, over 45 mH
     h = DRIVE.converter.sampling_period
     u = np.hypot(r.u_alpha[first], r.u_beta[first])
     assert i[first + 1] == pytest.approx(u * h / DRIVE.motor.inductance_q, rel=0.6)  # between L_d and L_q
