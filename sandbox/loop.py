@@ -140,6 +140,12 @@ def rotor(w):
 
 
 @kernel
+def at_start(w, theta):
+    """Return the terminal current i_d, i_q (A) at the pattern's start, of a rotor at theta (rad)."""
+    return rotate(w.first_a[0], w.first_b[0], -theta)
+
+
+@kernel
 def instant(w, rig, rng):
     """Return when the next sample is taken, s after its pattern's start (before it where negative)."""
     if rig.jitter == 0.0:
@@ -273,7 +279,7 @@ def run_compiled(step, state, bench, rig, control, belief, tuning, profile, wave
         acting = (memory[U_ALPHA], memory[U_BETA])
         u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
-            true, u_dc = rotate(w.first_a[0], w.first_b[0], -theta), rig.link * memory[LINK]
+            true, u_dc = at_start(w, theta), rig.link * memory[LINK]
             row = table[k // rig.stride]
             record(row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc)
         keep(memory, (u_alpha, u_beta))

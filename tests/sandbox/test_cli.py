@@ -300,7 +300,7 @@ def test_names_with_markup_are_names(short, tmp_path, capsys):
     assert "[/bold] $" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("plant", ["averaged", "switched"])
+@pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_simulate_with_effects_on_both_plants_records_a_campaign(short, tmp_path, plant):
     from sandbox.campaign import read_campaign
 
