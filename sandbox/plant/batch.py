@@ -14,7 +14,7 @@ import numpy as np
 
 from sandbox.plant.ports import NUMBERS
 
-LANES = 16  # sets side by side in a replay: two or four vectors of today's processors
+LANES, FEW = 16, 4  # sets side by side in a replay: four vectors of most processors, or one where sets are few
 
 STATES = {  # what a period starts from; stationary frame (alpha, beta) unless said otherwise
     "psi_a": "flux linkage, Wb", "psi_b": "flux linkage, Wb",

@@ -18,14 +18,16 @@ from model.lanes import SHORT_TURN, turned, turned_a_little
 from sandbox.plant import additions as add
 from sandbox.plant import ports
 from sandbox.plant.edges import EDGES, LEG_X, LEG_Y, Edges, blank_edges
-from sandbox.plant.electrical import begin, bend, lose, middle, nothing_lost, stiffen
+from sandbox.plant.electrical import begin, bend, dropped, lose, middle, nothing_lost, plain_step, stiffen
 from sandbox.plant.mechanics import step_shaft
 from sandbox.plant.sampling import hold_start, peek
 
 TWO_THIRDS = 2.0 / 3.0
 SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
 NEVER = -1.0  # s
-BENDING = 1.0 / 64.0  # of the period: what curvature makes of shorter segments is far below 1e-6 of the current
+KINK = 2e-7  # s: an edge less late leaves less than 1e-6 of the current in a lag
+BENDING = 1.0 / 16.0  # of the period: what curvature makes of shorter segments is far below 1e-6 of the current
+ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED)  # what the plain step knows nothing of
 GAUSS = 0.5773502691896258  # of the way from a segment's middle to its ends: two places give means of third degree
 LAST = EDGES + 3
 
@@ -226,7 +228,7 @@ def part_of(left, timing, features, edge):
 
     Behind an edge that may act late, lags get a short segment of their own: their input is smooth beside it.
     """
-    if edge and features & add.LAGS and left > 2.0 * timing.tardy > 0.0:
+    if edge and features & add.LAGS and timing.tardy > KINK and left > 2.0 * timing.tardy:
         return timing.tardy
     return left if left <= timing.longest else left / math.ceil(left / timing.longest)
 
@@ -275,8 +277,9 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
     the rotor.
     """
     e, pending, period = room.edges, room.pending, timing.period
-    t, u_a, u_b = 0.0, 0.0, 0.0
+    t, u_a, u_b, begun = 0.0, 0.0, 0.0, False
     peeking = timing.first != 0.0 or timing.last != 0.0
+    plain = flux_map is None and features & ADDED == 0 and not peeking
     for g in range(EDGES + 1):
         x = y = side = real = 0.0
         if g > 0:
@@ -284,13 +287,14 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
         end = e.time[g] if g < EDGES else period
         left = max(end - t, SHORTEST)
         while left > 0.0:
-            if t == 0.0 and g == 0 and features & add.DELAYED and not features & add.MOVED:
-                add.orient(w, 0.0, course.rate)
-            c, s = facing_at(course, t)
-            at_start(w, flux_map, features, c, s, t / period, course, span, x, y, side, real)
-            if t == 0.0 and g == 0:
-                stiffen(w, flux_map, c, s)
-                first_instant(w, features, timing, pending, duty, before)
+            if not begun:
+                if t == 0.0 and g == 0 and features & add.DELAYED and not features & add.MOVED:
+                    add.orient(w, 0.0, course.rate)
+                c, s = facing_at(course, t)
+                at_start(w, flux_map, features, c, s, t / period, course, span, x, y, side, real)
+                if t == 0.0 and g == 0:
+                    stiffen(w, flux_map, c, s)
+                    first_instant(w, features, timing, pending, duty, before)
             span = part_of(left, timing, features, real > 0.0)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
             u_a, u_b = u_a + x, u_b + y
@@ -299,13 +303,23 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
                 if side != 0.0
                 else pending.until[LAST] > t and lose_waiting(w, pending, t, span, -1)
             )
-            middle_of = t + 0.5 * span
-            if features & add.LINK:
-                add.supply(w, clock + middle_of - 0.5 * GAUSS * span, clock + middle_of + 0.5 * GAUSS * span)
-            c, s = facing_at(course, middle_of)
-            long = span > BENDING * period
-            in_middle(w, flux_map, features, c, s, middle_of / period, course, span, long, u_a, u_b, x, y)
-            until = 2.0 * period if g == EDGES and span >= left else t + span
+            long, whole = span > BENDING * period, span >= left
+            plainly = plain and g < EDGES and not lossy
+            if begun and not plainly:
+                dropped(w)
+            begun = plainly
+            c, s = facing_at(course, t + 0.5 * span)
+            if begun:
+                k, turn = (g if whole else -1), span * course.rate
+                edge = (e.x[k], e.y[k], e.side[k], e.real[k]) if whole else (0.0, 0.0, 0.0, 0.0)
+                pulled = features & add.MOTION != 0
+                plain_step(w, (c, s), facing_at(course, t + span), span, turn, long, pulled, u_a, u_b, x, y, edge)
+            else:
+                middle_of = t + 0.5 * span
+                if features & add.LINK:
+                    add.supply(w, clock + middle_of - 0.5 * GAUSS * span, clock + middle_of + 0.5 * GAUSS * span)
+                in_middle(w, flux_map, features, c, s, middle_of / period, course, span, long, u_a, u_b, x, y)
+            until = 2.0 * period if g == EDGES and whole else t + span
             if peeking and len(looks) == 0:
                 peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y)
             for m in range(len(looks)):
