@@ -14,7 +14,7 @@ from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 from sandbox.loop import Bench
 from sandbox.plant import additions as add
-from sandbox.plant.period import blank_room
+from sandbox.plant.batch import blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.replay import at_rest
 

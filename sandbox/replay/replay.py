@@ -32,8 +32,7 @@ from model.frames import stationary
 from model.spline import SplineEnergy
 from sandbox.campaign import Campaign
 from sandbox.plant import additions, ports
-from sandbox.plant.batch import FEW, LANES
-from sandbox.plant.period import blank_room
+from sandbox.plant.batch import FEW, LANES, blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor, readings_off
 from sandbox.replay.kernel import run
@@ -176,7 +175,7 @@ def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
     for r, current, motion, angle in zip(
         prepared.recordings, prediction.currents, prediction.motion, prediction.angle, strict=True
     ):
-        turned = None if angle is None else (r.track.read[:, None] - angle) / r.angle_floor
+        turned = None if angle is None else (r.track["read"][:, None] - angle) / r.angle_floor
         out.append(Residual(r.file, r.rotor, (r.read[:, :, None] - current) / prepared.floor, motion, turned))
     return out
 
@@ -233,7 +232,7 @@ def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Ar
     features = block.features | (additions.MOTION if r.rotor == "free" else 0)
     _start(w, r, flux_map)
     timing = timing_of(w, drive.converter.sampling_period, prepared.steps)
-    run(w, flux_map, timing, features, blank_room(block.lanes), r.track, out, moved, first)
+    run(w, flux_map, timing, features, blank_room(block.lanes), r.track, r.motion.eccentric, out, moved, first)
 
 
 def _start(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
