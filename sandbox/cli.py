@@ -5,28 +5,20 @@ from __future__ import annotations
 import argparse
 import io
 import os
-import pickle
-import shutil
 import sys
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
-from model.errors import BadInput, PhysicsError
+from model.errors import BadInput, PhysicsError, sentence
 from sandbox import report
+from sandbox.arguments import Parser, number, positive_int, seed_number
 from sandbox.gap.commands import add_diagnose
 from sandbox.gap.withheld.commands import add_withheld
 
-
-class Parser(argparse.ArgumentParser):
-    """argparse that answers a wrong call with one sentence and exit code 2."""
-
-    def error(self, message: str) -> NoReturn:
-        """Print the message alone."""
-        print(f"{self.prog}: {message} (see `{self.prog} --help`)", file=sys.stderr)
-        raise SystemExit(2)
+OFFLINE = "SENSORLESS_OFFLINE"  # as model.datasets reads it
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -53,7 +45,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def attempt(options: argparse.Namespace) -> int:
     """Run a command; turn what a user can cause into one sentence and an exit code."""
+    before = os.environ.get(OFFLINE)
     try:
+        if getattr(options, "offline", False):
+            os.environ[OFFLINE] = "1"  # also of the processes that a command starts
         options.run(options)
         sys.stdout.flush()
     except (BadInput, PhysicsError) as error:
@@ -64,22 +59,17 @@ def attempt(options: argparse.Namespace) -> int:
         return _refuse(options, f"{error.filename or 'output'}: {error.strerror or error}")
     except MemoryError:
         return _refuse(options, "not enough memory for this run; shorten the scenario or compare fewer estimators")
-    except (EOFError, pickle.UnpicklingError):
-        shutil.rmtree(kernel_folder(), ignore_errors=True)
-        return _refuse(options, "the cache of compiled kernels was damaged and has been removed; call again")
+    finally:
+        if before is None:
+            os.environ.pop(OFFLINE, None)
+        else:
+            os.environ[OFFLINE] = before
     return 0
 
 
-def _refuse(options: argparse.Namespace, sentence: str, code: int = 2) -> int:
-    print(f"sensorless {options.command}: {sentence}", file=sys.stderr)
+def _refuse(options: argparse.Namespace, text: str, code: int = 2) -> int:
+    print(f"sensorless {options.command}: {sentence(text)}", file=sys.stderr)
     return code
-
-
-def kernel_folder() -> Path:
-    """Return the folder of this version's compiled kernels."""
-    from model.compiled import _CACHE_DIR
-
-    return Path(_CACHE_DIR)
 
 
 def build_parser() -> Parser:
@@ -97,6 +87,7 @@ def build_parser() -> Parser:
             command.add_argument("--jobs", type=positive_int, help="threads, where a command can use them (all cores)")
             command.add_argument("--seed", type=seed_number, default=0, help="of the sensors' noise")
             command.add_argument("--quiet", action="store_true", help="print nothing but errors")
+        _offline(command)
         return command
 
     c = add("compare", run_compare, "position error of a saturated against a linear belief (the main job)")
@@ -148,28 +139,9 @@ def build_parser() -> Parser:
     return parser
 
 
-def number(text: str) -> float:
-    """Parse a number as people write it (not 1_000)."""
-    from model.effects.library import number_of
-
-    try:
-        return number_of(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is no number") from None
-
-
-def positive_int(text: str) -> int:
-    """Parse a whole number of at least 1."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at least 1")
-    return int(text)
-
-
-def seed_number(text: str) -> int:
-    """Parse a whole number of at least 0."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at least 0")
-    return int(text)
+def _offline(command: Parser) -> None:
+    text = "download nothing: say which file is missing and where to put it (or SENSORLESS_OFFLINE=1)"
+    command.add_argument("--offline", action="store_true", help=text)
 
 
 def _which(command: Parser) -> None:
@@ -196,15 +168,17 @@ def run_compare(options: argparse.Namespace) -> None:
     """Compare beliefs; write compare.json, compare.png and compare.rrd."""
     from model.effects.library import parse
     from model.parameters import load_drive
-    from sandbox.compare import compare
+    from sandbox.compare import compare, known_estimators
     from sandbox.scenario import load_scenario
 
-    drive, scenario = load_drive(options.motor), load_scenario(options.scenario)
-    estimators = _names(options.estimators)
+    scenario, effects = load_scenario(options.scenario), parse(options.effects)
+    estimators = known_estimators(_names(options.estimators))
+    report.check_output(_folder(options))
+    drive = load_drive(options.motor)  # last: its flux map may have to be downloaded
     with report.progress_bar("comparing", options.quiet) as progress:
         result = compare(
             drive, scenario, estimators,
-            seed=options.seed, jobs=options.jobs, progress=progress, effects=parse(options.effects),
+            seed=options.seed, jobs=options.jobs, progress=progress, effects=effects,
         )  # fmt: skip
     content = result.as_json() | {"figure": "compare.png", "trace": None if options.no_trace else "compare.rrd"}
     if not options.quiet:
@@ -231,15 +205,18 @@ def run_simulate(options: argparse.Namespace) -> None:
     from sandbox.scenario import load_scenario
     from sandbox.score import error_of, settled_part
 
-    drive, scenario = load_drive(options.motor), load_scenario(options.scenario)
+    scenario = load_scenario(options.scenario)
     if options.duration is not None:
         scenario = scenario.cut(options.duration)
     estimator = load_estimator(options.estimator)
     effects = parse(options.effects)
+    report.check_output(_folder(options))
+    if options.record is not None:
+        check_new_folder(options.record, _folder(options))
+    drive = load_drive(options.motor)  # last: its flux map may have to be downloaded
     if options.record is not None:
         from sandbox.record import bench_of, campaign_of
 
-        check_new_folder(options.record, _folder(options))
         drive = bench_of(drive, estimator)
     result, gains = single(
         drive, scenario, options.estimator, options.belief, not options.open, options.seed, effects, options.plant
@@ -261,9 +238,11 @@ def run_simulate(options: argparse.Namespace) -> None:
             write_trace(out / "simulate.rrd", result)
         report.write_json(out, "simulate", content)
     if options.record is not None:
+        from model.names import fitting
         from sandbox.campaign import write_campaign
 
-        write_campaign(options.record, campaign_of(drive, scenario, run.recording, options.record.name))
+        name = fitting(options.record.name, "campaign")
+        write_campaign(options.record, campaign_of(drive, scenario, run.recording, name))
     if not options.quiet:
         report.print_run(result, gains)
         print(
@@ -343,7 +322,8 @@ def run_protocol(options: argparse.Namespace) -> None:
     """Run the protocol; write protocol.json, protocol.png and protocol.parquet."""
     from sandbox import protocol as p
 
-    folder = report.output_folder(_folder(options))
+    folder = _folder(options)
+    report.check_output(folder)
     with report.progress_bar("protocol", options.quiet) as progress:
         result = p.protocol(
             _names(options.estimators, p.ESTIMATORS),

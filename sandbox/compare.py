@@ -68,6 +68,16 @@ class Comparison:
         }
 
 
+def known_estimators(names: Iterable[str]) -> list[str]:
+    """Return names of estimators, each once; BadInput for an unknown one or none."""
+    names = list(dict.fromkeys(names))
+    if not names:
+        raise BadInput("no estimator to compare; name at least one")
+    for name in names:
+        load_estimator(name)
+    return names
+
+
 def compare(
     drive: Drive,
     scenario: Scenario,
@@ -83,9 +93,7 @@ def compare(
     The seed fixes the sensors' noise, the same in every run; very long runs are recorded thinned; `progress` is
     told the fraction done; effects: as `simulate`, theory is without them.  Raises BadInput or PhysicsError as it does.
     """
-    names = list(dict.fromkeys(estimators))
-    if not names:
-        raise BadInput("no estimator to compare; name at least one")
+    names = known_estimators(estimators)
     loaded = {name: load_estimator(name) for name in names}
     cases = list(product(names, BELIEFS, (True, False)))
     done = 0

@@ -18,8 +18,9 @@ from typing import Any
 
 from estimators.registry import load_estimator
 from model.compiled import source_key
+from model.datasets import locate
 from model.errors import BadInput, PhysicsError, unknown
-from model.parameters import Drive, load_drive
+from model.parameters import Drive, fetched, load_drive
 from sandbox.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
 from sandbox.protocol_tests import (
     Outcome,
@@ -124,11 +125,7 @@ class Protocol:
 
 def usual_motors() -> tuple[str, ...]:
     """Return MOTORS and, where its data set is on this machine, the measured one."""
-    try:
-        load_drive(MEASURED)
-    except BadInput:
-        return MOTORS
-    return (*MOTORS, MEASURED)
+    return (*MOTORS, MEASURED) if locate(MEASURED) is not None else MOTORS
 
 
 def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:
@@ -192,7 +189,8 @@ def protocol(
     """
     todo = units(usual_motors() if motors is None else motors, estimators, tests)
     named = dict.fromkeys(u.motor for u in todo)
-    drives = {motor: reversal_case()[0] if motor == PEER else load_drive(motor) for motor in named}
+    own = sorted((m for m in named if m != PEER), key=fetched)  # what is to be downloaded comes after all else is read
+    drives = {motor: load_drive(motor) for motor in own} | {PEER: reversal_case()[0]}
     kept = Kept(keep, seed)
     missing = [u for u in todo if u not in kept.rows]
     lock, done = threading.Lock(), len(todo) - len(missing)

@@ -47,12 +47,12 @@ def test_a_user_s_map_gives_back_the_motor_it_was_computed_from(folder, name):
 
 def test_a_fit_is_remembered_until_the_map_changes(folder):
     first = load_drive(folder / "mine.toml").motor
-    assert len(list((folder / "cache" / "maps").glob("*.npz"))) == 1
+    assert len(list((folder / "cache" / "maps").glob("*.kept"))) == 1
     again = load_drive(folder / "mine.toml").motor
     assert again == first
     assert hash(again) == hash(first)
     np.testing.assert_array_equal(again.spline.cells, first.spline.cells)
-    stored = next((folder / "cache" / "maps").glob("*.npz"))
+    stored = next((folder / "cache" / "maps").glob("*.kept"))
     stored.write_bytes(b"damaged")
     assert load_drive(folder / "mine.toml").motor == first
     rows = (folder / "mine.csv").read_text().splitlines()

@@ -112,7 +112,7 @@ def test_speed_loop_by_simulation():
 def test_design_is_remembered(tmp_path, monkeypatch):
     monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path))
     first = ds.design(load_drive("ipm"))
-    files = list((tmp_path / "designs").glob("*.json"))
+    files = list((tmp_path / "designs").glob("*.kept"))
     assert len(files) == 1
     monkeypatch.setattr(ds, "design_loops", lambda *a: pytest.fail("designed again"))
     assert ds.design(load_drive("ipm")) == first
