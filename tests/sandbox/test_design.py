@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import control
 import numpy as np
@@ -116,10 +117,17 @@ def test_design_is_remembered(tmp_path, monkeypatch):
     assert len(files) == 1
     monkeypatch.setattr(ds, "design_loops", lambda *a: pytest.fail("designed again"))
     assert ds.design(load_drive("ipm")) == first
-    files[0].write_text("{ broken")
     monkeypatch.undo()
     monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path))
-    assert ds.design(load_drive("ipm")) == first
+    text = files[0].read_text()
+    for damage in (
+        "{ broken",
+        text.replace("1", "2", 1),
+        re.sub(r"(\"kp\": \d)", r"\g<1>7", text),
+    ):  # a number changed, too
+        files[0].write_text(damage)
+        assert ds.design(load_drive("ipm")) == first
+        assert files[0].read_text() == text
 
 
 def test_gains_scale_with_the_motor():
