@@ -65,9 +65,13 @@ def drawn_again(content: Mapping[str, Any], name: str) -> Drawn:
     from sandbox.report import plain
 
     truths = content["campaigns"]
-    listed = cases(len(truths), content["seed"], content["kind"], content["style"], content["outside"])
-    drawn = draw(next(c for c in listed if c.name == name), content["seed"])
-    if plain(drawn.as_json()) != truths[name]:
+    try:
+        listed = cases(len(truths), content["seed"], content["kind"], content["style"], content["outside"])
+        drawn = draw(next(c for c in listed if c.name == name), content["seed"])
+        same = plain(drawn.as_json()) == truths[name]
+    except (LookupError, TypeError, ValueError, ArithmeticError, StopIteration):  # a header of no check of this version
+        same = False
+    if not same:
         raise BadInput(
             f"{name}: the seal was made by another version, whose bench cannot be drawn again; make a new one"
         )

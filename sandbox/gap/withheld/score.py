@@ -21,6 +21,7 @@ from sandbox.gap.answers import next_recording
 from sandbox.gap.contract import contract
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.where import where
+from sandbox.gap.withheld.documents import check_report, check_truth
 from sandbox.gap.withheld.follow import recommended
 from sandbox.gap.withheld.judge import Judgement, judge
 from sandbox.gap.withheld.limits import Figure
@@ -30,7 +31,6 @@ from sandbox.gap.withheld.running import Diagnose, follow_all, run_all
 from sandbox.report import plain
 
 DIAGNOSES, LEFT_OUT, RESOLVED = "diagnoses", "left_out", "resolved"
-LONGEST = 60.0  # s of a recommended recording
 LEAST_LEFT_OUT = 1.0  # size from which on an effect is left out of the library
 
 
@@ -156,38 +156,25 @@ def read_report(reports: Path, name: str) -> dict[str, Any]:
     """Return one stored diagnosis; BadInput where a file is none, or another campaign's."""
     path = reports / f"{name}.json"
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        sound = content.get("campaign", name) == name and ("failed" in content or _told(content))
-    except (ValueError, LookupError, TypeError, AttributeError):
-        sound = False
-    if not sound:
-        raise BadInput(f"'{path}' holds no report of {name}; delete it and score again")
-    return dict(content)
+        return check_report(read_json(path.read_bytes()), name)
+    except (OSError, ValueError) as error:  # BadInput, too
+        raise BadInput(f"'{path}' holds no report of {name}; delete it and score again ({error})") from None
 
 
-def _told(content: Mapping[str, Any]) -> bool:
-    """Tell whether a report holds what judging reads of the contract."""
-    hypotheses, following = content["hypotheses"], content.get("next_recording")
-    named = [h["effects"] for h in hypotheses] + list(content["ambiguity_set"])
-    numbers = [h["probability"] for h in hypotheses]
-    if following is not None:
-        numbers.append(following.get("power", 0.0))
-        if "entry" in following and not (isinstance(following["entry"], str) and 0.0 < following["seconds"] <= LONGEST):
-            return False
-    return (
-        bool(hypotheses)
-        and all(isinstance(e, str) for names in named for e in names)
-        and all(isinstance(p, (int, float)) and 0.0 <= p <= 1.0 + 1e-9 for p in numbers)
-        and isinstance(content["verdict"], str)
-        and isinstance(content["gap"]["before"], (int, float))
-        and all(isinstance(w["subsystem"], str) for w in content.get("where", []))
-        and isinstance(content.get("cost", {}), dict)
-    )
+def read_json(text: bytes) -> Any:
+    """Return a JSON document; ValueError where it is none."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("lists in lists without an end") from None
 
 
 def sealed(folder: Path) -> bytes:
     """Return the sealed file unread; BadInput where it is not the one that was hashed."""
-    data, path = (folder / SEAL).read_bytes(), folder / HASH
+    try:
+        data, path = (folder / SEAL).read_bytes(), folder / HASH
+    except OSError as error:
+        raise BadInput(f"'{folder / SEAL}' cannot be read ({error.strerror}); make the check anew") from None
     stated = path.read_bytes().split()[:1] if path.is_file() else []
     if not stated:
         raise BadInput(f"'{path}' is missing or empty, so the seal cannot be checked; make the check anew")
@@ -199,14 +186,11 @@ def sealed(folder: Path) -> bytes:
 
 def opened(folder: Path) -> dict[str, Any]:
     """Return what the seal holds; BadInput where it is not the file that was hashed, or holds no truth."""
+    data = sealed(folder)
     try:
-        content: dict[str, Any] = json.loads(sealed(folder))
-        whole = isinstance(content["campaigns"], dict)
-    except (ValueError, LookupError, TypeError):
-        whole = False
-    if not whole:
-        raise BadInput(f"'{folder / SEAL}' holds no truth of a check; make the check anew")
-    return content
+        return check_truth(read_json(data))
+    except ValueError as error:  # BadInput, too
+        raise BadInput(f"'{folder / SEAL}' holds no truth of a check; make the check anew ({error})") from None
 
 
 def table(scores: Sequence[Scores]) -> tuple[list[str], list[list[str]]]:
