@@ -79,7 +79,7 @@ def judged(work: Callable[[], Any]) -> Outcome:
     begun, kind, why = time.monotonic(), "accepted", ""
     try:
         with alarm(STOPPED), warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+            warnings.filterwarnings("error", category=RuntimeWarning, module="model|sandbox|estimators")  # more lines
             work()
     except (BadInput, PhysicsError) as error:
         kind, why = "refused", wrong_sentence(str(error))

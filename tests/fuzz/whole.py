@@ -222,8 +222,9 @@ def damaged_table(content, chance):
     columns = {k: v.to_numpy().copy() for k, v in zip(*_columns(parquet.read_table(io.BytesIO(content))), strict=True)}
     for _ in range(chance.choice((1, 1, 2))):
         name = chance.choice(list(columns))
-        x = columns[name]
-        n = len(x)
+        n = len(columns[name])
+        odd = not isinstance(columns[name], np.ndarray) or columns[name].dtype.kind != "f"
+        x = np.linspace(0.0, 1.0, n) if odd else columns[name]
         changed = x.copy()
         changed[chance.randrange(n)] = chance.choice((np.nan, np.inf, 1e308, -1e308, 0.0, 1e5))
         columns[name] = chance.choice((

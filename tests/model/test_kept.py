@@ -91,6 +91,7 @@ def test_a_function_without_a_file_is_compiled_too(tmp_path):
 
 def test_an_entry_is_read_as_written_or_not_at_all(tmp_path, capsys):
     path, chance = tmp_path / "deep" / "entry", random.Random(2)
+    kept.note.cache_clear()  # said once a process
     assert kept.read(path) is None
     body = chance.randbytes(500)
     kept.write(path, body)
