@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
+from model.matfile import read_mat
 
 MOST_BYTES = {".npz": 256_000_000, ".mat": 64_000_000, ".csv": 32_000_000}  # of a file; of an .npz only part is read
 NUMBERS = "fiuc"  # kinds of NumPy arrays that are read
-MAT_NUMBERS = ("double", "single", *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)))
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -79,26 +79,11 @@ def _npz(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[s
 
 
 def _mat(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[str]]:
-    from scipy.io import loadmat, whosmat
-
-    refuse_mat(path)
-    kinds = {name: (shape, kind) for name, shape, kind in whosmat(path)}
-    chosen = [n for n in kinds if n in wanted and kinds[n][1] in MAT_NUMBERS and len(kinds[n][0]) <= 2]
-    for name in chosen:
-        _check(path, name, kinds[name][0], most)
-    content = loadmat(path, squeeze_me=True, variable_names=chosen) if chosen else {}
-    arrays = {name: np.asarray(content[name]) for name in chosen if name in content}
-    return {name: a for name, a in arrays.items() if a.dtype.kind in NUMBERS}, sorted(kinds)
-
-
-def refuse_mat(path: Path) -> None:
-    """Raise BadInput for a MAT file of version 7.3, or of version 4, whose headers cannot be trusted."""
-    with path.open("rb") as file:
-        begin = file.read(128)
-    if begin.startswith((b"MATLAB 7.3", b"\x89HDF")):
-        raise BadInput(f"{path.name}: MAT version 7.3 (HDF5) is not read; save it with save(..., '-v7')")
-    if len(begin) < 128 or 0 in begin[:4]:
-        raise BadInput(f"{path.name}: not a MAT file of version 5 to 7; save it with save(..., '-v7')")
+    found = read_mat(path, MOST_BYTES[".mat"])
+    chosen = {name: np.squeeze(a) for name, a in found.items() if name in wanted}
+    for name, a in chosen.items():
+        _check(path, name, a.shape, most)
+    return {name: a for name, a in chosen.items() if a.ndim <= 2}, sorted(found)
 
 
 def _csv(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[str]]:

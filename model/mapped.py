@@ -32,7 +32,7 @@ from model.spline import SplineEnergy
 KEYS = ("dataset", "file", "magnet", "cells", "smooth")
 OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 ALPHAS = OF_MAP[3:]
-FITTED_BY = ("spline_energy.py", "spline.py", "fluxmap.py", "arrays.py")
+FITTED_BY = ("spline_energy.py", "spline.py", "fluxmap.py", "arrays.py", "matfile.py")
 
 
 @dataclass(frozen=True)
