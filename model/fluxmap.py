@@ -97,7 +97,9 @@ def read_map(path: str | Path, magnet: str = "d") -> FluxMap:
     if torque is not None and torque.size != i.size:
         torque = None
     turn = TURNS[magnet]
-    return _gridded(path.stem, (turn * i).ravel(), (turn * psi).ravel(), None if torque is None else torque.ravel())
+    with np.errstate(invalid="ignore"):  # single fluxes that are not finite are named where they stand on the grid
+        i, psi = turn * i, turn * psi
+    return _gridded(path.stem, i.ravel(), psi.ravel(), None if torque is None else torque.ravel())
 
 
 def check_axis(magnet: object) -> None:
@@ -190,7 +192,9 @@ def _complex(data: Arrays, quantity: str, path: Path, names: list[str]) -> NDArr
         d, q = np.meshgrid(d, q, indexing="ij")
     if d.shape != q.shape:
         raise BadInput(f"{path.name}: {quantity}_d has shape {d.shape}, {quantity}_q {q.shape}; they must be equal")
-    return np.asarray(d.astype(float) + 1j * q.astype(float))
+    both = np.empty(d.shape, dtype=complex)  # not d + 1j q: an infinite q would spoil d, too
+    both.real, both.imag = d, q
+    return both
 
 
 def _gridded(name: str, i: NDArray[np.complex128], psi: NDArray[np.complex128], torque: Any) -> FluxMap:

@@ -40,6 +40,7 @@ STATED = {  # standard deviations that a campaign may state
     ),
 }  # fmt: skip
 TABLES = ("campaign", "drive", "motor", "uncertainty", "background", "injection", "provenance", "recording")
+LARGEST = 1e12  # of any recorded number, in its unit
 LINK = (0.1, 1e5)  # V, as in [drive]
 OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
 RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
@@ -242,9 +243,12 @@ def _check_columns(file: str, columns: Mapping[str, Array]) -> None:
             raise BadInput(f"{file}: column '{name}' has {values.size} rows, 't' has {n}; they must be equal")
         if n < 2:
             raise BadInput(f"{file}: {n} rows; a recording needs at least 2")
-        bad = np.flatnonzero(~np.isfinite(values))
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
         if bad.size:
-            raise BadInput(f"{file}: row {bad[0]} of column '{name}' is {values[bad[0]]}; give finite numbers only")
+            raise BadInput(
+                f"{file}: row {bad[0]} of column '{name}' is {values[bad[0]]}; give finite numbers only, of at most "
+                f"{LARGEST:.0e} in size"
+            )
 
 
 def _check_period(r: CampaignRecording, period: float) -> None:

@@ -44,6 +44,7 @@ KINDS = {
 }
 KIND = {name: kind for kind, names in KINDS.items() for name in names}
 KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
+LARGEST = 1e18  # of any cell, nanoseconds included
 SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
 WRAP = 1.01  # turns within which a wrapped angle stays
 
@@ -174,13 +175,13 @@ def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: flo
 
 
 def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
-    bad = np.flatnonzero(~np.isfinite(raw))
+    bad = np.flatnonzero(~(np.abs(raw) <= LARGEST))
     if bad.size:
         k = int(bad[0])
         cell = table.odd.get((column, k))
         shown = f"{raw[k]}" if cell is None else f"'{cell[:20]}'" if cell else "empty"
         raise BadInput(
-            f"{file}: row {k} of column '{column}' is {shown}, no number; record every sample and export it again"
+            f"{file}: row {k} of column '{column}' is {shown}, no number that was measured; record every sample and export it again"
         )
 
 

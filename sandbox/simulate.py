@@ -21,7 +21,7 @@ from model.parameters import Drive
 from sandbox import loop
 from sandbox.design import Design, belief_of, design
 from sandbox.effects import compiled, longest_step, masses, start
-from sandbox.feasible import check_call, check_feasible, check_injection, checked
+from sandbox.feasible import check_call, check_feasible, check_injection, check_length, checked
 from sandbox.injection import carrier
 from sandbox.plant import LARGEST_TURN, Plant, steps_per_period
 from sandbox.recording import Recording
@@ -122,6 +122,7 @@ def simulate(
     on = partial(_switched, inside=estimator.inside) if plant == "switched" else averaged_bench
     run, x, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
     rig = rig_of(drive, scenario, bench[0].step, closed_loop, samples, stride, start_time)
+    check_length(samples, rig.plant_steps, h)
     step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
     profile = profile_of(drive, scenario)
     begun = time.thread_time()
