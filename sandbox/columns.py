@@ -181,7 +181,8 @@ def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
         cell = table.odd.get((column, k))
         shown = f"{raw[k]}" if cell is None else f"'{cell[:20]}'" if cell else "empty"
         raise BadInput(
-            f"{file}: row {k} of column '{column}' is {shown}, no number that was measured; record every sample and export it again"
+            f"{file}: row {k} of column '{column}' is {shown}, no number that was measured; record every sample "
+            "and export it again"
         )
 
 
