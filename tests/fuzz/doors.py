@@ -153,11 +153,11 @@ def called(arguments: list[str]) -> Outcome:
     if codes[0] == 0:
         return outcome
     if codes[0] not in (2, 3):
-        last = re.findall(r"^(\w+(?:\.\w+)*(?:Error|Exception|Reached)?: .*)$", said, re.MULTILINE)
+        last = re.findall(r"^(\w+(?:\.\w+)*(?:Error|Exception)?: .*)$", said, re.MULTILINE)
         return Outcome("escaped", f"exit code {codes[0]}: {(last or [said[-100:]])[-1][:120]}", outcome.seconds)
     sentence = said.removesuffix("\n").removesuffix(")").partition(" (see `")[0]
-    why = wrong_sentence(sentence.partition(": ")[2] or sentence)
-    return Outcome("escaped" if why else "refused", why, outcome.seconds)
+    wrong = wrong_sentence(sentence.partition(": ")[2] or sentence)
+    return Outcome("escaped" if wrong else "refused", wrong or sentence, outcome.seconds)
 
 
 def as_text(content: bytes) -> Any:

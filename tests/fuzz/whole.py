@@ -11,6 +11,7 @@ from unittest import mock
 import numpy as np
 
 from model.energy import flux_from_current
+from model.errors import PhysicsError
 from model.fluxmap import FluxMap, write_map
 from model.parameters import MOTORS, load_drive
 from sandbox.campaign import read_campaign, write_campaign
@@ -65,6 +66,7 @@ TRUTH = {
                            "parameters": {"dead_time.time": 2e-6}, "outside_subsystem": None}},
 }  # fmt: skip
 REPORTS = ("diagnoses/w000.json", "diagnoses/resolved/w000.json")
+REACHED = "the physics begins here"
 SHORT = "[scenario]\nsettle = 0.05\n[[segment]]\nduration = 0.1\n[[segment]]\nduration = 0.1\nload = 1.0\nramp = 0.05\n"
 
 
@@ -291,10 +293,6 @@ PHYSICS = (  # replaced where the command line is tried: what stands before them
 )  # fmt: skip
 
 
-class Reached(RuntimeError):
-    """Raised where the physics would have begun."""
-
-
 def call(arguments) -> Outcome:
     """Call the command line up to where the physics begins; getting there is being let in."""
     with mock.patch.multiple("sandbox.protocol", publish=_reached):
@@ -306,13 +304,13 @@ def call(arguments) -> Outcome:
         finally:
             for p in patches:
                 p.stop()
-    if outcome.kind == "escaped" and "Reached" in outcome.why:
+    if outcome.kind == "refused" and REACHED in outcome.why:
         return Outcome("accepted", "", outcome.seconds)
     return outcome
 
 
 def _reached(*_, **__):
-    raise Reached("the physics begins here")
+    raise PhysicsError(REACHED)
 
 
 def make_home(folder):
