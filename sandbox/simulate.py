@@ -21,7 +21,7 @@ from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
 from sandbox import loop
 from sandbox.design import Design, belief_of, design
-from sandbox.feasible import check_call, check_feasible, check_injection, checked
+from sandbox.feasible import check_call, check_feasible, check_injection, check_length, checked
 from sandbox.injection import carrier
 from sandbox.plant.closed import closed_bench, longest_step, rotor_flux
 from sandbox.plant.sets import features_of
@@ -123,6 +123,8 @@ def simulate(
     on = partial(_switched, inside=estimator.inside) if plant == "switched" else exact_bench
     run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
     rig = rig_of(drive, scenario, values, closed_loop, samples, stride, start_time)
+    if plant == "exact":
+        check_length(samples, max(1, math.ceil(h / bench[0].timing.longest)), h)
     step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
     profile = profile_of(drive, scenario)
     begun = time.thread_time()

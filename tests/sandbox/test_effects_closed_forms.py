@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sandbox.loop import encoder, read_current
-from tests.sandbox.effect_motors import CONVERTER, LINEAR, NO_MAGNET, TS, L, R, U, signs
+from tests.sandbox.effect_motors import LINEAR, NO_MAGNET, TS, L, R, U, signs
 from tests.sandbox.exact import Exact, exact, switched
 from tests.sandbox.test_switched_effects import pulsed
 
@@ -236,7 +236,9 @@ def test_iron_loss_reads_the_slope_of_the_zero_vector(plant, filter_time):
 def test_current_sampling_sees_the_zero_vector(plant, delay):
     """Late or early by less than the zero vector lasts, the reading is i exp(-R delay/L): drop right to 1e-5 of i."""
     expected = settled(plant, {}, 30 + 0j) * math.exp(-R * delay / L)
-    assert settled(plant, {"current_sampling.delay": delay}, 30 + 0j) == pytest.approx(expected, rel=1e-5 * R * 1e-5 / L)
+    assert settled(plant, {"current_sampling.delay": delay}, 30 + 0j) == pytest.approx(
+        expected, rel=1e-5 * R * 1e-5 / L
+    )
 
 
 @BOTH

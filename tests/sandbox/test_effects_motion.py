@@ -106,7 +106,9 @@ def test_iron_loss_brakes_a_shorted_motor():
         plant.advance(0j)
     begun = plant.motion[1]
     plant.advance(0j)
-    torque = [1.5 * 4 * (psi.conjugate() * (psi - 0.1) / 0.05).imag for psi in (iron(omega, c, 5e-4)[0] for c in (300.0, 1e9))]
+    torque = [
+        1.5 * 4 * (psi.conjugate() * (psi - 0.1) / 0.05).imag for psi in (iron(omega, c, 5e-4)[0] for c in (300.0, 1e9))
+    ]
     assert (plant.motion[1] - begun) * 1e3 / TS == pytest.approx(torque[0], rel=1e-4)
     assert abs(torque[1] - torque[0]) > 0.1 * abs(torque[0])
 
