@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from model.effects.library import friction_rate
-from model.energy import AnyEnergy
+from model.energy import AnyEnergy, Energy
 from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 from sandbox.loop import Bench
@@ -85,7 +85,7 @@ def _magnetics(w: Any, motor: Motor, truth: AnyEnergy | None) -> SplineEnergy | 
             for row in ("gamma_d", "gamma_q", "cubic_d", "cubic_q", "quartic_d", "quartic_dq", "quartic_q"):
                 w[row][:] = 0.0
         return energy
-    if truth is not None:
+    if isinstance(truth, Energy):
         w["gamma_d"][:], w["gamma_q"][:] = truth.gamma_d, truth.gamma_q
         w["cubic_d"][:], w["cubic_q"][:] = 3.0 * truth.alpha_30, truth.alpha_12
         w["quartic_d"][:], w["quartic_dq"][:] = 4.0 * truth.alpha_40, truth.alpha_22

@@ -137,7 +137,8 @@ def settle(w, j, i_a, i_b, span, turned):
     r = w.resistance[j]
     w.j_a[j], w.j_b[j], w.fall_a[j], w.fall_b[j] = settled(
         i_a, i_b, i_a - w.i_a[j], i_b - w.i_b[j], w.mid_a[j], w.mid_b[j], w.mid_a[j] - w.psi_a[j],
-        w.mid_b[j] - w.psi_b[j], r, 0.25 * span * (r + w.skin_r[j]), turned, w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j],
+        w.mid_b[j] - w.psi_b[j], r, 0.25 * span * (r + w.skin_r[j]), turned,
+        w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j],
     )  # fmt: skip
 
 
@@ -167,7 +168,7 @@ def middle(w, flux_map, c_0, s_0, span, turned, u_a, u_b, x, y):
 
 @inlined
 def curved(w, j, c, s, d, q, mid_a, mid_b, p_a, p_b, turned):
-    """Return what the quartic's curvature adds to the mean drop (V) of a segment's straight line: H'''/24 of its square.
+    """Return what the quartic's curvature adds to a segment's mean drop (V): H'''/24 of its straight line's square.
 
     d, q: flux due to currents in the middle; mid: all of it, stationary frame; p: its change from the start.
     """
@@ -233,8 +234,8 @@ def plain_step(w, here, there, span, turned, long, pulled, u_a, u_b, x, y, edge)
 
 @inlined
 def pull(pairs, mid_a, mid_b, m_a, m_b, p_a, p_b, e_a, e_b):
-    """Return the mean torque of a segment (N m) less what turns with the angle: flux and magnetising current go straight
-    through (mid, m), having changed by (p, e) since the start."""
+    """Return the mean torque of a segment (N m) less what turns with the angle: flux and magnetising current go
+    straight through (mid, m), having changed by (p, e) since the start."""
     return 1.5 * pairs * (mid_a * m_b - mid_b * m_a + THIRD * (p_a * e_b - p_b * e_a))
 
 

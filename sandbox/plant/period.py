@@ -241,7 +241,8 @@ def moved(w, features, course, t, span):
 def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen):
     """Move a batch on by one period of its room's edges along a course of the rotor; return its last segment (s).
 
-    clock: of the pattern less its delay, s after the recording began; span: the last period's last segment, whose end is still to be taken (0 at the beginning); looks: (m,)
+    clock: of the pattern less its delay, s after the recording began; span: the last period's last
+    segment, whose end is still to be taken (0 at the beginning); looks: (m,)
     instants (s) at which the first lane's current is held besides, seen (m, 2); features with MOVED: the plant moves
     the rotor.
     """

@@ -2,7 +2,8 @@
 
 Same physics as `sandbox.plant.period` and none of its code; space vectors are complex numbers alpha + j beta.
 
-    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m(theta),  m = phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta
+    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m(theta)
+    m = phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta
     dpsi/dt = u - R i - R_1 (i - x) - phases(i),  tau_c di_c/dt = (dpsi/dt)/R_c - i_c,  tau_x dx/dt = i - x
     tau_f df/dt = i - f,  torque = 3/2 p [Im(psi* (i - i_c)) + (i - i_c) . dm/dtheta - dH/dtheta]
 
@@ -161,7 +162,7 @@ class Reference:
         """
         n, v, t = len(duty), self.v, self.v["pwm_delay.delay"]
         readings, states = np.tile(self.read(t, y), (n, 1)), np.tile(y, (n, 1))
-        pulses, events = Legs(self), []
+        pulses, events = Legs(self), list[tuple[float, str, int, int]]()
         for k in range(n):
             for when, kind in ((k * self.period + t, "pattern"), (k * self.period, "state")):
                 heapq.heappush(events, (when, kind, k, 0))
@@ -191,8 +192,8 @@ class Reference:
         """Return what the three sensors read (A)."""
         v = self.v
         i = two(y, FILTER) if v["current_filter.time_constant"] else self.current(t, y)
-        off = v["current_offset.offset_a"], v["current_offset.offset_b"]
-        off = (*off, -sum(off))
+        first, second = v["current_offset.offset_a"], v["current_offset.offset_b"]
+        off = (first, second, -first - second)
         gain = [v[f"current_gain.gain_{x}"] for x in "abc"]
         return np.array([gain[k] * (i * A ** (-k)).real + off[k] + v["bench.common_offset"] for k in range(3)])
 

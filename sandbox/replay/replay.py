@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
-from model.energy import SOLVED, Energy, flux_newton
+from model.energy import SOLVED, AnyEnergy, Energy, flux_newton
 from model.errors import BadInput
 from model.frames import stationary
 from model.spline import SplineEnergy
@@ -268,7 +268,7 @@ def _flux_as_read(w: Any, j: int, r: Inputs, c: float, s: float, flux_map: Splin
     """Return the flux (Wb) that the first reading's current links in lane j; its lags start from that current."""
     phases = np.array(unread(w, j, *(r.read[0] - w["common"][j])))
     i_a, i_b = stationary(*(float(x) for x in phases))
-    own = Energy(*(float(w[row][j] / n) for row, n in ENERGY_ROWS))
+    own: AnyEnergy = Energy(*(float(w[row][j] / n) for row, n in ENERGY_ROWS))
     i_d, i_q = c * i_a + s * i_b, c * i_b - s * i_a
     if flux_map is not None:
         own = flux_map
