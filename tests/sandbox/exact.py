@@ -4,8 +4,8 @@ import numpy as np
 
 from model.effects.library import complete
 from sandbox.loop import INSTANT, LINK, MEMORY, SPAN, U_ALPHA, U_BETA, Rig, encoder, progress, read_phases, rotor
-from sandbox.plant.closed import closed_bench
-from sandbox.simulate import LONGEST
+from sandbox.plant.closed import closed_bench, longest_step
+from sandbox.plant.sets import features_of
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.simulate import replay
 from tests.sandbox.effect_motors import CONVERTER, LINEAR, U, vector
@@ -16,7 +16,8 @@ class Exact:
 
     def __init__(self, effects=None, motor=LINEAR, rotor="locked", theta=0.0, speed=0.0, converter=CONVERTER):
         values = complete(motor, converter, effects)
-        self.bench = closed_bench(motor, converter, values, rotor, theta, LONGEST)
+        step = longest_step(motor, values, features_of(motor, values), motor.pole_pairs * abs(speed))
+        self.bench = closed_bench(motor, converter, values, rotor, theta, step)
         self.w, self.pairs = self.bench.w, motor.pole_pairs
         self.w["speed"][0] = self.pairs * speed
         jitter = values["current_sampling.jitter"]
