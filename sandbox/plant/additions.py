@@ -7,7 +7,7 @@ then continuous, whatever the voltage does.
 
 from __future__ import annotations
 
-from model.compiled import kernel
+from model.compiled import inlined, kernel
 from model.lanes import lag_moments, lag_weights, sine_cosine
 from sandbox.plant import ports
 from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD, facing, finished, halfway, seen
@@ -31,10 +31,11 @@ def orient(w, share, speed):
 
 
 @kernel
-def supply(w, clock):
-    """Write the link's voltage at an instant of the recording (s), later by each lane's delay."""
+def supply(w, early, late):
+    """Write the link's voltage, mean of two instants of the recording (s), later by each lane's delay."""
     for j in range(w.psi_a.size):
-        w.link[j] = w.supply[j] - w.sunk[j] + ports.link(w, j, clock + w.delay[j])
+        more = ports.link(w, j, early + w.delay[j]) + ports.link(w, j, late + w.delay[j])
+        w.link[j] = w.supply[j] - w.sunk[j] + 0.5 * more
 
 
 @kernel
@@ -53,14 +54,21 @@ def magnets(w, c_0, s_0):
         w.rest_d[j], w.rest_q[j], _, _ = ports.magnets(w, j, c, s)
 
 
+@inlined
+def further(w, j, c_0, s_0, a, b):
+    """Return the current (A), stationary frame, of the energy's further terms at a flux (Wb)."""
+    c, s = facing(w, j, c_0, s_0)
+    d, q = seen(w, j, c, s, a, b)
+    i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
+    return c * i_d - s * i_q, s * i_d + c * i_q
+
+
 @kernel
 def energy_at_start(w, c_0, s_0, x, y, side, real):
     """Add to the current at the segment's start what the energy's further terms say; drop and lateness follow."""
     for j in range(w.psi_a.size):
-        c, s = facing(w, j, c_0, s_0)
-        d, q = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
-        i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
-        i_a, i_b = w.i_a[j] + c * i_d - s * i_q, w.i_b[j] + s * i_d + c * i_q
+        w.more_a[j], w.more_b[j] = further(w, j, c_0, s_0, w.psi_a[j], w.psi_b[j])
+        i_a, i_b = w.i_a[j] + w.more_a[j], w.i_b[j] + w.more_b[j]
         w.i_a[j], w.i_b[j] = i_a, i_b
         w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
         sign = min(max((x * i_a + y * i_b) * w.soft[j], -1.0), 1.0)
@@ -68,22 +76,45 @@ def energy_at_start(w, c_0, s_0, x, y, side, real):
 
 
 @kernel
-def energy_in_middle(w, c_0, s_0):
-    """Add the same in the segment's middle."""
+def energy_in_middle(w, c_0, s_0, span, turned):
+    """Add the same in the segment's middle, and what it changes in the drop's terms of `electrical.settle`: the way to
+    the middle has all of the current's change, the line that turns by `turned` (rad) none of these terms'."""
+    across = turned * (1.0 / 6.0)
     for j in range(w.psi_a.size):
-        c, s = facing(w, j, c_0, s_0)
-        d, q = seen(w, j, c, s, w.mid_a[j], w.mid_b[j])
-        i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
-        i_a, i_b = w.j_a[j] + c * i_d - s * i_q, w.j_b[j] + s * i_d + c * i_q
-        w.j_a[j], w.j_b[j] = i_a, i_b
-        w.fall_a[j], w.fall_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
+        i_a, i_b = further(w, j, c_0, s_0, w.mid_a[j], w.mid_b[j])
+        k = 0.25 * span * (w.resistance[j] + w.skin_r[j])
+        x, y = k * (w.stiff_aa[j] * i_a + w.stiff_ab[j] * i_b), k * (w.stiff_ab[j] * i_a + w.stiff_bb[j] * i_b)
+        w.j_a[j], w.j_b[j] = w.j_a[j] + i_a - x, w.j_b[j] + i_b - y
+        w.fall_a[j] -= w.resistance[j] * (x * (4.0 / 3.0) + across * w.more_b[j])
+        w.fall_b[j] -= w.resistance[j] * (y * (4.0 / 3.0) - across * w.more_a[j])
 
 
 @kernel
-def remember(w):
-    """Keep the current at the segment's start: the lags close over it once its end is known."""
+def energy_at(w, c_0, s_0, share):
+    """Add to the mean drop half of what further currents take at a share of the way from the middle to either end.
+
+    Harmonics turn many times as fast as the rotor: their mean is taken at two places (Gauss), the flux on its line.
+    """
+    for j in range(w.psi_a.size):
+        a = w.mid_a[j] + share * (w.mid_a[j] - w.psi_a[j])
+        b = w.mid_b[j] + share * (w.mid_b[j] - w.psi_b[j])
+        i_a, i_b = further(w, j, c_0, s_0, a, b)
+        w.fall_a[j] += 0.5 * w.resistance[j] * i_a
+        w.fall_b[j] += 0.5 * w.resistance[j] * i_b
+
+
+@kernel
+def remember(w, span):
+    """Keep the current at the start of the segment that ends (span, s), and the bend that late edges gave its flux.
+
+    Lags close over them once the end is known: their input is a parabola with the right mean, and a late edge makes
+    the flux's mean differ from that of its ends by `bend`, where Simpson's rule would see two thirds of it.
+    """
+    half = 0.5 * span
     for j in range(w.psi_a.size):
         w.last_a[j], w.last_b[j] = w.i_a[j], w.i_b[j]
+        w.bend_a[j] = 0.5 * (w.mid_a[j] - w.psi_a[j] + half * w.drop_a[j] - 0.5 * w.volt_a[j])
+        w.bend_b[j] = 0.5 * (w.mid_b[j] - w.psi_b[j] + half * w.drop_b[j] - 0.5 * w.volt_b[j])
 
 
 @kernel
@@ -92,8 +123,8 @@ def close_iron(w, span):
     for j in range(w.psi_a.size):
         a, b = finished(w, j, span)
         decay, w_0, w_m, w_1 = lag_weights(span * w.core_rate[j])
-        y_a = decay * w.eddy_a[j] + w_0 * w.psi_a[j] + w_m * w.mid_a[j] + w_1 * a
-        y_b = decay * w.eddy_b[j] + w_0 * w.psi_b[j] + w_m * w.mid_b[j] + w_1 * b
+        y_a = decay * w.eddy_a[j] + w_0 * w.psi_a[j] + w_m * (w.mid_a[j] + w.bend_a[j]) + w_1 * a
+        y_b = decay * w.eddy_b[j] + w_0 * w.psi_b[j] + w_m * (w.mid_b[j] + w.bend_b[j]) + w_1 * b
         w.eddy_a[j], w.eddy_b[j] = y_a, y_b
         g = w.core_g[j] * w.core_rate[j]
         w.core_a[j], w.core_b[j] = g * (a - y_a), g * (b - y_b)
@@ -112,13 +143,21 @@ def iron_in_middle(w, span, u_a, u_b, x, y):
         w.core_b[j] = g * ((decay - 1.0) * w.eddy_b[j] + zeroth * q + 2.0 * first * (b - q))
 
 
+@inlined
+def bent(w, j):
+    """Return the current (A) that stands in a segment's middle for a lag: see `remember`."""
+    x, y = w.bend_a[j], w.bend_b[j]
+    return w.j_a[j] + w.stiff_aa[j] * x + w.stiff_ab[j] * y, w.j_b[j] + w.stiff_ab[j] * x + w.stiff_bb[j] * y
+
+
 @kernel
 def close_filter(w, span):
     """Move the sensors' filter on by a segment that ends with the current as it is now."""
     for j in range(w.psi_a.size):
         decay, w_0, w_m, w_1 = lag_weights(span * w.filter_rate[j])
-        w.filter_a[j] = decay * w.filter_a[j] + w_0 * w.last_a[j] + w_m * w.j_a[j] + w_1 * w.i_a[j]
-        w.filter_b[j] = decay * w.filter_b[j] + w_0 * w.last_b[j] + w_m * w.j_b[j] + w_1 * w.i_b[j]
+        m_a, m_b = bent(w, j)
+        w.filter_a[j] = decay * w.filter_a[j] + w_0 * w.last_a[j] + w_m * m_a + w_1 * w.i_a[j]
+        w.filter_b[j] = decay * w.filter_b[j] + w_0 * w.last_b[j] + w_m * m_b + w_1 * w.i_b[j]
 
 
 @kernel
@@ -126,8 +165,9 @@ def close_skin(w, span):
     """Move the slow part of the current on by a segment, and add the skin effect's drop at its end."""
     for j in range(w.psi_a.size):
         decay, w_0, w_m, w_1 = lag_weights(span * w.skin_rate[j])
-        x_a = decay * w.slow_a[j] + w_0 * w.last_a[j] + w_m * w.j_a[j] + w_1 * w.i_a[j]
-        x_b = decay * w.slow_b[j] + w_0 * w.last_b[j] + w_m * w.j_b[j] + w_1 * w.i_b[j]
+        m_a, m_b = bent(w, j)
+        x_a = decay * w.slow_a[j] + w_0 * w.last_a[j] + w_m * m_a + w_1 * w.i_a[j]
+        x_b = decay * w.slow_b[j] + w_0 * w.last_b[j] + w_m * m_b + w_1 * w.i_b[j]
         w.slow_a[j], w.slow_b[j] = x_a, x_b
         w.drop_a[j] += w.skin_r[j] * (w.i_a[j] - x_a)
         w.drop_b[j] += w.skin_r[j] * (w.i_b[j] - x_b)

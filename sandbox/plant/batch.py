@@ -36,6 +36,8 @@ SCRATCH = {  # within a period
     "first_a": "terminal current at the pattern's start, A", "first_b": "terminal current there, A",
     "j_a": "terminal current in its middle, A", "j_b": "terminal current in its middle, A",
     "last_a": "terminal current at the last segment's start, A", "last_b": "terminal current there, A",
+    "more_a": "of it what the energy's further terms say, A", "more_b": "likewise, A",
+    "bend_a": "half of what late edges add to the segment's mean flux, Wb", "bend_b": "likewise, Wb",
     "drop_a": "resistive voltage at the start, V", "drop_b": "resistive voltage at the start, V",
     "fall_a": "resistive voltage, mean of the segment, V", "fall_b": "resistive voltage, mean of the segment, V",
     "volt_a": "volt-seconds of the segment, V s", "volt_b": "volt-seconds of the segment, V s",

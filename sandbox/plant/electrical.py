@@ -6,12 +6,16 @@ Stationary frame, psi the whole flux linkage, z what currents make of it in the 
 
 A segment is the time between two edges.  Over it u is constant but for edges that act late, so its volt-seconds and
 their mean are known exactly; the drop is taken in the middle of the segment, at the mean flux.  Two terms make the
-step one of third order, e the current's change from start to middle, omega the rotor's speed, G the inverse
-inductance at the period's start: the drop on the way to the middle (the flux there is off by R S/4 e), and the
-current's curvature, of whose S^2/24 the middle knows nothing: i'' = -R G i' + omega^2 i + 2 j omega i' (decay, and a
-straight line in a frame that turns).  `begin` ends the last segment, gives the current at the edge and how late the
-edge acts; `middle` goes on to the segment's middle.  What an effect adds comes between, in a loop of its own
-(`additions`): what is neutral costs nothing.
+step one of third order or nearly so, e the current's change from start to middle, omega the rotor's speed, G the
+inverse inductance at the period's start: the drop on the way to the middle (the flux there is off by R S/4 e), and the
+current's curvature, of whose S^2/24 the middle knows nothing.  From i = exp(j theta) dH/dz, psi'' = -R i' and
+z' = exp(-j theta) (psi' - j omega psi):
+
+    i'' = -R G i' + omega^2 i + 2 j omega i' - G (omega^2 psi + 2 j omega psi') + exp(j theta) H'''[z', z']
+
+`begin` ends the last segment, gives the current at the edge and how late the edge acts; `middle` goes on to the
+segment's middle; `bend` adds the last term, in segments long enough for it (not of flux maps: their step stays of
+second order).  What an effect adds comes between, in a loop of its own (`additions`): what is neutral costs nothing.
 """
 
 from __future__ import annotations
@@ -118,9 +122,13 @@ def settle(w, j, i_a, i_b, span, turned):
     x, y = k * (w.stiff_aa[j] * e_a + w.stiff_ab[j] * e_b), k * (w.stiff_ab[j] * e_a + w.stiff_bb[j] * e_b)
     i_a, i_b = i_a - x, i_b - y
     w.j_a[j], w.j_b[j] = i_a, i_b
-    more, across = 1.0 + turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
-    w.fall_a[j] = r * (more * i_a - across * e_b - x * (1.0 / 3.0))
-    w.fall_b[j] = r * (more * i_b + across * e_a - y * (1.0 / 3.0))
+    square, across = turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
+    p = across * (w.mid_b[j] - w.psi_b[j]) - square * w.mid_a[j]
+    q = -across * (w.mid_a[j] - w.psi_a[j]) - square * w.mid_b[j]
+    y_a, y_b = w.stiff_aa[j] * p + w.stiff_ab[j] * q, w.stiff_ab[j] * p + w.stiff_bb[j] * q
+    more = 1.0 + square
+    w.fall_a[j] = r * (more * i_a - across * e_b - x * (1.0 / 3.0) + y_a)
+    w.fall_b[j] = r * (more * i_b + across * e_a - y * (1.0 / 3.0) + y_b)
 
 
 @kernel
@@ -145,6 +153,46 @@ def middle(w, flux_map, c_0, s_0, span, turned, u_a, u_b, x, y):
             c, s = facing(w, j, c_0, s_0)
             i_a, i_b = terminal(w, j, c, s, w.i_d[j], w.i_q[j])
             settle(w, j, i_a, i_b, span, turned)
+
+
+@kernel
+def bend(w, c_0, s_0, turned):
+    """Add to the mean drop what the quartic's curvature makes of a segment's straight line: H'''/24 of its square."""
+    for j in range(w.psi_a.size):
+        a, b = w.mid_a[j], w.mid_b[j]
+        c, s = facing(w, j, c_0, s_0)
+        d, q = seen(w, j, c, s, a, b)
+        p_a, p_b = 2.0 * (a - w.psi_a[j]) + turned * b, 2.0 * (b - w.psi_b[j]) - turned * a
+        x, y = c * p_a + s * p_b, c * p_b - s * p_a
+        ddd, ddq = 2.0 * w.cubic_d[j] + 6.0 * w.quartic_d[j] * d, 4.0 * w.quartic_dq[j] * q
+        dqq, qqq = 2.0 * w.cubic_q[j] + 4.0 * w.quartic_dq[j] * d, 6.0 * w.quartic_q[j] * q
+        xx, xy, yy = x * x, 2.0 * x * y, y * y
+        r = w.resistance[j] * (1.0 / 24.0)
+        i_d, i_q = r * (ddd * xx + ddq * xy + dqq * yy), r * (ddq * xx + dqq * xy + qqq * yy)
+        w.fall_a[j] += c * i_d - s * i_q
+        w.fall_b[j] += s * i_d + c * i_q
+
+
+@kernel
+def plain_step(w, here, there, span, turned, u_a, u_b, x, y, edge):
+    """Take a whole segment of a plant that nothing is added to, up to the next edge: `middle`, then `begin`, in one.
+
+    here, there: cos and sin of the angle handed in, in the middle and at the end; edge: (x, y, side, real) of the next.
+    """
+    inverse = 1.0 / span
+    e_x, e_y, side, real = edge
+    for j in range(w.psi_a.size):
+        a, b = halfway(w, j, span, inverse, u_a, u_b, x, y)
+        c, s = facing(w, j, here[0], here[1])
+        i_d, i_q = quartic(w, j, c * a + s * b - w.magnet[j], c * b - s * a)
+        settle(w, j, c * i_d - s * i_q, s * i_d + c * i_q, span, turned)
+        w.torque[j] = 1.5 * w.pairs[j] * (a * w.j_b[j] - b * w.j_a[j])
+        w.impulse[j] += span * w.torque[j]
+        a, b = finished(w, j, span)
+        w.psi_a[j], w.psi_b[j] = a, b
+        c, s = facing(w, j, there[0], there[1])
+        i_d, i_q = quartic(w, j, c * a + s * b - w.magnet[j], c * b - s * a)
+        take(w, j, c * i_d - s * i_q, s * i_d + c * i_q, e_x, e_y, side, real)
 
 
 @kernel

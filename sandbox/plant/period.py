@@ -18,7 +18,7 @@ from model.lanes import SHORT_TURN, turned, turned_a_little
 from sandbox.plant import additions as add
 from sandbox.plant import ports
 from sandbox.plant.edges import EDGES, LEG_X, LEG_Y, Edges, blank_edges
-from sandbox.plant.electrical import begin, lose, middle, nothing_lost, stiffen
+from sandbox.plant.electrical import begin, bend, lose, middle, nothing_lost, stiffen
 from sandbox.plant.mechanics import step_shaft
 from sandbox.plant.sampling import hold_start, peek
 
@@ -26,6 +26,8 @@ TWO_THIRDS = 2.0 / 3.0
 SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
 NO_TIME = 1e-11  # s: speed over a shorter one is rounding
 NEVER = -1.0  # s
+BENDING = 1.0 / 64.0  # of the period: what curvature makes of shorter segments is far below 1e-6 of the current
+GAUSS = 0.5773502691896258  # of the way from a segment's middle to its ends: two places give means of third degree
 LAST = EDGES + 3
 
 
@@ -170,11 +172,11 @@ def close_period(w, pending, period):
 def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real):
     """End the last segment and write all that holds at the start of the next."""
     if features & add.WOBBLE:
-        add.orient(w, share, course.speed)
+        add.orient(w, share, course.rate)
     if features & add.MAGNETS:
         add.magnets(w, c, s)
     if features & add.LAGS:
-        add.remember(w)
+        add.remember(w, span)
         if features & add.IRON and span > 0.0:
             add.close_iron(w, span)
     begin(w, flux_map, c, s, span, x, y, side, real)
@@ -191,17 +193,22 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
 
 
 @inlined
-def in_middle(w, flux_map, features, c, s, share, course, span, u_a, u_b, x, y):
-    """Write all that holds in the middle of a segment."""
+def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, x, y):
+    """Write all that holds in the middle of a segment; long: whether its curvature counts."""
     if features & add.WOBBLE:
-        add.orient(w, share, course.speed)
+        add.orient(w, share, course.rate)
     if features & add.MAGNETS:
         add.magnets(w, c, s)
     if features & add.IRON:
         add.iron_in_middle(w, span, u_a, u_b, x, y)
     middle(w, flux_map, c, s, span, span * course.rate, u_a, u_b, x, y)
+    if flux_map is None and long:
+        bend(w, c, s, span * course.rate)
     if features & add.ENERGY:
-        add.energy_in_middle(w, c, s)
+        add.energy_in_middle(w, c, s, span, span * course.rate)
+        for share in (-GAUSS, GAUSS):
+            c_0, s_0 = turned(c, s, 0.5 * share * span * course.rate)
+            add.energy_at(w, c_0, s_0, share)
     if features & add.WINDING:
         add.winding_in_middle(w)
     if features & add.SKIN:
@@ -281,7 +288,7 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
         left = max(end - t, SHORTEST)
         while left > 0.0:
             if t == 0.0 and g == 0 and features & add.DELAYED and not features & add.MOVED:
-                add.orient(w, 0.0, course.speed)
+                add.orient(w, 0.0, course.rate)
             c, s = facing_at(course, t)
             at_start(w, flux_map, features, c, s, t / period, course, span, x, y, side, real)
             if t == 0.0 and g == 0:
@@ -297,9 +304,10 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
             )
             middle_of = t + 0.5 * span
             if features & add.LINK:
-                add.supply(w, clock + middle_of)
+                add.supply(w, clock + middle_of - 0.5 * GAUSS * span, clock + middle_of + 0.5 * GAUSS * span)
             c, s = facing_at(course, middle_of)
-            in_middle(w, flux_map, features, c, s, middle_of / period, course, span, u_a, u_b, x, y)
+            long = span > BENDING * period
+            in_middle(w, flux_map, features, c, s, middle_of / period, course, span, long, u_a, u_b, x, y)
             until = 2.0 * period if g == EDGES and span >= left else t + span
             if peeking and len(looks) == 0:
                 peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y)

@@ -112,17 +112,9 @@ def run(w, flux_map, timing, features, room, track, out, moved, first):
         duty[0], duty[1], duty[2] = track.d_a[k], track.d_b[k], track.d_c[k]
         write_edges(room.edges, duty, before, room.shift, period)
         course = Course(
-            track.cos[k],
-            track.sin[k],
-            0.5 * period,
-            0.0,
-            track.rate[k],
-            track.bend[k],
-            track.jerk[k],
-            track.speed[k],
-            0.0,
-            0.0,
-        )
+            track.cos[k], track.sin[k], 0.5 * period, 0.0, track.rate[k], track.bend[k], track.jerk[k], track.speed[k],
+            0.0, 0.0,
+        )  # fmt: skip
         span = travel(w, flux_map, timing, features, room, course, k * period, duty, before, span, looks, seen)
         read(w)
         if timing.first >= 0.0:

@@ -1,0 +1,250 @@
+"""The plant once more, readable: phase legs, edges and samples as events, SciPy's integrator between them.
+
+Same physics as `sandbox.plant.period` and none of its code; space vectors are complex numbers alpha + j beta.
+
+    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m(theta),  m = phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta
+    dpsi/dt = u - R i - R_1 (i - x) - phases(i),  tau_c di_c/dt = (dpsi/dt)/R_c - i_c,  tau_x dx/dt = i - x
+    tau_f df/dt = i - f,  torque = 3/2 p [Im(psi* (i - i_c)) + (i - i_c) . dm/dtheta - dH/dtheta]
+
+A commanded edge is taken at its instant; how late it acts, the current says there.  What is sampled is f, or i where
+there is no filter, handed to the sensors.  Slow (about 10 ms a period): for tests, and to be read.
+"""
+
+from __future__ import annotations
+
+import cmath
+import heapq
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.optimize import root
+
+from model.parameters import Motor
+from model.spline import SplineEnergy
+
+Array = NDArray[np.float64]
+A = cmath.exp(2j * math.pi / 3.0)
+PSI, CORE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST = 0, 2, 4, 6, 8, 9, 10, 11  # places in the state
+
+
+@dataclass
+class Reference:
+    """A motor with completed effects `v` (public names, `bench.*` too) on an inverter of given period (s) and link (V).
+
+    course: rotor angle (rad electrical) and speed (rad/s electrical) by time; None: the rotor moves by its torque.
+    load: N m asked of the load machine, by time.
+    """
+
+    motor: Motor
+    v: Mapping[str, float]
+    period: float
+    link: float
+    course: Callable[[float], tuple[float, float]] | None = None
+    load: Callable[[float], float] = lambda t: 0.0
+    levels: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
+    sunk: float = 0.0  # V that the link sags by
+
+    def gradient(self, z: complex) -> complex:
+        """Return dH/dd + j dH/dq (A) of the motor's own energy at the flux due to currents (Wb)."""
+        d, q, m, v = z.real, z.imag, self.motor, self.v
+        if isinstance(m.energy, SplineEnergy):
+            return map_gradient(m.energy, d, q)
+        a = {n: v[f"saturation.alpha_{n}"] for n in ("30", "12", "40", "22", "04")}
+        i_d = d / (v["inductance.scale_d"] * m.inductance_d) + 3.0 * a["30"] * d**2 + a["12"] * q**2
+        i_q = q / (v["inductance.scale_q"] * m.inductance_q) + 2.0 * a["12"] * d * q + 4.0 * a["04"] * q**3
+        return complex(i_d + 4.0 * a["40"] * d**3 + 2.0 * a["22"] * d * q**2, i_q + 2.0 * a["22"] * d**2 * q)
+
+    def machine(self, psi: complex, theta: float) -> tuple[complex, float]:
+        """Return the magnetising current (A) and the air-gap torque (N m)."""
+        v, e, e_6 = self.v, cmath.exp(1j * theta), cmath.exp(6j * theta)
+        h_d, h_q, g = v["flux_harmonics.psi_d6"], v["flux_harmonics.psi_q6"], v["inductance_harmonics.gamma_6"]
+        m = complex(v["magnet_flux.magnet_flux"] + h_d * e_6.real, h_q * e_6.imag)
+        slope = complex(-6.0 * h_d * e_6.imag, 6.0 * h_q * e_6.real)
+        z = psi / e - m
+        i = self.gradient(z) + g * e_6 * z.conjugate()  # H += g/2 Re(z^2 exp(-6j theta))
+        turning = 3.0 * g * (z * z / e_6).imag
+        torque = ((psi / e).conjugate() * i).imag + (i.conjugate() * slope).real - turning
+        return i * e, 1.5 * self.motor.pole_pairs * torque
+
+    def phases(self, i: complex) -> complex:
+        """Return the vector of what the phases lose one by one (V)."""
+        v, lost = self.v, 0j
+        for k, own in enumerate((v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"], 0.0)):
+            x = (i * A ** (-k)).real
+            r = v["device_drop.on_resistance"] + own
+            lost += (2.0 / 3.0) * A**k * (v["device_drop.threshold"] * self.sign(x) + r * x)
+        return lost
+
+    def sign(self, current: float) -> float:
+        """Return the soft sign of a leg's current (A)."""
+        return min(max(current / self.v["bench.soft_current"], -1.0), 1.0)
+
+    def voltage(self, t: float) -> complex:
+        """Return the vector of the legs' voltages (V)."""
+        v, ripple = self.v, 0.0
+        if v["dc_link_ripple.amplitude"]:
+            angle = math.tau * v["dc_link_ripple.frequency"] * t + v["dc_link_ripple.phase"]
+            ripple = v["dc_link_ripple.amplitude"] * math.sin(angle)
+        link = (1.0 + v["dc_link_error.gain_error"]) * self.link - self.sunk + ripple
+        return (2.0 / 3.0) * link * sum(level * A**k for k, level in enumerate(self.levels))
+
+    def rotor(self, t: float, y: Array) -> tuple[float, float]:
+        """Return the rotor's angle (rad electrical) and speed (rad/s electrical)."""
+        return self.course(t) if self.course else (y[THETA], self.motor.pole_pairs * y[OMEGA])
+
+    def current(self, t: float, y: Array) -> complex:
+        """Return the terminal current (A)."""
+        return self.machine(two(y, PSI), self.rotor(t, y)[0])[0] + two(y, CORE)
+
+    def slopes(self, t: float, y: Array) -> Array:
+        """Return the state's time derivative."""
+        v, out = self.v, np.zeros_like(y)
+        magnetising, torque = self.machine(two(y, PSI), self.rotor(t, y)[0])
+        i = magnetising + two(y, CORE)
+        fast = i - two(y, SLOW)
+        d_psi = self.voltage(t) - v["stator_resistance.resistance"] * i - self.phases(i)
+        d_psi -= v["skin_effect.resistance"] * fast
+        put(out, PSI, d_psi)
+        if math.isfinite(v["iron_loss.core_resistance"]):
+            rest = d_psi / v["iron_loss.core_resistance"] - two(y, CORE)
+            put(out, CORE, rest / v["iron_loss.time_constant"])
+        put(out, SLOW, fast / v["skin_effect.time_constant"])
+        if v["current_filter.time_constant"]:
+            put(out, FILTER, (i - two(y, FILTER)) / v["current_filter.time_constant"])
+        if not self.course:
+            out[THETA] = self.motor.pole_pairs * y[OMEGA]
+            out[OMEGA:] = self.shaft(t, y, torque)
+        return out
+
+    def shaft(self, t: float, y: Array, torque: float) -> tuple[float, float, float]:
+        """Return accelerations of motor and load (rad/s^2) and the slope of the twist, all mechanical."""
+        v, omega, load_omega = self.v, y[OMEGA], y[LOAD_OMEGA]
+        angle = v["cogging_torque.order_mech"] * y[THETA] / self.motor.pole_pairs + v["cogging_torque.phase"]
+        level = v["coulomb_friction.torque"]
+        level += v["coulomb_friction.stribeck_torque"] * math.exp(-((omega / v["coulomb_friction.stribeck_speed"]) ** 2))
+        net = torque + v["cogging_torque.amplitude"] * math.sin(angle)
+        net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(omega / v["coulomb_friction.width"])
+        load = self.load(t) * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
+        j, j_l, k = v["inertia.inertia"], v["shaft_compliance.load_inertia"], v["shaft_compliance.stiffness"]
+        if not (j_l and math.isfinite(k)):
+            return (net - load) / j, (net - load) / j, 0.0
+        damping = 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(k * (j - j_l) * j_l / j)
+        through = k * y[TWIST] + damping * (omega - load_omega)
+        return (net - through) / (j - j_l), (through - load) / j_l, omega - load_omega
+
+    def start(self, theta: float = 0.0, current: complex = 0j) -> Array:
+        """Return the state at rest at an angle (rad electrical) and a terminal current (A)."""
+        def miss(x: Array) -> Array:
+            """Return by how much the current misses at a flux."""
+            left = self.machine(complex(*x), theta)[0] - current
+            return np.array([left.real, left.imag])
+
+        y, zero = np.zeros(12), self.v["magnet_flux.magnet_flux"] * cmath.exp(1j * theta)
+        put(y, PSI, complex(*root(miss, [zero.real, zero.imag], tol=1e-14).x))
+        for first in (SLOW, FILTER):
+            put(y, first, current)
+        y[THETA] = theta
+        return y
+
+    def run(self, duty: Array, y: Array) -> tuple[Array, Array]:
+        """Return readings (n, 3) in A for t_k and states (n, 12) at t_k under duties (n, 3) of the periods from t_k on.
+
+        y: the state at the first pattern's start, which is later than t_0 by the delay of the pattern.
+        """
+        n, v, t = len(duty), self.v, self.v["pwm_delay.delay"]
+        readings, states = np.tile(self.read(t, y), (n, 1)), np.tile(y, (n, 1))
+        pulses, events = Legs(self), []
+        for k in range(n):
+            for when, kind in ((k * self.period + t, "pattern"), (k * self.period, "state")):
+                heapq.heappush(events, (when, kind, k, 0))
+            heapq.heappush(events, (k * self.period + v["current_sampling.delay"], "sample", k, 0))
+        while events:
+            when, kind, k, leg = heapq.heappop(events)
+            if when > t:
+                y = solve_ivp(self.slopes, (t, when), y, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
+                t = when
+            if kind == "pattern":
+                i, d = self.current(t, y), duty[k]
+                drawn = sum(d[m] * (i * A ** (-m)).real for m in range(3))
+                self.sunk = v["dc_link_error.sag"] * drawn
+                for edge in pulses.commanded(t, d):
+                    heapq.heappush(events, edge)
+            elif kind in ("fall", "rise"):
+                heapq.heappush(events, pulses.taken(t, leg, kind, (self.current(t, y) * A ** (-leg)).real))
+            elif kind == "z act":
+                pulses.act(t, leg, k)
+            elif kind == "state":
+                states[k] = y
+            else:
+                readings[k] = self.read(t, y)
+        return readings, states
+
+    def read(self, t: float, y: Array) -> Array:
+        """Return what the three sensors read (A)."""
+        v = self.v
+        i = two(y, FILTER) if v["current_filter.time_constant"] else self.current(t, y)
+        off = v["current_offset.offset_a"], v["current_offset.offset_b"]
+        off = (*off, -sum(off))
+        gain = [v[f"current_gain.gain_{x}"] for x in "abc"]
+        return np.array([gain[k] * (i * A ** (-k)).real + off[k] + v["bench.common_offset"] for k in range(3)])
+
+
+class Legs:
+    """Commanded edges and late ones of three legs: a pulse, or a gap between two, is never shorter than nothing."""
+
+    def __init__(self, plant: Reference) -> None:
+        self.plant, self.before, self.last = plant, [0.5, 0.5, 0.5], [(-1.0, 0, 0.0)] * 3  # act, number, level
+
+    def commanded(self, t: float, duty: Array) -> list[Any]:
+        """Return the events of edges commanded in the period from t on."""
+        out, period = [], self.plant.period
+        for leg, d in enumerate(duty):
+            if self.before[leg] >= 1.0 > d:
+                out.append((t, "fall", 0, leg))
+            if d > 0.0 and not (d >= 1.0 and self.before[leg] >= 1.0):
+                out.append((t + 0.5 * (1.0 - d) * period, "rise", 0, leg))
+            if 0.0 < d < 1.0:
+                out.append((t + 0.5 * (1.0 + d) * period, "fall", 0, leg))
+            self.before[leg] = d
+        return out
+
+    def taken(self, t: float, leg: int, kind: str, current: float) -> Any:
+        """Return the event of an edge that is commanded now, at which it acts; what it overtakes acts no more."""
+        v, rises = self.plant.v, kind == "rise"
+        blank, sign = v["dead_time.time"], self.plant.sign(current)
+        act = t + 0.5 * (abs(blank) + (1.0 if rises else -1.0) * blank * sign)
+        waiting, number, _ = self.last[leg]
+        overtaken = waiting > t and act <= waiting
+        self.last[leg] = (-1.0 if overtaken else act, number + 1, 1.0 if rises else 0.0)
+        return (t, "z act", -1, leg) if overtaken else (act, "z act", number + 1, leg)
+
+    def act(self, t: float, leg: int, number: int) -> None:
+        """Set a leg's level where the edge that acts is still the last one taken."""
+        _, last, level = self.last[leg]
+        if number == last:
+            self.plant.levels[leg] = level
+
+
+def two(y: Array, first: int) -> complex:
+    """Return two numbers of the state as a vector."""
+    return complex(y[first], y[first + 1])
+
+
+def put(y: Array, first: int, value: complex) -> None:
+    """Write a vector to two numbers of the state."""
+    y[first], y[first + 1] = value.real, value.imag
+
+
+def map_gradient(m: SplineEnergy, d: float, q: float) -> complex:
+    """Return dH/dd + j dH/dq (A) of a flux map by NumPy's polynomials; inside its box."""
+    x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
+    i, j = int(x), int(y)
+    powers_x, powers_y = (x - i) ** np.arange(5), (y - j) ** np.arange(5)
+    slope_x, slope_y = (np.arange(5) * np.append(0.0, powers[:4]) for powers in (powers_x, powers_y))
+    cell = m.cells[i, j]
+    return complex(slope_x @ cell @ powers_y * m.per_d, powers_x @ cell @ slope_y * m.per_q)

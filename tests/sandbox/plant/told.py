@@ -1,0 +1,66 @@
+"""Duties and a motion told outright, through the replay's kernel and through the readable reference."""
+
+import dataclasses
+
+import numpy as np
+
+from model.parameters import load_drive
+from sandbox.campaign import Campaign
+from sandbox.plant.reference import Reference
+from sandbox.plant.sets import complete
+from sandbox.replay.inputs import LEGS, Inputs, course_of
+from sandbox.replay.kernel import Track
+from sandbox.replay.replay import Prepared
+from sandbox.replay.smoothing import Motion
+
+DRIVE = load_drive("ipm")
+SPEED = 600.0  # rad/s electrical: 0.15 rad a period
+
+
+def told(drive, duty, angle, speed, rotor="driven", load=0.0, eccentric=True):
+    """Return inputs of a rotor whose angle is read as `angle` (n,) without error, no current at the first sample.
+
+    Innovations are left as they come: rad, of a rotor that nothing corrects.
+    """
+    n, pairs, period = len(duty), float(drive.motor.pole_pairs), drive.converter.sampling_period
+    motion = Motion(np.asarray(angle, float), np.asarray(speed, float), eccentric)
+    none = np.zeros(n)
+    track = Track(*np.ascontiguousarray(np.transpose(duty)), load=none + load, read=motion.angle, gain_angle=none,
+                  gain_speed=none, scale=np.ones(n), **course_of(motion, pairs, period))  # fmt: skip
+    inputs = Inputs("told", rotor, track, np.zeros((n, 3)), motion, 1.0, pairs, False)
+    return Prepared(Campaign("told", drive, (), {}, {}, False), (inputs,), 1, 1.0, {})
+
+
+def duties(n, speed=SPEED, size=0.25, drive=DRIVE, theta=0.3):
+    """Return duties (n, 3) of a voltage that turns with the rotor, a square wave along its d axis on top."""
+    k = np.arange(n)
+    middle = theta + speed * drive.converter.sampling_period * (k + 0.5)
+    u = (size * np.exp(1.6j) + 0.08 * np.where(k % 8 < 4, 1, -1)) * np.exp(1j * middle)
+    legs = np.stack([u.real, u.imag], axis=1) @ LEGS.T
+    return np.clip(0.5 + legs - 0.5 * (legs.max(axis=1) + legs.min(axis=1))[:, None], 0.0, 1.0)
+
+
+def turning(n, speed=SPEED, drive=DRIVE, theta=0.3):
+    """Return the angle and speed (n,) of a rotor at constant speed (rad/s electrical)."""
+    return theta + speed * drive.converter.sampling_period * np.arange(n), np.full(n, speed)
+
+
+def reference(drive, values, duty, speed=SPEED, theta=0.3, **more):
+    """Return readings and states of the readable reference: at constant speed, or (speed None) moved by its torque."""
+    v = complete(drive.motor, drive.converter, values)
+    true = theta - v["encoder_offset.offset"]
+    course = None if speed is None else lambda t: (true + speed * t, speed)
+    plant = Reference(drive.motor, v, drive.converter.sampling_period, drive.converter.dc_bus_voltage, course, **more)
+    return plant.run(duty, plant.start(true))
+
+
+def apart(drive, one, other):
+    """Return the rms difference of two courses of three readings (n, 3) as a vector, over rated current; the first
+    sample, which may come before the first pattern, left out."""
+    miss = (np.asarray(one) - np.asarray(other))[1:]
+    return float(np.sqrt(np.mean(np.sum(miss**2, axis=1) * 2.0 / 3.0))) / drive.motor.rated_current
+
+
+def finer(prepared, steps):
+    """Return the same with more steps a period."""
+    return dataclasses.replace(prepared, steps=steps)
