@@ -21,6 +21,7 @@ from sandbox.replay.replay import at_rest
 LARGEST_TURN = 0.1  # rad of the rotor, and of a harmonic of its angle thrice that, in one step
 LARGEST_DECAY = 0.1  # of the winding's time constant at zero current, in one step
 LARGEST_RUB = 0.5  # of the time in which dry friction brings the rotor to rest within its width
+LARGEST_LAG = 1.5  # of the iron's time constant: a segment's drop is predicted with the current at its start
 HARMONIC = 6.0
 
 
@@ -30,10 +31,12 @@ def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_o
     The step is of third order: at these bounds its error in the resistive drop stays below 1e-5 of it (tests).
     """
     energy = motor.energy
-    decay = motor.resistance * max(energy.gamma_d, energy.gamma_q)
+    decay = (motor.resistance + values["skin_effect.resistance"]) * max(energy.gamma_d, energy.gamma_q)
     step = min(LARGEST_DECAY / decay, LARGEST_TURN / max(top_omega, 1.0))
     if features & add.ANGULAR:
         step = min(step, 3.0 * LARGEST_TURN / (HARMONIC * max(top_omega, 1.0)))
+    if features & add.IRON:
+        step = min(step, LARGEST_LAG * values["iron_loss.time_constant"])
     if friction_rate(values) > 0.0:
         step = min(step, LARGEST_RUB / friction_rate(values))
     return step

@@ -126,7 +126,9 @@ class Reference:
         v, omega, load_omega = self.v, y[OMEGA], y[LOAD_OMEGA]
         angle = v["cogging_torque.order_mech"] * y[THETA] / self.motor.pole_pairs + v["cogging_torque.phase"]
         level = v["coulomb_friction.torque"]
-        level += v["coulomb_friction.stribeck_torque"] * math.exp(-((omega / v["coulomb_friction.stribeck_speed"]) ** 2))
+        level += v["coulomb_friction.stribeck_torque"] * math.exp(
+            -((omega / v["coulomb_friction.stribeck_speed"]) ** 2)
+        )
         net = torque + v["cogging_torque.amplitude"] * math.sin(angle)
         net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(omega / v["coulomb_friction.width"])
         load = self.load(t) * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
@@ -139,6 +141,7 @@ class Reference:
 
     def start(self, theta: float = 0.0, current: complex = 0j) -> Array:
         """Return the state at rest at an angle (rad electrical) and a terminal current (A)."""
+
         def miss(x: Array) -> Array:
             """Return by how much the current misses at a flux."""
             left = self.machine(complex(*x), theta)[0] - current
