@@ -21,7 +21,7 @@ from sandbox.replay.replay import at_rest
 LARGEST_TURN = 0.1  # rad of the rotor, and of a harmonic of its angle thrice that, in one step
 LARGEST_DECAY = 0.1  # of the winding's time constant at zero current, in one step
 LARGEST_RUB = 0.5  # of the time in which dry friction brings the rotor to rest within its width
-LARGEST_LAG = 1.5  # of the iron's time constant: a segment's drop is predicted with the current at its start
+LARGEST_LAG = 0.5  # of the iron's time constant: its current is no parabola over a longer segment
 HARMONIC = 6.0
 
 

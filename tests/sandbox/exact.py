@@ -17,7 +17,8 @@ class Exact:
     def __init__(self, effects=None, motor=LINEAR, rotor="locked", theta=0.0, speed=0.0, converter=CONVERTER):
         values = complete(motor, converter, effects)
         step = longest_step(motor, values, features_of(motor, values), motor.pole_pairs * abs(speed))
-        self.bench = closed_bench(motor, converter, values, rotor, theta, step)
+        ahead = motor.pole_pairs * speed * values["pwm_delay.delay"]  # the plant's periods begin with their pattern
+        self.bench = closed_bench(motor, converter, values, rotor, theta + ahead, step)
         self.w, self.pairs = self.bench.w, motor.pole_pairs
         self.w["speed"][0] = self.pairs * speed
         jitter = values["current_sampling.jitter"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sandbox.loop import encoder, read_current
-from tests.sandbox.effect_motors import CONVERTER, LINEAR, NO_MAGNET, TS, L, R, U, signs
+from tests.sandbox.effect_motors import LINEAR, NO_MAGNET, TS, L, R, U, signs
 from tests.sandbox.exact import Exact, exact, switched
 from tests.sandbox.test_switched_effects import pulsed
 
@@ -82,7 +82,7 @@ def iron(omega, core, tau):
 def test_iron_loss_of_a_shorted_turning_motor(plant):
     core, tau, omega = 300.0, 5e-4, 400.0
     i = shorted(plant, {"iron_loss.core_resistance": core, "iron_loss.time_constant": tau}, omega)[-1]
-    psi, expected = iron(omega, core, tau)
+    expected = iron(omega, core, tau)[1]
     assert i == pytest.approx(expected, rel=5e-5)  # as the skin effect's
     assert abs(iron(omega, 1e9, tau)[1] - expected) > 1e-2 * abs(expected)
 
@@ -237,7 +237,7 @@ def test_iron_loss_reads_the_slope_of_the_zero_vector(plant, filter_time):
 @BOTH
 @pytest.mark.parametrize("delay", [1e-5, -1e-5])
 def test_current_sampling_sees_the_zero_vector(plant, delay):
-    """Late or early by less than the zero vector lasts, the reading is i exp(-R delay/L): (R T_s/2L)^2/24 of the drop."""
+    """Up to the zero vector's end either way the reading is i exp(-R delay/L); (R T_s/2L)^2/24 of the drop."""
     expected = settled(plant, {}, 30 + 0j) * math.exp(-R * delay / L)
     assert settled(plant, {"current_sampling.delay": delay}, 30 + 0j) == pytest.approx(
         expected, rel=(R * TS / L / 2) ** 2 / 24 * R * 1e-5 / L
@@ -246,7 +246,7 @@ def test_current_sampling_sees_the_zero_vector(plant, delay):
 
 @BOTH
 def test_current_gain_and_offset_are_read(plant):
-    """g_2 = (g_a + a^2 g_b + a g_c)/3 with a = exp(2j pi/3), g_0 their mean: i g_0 + conj(i) g_2; offsets as a vector."""
+    """i g_0 + conj(i) g_2 and offsets: g_2 = (g_a + a^2 g_b + a g_c)/3, a = exp(2j pi/3), g_0 their mean."""
     gains = {"current_gain.gain_a": 1.01, "current_gain.gain_b": 0.98, "current_gain.gain_c": 1.04}
     g, u = np.array(list(gains.values())), [30.0 * np.exp(0.7j)] * 50
     offsets = {"current_offset.offset_a": 0.02, "current_offset.offset_b": -0.01}  # c: -0.01
