@@ -119,9 +119,9 @@ def courses(items, speed):
     return [x / motor.rated_current for x in (plain, corrected, *plants)]
 
 
-def rms(x):
+def rms(x, settled=80):
     """Return the rms after settling."""
-    return float(np.sqrt(np.mean(np.abs(x[80:]) ** 2)))
+    return float(np.sqrt(np.mean(np.abs(x[settled:]) ** 2)))
 
 
 CASES = [  # effect, bound without and with the correction (share of rated current); the noise is 1.7e-3
@@ -166,5 +166,6 @@ def test_closed_form_brings_an_average_to_the_plants(effects, naive, corrected, 
 @pytest.mark.parametrize("effects", [{}, *(c[0] for c in CASES)], ids=str)
 def test_the_plants_agree(effects, speed):
     _, _, switched, exact = courses(tuple(effects.items()), speed)
-    print(f"{effects} {speed:g} rad/s: exact less switched {rms(exact - switched):.1e} of rated current")
-    assert rms(exact - switched) < 2e-5  # the bound set for the plant: a hundredth of the sensors' noise
+    left = rms(exact - switched, 300)  # ten time constants: a delayed plant begins with its pattern, without current
+    print(f"{effects} {speed:g} rad/s: exact less switched {left:.1e} of rated current")
+    assert left < 2e-5  # the bound set for the plant: a hundredth of the sensors' noise
