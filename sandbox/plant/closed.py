@@ -14,14 +14,14 @@ from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 from sandbox.loop import Bench
 from sandbox.plant import additions as add
-from sandbox.plant.period import blank_room
+from sandbox.plant.batch import blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.replay import at_rest
 
 LARGEST_TURN = 0.1  # rad of the rotor, and of a harmonic of its angle thrice that, in one step
 LARGEST_DECAY = 0.1  # of the winding's time constant at zero current, in one step
 LARGEST_RUB = 0.5  # of the time in which dry friction brings the rotor to rest within its width
-LARGEST_LAG, BEHIND_FILTER = 0.5, 0.25  # of the iron's time constant: its current is no parabola over a longer segment
+LARGEST_LAG, BEHIND_FILTER = 0.5, 0.2  # of the iron's time constant: its current is no parabola over a longer segment
 HARMONIC = 6.0
 
 

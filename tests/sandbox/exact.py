@@ -23,7 +23,7 @@ class Exact:
         self.w["speed"][0] = self.pairs * speed
         jitter = values["current_sampling.jitter"]
         self.rig = Rig(*5 * (0,), converter.sampling_period, 0.0, 0.0, 0.0, U, 0.0, jitter, 0.0)
-        self.memory, self.duty, self.before = np.zeros(MEMORY), np.full(3, 0.5), np.full(3, 0.5)
+        self.memory = np.zeros(MEMORY)
         self.memory[LINK], self.memory[INSTANT] = 1.0, self.w["sample"][0]
         self.looks, self.seen, self.k = np.full(2, -1.0), np.zeros((2, 2)), 0
         self.rng = np.random.default_rng(0)
@@ -31,8 +31,7 @@ class Exact:
     def advance(self, u, load=0.0):
         """Return the current vector (A) read for t_k; the voltage u (complex, V) acts for a period from there."""
         self.memory[U_ALPHA], self.memory[U_BETA] = u.real, u.imag
-        progress(self.k, self.bench, self.rig, load, 0.0, self.memory, self.duty, self.before, self.looks, self.seen,
-                 self.rng)  # fmt: skip
+        progress(self.k, self.bench, self.rig, load, 0.0, self.memory, self.looks, self.seen, self.rng)
         self.k += 1
         return vector(dict(zip(("i_a", "i_b", "i_c"), read_phases(self.w, self.rig, self.rng), strict=True)))
 
