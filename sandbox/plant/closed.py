@@ -83,17 +83,17 @@ def turned_to(bench: Bench, theta: float) -> Bench:
 
 def _magnetics(w: Any, motor: Motor, truth: AnyEnergy | None) -> SplineEnergy | None:
     """Return the plant's flux map (None for a quartic), the batch holding what is added to it."""
-    energy = truth or motor.energy
-    if isinstance(energy, SplineEnergy):
-        if truth is not None and not isinstance(motor.energy, SplineEnergy):
+    if truth is None:
+        return motor.energy if isinstance(motor.energy, SplineEnergy) else None
+    if isinstance(truth, SplineEnergy):
+        if not isinstance(motor.energy, SplineEnergy):
             for row in ("gamma_d", "gamma_q", "cubic_d", "cubic_q", "quartic_d", "quartic_dq", "quartic_q"):
                 w[row][:] = 0.0
-        return energy
-    if truth is not None:
-        w["gamma_d"][:], w["gamma_q"][:] = truth.gamma_d, truth.gamma_q
-        w["cubic_d"][:], w["cubic_q"][:] = 3.0 * truth.alpha_30, truth.alpha_12
-        w["quartic_d"][:], w["quartic_dq"][:] = 4.0 * truth.alpha_40, truth.alpha_22
-        w["quartic_q"][:] = 4.0 * truth.alpha_04
+        return truth
+    w["gamma_d"][:], w["gamma_q"][:] = truth.gamma_d, truth.gamma_q
+    w["cubic_d"][:], w["cubic_q"][:] = 3.0 * truth.alpha_30, truth.alpha_12
+    w["quartic_d"][:], w["quartic_dq"][:] = 4.0 * truth.alpha_40, truth.alpha_22
+    w["quartic_q"][:] = 4.0 * truth.alpha_04
     return None
 
 
