@@ -224,7 +224,8 @@ def progress(k, bench, rig, torque, imposed, memory, looks, seen, rng):
     room.duty[0], room.duty[1], room.duty[2] = duties(memory[U_ALPHA], memory[U_BETA], u_dc)
     write_edges(room, period)
     theta, omega, _ = rotor(w)
-    course = Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, 0.0, 0.0, omega, torque, imposed)
+    surge = 0.5 * imposed if rig.rotor == DRIVEN else w.surge[0]
+    course = Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, torque, imposed)
     early = memory[INSTANT] < 0.0
     after = instant(w, rig, rng)
     looks[0] = -1.0 if early else memory[INSTANT]

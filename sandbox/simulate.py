@@ -98,10 +98,10 @@ def simulate(
     """Run a scenario and return its recording.
 
     belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls; stride: record
-    every stride-th sample; plant_step: s, an upper bound (the plant chooses its own below);
-    truth: another magnetic model for the plant than the one the estimator's belief comes from; effects: what the plant
-    has and the model lacks, by public name such as {"dead_time.time": 2e-6}; plant: `exact` (event by event) or `switched` (the independent bench),
-    None for the one that the estimator needs.  Raises BadInput or PhysicsError with one sentence.
+    every stride-th sample; plant_step: s, an upper bound (the plant chooses its own below); truth: another magnetic
+    model for the plant than the one the estimator's belief comes from; effects: what the plant has and the model lacks,
+    by public name such as {"dead_time.time": 2e-6}; plant: `exact` (event by event) or `switched` (the independent
+    bench), None for the one that the estimator needs.  Raises BadInput or PhysicsError with one sentence.
     """
     check_call(estimator, belief, seed, stride, plant_step)
     plant = plant_for(estimator, plant)

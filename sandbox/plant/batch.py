@@ -55,6 +55,7 @@ SCRATCH = {  # within a period
     "read_a": "reading of sensor a, A", "read_b": "of sensor b, A", "read_c": "of sensor c, A",
     "stiff_aa": "inverse incremental inductance, 1/H", "stiff_ab": "1/H", "stiff_bb": "1/H",
     "span_inv": "1/s of the segment", "turn": "rotor, rad mechanical", "omega": "rad/s mechanical",
+    "surge": "half the rotor's last acceleration, rad/s^2 electrical",
     "net": "torque on the rotor's side, N m", "taken": "by the load, N m",
     "miss": "innovation of the angle's reading over its standard deviation",
 }  # fmt: skip

@@ -220,7 +220,10 @@ def plain_step(w, here, there, span, turned, long, pulled, u_a, u_b, x, y, edge)
             g_a, g_b = curved(w, j, c, s, d, q, a, b, p_a, p_b, turned)
             f_a, f_b = f_a + g_a, f_b + g_b
         if pulled:
-            w.impulse[j] += span * pull(w.pairs[j], a, b, i_a, i_b, p_a, p_b, i_a - o_a, i_b - o_b)
+            g_a, g_b = THIRD * span * (f_a - res * o_a), THIRD * span * (f_b - res * o_b)  # see `additions.air_gap`
+            w.impulse[j] += span * pull(
+                w.pairs[j], a - g_a, b - g_b, i_a, i_b, p_a - g_a, p_b - g_b, i_a - o_a, i_b - o_b
+            )
         psi_a += v * (span * u_a - x * late) - span * f_a
         psi_b += v * (span * u_b - y * late) - span * f_b
         w.psi_a[j], w.psi_b[j] = psi_a, psi_b

@@ -23,6 +23,7 @@ from sandbox.plant.sampling import hold_start, peek
 
 TWO_THIRDS = 2.0 / 3.0
 SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
+NO_TIME = 1e-11  # s: speed over a shorter one is rounding
 KINK = 2e-7  # s: an edge less late leaves less than 1e-6 of the current in a lag
 BENDING = 1.0 / 16.0  # of the period: what curvature makes of shorter segments is far below 1e-6 of the current
 ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED)  # what the plain step knows nothing of
@@ -233,7 +234,9 @@ def moved(w, features, course, t, span):
     before = w.angle[0] + swing * w.twist[0]
     step_shaft(w, features, span, course.load, course.imposed)
     omega, on = w.speed[0] + swing * w.slip[0], w.angle[0] + swing * w.twist[0] - before
-    lead, bend = course.lead + on, 0.5 * (omega - course.rate) / span
+    if span > NO_TIME:
+        w.surge[0] = 0.5 * (omega - course.rate) / span
+    lead, bend = course.lead + on, w.surge[0]
     return Course(course.cos, course.sin, t + span, lead, omega, bend, 0.0, course.speed, course.load, course.imposed)
 
 
