@@ -296,9 +296,10 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
             span = part_of(left, timing, features, real > 0.0)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
             u_a, u_b = u_a + x, u_b + y
+            taken = g - 1 if side != 0.0 else -1
             lossy = timing.tardy > 0.0 and (
-                enter(w, pending, e, g - 1, t, span, timing.tardy)
-                if side != 0.0
+                enter(w, pending, e, taken, t, span, timing.tardy)
+                if taken >= 0
                 else pending.until[LAST] > t and lose_waiting(w, pending, t, span, -1)
             )
             middle_of = t + 0.5 * span
@@ -309,11 +310,11 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
             in_middle(w, flux_map, features, c, s, middle_of / period, course, span, long, u_a, u_b, x, y)
             until = 2.0 * period if g == EDGES and span >= left else t + span
             if peeking and len(looks) == 0:
-                peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y)
+                peek(w, flux_map, features, pending, taken, course, t, span, until, u_a, u_b, x, y)
             for m in range(len(looks)):
                 if t <= looks[m] < until:
                     w.when[0] = looks[m]
-                    peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y)
+                    peek(w, flux_map, features, pending, taken, course, t, span, until, u_a, u_b, x, y)
                     seen[m, 0], seen[m, 1] = w.held_a[0], w.held_b[0]
             if features & add.MOVED:
                 course = moved(w, features, course, t, span)
