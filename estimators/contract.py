@@ -101,7 +101,7 @@ STEP = ESTIMATE(STATE, SAMPLE, BELIEF, TUNING)
 STEP_INSIDE = ESTIMATE(STATE, OVERSAMPLED, BELIEF, TUNING)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Estimator:
     """An estimator by name: its two functions, one line on what it does, and its card."""
 
@@ -114,6 +114,9 @@ class Estimator:
     delay: str = ""
     speeds: str = ""  # where it may be used
     source: str = ""
+
+    def __repr__(self) -> str:
+        return f"<Estimator: {self.name}, {self.summary}>"
 
     @property
     def inside(self) -> bool:

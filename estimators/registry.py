@@ -2,11 +2,21 @@
 
 from __future__ import annotations
 
+import ast
+import os
+import sys
+import zlib
 from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
-from estimators.contract import Estimator
-from model.errors import unknown
+from model.errors import BadInput, unknown
 
+if TYPE_CHECKING:
+    from estimators.contract import Estimator
+
+AnyEstimator: TypeAlias = "str | Path | Estimator"  # a name, a Python file that defines ESTIMATOR, or the object
 MODULES = {
     "qnull": "estimators.qnull",
     "inversion": "estimators.inversion",
@@ -32,9 +42,73 @@ def estimator_names() -> list[str]:
     return list(MODULES)
 
 
-def load_estimator(name: str) -> Estimator:
-    """Return an estimator by name; BadInput with the nearest name for an unknown one."""
-    if name not in MODULES:
-        raise unknown("estimator", name, MODULES)
-    estimator: Estimator = import_module(MODULES[name]).ESTIMATOR
-    return estimator
+def load_estimator(which: AnyEstimator) -> Estimator:
+    """Return an estimator by name, from a Python file that defines ESTIMATOR, or as it is given.
+
+    BadInput for an unknown name (with the nearest one), a file without an estimator, and an estimator of one's own
+    that bears the name of a built-in one.
+    """
+    from estimators.contract import Estimator
+
+    if isinstance(which, Estimator):
+        return _apart(which)
+    if Path(which).suffix == ".py" or len(Path(which).parts) > 1:
+        return _apart(_from_file(Path(which)))
+    if which not in MODULES:
+        raise unknown("estimator", which, MODULES)
+    found: Estimator = import_module(MODULES[str(which)]).ESTIMATOR
+    return found
+
+
+def summaries() -> dict[str, str]:
+    """Return what each estimator does in one line, read from its source: importing it would compile it."""
+    return {
+        name: _summary(Path(__file__).with_name(f"{module.rpartition('.')[2]}.py")) for name, module in MODULES.items()
+    }
+
+
+def _summary(path: Path) -> str:
+    """Return the second argument of ESTIMATOR = Estimator(name, summary, ...)."""
+    for node in ast.parse(path.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "ESTIMATOR":
+            assert isinstance(node.value, ast.Call)
+            return str(ast.literal_eval(node.value.args[1]))
+    raise AssertionError(f"{path.name} defines no ESTIMATOR")
+
+
+def _from_file(path: Path) -> Estimator:
+    """Return the ESTIMATOR of a user's file; the file's folder is where its own imports are found, too."""
+    from estimators.contract import Estimator
+
+    if not path.is_file():
+        raise BadInput(f"estimator file '{path}' does not exist; give a Python file that defines ESTIMATOR")
+    full = path.resolve()
+    name = f"{path.stem}_{zlib.crc32(os.fsencode(full)):x}"  # importable again: compiled code is cached by module name
+    if name not in sys.modules or getattr(sys.modules[name], "READ_AT", None) != full.stat().st_mtime_ns:
+        spec = spec_from_file_location(name, full)
+        if spec is None or spec.loader is None:
+            raise BadInput(f"estimator file '{path}' is no Python file; give one that ends in .py")
+        module = module_from_spec(spec)
+        sys.modules[name] = module
+        sys.path.append(str(full.parent))
+        try:
+            spec.loader.exec_module(module)
+        except Exception as error:
+            del sys.modules[name]
+            raise BadInput(f"estimator file '{path}' cannot be run: {type(error).__name__}: {error}") from error
+        finally:
+            sys.path.remove(str(full.parent))
+        module.READ_AT = full.stat().st_mtime_ns  # type: ignore[attr-defined]
+    found = getattr(sys.modules[name], "ESTIMATOR", None)
+    if not isinstance(found, Estimator):
+        raise BadInput(
+            f"estimator file '{path}' defines no ESTIMATOR; write ESTIMATOR = Estimator(name, summary, init, step)"
+        )
+    return found
+
+
+def _apart(own: Estimator) -> Estimator:
+    """Return an estimator; BadInput where it is not the built-in one whose name it bears."""
+    if own.name in MODULES and own is not load_estimator(own.name):
+        raise BadInput(f"'{own.name}' is the name of a built-in estimator; give yours another one")
+    return own

@@ -15,7 +15,9 @@ from pathlib import Path
 from experiments.drawing import RESULTS, save
 from sandbox.bench import peer
 from sandbox.plots import protocol_figure
-from sandbox.protocol import READING, Protocol, forget, protocol, table, write_parquet
+from sandbox.protocol import READING, Protocol, forget, protocol, table
+from sandbox.public.evaluation import ProtocolResult
+from sandbox.public.result import write_table
 from sandbox.report import output_folder, version
 
 ANCHORS = Path("../shared/anchors")
@@ -48,7 +50,7 @@ def main() -> None:
     text = markdown(result, time.strftime("%Y-%m-%d"))
     (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
     protocol_figure(result, RESULTS / f"{NAME}.png")
-    write_parquet(folder / f"{NAME}.parquet", result)
+    write_table(folder / f"{NAME}.parquet", ProtocolResult(result).to_table())
     save(NAME, {"version": version(), **result.as_json()})
     forget(folder)
     print(text)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from experiments.drawing import COLOURS, new_figure, save
 from model.energy import currents, flux_from_current, hessian
 from model.parameters import load_drive
-from sandbox.oldplant import Plant, advance
 
 MEAN, AMPLITUDE, FREQUENCY, FINE = 23.0, 30.0, 500.0, 100
 
@@ -15,14 +15,15 @@ MEAN, AMPLITUDE, FREQUENCY, FINE = 23.0, 30.0, 500.0, 100
 def response(name: str, duration: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return t (s), i_d (A) and the triangle F with amplitude pi / 2, on a grid of FINE points a period."""
     motor = load_drive(name).motor
-    h = 1 / (FREQUENCY * FINE)
-    p = Plant(motor.energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs), 0.0, 0.0, h)
-    k = np.arange(round(duration / h))
-    f = np.where(k % FINE < FINE // 2, 1.0, -1.0)
-    x, i = np.zeros(4), np.empty(len(k))
-    for n in k:
-        i[n] = currents(p.energy, x[0], x[1])[0]
-        advance(x, p, MEAN + AMPLITUDE * f[n], 0.0, 0.0, 0.0, 1)
+    h, half = 1 / (FREQUENCY * FINE), FINE // 2
+    k, flux, i = np.arange(round(duration / h)), 0.0, []
+    for n in range(len(k) // half):
+        u, t = MEAN + AMPLITUDE * (1.0 if n % 2 == 0 else -1.0), h * np.arange(half + 1)
+        rate = lambda _, x, u=u: u - motor.resistance * currents.py_func(motor.energy, x, 0.0)[0]  # noqa: E731
+        d = solve_ivp(rate, (0.0, t[-1]), [flux], "DOP853", t, rtol=1e-10, atol=1e-12).y[0]
+        i.append(currents.py_func(motor.energy, d[:-1], 0.0)[0])
+        flux = d[-1]
+    i = np.concatenate(i)
     tau = (k % FINE) / FINE
     return k * h, i, np.pi / 2 * np.where(tau < 0.5, 4 * tau - 1, 3 - 4 * tau)
 

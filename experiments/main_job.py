@@ -11,7 +11,8 @@ from pathlib import Path
 from model.parameters import load_drive
 from sandbox.compare import compare
 from sandbox.plots import comparison_figure
-from sandbox.report import comparison_markdown, print_comparison, write_json
+from sandbox.public.printed import print_comparison
+from sandbox.report import comparison_markdown, write_json
 from sandbox.scenario import load_scenario
 
 RESULTS = Path(__file__).parent / "results"

@@ -1,4 +1,4 @@
-"""Cost of the spline energy against the quartic: one evaluation, the plant's own RK4 step, and a whole comparison.
+"""Cost of the spline energy against the quartic: one evaluation, a period of the plant in a replay, and a whole comparison.
 
 The same motor twice: as the quartic, and as the spline fitted to a flux map computed from it.
 """
@@ -18,11 +18,13 @@ from model.energy import AnyEnergy
 from model.fluxmap import FluxMap
 from model.mapped import ALPHAS, MappedMotor
 from model.parameters import Drive, Motor, load_drive
+from sandbox.campaign import Campaign, CampaignRecording
 from sandbox.compare import compare
-from sandbox.oldplant import Plant, advance
+from sandbox.plant.batch import LANES
+from sandbox.replay.replay import plan, prepare, run_block
 from sandbox.scenario import load_scenario
 
-COUNT, TURNS, GOALS = 200_000, 40, {"evaluation_ns": 3.0, "plant_step_ns": 3.0, "compare_cpu_s": 4.0}
+COUNT, TURNS, GOALS = 200_000, 40, {"evaluation_ns": 3.0, "replay_ns": 2.5, "compare_cpu_s": 4.0}
 
 
 @numba.njit(error_model="numpy")
@@ -35,13 +37,26 @@ def chain(m, n):
     return d + q
 
 
-@numba.njit(error_model="numpy")
-def steps(p, n):
-    """Take n steps of the plant under a square wave of 500 Hz, as `sensorless bench` does."""
-    x = np.zeros(4)
-    for k in range(n // 100):
-        advance(x, p, -30.0 if k & 1 else 30.0, 10.0, 0.0, 0.0, 100)
-    return x[0]
+def replayed(drive: Drive) -> Callable[[], float]:
+    """Return a timer of a replay, ns a period and set, LANES sets side by side: a square wave on a driven rotor."""
+    n, h, motor = 4000, drive.converter.sampling_period, drive.motor
+    k, omega = np.arange(n), 0.5 * motor.rated_omega
+    angle = omega * h * (k + 0.5)
+    u = (np.where(k % 8 < 4, 30.0, -30.0) + 1j * omega * motor.magnet_flux) * np.exp(1j * angle)
+    columns = {"t": k * h, "u_alpha": u.real, "u_beta": u.imag, "theta": omega * h * k, "u_dc": np.full(n, 400.0)}
+    columns |= {f"i_{x}": np.zeros(n) for x in "abc"}
+    campaign = Campaign("cost", drive, (CampaignRecording("driven", "driven", "d", columns),), {}, {}, False)
+    prepared = prepare(campaign, steps=1)
+    sets = [{"stator_resistance.resistance": motor.resistance * (1.0 + 1e-3 * j)} for j in range(LANES)]
+    block, out, moved = plan(prepared, sets)[0], np.empty((n, 3, LANES)), np.empty((1, LANES))
+
+    def timed() -> float:
+        """Return ns."""
+        t = time.perf_counter()
+        run_block(prepared, prepared.recordings[0], block, out, moved, 0)
+        return (time.perf_counter() - t) / (n * LANES) * 1e9
+
+    return timed
 
 
 def twin(drive: Drive) -> Drive:
@@ -66,7 +81,7 @@ def best(work: dict[str, Callable[[], float]], turns: int) -> dict[str, float]:
     return least
 
 
-def per_call(f: Callable[..., float], m: AnyEnergy | Plant) -> Callable[[], float]:
+def per_call(f: Callable[..., float], m: AnyEnergy) -> Callable[[], float]:
     """Return a timer of f(m, COUNT) in ns a turn of its loop."""
 
     def timed() -> float:
@@ -83,7 +98,6 @@ def main() -> None:
     drives = {"quartic": load_drive("ipm_exchanged")}
     drives["spline"] = twin(drives["quartic"])
     energies = {name: d.motor.energy for name, d in drives.items()}
-    plants = {k: Plant(m, 0.2, drives[k].motor.resistance, 6.0, 6.0 / 1e-3, 0.0, 1e-5) for k, m in energies.items()}
     scenario = load_scenario("staircase")
 
     def whole(name: str) -> Callable[[], float]:
@@ -92,7 +106,7 @@ def main() -> None:
 
     costs = {
         "evaluation_ns": best({k: per_call(chain, m) for k, m in energies.items()}, TURNS),
-        "plant_step_ns": best({k: per_call(steps, p) for k, p in plants.items()}, TURNS),
+        "replay_ns": best({k: replayed(d) for k, d in drives.items()}, TURNS),
         "compare_cpu_s": best({k: whole(k) for k in drives}, 3),
     }
     ratios = {k: v["spline"] / v["quartic"] for k, v in costs.items()}

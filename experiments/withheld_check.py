@@ -1,26 +1,59 @@
 """How good is the diagnosis on campaigns of the second simulator whose effect is withheld, beside simple methods?
 
-200 campaigns with scored cycles, 300 controls without a gap and 140 narrow campaigns where pairs of effects look alike,
-drawn from seeds never used while tuning (the controls' served one check before, too); single effects once more with the
-true one taken out of the library; the simple methods on all of the 200.  Everything is made and diagnosed in WORK and
-goes on where it was interrupted; tables and the figure pages are written to results/withheld/.
+200 campaigns with scored cycles, 400 controls without a gap, 140 narrow campaigns where pairs of effects look alike,
+and 200 campaigns with the ladder's sizes in place of published ones (what it is worth that the prior knows them);
+single effects of the first 200 once more with the true one taken out of the library; the simple methods on them, too.
+Everything is made and diagnosed in WORK and goes on where it was interrupted.  Kept in results/withheld/: a row a
+diagnosis (NAME.rows.jsonl) and the opened seal (NAME.truth.json); all else there is computed from these two alone.
 
-Run: python -m experiments.withheld_check WORK [JOBS]   (about 1.7 hours on two cores)
+Run: python -m experiments.withheld_check WORK [--jobs N] [--only NAME ...]   (three hours on two cores)
+     python -m experiments.withheld_check --recompute                         (seconds)
 """
 
 from __future__ import annotations
 
+import argparse
+import hashlib
 import json
 import shutil
 import subprocess
 import sys
-from datetime import date
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
+
+from model.errors import BadInput
+from sandbox import report
+from sandbox.gap.withheld.commands import ROWS
+from sandbox.gap.withheld.figure import withheld_figure
+from sandbox.gap.withheld.metrics import GOALS
+from sandbox.gap.withheld.rows import Row, check_seal, one_code, read_rows
+from sandbox.gap.withheld.scores import by_method, content_of
 
 RESULTS = Path(__file__).parent / "results" / "withheld"
-CHECKS = {"mixed": (200, 20261141), "controls": (300, 20261132), "pairs": (140, 20261143)}  # campaigns, seed
-LEFT_OUT = 0.4  # of single effects of medium size or more
+OWN = "diagnosis"  # the project's own method
+
+
+class Check(NamedTuple):
+    """One check: how many campaigns of which kind, their seed, where sizes come from, what else `score` is asked."""
+
+    title: str
+    kind: str
+    count: int
+    seed: int
+    sizes: str = "published"
+    options: tuple[str, ...] = ()
+
+
+CHECKS = {
+    "mixed": Check(
+        "Campaigns with one to three effects, none, or one outside",
+        "mixed", 200, 20261221, options=("--leave-out", "0.7", "--baselines"),
+    ),
+    "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 140, 20261223),
+    "controls": Check("Controls without a gap", "controls", 400, 20261222),
+    "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 200, 20261224, "ladder"),
+}  # fmt: skip
 
 
 def sensorless(*arguments: object) -> None:
@@ -28,10 +61,64 @@ def sensorless(*arguments: object) -> None:
     subprocess.run([sys.executable, "-m", "sandbox.cli", *map(str, arguments)], check=True)
 
 
-def make(folder: Path, kind: str, count: int, seed: int, jobs: int) -> None:
-    """Make a check unless it is there."""
-    more = ["--kind", kind, "--jobs", jobs]
-    sensorless("withheld", "make", folder, "--count", count, "--seed", seed, *more)
+def run(name: str, work: Path, jobs: int, results: Path = RESULTS) -> None:
+    """Make and score one check, or what is left of it; keep its rows and its opened seal."""
+    check, folder = CHECKS[name], work / name
+    drawn = ("--kind", check.kind, "--count", check.count, "--seed", check.seed, "--sizes", check.sizes)
+    sensorless("withheld", "make", folder, *drawn, "--jobs", jobs)
+    sensorless("withheld", "score", folder, *check.options, "--jobs", jobs)
+    results.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(folder / ROWS, results / f"{name}.rows.jsonl")
+    shutil.copyfile(folder / "truth.sealed", results / f"{name}.truth.json")
+
+
+def kept(name: str, results: Path) -> tuple[list[Row], str]:
+    """Return the rows of a check and the SHA-256 of its seal; BadInput where they do not belong together."""
+    seal = (results / f"{name}.truth.json").read_bytes()
+    rows = read_rows(results / f"{name}.rows.jsonl")
+    check_seal(rows, json.loads(seal))
+    return rows, hashlib.sha256(seal).hexdigest()
+
+
+def recompute(results: Path = RESULTS) -> list[str]:
+    """Write every figure, table and page anew from rows and seals alone; return the names of the checks found.
+
+    BadInput where there is none, or where their diagnoses come from several states of the code.
+    """
+    found = {name: kept(name, results) for name in CHECKS if (results / f"{name}.rows.jsonl").is_file()}
+    if not found:
+        raise BadInput(f"'{results}' holds no rows of a check; run it first")
+    every = [r for rows, _ in found.values() for r in rows]
+    one_code([r for r in every if r.method == OWN], "this page")
+    lines = [
+        f"Made {max(r.made for r in every)[:10]} by `python -m experiments.withheld_check`, from `*.rows.jsonl` (a row",
+        "a diagnosis) and `*.truth.json` (the opened seals) alone; limits are one-sided 95 %. What each metric",
+        "counts is said in [the check's README](../../../sandbox/gap/withheld/README.md). Confusion, reliability and",
+        f"detection floors: {', '.join(f'[{n}.png]({n}.png)' for n in found)}.",
+        "",
+    ]
+    contents = {}
+    for name, (rows, digest) in found.items():
+        own, others = [r for r in rows if r.method == OWN], {r.method for r in rows} - {OWN}
+        content = contents[name] = page(name, own, results)
+        lines += [f"## {CHECKS[name].title}", "", f"Seal SHA-256 `{digest}`.", ""]
+        lines += [*table(content, GOALS), "", *details(content)]
+        if others:
+            lines += ["## Simple methods on the same campaigns", ""]
+            lines += [*table(page("baselines", rows, results), GOALS), ""]
+    if {"mixed", "ladder"} <= set(contents):
+        both = {"methods": {k: contents[n]["methods"][OWN] for k, n in ((OWN, "mixed"), ("by the ladder", "ladder"))}}
+        lines += ["## Published sizes beside the ladder's", "", *table(both, GOALS), ""]
+    (results / "README.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    return list(found)
+
+
+def page(name: str, rows: Sequence[Row], results: Path) -> dict[str, Any]:
+    """Write the figures of rows and their page; return the figures."""
+    content = content_of(by_method(rows)) | {"figure": f"{name}.png"}
+    report.write_json(results, name, content, "withheld")
+    withheld_figure(content, results / f"{name}.png")
+    return content
 
 
 def cell(figure: Any) -> str:
@@ -47,7 +134,7 @@ def table(content: dict[str, Any], goals: dict[str, str]) -> list[str]:
     """Return the table of metrics that have a value, a column a method."""
     methods = content["methods"]
     told = [{k for k, v in m.items() if isinstance(v, dict) and v.get("value") is not None} for m in methods.values()]
-    names = [k for k in methods["diagnosis"] if any(k in t for t in told)]
+    names = [k for k in methods[OWN] if any(k in t for t in told)]
     lines = [f"| metric | goal | {' | '.join(methods)} |", "|---|---|" + "---|" * len(methods)]
     lines += [f"| {n} | {goals.get(n, '')} | {' | '.join(cell(m.get(n)) for m in methods.values())} |" for n in names]
     return lines
@@ -63,38 +150,21 @@ def details(method: dict[str, Any]) -> list[str]:
     return lines
 
 
-def main(work: Path, jobs: int) -> None:
-    """Run whatever is left of the check and write its results."""
-    from sandbox.gap.withheld.metrics import GOALS
-
-    for kind, (count, seed) in CHECKS.items():
-        make(work / kind, kind, count, seed, jobs)
-    RESULTS.mkdir(parents=True, exist_ok=True)
-    lines = [
-        f"Made {date.today()} by `python -m experiments.withheld_check`; limits are one-sided 95 %. What each metric"
-    ]
-    lines += ["counts is said in [the check's README](../../../sandbox/gap/withheld/README.md)."]
-    lines += ["Confusion, reliability and detection floors: [mixed.png](mixed.png), [pairs.png](pairs.png).", ""]
-    for name, kind, options, title in (
-        ("mixed", "mixed", ["--leave-out", LEFT_OUT], "Campaigns with one to three effects, none, or one outside"),
-        ("pairs", "pairs", [], "Narrow campaigns: pairs that look alike"),
-        ("controls", "controls", [], "Controls without a gap"),
-        ("baselines", "mixed", ["--baselines"], "Simple methods on the mixed campaigns"),
-    ):
-        folder = work / kind
-        sensorless("withheld", "score", folder, *options, "--jobs", jobs)
-        content = json.loads((folder / "withheld.json").read_text())
-        lines += [f"## {title}", "", f"Seal SHA-256 `{(folder / 'SHA256').read_text().split()[0]}`.", ""]
-        lines += [
-            *table(content, GOALS),
-            "",
-            *(details(content["methods"]["diagnosis"]) if name != "baselines" else []),
-        ]
-        for suffix in (".json", ".png"):
-            shutil.copyfile(folder / f"withheld{suffix}", RESULTS / f"{name}{suffix}")
-    (RESULTS / "README.md").write_text("\n".join(lines))
-    print(RESULTS / "README.md")
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run whatever is left of the checks asked for, then write their results from the rows."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    either = parser.add_mutually_exclusive_group(required=True)
+    either.add_argument("work", type=Path, nargs="?", help="folder for campaigns and reports")
+    either.add_argument("--recompute", action="store_true", help="from the rows that are kept, nothing run")
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--only", nargs="+", choices=CHECKS, default=list(CHECKS))
+    options = parser.parse_args(arguments)
+    if not options.recompute:
+        for name in options.only:
+            run(name, options.work, options.jobs)
+    for name in recompute():
+        print(f"{name}: {RESULTS / f'{name}.json'}")
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 2)
+    main()

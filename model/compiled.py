@@ -21,9 +21,24 @@ from typing import Any
 
 import numba
 
-ROOMS = ("model", "estimators", "sandbox")
-NO_KERNELS = ("sandbox/gap",)  # nothing compiled is in a file of these or depends on one (tests/test_house.py)
+from model.compiling import ROOMS, watch
+
+NO_KERNELS = (
+    "sandbox/gap",
+    "sandbox/public",
+    "sandbox/cli",
+)  # nothing compiled is in a file of these or depends on one (tests/test_house.py)
 KEPT_DAYS = 30
+
+
+_MORE: list[str] = []  # what kernels depend on beside the rooms' files
+
+
+def depend_on(key: str) -> None:
+    """Keep kernels decorated from now on apart from those that do not depend on what `key` stands for."""
+    global _CACHE_DIR
+    _MORE.append(key)
+    _CACHE_DIR = _cache_dir()
 
 
 def cache_home() -> Path:
@@ -45,7 +60,7 @@ def source_key() -> str:
 
 
 def _cache_dir() -> str:
-    path = cache_home() / f"kernels-{source_key()}"
+    path = cache_home() / "-".join(["kernels", source_key(), *_MORE])
     try:
         if not path.exists():
             path.mkdir(parents=True, exist_ok=True)
@@ -62,6 +77,12 @@ def _cache_dir() -> str:
 
 _CACHE_DIR = _cache_dir()
 _COMPILING = Lock()
+watch(cache_home())
+
+
+def kernel_folder() -> str:
+    """Return the folder in which kernels decorated now are kept."""
+    return _CACHE_DIR
 
 
 def kernel(function: Callable[..., Any]) -> Any:

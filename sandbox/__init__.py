@@ -1,1 +1,114 @@
-"""The bench in software: scenario, closed loop, recording, score, trace, plots, command line."""
+"""The bench in software, and its page of public Python: every name of `__all__`, loaded when it is first used.
+
+from sandbox import simulate, compare, load_motor
+run = simulate("ipm_exchanged", "staircase", "inversion", belief="linear")
+run.plot(); run.to_dataframe(); run.save("results")
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from importlib.machinery import ModuleSpec
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from estimators.contract import Belief as Belief
+    from estimators.contract import Estimate as Estimate
+    from estimators.contract import Estimator as Estimator
+    from estimators.contract import Sample as Sample
+    from estimators.contract import Tuning as Tuning
+    from model.errors import BadInput as BadInput
+    from model.errors import PhysicsError as PhysicsError
+    from sandbox.public.catalogue import describe as describe
+    from sandbox.public.catalogue import list_datasets as list_datasets
+    from sandbox.public.catalogue import list_effects as list_effects
+    from sandbox.public.catalogue import list_estimators as list_estimators
+    from sandbox.public.catalogue import list_motors as list_motors
+    from sandbox.public.catalogue import list_scenarios as list_scenarios
+    from sandbox.public.evaluation import bench as bench
+    from sandbox.public.evaluation import protocol as protocol
+    from sandbox.public.loading import load_estimator as load_estimator
+    from sandbox.public.loading import load_motor as load_motor
+    from sandbox.public.loading import load_scenario as load_scenario
+    from sandbox.public.loading import read_campaign as read_campaign
+    from sandbox.public.loading import use_effects as use_effects
+    from sandbox.public.machine import audit as audit
+    from sandbox.public.machine import maps as maps
+    from sandbox.public.recorded import diagnose as diagnose
+    from sandbox.public.recorded import identify as identify
+    from sandbox.public.recorded import replay as replay
+    from sandbox.public.runs import compare as compare
+    from sandbox.public.runs import simulate as simulate
+    from sandbox.public.showing import show as show
+    from sandbox.public.showing import view as view
+    from sandbox.scenario import Scenario as Scenario
+    from sandbox.scenario import Segment as Segment
+
+__all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
+    "load_motor", "load_scenario", "load_estimator", "read_campaign",
+    "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe", "use_effects",
+    "simulate", "compare", "protocol", "bench", "audit", "maps", "identify", "diagnose", "replay",
+    "show", "view",
+    "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "BadInput", "PhysicsError",
+]  # fmt: skip
+
+_HOMES = {
+    "estimators.contract": ("Estimator", "Belief", "Tuning", "Sample", "Estimate"),
+    "model.errors": ("BadInput", "PhysicsError"),
+    "sandbox.scenario": ("Scenario", "Segment"),
+    "sandbox.public.loading": ("load_motor", "load_scenario", "load_estimator", "read_campaign", "use_effects"),
+    "sandbox.public.catalogue": (
+        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe",
+    ),
+    "sandbox.public.runs": ("simulate", "compare"),
+    "sandbox.public.evaluation": ("protocol", "bench"),
+    "sandbox.public.machine": ("audit", "maps"),
+    "sandbox.public.recorded": ("identify", "diagnose", "replay"),
+    "sandbox.public.showing": ("show", "view"),
+}  # fmt: skip
+_HOME = {name: home for home, names in _HOMES.items() for name in names}
+_TOGETHER = ("model", "estimators")  # the top-level packages installed with this one
+
+
+def _hidden_by(name: str) -> str | None:
+    """Return the file that stands before one of our packages on Python's path, None where ours is found."""
+    loaded = sys.modules.get(name)
+    spec: ModuleSpec | None = getattr(loaded, "__spec__", None) if loaded else find_spec(name)
+    own = Path(__file__).resolve().parent.parent / name / "__init__.py"
+    found = (spec.origin if spec else None) or getattr(loaded, "__file__", None)
+    return None if not found or Path(found).resolve() == own else str(found)
+
+
+for _name in _TOGETHER:
+    if _file := _hidden_by(_name):
+        raise ImportError(
+            f"'{_file}' hides the package '{_name}' that sensorless-sandbox is installed with; rename that file or "
+            f"folder, for example to my_{_name}{Path(_file).suffix if Path(_file).stem == _name else ''}"
+        )
+
+
+class _Page(ModuleType):
+    """This package: importing `sandbox.simulate`, the module, leaves `sandbox.simulate` the function it is here."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Page
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'sandbox' has no attribute '{name}'")
+    found = getattr(import_module(_HOME[name]), name)
+    globals()[name] = found  # the next look costs nothing
+    return found
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -21,33 +21,41 @@ import numpy as np
 
 from estimators.registry import load_estimator
 from model.compiled import kernel
-from model.effects.library import effect_names, typical
+from model.effects.library import complete, effect_names, typical
 from model.errors import BadInput
 from model.parameters import Drive, load_drive
 from model.saliency import current_for_torque
-from sandbox.oldplant import Plant, advance
+from sandbox import loop
+from sandbox.plant.closed import closed_bench
 from sandbox.scenario import Scenario, Segment
 from sandbox.score import error_of
 from sandbox.simulate import simulate
 
-PLANT_STEPS = 4_000_000
+PERIODS, C_STEPS = 100_000, 4_000_000
+C_STEP = 1e-5  # s, of the reference
 PEER_REPETITIONS = 3
 
 
 @kernel
-def _many_periods(x, plant, periods):
-    """Advance through 500 Hz square-wave periods as reference_rk4.c does, voltage turned into the rotor frame."""
+def _many_periods(bench, rig, memory, rng, periods):
+    """Move the plant on through periods of a 500 Hz square wave, as reference_rk4.c does."""
+    duty, before, looks, seen = np.full(3, 0.5), np.full(3, 0.5), np.full(2, -1.0), np.zeros((2, 2))
     for k in range(periods):
-        advance(x, plant, -30.0 if k & 1 else 30.0, 10.0, 0.0, 0.0, 100)
+        memory[loop.U_ALPHA], memory[loop.U_BETA] = (-30.0 if (k // 4) & 1 else 30.0), 10.0
+        loop.progress(k, bench, rig, 0.0, 0.0, memory, duty, before, looks, seen, rng)
 
 
-def plant_step() -> float:
-    """Return the cost of one plant step in ns: the very kernel of the closed loop."""
-    motor = load_drive("ipm").motor
-    plant = Plant(motor.energy, 0.2, motor.resistance, 6.0, 6.0 / 1e-3, 0.0, 1e-5)
-    _many_periods(np.zeros(4), plant, 10)
-    n = PLANT_STEPS // 100
-    return _median(lambda: _many_periods(np.zeros(4), plant, n)) / PLANT_STEPS * 1e9
+def plant_second() -> float:
+    """Return the CPU seconds that the closed loop's plant takes for a second at 4 kHz, saturated, the rotor free."""
+    drive = load_drive("ipm")
+    motor = dataclasses.replace(drive.motor, magnet_flux=0.2, inertia=1e-3)
+    bench = closed_bench(motor, drive.converter, complete(motor, drive.converter), "free", 0.0, 1.0)
+    rig = loop.Rig(1, 1, 0, 0, loop.FREE, drive.converter.sampling_period, *3 * (0.0,), 400.0, *3 * (0.0,))
+    memory, rng = np.zeros(loop.MEMORY), np.random.default_rng(0)
+    memory[loop.LINK] = 1.0
+    _many_periods(bench, rig, memory, rng, 10)
+    spent = _median(lambda: _many_periods(bench, rig, memory, rng, PERIODS))
+    return spent / (PERIODS * drive.converter.sampling_period)
 
 
 def c_reference(anchors: Path) -> float:
@@ -58,7 +66,7 @@ def c_reference(anchors: Path) -> float:
     with tempfile.TemporaryDirectory() as folder:
         program = Path(folder) / "reference"
         subprocess.run(["gcc", "-O3", "-march=native", str(source), "-o", str(program), "-lm"], check=True)
-        out = subprocess.run([str(program), "0", str(PLANT_STEPS), "5"], check=True, capture_output=True, text=True)
+        out = subprocess.run([str(program), "0", str(C_STEPS), "5"], check=True, capture_output=True, text=True)
     return float(re.findall(r"([\d.]+) ns/RK4-step", out.stdout)[0])
 
 
@@ -143,7 +151,7 @@ def peer(anchors: Path, python: str, case: str = "poly", seconds: float = 1.0) -
 
 def warm_start() -> float:
     """Return the wall seconds of a whole short command in a new process, everything compiled."""
-    call = [sys.executable, "-m", "sandbox.cli", "simulate", "--duration", "0.01", "--no-trace", "--quiet", "--out"]
+    call = [sys.executable, "-m", "sandbox.cli", "simulate", "--duration", "0.01", "--json-only", "--quiet", "--out"]
     with tempfile.TemporaryDirectory() as out:
         times = []
         for _ in range(4):
@@ -155,14 +163,14 @@ def warm_start() -> float:
 
 def bench(anchors: Path | None, python: str) -> dict[str, Any]:
     """Return `measured` figures and, where the reference programs are given, `ratios` of ours to theirs."""
-    measured = {"plant_step_ns": plant_step(), "warm_start_s": warm_start()}
+    measured = {"plant_cpu_s_per_s": plant_second(), "warm_start_s": warm_start()}
     errors: dict[str, float] = {}
     for name in ("qnull", "inversion", "ekf"):
         cost, errors[name] = closed_loop(name)
         measured[f"closed_loop_{name}_cpu_s_per_s"], measured[f"closed_loop_{name}_rms_deg"] = cost, errors[name]
     ratios = effects_cost()
     if anchors:
-        ratios["plant_step_to_c"] = measured["plant_step_ns"] / c_reference(anchors)
+        ratios["plant_to_c"] = measured["plant_cpu_s_per_s"] / (c_reference(anchors) * 1e-9 / C_STEP)
         cost, rms = peer(anchors, python)
         measured["peer_cpu_s_per_s"], measured["peer_rms_deg"] = cost, rms
         for name, error in errors.items():

@@ -12,10 +12,10 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +24,16 @@ from model.errors import BadInput, unknown
 from model.mapped import without_map
 from model.parameters import Converter, Drive, Injection, Motor, build, read_toml
 
+if TYPE_CHECKING:
+    import pandas
+
 Array = NDArray[np.float64]
 REQUIRED = ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc")
 OPTIONAL = ("load_torque", "temperature", "torque", "theta_hat")
+UNITS = {
+    "t": "s", "u_alpha": "V", "u_beta": "V", "i_a": "A", "i_b": "A", "i_c": "A", "theta": "rad", "u_dc": "V",
+    "load_torque": "N m", "temperature": "degC", "torque": "N m", "theta_hat": "rad",
+}  # fmt: skip
 ROTORS = ("locked", "driven", "free")
 AXES = ("d", "q", "none")
 STATED = {  # standard deviations that a campaign may state
@@ -53,7 +60,7 @@ class Finding:
     text: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class CampaignRecording:
     """One table of a campaign; every column is an attribute too, float64, shape (n,).
 
@@ -82,6 +89,23 @@ class CampaignRecording:
             return np.asarray(columns[name])
         raise AttributeError(name)
 
+    def __getitem__(self, column: str) -> Array:
+        if column not in self.columns:
+            raise unknown(f"column of {self.file}", column, self.columns)
+        return np.asarray(self.columns[column])
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.columns})
+
+    def __repr__(self) -> str:
+        return f"<CampaignRecording: {self.file}, rotor {self.rotor}, {self.t.size} samples, {np.ptp(self.t):.4g} s>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the columns as a data frame, units in `.attrs["units"]`; BadInput where pandas is missing."""
+        from sandbox.public.result import Column, frame_of, table_of
+
+        return frame_of(table_of({name: Column(values, UNITS[name]) for name, values in self.columns.items()}))
+
     @property
     def current(self) -> tuple[Array, Array]:
         """i_alpha, i_beta (A) as the three sensors give them."""
@@ -89,7 +113,7 @@ class CampaignRecording:
         return (2.0 * a - b - c) / 3.0, (b - c) / math.sqrt(3.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Campaign:
     """A drive's nominal model and what was recorded on it.
 
@@ -110,6 +134,25 @@ class Campaign:
             if file in (r.file, Path(r.file).stem):
                 return r
         raise unknown("recording", file, [r.file for r in self.recordings])
+
+    def __iter__(self) -> Iterator[CampaignRecording]:
+        return iter(self.recordings)
+
+    def __len__(self) -> int:
+        return len(self.recordings)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return [r.file for r in self.recordings]
+
+    def __repr__(self) -> str:
+        files = ", ".join(r.file for r in self.recordings)
+        return f"<Campaign: {self.name}, {len(self.recordings)} recordings: {files}>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return all recordings below each other, the first column `file`; BadInput where pandas is missing."""
+        from sandbox.public.result import together
+
+        return together({r.file: r.to_pandas() for r in self.recordings})
 
 
 def read_campaign(folder: str | Path, rotors: Sequence[str] = ROTORS) -> Campaign:

@@ -6,10 +6,11 @@ import math
 import os
 from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from itertools import product
 
-from estimators.registry import load_estimator
+from estimators.contract import Estimator
+from estimators.registry import AnyEstimator, load_estimator
 from model.effects.library import parameters
 from model.errors import BadInput
 from model.parameters import Drive
@@ -71,23 +72,22 @@ class Comparison:
 def compare(
     drive: Drive,
     scenario: Scenario,
-    estimators: Iterable[str] = ESTIMATORS,
+    estimators: Iterable[AnyEstimator] = ESTIMATORS,
     *,
     seed: int = 0,
     jobs: int | None = None,
     progress: Callable[[float], None] | None = None,
     effects: Mapping[str, float] | None = None,
 ) -> Comparison:
-    """Run every estimator with both beliefs, closed and open, on up to `jobs` threads.
+    """Run every estimator (name, file or object) with both beliefs, closed and open, on up to `jobs` threads.
 
     The seed fixes the sensors' noise, the same in every run; very long runs are recorded thinned; `progress` is
-    told the fraction done; effects: as `simulate`, theory is without them.  Raises BadInput or PhysicsError as it does.
+    told the fraction done; effects: as `simulate`, with any there is no theory.  Raises BadInput or PhysicsError.
     """
-    names = list(dict.fromkeys(estimators))
-    if not names:
+    loaded = distinct(estimators)
+    if not loaded:
         raise BadInput("no estimator to compare; name at least one")
-    loaded = {name: load_estimator(name) for name in names}
-    cases = list(product(names, BELIEFS, (True, False)))
+    cases = list(product(loaded, BELIEFS, (True, False)))
     done = 0
 
     samples = scenario.duration / drive.converter.sampling_period * len(cases)
@@ -101,6 +101,7 @@ def compare(
             drive, scenario, loaded[name], belief, closed_loop=closed, seed=seed, stride=stride, effects=effects
         )
         rows = rows_of(drive, scenario, run.recording, run.start_time, name, belief, closed)
+        rows = tuple(replace(r, predicted_mean_deg=None) for r in rows) if effects else rows
         done += 1
         if progress:
             progress(done / len(cases))
@@ -110,6 +111,16 @@ def compare(
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         runs = (first, *pool.map(one, cases[1:]))
     return Comparison(drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {}))
+
+
+def distinct(estimators: Iterable[AnyEstimator]) -> dict[str, Estimator]:
+    """Return estimators by name, each once; BadInput where two of them bear one name."""
+    found: dict[str, Estimator] = {}
+    for which in estimators:
+        own = load_estimator(which)
+        if found.setdefault(own.name, own) is not own:
+            raise BadInput(f"two estimators are called '{own.name}'; give one of them another name")
+    return found
 
 
 def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str | float]:
@@ -128,7 +139,7 @@ def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str 
 def single(
     drive: Drive,
     scenario: Scenario,
-    estimator: str,
+    estimator: AnyEstimator,
     belief: str = "saturated",
     closed_loop: bool = True,
     seed: int = 0,
@@ -139,7 +150,8 @@ def single(
     loaded = load_estimator(estimator)
     plant = plant_for(loaded, plant)
     done = simulate(drive, scenario, loaded, belief, closed_loop=closed_loop, seed=seed, effects=effects, plant=plant)
-    rows = rows_of(drive, scenario, done.recording, done.start_time, estimator, belief, closed_loop)
-    run = Run(estimator, belief, closed_loop, done.recording, rows, done.cpu_seconds)
+    rows = rows_of(drive, scenario, done.recording, done.start_time, loaded.name, belief, closed_loop)
+    rows = tuple(replace(r, predicted_mean_deg=None) for r in rows) if effects else rows
+    run = Run(loaded.name, belief, closed_loop, done.recording, rows, done.cpu_seconds)
     made = properties_of(drive, scenario, seed) | {"plant": plant} | dict(effects or {})
     return Comparison(drive, scenario, (run,), made), done.design

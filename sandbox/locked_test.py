@@ -1,29 +1,25 @@
 """The paper's test in software: a locked rotor, bias staircases, a pulsating voltage on top; makes a campaign.
 
-Open-loop voltages on the averaged-voltage plant of `sandbox.oldplant`; the inverter's voltage error (dead time, device
-drop) acts with the sign of the phase currents at the start of each substep.
+Open-loop voltages on the plant (`sandbox.replay`, which is told commands and an angle and says what sensors read).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import kernel
-from model.energy import flux_from_current
 from model.frames import phases
 from model.parameters import Drive
-from model.ripple import voltage_error
 from sandbox.campaign import Campaign, CampaignRecording
 from sandbox.injection import carrier
-from sandbox.oldplant import Plant, advance, stator_currents
+from sandbox.replay.replay import prepare, replay
 
 Array = NDArray[np.float64]
-SUBSTEPS = 16
+STEPS = 2  # the least that resolves the current's way to 1e-6 of it (tests)
 TESTS = (("locked_d", "d", "d"), ("locked_q_inject_d", "d", "q"), ("locked_q_inject_q", "q", "q"))
 
 
@@ -40,20 +36,6 @@ class Bench:
     seed: int = 0
 
 
-@kernel
-def _run(x, p, u, threshold, width, substeps, out):
-    """Advance through commands u (n, 2) in the stator frame; fill out (n, 2) with alpha-beta currents."""
-    for k in range(u.shape[0]):
-        out[k, 0], out[k, 1], _, _ = stator_currents(x, p)
-        if threshold == 0.0:
-            advance(x, p, u[k, 0], u[k, 1], 0.0, 0.0, substeps)
-        else:
-            for _ in range(substeps):
-                a, b, _, _ = stator_currents(x, p)
-                e_a, e_b = voltage_error(a, b, 0.0, threshold, width)
-                advance(x, p, u[k, 0] - e_a, u[k, 1] - e_b, 0.0, 0.0, 1)
-
-
 def staircase(
     drive: Drive, file: str, axis: str, currents: Array, dwell: int, bench: Bench | None = None
 ) -> CampaignRecording:
@@ -65,20 +47,23 @@ def staircase(
         u[:, "dq".index(axis)] += drive.injection.amplitude * np.tile(shape, dwell * len(currents))
     c, s = math.cos(bench.theta), math.sin(bench.theta)
     command = np.column_stack([c * u[:, 0] - s * u[:, 1], s * u[:, 0] + c * u[:, 1]])
-    plant = Plant(motor.energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs), 0.0, 0.0, h / SUBSTEPS)
-    x = np.zeros(4)
-    x[0], x[1] = flux_from_current(motor.energy, *np.asarray(currents, dtype=float)[0])
-    x[3] = bench.theta + bench.angle_error
-    out = np.empty((len(u), 2))
-    _run(x, plant, command, bench.threshold, bench.width, SUBSTEPS, out)
+    first = phases.py_func(*(c * currents[0][0] - s * currents[0][1], s * currents[0][0] + c * currents[0][1]))
+    columns = {"t": np.arange(len(u)) * h, "u_alpha": command[:, 0], "u_beta": command[:, 1]}
+    columns |= {"theta": np.full(len(u), bench.theta), "u_dc": np.full(len(u), drive.converter.dc_bus_voltage)}
+    columns |= {f"i_{x}": np.full(len(u), i) for x, i in zip("abc", first, strict=True)}  # where it starts from
+    asked = CampaignRecording(file, "locked", axis, columns)
+    values = {
+        "encoder_offset.offset": -bench.angle_error, "device_drop.threshold": bench.threshold,
+        "bench.soft_current": bench.width,
+    }  # fmt: skip
+    sensing = replace(drive, converter=replace(drive.converter, current_noise=max(drive.converter.current_noise, 1e-6)))
+    prepared = prepare(Campaign("staircase", sensing, (asked,), {}, {}, False), values, steps=STEPS)
+    read = replay(prepared, [values]).currents[0][:, :, 0].T
     rng = np.random.default_rng(bench.seed)
-    abc = np.stack(phases.py_func(out[:, 0], out[:, 1])) + bench.noise * rng.normal(size=(3, len(u)))
+    abc = read + bench.noise * rng.normal(size=(3, len(u)))
     if bench.resolution:
         abc = bench.resolution * np.round(abc / bench.resolution)
-    columns = dict(zip(("i_a", "i_b", "i_c"), abc, strict=True))
-    columns |= {"t": np.arange(len(u)) * h, "u_alpha": command[:, 0], "u_beta": command[:, 1]}
-    columns |= {"theta": np.full(len(u), bench.theta), "u_dc": np.full(len(u), drive.converter.dc_bus_voltage)}
-    return CampaignRecording(file, "locked", axis, columns)
+    return replace(asked, columns={**columns, **dict(zip(("i_a", "i_b", "i_c"), abc, strict=True))})
 
 
 def paper_levels(drive: Drive) -> Array:

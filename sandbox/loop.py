@@ -21,7 +21,6 @@ from model.compiled import compiled_as, kernel, kernel_as
 from model.energy import min_eigenvalue
 from model.frames import rotate, stationary
 from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
-from sandbox.plant import additions as add
 from sandbox.plant import ports
 from sandbox.plant.batch import numba_type
 from sandbox.plant.edges import duties, write_edges
@@ -138,6 +137,12 @@ def rotor(w):
     swing = w.pairs[0] * w.load_share[0]
     theta, omega = w.angle[0] + swing * w.twist[0], w.speed[0] + swing * w.slip[0]
     return theta, omega, theta - w.delay[0] * omega
+
+
+@kernel
+def at_start(w, theta):
+    """Return the terminal current i_d, i_q (A) at the pattern's start, of a rotor at theta (rad)."""
+    return rotate(w.first_a[0], w.first_b[0], -theta)
 
 
 @kernel
@@ -274,7 +279,7 @@ def run_compiled(step, state, bench, rig, control, belief, tuning, profile, wave
         acting = (memory[U_ALPHA], memory[U_BETA])
         u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
-            true, u_dc = rotate(w.first_a[0], w.first_b[0], -theta), rig.link * memory[LINK]
+            true, u_dc = at_start(w, theta), rig.link * memory[LINK]
             row = table[k // rig.stride]
             record(row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc)
         keep(memory, (u_alpha, u_beta))

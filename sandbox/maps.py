@@ -26,6 +26,7 @@ class Maps:
     """
 
     motor: str
+    rated_current: float  # A
     i_d: Array  # (n,) A
     i_q: Array
     l_dd: Array
@@ -39,6 +40,17 @@ class Maps:
         """Return everything by name, as written to an .npz; first-order maps carry the prefix `first_`."""
         names = ("i_d", "i_q", "l_dd", "l_dq", "l_qq", "angle", "gain")
         return {n: getattr(self, n) for n in names} | {f"first_{k}": v for k, v in self.first_order.items()}
+
+    def shown(self) -> list[tuple[str, str, float, Array]]:
+        """Return name, unit a person reads, factor to it and values of each map."""
+        mh = [(name, "mH", 1e3, getattr(self, name)) for name in ("l_dd", "l_dq", "l_qq")]
+        return [*mh, ("angle", "°", 180.0 / math.pi, self.angle), ("gain", "", 1.0, self.gain)]
+
+    def at(self, values: Array, i_q: float) -> float:
+        """Return a map's value at i_d = 0 (or nearest to it) and a current i_q (A); NaN outside plane or domain."""
+        if abs(i_q) > self.i_q[-1] * (1.0 + 1e-9):
+            return math.nan
+        return float(np.interp(i_q, self.i_q, values[int(np.argmin(np.abs(self.i_d)))]))
 
     def summary(self) -> dict[str, float | None]:
         """Return the share of valid points and the largest errors of first order (H, rad) over them."""
@@ -75,4 +87,4 @@ def maps(motor: Motor, radius: float | None = None, points: int = 61) -> Maps:
     first["angle"] = 0.5 * np.arctan2(2 * sign * f_dq, sign * (f_qq - f_dd))
     first["gain"] = np.hypot(f_qq - f_dd, 2 * f_dq) / np.abs(f_det) / zero
     angle, gain = 0.5 * np.arctan2(-2 * sign * dq, sign * (dd - qq)), np.hypot(dd - qq, 2 * dq) / zero
-    return Maps(motor.name, i, i, qq / det, -dq / det, dd / det, angle, gain, first)
+    return Maps(motor.name, motor.rated_current, i, i, qq / det, -dq / det, dd / det, angle, gain, first)

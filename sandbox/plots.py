@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from model.parameters import Drive
     from model.saliency import Audit
     from sandbox.compare import Comparison, Row, Run
-    from sandbox.identify import Identification
     from sandbox.maps import Maps
     from sandbox.protocol import Protocol
 
@@ -32,12 +31,13 @@ READING = (
 )
 
 
-def comparison_figure(comparison: Comparison, path: Path) -> None:
+def comparison_figure(comparison: Comparison, path: str | Path | None = None) -> Figure:
     """Draw position error (deg electrical) against load or segment: columns estimators, rows closed and open.
 
     Markers are means, outer ends of the bars 95th percentiles of |error|, dashed lines theory, crosses lost
-    locks. The suffix of `path` (.png, .svg, .pdf) gives the format; the file appears whole or not at all.
-    Raises ValueError if there is no run or an unknown suffix, OSError if the file is not writable.
+    locks. Returns the figure, and writes it where a path is given: its suffix (.png, .svg, .pdf) is the format, the
+    file appears whole or not at all. Raises ValueError if there is no run or an unknown suffix, OSError if the file
+    is not writable.
     """
     from matplotlib.figure import Figure
 
@@ -60,7 +60,7 @@ def comparison_figure(comparison: Comparison, path: Path) -> None:
     figure.supxlabel(READING, fontsize=9, color="0.25")
     for axes in panels[-1]:
         axes.set_xlabel("load (% of rated)" if by_load else "segment: load (%), speed (rpm)")
-    save(figure, path)
+    return drawn(figure, path)
 
 
 def _load_varies(runs: Sequence[Run]) -> bool:
@@ -159,7 +159,7 @@ def _label_beliefs(axes: Axes, beliefs: Sequence[str], rows: Sequence[Sequence[R
         )
 
 
-def audit_figure(drive: Drive, audit: Audit, path: Path) -> None:
+def audit_figure(drive: Drive, audit: Audit, path: str | Path | None = None) -> Figure:
     """Draw the current plane (convexity, saliency) and the cross-saturation angle against load.
 
     Raises as `comparison_figure`.
@@ -180,7 +180,7 @@ def audit_figure(drive: Drive, audit: Audit, path: Path) -> None:
     angles.set_title("cross-saturation angle")
     angles.legend(frameon=False, fontsize=9)
     figure.suptitle(f"{drive.name}: where the model may be used", parse_math=False)
-    save(figure, path)
+    return drawn(figure, path)
 
 
 def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
@@ -201,7 +201,7 @@ def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
     axes.set_title("valid" if audit.passed else "grey: not valid")
 
 
-def maps_figure(maps: Maps, path: Path) -> None:
+def maps_figure(maps: Maps, path: str | Path | None = None) -> Figure:
     """Draw inductances, cross-saturation angle and gain over the current plane, and the first order's error of L_dd."""
     from matplotlib.figure import Figure
 
@@ -227,10 +227,10 @@ def maps_figure(maps: Maps, path: Path) -> None:
     for panel in axes[:, 0]:
         panel.set_ylabel("i_q (A)")
     figure.suptitle(f"{maps.motor}: incremental inductances and what injection sees", parse_math=False)
-    save(figure, path)
+    return drawn(figure, path)
 
 
-def protocol_figure(result: Protocol, path: Path) -> None:
+def protocol_figure(result: Protocol, path: str | Path | None = None) -> Figure:
     """Draw a page: a panel per motor, a line per estimator and belief, a column per test, coloured by the verdict."""
     from matplotlib.figure import Figure
 
@@ -240,43 +240,31 @@ def protocol_figure(result: Protocol, path: Path) -> None:
     tables = [table(result, motor) for motor in motors]
     lines = sum(len(cells) + 2 for _, cells in tables)
     width = 2.2 + 1.45 * (max(len(heads) for heads, _ in tables) - 1)
-    figure = Figure(figsize=(width, 0.8 + 0.24 * lines), layout="constrained")
+    figure = Figure(figsize=(width, 0.8 + 0.34 * lines), layout="constrained")
     heights = [len(cells) + 1 for _, cells in tables]
     panels = figure.subplots(len(motors), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
     for panel, motor, (heads, cells) in zip(panels, motors, tables, strict=True):
         _draw_cells(panel, heads[1:], [row[0] for row in cells], [row[1:] for row in cells])
         panel.set_title(motor, loc="left", fontweight="bold", fontsize=10, parse_math=False)
     figure.supxlabel(READING, fontsize=8, color="0.25", wrap=True)
-    save(figure, path)
+    return drawn(figure, path)
 
 
 def _draw_cells(axes: Axes, heads: Sequence[str], names: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
-    """Draw a table of texts: green where it ends in a tick, red in a cross, grey without verdict."""
+    """Draw a table of texts: green where there is a tick before the goal, red for a cross, grey without verdict."""
     colours = {"✓": "#cfe8d5", "✗": "#f3cdc7"}
     for y, row in enumerate(cells):
         for x, text in enumerate(row):
-            face = colours.get(text[-1:], "0.93" if text else "white")
+            mark = next((m for m in colours if f" {m}" in text), "")
+            face = colours.get(mark, "0.93" if text else "white")
+            text = text.replace(f" {mark} ", "\ngoal: ") if mark else text
             axes.fill_between([x + 0.02, x + 0.98], y + 0.04, y + 0.96, color=face, linewidth=0)
-            axes.text(x + 0.5, y + 0.5, text.rstrip("✓✗ "), ha="center", va="center", fontsize=7)
+            axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6.5)
     axes.set_xticks([x + 0.5 for x in range(len(heads))], heads, fontsize=8)
     axes.set_yticks([y + 0.5 for y in range(len(names))], names, fontsize=8)
     axes.set(xlim=(0, len(heads)), ylim=(len(names), 0))
     axes.tick_params(length=0, top=False, labeltop=True, bottom=False, labelbottom=False)
     axes.spines[:].set_visible(False)
-
-
-def identification_figure(result: Identification, path: Path) -> None:
-    """Draw each method's residuals over the bias levels."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 4.5), layout="constrained")
-    panels = figure.subplots(1, len(result.fits), squeeze=False)[0]
-    for panel, (name, fit) in zip(panels, result.fits.items(), strict=True):
-        panel.plot([1e3 * r for r in fit.residuals.ravel()], ".", color=colour_of("saturated"), markersize=4)
-        panel.axhline(0.0, color="0.6", linewidth=0.8)
-        panel.set(title=f"{name}: {1e3 * fit.residual_rms:.3g} mA rms", xlabel="reading", ylabel="residual (mA)")
-    figure.suptitle(f"{result.campaign.name}: what the fits leave", parse_math=False)
-    save(figure, path)
 
 
 def page(size: tuple[float, float], rows: int, columns: int, **layout: Any) -> tuple[Figure, Any]:
@@ -350,6 +338,13 @@ def _svg(figure: Figure, salt: str) -> str:
         FigureCanvasSVG(figure).print_svg(out, metadata={"Date": None})
     text = out.getvalue()
     return text[text.index("<svg") :]
+
+
+def drawn(figure: Figure, path: str | Path | None) -> Figure:
+    """Return a figure, saved where a path is given."""
+    if path is not None:
+        save(figure, Path(path))
+    return figure
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -16,12 +16,17 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from estimators.registry import load_estimator
+from estimators.registry import MODULES, AnyEstimator
 from model.compiled import source_key
 from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive, load_drive
+from sandbox.compare import distinct
 from sandbox.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
 from sandbox.protocol_tests import (
+    MEAN_GOAL,
+    P95_GOAL,
+    POLARITY_GOAL,
+    THEORY_GOAL,
     Outcome,
     Point,
     attraction,
@@ -33,7 +38,7 @@ from sandbox.protocol_tests import (
     starting,
     static_map,
 )  # fmt: skip
-from sandbox.report import BELIEFS, plain, print_table, results, write_json
+from sandbox.report import BELIEFS, plain, print_table
 
 ESTIMATORS = (
     "qnull", "inversion", "rotating", "table", "arbitrary", "pwm_ripple", "fluxdemod", "pll3", "mechanical", "monitor",
@@ -43,13 +48,18 @@ READING = (
     "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the ripple "
     "carries information; attraction: started wrong all round, share back / at the wrong pole / elsewhere; "
     "slow: the speed asked for not reached in time; cost: a step, torque ripple at standstill/at speed; "
-    "✓ ✗: goal met or not."
+    "✓ ✗: the goal beside it is met or not. 'as theory': the error may be large, as long as it is the one that theory "
+    "foretells for a linear belief."
 )
+LOCK = "lock kept"
+GOALS = {  # beside a verdict; what is not here is judged by `verdict`: mean and 95th percentile, or theory
+    "start": f"≥ {100.0 * POLARITY_GOAL:g} %", "robustness": LOCK, "reversal": LOCK, "attraction": "no third rest",
+}  # fmt: skip
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
 MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
 
 
-Test = Callable[[Drive, str, str, int], Outcome]
+Test = Callable[[Drive, AnyEstimator, str, int], Outcome]
 TESTS: dict[str, Test] = {
     "start": starting,
     "static_map": static_map,
@@ -132,16 +142,11 @@ def usual_motors() -> tuple[str, ...]:
 
 
 def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:
-    """Return the units of a protocol in order; BadInput for an unknown or missing name."""
+    """Return the units of a protocol in order, estimators by name; BadInput where there is none of a kind."""
     motors, estimators, tests = (list(dict.fromkeys(names)) for names in (motors, estimators, tests))
     for kind, names in (("motor", motors), ("estimator", estimators), ("test", tests)):
         if not names:
             raise BadInput(f"no {kind} for the protocol; name at least one")
-    for test in tests:
-        if test not in TESTS:
-            raise unknown("test", test, TESTS)
-    for name in estimators:
-        load_estimator(name)
     found = []
     for motor in motors:
         for number, estimator in enumerate(estimators):
@@ -163,12 +168,12 @@ def _is_chosen(motor: str, test: str, motors: list[str]) -> bool:
     return motor == (own if own in motors else motors[0])
 
 
-def run_unit(unit: Unit, drive: Drive, seed: int) -> Row:
+def run_unit(unit: Unit, drive: Drive, estimator: AnyEstimator, seed: int) -> Row:
     """Run one unit; a PhysicsError becomes its failure, a BadInput a refusal."""
     begun = time.thread_time()
     failure = None
     try:
-        outcome = TESTS[unit.test](drive, unit.estimator, unit.belief, seed)
+        outcome = TESTS[unit.test](drive, estimator, unit.belief, seed)
     except PhysicsError as error:
         outcome, failure = Outcome((), {}, False), str(error)
     except BadInput as error:  # this estimator on this drive, such as rotating injection in two samples a turn
@@ -177,8 +182,8 @@ def run_unit(unit: Unit, drive: Drive, seed: int) -> Row:
 
 
 def protocol(
-    estimators: Iterable[str] = ESTIMATORS,
-    motors: Iterable[str] | None = None,
+    estimators: Iterable[AnyEstimator] = ESTIMATORS,
+    motors: Iterable[str | Path | Drive] | None = None,
     tests: Iterable[str] = tuple(TESTS),
     *,
     seed: int = 0,
@@ -188,21 +193,33 @@ def protocol(
 ) -> Protocol:
     """Run every unit on up to `jobs` threads; `keep` is a folder in which finished units wait for the rest.
 
-    Raises BadInput for what cannot be run (before anything runs, as far as names and files go).
+    Estimators and motors are names, files or objects; units of objects and of estimators from files are not kept, as
+    nobody knows whether they are still the same later.  Raises BadInput for what cannot be run (before anything runs,
+    as far as names and files go).
     """
-    todo = units(usual_motors() if motors is None else motors, estimators, tests)
-    named = dict.fromkeys(u.motor for u in todo)
-    drives = {motor: reversal_case()[0] if motor == PEER else load_drive(motor) for motor in named}
+    tests, wanted = list(dict.fromkeys(tests)), usual_motors() if motors is None else motors
+    for test in tests:
+        if test not in TESTS:
+            raise unknown("test", test, TESTS)
+    drives: dict[str, str | Path | Drive] = {}
+    for motor in wanted:
+        name = motor.name if isinstance(motor, Drive) else str(motor)
+        if drives.setdefault(name, motor) is not motor and isinstance(motor, Drive):
+            raise BadInput(f"two motors are called '{name}'; give one of them another name")
+    loaded = {name: motor if isinstance(motor, Drive) else load_drive(motor) for name, motor in drives.items()}
+    own = distinct(estimators)  # last: this may compile
+    todo = units(drives, own, tests)
+    loaded[PEER] = reversal_case()[0]
     kept = Kept(keep, seed)
-    missing = [u for u in todo if u not in kept.rows]
+    missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
     lock, done = threading.Lock(), len(todo) - len(missing)
 
     def one(unit: Unit) -> None:
         """Run a unit and keep its row."""
         nonlocal done
-        row = run_unit(unit, drives[unit.motor], seed)
+        row = run_unit(unit, loaded[unit.motor], own[unit.estimator], seed)
         with lock:
-            kept.add(row)
+            kept.add(row, lasting=unit.estimator in MODULES and not isinstance(drives.get(unit.motor), Drive))
             done += 1
             if progress:
                 progress(done / len(todo))
@@ -232,10 +249,10 @@ class Kept:
             return
         self.rows[row.unit] = row
 
-    def add(self, row: Row) -> None:
-        """Remember a finished unit."""
+    def add(self, row: Row, lasting: bool = True) -> None:
+        """Remember a finished unit; lasting: in the file, too."""
         self.rows[row.unit] = row
-        if self.path:
+        if self.path and lasting:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             line = {
                 "unit": asdict(row.unit), "points": [asdict(p) for p in row.outcome.points],
@@ -252,22 +269,14 @@ def forget(folder: Path) -> None:
         path.unlink(missing_ok=True)
 
 
-def write_parquet(path: Path, result: Protocol) -> None:
-    """Write the tidy table: a row per evaluated stretch, or per test that has none."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
+def tidy(result: Protocol) -> list[dict[str, Any]]:
+    """Return the tidy table: a row per evaluated stretch, or per test that has none."""
     nothing: dict[str, Any] = dict.fromkeys(f.name for f in fields(Point))
     rows = []
     for row in result.rows:
         head = asdict(row.unit) | {"passed": row.outcome.passed}
         rows += [head | asdict(p) for p in row.outcome.points] or [head | nothing]
-    kinds = {"str": pa.string(), "bool": pa.bool_()}
-    schema = pa.schema(
-        [(name, pa.string()) for name in ("motor", "test", "estimator", "belief")] + [("passed", pa.bool_())]
-        + [(f.name, kinds.get(str(f.type), pa.float64())) for f in fields(Point)]
-    )  # fmt: skip
-    pq.write_table(pa.Table.from_pylist(plain(rows), schema=schema), path)
+    return rows
 
 
 def table(result: Protocol, motor: str) -> tuple[list[str], list[list[str]]]:
@@ -281,11 +290,19 @@ def table(result: Protocol, motor: str) -> tuple[list[str], list[list[str]]]:
     return ["estimator", *tests], lines
 
 
+def goal_of(row: Row) -> str:
+    """Return the goal that a unit is judged by, in a few words."""
+    if row.outcome.metrics.get("rms_to_peer") is not None:
+        return "≤ 1/2, ≤ 1/300"
+    judged = f"≤ {MEAN_GOAL:g} ({P95_GOAL:g})°" if row.unit.belief == "saturated" else f"as theory ±{THEORY_GOAL:g}°"
+    return GOALS.get(row.unit.test, judged)
+
+
 def cell(row: Row | None) -> str:
-    """Return a unit as text: worst mean (worst p95) in degrees, stretches lost, and a mark for the verdict."""
+    """Return a unit as text: worst mean (worst p95) in degrees, stretches lost, a mark for the verdict, the goal."""
     if row is None:
         return ""
-    mark = {True: " ✓", False: " ✗", None: ""}[row.outcome.passed]
+    mark = {True: f" ✓ {goal_of(row)}", False: f" ✗ {goal_of(row)}", None: ""}[row.outcome.passed]
     m = row.outcome.metrics
     if row.failure:
         return f"{'refused' if 'refused' in m else 'failed'}{mark}"
@@ -319,21 +336,11 @@ def with_motulator(result: Protocol, anchors: Path, python: str) -> Protocol:
     return result.beside(*peer(anchors, python, "lin", 4.0))
 
 
-def publish(result: Protocol, folder: Path) -> None:
-    """Write protocol.json, .png and .parquet, and forget what was kept for resuming."""
-    from sandbox.plots import protocol_figure
-
-    with results(folder, "protocol") as out:
-        write_parquet(out / "protocol.parquet", result)
-        protocol_figure(result, out / "protocol.png")
-        files = {"figure": "protocol.png", "table": "protocol.parquet"}
-        write_json(out, "protocol", result.as_json() | files)
-    forget(folder)
-
-
 def show(result: Protocol) -> None:
     """Print a table per motor, how to read it, and the cost."""
     for motor in dict.fromkeys(row.unit.motor for row in result.rows):
-        print_table(f"{motor}: worst mean ° (worst 95 %)", *table(result, motor))
+        heads, lines = table(result, motor)
+        lines = [[text.replace(" ✓ ", " ✓\n").replace(" ✗ ", " ✗\n") for text in line] for line in lines]
+        print_table(f"{motor}: worst mean ° (worst 95 %)", heads, lines)
     print(READING)
     print(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")

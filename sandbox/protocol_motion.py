@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from estimators.registry import load_estimator
+from estimators.registry import AnyEstimator, load_estimator
 from model.errors import BadInput, PhysicsError
 from model.parameters import Converter, Drive, Injection, Motor
 from model.saliency import current_for_torque
@@ -39,7 +39,7 @@ def chirp_scenario(drive: Drive, load: float) -> Scenario:
     return Scenario("chirp", (first, *pieces), "driven", start_up=False)
 
 
-def bandwidth(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def bandwidth(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """Bandwidth (-3 dB) and peak of the estimate's answer to the rotor's angle, half rated load, encoder in control.
 
     From the cross spectrum of both angles over a chirp; bandwidth_hz is FASTEST where the answer never falls.
@@ -60,7 +60,7 @@ def bandwidth(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
     return Outcome((), {"bandwidth_hz": edge, "peak_gain": float(gain.max())}, None)
 
 
-def hand_over(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def hand_over(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """Free rotor under rated load from standstill to the highest speed allowed, up to 30 %, and back."""
     top = design(drive).top_omega / drive.motor.rated_omega
     for speed in HAND_OVER:
@@ -97,7 +97,7 @@ def reversal_case() -> tuple[Drive, Scenario]:
     return drive, Scenario("reversal", segments, "free", "speed", start_up=False, start_angle=0.0)
 
 
-def reversal(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def reversal(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """The four-second reversal of motulator's example, on its own motor; see `with_peer` for the comparison."""
     _, scenario = reversal_case()
     run = simulate(drive, scenario, load_estimator(estimator), belief, seed=seed)

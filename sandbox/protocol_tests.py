@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from estimators.registry import load_estimator
+from estimators.registry import AnyEstimator, load_estimator
 from model.energy import flux_newton, hessian, torque
 from model.errors import BadInput, PhysicsError
 from model.parameters import Drive
@@ -73,15 +73,16 @@ def informative(drive: Drive, i_d: float, i_q: float) -> bool:
 
 
 def points_of(
-    drive: Drive, scenario: Scenario, estimator: str, belief: str, closed: bool, seed: int, case: str,
+    drive: Drive, scenario: Scenario, estimator: AnyEstimator, belief: str, closed: bool, seed: int, case: str,
     effects: Mapping[str, float] | None = None,
 ) -> list[Point]:  # fmt: skip
     """Run a scenario and return its scored segments as points; PhysicsError and BadInput as `simulate`."""
+    own = load_estimator(estimator)
     run = simulate(
-        drive, scenario, load_estimator(estimator), belief, closed_loop=closed, seed=seed, effects=effects,
+        drive, scenario, own, belief, closed_loop=closed, seed=seed, effects=effects,
         stride=max(1, math.ceil(scenario.duration / drive.converter.sampling_period / 4e5)),
     )  # fmt: skip
-    rows = rows_of(drive, scenario, run.recording, run.start_time, estimator, belief, closed)
+    rows = rows_of(drive, scenario, run.recording, run.start_time, own.name, belief, closed)
     rated, found = drive.motor.rated_current, []
     for row, s in zip(rows, (s for s in scenario.segments if s.score), strict=True):
         e = row.error_deg
@@ -148,7 +149,7 @@ def verdict(points: Iterable[Point], belief: str) -> Outcome:
     return Outcome(points, m, passed)
 
 
-def static_map(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def static_map(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """Locked rotor, currents along rays to twice rated current, estimate and encoder in control."""
     points = []
     for k in range(DIRECTIONS):
@@ -167,7 +168,7 @@ def static_map(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
     return verdict(points, belief)
 
 
-def _both(drive: Drive, scenario: Scenario, estimator: str, belief: str, seed: int) -> Outcome:
+def _both(drive: Drive, scenario: Scenario, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     points = []
     for closed in (True, False):
         points += points_of(drive, scenario, estimator, belief, closed, seed, scenario.name)
@@ -188,12 +189,12 @@ CREEP = Scenario(
 )  # fmt: skip
 
 
-def load_step(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def load_step(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """Free rotor held at standstill by the speed loop; load 0 to 180 % in one step, and back."""
     return _both(drive, LOAD_STEP, estimator, belief, seed)
 
 
-def creep(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def creep(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """Free rotor creeping through a reversal, 0.2 % of rated speed, under 180 % load."""
     return _both(drive, CREEP, estimator, belief, seed)
 
@@ -212,7 +213,7 @@ def mission_scenario() -> Scenario:
     return Scenario("mission", tuple(segments), "free", "speed")
 
 
-def mission(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def mission(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """210 s at low speed, estimate in control: loads to 180 %, reversals, ramps, creeping."""
     return verdict(points_of(drive, mission_scenario(), estimator, belief, True, seed, "mission"), belief)
 
@@ -248,7 +249,7 @@ def perturbations(drive: Drive) -> dict[str, dict[str, float]]:
     return cases
 
 
-def robustness(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def robustness(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """Standstill and 5 % speed under load with one thing at a time other than believed; passed: lock kept."""
     points = []
     noisy = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, current_noise=0.01))
@@ -269,7 +270,7 @@ def robustness(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
     return Outcome(tuple(points), whole | metrics, not whole["lost"])
 
 
-def attraction(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def attraction(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """The first position told wrong, around the circle, at 0, 100 and 180 % load, encoder in control.
 
     Metrics: share that comes back to the right equilibrium, share that stays reversed, and the other angles
@@ -306,7 +307,7 @@ def attraction(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
     return Outcome(tuple(points), metrics, not strange and not restless)
 
 
-def starting(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def starting(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """3024 starts over 36 angles, each with its own noise; the same start-up serves every estimator."""
     from sandbox.starts import starts
 
@@ -322,7 +323,7 @@ def starting(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
     return Outcome((), metrics, found.right >= POLARITY_GOAL)
 
 
-def costs(drive: Drive, estimator: str, belief: str, seed: int) -> Outcome:
+def costs(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """CPU of a step, and what the injection costs the motor, see `sandbox.step_cost.cost`."""
     from sandbox.step_cost import cost
 

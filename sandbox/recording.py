@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.frames import wrapped
+
+if TYPE_CHECKING:
+    import pandas
 
 Array = NDArray[np.float64]
 # Order of the kernel's record row; units in NOMENCLATURE.md.
@@ -16,9 +21,13 @@ CHANNELS = (
     "ripple_d", "ripple_q", "load", "load_torque", "omega_ref", "i_q_ref", "tracking",
     "theta_read", "u_dc",
 )  # fmt: skip
+UNITS = dict(zip(CHANNELS, (
+    "s", "A", "A", "A", "V", "V", "rad", "rad", "rad/s", "rad/s", "A", "A", "A", "A", "of rated current", "N m",
+    "rad/s", "A", "", "rad", "V",
+), strict=True))  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """Samples of one run; every channel of CHANNELS is an attribute, shape (n,).
 
@@ -33,7 +42,31 @@ class Recording:
     def __getattr__(self, name: str) -> Array:
         if name in CHANNELS:
             return self.table[:, CHANNELS.index(name)]
-        raise AttributeError(name)
+        raise AttributeError(f"a recording has no channel '{name}'; it has {', '.join(CHANNELS)}")
+
+    def __getitem__(self, name: str) -> Array:
+        if name in CHANNELS:
+            return self.table[:, CHANNELS.index(name)]
+        raise KeyError(f"a recording has no channel '{name}'; it has {', '.join(CHANNELS)}")
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(CHANNELS)
+
+    def __len__(self) -> int:
+        return len(self.table)
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *CHANNELS})
+
+    def __repr__(self) -> str:
+        t = self.table[:, 0]
+        return f"<Recording: {t.size} samples, {t[0] if t.size else 0:g} to {t[-1] if t.size else 0:g} s>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return all channels as a data frame, units in `.attrs["units"]`; BadInput where pandas is missing."""
+        from sandbox.public.result import Column, frame_of, table_of
+
+        return frame_of(table_of({name: Column(self[name], UNITS[name]) for name in CHANNELS}))
 
     @property
     def error(self) -> Array:

@@ -1,6 +1,6 @@
 """The plant once more, readable: the paper's equations in NumPy, integrated by SciPy.
 
-Same physics as `sandbox.oldplant` and none of its code: eqs. (elecd), (elecq), (id), (iq) as printed, each voltage
+Same physics as `sandbox.plant` and none of its code: eqs. (elecd), (elecq), (id), (iq) as printed, each voltage
 rotated into the rotor frame at every instant, an adaptive eighth-order method between voltage updates.
 """
 

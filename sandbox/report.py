@@ -7,8 +7,9 @@ import math
 import os
 import shutil
 import sys
+import textwrap
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError
 from importlib.metadata import version as installed
@@ -17,15 +18,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from model.errors import BadInput, PhysicsError
+from model.errors import BadInput
 
 if TYPE_CHECKING:
-    from model.parameters import Drive
-    from model.saliency import Audit
     from sandbox.compare import Comparison
-    from sandbox.design import Design
-    from sandbox.identify import Identification
-    from sandbox.score import ErrorDeg, Row
+    from sandbox.score import Row
 
 SCHEMA = 1
 BELIEFS = ("saturated", "linear")
@@ -37,6 +34,13 @@ def version() -> str:
         return installed("sensorless-sandbox")
     except PackageNotFoundError:
         return "source"
+
+
+def forget_kernels() -> None:
+    """Remove this version's compiled kernels, so that they are compiled anew."""
+    from model.compiled import _CACHE_DIR
+
+    shutil.rmtree(_CACHE_DIR, ignore_errors=True)
 
 
 def plain(value: Any) -> Any:
@@ -56,7 +60,8 @@ def plain(value: Any) -> Any:
     return value
 
 
-KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html", ".parquet")
+KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html", ".parquet", ".csv")
+WIDTH = 80  # columns of a printed table where no wider terminal is there
 
 
 def _aside(place: Path, full: Path) -> Path:
@@ -175,19 +180,67 @@ def stage_bar(title: str, quiet: bool) -> Iterator[Callable[[str], None]]:
         )
 
 
-def print_table(title: str, heads: list[str], rows: list[list[str]]) -> None:
-    """Print a table; the first column to the left, numbers to the right."""
+def print_table(title: str, heads: list[str], rows: list[list[str]], fixed: int = 1) -> None:
+    """Print a table; the first column to the left, numbers to the right, no number cut.
+
+    One that is wider than the terminal (or 80 columns) is folded: its columns follow in several tables that all begin
+    with the first `fixed` ones.
+    """
     from rich.console import Console
+
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+    for number, chosen in enumerate(folded(heads, rows, fixed, width)):
+        picked = [[row[k] for k in chosen] for row in [heads, *rows]]
+        needed = 1 + sum(_width(picked, k) for k in range(len(chosen)))
+        console = Console(width=max(width, needed), markup=False, highlight=False)
+        if number == 0:
+            console.print(title, style="bold", soft_wrap=True)
+        console.print(_grid(picked), soft_wrap=needed > width)
+
+
+def print_list(lines: Mapping[str, str]) -> None:
+    """Print name and text of each entry: in a terminal folded to its width, elsewhere one line each."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 10_000
+    for name, text in lines.items():
+        head = f"{name:<20} "
+        print(textwrap.fill(text, max(width, 40), initial_indent=head, subsequent_indent=" " * len(head)))
+
+
+LEAST = 24  # columns that a first column keeps where it has to be broken, its frame included
+
+
+def _width(rows: list[list[str]], k: int) -> int:
+    """Return the columns of a terminal that a table's column takes with its frame; a first one may be broken."""
+    whole = 3 + max(len(line) for row in rows for line in row[k].split("\n"))
+    return whole if k else min(whole, LEAST)
+
+
+def folded(heads: list[str], rows: list[list[str]], fixed: int, width: int) -> list[list[int]]:
+    """Return the columns of each part of a table, every part within a width where that can be done."""
+    every = [heads, *rows]
+    first, parts = list(range(fixed)), [list(range(fixed))]
+    room = width - 1 - sum(_width(every, k) for k in first)
+    left = room
+    for k in range(fixed, len(heads)):
+        wide = _width(every, k)
+        if wide > left and len(parts[-1]) > fixed:
+            parts.append(list(first))
+            left = room
+        parts[-1].append(k)
+        left -= wide
+    return parts
+
+
+def _grid(rows: list[list[str]]) -> Any:
+    """Return a table for rich, its first row the heads."""
     from rich.table import Table
 
-    table = Table(title=title, title_justify="left", title_style="bold")
-    for k, head in enumerate(heads):
-        table.add_column(head, justify="left" if k == 0 else "right", no_wrap=True)
-    for row in rows:
+    table = Table()
+    for k, head in enumerate(rows[0]):
+        table.add_column(head, justify="left" if k == 0 else "right", no_wrap=k > 0, overflow="fold")
+    for row in rows[1:]:
         table.add_row(*row)
-    wide = sum(max(len(r[k]) for r in [heads, *rows]) + 3 for k in range(len(heads))) + 1
-    terminal = shutil.get_terminal_size().columns if sys.stdout.isatty() else 80
-    Console(width=max(wide, terminal), markup=False, highlight=False, soft_wrap=True).print(table)  # never cut a number
+    return table
 
 
 def comparison_tables(c: Comparison) -> list[tuple[str, list[str], list[list[str]]]]:
@@ -205,12 +258,13 @@ def comparison_tables(c: Comparison) -> list[tuple[str, list[str], list[list[str
             theory = [r.rows[k].predicted_mean_deg for r in runs if r.belief == "linear"]
             known = next((t for t in theory if t is not None), None)
             cells = [_cell(r.rows[k]) for r in runs]
-            lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", _number(known), *cells])
+            lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", number_text(known), *cells])
         tables.append((f"{c.drive.name}, {c.scenario.name}, {loop}", heads, lines))
     return tables
 
 
-def _number(value: float | None) -> str:
+def number_text(value: float | None) -> str:
+    """Return degrees with two decimals and a sign, or a dash for none."""
     return "–" if value is None else f"{value + 0.0 if abs(value) >= 0.005 else 0.0:+.2f}"
 
 
@@ -219,17 +273,7 @@ def _cell(row: Row) -> str:
         return "lost lock"
     if row.error_deg.p95 is None:
         return "–"
-    return f"{_number(row.error_deg.mean)} ({row.error_deg.p95:.1f}){'' if row.reference_held else ' speed missed'}"
-
-
-def print_comparison(c: Comparison) -> None:
-    """Print both tables and how to read them."""
-    for title, heads, rows in comparison_tables(c):
-        print_table(title, heads, rows)
-    print(
-        "Position error in electrical degrees, mean (95th percentile of its size); theory: the cross-saturation "
-        "angle that a linear belief cannot see, for small ripple."
-    )
+    return f"{number_text(row.error_deg.mean)} ({row.error_deg.p95:.1f}){'' if row.reference_held else ' speed missed'}"
 
 
 def comparison_markdown(c: Comparison) -> str:
@@ -255,144 +299,3 @@ def comparison_text(comparison: Comparison, made: dict[str, str], stride: int, s
     title = f"# {comparison.drive.name}, {comparison.scenario.name}"
     table = comparison_markdown(comparison)
     return "\n".join([title, reading, "", table, "", "| made with | |", "|---|---|", *provenance])
-
-
-def print_run(c: Comparison, gains: Design) -> None:
-    """Print the rows of a single run and the loops it was controlled by."""
-    run = c.runs[0]
-    heads = ["load %", "rpm", "theory °", "mean °", "rms °", "p95 °", "max °"]
-    lines = []
-    for row in run.rows:
-        e = row.error_deg
-        values = ["lost lock", "", "", ""] if row.lost_lock else [_number(e.mean), *(f"{v:.2f}" for v in _sizes(e))]
-        values[0] += "" if row.reference_held else " (speed missed)"
-        lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", _number(row.predicted_mean_deg), *values])
-    print_table(f"{c.drive.name}, {c.scenario.name}, {run.name}: position error", heads, lines)
-    heads = ["loop", "bandwidth rad/s", "phase margin °", "gain margin", "disk margin"]
-    loops = [
-        [name, f"{v.bandwidth:.1f}", f"{v.phase_margin_deg:.1f}", f"{v.gain_margin:.2f}", f"{v.disk_margin:.2f}"]
-        for name, v in gains.loops.items()
-    ]
-    print_table("designed loops (tracking loop: at zero load; the filter `ekf` has its own)", heads, loops)
-
-
-def _sizes(e: ErrorDeg) -> tuple[float, float, float]:
-    return (e.rms or 0.0, e.p95 or 0.0, e.max or 0.0)
-
-
-def audit_content(drive: Drive, a: Audit) -> dict[str, Any]:
-    """Return what `audit.json` holds beyond its header; radii in A, up to the audited one."""
-    from sandbox.injection import carrier
-
-    primitive = carrier(drive.injection, drive.converter).primitive
-    ripple = drive.injection.amplitude * float(np.max(np.abs(primitive)))  # Wb
-    saliency = a.slope * abs(drive.motor.energy.gamma_d - drive.motor.energy.gamma_q) * ripple  # A/rad
-    return {
-        "motor": a.motor, "passed": a.passed, "radius": a.radius, "valid_radius": a.valid_radius,
-        "min_eigenvalue": a.min_eigenvalue, "worst_current": a.worst_current, "violations": a.violations,
-        "saliency_radius": a.saliency_radius,
-        "torque_at_rated_current": _torque(drive), "rated_torque": drive.motor.rated_torque, "load": a.load,
-        "angle_local_deg": np.degrees(a.angle_local), "angle_closed_deg": np.degrees(a.angle_closed),
-        "relative_slope": a.slope, "error_per_10mA_deg": np.degrees(0.01 / saliency),
-        "provenance": drive.provenance,
-    }  # fmt: skip
-
-
-def _torque(drive: Drive) -> float:
-    """Return the torque (N m) at rated current on q, NaN outside the valid domain."""
-    from sandbox.simulate import torque_at_load
-
-    try:
-        return torque_at_load(drive, 1.0)
-    except PhysicsError:
-        return math.nan
-
-
-def print_audit(drive: Drive, a: Audit) -> None:
-    """Print an audit: validity in sentences, then the cross-saturation angle against load."""
-    if a.passed:
-        print(
-            f"{a.motor}: valid up to {a.radius:.4g} A ({a.radius / a.rated_current:.0%} of rated current); smallest "
-            f"eigenvalue of the Hessian {a.min_eigenvalue:.4g} 1/H "
-            f"at i = ({a.worst_current[0]:.3f}, {a.worst_current[1]:.3f}) A"
-        )
-    else:
-        from model.energy import Energy
-
-        v = a.violations[0]
-        end = "the energy stops being convex" if isinstance(drive.motor.energy, Energy) else "the flux map ends"
-        print(
-            f"{a.motor}: NOT valid over the audited {a.radius:.4g} A: {end} at i_d = "
-            f"{v['i_d']:.4g} A, i_q = {v['i_q']:.3f} A, so it may be used up to {a.valid_radius:.4g} A "
-            f"({a.valid_radius / a.rated_current:.0%} of rated current)"
-        )
-    kept = "in the whole disc" if a.saliency_radius >= a.radius else f"up to {a.saliency_radius:.4g} A"
-    print(f"saliency L_qq - L_dd keeps its sign, so that q-null injection is feasible: {kept}")
-    rated = drive.motor.rated_torque
-    print(f"torque at rated current on q: {_torque(drive):.4g} N m (rated torque {rated:.4g} N m; currents are peak)")
-    content = audit_content(drive, a)
-    heads = ["load %", "angle °, encoder controls", "angle °, estimate controls", "slope of the null", "° per 10 mA"]
-    keys = ("angle_local_deg", "angle_closed_deg", "relative_slope", "error_per_10mA_deg")
-    lines = [
-        [f"{100 * a.load[k]:+.0f}", *("–" if math.isnan(v) else f"{v:+.2f}" for v in (content[key][k] for key in keys))]
-        for k in range(0, a.load.size, 3)
-    ]
-    print_table("cross-saturation angle, i_d = 0", heads, lines)
-
-
-def catalogue(kind: str) -> list[tuple[str, str]]:
-    """Return name and one line of every motor, effect, estimator or scenario."""
-    if kind == "effects":
-        from model.effects.library import effect_names, load_effect
-
-        return [(name, f"{load_effect(name).subsystem}: {load_effect(name).summary}") for name in effect_names()]
-    if kind == "motors":
-        from model.parameters import describe, mapped_names, motor_names
-
-        return [(name, describe(name)) for name in (*motor_names(), *mapped_names())]
-    if kind == "estimators":
-        from estimators.registry import estimator_names, load_estimator
-
-        return [(name, load_estimator(name).summary) for name in estimator_names()]
-    if kind == "datasets":
-        from model.datasets import catalogue as datasets
-
-        return datasets()
-    from sandbox.scenario import load_scenario, scenario_names
-
-    return [(name, load_scenario(name).description) for name in scenario_names()]
-
-
-def print_identification(result: Identification) -> None:
-    """Print both fits beside the nominal values, and what there is to remark."""
-    nominal = result.campaign.drive.motor
-    names = list(result.fits["exact"].values)
-    lines = []
-    for name in names:
-        cells = [name, f"{getattr(nominal, name):.5g}"]
-        for fit in result.fits.values():
-            low, high = fit.ci95(name) if name in fit.values else (math.nan, math.nan)
-            cells.append(f"{fit.values[name]:.5g} [{low:.4g}, {high:.4g}]" if name in fit.values else "–")
-        lines.append(cells)
-    print_table(f"{result.campaign.name}: identified motor (SI)", ["parameter", "nominal", *result.fits], lines)
-    for name, fit in result.fits.items():
-        share = "" if math.isnan(fit.misfit) else f", {fit.misfit:.3g} x what noise explains"
-        print(f"{name}: residual {1e3 * fit.residual_rms:.3g} mA rms{share}")
-    for remark in result.remarks:
-        print(remark)
-
-
-def estimator_card(name: str) -> str:
-    """Return an estimator's card; the cost of a step is measured here and now."""
-    from estimators.registry import load_estimator
-    from model.parameters import load_drive
-    from sandbox.step_cost import cost
-
-    e, motor = load_estimator(name), "ipm_exchanged"
-    prices = [f"{belief} {cost(load_drive(motor), name, belief, 0)['step_ns']:.0f}" for belief in BELIEFS]
-    rows = [
-        ("injection", e.injection), ("delay", e.delay), ("speeds", e.speeds),
-        ("cost", f"{', '.join(prices)} ns a step, measured now on {motor}" + ("" if e.compiled else " (in Python)")),
-        ("source", e.source),
-    ]  # fmt: skip
-    return "\n".join([f"{e.name}: {e.summary}", "", *(f"{head:<11}{text}" for head, text in rows)])

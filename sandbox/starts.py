@@ -18,9 +18,9 @@ from sandbox import loop
 from sandbox.design import belief_of, design
 from sandbox.feasible import check_feasible
 from sandbox.injection import carrier
+from sandbox.plant.closed import turned_to
 from sandbox.recording import CHANNELS
 from sandbox.scenario import Scenario, Segment
-from sandbox.plant.closed import turned_to
 from sandbox.simulate import LONGEST, exact_bench, profile_of, rig_of
 
 ANGLES = 36

@@ -22,7 +22,7 @@ from estimators.contract import (
     Oversampled,
     Sample,
 )
-from estimators.registry import load_estimator
+from estimators.registry import AnyEstimator, load_estimator
 from model.compiled import compiled_as
 from model.energy import flux_newton, hessian, torque
 from model.errors import BadInput, PhysicsError
@@ -83,7 +83,7 @@ def readings_like(drive: Drive, samples: np.ndarray) -> np.ndarray:
     return found
 
 
-def step_ns(drive: Drive, name: str, belief: Belief, samples: np.ndarray) -> float:
+def step_ns(drive: Drive, name: AnyEstimator, belief: Belief, samples: np.ndarray) -> float:
     """Return the cost of one step in ns on samples (n, 5: i_alpha, i_beta, u_alpha, u_beta, carrier)."""
     estimator, tuning = load_estimator(name), design(drive, start_up=False).tuning
     run: Any = _compiled(numba.typeof(belief), estimator.inside) if estimator.compiled else _through
@@ -115,7 +115,7 @@ def pwm_ripple(drive: Drive, u: complex, theta: float, gamma: tuple[float, float
     return square**0.5
 
 
-def cost(drive: Drive, name: str, belief: str, seed: int) -> dict[str, float | None]:
+def cost(drive: Drive, name: AnyEstimator, belief: str, seed: int) -> dict[str, float | None]:
     """Return what an estimator costs at rated load, locked and (torque ripple alone) turning as fast as it may.
 
     step_ns; injected_v: amplitude; ripple_a: rms of the sampled current around its mean, both axes together;

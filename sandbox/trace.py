@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import subprocess
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput
 from sandbox.report import comparison_text
 
 if TYPE_CHECKING:
@@ -174,21 +171,6 @@ def read_properties(path: Path) -> dict[str, str]:
             names = [name for name in batch.schema.names if not name.startswith("rerun")]
             found |= {name: batch.column(name)[0].as_py()[0] for name in names}
     return found
-
-
-def view(path: Path) -> None:
-    """Open a trace in the rerun viewer of this environment and wait until it is closed.
-
-    Raises BadInput if the trace or the viewer is missing.
-    """
-    if not path.is_file():
-        raise BadInput(f"no trace at '{path}'; `sensorless compare` writes one")
-    viewer = Path(sys.executable).with_name("rerun.exe" if os.name == "nt" else "rerun")
-    if not viewer.is_file():
-        raise BadInput(f"no rerun viewer at '{viewer}'; install rerun-sdk in this environment")
-    done = subprocess.run([str(viewer), str(path)], check=False)
-    if done.returncode:
-        raise BadInput(f"the rerun viewer could not show '{path}' (exit code {done.returncode}); is it a trace?")
 
 
 def _send(

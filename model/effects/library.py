@@ -15,12 +15,13 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from model.effects import own
 from model.effects.card import SUBSYSTEMS, Effect, Parameter
 from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor
 
 FOLDER = Path(__file__).parent
-NOT_EFFECTS = ("__init__", "card", "library")
+NOT_EFFECTS = ("__init__", "card", "library", "own")
 SHARED = ("alpha_12", "alpha_22")  # cross_saturation is a part of saturation
 OF_MOTOR = {  # parameters that replace a value of the motor
     "stator_resistance.resistance": "resistance",
@@ -35,17 +36,21 @@ BEGIN, END = "<!-- table: python -m model.effects.library -->\n", "<!-- end of t
 
 @cache
 def effect_names() -> tuple[str, ...]:
-    """Return the names of all effects: machine, inverter, sensor, mechanics, each in the alphabet's order."""
+    """Return the names of all effects: machine, inverter, sensor, mechanics, each in the alphabet's order; then own."""
     cards = [load_effect(p.stem) for p in sorted(FOLDER.glob("*.py")) if p.stem not in NOT_EFFECTS]
+    cards += [card for card, _ in own.cards()]
     return tuple(c.name for c in sorted(cards, key=lambda c: SUBSYSTEMS.index(c.subsystem)))
 
 
 def load_effect(name: str) -> Effect:
     """Return an effect's card; BadInput with the nearest name for an unknown one."""
+    for card, _ in own.cards():
+        if card.name == name:
+            return card
     if name in NOT_EFFECTS or not (FOLDER / f"{name}.py").is_file():
         raise unknown("effect", name, effect_names())
-    card: Effect = import_module(f"model.effects.{name}").CARD
-    return card
+    found: Effect = import_module(f"model.effects.{name}").CARD
+    return found
 
 
 @cache

@@ -194,10 +194,9 @@ def next_text(a: Answers) -> str:
 
 
 def caveats(a: Answers) -> list[str]:
-    """Return what a reader has to know before believing the rest, one sentence each."""
+    """Return what a reader has to know before believing the rest, one sentence each; where values come from is last."""
     d = a.diagnosis
     out = [f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}" for f in d.campaign.findings]
-    out += [f"{capital(what)}: {text}" for what, text in d.campaign.drive.provenance.items()]
     out += [d.caution] if d.caution else []
     if d.excluded:
         out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")
@@ -232,7 +231,7 @@ def caveats(a: Answers) -> list[str]:
             f"In weighing hypotheses the data counted for {d.temperature:,.3g} times less than its samples: residuals "
             "are alike within blocks of time, and the simulator's own error grows with the gap."
         )
-    return out
+    return out + [f"{capital(what)}: {text}" for what, text in d.campaign.drive.provenance.items()]
 
 
 def remains_text(a: Answers) -> str:

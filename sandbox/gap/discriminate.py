@@ -72,7 +72,7 @@ class Next:
 def foretold(campaign: Campaign, entry: Entry, a: Judged) -> tuple[Campaign, dict[str, float]]:
     """Return an experiment as a campaign with the readings that a hypothesis predicts, without noise, and its set."""
     drive = campaign.drive
-    motion = shaft(a.fit.point.values, float(drive.motor.pole_pairs), drive.converter.sampling_period)
+    motion = shaft(a.fit.point.values, drive)
     truth = {k: v for k, v in a.fit.point.values.items() if v == v}
     planned = encoded(recording_of(campaign, entry, motion), truth)
     read = replay(prepare(planned, truth, steps=1), [truth]).currents[0][:, :, 0]

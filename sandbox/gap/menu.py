@@ -17,9 +17,12 @@ from scipy.signal import lfilter
 from model.energy import flux_from_current
 from model.parameters import Drive
 from sandbox.campaign import Campaign, CampaignRecording
+from sandbox.plant.mechanics import turned_by
+from sandbox.plant.sets import batch_of, features_of
 
 Array = NDArray[np.float64]
 DURATION, FULL_RATE = 1.0, 8000.0  # s; Hz: faster drives record shorter, as many samples
+STEPS = 4  # a period, of a free rotor whose friction changes within it
 SETTLE = 0.1  # s at the start, until open-loop currents stand
 FOLLOWS = 5e-3  # s: how slowly a bench's current control follows what is wanted; no step asks for the whole link
 FULL, TIGHTEST = 0.86, 0.25  # of the voltage limit at the most (control needs the rest); least share of the link
@@ -160,32 +163,16 @@ def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[A
     return replace(campaign, recordings=(one,))
 
 
-def shaft(values: Mapping[str, float], pole_pairs: float, period: float) -> Callable[[Array], Array]:
+def shaft(values: Mapping[str, float], drive: Drive) -> Callable[[Array], Array]:
     """Return how a free rotor moves from rest: angle (n,) rad electrical of torque (n,), by a parameter set's shaft."""
-    total, friction = values["inertia.inertia"], values["viscous_friction.coefficient"]
-    dry, width = values["coulomb_friction.torque"], values["coulomb_friction.width"]
-    cog, order, phase = (values[f"cogging_torque.{p}"] for p in ("amplitude", "order_mech", "phase"))
-    stiffness, load = values["shaft_compliance.stiffness"], values["shaft_compliance.load_inertia"]
-    compliant = math.isfinite(stiffness) and load > 0.0
-    motor = total - load if compliant else total
+    features = features_of(drive.motor, values)
 
     def move(torque: Sequence[float] | Array) -> Array:
         """Return the angle (n,) in rad electrical of a torque (n,) in N m."""
-        out = np.zeros(len(torque))
-        angle = speed = twist = load_speed = 0.0
-        inner = 4
-        step = period / inner
-        for k in range(1, len(torque)):
-            for _ in range(inner):
-                net = torque[k - 1] - friction * speed - dry * math.tanh(speed / width)
-                net += cog * math.sin(order * angle + phase)
-                if compliant:
-                    net -= stiffness * twist
-                    load_speed += step * stiffness * twist / load
-                speed += step * net / motor
-                angle += step * speed
-                twist += step * (speed - load_speed) if compliant else 0.0
-            out[k] = pole_pairs * angle
+        batch, out = batch_of(drive.motor, drive.converter, [values], 1), np.zeros(len(torque))
+        for row in ("load_gain", "load_offset"):
+            batch[row][:] = 0.0
+        turned_by(batch, features, np.asarray(torque, dtype=float), drive.converter.sampling_period, STEPS, out)
         return out
 
     return move

@@ -244,8 +244,11 @@ def turning(w, c_0, s_0):
 
 @kernel
 def air_gap(w, span):
-    """Write the torque in the middle (N m), and add its integral over the segment (s)."""
+    """Write the mean torque of a segment (N m; flux and current straight through it), and add its integral (s)."""
+    third = 1.0 / 3.0
     for j in range(w.psi_a.size):
         m_a, m_b = w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j]
-        w.torque[j] = 1.5 * w.pairs[j] * (w.mid_a[j] * m_b - w.mid_b[j] * m_a - w.turning[j])
+        p_a, p_b, e_a, e_b = w.mid_a[j] - w.psi_a[j], w.mid_b[j] - w.psi_b[j], w.j_a[j] - w.i_a[j], w.j_b[j] - w.i_b[j]
+        bent = third * (p_a * e_b - p_b * e_a)
+        w.torque[j] = 1.5 * w.pairs[j] * (w.mid_a[j] * m_b - w.mid_b[j] * m_a + bent - w.turning[j])
         w.impulse[j] += span * w.torque[j]

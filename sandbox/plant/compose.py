@@ -5,9 +5,14 @@
 
 from __future__ import annotations
 
+import importlib.util
+import os
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 
+from model import compiled
+from model.effects import own
 from model.effects.card import PORTS, Effect
 from model.effects.library import effect_names, load_effect
 
@@ -25,6 +30,7 @@ from model.spline import currents as map_currents
 __all__ = ["NUMBERS", "map_currents"]
 '''
 RESULTS = ("x", "y", "z", "t")
+LIBRARY = "model.effects"
 
 
 def field(effect: str, number: str) -> str:
@@ -35,7 +41,7 @@ def field(effect: str, number: str) -> str:
 def source(cards: Iterable[Effect], modules: dict[str, str]) -> str:
     """Return the module's text; modules: where each effect's equations are imported from."""
     chosen = [c for c in cards if c.at]
-    imports = "\n".join(f"from {modules[c.name]} import {c.name}" for c in sorted(chosen, key=lambda c: c.name))
+    imports = "\n".join(_import(c.name, modules[c.name]) for c in sorted(chosen, key=lambda c: c.name))
     numbers = {field(c.name, n): _unit(c, n) for c in chosen for at in c.at for n in at.numbers}
     rows = "\n".join(f'    "{name}": "{unit}",' for name, unit in numbers.items())
     parts = [
@@ -43,6 +49,11 @@ def source(cards: Iterable[Effect], modules: dict[str, str]) -> str:
         f"NUMBERS = {{  # rows of the batch that hold effects' parameters\n{rows}\n}}",
     ]
     return "\n\n".join([*parts, *(_port(name, chosen) for name in PORTS)]) + "\n"
+
+
+def _import(effect: str, module: str) -> str:
+    """Return the line that makes an effect's module known by the effect's name."""
+    return f"from {module} import {effect}" if module == LIBRARY else f"import {module} as {effect}"
 
 
 def _unit(card: Effect, number: str) -> str:
@@ -85,7 +96,28 @@ def _body(name: str, calls: list[str]) -> str:
 def library_source() -> str:
     """Return the text for the effects of the library."""
     cards = [load_effect(name) for name in effect_names()]
-    return source(cards, {c.name: "model.effects" for c in cards})
+    return source(cards, dict.fromkeys((c.name for c in cards), LIBRARY))
+
+
+def with_own_effects() -> None:
+    """Put ports that hold the effects taken over (`model.effects.own`) in place of the library's."""
+    extra = own.cards()
+    cards = [load_effect(name) for name in effect_names()]
+    modules = dict.fromkeys((c.name for c in cards), LIBRARY) | {card.name: module for card, module in extra}
+    text = source(cards, modules)
+    folder = Path(compiled.kernel_folder())
+    file = folder / "ports.py"
+    aside = folder / f"ports-{os.getpid()}.part"
+    aside.write_text(text, encoding="utf-8")
+    aside.replace(file)
+    name = f"{__package__}.ports"
+    spec = importlib.util.spec_from_file_location(name, file)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    spec.loader.exec_module(module)
+    setattr(sys.modules[str(__package__)], "ports", module)  # noqa: B010 - a submodule, as the import system sets it
 
 
 if __name__ == "__main__":

@@ -174,6 +174,28 @@ def bend(w, c_0, s_0, turned):
 
 
 @kernel
+def plain_step(w, here, there, span, turned, u_a, u_b, x, y, edge):
+    """Take a whole segment of a plant that nothing is added to, up to the next edge: `middle`, then `begin`, in one.
+
+    here, there: cos and sin of the angle handed in, in the middle and at the end; edge: (x, y, side, real) of the next.
+    """
+    inverse = 1.0 / span
+    e_x, e_y, side, real = edge
+    for j in range(w.psi_a.size):
+        a, b = halfway(w, j, span, inverse, u_a, u_b, x, y)
+        c, s = facing(w, j, here[0], here[1])
+        i_d, i_q = quartic(w, j, c * a + s * b - w.magnet[j], c * b - s * a)
+        settle(w, j, c * i_d - s * i_q, s * i_d + c * i_q, span, turned)
+        w.torque[j] = 1.5 * w.pairs[j] * (a * w.j_b[j] - b * w.j_a[j])
+        w.impulse[j] += span * w.torque[j]
+        a, b = finished(w, j, span)
+        w.psi_a[j], w.psi_b[j] = a, b
+        c, s = facing(w, j, there[0], there[1])
+        i_d, i_q = quartic(w, j, c * a + s * b - w.magnet[j], c * b - s * a)
+        take(w, j, c * i_d - s * i_q, s * i_d + c * i_q, e_x, e_y, side, real)
+
+
+@kernel
 def mapped(w, m):
     """Write i_d, i_q (A) at the fluxes z_d, z_q: those of the map and each lane's own addition to it.
 

@@ -45,3 +45,20 @@ def swing(w, h):
         x, v = w.twist[j] - rest, w.slip[j]
         w.twist[j] = rest + decay * ((c + ratio * rate * s) * x + s * v)
         w.slip[j] = decay * ((c - ratio * rate * s) * v - rate * rate * s * x)
+
+
+@kernel
+def turned_by(w, features, torque, period, parts, angle):
+    """Write how the first lane's rotor moves from rest: angle (n,) rad electrical of torque (n,), held for a period.
+
+    parts: steps a period, for friction that changes within it.
+    """
+    h = period / parts
+    swing = w.pairs[0] * w.load_share[0]
+    for k in range(1, len(torque)):
+        for _ in range(parts):
+            omega = w.speed[0] + swing * w.slip[0]
+            w.turn[0] = (w.angle[0] + swing * w.twist[0] + 0.5 * h * omega) / w.pairs[0]
+            w.torque[0], w.omega[0] = torque[k - 1], omega / w.pairs[0]
+            step_shaft(w, features, h, 0.0, 0.0)
+        angle[k] = w.angle[0] + swing * w.twist[0]

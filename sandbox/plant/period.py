@@ -262,9 +262,7 @@ def moved(w, features, course, t, span):
     step_shaft(w, features, span, course.load, course.imposed)
     omega, on = w.speed[0] + swing * w.slip[0], w.angle[0] + swing * w.twist[0] - before
     lead, bend = course.lead + on, 0.5 * (omega - course.rate) / span
-    return Course(
-        course.cos, course.sin, t + span, lead, omega, bend, 0.0, course.speed, course.load, course.imposed
-    )
+    return Course(course.cos, course.sin, t + span, lead, omega, bend, 0.0, course.speed, course.load, course.imposed)
 
 
 @inlined

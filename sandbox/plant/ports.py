@@ -6,19 +6,21 @@ Written by `python -m sandbox.plant.compose` from the effects' cards; do not edi
 from __future__ import annotations
 
 from model.compiled import inlined
-from model.effects import cogging_torque
-from model.effects import coulomb_friction
-from model.effects import current_gain
-from model.effects import current_offset
-from model.effects import dc_link_error
-from model.effects import dc_link_ripple
-from model.effects import dead_time
-from model.effects import device_drop
-from model.effects import encoder_eccentricity
-from model.effects import flux_harmonics
-from model.effects import inductance_harmonics
-from model.effects import viscous_friction
-from model.effects import winding_asymmetry
+from model.effects import (
+    cogging_torque,
+    coulomb_friction,
+    current_gain,
+    current_offset,
+    dc_link_error,
+    dc_link_ripple,
+    dead_time,
+    device_drop,
+    encoder_eccentricity,
+    flux_harmonics,
+    inductance_harmonics,
+    viscous_friction,
+    winding_asymmetry,
+)
 from model.spline import currents as map_currents
 
 __all__ = ["NUMBERS", "map_currents"]

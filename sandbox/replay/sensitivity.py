@@ -28,17 +28,7 @@ from sandbox.replay.replay import Prediction, Prepared, Set, block_of, in_thread
 
 Array = NDArray[np.float64]
 SHARE = 1e-4
-SWITCHES = {  # an effect is off while these are neutral
-    "iron_loss": ("core_resistance",),
-    "skin_effect": ("resistance",),
-    "dc_link_ripple": ("amplitude",),
-    "encoder_eccentricity": ("amplitude_mech",),
-    "coulomb_friction": ("torque", "stribeck_torque"),
-    "cogging_torque": ("amplitude",),
-    "shaft_compliance": ("stiffness",),
-}
 SECANT = {"shaft_compliance.stiffness": 1.0}  # of typical size: at infinite stiffness a slope says nothing
-MECHANICAL = ("coulomb_friction", "viscous_friction", "cogging_torque", "inertia", "shaft_compliance")
 FALLBACK = {"dc_link_ripple.phase": 1.0, "cogging_torque.phase": 1.0}  # rad; these have no typical size
 
 
@@ -72,10 +62,10 @@ def base_set(prepared: Prepared, base: Set | None = None) -> dict[str, float]:
     drive = prepared.campaign.drive
     out = complete(drive.motor, drive.converter, prepared.base if base is None else base)
     neutral = library.neutral(drive.motor)
-    for effect, switches in SWITCHES.items():
-        if all(out[f"{effect}.{s}"] == neutral[f"{effect}.{s}"] for s in switches):
-            for name, value in library.typical(effect, drive.motor, drive.converter).items():
-                if name.partition(".")[2] not in switches and out[name] == neutral[name]:
+    for card in map(library.load_effect, library.effect_names()):
+        if card.switches and card.switched_off(out, neutral):
+            for name, value in library.typical(card.name, drive.motor, drive.converter).items():
+                if name.partition(".")[2] not in card.switches and out[name] == neutral[name]:
                     out[name] = value
     return out
 
@@ -194,7 +184,9 @@ def slopes(
 
 def mechanical_only(name: str) -> bool:
     """Return whether a parameter acts on the motion of a free rotor only."""
-    return name.partition(".")[0] in MECHANICAL or name.startswith("bench.load_torque")
+    if name in BENCH:
+        return name.startswith("bench.load_torque")
+    return library.load_effect(name.partition(".")[0]).subsystem == "mechanics"
 
 
 def _empty(prepared: Prepared, p: int):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -18,13 +19,13 @@ from model import energy
 from model.errors import BadInput
 from model.parameters import load_drive
 from model.saliency import self_consistent_angle
-from sandbox import protocol as p
 from sandbox import protocol_tests as t
 from sandbox.design import belief_of, design
 from sandbox.protocol_motion import bandwidth, chirp_scenario, hand_over, reversal, reversal_case
 from sandbox.scenario import Scenario, Segment
 from sandbox.simulate import simulate
 
+p = import_module("sandbox.protocol")  # the name in `sandbox` is the function
 DRIVE = load_drive("ipm_exchanged")
 MOTOR = DRIVE.motor
 GAMMA = [float(g) for g in energy.hessian(MOTOR.energy, 0.02, 0.12)]

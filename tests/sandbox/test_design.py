@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from importlib import import_module
 
 import control
 import numpy as np
@@ -72,8 +73,7 @@ def test_tracking_model_tells_where_the_loop_rings():
 
 def spread(drive, w0):
     """Return the standard deviation of the error (degrees) at standstill with tracking bandwidth w0."""
-    from sandbox import simulate as sim
-
+    sim = import_module("sandbox.simulate")  # the name in `sandbox` is the function
     gains = ds.design(drive)
     tuned = dataclasses.replace(gains, tuning=gains.tuning._replace(kp=2 * w0, ki=w0**2))
     with pytest.MonkeyPatch.context() as patch:

@@ -125,11 +125,11 @@ def test_cost_of_the_ripple_is_that_of_the_bench():
     assert pwm_ripple(drive, u, theta, gamma, 0.05 * H) == pytest.approx(math.sqrt(square), rel=0.05)
 
 
-def test_averaged_plant_is_refused_in_a_sentence(tmp_path, capsys):
+def test_exact_plant_is_refused_in_a_sentence(tmp_path, capsys):
     scene = Scenario("s", (Segment(0.05),))
     with pytest.raises(BadInput, match=r"'pwm_ripple' reads the current inside the PWM period.*--plant switched"):
-        simulate(DRIVE, scene, load_estimator("pwm_ripple"), plant="averaged")
-    call = ["simulate", "--estimator", "pwm_ripple", "--plant", "averaged", "--out", str(tmp_path)]
+        simulate(DRIVE, scene, load_estimator("pwm_ripple"), plant="exact")
+    call = ["simulate", "--estimator", "pwm_ripple", "--plant", "exact", "--out", str(tmp_path)]
     assert main(call) == 2
     assert "--plant switched" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

@@ -29,7 +29,7 @@ def run(rotor, plant, effects, seed=3):
 
 @pytest.mark.parametrize("effects", [{}, EFFECTS], ids=["none", "effects"])
 @pytest.mark.parametrize("rotor", ["locked", "driven", "free"])
-@pytest.mark.parametrize("plant", ["averaged", "switched"])
+@pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_written_read_and_replayed_at_the_noise_floor(plant, rotor, effects, tmp_path):
     """With what was simulated: rms 1 within 3 % (5000 readings: 1 %, dead time's soft sign 2 %); without: far off."""
     scenario, done = run(rotor, plant, effects)
@@ -46,7 +46,7 @@ def test_written_read_and_replayed_at_the_noise_floor(plant, rotor, effects, tmp
         assert found.rms()[1] > 20.0
 
 
-@pytest.mark.parametrize("plant", ["averaged", "switched"])
+@pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_duties_are_formed_with_the_recorded_link(plant):
     """A reading with 5 % noise: met at the floor with the column, missed by 0.05 u T_s/L (some floors) without it."""
     drive = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, link_noise=20.0))
@@ -66,7 +66,7 @@ def test_duties_are_formed_with_the_recorded_link(plant):
 
 
 def test_what_a_campaign_states_is_what_was_simulated():
-    scenario, done = run("driven", "averaged", {"encoder_offset.offset": 0.04})
+    scenario, done = run("driven", "exact", {"encoder_offset.offset": 0.04})
     campaign = campaign_of(DRIVE, scenario, done.recording, "c")
     r = campaign.recordings[0]
     miss = r.theta - done.recording.theta - 0.04  # of the reading from the truth: counts, uniform
@@ -84,11 +84,11 @@ def test_what_a_campaign_states_is_what_was_simulated():
 
 def test_columns_belong_to_the_interval_that_starts_there():
     """u acts from its own sample on: what starts at rest moves first after the first u that is not 0."""
-    _, done = run("locked", "averaged", {})
+    _, done = run("locked", "exact", {})
     r = done.recording
     first = int(np.argmax(np.hypot(r.u_alpha, r.u_beta) > 1.0))
     i = np.hypot(r.i_d, r.i_q)
-    assert i[first] == 0.0
+    assert i[first] < 1e-9  # edges at one instant are taken 1e-14 s apart: 400 V for so long, six times, over 45 mH
     h = DRIVE.converter.sampling_period
     u = np.hypot(r.u_alpha[first], r.u_beta[first])
     assert i[first + 1] == pytest.approx(u * h / DRIVE.motor.inductance_q, rel=0.6)  # between L_d and L_q
@@ -103,7 +103,7 @@ def test_drive_file_that_states_its_encoder_and_link_keeps_them():
 
 
 def test_injection_axis_is_where_the_injection_lay():
-    _, done = run("locked", "averaged", {})
+    _, done = run("locked", "exact", {})
     assert injection_axis(done.recording) == "d"
     turned = dataclasses.replace(done.recording, table=done.recording.table.copy())
     turned.theta_hat[:] = wrapped(turned.theta + 1.5)

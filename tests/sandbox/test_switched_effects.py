@@ -12,8 +12,7 @@ from sandbox.switched.effects import bench, quiet
 from sandbox.switched.inverter import CORE_ALPHA, I_ALPHA, SKIN_ALPHA, SPEED, TWIST, advance, integrate
 from sandbox.switched.machine import DRIVEN, FREE, LOCKED, current_and_torque, friction, powers, stored_energy
 from sandbox.switched.simulate import flux_for, replay, start
-from tests.sandbox.averaged import vector
-from tests.sandbox.effect_motors import CONVERTER, IPM, LINEAR, NO_MAGNET, TS, L, R, U, signs
+from tests.sandbox.effect_motors import CONVERTER, IPM, LINEAR, NO_MAGNET, TS, L, R, U, signs, vector
 
 
 def make(effects=None, motor=LINEAR):

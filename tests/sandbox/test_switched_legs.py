@@ -14,8 +14,7 @@ from sandbox.switched.leg import soft_sign, table_volts
 from sandbox.switched.machine import LOCKED, phase_currents, reservoir
 from sandbox.switched.simulate import replay, start
 from sandbox.switched.unlisted import unlisted, with_leg_table, with_sign
-from tests.sandbox.averaged import vector
-from tests.sandbox.effect_motors import CONVERTER, NO_MAGNET, TS, L, R, U
+from tests.sandbox.effect_motors import CONVERTER, NO_MAGNET, TS, L, R, U, vector
 from tests.sandbox.test_switched_effects import pulsed, settled
 
 PLAIN = quiet(bench(NO_MAGNET, CONVERTER))

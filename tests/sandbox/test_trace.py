@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from sandbox import trace
+from sandbox import trace, view
 from sandbox.report import comparison_text
 
 SAMPLES = 800
@@ -200,22 +200,31 @@ def test_no_runs_is_an_error(tmp_path):
 
 def test_view_names_what_is_missing(tmp_path):
     with pytest.raises(BadInput, match=r"no trace at .*none\.rrd"):
-        trace.view(tmp_path / "none.rrd")
+        view(tmp_path / "none.rrd")
 
 
 def test_view_starts_the_viewer_of_this_environment(written, monkeypatch):
+    """In a window, in a browser here, and served to a browser elsewhere where there is no display."""
     calls = []
-    code = iter((0, 101))
+    code = iter((0, 101, 0, 0))
 
     def run(command, **_):
         calls.append(command)
         return SimpleNamespace(returncode=next(code))
 
     monkeypatch.setattr(subprocess, "run", run)
-    trace.view(written[1])
-    assert calls == [[str(Path(sys.executable).with_name("rerun")), str(written[1])]]
+    monkeypatch.setenv("DISPLAY", ":7")
+    viewer = str(Path(sys.executable).with_name("rerun"))
+    view(written[1])
+    assert calls == [[viewer, str(written[1])]]
     with pytest.raises(BadInput, match="exit code 101"):
-        trace.view(written[1])
+        view(written[1])
+    view(written[1], web=True)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    view(written[1], web=True)
+    assert [call[1:-1] for call in calls[2:]] == [["--web-viewer"], ["--serve-web"]]
 
 
 def test_import_does_not_load_rerun():

@@ -11,6 +11,7 @@ from typing import Any
 from sandbox import report
 
 Number = Callable[[str], int]
+ROWS = "withheld.rows.jsonl"
 
 
 def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Number) -> None:
@@ -31,6 +32,12 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
         help="controls: shorter, without a gap; pairs: one operating point, where two effects look alike",
     )
     c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help="(scored)")
+    c.add_argument(
+        "--sizes",
+        default="published",
+        choices=("ladder", "published"),
+        help="of effects: ranges with sources, or multiples of the cards' typical ones (published)",
+    )
     _common(c, positive)
     c = steps.add_parser("score", help="diagnose blindly, then open the seal and score")
     c.set_defaults(run=run_score)
@@ -41,6 +48,9 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
     either = c.add_mutually_exclusive_group()
     either.add_argument("--finished", action="store_true", help="run nothing; judge what has a report already")
     either.add_argument("--again", action="store_true", help="forget the reports of earlier calls")
+    c.add_argument(
+        "--allow-mixed", action="store_true", help="reports by several states of the code: figures of each, too"
+    )
     _common(c, positive)
 
 
@@ -63,7 +73,7 @@ def run_make(options: argparse.Namespace) -> None:
 
     with report.progress_bar("recording", options.quiet) as progress:
         made = make(
-            options.folder, options.count, options.seed, kind=options.kind, style=options.cycles,
+            options.folder, options.count, options.seed, kind=options.kind, style=options.cycles, sizes=options.sizes,
             jobs=options.jobs or os.cpu_count() or 1, announce=announce, progress=progress,
         )  # fmt: skip
     if not options.quiet:
@@ -71,10 +81,12 @@ def run_make(options: argparse.Namespace) -> None:
 
 
 def run_score(options: argparse.Namespace) -> None:
-    """Score a check; write withheld.json and withheld.png into its folder."""
+    """Score a check; write its rows, the figures that follow from them and their page into its folder."""
     from sandbox.gap.withheld.baselines import BASELINES
     from sandbox.gap.withheld.figure import withheld_figure
-    from sandbox.gap.withheld.score import score, standard, table
+    from sandbox.gap.withheld.rows import write_rows
+    from sandbox.gap.withheld.score import score, standard
+    from sandbox.gap.withheld.scores import content_of, table
 
     methods: dict[str, Any] = {"diagnosis": standard, **(BASELINES if options.baselines else {})}
     scored = []
@@ -83,18 +95,19 @@ def run_score(options: argparse.Namespace) -> None:
             result = score(
                 options.folder, diagnose, method=method, jobs=options.jobs or os.cpu_count() or 1,
                 limit=options.limit, leave_out=options.leave_out if method == "diagnosis" else 0.0,
-                again=options.again, finished=options.finished, progress=progress,
+                again=options.again, finished=options.finished, allow_mixed=options.allow_mixed, progress=progress,
             )  # fmt: skip
         scored.append(result)
-    content = {**scored[0].as_json(), "methods": {s.method: s.as_json() for s in scored}, "figure": "withheld.png"}
+    content = {**content_of(scored), "figure": "withheld.png", "rows": ROWS}
     with report.results(options.folder, "withheld") as out:
+        write_rows(out / ROWS, (r for s in scored for r in s.rows))
         withheld_figure(content, out / "withheld.png")
         report.write_json(out, "withheld", content)
     if not options.quiet:
         report.print_table(f"{options.folder}: {len(scored[0].judged)} campaigns", *table(scored))
         for s in scored:
             if len(s.code) > 1:
-                print(f"reports of '{s.method}' come from {len(s.code)} versions of the code; --again makes them anew")
+                print(f"reports of '{s.method}' come from {len(s.code)} versions of the code; see by_code of each")
             failed = [j.name for j in s.judged if j.failed]
             more = [j.name for j in (*s.followed, *s.left_out) if j.failed]
             if more:
@@ -103,4 +116,4 @@ def run_score(options: argparse.Namespace) -> None:
                 print("no single effect of medium size or more among these campaigns: nothing was left out")
             if failed:
                 print(f"'{s.method}' failed on {len(failed)}, counted as missed: {', '.join(failed[:5])}")
-        print(f"seal and hash agree; withheld.json and withheld.png in {options.folder}")
+        print(f"seal and hash agree; {ROWS}, withheld.json and withheld.png in {options.folder}")

@@ -1,4 +1,8 @@
-"""Which cases a withheld check has, and the truth of each: drive, deviations, effects; all from one seed."""
+"""Which cases a withheld check has, and the truth of each: drive, deviations, effects; all drawn from one seed.
+
+The last digits of a drawn number depend on the machine (its exponential function, the spline fit of a flux map), so a
+truth is sealed with SEALED digits: the same seed gives the same seal everywhere.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +20,23 @@ from model.mapped import without_map
 from model.parameters import Drive, Motor
 from sandbox.gap.withheld.cycles import STYLES
 from sandbox.gap.withheld.cycles_narrow import PAIRS
-from sandbox.gap.withheld.drives import FAMILIES, UNCERTAINTY, Bench, draw_bench, draw_drive, misjudge, valid
+from sandbox.gap.withheld.drives import (
+    FAMILIES,
+    UNCERTAINTY,
+    Bench,
+    draw_bench,
+    draw_drive,
+    misjudge,
+    off_by,
+    sign_of,
+    valid,
+)
 from sandbox.gap.withheld.ladder import LADDER, OUTSIDE, changed, plant, truth_of
 from sandbox.gap.withheld.mapped import FLUX_MAP, SUBSYSTEM, identified, missing
+from sandbox.gap.withheld.published import multiple, planted
+from sandbox.gap.withheld.rows import rounded
+from sandbox.report import plain
+from sandbox.switched.effects import SOFT_SIGN
 
 SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
 KINDS = ("mixed", "controls", "pairs")
@@ -26,12 +44,16 @@ MOST = 10000  # campaigns
 PAIR_SIZES = LADDER[1:3]  # large enough to be seen at one operating point
 NESTED = {"saturation", "cross_saturation"}  # the one contains the other: never put in together
 FOUND_SIZES = LADDER[1:]  # for several at once
+TABLES = ("ladder", "published")  # where sizes come from
+FOUND_FROM = 0.25  # place in a published range from which on sizes are drawn for several at once, and for pairs
+SEALED = 6  # significant digits; what machines differ by, 1e-12 at the most, moves one in a million of them
 
 
 @dataclass(frozen=True)
 class Case:
     """One withheld campaign before anything is drawn of its drive: names are the library's, `outside` is not; pair: of
-    effects that its narrow cycles cannot tell apart."""
+    effects that its narrow cycles cannot tell apart; table: of TABLES.  Sizes are multiples of the medium one, for
+    effects of the library by the published table places in their ranges, 0 to 1."""
 
     index: int
     kind: str
@@ -41,6 +63,7 @@ class Case:
     sizes: tuple[float, ...] = ()
     outside: str | None = None
     pair: str | None = None
+    table: str = "ladder"
 
     @property
     def name(self) -> str:
@@ -58,9 +81,12 @@ class Drawn:
     bench: Bench
     plant: dict[str, float]
     own: dict[str, float]  # the switched bench's own effects
+    sign: dict[str, float]  # how the sign of a current goes through zero on it, where not as usual
     drift: float
     theta: float  # rad at the start; where a locked rotor stands
     seed: int
+    sizes: tuple[float, ...]  # multiples of the medium one
+    off: dict[str, float]  # ordinary deviations, in stated ones
 
     def as_json(self) -> dict[str, Any]:
         """Return the truth as the seal keeps it."""
@@ -70,16 +96,23 @@ class Drawn:
             **({"pair": case.pair} if case.pair else {}),
             "effects": [*case.names, *(["unknown"] if case.outside else [])],
             "outside_subsystem": outside_subsystem(case.outside),
-            "sizes": case.sizes,
+            "sizes": self.sizes,
+            **({"places": case.sizes} if case.table == "published" and case.names else {}),
             "parameters": truth_of(list(case.names), self.true.motor, self.stated, self.plant),
             "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
             "true_motor": dataclasses.asdict(without_map(self.true.motor)),
             "plant": self.plant,
+            "deviations": self.off,
             "bench": {
                 "common_offset": float(np.mean(b.offsets)), "load_torque_offset": b.load_torque_offset,
-                "theta": self.theta, "soft_current": 0.015 * self.true.motor.rated_current,
+                "theta": self.theta, "soft_current": SOFT_SIGN * self.true.motor.rated_current, **self.sign,
             },
         }  # fmt: skip
+
+    def sealed(self) -> dict[str, Any]:
+        """Return the truth as it stands in the seal: with as many digits as all machines agree on."""
+        truth: dict[str, Any] = rounded(plain(self.as_json()), SEALED)
+        return truth
 
 
 def outside_names() -> list[str]:
@@ -94,21 +127,30 @@ def outside_subsystem(name: str | None) -> str | None:
     return SUBSYSTEM if name == FLUX_MAP else OUTSIDE[name].subsystem
 
 
-def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] = tuple(OUTSIDE)) -> list[Case]:
+def cases(
+    count: int, seed: int, kind: str, style: str, outside: Sequence[str] = tuple(OUTSIDE), table: str = "ladder"
+) -> list[Case]:
     """Return the cases of a check: every effect and size in turn, in an order drawn from the seed.
 
     Shares of a mixed check as SHARES (each at least one campaign as soon as there are ten).  A flux map is a drive of
-    its own and has one size.  Pairs: one effect of every pair in turn, on the pair's narrow cycles.
+    its own and has one size.  Pairs: one effect of every pair in turn, on the pair's narrow cycles.  table: of TABLES;
+    published sizes come from every quarter of their range in turn.
     """
     if kind not in KINDS:
         raise unknown("kind of check", kind, KINDS)
     if style not in STYLES:
         raise unknown("style of cycles", style, STYLES)
+    if table not in TABLES:
+        raise unknown("table of sizes", table, TABLES)
     if not 1 <= count <= MOST:
         raise BadInput(f"count = {count} is no number of campaigns; give 1 to {MOST}")
     rng = np.random.default_rng([seed, 1])
-    if kind == "pairs":
-        return _pairs(count, style, rng)
+    listed = _pairs(count, style, rng) if kind == "pairs" else _listed(count, kind, style, outside, rng)
+    return listed if table == "ladder" else [_placed(c, rng) for c in listed]
+
+
+def _listed(count: int, kind: str, style: str, outside: Sequence[str], rng: Generator) -> list[Case]:
+    """Return mixed cases or controls, sizes by the ladder."""
     kinds = _kinds(count, rng) if kind == "mixed" else ["none"] * count
     families = [str(f) for f in _turns(FAMILIES, count, rng)]
     singles, unlisted = _sized(effect_names(), rng), _sized(outside, rng)
@@ -130,6 +172,17 @@ def cases(count: int, seed: int, kind: str, style: str, outside: Sequence[str] =
                 base = dataclasses.replace(base, family="mapped", sizes=(1.0,))
         out.append(base)
     return out
+
+
+def _placed(case: Case, rng: Generator) -> Case:
+    """Return a case whose rungs of the ladder became places: in the same quarter, or anywhere in the upper three."""
+    if not case.names:
+        return dataclasses.replace(case, table="published")
+    if case.kind == "one" and case.pair is None:
+        places = [(LADDER.index(s) + float(rng.uniform())) / len(LADDER) for s in case.sizes]
+    else:
+        places = [float(rng.uniform(FOUND_FROM, 1.0)) for _ in case.sizes]
+    return dataclasses.replace(case, table="published", sizes=tuple(places))
 
 
 def _pairs(count: int, style: str, rng: Generator) -> list[Case]:
@@ -182,19 +235,26 @@ def draw(case: Case, seed: int) -> Drawn:
 
 def _once(case: Case, rng: Generator) -> Drawn | None:
     drive = draw_drive(case.family, rng, case.style == "scored")
-    bench = draw_bench(drive, rng)
+    by_range = case.table == "published"
+    bench = draw_bench(drive, rng, by_range)
     base = drive.motor
+    multiples = list(case.sizes)
     believed = identified(base) if case.outside == FLUX_MAP else base
     true, values, own, drift = base, dict[str, float](), dict[str, float](), 0.0
-    for name, size in zip(case.names, case.sizes, strict=bool(case.names)):
-        p = plant(name, base, drive.converter, size, rng)
+    for k, name in enumerate(case.names):
+        if by_range:
+            p = planted(name, base, drive.converter, case.sizes[k], rng)
+            multiples[k] = multiple(name, base, drive.converter, p)
+        else:
+            p = plant(name, base, drive.converter, case.sizes[k], rng)
         true, believed = changed(true, p.true), changed(believed, p.believed)
         values |= p.plant
     if case.outside in OUTSIDE:
         p = OUTSIDE[case.outside].planted(drive, case.sizes[0], rng)
         own, drift = dict(p.bench), p.drift
     values = with_deviations(values, bench)
-    stated = misjudge(believed, rng)
+    stated = misjudge(believed, rng, by_range)
+    sign = sign_of(base, rng) if by_range else {}
     if not (valid(true) and valid(stated)):
         return None
     try:
@@ -203,8 +263,8 @@ def _once(case: Case, rng: Generator) -> Drawn | None:
         return None
     stands = float(rng.uniform(0.0, 2.0 * np.pi))
     return Drawn(
-        case, dataclasses.replace(drive, motor=true), stated, bench, values, own, drift, stands,
-        int(rng.integers(2**31)),
+        case, dataclasses.replace(drive, motor=true), stated, bench, values, own, sign, drift, stands,
+        int(rng.integers(2**31)), tuple(multiples), off_by(believed, stated, bench),
     )  # fmt: skip
 
 

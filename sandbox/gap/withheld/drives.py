@@ -12,11 +12,14 @@ from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from model import energy
 from model.errors import unknown
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor, load_drive
+from sandbox.switched.effects import SOFT_SIGN
+from sandbox.switched.effects import Bench as Switched
 
 OWN = {name: Path(__file__).with_name(f"{name}.toml") for name in ("modern", "mapped")}
 FAMILIES = ("ipm", "ipm_exchanged", "spm_exchanged", "modern")
@@ -32,6 +35,9 @@ UNCERTAINTY = {
     "inertia": 0.03, "viscous_friction": 0.15,
 }  # fmt: skip
 LINK_NOISE = 0.3  # V rms of one reading of the DC link
+OFF = 2.0  # times: by how much stated deviations are misjudged at the most
+MOST_OFF = 3.0  # stated deviations; without this bound one bench in three would have a value beyond it
+SHAPES = {"linear": 0.0, "hard": 1.0, "tanh": 2.0}  # of a current's sign, as the switched bench counts them
 VALID_TO = 2.2  # times rated current: a drawn motor's energy is convex up to here
 
 
@@ -100,8 +106,11 @@ def valid(motor: Motor) -> bool:
     return True
 
 
-def draw_bench(drive: Drive, rng: Generator) -> Bench:
-    """Return a bench's ordinary deviations, drawn with the standard deviations that its campaign states."""
+def draw_bench(drive: Drive, rng: Generator, vary: bool = False) -> Bench:
+    """Return a bench's ordinary deviations, drawn with the standard deviations that its campaign states.
+
+    vary: with 1/OFF to OFF times them, see `deviation`.
+    """
     rated = drive.motor.rated_current
     background = {
         "current_gain": 0.0015,
@@ -111,19 +120,55 @@ def draw_bench(drive: Drive, rng: Generator) -> Bench:
         "load_torque_gain": 0.01,
         "load_torque_offset": 0.003 * drive.motor.rated_torque,
     }
-    gains = 1.0 + background["current_gain"] * rng.standard_normal(3)
-    offsets = background["current_offset"] * rng.standard_normal(3)
+    gains = 1.0 + background["current_gain"] * deviations(rng, vary, 3)
+    offsets = background["current_offset"] * deviations(rng, vary, 3)
     return Bench(
         background,
         (float(gains[0]), float(gains[1]), float(gains[2])),
         (float(offsets[0]), float(offsets[1]), float(offsets[2])),
-        float(background["encoder_offset"] * rng.standard_normal()),
-        float(abs(background["dead_time"] * rng.standard_normal())),
-        float(background["load_torque_offset"] * rng.standard_normal()),
+        float(background["encoder_offset"] * deviations(rng, vary)[0]),
+        float(abs(background["dead_time"] * deviations(rng, vary)[0])),
+        float(background["load_torque_offset"] * deviations(rng, vary)[0]),
     )
 
 
-def misjudge(motor: Motor, rng: Generator) -> Motor:
-    """Return a motor as its identification would state it: every value off by its uncertainty."""
-    values = {k: getattr(motor, k) * (1.0 + s * float(rng.standard_normal())) for k, s in UNCERTAINTY.items()}
+def misjudge(motor: Motor, rng: Generator, vary: bool = False) -> Motor:
+    """Return a motor as its identification would state it: every value off by its uncertainty; vary: `deviations`."""
+    values = {k: getattr(motor, k) * (1.0 + s * float(deviations(rng, vary)[0])) for k, s in UNCERTAINTY.items()}
     return dataclasses.replace(motor, **values)
+
+
+def deviations(rng: Generator, vary: bool, count: int = 1) -> NDArray[np.float64]:
+    """Return how far ordinary values lie off (count,), in stated standard deviations: Gaussian.
+
+    vary: somebody misjudged them, so that the real one is 1/OFF to OFF times the stated one, drawn; none further off
+    than MOST_OFF, which by the campaign's own statement would be a gap and no ordinary deviation.
+    """
+    if not vary:
+        return rng.standard_normal(count)
+    times = OFF ** rng.uniform(-1.0, 1.0)
+    out = times * rng.standard_normal(count)
+    while np.any(far := np.abs(out) > MOST_OFF):
+        out = np.where(far, times * rng.standard_normal(count), out)
+    return out
+
+
+def off_by(believed: Motor, stated: Motor, bench: Bench) -> dict[str, float]:
+    """Return how far every ordinary value of a drive lies off, in stated standard deviations."""
+    out = {k: (getattr(stated, k) / getattr(believed, k) - 1.0) / s for k, s in UNCERTAINTY.items()}
+    b = bench.background
+    for x, gain, offset in zip("abc", bench.gains, bench.offsets, strict=True):
+        out |= {f"gain_{x}": (gain - 1.0) / b["current_gain"], f"offset_{x}": offset / b["current_offset"]}
+    return out | {k: getattr(bench, k) / b[k] for k in ("encoder_offset", "dead_time", "load_torque_offset")}
+
+
+def sign_of(motor: Motor, rng: Generator) -> dict[str, float]:
+    """Return how the sign of a current goes through zero on a bench, as fields of the switched bench.
+
+    A shape of SHAPES and a width around the usual one.  A bench that knows the linear shape only has a tenth of the
+    width for a hard sign, and the linear one for any other.
+    """
+    shape, width = str(rng.choice(list(SHAPES))), SOFT_SIGN * float(2.0 ** rng.uniform(-1.0, 1.0)) * motor.rated_current
+    if "sign_shape" in Switched._fields:
+        return {"sign_shape": SHAPES[shape], "soft_current": width}
+    return {"soft_current": 0.1 * width if shape == "hard" else width}

@@ -62,12 +62,15 @@ def cycle_of(entry: Entry) -> Cycle:
 
 def drawn_again(content: Mapping[str, Any], name: str) -> Drawn:
     """Return a campaign's truth as it was drawn; BadInput where today's drawing no longer gives what was sealed."""
-    from sandbox.report import plain
-
     truths = content["campaigns"]
-    listed = cases(len(truths), content["seed"], content["kind"], content["style"], content["outside"])
-    drawn = draw(next(c for c in listed if c.name == name), content["seed"])
-    if plain(drawn.as_json()) != truths[name]:
+    try:
+        table = content.get("sizes", "")  # seals of before do not say so
+        listed = cases(len(truths), content["seed"], content["kind"], content["style"], content["outside"], table)
+        drawn = draw(next(c for c in listed if c.name == name), content["seed"])
+        same = drawn.sealed() == truths[name]
+    except (LookupError, TypeError, ValueError, ArithmeticError, StopIteration):  # a header of no check of this version
+        same = False
+    if not same:
         raise BadInput(
             f"{name}: the seal was made by another version, whose bench cannot be drawn again; make a new one"
         )

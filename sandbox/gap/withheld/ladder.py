@@ -20,6 +20,11 @@ from model.parameters import Converter, Drive, Motor
 from sandbox.gap.withheld.drives import ALPHAS
 
 LADDER = (0.25, 0.5, 1.0, 2.0)
+STEPS = {  # medium sizes of what the motor states, in its logarithm (viscous friction: rated torque / rated speed);
+    # means, where every value has its own
+    "stator_resistance": 0.18, "magnet_flux": 0.10, "inertia": 0.26, "inductance": 0.09, "saturation": 0.425,
+    "cross_saturation": 1.4, "viscous_friction": 0.1,
+}  # fmt: skip
 Values = dict[str, float]
 DRIFT_TIME = 11.0 / 3.0  # recordings: the winding's temperature settles within a campaign
 
@@ -100,10 +105,9 @@ def plant(name: str, motor: Motor, converter: Converter, size: float, rng: Gener
 
     if name in ("stator_resistance", "magnet_flux", "inertia"):
         field_ = name.removeprefix("stator_")
-        step = {"resistance": 0.18, "magnet_flux": 0.10, "inertia": 0.26}[field_]
-        return Planted(believed={field_: off(field_, sign(rng) * step)})
+        return Planted(believed={field_: off(field_, sign(rng) * STEPS[name])})
     if name == "viscous_friction":
-        drag = 0.1 * size * scales(motor, converter)["rated torque / rated speed"]
+        drag = STEPS[name] * size * scales(motor, converter)["rated torque / rated speed"]
         return Planted(true={name: motor.viscous_friction + drag})
     if name == "inductance":
         steps = {f"inductance_{axis}": sign(rng) * rng.uniform(0.06, 0.12) for axis in "dq"}
@@ -111,7 +115,7 @@ def plant(name: str, motor: Motor, converter: Converter, size: float, rng: Gener
     if name == "saturation":
         return Planted(believed={a: off(a, rng.uniform(0.25, 0.6)) for a in ALPHAS})
     if name == "cross_saturation":
-        return Planted(believed={a: off(a, 1.4) for a in ("alpha_12", "alpha_22")})
+        return Planted(believed={a: off(a, STEPS[name]) for a in ("alpha_12", "alpha_22")})
     return Planted(plant=medium(name, motor, converter, size, rng))
 
 

@@ -1,7 +1,8 @@
 """Withheld campaigns: drawn, sealed, then recorded on the switched bench.
 
-The truth is written and hashed before the first sample is recorded, and everything follows from the seed: a call
-that was interrupted goes on where it stopped.
+The truth is written and hashed before the first sample is recorded.  Truths follow from the seed, and with as many
+digits as are sealed they are the same on every machine; recordings follow from the seed on one machine (elsewhere their
+last digits may differ).  A call that was interrupted goes on where it stopped.
 """
 
 from __future__ import annotations
@@ -49,6 +50,7 @@ def make(
     *,
     kind: str = "mixed",
     style: str = "scored",
+    sizes: str = "published",
     jobs: int = 1,
     announce: Callable[[str], None] | None = None,
     progress: Callable[[float], None] | None = None,
@@ -56,12 +58,14 @@ def make(
     """Make a check in `folder`; announce gets the seal's hash before anything is recorded.
 
     kind: 'mixed', 'controls' (shorter, without a gap) or 'pairs' (one operating point, where two effects look alike);
-    style of the cycles: 'practice' or 'scored'; jobs: processes.
+    style of the cycles: 'practice' or 'scored'; sizes: 'published' (ranges with sources; ordinary deviations 0.5 to 2
+    times the stated ones; other shapes of a current's sign) or 'ladder'; jobs: processes.
     BadInput where the folder holds another check.
     """
     outside = outside_names()
-    drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside)]
-    digest = seal(folder, {"seed": seed, "kind": kind, "style": style, "outside": outside}, drawn)
+    drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside, sizes)]
+    header = {"seed": seed, "kind": kind, "style": style, "sizes": sizes, "outside": outside}
+    digest = seal(folder, header, drawn)
     if announce is not None:
         announce(digest)
     share = CONTROL_SHARE if kind == "controls" else 1.0
@@ -75,7 +79,7 @@ def make(
 
 def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
     """Write all truths into one file and its SHA-256 beside it; return the hash.  BadInput where another is there."""
-    content = {"schema": 1, **header, "campaigns": {d.case.name: d.as_json() for d in drawn}}
+    content = {"schema": 1, **header, "campaigns": {d.case.name: d.sealed() for d in drawn}}
     text = (json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode()
     digest = hashlib.sha256(text).hexdigest()
     path = folder / SEAL
@@ -115,7 +119,7 @@ def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
 def switched(drawn: Drawn) -> Bench:
     """Return the switched bench of a drawn case."""
     b = bench(drawn.true.motor, drawn.true.converter, drawn.plant)
-    own: dict[str, Any] = dict(drawn.own)
+    own: dict[str, Any] = {**drawn.own, **drawn.sign}
     return b._replace(common_offset=float(np.mean(drawn.bench.offsets)), **own)
 
 

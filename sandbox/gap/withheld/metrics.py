@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -19,6 +20,9 @@ GOALS = {
     "resolved": "≥ 0.90", "seconds": "≤ 60",
 }  # fmt: skip
 DOUBT = 0.05  # of P(unknown): more than this holds the question open
+SURE = 0.9  # chance stated to settle an ambiguity from which on a recommended recording is promised
+SLOW, COSTLY = 60.0, 2000.0  # s and simulations that a diagnosis should not take
+FARTHEST = 4  # doublings of the medium size beyond which sizes are counted together
 
 
 def figures(
@@ -29,7 +33,8 @@ def figures(
 
     A method chooses what it asks for, so `resolved` is one of four: of what was recorded, it settled so much;
     `resolved_promised`: as much as it had said; `recommended`: of all ambiguous verdicts, so many asked;
-    `resolved_of_all`: of these, so many were settled.
+    `resolved_of_all`: of these, so many were settled.  `resolved_sure`, `resolved_else`: `resolved` of those for which
+    at least SURE was promised, and of the others.
     """
     one = [j for j in judged if j.kind == "one"]
     several = [j for j in judged if j.kind == "several"]
@@ -41,11 +46,14 @@ def figures(
     tried = [n for n in ambiguous if n in settled or n not in asked]  # the others are not recorded yet
     shrunk = [j.closed for j in judged if j.closed is not None]
     times = [j.seconds for j in judged if j.seconds is not None]
+    spent = [j.simulations for j in judged if j.simulations is not None]
     return {
         "top1": share([j.hit for j in one]),
         "mean_probability": mean_share([j.probability for j in one]),
         "set_f1": mean_share([j.f1 for j in several]),
         "exact_set": share([j.hit for j in several]),
+        "exact_two": share([j.hit for j in several if len(j.effects) == 2]),
+        "exact_three": share([j.hit for j in several if len(j.effects) == 3]),
         "unknown_auroc": auroc([j.unknown for j in outside], [j.unknown for j in known]),
         "outside_named": share([j.failed or (len(j.top) > 1 and UNKNOWN in j.top) for j in outside]),
         "false_alarm": share([j.verdict != "no_gap" for j in judged if j.kind == "none"]),
@@ -57,9 +65,14 @@ def figures(
         "subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
         "resolved": share([j.settled for j in followed]),
         "resolved_promised": mean_share([p for j in followed if (p := asked.get(j.name)) is not None]),
+        "resolved_sure": share([j.settled for j in followed if (asked.get(j.name) or 0.0) >= SURE]),
+        "resolved_else": share([j.settled for j in followed if (asked.get(j.name) or 0.0) < SURE]),
         "recommended": share([n in asked for n in ambiguous]),
         "resolved_of_all": share([settled.get(n, False) for n in tried]),
         "seconds": quantile(times, 0.5),
+        "seconds_over_60": share([t > SLOW for t in times]),
+        "simulations": quantile(spent, 0.5),
+        "simulations_over_2000": share([n > COSTLY for n in spent]),
     }
 
 
@@ -80,10 +93,15 @@ def left_out(judged: Sequence[Judgement]) -> dict[str, Figure]:
     }
 
 
+def rung(size: float) -> float:
+    """Return the power of two nearest to a size (a multiple of the medium one), where figures by size count it."""
+    return float(2.0 ** min(max(round(math.log2(size)), -FARTHEST), FARTHEST))
+
+
 def by_size(judged: Sequence[Judgement]) -> dict[str, dict[str, Figure]]:
-    """Return top-1 and mean probability of single effects by size."""
-    sizes = sorted({j.sizes[0] for j in judged if j.kind == "one"})
-    own = {s: [j for j in judged if j.kind == "one" and j.sizes[0] == s] for s in sizes}
+    """Return top-1 and mean probability of single effects by size, to the nearest power of two of the medium one."""
+    sizes = sorted({rung(j.sizes[0]) for j in judged if j.kind == "one"})
+    own = {s: [j for j in judged if j.kind == "one" and rung(j.sizes[0]) == s] for s in sizes}
     return {
         f"{s:g}": {"top1": share([j.hit for j in js]), "mean_probability": mean_share([j.probability for j in js])}
         for s, js in own.items()

@@ -1,6 +1,7 @@
 """Diagnosing the campaigns of a check, one report each: goes on after an interruption, whatever fails is a miss.
 
-Every report says by `code` which version of the code made it.
+Every report says by `code` which version of the code made it, by `made` when, and by `cpu_seconds` what it took
+(a recommended recording made for it included), whatever else ran on the machine.
 """
 
 from __future__ import annotations
@@ -8,8 +9,10 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -96,6 +99,8 @@ def _spread(
 
 def _one(diagnose: Diagnose, task: _Task) -> None:
     """Diagnose one campaign; whatever goes wrong is written down as a miss, not raised."""
+    started = time.process_time()
+    code_digest()  # now, not when it is done: files may change in the meantime, what runs does not
     try:
         folder = task.campaign
         if task.entry is not None and task.drawn is not None:
@@ -103,7 +108,7 @@ def _one(diagnose: Diagnose, task: _Task) -> None:
         content = plain(diagnose(folder, task.exclude).json)
     except Exception as error:  # a failing campaign is a result
         content = {"campaign": task.name, "failed": f"{type(error).__name__}: {error}"}
-    _write(task, content)
+    _write(task, {**content, "cpu_seconds": time.process_time() - started})
 
 
 def _lost(task: _Task) -> None:
@@ -114,7 +119,8 @@ def _write(task: _Task, content: dict[str, Any]) -> None:
     task.reports.mkdir(parents=True, exist_ok=True)
     aside = task.reports / f".{task.name}.{os.getpid()}.part"
     more = {} if task.entry is None else {"recorded": list(task.entry)}
-    text = json.dumps({**content, **more, "code": code_digest()}, indent=1, allow_nan=False)
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    text = json.dumps({**content, **more, "code": code_digest(), "made": now}, indent=1, allow_nan=False)
     aside.write_text(text + "\n", encoding="utf-8")
     aside.replace(task.reports / f"{task.name}.json")
 

@@ -1,7 +1,8 @@
 """Scoring a withheld check: diagnose blindly, then open the seal.
 
 `diagnose(folder, exclude)` is any function that answers with an object whose `json` is the diagnosis of
-`diagnosis.json`; the baselines are such functions, too.  It is given a campaign's folder and never the seal.
+`diagnosis.json`; the baselines are such functions, too.  It is given a campaign's folder and never the seal.  Reports
+and seal become rows (`rows.py`), figures come from the rows alone (`scores.py`).
 """
 
 from __future__ import annotations
@@ -9,8 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,41 +22,14 @@ from sandbox.gap.contract import contract
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.where import where
 from sandbox.gap.withheld.follow import recommended
-from sandbox.gap.withheld.judge import Judgement, judge
-from sandbox.gap.withheld.limits import Figure
 from sandbox.gap.withheld.make import CAMPAIGNS, HASH, SEAL
-from sandbox.gap.withheld.metrics import by_size, confusion, detection_floor, figures, left_out, reliability
-from sandbox.gap.withheld.running import Diagnose, follow_all, run_all
+from sandbox.gap.withheld.rows import BLIND, LEFT_OUT, RESOLVED, Row, one_code, row, told
+from sandbox.gap.withheld.running import Diagnose, code_digest, follow_all, run_all
+from sandbox.gap.withheld.scores import Scores, scored
 from sandbox.report import plain
 
-DIAGNOSES, LEFT_OUT, RESOLVED = "diagnoses", "left_out", "resolved"
-LONGEST = 60.0  # s of a recommended recording
+DIAGNOSES = "diagnoses"
 LEAST_LEFT_OUT = 1.0  # size from which on an effect is left out of the library
-
-
-@dataclass(frozen=True)
-class Scores:
-    """A scored check of one method: figures by name, judgements, those with the true effect left out, those with the
-    recommended recording made; code: of the reports (`code_digest`), more than one where versions are mixed."""
-
-    method: str
-    figures: dict[str, Figure]
-    judged: tuple[Judgement, ...]
-    left_out: tuple[Judgement, ...]
-    followed: tuple[Judgement, ...]
-    code: tuple[str, ...]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return what `withheld.json` keeps of it."""
-        sizes = {s: {k: f.as_json() for k, f in fs.items()} for s, fs in by_size(self.judged).items()}
-        return {
-            **{k: f.as_json() for k, f in self.figures.items()},
-            "by_size": sizes, "detection_floor": detection_floor(self.judged), "confusion": confusion(self.judged),
-            "reliability": reliability(self.judged), "failed": [j.name for j in self.judged if j.failed],
-            "missed": [[j.name, *j.effects, "->", j.label] for j in self.judged if not j.hit],
-            "unresolved": [[j.name, *j.effects, "->", j.label] for j in self.followed if not j.settled],
-            "code": self.code,
-        }  # fmt: skip
 
 
 def standard(folder: Path, exclude: tuple[str, ...] = ()) -> Any:
@@ -75,14 +48,16 @@ def score(
     leave_out: float = 0.0,
     again: bool = False,
     finished: bool = False,
+    allow_mixed: bool = False,
     progress: Callable[[float], None] | None = None,
 ) -> Scores:
     """Diagnose a check's campaigns (those without a report yet) and judge them.
 
     limit: the first so many campaigns; leave_out: share of the single effects of medium size or more diagnosed once
     more without the true effect in the library; again: forget earlier reports; finished: run nothing, judge what has
-    a report.  Where a diagnosis is ambiguous, the recording that it recommends is made and all is diagnosed again.
-    BadInput where the folder is no check or its seal is not the one that was hashed.
+    a report; allow_mixed: reports may come from several states of the code, whose figures are then told apart.
+    Where a diagnosis is ambiguous, the recording that it recommends is made and all is diagnosed again.
+    BadInput where the folder is no check, its seal is not the one that was hashed, or states of the code are mixed.
     """
     if not 0.0 <= leave_out <= 1.0:
         raise BadInput(f"leave_out = {leave_out} is no share; give a number in [0, 1]")
@@ -96,6 +71,9 @@ def score(
     if again:
         _forget(reports)
     if not finished:
+        if not allow_mixed:  # nor on reports that cannot be judged beside older ones
+            places = (reports, reports / LEFT_OUT, reports / RESOLVED)
+            one_code([r for p in places for r in _rows(method, BLIND, p, names, {})], f"'{reports}'", [code_digest()])
         run_all(folder, dict.fromkeys(names, ()), diagnose, reports, jobs, progress)
     content = opened(folder)
     truth = content["campaigns"]
@@ -107,15 +85,16 @@ def score(
     if not finished:
         run_all(folder, without, diagnose, reports / LEFT_OUT, jobs, progress)
         follow_all(folder, asked, content, diagnose, reports / RESOLVED, jobs, progress)
-    judged = tuple(judge(n, truth[n], d) for n, d in found.items())
-    others, followed = (
-        tuple(judge(n, truth[n], read_report(part, n)) for n in with_report(part, list(chosen)))
-        for part, chosen in ((reports / LEFT_OUT, without), (reports / RESOLVED, asked))
-    )
-    promised = {n: found[n]["next_recording"].get("power") for n in asked}
-    figures_ = figures(judged, promised, followed) | (left_out(others) if others else {})
-    code = tuple(sorted({str(d.get("code", "unknown")) for d in found.values()}))
-    return Scores(method, figures_, judged, others, followed, code)
+    parts = ((BLIND, reports, names), (LEFT_OUT, reports / LEFT_OUT, without), (RESOLVED, reports / RESOLVED, asked))
+    rows = [r for part, place, chosen in parts for r in _rows(method, part, place, chosen, truth)]
+    if not allow_mixed:
+        one_code(rows, f"'{reports}'")
+    return scored(rows)
+
+
+def _rows(method: str, part: str, reports: Path, names: Iterable[str], truth: Mapping[str, Any]) -> list[Row]:
+    """Return a row for every campaign that has a report."""
+    return [row(method, part, n, truth.get(n, {}), read_report(reports, n)) for n in with_report(reports, names)]
 
 
 def _forget(reports: Path) -> None:
@@ -139,7 +118,7 @@ def _complete(folder: Path, truth: Mapping[str, Any]) -> None:
         )
 
 
-def with_report(reports: Path, names: Sequence[str]) -> list[str]:
+def with_report(reports: Path, names: Iterable[str]) -> list[str]:
     """Return the campaigns that have a report already."""
     return [n for n in names if (reports / f"{n}.json").exists()]
 
@@ -157,32 +136,12 @@ def read_report(reports: Path, name: str) -> dict[str, Any]:
     path = reports / f"{name}.json"
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        sound = content.get("campaign", name) == name and ("failed" in content or _told(content))
+        sound = content.get("campaign", name) == name and told(content)
     except (ValueError, LookupError, TypeError, AttributeError):
         sound = False
     if not sound:
         raise BadInput(f"'{path}' holds no report of {name}; delete it and score again")
     return dict(content)
-
-
-def _told(content: Mapping[str, Any]) -> bool:
-    """Tell whether a report holds what judging reads of the contract."""
-    hypotheses, following = content["hypotheses"], content.get("next_recording")
-    named = [h["effects"] for h in hypotheses] + list(content["ambiguity_set"])
-    numbers = [h["probability"] for h in hypotheses]
-    if following is not None:
-        numbers.append(following.get("power", 0.0))
-        if "entry" in following and not (isinstance(following["entry"], str) and 0.0 < following["seconds"] <= LONGEST):
-            return False
-    return (
-        bool(hypotheses)
-        and all(isinstance(e, str) for names in named for e in names)
-        and all(isinstance(p, (int, float)) and 0.0 <= p <= 1.0 + 1e-9 for p in numbers)
-        and isinstance(content["verdict"], str)
-        and isinstance(content["gap"]["before"], (int, float))
-        and all(isinstance(w["subsystem"], str) for w in content.get("where", []))
-        and isinstance(content.get("cost", {}), dict)
-    )
 
 
 def sealed(folder: Path) -> bytes:
@@ -207,19 +166,3 @@ def opened(folder: Path) -> dict[str, Any]:
     if not whole:
         raise BadInput(f"'{folder / SEAL}' holds no truth of a check; make the check anew")
     return content
-
-
-def table(scores: Sequence[Scores]) -> tuple[list[str], list[list[str]]]:
-    """Return heads and rows of the table of metrics, one column a method."""
-    from sandbox.gap.withheld.metrics import GOALS
-
-    names = list(dict.fromkeys(k for s in scores for k in s.figures))
-    rows = [[n, GOALS.get(n, ""), *(_cell(s.figures.get(n)) for s in scores)] for n in names]
-    return ["metric", "goal", *(s.method for s in scores)], rows
-
-
-def _cell(f: Figure | None) -> str:
-    if f is None or f.value is None:
-        return "–"
-    low, high = ("–" if x is None else f"{x:.3g}" for x in (f.low, f.high))
-    return f"{f.value:.3g} [{low}, {high}] n={f.n}"

@@ -242,6 +242,8 @@ def background(campaign: Campaign, places: dict[str, list[int]]) -> tuple[list[i
     }
     ordinary = []
     for name, own in sizes.items():
+        if name not in places:  # no rotor was free
+            continue
         for place, size in zip(places[name], own, strict=True):
             weight[place] = 1.0 / size**2
             ordinary.append(place)

@@ -29,6 +29,7 @@ from sandbox.gap.spectrum import shown
 from sandbox.gap.where import subsystems
 from sandbox.gap.words import quantity, times
 from sandbox.injection import carrier
+from sandbox.public.recorded import DiagnosisResult
 from sandbox.record import campaign_of
 from sandbox.report import plain
 from sandbox.scenario import Scenario, Segment
@@ -327,3 +328,15 @@ def test_a_file_keeps_its_name_in_a_sentence(small_answers):
     whole = [f.text for f in places.sentences("sensor", 1.0, part, 12)]
     assert all(t.count("mostly") <= 1 for t in [*told, *whole])
     assert any("80 % of the gap is in Locked_STEPS.parquet" in t for t in whole)
+
+
+def test_a_diagnosis_is_a_result_of_the_page(quiet_answers, tmp_path):
+    """Table, figure and one line, from the same answers as the JSON."""
+    result = DiagnosisResult(quiet_answers)
+    rows = result.to_table().to_pylist()
+    hypotheses = result.as_json()["hypotheses"]
+    assert {row["effects"] for row in rows} == {", ".join(h["effects"]) for h in hypotheses}
+    assert len(rows) == sum(max(1, len(h["parameters"])) for h in hypotheses)
+    assert result.verdict == "no_gap"
+    assert "no effect, probability" in repr(result)
+    assert len(result.plot(tmp_path / "gap.png").axes) == 1

@@ -156,3 +156,12 @@ def test_ridge_of_the_voltage_regression():
     assert left_over(gram, [1], np.zeros(2)) == pytest.approx(5.0 - 9.0 / 2.0)
     assert left_over(gram, [1], np.array([0.0, 1.0])) == pytest.approx(5.0 - 9.0 / 3.0)
     assert binned(np.arange(35.0) + 0j) == pytest.approx([7.5, 23.5])
+
+
+def test_the_voltage_regression_answers_without_a_free_rotor(tmp_path):
+    """A narrow campaign: no motion to regress, so no mechanical effect; a device drop twice the medium one shows."""
+    drawn = draw(Case(0, "one", "ipm_exchanged", "scored", ("device_drop",), (2.0,), None, "one_link"), 31)
+    folder = write_campaign(tmp_path / "w000", campaign_of(drawn))
+    named = {e for h in BASELINES["voltage"](folder, ()).json["hypotheses"] for e in h["effects"]}
+    assert "device_drop" in named
+    assert not named & {"inertia", "coulomb_friction", "cogging_torque"}

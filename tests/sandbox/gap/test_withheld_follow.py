@@ -14,7 +14,6 @@ from sandbox.gap.withheld.follow import cycle_of, drawn_again, entry_of, grow, r
 from sandbox.gap.withheld.ladder import OUTSIDE
 from sandbox.gap.withheld.make import campaign_of
 from sandbox.replay.replay import prepare, replay, residuals
-from sandbox.report import plain
 from tests.sandbox.gap.test_withheld_make import true_set
 
 DRAWN = draw(Case(0, "one", "ipm_exchanged", "scored", ("dead_time",), (1.0,)), 11)
@@ -64,9 +63,13 @@ def test_only_an_ambiguous_diagnosis_asks():
 
 def test_the_truth_is_drawn_again_or_refused():
     drawn = [draw(c, 5) for c in cases(3, 5, "mixed", "scored")]
-    truths = json.loads(json.dumps(plain({d.case.name: d.as_json() for d in drawn})))
-    content = {"seed": 5, "kind": "mixed", "style": "scored", "outside": list(OUTSIDE), "campaigns": truths}
+    truths = json.loads(json.dumps({d.case.name: d.sealed() for d in drawn}))
+    content = {"seed": 5, "kind": "mixed", "style": "scored", "sizes": "ladder", "outside": list(OUTSIDE)}
+    content["campaigns"] = truths
     assert drawn_again(content, "w001") == drawn[1]
     truths["w001"]["bench"]["theta"] += 1e-3
+    with pytest.raises(BadInput, match="another version"):
+        drawn_again(content, "w001")
+    del content["sizes"]
     with pytest.raises(BadInput, match="another version"):
         drawn_again(content, "w001")

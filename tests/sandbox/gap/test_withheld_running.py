@@ -90,7 +90,21 @@ def test_what_is_finished_can_be_judged_alone(check):
     assert [j.name for j in part.judged] == [j.name for j in part.followed] == ["w000"]
     report = check / "diagnoses" / "w000.json"
     report.write_text(report.read_text().replace(code_digest(), "of before"))
-    assert score(check, blind).code == (code_digest(), "of before")
+    assert score(check, blind, allow_mixed=True).code == (code_digest(), "of before")
+
+
+def test_states_of_the_code_are_not_mixed(check):
+    """Refused before anything is diagnosed, and where what is finished is judged; allowed, each has its own figures."""
+    score(check, blind, limit=1)
+    report, seen = check / "diagnoses" / "w000.json", []
+    report.write_text(report.read_text().replace(code_digest(), "of before"))
+    for more in ({}, {"finished": True}):
+        with pytest.raises(BadInput, match=r"mixes 2 states of the code .*--again.*--allow-mixed"):
+            score(check, lambda folder, exclude: seen.append(folder), **more)
+    assert not seen
+    mixed = score(check, blind, allow_mixed=True).as_json()
+    assert {c: f["ambiguity_hit"]["n"] for c, f in mixed["by_code"].items()} == {code_digest(): 1, "of before": 1}
+    assert score(check, blind, again=True).code == (code_digest(),)
 
 
 def test_another_recommendation_is_recorded_anew(check):

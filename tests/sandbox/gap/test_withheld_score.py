@@ -14,7 +14,8 @@ from sandbox.gap.withheld.figure import withheld_figure
 from sandbox.gap.withheld.judge import alike, closed, covered, f1, judge, located
 from sandbox.gap.withheld.limits import area, auroc, mean, mean_share, quantile, ratio, share
 from sandbox.gap.withheld.metrics import figures, left_out
-from sandbox.gap.withheld.score import read_report, score, table
+from sandbox.gap.withheld.score import read_report, score
+from sandbox.gap.withheld.scores import table
 from sandbox.gap.withheld.spread import spread
 
 

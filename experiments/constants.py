@@ -1,0 +1,276 @@
+"""Which verdicts hang on a constant of the diagnosis?
+
+Every practice campaign is diagnosed anew with each influential constant halved and doubled, all else as it is; what
+changes (verdict, first hypothesis, whether the truth is in the ambiguity set) stands in results/diagnosis/constants.md,
+one line a diagnosis in constants.jsonl beside it.  Resumable: what that file holds for this state of the code stays.
+
+Run: python -m experiments.constants [FOLDER] [--jobs N] [--cases p12 ...] [--only WIDE ...]
+(FOLDER: practice campaigns, usually $SENSORLESS_RECORDINGS/practice; 900 diagnoses of 25 s: 6 hours of one core)
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import importlib
+import json
+import math
+import os
+import tomllib
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache, partial
+from itertools import chain
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from model.errors import BadInput
+from sandbox.campaign import read_campaign
+from sandbox.gap.contract import contract
+from sandbox.gap.diagnose import diagnose
+from sandbox.gap.where import where
+from sandbox.gap.withheld.rows import rounded
+from sandbox.gap.withheld.running import ROOT, code_digest
+from sandbox.gap.withheld.spread import spread
+from sandbox.report import plain
+
+RESULTS = Path(__file__).parent / "results" / "diagnosis"
+LIST = Path(__file__).with_suffix(".toml")
+FACTORS = (0.5, 2.0)
+GAP = "sandbox/gap"
+
+
+class Constant(NamedTuple):
+    """A constant of the diagnosis: module of sandbox.gap, name, what it is, where it was chosen.
+
+    place: the element that is scaled where it is a list, None for all of them; odds: chances for 0, 1, 2 ... effects,
+    of which every further one is made so many times likelier.
+    """
+
+    module: str
+    name: str
+    what: str
+    chosen: str
+    place: int | None = None
+    odds: bool = False
+
+    @property
+    def label(self) -> str:
+        """The name, with the element where one is meant."""
+        return self.name if self.place is None else f"{self.name}[{self.place}]"
+
+    def scaled(self, value: Any, factor: float) -> Any:
+        """Return the constant so many times as large; whole numbers stay whole."""
+        if self.odds:
+            raw = [x * factor**k for k, x in enumerate(value)]
+            return tuple(x / sum(raw) for x in raw)
+        if isinstance(value, tuple):
+            chosen = range(len(value)) if self.place is None else (self.place,)
+            return tuple(_times(x, factor) if k in chosen else x for k, x in enumerate(value))
+        return _times(value, factor)
+
+
+def _times(value: float, factor: float) -> float:
+    return round(value * factor) if isinstance(value, int) else value * factor
+
+
+CONSTANTS = tuple(Constant(**c) for c in tomllib.loads(LIST.read_text(encoding="utf-8"))["constants"])
+
+
+class Trial(NamedTuple):
+    """One diagnosis to make: campaign folder, constant (its place in CONSTANTS; None: all as they are), factor."""
+
+    folder: Path
+    index: int | None
+    factor: float
+
+    @property
+    def key(self) -> tuple[str, str, float]:
+        """What tells it from the others in a file of answers."""
+        return self.folder.name, label_of(self.index), self.factor
+
+
+def label_of(index: int | None) -> str:
+    """Return module and name of a constant, for a table."""
+    return "" if index is None else f"{CONSTANTS[index].module}.{CONSTANTS[index].label}"
+
+
+def places_of(constant: Constant) -> list[str]:
+    """Return the modules that hold a constant under its name: its own, and those that import it by name."""
+    own = f"sandbox.gap.{constant.module}"
+    return [own, *(place for place, imported in imports() if imported == (own, constant.name) and place != own)]
+
+
+@cache
+def imports() -> list[tuple[str, tuple[str, str]]]:
+    """Return what modules of the diagnosis import by name: (module, (from where, name))."""
+    out = []
+    for path in sorted((ROOT / GAP).rglob("*.py")):
+        place = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                out += [(place, (str(node.module), a.name)) for a in node.names]
+    return out
+
+
+@contextmanager
+def changed(constant: Constant, factor: float) -> Iterator[None]:
+    """Scale a constant wherever it is used, and put it back; BadInput where the module no longer has it."""
+    modules = [importlib.import_module(m) for m in places_of(constant)]
+    if not hasattr(modules[0], constant.name):
+        raise BadInput(f"{modules[0].__name__} has no constant {constant.name}; correct {LIST.name}")
+    before = getattr(modules[0], constant.name)
+    try:
+        for m in modules:
+            setattr(m, constant.name, constant.scaled(before, factor))
+        yield
+    finally:
+        for m in modules:
+            setattr(m, constant.name, before)
+
+
+def diagnosed(folder: Path) -> dict[str, Any]:
+    """Return a campaign's diagnosis by the contract, recommended recordings left out."""
+    d = diagnose(read_campaign(folder), workers=1)
+    found: dict[str, Any] = plain(contract(d, where(d), None, None))
+    return found
+
+
+def answered(trial: Trial, how: Callable[[Path], Mapping[str, Any]] = diagnosed) -> dict[str, Any]:
+    """Return what one diagnosis said: verdict, first hypothesis, ambiguity set, simulations; or why it failed."""
+    case, name, factor = trial.key
+    head = {"case": case, "constant": name, "factor": factor, "code": code_digest()}
+    try:
+        if trial.index is None:
+            d = how(trial.folder)
+        else:
+            with changed(CONSTANTS[trial.index], factor):
+                d = how(trial.folder)
+    except Exception as error:  # a diagnosis that fails with a constant changed is a result
+        return {**head, "failed": f"{type(error).__name__}: {error}"}
+    best = d["hypotheses"][0]
+    told = {
+        "verdict": d["verdict"], "effects": sorted(best["effects"]), "probability": best["probability"],
+        "ambiguity_set": [sorted(m) for m in d["ambiguity_set"]], "simulations": d["cost"]["simulations"],
+    }  # fmt: skip
+    return {**head, **rounded(told)}
+
+
+def run(trials: Sequence[Trial], kept: Path, jobs: int, how: Callable[[Path], Mapping[str, Any]] = diagnosed) -> int:
+    """Make the diagnoses that a file does not hold for this state of the code, a line each; return how many."""
+    there = {_key(a) for a in answers(kept) if a["code"] == code_digest()}
+    left = [t for t in trials if t.key not in there]
+    for index in {t.index for t in left} - {None}:
+        with changed(CONSTANTS[index or 0], 1.0):  # all are where the list says, before anything is diagnosed
+            pass
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    sound = answers(kept)
+    with kept.open("w", encoding="utf-8") as file:  # anew: an interruption may have cut off the last line
+        for found in chain(sound, spread(partial(answered, how=how), left, jobs)):
+            file.write(json.dumps(found, separators=(",", ":")) + "\n")
+            file.flush()
+    return len(left)
+
+
+def answers(kept: Path) -> list[dict[str, Any]]:
+    """Return the answers of a file, none where there is no file; a line that an interruption cut off is left out."""
+    lines = kept.read_text(encoding="utf-8").splitlines() if kept.exists() else []
+    out = []
+    for line in lines:
+        try:
+            out.append(json.loads(line))
+        except ValueError:
+            continue
+    return out
+
+
+def _key(answer: Mapping[str, Any]) -> tuple[str, str, float]:
+    return answer["case"], answer["constant"], answer["factor"]
+
+
+def table(found: Sequence[Mapping[str, Any]], truths: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return lines of markdown: a row a constant and factor, with the cases whose answer changes, and how."""
+    base = {a["case"]: a for a in found if not a["constant"]}
+    lines = [
+        "| constant | what it is | chosen on | times | changes | largest change of probability |",
+        "|---|---|---|--:|---|--:|",
+    ]
+    for k, c in enumerate(CONSTANTS):
+        for factor in FACTORS:
+            own = [a for a in found if _key(a)[1:] == (label_of(k), factor) and a["case"] in base]
+            if not own:
+                continue
+            notes = [n for a in own if (n := change(base[a["case"]], a, truths.get(a["case"])))]
+            moved = max((_moved(base[a["case"]], a) for a in own), default=0.0)
+            told = "; ".join(notes) or f"none of {len(own)}"
+            lines.append(f"| `{label_of(k)}` | {c.what} | {c.chosen} | {factor:g} | {told} | {moved:.3f} |")
+    return lines
+
+
+def change(before: Mapping[str, Any], after: Mapping[str, Any], truth: Sequence[str] | None) -> str:
+    """Return in words what a changed constant does to one case's answer, nothing where it stays; truth: if known."""
+    if "failed" in after or "failed" in before:
+        return "" if "failed" in before else f"{after['case']}: fails"
+    if (before["verdict"], before["effects"]) == (after["verdict"], after["effects"]):
+        same = truth is None or (sorted(truth) in before["ambiguity_set"]) == (sorted(truth) in after["ambiguity_set"])
+        return "" if same else f"{after['case']}: truth {_inside(truth, after)} the ambiguity set"
+    words = (
+        f"{after['case']}: {after['verdict']}, {' + '.join(after['effects']) or 'none'} ({after['probability']:.3f})"
+    )
+    if truth is not None:
+        right = (
+            "right" if sorted(truth) == after["effects"] else f"wrong, truth {_inside(truth, after)} the ambiguity set"
+        )
+        words += f", {right}"
+    return words.replace("_", " ")
+
+
+def _inside(truth: Sequence[str] | None, answer: Mapping[str, Any]) -> str:
+    return "in" if sorted(truth or ()) in answer["ambiguity_set"] else "outside"
+
+
+def _moved(before: Mapping[str, Any], after: Mapping[str, Any]) -> float:
+    """Return by how much the first hypothesis' probability moves where it stays the first."""
+    if "failed" in before or "failed" in after or before["effects"] != after["effects"]:
+        return 0.0 if "failed" in before else 1.0
+    return math.fabs(before["probability"] - after["probability"])
+
+
+def truths_of(folder: Path) -> dict[str, list[str]]:
+    """Return the effects put into every campaign whose truth lies beside it."""
+    files = folder.glob("*.truth.toml")
+    return {p.name.removesuffix(".truth.toml"): list(tomllib.loads(p.read_text())["effects"]) for p in files}
+
+
+def main(arguments: Sequence[str] | None = None, how: Callable[[Path], Mapping[str, Any]] = diagnosed) -> None:
+    """Diagnose whatever is left, then write the table of all answers by this state of the code."""
+    usual = Path(os.environ.get("SENSORLESS_RECORDINGS", "../shared/recordings")) / "practice"
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path, nargs="?", default=usual)
+    parser.add_argument("--jobs", type=int, default=1)
+    parser.add_argument("--cases", nargs="+", help="campaigns (all)")
+    parser.add_argument("--only", nargs="+", help="constants by name (all)")
+    parser.add_argument("--results", type=Path, default=RESULTS, help=argparse.SUPPRESS)
+    options = parser.parse_args(arguments)
+    cases = sorted(p for p in options.folder.glob("*") if (p / "campaign.toml").exists())
+    cases = [p for p in cases if options.cases is None or p.name in options.cases]
+    if not cases:
+        raise BadInput(f"no such campaign in '{options.folder}'; give a folder of campaigns, and --cases in it")
+    chosen = [k for k, c in enumerate(CONSTANTS) if options.only is None or c.name in options.only]
+    trials = [Trial(p, None, 1.0) for p in cases]
+    trials += [Trial(p, k, f) for k in chosen for f in FACTORS for p in cases]
+    kept = options.results / "constants.jsonl"
+    done = run(trials, kept, options.jobs, how)
+    found = [a for a in answers(kept) if a["code"] == code_digest()]
+    lines = [
+        f"By `python -m experiments.constants` ({len(found)} diagnoses, code `{code_digest()}`): answers that change",
+        "with a constant halved or doubled.",
+        "",
+        *table(found, truths_of(options.folder)),
+    ]
+    (options.results / "constants.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    print(f"{done} diagnoses made, {len(found)} in {kept}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,78 @@
+"""One line for whoever waits: "compiling once, about N s", when a kernel is compiled and not read from the cache.
+
+It goes to the logger `sensorless`, which Python prints to stderr unless it is told otherwise.  N is what compiling
+took on this machine the last time the same program was called with the same command.
+"""
+
+from __future__ import annotations
+
+import atexit
+import json
+import logging
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from numba.core import event
+
+ROOMS = ("model", "estimators", "sandbox")
+USUAL = 30.0  # s on a machine where nothing has been compiled yet
+SHORT = 2.0  # s: not worth a word
+LOGGER = logging.getLogger("sensorless")
+
+
+class Watch(event.Listener):
+    """Hears of every function that numba compiles; nested ones are part of the outermost."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.call = " ".join([Path(sys.argv[0]).name, *sys.argv[1:2]])
+        self.said = False
+        self.seconds = 0.0
+        self.depth = threading.local()
+
+    def on_start(self, event: Any) -> None:
+        """Say it once, when the first function of our own is compiled."""
+        function = event.data["dispatcher"].py_func
+        if function.__module__.partition(".")[0] not in ROOMS:
+            return
+        level = getattr(self.depth, "level", 0)
+        if level == 0:
+            self.depth.begun = time.perf_counter()
+        self.depth.level = level + 1
+        if not self.said:
+            self.said = True
+            expected = self.known().get(self.call, USUAL)
+            if expected >= SHORT:
+                LOGGER.warning("compiling once, about %.0f s", expected)
+            atexit.register(self.remember)
+
+    def on_end(self, event: Any) -> None:
+        """Add up the time."""
+        level = getattr(self.depth, "level", 0)
+        if level and event.data["dispatcher"].py_func.__module__.partition(".")[0] in ROOMS:
+            self.depth.level = level - 1
+            if level == 1:
+                self.seconds += time.perf_counter() - self.depth.begun
+
+    def known(self) -> dict[str, float]:
+        """Return the seconds of earlier times by what was called."""
+        try:
+            found = json.loads(self.path.read_text(encoding="utf-8"))
+            return {str(name): float(seconds) for name, seconds in found.items()}
+        except (OSError, ValueError, TypeError, AttributeError):
+            return {}
+
+    def remember(self) -> None:
+        """Keep what it took for the next time."""
+        try:
+            self.path.write_text(json.dumps(self.known() | {self.call: round(self.seconds, 1)}), encoding="utf-8")
+        except OSError:
+            return  # a read-only home
+
+
+def watch(folder: Path) -> None:
+    """Begin to listen; what compiling took is kept in a folder."""
+    event.register("numba:compile", Watch(folder / "compile-seconds.json"))

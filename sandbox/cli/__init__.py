@@ -1,0 +1,218 @@
+"""The command line: arguments, exit codes, Ctrl-C; the commands themselves call the page `sandbox`."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import logging
+import os
+import pickle
+import sys
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import NoReturn
+
+from model.effects.own import adopt
+from model.errors import BadInput, PhysicsError
+from sandbox import report
+from sandbox.cli import commands
+from sandbox.gap.commands import add_diagnose
+from sandbox.gap.withheld.commands import add_withheld
+
+PARALLEL = ("compare", "protocol", "diagnose")  # use threads
+NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse that answers a wrong call with one sentence and exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message alone."""
+        print(f"{self.prog}: {message} (see `{self.prog} --help`)", file=sys.stderr)
+        raise SystemExit(2)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; return its exit code (0 done, 2 bad input, 3 the physics failed).
+
+    The work is done in a thread, so that Ctrl-C is answered at once while a kernel runs (exit code 130).
+    """
+    options = build_parser().parse_args(arguments)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal without our letters still gets the rest
+    quiet = getattr(options, "quiet", False)  # not even that something is compiled
+    logging.getLogger("sensorless").setLevel(logging.ERROR if quiet else logging.NOTSET)
+    codes: list[int] = []
+    worker = threading.Thread(target=lambda: codes.append(attempt(options)), daemon=True)
+    worker.start()
+    try:
+        while worker.is_alive():
+            worker.join(0.2)
+    except KeyboardInterrupt:
+        print(f"sensorless {options.command}: interrupted; nothing half-written", file=sys.stderr, flush=True)
+        report.discard(commands.folder_of(options))
+        os._exit(130)  # the kernel would run on to its end
+    return codes[0] if codes else 1
+
+
+def attempt(options: argparse.Namespace) -> int:
+    """Run a command; turn what a user can cause into one sentence and an exit code."""
+    try:
+        for file in getattr(options, "effects_from", ()):
+            adopt(file)
+        options.run(options)
+        sys.stdout.flush()
+    except (BadInput, PhysicsError) as error:
+        return _refuse(options, str(error), error.exit_code)
+    except BrokenPipeError:  # the reader has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except OSError as error:
+        return _refuse(options, f"{error.filename or 'output'}: {error.strerror or error}")
+    except MemoryError:
+        return _refuse(options, "not enough memory for this run; shorten the scenario or compare fewer estimators")
+    except (EOFError, pickle.UnpicklingError):
+        report.forget_kernels()
+        return _refuse(options, "the cache of compiled kernels was damaged and has been removed; call again")
+    return 0
+
+
+def _refuse(options: argparse.Namespace, sentence: str, code: int = 2) -> int:
+    print(f"sensorless {options.command}: {sentence}", file=sys.stderr)
+    return code
+
+
+def build_parser() -> Parser:
+    """Return the parser of all commands."""
+    parser = Parser(prog="sensorless", description="Sandbox for sensorless control of saturated PM motors.")
+    parser.add_argument("--version", action="version", version=f"sensorless {report.version()}")
+    every = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
+
+    def add(name: str, run: Callable[[argparse.Namespace], None], text: str, writes: bool = True) -> Parser:
+        """Return the parser of a new command, with the arguments of all that write."""
+        command: Parser = every.add_parser(name, help=text, description=text)
+        command.set_defaults(run=run)
+        if writes:
+            seed, jobs = (
+                "of the sensors' noise (0)",
+                "threads (all cores)",
+            )  # taken by all, told where they do something
+            command.add_argument("--out", type=Path, help=f"folder for results (./sensorless-out/{name})")
+            command.add_argument("--jobs", type=positive_int, help=jobs if name in PARALLEL else argparse.SUPPRESS)
+            command.add_argument(
+                "--seed", type=seed_number, default=0, help=seed if name in NOISY else argparse.SUPPRESS
+            )
+            command.add_argument("--csv", action="store_true", help="the table as CSV, too")
+            command.add_argument("--quiet", action="store_true", help="print nothing but errors")
+        return command
+
+    c = add("compare", commands.run_compare, "position error of a saturated against a linear belief (the main job)")
+    _which(c)
+    c.add_argument(
+        "--estimators", default="qnull,inversion,ekf", help="names or files, by commas (qnull,inversion,ekf)"
+    )
+    _own(c)
+    c.add_argument("--no-trace", action="store_true", help="write no .rrd")
+    _own_effects(c)
+    text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
+    c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
+    c = add("simulate", commands.run_simulate, "one run of one estimator")
+    _which(c)
+    c.add_argument("--estimator", default="qnull", metavar="NAME or FILE.py", help="(qnull)")
+    c.add_argument("--belief", default="saturated", choices=("saturated", "linear"), help="(saturated)")
+    c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
+    c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
+    c.add_argument("--no-trace", action="store_true", help="write no .rrd")
+    c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
+    c.add_argument("--plant", choices=("exact", "switched", "averaged"), help="(exact, or what the estimator needs)")
+    _own_effects(c)
+    c.add_argument("--json-only", action="store_true", help="write simulate.json alone: no trace, figure or table")
+    c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
+    c = add("audit", commands.run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
+    c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
+    c.add_argument("--radius", type=number, help="A, of the audited disc of currents (180 %% of rated)")
+    c = add(
+        "identify",
+        commands.run_identify,
+        "the motor from a campaign's locked recordings: paper's least squares and exact fit",
+    )
+    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    text = "names and units of recordings from elsewhere (see sandbox/IMPORTING.md)"
+    c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
+    _own_effects(add_diagnose(add))
+    c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")
+    c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
+    c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
+    add_withheld(every, Parser, positive_int, seed_number)
+    c = add(
+        "protocol", commands.run_protocol, "the standard evaluation of every estimator and belief on several motors"
+    )
+    c.add_argument("--estimators", metavar="A,B", help="names or files, separated by commas (every compiled one)")
+    _own(c)
+    c.add_argument(
+        "--motors",
+        metavar="A,B",
+        help="names or files, separated by commas (three, and `baldor_pmsyrm` where its map is at hand)",
+    )
+    c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
+    _peers(c)
+    c = add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second")
+    _peers(c)
+    c = add("list", commands.run_list, "what there is", writes=False)
+    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets"))
+    c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")
+    _own_effects(c)
+    c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)
+    c.add_argument("file", type=Path, metavar="FILE.rrd")
+    c.add_argument("--web", action="store_true", help="in a browser, on this machine or another")
+    c = add("show", commands.run_show, "open what a result holds: its page in the browser, its trace in the viewer",
+            writes=False)  # fmt: skip
+    c.add_argument("result", type=Path, metavar="RESULT", help="folder that a command has written")
+    return parser
+
+
+def number(text: str) -> float:
+    """Parse a number as people write it (not 1_000)."""
+    from model.effects.library import number_of
+
+    try:
+        return number_of(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is no number") from None
+
+
+def positive_int(text: str) -> int:
+    """Parse a whole number of at least 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at least 1")
+    return int(text)
+
+
+def seed_number(text: str) -> int:
+    """Parse a whole number of at least 0."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at least 0")
+    return int(text)
+
+
+def _which(command: Parser) -> None:
+    command.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="(ipm_exchanged)")
+    command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml", help="(staircase)")
+
+
+def _own(command: Parser) -> None:
+    text = "an estimator of your own, beside those of --estimators (may be repeated)"
+    command.add_argument("--estimator", action="append", default=[], metavar="FILE.py", help=text)
+
+
+def _own_effects(command: Parser) -> None:
+    text = "a Python file with effects of your own (may be repeated), beside those of the library"
+    command.add_argument("--effects-from", action="append", default=[], type=Path, metavar="FILE.py", help=text)
+
+
+def _peers(command: Parser) -> None:
+    command.add_argument("--peer", action="store_true", help="measure the reference programs in the same run, too")
+    where, text = Path("../shared/anchors"), "folder of the reference programs"
+    command.add_argument("--anchors", type=Path, default=where, help=text)
+    command.add_argument("--peer-python", default=sys.executable, help="Python >= 3.12 that has motulator 0.18")

@@ -1,0 +1,149 @@
+"""What each command does: read its arguments, call the page `sandbox`, save the result, print it."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from pathlib import Path
+
+import sandbox
+from sandbox import report
+
+
+def folder_of(options: argparse.Namespace) -> Path:
+    """Return the folder for results."""
+    return getattr(options, "out", None) or Path("sensorless-out") / options.command
+
+
+def names_of(text: str | None, usual: Iterable[str] = ()) -> list[str]:
+    """Return names separated by commas, the usual ones where there is no text."""
+    return list(usual) if text is None else [name.strip() for name in text.split(",") if name.strip()]
+
+
+def run_compare(options: argparse.Namespace) -> None:
+    """Compare beliefs; write compare.json, .png, .parquet and .rrd."""
+    from sandbox.public.printed import print_comparison
+
+    with report.progress_bar("comparing", options.quiet) as progress:
+        result = sandbox.compare(
+            options.motor, options.scenario, names_of(options.estimators) + options.estimator,
+            effects=options.effects, seed=options.seed, jobs=options.jobs, progress=progress,
+        )  # fmt: skip
+    folder = result.save(folder_of(options), csv=options.csv, trace=not options.no_trace)
+    if not options.quiet:
+        print_comparison(result.comparison)
+        simulated = sum(run.recording.t[-1] for run in result.runs)
+        cpu = sum(run.cpu_seconds for run in result.runs)
+        print(f"{simulated:.0f} s simulated in {cpu:.1f} s of CPU; results in {folder}")
+
+
+def run_simulate(options: argparse.Namespace) -> None:
+    """Run one estimator; write simulate.json, .png, .parquet and .rrd."""
+    from sandbox.public.printed import print_run
+    from sandbox.public.runs import check_new_folder
+
+    folder = folder_of(options)
+    if options.record is not None:
+        check_new_folder(options.record, folder)
+        report.check_output(folder)  # no campaign is left where the results could not be written
+    result = sandbox.simulate(
+        options.motor, options.scenario, options.estimator, belief=options.belief, closed_loop=not options.open,
+        duration=options.duration, effects=options.effects, plant=options.plant, seed=options.seed,
+        record=options.record,
+    )  # fmt: skip
+    more = not options.json_only
+    result.save(folder, csv=options.csv, trace=more and not options.no_trace, figure=more, table=more)
+    if not options.quiet:
+        print_run(result.comparison, result.design)
+        print(f"{result.recording.t[-1]:.2f} s simulated in {result.run.cpu_seconds:.3f} s of CPU; results in {folder}")
+
+
+def run_audit(options: argparse.Namespace) -> None:
+    """Audit a motor; write audit.json, .png and .parquet."""
+    from sandbox.public.printed import print_audit
+    from sandbox.public.result import keep_other
+
+    result, folder = sandbox.audit(options.motor, options.radius), folder_of(options)
+    kept = keep_other(folder, "audit", result.audit.motor)
+    result.save(folder, csv=options.csv)
+    if not options.quiet:
+        print_audit(result.drive, result.audit)
+        print(f"results in {folder}{f'; {kept}' if kept else ''}")
+
+
+def run_maps(options: argparse.Namespace) -> None:
+    """Write a motor's maps over the current plane: maps.npz, maps.png, maps.json."""
+    from sandbox.public.printed import print_maps
+    from sandbox.public.result import keep_other
+
+    result, folder = sandbox.maps(options.motor, options.radius), folder_of(options)
+    kept = keep_other(folder, "maps", result.maps.motor)
+    result.save(folder, csv=options.csv)
+    if not options.quiet:
+        print_maps(result.maps)
+        print(f"results in {folder}{f'; {kept}' if kept else ''}")
+
+
+def run_identify(options: argparse.Namespace) -> None:
+    """Identify a motor from a campaign; write identify.json, .png and .parquet."""
+    from sandbox.public.printed import print_identification
+
+    result = sandbox.identify(options.campaign, options.columns)
+    folder = result.save(folder_of(options), csv=options.csv)
+    if not options.quiet:
+        print_identification(result.identification)
+        print(f"results in {folder}")
+
+
+def run_protocol(options: argparse.Namespace) -> None:
+    """Run the protocol; write protocol.json, .png and .parquet."""
+    from sandbox.protocol import ESTIMATORS, TESTS, show, usual_motors, with_motulator
+    from sandbox.public.evaluation import ProtocolResult
+
+    folder = report.output_folder(folder_of(options))
+    with report.progress_bar("protocol", options.quiet) as progress:
+        result = sandbox.protocol(
+            names_of(options.estimators, ESTIMATORS) + options.estimator,
+            names_of(options.motors, () if options.motors else usual_motors()), names_of(options.tests, TESTS),
+            seed=options.seed, jobs=options.jobs, keep=folder, progress=progress,
+        )  # fmt: skip
+    if options.peer:
+        result = ProtocolResult(with_motulator(result.protocol, options.anchors, options.peer_python))
+    result.save(folder, csv=options.csv)
+    if not options.quiet:
+        show(result.protocol)
+        print(f"results in {folder}")
+
+
+def run_bench(options: argparse.Namespace) -> None:
+    """Measure; write bench.json."""
+    result = sandbox.bench(options.anchors if options.peer else None, options.peer_python)
+    folder = result.save(folder_of(options), csv=options.csv)
+    if not options.quiet:
+        rows = [[name, f"{value:.4g}"] for part in (result.measured, result.ratios) for name, value in part.items()]
+        report.print_table("cost", ["figure", "value"], rows)
+        print(f"results in {folder}")
+
+
+def run_list(options: argparse.Namespace) -> None:
+    """Print what there is, one line each, or the card of one effect or estimator."""
+    from sandbox.public.catalogue import card_of
+
+    if options.name is not None:
+        print(card_of(options.kind, options.name))
+        return
+    lists = {
+        "motors": sandbox.list_motors, "effects": sandbox.list_effects, "estimators": sandbox.list_estimators,
+        "scenarios": sandbox.list_scenarios, "datasets": sandbox.list_datasets,
+    }  # fmt: skip
+    report.print_list(lists[options.kind]())
+
+
+def run_view(options: argparse.Namespace) -> None:
+    """Open a trace in the viewer."""
+    sandbox.view(options.file, web=options.web)
+
+
+def run_show(options: argparse.Namespace) -> None:
+    """Open what a result holds."""
+    print(sandbox.show(options.result))

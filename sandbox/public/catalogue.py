@@ -1,0 +1,163 @@
+"""What there is, by name: listed from the files themselves, so that nothing is compiled to list it."""
+
+from __future__ import annotations
+
+from model.errors import BadInput
+
+
+def list_motors() -> dict[str, str]:
+    """Return the motors that come with the package: name and one line each.
+
+    Returns
+    -------
+    dict of str to str
+
+    Examples
+    --------
+    >>> from sandbox import list_motors
+    >>> "ipm_exchanged" in list_motors()
+    True
+    """
+    from model.parameters import describe as line_of
+    from model.parameters import mapped_names, motor_names
+
+    return {name: line_of(name) for name in (*motor_names(), *mapped_names())}
+
+
+def list_scenarios() -> dict[str, str]:
+    """Return the scenarios that come with the package: name and one line each.
+
+    Returns
+    -------
+    dict of str to str
+
+    Examples
+    --------
+    >>> from sandbox import list_scenarios
+    >>> list(list_scenarios())
+    ['creep_reversal', 'speed_steps', 'staircase']
+    """
+    from sandbox.scenario import load_scenario, scenario_names
+
+    return {name: load_scenario(name).description for name in scenario_names()}
+
+
+def list_estimators() -> dict[str, str]:
+    """Return the estimators that come with the package, the usual one first: name and one line each.
+
+    Returns
+    -------
+    dict of str to str
+
+    Examples
+    --------
+    >>> from sandbox import list_estimators
+    >>> list(list_estimators())[0]
+    'qnull'
+    """
+    from estimators.registry import summaries
+
+    return summaries()
+
+
+def list_effects() -> dict[str, str]:
+    """Return the effects that a plant may have and the model lacks: name, subsystem and one line each.
+
+    Returns
+    -------
+    dict of str to str
+
+    Examples
+    --------
+    >>> from sandbox import list_effects
+    >>> list_effects()["dead_time"].partition(":")[0]
+    'inverter'
+    """
+    from model.effects.library import effect_names, load_effect
+
+    cards = map(load_effect, effect_names())
+    return {card.name: f"{card.subsystem}: {card.summary}" for card in cards}
+
+
+def list_datasets() -> dict[str, str]:
+    """Return the data sets of others that can be fetched: name and one line each.
+
+    Returns
+    -------
+    dict of str to str
+
+    Examples
+    --------
+    >>> from sandbox import list_datasets
+    >>> "thor_fea" in list_datasets()
+    True
+    """
+    from model.datasets import catalogue
+
+    return dict(catalogue())
+
+
+def describe(name: str) -> str:
+    """Return the card of an effect or an estimator as text.
+
+    Parameters
+    ----------
+    name : str
+        Of an effect: equation, source, parameters with units and bounds, what it is confused with. Of an estimator:
+        injection, delay, speeds, source, and the cost of a step in ns, measured now.
+
+    Returns
+    -------
+    str
+
+    Raises
+    ------
+    BadInput
+        For an unknown name, with the nearest one.
+
+    Examples
+    --------
+    >>> from sandbox import describe
+    >>> "dead_time.time" in describe("dead_time")
+    True
+    """
+    from estimators.registry import MODULES
+    from model.effects.library import card_text, effect_names, load_effect
+    from model.errors import unknown
+
+    if name in effect_names():
+        return card_text(load_effect(name))
+    if name in MODULES:
+        return _estimator_card(name)
+    raise unknown("effect or estimator", name, (*effect_names(), *MODULES))
+
+
+def card_of(kind: str, name: str) -> str:
+    """Return a card of one kind, 'effects' or 'estimators'; BadInput where the name is not of that kind."""
+    from estimators.registry import MODULES
+    from model.effects.library import effect_names
+    from model.errors import unknown
+
+    known = {"effects": effect_names(), "estimators": MODULES}.get(kind)
+    if known is None:
+        raise BadInput(f"'{kind}' have no cards; `list effects NAME` and `list estimators NAME` print one")
+    if name not in known:
+        raise unknown(kind.removesuffix("s"), name, known)
+    return describe(name)
+
+
+def _estimator_card(name: str) -> str:
+    """Return an estimator's card; the cost of a step is measured here and now."""
+    from estimators.registry import load_estimator
+    from model.parameters import load_drive
+    from sandbox.report import BELIEFS
+    from sandbox.step_cost import cost
+
+    e, motor = load_estimator(name), "ipm_exchanged"
+    prices = [f"{belief} {cost(load_drive(motor), name, belief, 0)['step_ns']:.0f}" for belief in BELIEFS]
+    rows = [
+        ("injection", e.injection), ("delay", e.delay), ("speeds", e.speeds),
+        ("cost", f"{', '.join(prices)} ns a step, measured now on {motor}" + ("" if e.compiled else " (in Python)")),
+        ("source", e.source),
+    ]  # fmt: skip
+    return "\n".join([f"{e.name}: {e.summary}", "", *(f"{head:<11}{text}" for head, text in rows)])

@@ -1,0 +1,199 @@
+"""Names, files or objects in, objects out: motors, scenarios, estimators, campaigns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from estimators import registry
+from estimators.registry import AnyEstimator
+from model.effects.own import adopt
+from model.errors import BadInput
+from model.parameters import Drive, load_drive
+from sandbox import importing
+from sandbox import scenario as scenarios
+from sandbox.campaign import ROTORS, Campaign
+from sandbox.scenario import Scenario
+
+if TYPE_CHECKING:
+    from estimators.contract import Estimator
+
+
+def use_effects(file: str | Path) -> tuple[str, ...]:
+    """Add effects of your own to the library, before the first run or replay of the process.
+
+    Parameters
+    ----------
+    file : str or Path
+        A Python file whose tuple `EFFECTS` holds cards with equations at ports of the plant (`model.effects.card`).
+
+    Returns
+    -------
+    tuple of str
+        The names added; simulations, replays and diagnoses know them from now on.
+
+    Raises
+    ------
+    BadInput
+        For a file that cannot be read, a card without an equation, a name that is taken, or if the plant has been
+        compiled already.
+
+    Examples
+    --------
+    >>> from sandbox import use_effects
+    >>> use_effects("my_effects.py")  # doctest: +SKIP
+    ('fan', 'resolver')
+    """
+    return tuple(card.name for card in adopt(file))
+
+
+def load_motor(motor: str | Path | Drive = "ipm_exchanged") -> Drive:
+    """Return a motor with its converter and its injection.
+
+    Parameters
+    ----------
+    motor : str, Path or Drive
+        A name of `list_motors`, a TOML file (`[motor]`, `[drive]`, `[injection]`), a flux map with a TOML file of
+        the same name beside it, or a drive, which is returned as it is.
+
+    Returns
+    -------
+    Drive
+        `.motor` (ohm, H, Wb, A peak, N m, rpm), `.converter` (s, V, A), `.injection` (Hz, V), `.provenance`.
+
+    Raises
+    ------
+    BadInput
+        For an unknown name (with the nearest one), or a value out of its range.
+
+    Examples
+    --------
+    >>> from sandbox import load_motor
+    >>> load_motor("ipm_exchanged").motor.rated_current  # A, peak
+    1.2
+    """
+    if isinstance(motor, Drive):
+        return motor
+    return load_drive(_text(motor, "motor", "a Drive"))
+
+
+def load_scenario(scenario: str | Path | Scenario = "staircase") -> Scenario:
+    """Return a scenario: what load and speed are asked for, stretch by stretch.
+
+    Parameters
+    ----------
+    scenario : str, Path or Scenario
+        A name of `list_scenarios`, a TOML file, or a scenario, which is returned as it is.
+
+    Returns
+    -------
+    Scenario
+        `.segments` (durations and ramps in s, load as a share of rated current, speed as a share of rated speed).
+
+    Raises
+    ------
+    BadInput
+        For an unknown name (with the nearest one), or a value out of its range.
+
+    Examples
+    --------
+    >>> from sandbox import Scenario, Segment, load_scenario
+    >>> load_scenario("staircase").rotor
+    'locked'
+    >>> Scenario("mine", (Segment(0.3), Segment(0.5, load=1.2, ramp=0.1))).duration  # s
+    0.8
+    """
+    if isinstance(scenario, Scenario):
+        return scenario
+    return scenarios.load_scenario(_text(scenario, "scenario", "a Scenario"))
+
+
+def load_estimator(estimator: AnyEstimator = "qnull") -> Estimator:
+    """Return an estimator.
+
+    Parameters
+    ----------
+    estimator : str, Path or Estimator
+        A name of `list_estimators`, a Python file that defines `ESTIMATOR`, or an estimator, which is returned as
+        it is. A file is run: only take one that you trust.
+
+    Returns
+    -------
+    Estimator
+        `.init` and `.step`, its name and its card.
+
+    Raises
+    ------
+    BadInput
+        For an unknown name (with the nearest one), a file that cannot be run or defines no `ESTIMATOR`, and an
+        estimator of one's own that bears a built-in one's name.
+
+    Examples
+    --------
+    >>> from sandbox import load_estimator
+    >>> load_estimator("ekf_filterpy").compiled
+    False
+    """
+    if not isinstance(estimator, (str, Path)):
+        from estimators.contract import Estimator
+
+        if not isinstance(estimator, Estimator):
+            _text(estimator, "estimator", "an Estimator")
+    return registry.load_estimator(estimator)
+
+
+def read_campaign(
+    folder: str | Path | Campaign, columns: str | Path | None = None, rotors: Sequence[str] = ROTORS
+) -> Campaign:
+    """Return the recordings of a folder with the drive's nominal model.
+
+    Parameters
+    ----------
+    folder : str, Path or Campaign
+        A folder with `campaign.toml` and its tables (Parquet, CSV, MAT, MDF4), one table in it, or a campaign,
+        which is returned as it is.
+    columns : str or Path, optional
+        A TOML file that maps names and units of another program (sandbox/IMPORTING.md).
+    rotors : sequence of str
+        Which recordings to read: 'locked', 'driven', 'free'.
+
+    Returns
+    -------
+    Campaign
+        `campaign["file"]` is a recording, `campaign["file"]["i_a"]` a column (n,), `.to_pandas()` a data frame.
+        Times in s, currents in A, voltages in V, angles in electrical rad, torques in N m.
+
+    Raises
+    ------
+    BadInput
+        Names the file, column, row or key that is wrong.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from sandbox import Scenario, Segment, read_campaign, simulate
+    >>> short = Scenario("short", (Segment(0.05),), start_up=False)
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     _ = simulate("ipm_exchanged", short, record=f"{place}/bench")
+    ...     campaign = read_campaign(f"{place}/bench")
+    >>> campaign["short"]["i_a"].shape
+    (200,)
+    """
+    if isinstance(folder, Campaign):
+        return folder
+    return importing.read_recordings(
+        Path(_text(folder, "campaign", "a Campaign")), None if columns is None else Path(columns), tuple(rotors)
+    )
+
+
+def several(given: Any) -> list[Any]:
+    """Return one thing (a name, path or object) or several of them as a list."""
+    return list(given) if isinstance(given, Iterable) and not isinstance(given, (str, Path)) else [given]
+
+
+def _text(given: object, kind: str, thing: str) -> str | Path:
+    """Return a name or path; BadInput for anything else."""
+    if not isinstance(given, (str, Path)):
+        raise BadInput(f"{kind} = {given!r:.60} is neither a name nor a file nor {thing}; give one of them")
+    return given

@@ -1,0 +1,165 @@
+"""What the commands print: tables a person reads, and how to read them."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from model.errors import PhysicsError
+from sandbox.report import comparison_tables, number_text, print_table
+
+if TYPE_CHECKING:
+    from model.parameters import Drive
+    from model.saliency import Audit
+    from sandbox.compare import Comparison
+    from sandbox.design import Design
+    from sandbox.identify import Identification
+    from sandbox.maps import Maps
+    from sandbox.score import ErrorDeg
+
+
+def print_comparison(c: Comparison) -> None:
+    """Print both tables and how to read them."""
+    for title, heads, rows in comparison_tables(c):
+        print_table(title, heads, rows, fixed=3)
+    theory = "theory: the cross-saturation angle that a linear belief cannot see, for small ripple."
+    if all(row.predicted_mean_deg is None for row in c.rows):
+        theory = "theory: none, as it knows the motor alone, not the effects of this plant or these estimators."
+    print(f"Position error in electrical degrees, mean (95th percentile of its size); {theory}")
+
+
+def print_run(c: Comparison, gains: Design) -> None:
+    """Print the rows of a single run and the loops it was controlled by."""
+    run = c.runs[0]
+    heads = ["load %", "rpm", "theory °", "mean °", "rms °", "p95 °", "max °"]
+    lines = []
+    for row in run.rows:
+        e = row.error_deg
+        values = ["lost lock", "", "", ""] if row.lost_lock else [number_text(e.mean), *(f"{v:.2f}" for v in _sizes(e))]
+        values[0] += "" if row.reference_held else " (speed missed)"
+        lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", number_text(row.predicted_mean_deg), *values])
+    print_table(f"{c.drive.name}, {c.scenario.name}, {run.name}: position error", heads, lines)
+    heads = ["loop", "bandwidth\nrad/s", "phase margin\n°", "gain\nmargin", "disk\nmargin"]
+    loops = [
+        [name, f"{v.bandwidth:.1f}", f"{v.phase_margin_deg:.1f}", f"{v.gain_margin:.2f}", f"{v.disk_margin:.2f}"]
+        for name, v in gains.loops.items()
+    ]
+    print_table("designed loops (tracking loop: at zero load; the filter `ekf` has its own)", heads, loops)
+
+
+def _sizes(e: ErrorDeg) -> tuple[float, float, float]:
+    return (e.rms or 0.0, e.p95 or 0.0, e.max or 0.0)
+
+
+def audit_content(drive: Drive, a: Audit) -> dict[str, Any]:
+    """Return what `audit.json` holds beyond its header; radii in A, up to the audited one."""
+    from sandbox.injection import carrier
+
+    primitive = carrier(drive.injection, drive.converter).primitive
+    ripple = drive.injection.amplitude * float(np.max(np.abs(primitive)))  # Wb
+    saliency = a.slope * abs(drive.motor.energy.gamma_d - drive.motor.energy.gamma_q) * ripple  # A/rad
+    return {
+        "motor": a.motor, "passed": a.passed, "radius": a.radius, "valid_radius": a.valid_radius,
+        "min_eigenvalue": a.min_eigenvalue, "worst_current": a.worst_current, "violations": a.violations,
+        "saliency_radius": a.saliency_radius,
+        "torque_at_rated_current": _torque(drive), "rated_torque": drive.motor.rated_torque, "load": a.load,
+        "angle_local_deg": np.degrees(a.angle_local), "angle_closed_deg": np.degrees(a.angle_closed),
+        "relative_slope": a.slope, "error_per_10mA_deg": np.degrees(0.01 / saliency),
+        "provenance": drive.provenance,
+    }  # fmt: skip
+
+
+def _torque(drive: Drive) -> float:
+    """Return the torque (N m) at rated current on q, NaN outside the valid domain."""
+    from sandbox.simulate import torque_at_load
+
+    try:
+        return torque_at_load(drive, 1.0)
+    except PhysicsError:
+        return math.nan
+
+
+def print_audit(drive: Drive, a: Audit) -> None:
+    """Print an audit: validity in sentences, then the cross-saturation angle against load."""
+    if a.passed:
+        print(
+            f"{a.motor}: valid up to {a.radius:.4g} A ({a.radius / a.rated_current:.0%} of rated current); smallest "
+            f"eigenvalue of the Hessian {a.min_eigenvalue:.4g} 1/H "
+            f"at i = ({a.worst_current[0]:.3f}, {a.worst_current[1]:.3f}) A"
+        )
+    else:
+        from model.energy import Energy
+
+        v = a.violations[0]
+        end = "the energy stops being convex" if isinstance(drive.motor.energy, Energy) else "the flux map ends"
+        print(
+            f"{a.motor}: NOT valid over the audited {a.radius:.4g} A: {end} at i_d = "
+            f"{v['i_d']:.4g} A, i_q = {v['i_q']:.3f} A, so it may be used up to {a.valid_radius:.4g} A "
+            f"({a.valid_radius / a.rated_current:.0%} of rated current)"
+        )
+    kept = "in the whole disc" if a.saliency_radius >= a.radius else f"up to {a.saliency_radius:.4g} A"
+    print(f"saliency L_qq - L_dd keeps its sign, so that q-null injection is feasible: {kept}")
+    rated = drive.motor.rated_torque
+    print(f"torque at rated current on q: {_torque(drive):.4g} N m (rated torque {rated:.4g} N m; currents are peak)")
+    content = audit_content(drive, a)
+    heads = [
+        "load %",
+        "angle °,\nencoder controls",
+        "angle °,\nestimate controls",
+        "slope of\nthe null",
+        "° per\n10 mA",
+    ]
+    keys = ("angle_local_deg", "angle_closed_deg", "relative_slope", "error_per_10mA_deg")
+    lines = [
+        [f"{100 * a.load[k]:+.0f}", *("–" if math.isnan(v) else f"{v:+.2f}" for v in (content[key][k] for key in keys))]
+        for k in range(0, a.load.size, 3)
+    ]
+    print_table("cross-saturation angle, i_d = 0", heads, lines)
+
+
+def print_identification(result: Identification) -> None:
+    """Print both fits beside the nominal values, and what there is to remark."""
+    nominal = result.campaign.drive.motor
+    names = list(result.fits["exact"].values)
+    lines = []
+    for name in names:
+        cells = [name, f"{getattr(nominal, name):.5g}"]
+        for fit in result.fits.values():
+            low, high = fit.ci95(name) if name in fit.values else (math.nan, math.nan)
+            cells.append(f"{fit.values[name]:.5g}\n[{low:.4g}, {high:.4g}]" if name in fit.values else "–")
+        lines.append(cells)
+    heads = ["parameter", "nominal", *(f"{method}\n[95 % interval]" for method in result.fits)]
+    print_table(f"{result.campaign.name}: identified motor (SI)", heads, lines, fixed=2)
+    for name, fit in result.fits.items():
+        share = "" if math.isnan(fit.misfit) else f", {fit.misfit:.3g} x what noise explains"
+        print(f"{name}: residual {1e3 * fit.residual_rms:.3g} mA rms{share}")
+    for remark in result.remarks:
+        print(remark)
+
+
+def print_maps(m: Maps) -> None:
+    """Print what the maps show: values at zero and rated current, their range, and where first order errs."""
+    content = m.summary()
+    rows = []
+    for name, unit, factor, values in m.shown():
+        middle, rated = m.at(values, 0.0), m.at(values, m.rated_current)
+        error = content.get(f"first_order_error_{name}")
+        cells = [
+            middle,
+            rated,
+            float(np.nanmin(values)),
+            float(np.nanmax(values)),
+            math.nan if error is None else error,
+        ]
+        label = f"{LABELS.get(name, name)}{f' ({unit})' if unit else ''}"
+        rows.append([label, *("–" if math.isnan(v) else f"{factor * v + 0.0:.4g}" for v in cells)])
+    valid = 100.0 * (content["valid_share"] or 0.0)
+    title = f"{m.motor}: over i_d and i_q up to ±{m.i_d[-1]:.4g} A, {valid:.3g} % of it valid"
+    heads = ["what injection sees", "at zero\ncurrent", "at rated\ni_q", "least", "most", "first order\nerrs by ≤"]
+    print_table(title, heads, rows)
+    print("angle: error of a q-null estimator with a linear belief; gain: slope of its null relative to zero current")
+
+
+LABELS = {"l_dd": "L_dd", "l_dq": "L_dq", "l_qq": "L_qq"}

@@ -1,0 +1,355 @@
+"""Closed-loop runs: one of one estimator, and the comparison of a saturated with a linear belief."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from estimators.registry import AnyEstimator
+from model.effects.library import parse
+from model.parameters import Drive
+from sandbox.public.loading import load_estimator, load_motor, load_scenario, several
+from sandbox.public.result import Column, Result, columns_of
+from sandbox.scenario import Scenario
+
+if TYPE_CHECKING:
+    from sandbox.compare import Comparison, Run
+    from sandbox.design import Design
+    from sandbox.plots import Figure
+    from sandbox.recording import Recording
+    from sandbox.score import ErrorDeg, Row
+
+AnyMotor = str | Path | Drive
+AnyScenario = str | Path | Scenario
+Effects = Mapping[str, float] | str | None
+ROW_UNITS = {
+    "load": "of rated current", "speed_rpm": "rpm", "mean_deg": "deg", "rms_deg": "deg", "p95_deg": "deg",
+    "max_deg": "deg", "transient_max_deg": "deg", "predicted_mean_deg": "deg", "t_start": "s", "t_end": "s",
+}  # fmt: skip
+ROW_NAMES = (
+    "estimator", "belief", "closed_loop", "load", "speed_rpm", "mean_deg", "rms_deg", "p95_deg", "max_deg",
+    "transient_max_deg", "predicted_mean_deg", "lost_lock", "reference_held", "t_start", "t_end",
+)  # fmt: skip
+
+
+def row_columns(rows: Iterable[Row]) -> dict[str, Column]:
+    """Return evaluated stretches as columns, the position error's statistics beside the rest."""
+    flat = []
+    for row in rows:
+        error = {f"{key}_deg": value for key, value in asdict(row.error_deg).items()}
+        both = asdict(row) | error
+        flat.append({name: both[name] for name in ROW_NAMES})
+    return columns_of(flat, ROW_UNITS)
+
+
+@dataclass(frozen=True, repr=False)
+class SimulationResult(Result):
+    """One run: its samples, the error of each evaluated stretch, the loops it was controlled by."""
+
+    command: ClassVar[str] = "simulate"
+    comparison: Comparison  # of this run alone
+    design: Design
+    effects: Mapping[str, float]
+
+    @property
+    def run(self) -> Run:
+        """The run itself: estimator, belief, closed_loop, cpu_seconds."""
+        return self.comparison.runs[0]
+
+    @property
+    def recording(self) -> Recording:
+        """Every recorded sample; each channel is an attribute, shape (n,)."""
+        return self.run.recording
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """One row for each evaluated stretch: load, speed, position error in electrical degrees."""
+        return self.run.rows
+
+    @property
+    def lost_lock(self) -> bool:
+        """Whether the estimate slipped or stayed away in any evaluated stretch."""
+        return any(row.lost_lock for row in self.rows)
+
+    @property
+    def error_deg(self) -> ErrorDeg:
+        """Mean, rms, 95th percentile and maximum of the position error over all evaluated stretches, degrees."""
+        from sandbox.score import error_of, settled_part
+
+        return error_of(settled_part(self.recording, self.rows), self.lost_lock)
+
+    def summary(self) -> str:
+        """Return who ran where, and the error."""
+        run, error = self.run, self.error_deg
+        said = "lost lock" if error.mean is None else f"mean error {error.mean:+.2f} deg, rms {error.rms:.2f} deg"
+        where = f"{self.comparison.drive.name}, {self.comparison.scenario.name}"
+        return f"{run.estimator} {run.belief}, {where}, {self.recording.t.size} samples, {said}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `simulate.json` holds beyond its header and the names of files."""
+        run, made = self.run, self.comparison.properties
+        return {
+            "motor": self.comparison.drive.name, "scenario": self.comparison.scenario.name,
+            "estimator": run.estimator, "belief": run.belief, "closed_loop": run.closed_loop, "seed": made["seed"],
+            "plant": made["plant"], "effects": dict(self.effects),
+            "simulated_seconds": float(self.recording.t[-1]), "cpu_seconds": run.cpu_seconds,
+            "lost_lock": self.lost_lock, "error_deg": asdict(self.error_deg), "rows": [asdict(r) for r in self.rows],
+            "loops": {name: asdict(loop) for name, loop in self.design.loops.items()},
+        }  # fmt: skip
+
+    def columns(self) -> dict[str, Column]:
+        """Return every signal, one row a recorded sample, and the position error."""
+        from sandbox.recording import UNITS
+
+        signals = {name: Column(self.recording[name], unit) for name, unit in UNITS.items()}
+        return signals | {"error": Column(self.recording.error, "rad")}
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return position error, currents, speed and load over time; a path (.png, .svg, .pdf) is written as well."""
+        from sandbox.public.figures import run_figure
+
+        drive, scenario = self.comparison.drive.name, self.comparison.scenario.name
+        return run_figure(self.run, f"{drive}, {scenario}: {self.run.estimator}, {self.run.belief} belief", path)
+
+    def to_rerun(self, path: str | Path) -> Path:
+        """Write the run as a trace (`.rrd`); return its path."""
+        from sandbox.trace import write_trace
+
+        write_trace(Path(path), self.comparison)
+        return Path(path)
+
+    def save(
+        self, folder: str | Path, *, csv: bool = False, trace: bool = True, figure: bool = True, table: bool = True
+    ) -> Path:
+        """Write simulate.json, .png, .parquet (all signals; csv: as CSV, too) and .rrd into a folder; return it."""
+        return save_runs(self, folder, csv=csv, trace=trace, figure=figure, table=table)
+
+
+@dataclass(frozen=True, repr=False)
+class ComparisonResult(Result):
+    """The same runs by every estimator with both beliefs, the estimate in control and the encoder."""
+
+    command: ClassVar[str] = "compare"
+    comparison: Comparison
+
+    @property
+    def runs(self) -> tuple[Run, ...]:
+        """Every run: estimator, belief, closed_loop, recording, rows, cpu_seconds."""
+        return self.comparison.runs
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """Every evaluated stretch of every run: load, speed, position error in electrical degrees."""
+        return self.comparison.rows
+
+    def summary(self) -> str:
+        """Return what was compared, and the worst means of both beliefs."""
+        names = ", ".join(dict.fromkeys(run.estimator for run in self.runs))
+        worst = {}
+        for belief in ("linear", "saturated"):
+            means = [r.error_deg.mean for r in self.rows if r.belief == belief]
+            worst[belief] = max((abs(mean) for mean in means if mean is not None), default=np.nan)
+        said = ", ".join(f"{belief} {value:.2f} deg" for belief, value in worst.items())
+        return f"{self.comparison.drive.name}, {self.comparison.scenario.name}, {names}; worst mean error: {said}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `compare.json` holds beyond its header and the names of files."""
+        return self.comparison.as_json()
+
+    def columns(self) -> dict[str, Column]:
+        """Return one row for each evaluated stretch of each run."""
+        return row_columns(self.rows)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return position error against load, a column an estimator; a path (.png, .svg, .pdf) is written as well."""
+        from sandbox.plots import comparison_figure
+
+        return comparison_figure(self.comparison, path)
+
+    def to_rerun(self, path: str | Path) -> Path:
+        """Write all runs as one trace (`.rrd`); return its path."""
+        from sandbox.trace import write_trace
+
+        write_trace(Path(path), self.comparison)
+        return Path(path)
+
+    def save(self, folder: str | Path, *, csv: bool = False, trace: bool = True) -> Path:
+        """Write compare.json, .png, .parquet (the rows; csv: as CSV, too) and .rrd into a folder; return it."""
+        return save_runs(self, folder, csv=csv, trace=trace)
+
+
+def save_runs(
+    result: SimulationResult | ComparisonResult, folder: str | Path, *, csv: bool, trace: bool, figure: bool = True,
+    table: bool = True,
+) -> Path:  # fmt: skip
+    """Write a result of runs and what is asked for beside its JSON into a folder, together; return the folder."""
+    from sandbox import report
+    from sandbox.public.result import write_table
+
+    name, files = result.command, {"figure": figure and "png", "table": table and "parquet", "trace": trace and "rrd"}
+    with report.results(Path(folder), name) as out:
+        if figure:
+            result.plot(out / f"{name}.png")
+        if table or csv:
+            found = result.to_table()
+            for suffix in [".parquet"] * table + [".csv"] * csv:
+                write_table(out / f"{name}{suffix}", found)
+        if trace:
+            result.to_rerun(out / f"{name}.rrd")
+        named = {key: f"{name}.{suffix}" if suffix else None for key, suffix in files.items()}
+        report.write_json(out, name, result.as_json() | named)
+    return Path(folder)
+
+
+def _effects(effects: Effects) -> dict[str, float]:
+    return parse(effects) if isinstance(effects, str) else dict(effects or {})
+
+
+def simulate(
+    motor: AnyMotor = "ipm_exchanged",
+    scenario: AnyScenario = "staircase",
+    estimator: AnyEstimator = "qnull",
+    *,
+    belief: str = "saturated",
+    closed_loop: bool = True,
+    duration: float | None = None,
+    effects: Effects = None,
+    plant: str | None = None,
+    seed: int = 0,
+    record: str | Path | None = None,
+) -> SimulationResult:
+    """Run one estimator through a scenario on a motor.
+
+    Parameters
+    ----------
+    motor : str, Path or Drive
+        See `load_motor`.
+    scenario : str, Path or Scenario
+        See `load_scenario`.
+    estimator : str, Path or Estimator
+        See `load_estimator`.
+    belief : {'saturated', 'linear'}
+        Which model of the motor the estimator believes.
+    closed_loop : bool
+        Whether the estimate controls; otherwise the encoder does, and the estimator only watches.
+    duration : float, optional
+        s of the scenario to run; all of it by default.
+    effects : mapping or str, optional
+        What the plant has and the model lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see `list_effects`).
+    plant : {'exact', 'switched'}, optional
+        What the estimator needs, by default.
+    seed : int
+        Of the sensors' noise.
+    record : str or Path, optional
+        A new folder; the run is written there as a campaign, as a bench would have recorded it.
+
+    Returns
+    -------
+    SimulationResult
+        `.error_deg` and `.rows` (electrical degrees), `.recording` (s, A, V, rad, rad/s), `.design.loops`.
+
+    Raises
+    ------
+    BadInput
+        For a name, value or file that cannot be used.
+    PhysicsError
+        Where the motor or the drive cannot do what the scenario asks.
+
+    Examples
+    --------
+    >>> from sandbox import Scenario, Segment, simulate
+    >>> loaded = Scenario("loaded", (Segment(0.2), Segment(0.3, load=1.0, ramp=0.05, settle=0.2)))
+    >>> run = simulate("ipm_exchanged", loaded, "qnull", belief="linear")
+    >>> round(run.rows[1].error_deg.mean)  # electrical degrees: the motor's cross-saturation angle at rated load
+    -6
+    """
+    from sandbox.compare import single
+
+    drive, scene, own = load_motor(motor), load_scenario(scenario), load_estimator(estimator)
+    scene = scene if duration is None else scene.cut(duration)
+    added = _effects(effects)
+    if record is not None:
+        from sandbox.record import bench_of
+
+        drive = bench_of(drive, own)
+        check_new_folder(Path(record))
+    result, gains = single(drive, scene, own, belief, closed_loop, seed, added, plant)
+    if record is not None:
+        from sandbox.campaign import write_campaign
+        from sandbox.record import campaign_of
+
+        write_campaign(record, campaign_of(drive, scene, result.runs[0].recording, Path(record).name))
+    return SimulationResult(result, gains, added)
+
+
+def check_new_folder(folder: Path, out: Path | None = None) -> None:
+    """Raise BadInput, before the run, where a campaign could not be written afterwards."""
+    import os
+
+    from model.errors import BadInput
+
+    if not folder.name or folder.exists() or (out is not None and folder.resolve() == out.resolve()):
+        raise BadInput(
+            f"--record '{folder}' is no new folder of its own; give one that does not exist, apart from --out"
+        )
+    parent = next(p for p in folder.resolve().parents if p.exists())
+    if not parent.is_dir() or not os.access(parent, os.W_OK):
+        raise BadInput(f"--record '{folder}' cannot be made below '{parent}'; give another place")
+
+
+def compare(
+    motor: AnyMotor = "ipm_exchanged",
+    scenario: AnyScenario = "staircase",
+    estimators: Iterable[AnyEstimator] | AnyEstimator = ("qnull", "inversion", "ekf"),
+    *,
+    effects: Effects = None,
+    seed: int = 0,
+    jobs: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> ComparisonResult:
+    """Run every estimator with a saturated and a linear belief, the estimate in control and the encoder.
+
+    Parameters
+    ----------
+    motor : str, Path or Drive
+        See `load_motor`.
+    scenario : str, Path or Scenario
+        See `load_scenario`.
+    estimators : iterable of str, Path or Estimator
+        See `load_estimator`.
+    effects : mapping or str, optional
+        As in `simulate`; with any there is no theory to compare with.
+    seed : int
+        Of the sensors' noise, the same in every run.
+    jobs : int, optional
+        Threads; all cores by default. Results do not depend on it.
+    progress : callable, optional
+        Is told the fraction that is done.
+
+    Returns
+    -------
+    ComparisonResult
+        `.rows`: estimator, belief, load, speed (rpm), position error (electrical degrees), the theory's mean.
+
+    Raises
+    ------
+    BadInput, PhysicsError
+        As `simulate`.
+
+    Examples
+    --------
+    >>> from sandbox import Scenario, Segment, compare
+    >>> loaded = Scenario("loaded", (Segment(0.3, load=1.0, ramp=0.05, settle=0.2),))
+    >>> both = compare("ipm_exchanged", loaded, ["qnull"])
+    >>> {row.belief: round(abs(row.error_deg.mean)) for row in both.rows if row.closed_loop}  # degrees
+    {'linear': 6, 'saturated': 0}
+    """
+    from sandbox.compare import compare as run_all
+
+    drive, scene, added = load_motor(motor), load_scenario(scenario), _effects(effects)
+    own = [load_estimator(one) for one in several(estimators)]
+    return ComparisonResult(run_all(drive, scene, own, seed=seed, jobs=jobs, progress=progress, effects=added or None))

@@ -1,0 +1,149 @@
+"""The sensitivity of answers to constants: what is scaled, where it acts, what is told of it; one real diagnosis."""
+
+import importlib
+import math
+
+import pytest
+
+from experiments.constants import (
+    CONSTANTS,
+    FACTORS,
+    Constant,
+    Trial,
+    answered,
+    answers,
+    change,
+    changed,
+    label_of,
+    main,
+    places_of,
+    table,
+)
+from model.errors import BadInput
+from sandbox.campaign import write_campaign
+from sandbox.gap import posterior, sized, space
+from sandbox.gap.withheld.running import code_digest
+from tests.sandbox.gap.conftest import CASES, small_campaign
+
+WIDE = next(k for k, c in enumerate(CONSTANTS) if c.name == "WIDE")
+
+
+def answer(*effects, case="p", constant="", factor=1.0, probability=0.9, members=None, verdict="explained"):
+    """Return one line of answers."""
+    told = [list(effects)] if members is None else members
+    return {
+        "case": case, "constant": constant, "factor": factor, "code": code_digest(), "verdict": verdict,
+        "effects": list(effects), "probability": probability, "ambiguity_set": told, "simulations": 10,
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize("constant", CONSTANTS, ids=lambda c: c.label)
+def test_every_constant_is_there_and_scales(constant):
+    """In its module, and changed in all that import it by name; back afterwards."""
+    modules = [importlib.import_module(m) for m in places_of(constant)]
+    before = getattr(modules[0], constant.name)
+    for factor in FACTORS:
+        with changed(constant, factor):
+            assert all(getattr(m, constant.name) != before for m in modules)
+    assert all(getattr(m, constant.name) == before for m in modules)
+
+
+def test_what_scaling_means():
+    assert Constant("m", "A", "", "").scaled(0.5, 2.0) == 1.0
+    assert Constant("m", "A", "", "").scaled(1350, 0.5) == 675
+    assert Constant("m", "A", "", "").scaled((1.0, 4.0), 0.5) == (0.5, 2.0)
+    assert Constant("m", "A", "", "", place=1).scaled((1.0, 4.0), 0.5) == (1.0, 2.0)
+    odds = Constant("m", "A", "", "", odds=True).scaled((0.5, 0.25, 0.25), 2.0)  # 0.5, 0.5, 1 of 2
+    assert odds == pytest.approx((0.25, 0.25, 0.5))
+
+
+def test_a_constant_acts_where_it_is_imported():
+    """WIDE of `space` is used in `sized` too, under its own name there."""
+    assert "sandbox.gap.sized" in places_of(CONSTANTS[WIDE])
+    with changed(CONSTANTS[WIDE], 2.0):
+        assert sized.WIDE == space.WIDE == 3.0
+    number = next(c for c in CONSTANTS if c.name == "NUMBER")
+
+    def odds():
+        """Return the log odds of two effects against none, before any data."""
+        return posterior.log_prior(["dead_time", "inertia"]) - posterior.log_prior([])
+
+    before = odds()
+    with changed(number, 2.0):  # every further effect twice as likely against none
+        assert odds() == pytest.approx(before + math.log(4.0))
+    gone = Constant("space", "GONE", "", "")
+    with pytest.raises(BadInput, match=r"has no constant GONE; correct constants\.toml"), changed(gone, 2.0):
+        pass
+
+
+def test_changes_in_words():
+    truth, before = ["a_b"], answer("a_b", case="p1")
+    assert change(before, answer("a_b", case="p1", probability=0.5), truth) == ""
+    wrong = answer("c", case="p1", probability=0.968)
+    assert change(before, wrong, truth) == "p1: explained, c (0.968), wrong, truth outside the ambiguity set"
+    both = answer("a_b", case="p1", members=[["c"]])
+    assert change(before, both, truth) == "p1: truth outside the ambiguity set"
+    assert change(wrong, before, truth) == "p1: explained, a b (0.900), right"
+    assert change(before, {"case": "p1", "failed": "no"}, truth) == "p1: fails"
+    assert change(before, wrong, None) == "p1: explained, c (0.968)"
+
+
+def test_a_table_has_a_row_for_what_was_tried():
+    own = label_of(WIDE)
+    found = [
+        answer("a", case="p1"), answer("a", case="p2"), answer("a", case="p1", constant=own, factor=0.5),
+        answer("c", case="p2", constant=own, factor=0.5),
+        answer("a", case="p1", constant=own, factor=2.0, probability=0.7),
+    ]  # fmt: skip
+    rows = table(found, {"p2": ["a"]})[2:]
+    assert len(rows) == 2
+    assert "p2: explained, c (0.900), wrong, truth outside the ambiguity set | 1.000 |" in rows[0]
+    assert "| none of 1 | 0.200 |" in rows[1]
+
+
+def test_it_goes_on_where_it_stopped(tmp_path):
+    for name in ("p01", "p02"):
+        (tmp_path / "in" / name).mkdir(parents=True)
+        (tmp_path / "in" / name / "campaign.toml").touch()
+    (tmp_path / "in" / "p01.truth.toml").write_text('effects = ["dead_time"]')
+    seen = []
+
+    def how(folder):
+        """Answer by what WIDE is; fail once."""
+        seen.append((folder.name, space.WIDE))
+        if len(seen) == 2:
+            raise BadInput("no hypothesis")
+        best = {"effects": ["dead_time"] if space.WIDE < 2.0 else ["inertia"], "probability": 0.75}
+        return {
+            "verdict": "explained",
+            "hypotheses": [best],
+            "ambiguity_set": [best["effects"]],
+            "cost": {"simulations": 1},
+        }
+
+    call = [str(tmp_path / "in"), "--only", "WIDE", "--results", str(tmp_path / "out")]
+    main([*call, "--cases", "p01"], how)
+    assert [w for _, w in seen] == [1.5, 0.75, 3.0]
+    assert answers(tmp_path / "out" / "constants.jsonl")[1]["failed"] == "BadInput: no hypothesis"
+    with (tmp_path / "out" / "constants.jsonl").open("a") as file:
+        file.write('{"case": "p0')  # cut off
+    main(call, how)
+    assert [n for n, _ in seen[3:]] == ["p02"] * 3
+    text = (tmp_path / "out" / "constants.md").read_text()
+    assert "| 0.5 | p01: fails |" in text
+    assert (
+        "p01: explained, inertia (0.750), wrong, truth outside the ambiguity set; p02: explained, inertia (0.750)"
+        in text
+    )
+    with pytest.raises(BadInput, match="no such campaign"):
+        main([*call, "--cases", "p99"], how)
+
+
+def test_a_real_diagnosis_with_a_constant_changed(tmp_path):
+    """The smallest campaign there is, one recording: an answer in the contract's words, as it is and with a change."""
+    folder = write_campaign(tmp_path / "quiet", small_campaign({}, CASES[-1:]))
+    plain, other = (answered(Trial(folder, index, 2.0)) for index in (None, WIDE))
+    assert "failed" not in plain
+    assert {"verdict", "effects", "probability", "ambiguity_set"} <= set(plain) == set(other)
+    assert (plain["constant"], other["constant"]) == ("", "space.WIDE")
+    assert plain["probability"] != other["probability"]
