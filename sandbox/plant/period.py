@@ -25,7 +25,6 @@ from sandbox.plant.sampling import hold_start, peek
 TWO_THIRDS = 2.0 / 3.0
 SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
 NEVER = -1.0  # s
-BENDING = 1.0 / 64.0  # of the period: what curvature makes of shorter segments is far below 1e-6 of the current
 GAUSS = 0.5773502691896258  # of the way from a segment's middle to its ends: two places give means of third degree
 LAST = EDGES + 3
 
@@ -192,8 +191,8 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
 
 
 @inlined
-def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, x, y):
-    """Write all that holds in the middle of a segment; long: whether its curvature counts."""
+def in_middle(w, flux_map, features, c, s, share, course, span, u_a, u_b, x, y):
+    """Write all that holds in the middle of a segment."""
     if features & add.WOBBLE:
         add.orient(w, share, course.rate)
     if features & add.MAGNETS:
@@ -201,7 +200,7 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
     if features & add.IRON:
         add.iron_in_middle(w, span, u_a, u_b, x, y)
     middle(w, flux_map, c, s, span, span * course.rate, u_a, u_b, x, y)
-    if flux_map is None and long:
+    if flux_map is None:
         bend(w, c, s, span * course.rate)
     if features & add.ENERGY:
         add.energy_in_middle(w, c, s, span, span * course.rate)
@@ -304,8 +303,7 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
             if features & add.LINK:
                 add.supply(w, clock + middle_of - 0.5 * GAUSS * span, clock + middle_of + 0.5 * GAUSS * span)
             c, s = facing_at(course, middle_of)
-            long = span > BENDING * period
-            in_middle(w, flux_map, features, c, s, middle_of / period, course, span, long, u_a, u_b, x, y)
+            in_middle(w, flux_map, features, c, s, middle_of / period, course, span, u_a, u_b, x, y)
             until = 2.0 * period if g == EDGES and span >= left else t + span
             if peeking and len(looks) == 0:
                 peek(w, flux_map, features, pending, taken, course, t, span, until, u_a, u_b, x, y)
