@@ -32,9 +32,10 @@ from sandbox.switched.simulate import replay as switched
 MOTORS = ("ipm", "ipm_exchanged", "brusa_hsm1")
 CASES = (("locked", 0.0), ("driven", 120.0), ("driven", 600.0), ("free", 0.0))  # rad/s electrical
 PAIRS = (
-    ("dead_time", "pwm_delay"), ("dead_time", "iron_loss"), ("dead_time", "device_drop"), ("dead_time", "current_filter"),
-    ("iron_loss", "current_filter"), ("pwm_delay", "current_filter"), ("flux_harmonics", "inductance_harmonics"),
-    ("skin_effect", "current_sampling"), ("dc_link_error", "dc_link_ripple"), ("encoder_eccentricity", "cogging_torque"),
+    ("dead_time", "pwm_delay"), ("dead_time", "iron_loss"), ("dead_time", "device_drop"),
+    ("dead_time", "current_filter"), ("iron_loss", "current_filter"), ("pwm_delay", "current_filter"),
+    ("flux_harmonics", "inductance_harmonics"), ("skin_effect", "current_sampling"),
+    ("dc_link_error", "dc_link_ripple"), ("encoder_eccentricity", "cogging_torque"),
 )  # fmt: skip
 LARGEST = 2e-5
 SAMPLES, SETTLED, COUNTS = 700, 100, 1 << 20
@@ -140,9 +141,10 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
     names = [f"{rotor} {speed:g}" if rotor == "driven" else rotor for rotor, speed in CASES]
     lines = [
         "# The plant against the switched bench", "",
-        f"Written by `python experiments/plant_against_bench.py` on {date.today().isoformat()}: rms difference of sampled "
-        f"currents over rated current, ppm (driven: rad/s electrical), steps a period as `prepare` chooses; encoder of "
-        f"{COUNTS} counts, so that its counts do not show. Above {LARGEST * 1e6:.0f} ppm the reason stands below.",
+        f"Written by `python experiments/plant_against_bench.py` on {date.today().isoformat()}: rms difference of "
+        "sampled currents over rated current, ppm (driven: rad/s electrical), steps a period as `prepare` chooses; "
+        f"encoder of {COUNTS} counts, so that its counts do not show. "
+        f"Above {LARGEST * 1e6:.0f} ppm the reason stands below.",
     ]  # fmt: skip
     for motor, rows in results.items():
         lines += [

@@ -2,7 +2,7 @@
 
 Same physics as `sandbox.plant.period` and none of its code; space vectors are complex numbers alpha + j beta.
 
-    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m(theta),  m = phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta
+    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m,  m = phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta
     dpsi/dt = u - R i - R_1 (i - x) - phases(i),  tau_c di_c/dt = (dpsi/dt)/R_c - i_c,  tau_x dx/dt = i - x
     tau_f df/dt = i - f,  torque = 3/2 p [Im(psi* (i - i_c)) + (i - i_c) . dm/dtheta - dH/dtheta]
 
@@ -126,7 +126,9 @@ class Reference:
         v, omega, load_omega = self.v, y[OMEGA], y[LOAD_OMEGA]
         angle = v["cogging_torque.order_mech"] * y[THETA] / self.motor.pole_pairs + v["cogging_torque.phase"]
         level = v["coulomb_friction.torque"]
-        level += v["coulomb_friction.stribeck_torque"] * math.exp(-((omega / v["coulomb_friction.stribeck_speed"]) ** 2))
+        level += v["coulomb_friction.stribeck_torque"] * math.exp(
+            -((omega / v["coulomb_friction.stribeck_speed"]) ** 2)
+        )
         net = torque + v["cogging_torque.amplitude"] * math.sin(angle)
         net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(omega / v["coulomb_friction.width"])
         load = self.load(t) * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
@@ -139,6 +141,7 @@ class Reference:
 
     def start(self, theta: float = 0.0, current: complex = 0j) -> Array:
         """Return the state at rest at an angle (rad electrical) and a terminal current (A)."""
+
         def miss(x: Array) -> Array:
             """Return by how much the current misses at a flux."""
             left = self.machine(complex(*x), theta)[0] - current
@@ -158,7 +161,8 @@ class Reference:
         """
         n, v, t = len(duty), self.v, self.v["pwm_delay.delay"]
         readings, states = np.tile(self.read(t, y), (n, 1)), np.tile(y, (n, 1))
-        pulses, events = Legs(self), []
+        pulses = Legs(self)
+        events: list[tuple[float, str, int, int]] = []
         for k in range(n):
             for when, kind in ((k * self.period + t, "pattern"), (k * self.period, "state")):
                 heapq.heappush(events, (when, kind, k, 0))
@@ -188,8 +192,8 @@ class Reference:
         """Return what the three sensors read (A)."""
         v = self.v
         i = two(y, FILTER) if v["current_filter.time_constant"] else self.current(t, y)
-        off = v["current_offset.offset_a"], v["current_offset.offset_b"]
-        off = (*off, -sum(off))
+        off = [v["current_offset.offset_a"], v["current_offset.offset_b"]]
+        off.append(-sum(off))
         gain = [v[f"current_gain.gain_{x}"] for x in "abc"]
         return np.array([gain[k] * (i * A ** (-k)).real + off[k] + v["bench.common_offset"] for k in range(3)])
 

@@ -117,7 +117,9 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
         gains = motion_gains(load, rate, period, variance, torque_error**2, load_share(campaign), start)
     course = course_of(motion, motor.pole_pairs, period)
     read = np.array(r.theta, dtype=float)
-    track = Track(*duty, load=load, read=read, gain_angle=gains[:, 0].copy(), gain_speed=gains[:, 1].copy(),
+    d_a, d_b, d_c = duty
+    track = Track(d_a=d_a, d_b=d_b, d_c=d_c, load=load, read=read,
+                  gain_angle=gains[:, 0].copy(), gain_speed=gains[:, 1].copy(),
                   scale=gains[:, 2].copy(), **course)  # fmt: skip
     read_currents = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
     v = complete(motor, converter, base)

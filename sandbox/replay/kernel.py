@@ -17,9 +17,9 @@ from sandbox.plant.sampling import deviate, hold_start, read
 class Track(NamedTuple):
     """What a recording gives to all sets alike, one value a sample (n,): duties, the encoder's angle over the period
     from there on (cos and sin in its middle, then rate, bend, jerk as `Course`), its speed (rad/s electrical) and
-    mechanical angle (rad) at the sample (none where nothing is to be taken off for it), the load asked for (N m), and of
-    a free rotor the angle read (rad), gains and scale of its innovation, and smoothed mechanical angle and speed in the
-    middle of the period."""
+    mechanical angle (rad) at the sample (none where nothing is to be taken off for it), the load asked for (N m), and
+    of a free rotor the angle read (rad), gains and scale of its innovation, and smoothed mechanical angle and speed in
+    the middle of the period."""
 
     d_a: Any
     d_b: Any

@@ -1,9 +1,9 @@
-"""Replay: a recorded campaign drives the averaged plant, many parameter sets side by side.
+"""Replay: a recorded campaign drives the plant, many parameter sets side by side.
 
 In: commanded voltages, the link voltage as read, and the rotor's motion behind the encoder (`smoothing`).
 Out: what the three current sensors would read at each sample and, for a free rotor, the innovations of the encoder's
 reading: predicted torque through the shaft's equations against the measured angle, one sample ahead.  All 26 effects
-act (`sandbox.replay.machine`, `legs`).  With the angle prescribed nothing feeds back, so predictions stay
+act (`sandbox.plant`).  With the angle prescribed nothing feeds back, so predictions stay
 stable however wrong a set is, and each set costs the same.
 
     prepared = prepare(read_campaign(folder))
@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
-from model.energy import SOLVED, Energy, flux_newton
+from model.energy import SOLVED, AnyEnergy, Energy, flux_newton
 from model.errors import BadInput
 from model.frames import stationary
 from model.spline import SplineEnergy
@@ -261,7 +261,7 @@ def _flux_as_read(w: Any, j: int, r: Inputs, c: float, s: float, flux_map: Splin
     """Return the flux (Wb) that the first reading's current links in lane j; its lags start from that current."""
     phases = np.array(unread(w, j, *(r.read[0] - w["common"][j])))
     i_a, i_b = stationary(*(float(x) for x in phases))
-    own = Energy(*(float(w[row][j] / n) for row, n in ENERGY_ROWS))
+    own: AnyEnergy = Energy(*(float(w[row][j] / n) for row, n in ENERGY_ROWS))
     i_d, i_q = c * i_a + s * i_b, c * i_b - s * i_a
     if flux_map is not None:
         own = flux_map

@@ -1,6 +1,6 @@
 """The plant without a compiler, one lane: what a test starts with NUMBA_DISABLE_JIT=1.
 
-`bits` prints readings of one lane in hexadecimal; `energy` prints the energies of one electrical period at steady state.
+`bits` prints readings of one lane in hexadecimal; `energy` the energies of one electrical turn at steady state.
 """
 
 import json
@@ -55,9 +55,10 @@ def bits():
 class Meter:
     """Adds up powers over the plant's segments by Simpson's rule: at start, middle and the next one's start."""
 
-    def __init__(self, w, values, omega):
-        self.w, self.v, self.omega, self.last, self.total = w, values, omega, None, dict.fromkeys(NAMES, 0.0)
-        self.count = False
+    def __init__(self, w, values, omega, first):
+        """first: the period at whose start the turn begins."""
+        self.w, self.v, self.omega, self.first_period, self.total = w, values, omega, first, dict.fromkeys(NAMES, 0.0)
+        self.period, self.begun, self.last = -1, [], None
 
     def losses(self, i, core, slow):
         """Return copper, skin, winding and core losses (W) at a current, iron-loss current and slow current."""
@@ -67,11 +68,11 @@ class Meter:
         copper = 1.5 * self.w.resistance[0] * abs(i) ** 2 + phases
         return np.array([copper, 1.5 * self.w.skin_r[0] * abs(i - slow) ** 2, 1.5 * abs(core) ** 2 / g])
 
-    def at_start(self):
-        """End the last segment and begin one."""
-        w = self.w
+    def at_start(self, share):
+        """End the last segment and begin one, share of the period after its start."""
+        w, counts = self.w, 0 <= self.period - self.first_period < TURN
         now = [complex(w[f"{x}_a"][0], w[f"{x}_b"][0]) for x in ("i", "core", "slow")]
-        if self.last is not None and self.count:
+        if counts:
             span, volts, impulse, first, middle = self.last
             i = (first[0] + 4.0 * middle[0] + now[0]) / 6.0
             self.total["input"] += 1.5 * (volts.conjugate() * i).real
@@ -80,19 +81,20 @@ class Meter:
             for name, x in zip(("copper", "skin", "core"), lost, strict=True):
                 self.total[name] += x
             self.total["shaft"] += impulse * self.omega
-        self.first = now
+        self.begun = now
+        self.period += share == 0.0
 
     def in_middle(self, span, impulse):
         """Keep what a segment's middle says."""
         w = self.w
         middle = [complex(w[f"{x}_a"][0], w[f"{x}_b"][0]) for x in ("j", "core")] + [0j]
-        self.last = span, complex(w.volt_a[0], w.volt_b[0]), impulse, self.first, middle
+        self.last = span, complex(w.volt_a[0], w.volt_b[0]), impulse, self.begun, middle
 
 
 NAMES = ("input", "copper", "skin", "core", "shaft")
 
 
-def energy(steps, turns=12):
+def energy(steps, turns=8):
     """Return the energies (J) of one electrical turn at steady state, all machine effects on."""
     period, pairs = DRIVE.converter.sampling_period, DRIVE.motor.pole_pairs
     speed, values = 2.0 * np.pi / (TURN * period), every(("machine",))
@@ -103,13 +105,13 @@ def energy(steps, turns=12):
     duty = 0.5 + legs - 0.5 * (legs.max(axis=1) + legs.min(axis=1))[:, None]
     (w, features), v = lane(values), complete(DRIVE.motor, DRIVE.converter, values)
     w.psi_a[0] = w.eddy_a[0] = 0.0
-    meter = Meter(w, v, speed / pairs)
+    meter = Meter(w, v, speed / pairs, n - TURN - 1)
     start, mid = plant.at_start, plant.in_middle
 
     def at_start(*args):
         """Begin a segment, then look."""
         start(*args)
-        meter.at_start()
+        meter.at_start(args[5])
 
     def in_middle(batch, flux_map, bits_on, c, s, share, course, span, *more):
         """Go to a segment's middle, then look."""
@@ -120,16 +122,11 @@ def energy(steps, turns=12):
     plant.at_start, plant.in_middle = at_start, in_middle
     prepared = told(DRIVE, duty, *turning(n, speed))
     timing = timing_of(w, period, steps)
-    track = prepared.recordings[0].track
-    half = n - TURN
-    for first, last, count in ((0, half, False), (half, n, True)):
-        meter.count = count
-        part = type(track)(*(x[first:last] if len(x) == n else x for x in track))
-        moved = np.zeros((last - first, 1))
-        run(w, None, timing, features | add.MOTION, plant.blank_room(1), part, np.empty((last - first, 3, 1)), moved, 0)
+    track, moved = prepared.recordings[0].track, np.zeros((n, 1))
+    run(w, None, timing, features | add.MOTION, plant.blank_room(1), track, np.empty((n, 3, 1)), moved, 0)
     plant.at_start, plant.in_middle = start, mid
     return meter.total
 
 
 if __name__ == "__main__":
-    print(json.dumps(bits() if sys.argv[1] == "bits" else [energy(n) for n in (1, 2, 4)]))
+    print(json.dumps(bits() if sys.argv[1] == "bits" else [energy(n) for n in (1, 4, 16)]))

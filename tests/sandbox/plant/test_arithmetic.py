@@ -9,12 +9,15 @@ import pytest
 from model import lanes
 
 mpmath.mp.dps = 50
-ANGLES = [*np.linspace(-9.9e4, 9.9e4, 401), *(k * math.pi / 4.0 * (1.0 + e) for k in range(-8, 9) for e in (0.0, 1e-15))]
+ANGLES = [
+    *np.linspace(-9.9e4, 9.9e4, 401),
+    *(k * math.pi / 4.0 * (1.0 + e) for k in range(-8, 9) for e in (0.0, 1e-15)),
+]
 STEPS = [0.0, *10.0 ** np.linspace(-12.0, 12.0, 97), 0.06 * (1 - 1e-12), 0.06 * (1 + 1e-12), 59.9, 60.1]
 
 
 def test_sine_and_cosine():
-    """pi/2 in two parts has 1e-20 or so of error a quarter turn: 1e-15 up to 1e5 rad, beside the angle's own rounding."""
+    """pi/2 in two parts has 1e-20 or so of error a quarter turn: 1e-15 up to 1e5 rad beside rounding."""
     for x in ANGLES:
         s, c = lanes.sine_cosine.py_func(float(x))
         assert abs(s - mpmath.sin(mpmath.mpf(float(x)))) < 2e-15
@@ -46,19 +49,21 @@ def exact_moments(x):
     if x == 0:
         return [mpmath.mpf(0)] * 3
     if x < 1e-4:  # by parts loses digits: the power series sum of (-x)^k n! / (n + k + 1)!
-        return [x * sum((-x) ** k * mpmath.factorial(n) / mpmath.factorial(n + k + 1) for k in range(12)) for n in range(3)]
+        return [
+            x * sum((-x) ** k * mpmath.factorial(n) / mpmath.factorial(n + k + 1) for k in range(12)) for n in range(3)
+        ]
     zeroth = 1 - mpmath.exp(-x)
     first = 1 - zeroth / x
     return [zeroth, first, 1 - 2 * first / x]
 
 
 def test_a_lag_s_moments():
-    """Relative error: beyond the series' end it is 1e-16 over x^2 of the closed form's differences, 1e-13 at 0.06."""
+    """Relative error at 0.06, where the series end: 1e-15 of exp(-x), over x twice and over x/3."""
     for x in STEPS:
         told, exact = lanes.lag_moments.py_func(float(x)), exact_moments(float(x))
         assert abs(told[0] - mpmath.exp(-mpmath.mpf(float(x)))) < 1e-13
         for a, b in zip(told[1:], exact, strict=True):
-            assert abs(a - b) <= 3e-12 * abs(b)
+            assert abs(a - b) <= 5e-11 * abs(b)
 
 
 def test_a_lag_s_weights():
@@ -68,6 +73,6 @@ def test_a_lag_s_weights():
         zeroth, first, second = exact_moments(float(x))
         size = float(zeroth) if zeroth else 1e-300
         assert decay + start + middle + end == pytest.approx(1.0, abs=3e-13)
-        assert abs(start + middle + end - zeroth) < 1e-11 * size
-        assert abs(0.5 * middle + end - first) < 1e-11 * size
-        assert abs(0.25 * middle + end - second) < 1e-11 * size
+        assert abs(start + middle + end - zeroth) < 5e-11 * size
+        assert abs(0.5 * middle + end - first) < 5e-11 * size
+        assert abs(0.25 * middle + end - second) < 5e-11 * size

@@ -29,7 +29,9 @@ def without_compiler(what):
     """Return what `interpreted` prints in a process of its own."""
     environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)}
     call = [sys.executable, "-m", "tests.sandbox.plant.interpreted", what]
-    return json.loads(subprocess.run(call, env=environment, cwd=ROOT, capture_output=True, check=True, text=True).stdout)
+    return json.loads(
+        subprocess.run(call, env=environment, cwd=ROOT, capture_output=True, check=True, text=True).stdout
+    )
 
 
 def test_neutral_effects_change_no_bit():
@@ -72,15 +74,17 @@ def test_one_lane_without_a_compiler_is_sixteen_with_one():
 def test_energy_of_an_electrical_turn_closes():
     """Input = copper + skin + windings + core + shaft at steady state, all machine effects on.
 
-    Doubling the steps brings what is left down fourfold or so: it is the steps', and the meter's (Simpson's rule).
+    Four times the steps bring what is left down fourfold or more: it is the steps', and the meter's (Simpson's rule,
+    the skin effect's lag in the middle taken as the mean of both ends).
     """
     left = []
     for turn in without_compiler("energy"):
         left.append(abs(turn["input"] - sum(v for k, v in turn.items() if k != "input")) / turn["input"])
         assert min(turn.values()) > 1e-3 * turn["input"]
     print("energy left over input:", left)
-    assert left[-1] < 1e-4
-    assert left[0] > 3.0 * left[1] > 9.0 * left[2]
+    assert left[-1] < 1e-5
+    assert left[0] > 4.0 * left[1]
+    assert left[1] > 4.0 * left[2]
 
 
 def test_the_ports_are_those_of_the_cards():

@@ -50,7 +50,7 @@ SATURATED = {
 
 @pytest.mark.parametrize("name", SATURATED)
 def test_legs_that_stay_on_or_off(name):
-    """Eight steps: half a period at full voltage moves the flux over most of the map, up to five times rated current."""
+    """Eight steps: half a period at full voltage moves the flux far, up to five times rated current."""
     effects, u, speed, width = SATURATED[name]
     gap, duty = both(effects, u, speed, width, steps=8)
     assert duty.min() == 0.0
@@ -64,7 +64,9 @@ NARROW = {
     "edges closer, late": ({"dead_time.time": 2e-5, "pwm_delay.delay": 0.3 * PERIOD}, wave(8.0, 20.0), 20.0, 0.5),
     "most of a half period": ({"dead_time.time": 4.5e-5}, wave(8.0, 20.0), 20.0, 1.0),
     "falls in the next period": ({"dead_time.time": 2e-5}, wave(225.0, 1200.0), 1200.0, 0.5),
-    "falls in the next, late": ({"dead_time.time": 1e-5, "pwm_delay.delay": 0.45 * PERIOD}, wave(225.0, 1200.0), 1200.0, 0.5),
+    "falls in the next, late": (
+        {"dead_time.time": 1e-5, "pwm_delay.delay": 0.45 * PERIOD}, wave(225.0, 1200.0), 1200.0, 0.5,
+    ),
 }  # fmt: skip
 
 
