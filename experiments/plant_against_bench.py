@@ -40,6 +40,17 @@ PAIRS = (
 LARGEST = 2e-5
 SAMPLES, SETTLED, COUNTS = 700, 100, 1 << 20
 OUT = Path(__file__).parent / "results" / "plant"
+EQUATIONS = """
+What each reason is, S the length of a segment, e the change of current to its middle:
+
+- plant's step, lags (iron loss, skin effect, filter): their input and the current go on as a straight line or parabola
+  through start and middle; left is the lag's own second order, R S^2/tau^2 of the lagging part.
+- plant's step, device drop: the mean of the soft sign along a straight line from start through middle; the current's
+  curvature moves the instant of the crossing, V_th S^2 i''/(8 w) while |i| is below the half width w.
+- plant's step, flux maps: mean current = i(mean flux) + H'''[S z', S z']/24, which is left out for maps.
+- bench's own step: classic Runge-Kutta over a kink of sign(i) is of first order, V_th h/2 of volt-seconds a crossing.
+- link's sag under late pulses: sag (i(t_k + delay) - i(t_k)); the plant takes the current at the pattern's start.
+"""
 Told = list[tuple[CampaignRecording, Motion]]
 
 
@@ -164,7 +175,7 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
             large = [k for k, x in enumerate(found["apart"]) if x > LARGEST]
             reasons += [f"- {title}, {names[k]}: {why(found, k)}" for k in large]
         lines += ["", *reasons] if reasons else ["", f"None above {LARGEST * 1e6:.0f} ppm."]
-    return "\n".join(lines) + "\n"
+    return "\n".join(lines) + "\n" + EQUATIONS
 
 
 def main() -> None:
