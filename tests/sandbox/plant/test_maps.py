@@ -40,7 +40,7 @@ def test_the_replay_of_a_map_is_the_switched_bench(drive, effects):
 def test_a_map_is_that_of_the_reference(drive):
     """NumPy's polynomials of each cell, inside the map's box: the same currents to the steps' error."""
     period = drive.converter.sampling_period
-    speed, size = 0.1 / period, 0.008
+    speed, size = 0.002 / period, 0.004
     duty = duties(16, speed, size, drive)
     readings, _ = reference(drive, {}, duty, speed)
     prepared = told(drive, duty, *turning(16, speed, drive))
