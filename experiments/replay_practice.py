@@ -1,4 +1,4 @@
-"""Does the averaged plant explain recordings of a bench it shares nothing with, and how fast is it?
+"""Does the plant explain recordings of a bench it shares nothing with, and how fast is it?
 
 Replays practice campaign p01 (no effect, nothing fitted): residual over the noise floor by recording, time of a plant
 step per parameter set, time of all sensitivities, both on one and on two threads.
@@ -17,7 +17,7 @@ import numpy as np
 
 from model.effects import library
 from sandbox.campaign import read_campaign
-from sandbox.replay import lanes
+from sandbox.plant.batch import LANES
 from sandbox.replay.replay import Prepared, halving_error, in_threads, plan, prepare, replay, residuals, run_block
 from sandbox.replay.sensitivity import all_parameters, sensitivities
 
@@ -27,7 +27,7 @@ def step_time(prepared: Prepared, effects: dict[str, float], workers: int = 1, s
     blocks = plan(prepared, [effects] * sets)
     jobs = [(r, b) for r in prepared.recordings for b in blocks]
     longest = max(r.samples for r in prepared.recordings)
-    room = {id(b): (np.empty((longest, 3, lanes.LANES)), np.empty((longest, lanes.LANES))) for b in blocks}
+    room = {id(b): (np.empty((longest, 3, LANES)), np.empty((longest, LANES))) for b in blocks}
     per_block = [[(r, b) for r, b in jobs if b is block] for block in blocks]
 
     def task(own) -> None:
@@ -40,7 +40,7 @@ def step_time(prepared: Prepared, effects: dict[str, float], workers: int = 1, s
         start = time.perf_counter()
         in_threads(task, per_block, workers)
         times.append(time.perf_counter() - start)
-    return min(times) / (prepared.samples * prepared.steps * len(blocks) * lanes.LANES) * 1e9
+    return min(times) / (prepared.samples * prepared.steps * len(blocks) * LANES) * 1e9
 
 
 def main(folder: Path) -> None:

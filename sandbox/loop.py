@@ -21,6 +21,7 @@ from model.compiled import compiled_as, kernel, kernel_as
 from model.energy import min_eigenvalue
 from model.frames import rotate, stationary
 from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
+from sandbox.plant import additions as add
 from sandbox.plant import ports
 from sandbox.plant.batch import numba_type, room_type
 from sandbox.plant.edges import duties, write_edges
@@ -122,11 +123,13 @@ def sample_of(k, reading, memory, primitive):
 
 
 @kernel
-def encoder(w, theta, omega, step):
+def encoder(w, features, theta, omega, step):
     """Return angle (rad) as the encoder reads it, and its slope (rad/s, electrical) without counts."""
-    pairs, turn = w.pairs[0], theta / w.pairs[0]
-    off, small = ports.angle(w, 0, turn, pairs), 1e-6
-    slope = 1.0 + (ports.angle(w, 0, turn + small, pairs) - off) / (small * pairs)
+    off, slope = 0.0, 1.0
+    if features & add.WOBBLE:
+        pairs, turn, small = w.pairs[0], theta / w.pairs[0], 1e-6
+        off = ports.angle(w, 0, turn, pairs)
+        slope = 1.0 + (ports.angle(w, 0, turn + small, pairs) - off) / (small * pairs)
     angle = theta + w.offset[0] + off
     return (step * math.floor(angle / step + 0.5) if step > 0.0 else angle), omega * slope
 
@@ -269,7 +272,7 @@ def run_compiled(step, state, bench, rig, control, belief, tuning, profile, wave
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
         memory[CURSOR], memory[LINK] = cursor, read_link(rig, rng)
         _, omega, theta = rotor(w)
-        angle, slope = encoder(w, theta, omega, rig.encoder_step)
+        angle, slope = encoder(w, bench.features, theta, omega, rig.encoder_step)
         measured = angle, speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period)
         imposed = imposed_on(k, omega, rig, profile, memory)
         progress(k, bench, rig, wanted[1], imposed, memory, looks, seen, rng)

@@ -14,7 +14,7 @@ from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD, facing, finis
 
 # what a batch may need beside the bare plant (bits)
 LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
-SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED = (1 << k for k in range(7, 14))
+SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB = (1 << k for k in range(7, 15))
 LAGS = IRON | SKIN | FILTER
 ANGULAR = MAGNETS | ENERGY
 

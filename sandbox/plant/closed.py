@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from model.effects.library import friction_rate
-from model.energy import AnyEnergy, Energy
+from model.energy import AnyEnergy
 from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 from sandbox.loop import Bench

@@ -41,7 +41,7 @@ def field(effect: str, number: str) -> str:
 def source(cards: Iterable[Effect], modules: dict[str, str]) -> str:
     """Return the module's text; modules: where each effect's equations are imported from."""
     chosen = [c for c in cards if c.at]
-    imports = "\n".join(_import(c.name, modules[c.name]) for c in sorted(chosen, key=lambda c: c.name))
+    imports = _imports({c.name: modules[c.name] for c in sorted(chosen, key=lambda c: c.name)})
     numbers = {field(c.name, n): _unit(c, n) for c in chosen for at in c.at for n in at.numbers}
     rows = "\n".join(f'    "{name}": "{unit}",' for name, unit in numbers.items())
     parts = [
@@ -51,9 +51,11 @@ def source(cards: Iterable[Effect], modules: dict[str, str]) -> str:
     return "\n\n".join([*parts, *(_port(name, chosen) for name in PORTS)]) + "\n"
 
 
-def _import(effect: str, module: str) -> str:
-    """Return the line that makes an effect's module known by the effect's name."""
-    return f"from {module} import {effect}" if module == LIBRARY else f"import {module} as {effect}"
+def _imports(modules: dict[str, str]) -> str:
+    """Return the lines that make effects' modules known by the effects' names."""
+    library = "".join(f"    {effect},\n" for effect, module in modules.items() if module == LIBRARY)
+    others = [f"import {module} as {effect}" for effect, module in modules.items() if module != LIBRARY]
+    return "\n".join([*others, f"from {LIBRARY} import (\n{library})"])
 
 
 def _unit(card: Effect, number: str) -> str:

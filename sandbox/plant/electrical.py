@@ -14,8 +14,8 @@ z' = exp(-j theta) (psi' - j omega psi):
     i'' = -R G i' + omega^2 i + 2 j omega i' - G (omega^2 psi + 2 j omega psi') + exp(j theta) H'''[z', z']
 
 `begin` ends the last segment, gives the current at the edge and how late the edge acts; `middle` goes on to the
-segment's middle; `bend` adds the last term, in segments long enough for it (not of flux maps: their step stays of
-second order).  What an effect adds comes between, in a loop of its own (`additions`): what is neutral costs nothing.
+segment's middle; `bend` adds the last term (not of flux maps: their step stays of second order).  What an effect adds
+comes between, in a loop of its own (`additions`): what is neutral costs nothing.
 """
 
 from __future__ import annotations

@@ -22,8 +22,10 @@ def step_shaft(w, features, h, load, imposed):
     """
     for j in range(w.psi_a.size):
         pairs = w.pairs[j]
-        taken = load * (1.0 + w.load_gain[j]) + w.load_offset[j] + ports.load(w, j, w.omega[j] - w.slip[j])
-        net = w.torque[j] + ports.torque(w, j, w.turn[j], w.omega[j]) - ports.friction(w, j, w.omega[j])
+        taken, net = load * (1.0 + w.load_gain[j]) + w.load_offset[j], w.torque[j]
+        if features & add.RUB:
+            taken += ports.load(w, j, w.omega[j] - w.slip[j])
+            net += ports.torque(w, j, w.turn[j], w.omega[j]) - ports.friction(w, j, w.omega[j])
         a = pairs * w.inertia_inv[j] * (net - taken) + imposed
         w.angle[j] += h * (w.speed[j] + 0.5 * h * a)
         w.speed[j] += h * a

@@ -26,7 +26,7 @@ SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
 NO_TIME = 1e-11  # s: speed over a shorter one is rounding
 KINK = 2e-7  # s: an edge less late leaves less than 1e-6 of the current in a lag
 BENDING = 1.0 / 16.0  # of the period: what curvature makes of shorter segments is far below 1e-6 of the current
-ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED)  # what the plain step knows nothing of
+ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED | add.RUB)  # what the plain step knows nothing of
 GAUSS = 0.5773502691896258  # of the way from a segment's middle to its ends: two places give means of third degree
 LAST = EDGES + 3
 
@@ -228,6 +228,13 @@ def first_instant(w, features, timing, room):
 @inlined
 def moved(w, features, course, t, span):
     """Move the rotor itself on by a segment (s) from t and return its course from there."""
+    if not features & add.MOTION:  # held, or driven by the acceleration imposed
+        on, omega = span * (course.rate + 0.5 * span * course.imposed), course.rate + span * course.imposed
+        w.angle[0], w.speed[0] = w.angle[0] + on, omega
+        return Course(
+            course.cos, course.sin, t + span, course.lead + on, omega, 0.5 * course.imposed, 0.0, course.speed,
+            course.load, course.imposed,
+        )  # fmt: skip
     w.turn[0] = (w.angle[0] + w.pairs[0] * w.load_share[0] * w.twist[0] + 0.5 * span * course.rate) / w.pairs[0]
     w.omega[0] = (course.rate + span * course.bend) / w.pairs[0]
     swing = w.pairs[0] * w.load_share[0]
@@ -271,9 +278,10 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
             span = part_of(left, timing, features, real > 0.0)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
             u_a, u_b = u_a + x, u_b + y
+            taken = g - 1 if side != 0.0 else -1
             lossy = timing.tardy > 0.0 and (
-                enter(w, room, g - 1, t, span, timing.tardy)
-                if side != 0.0
+                enter(w, room, taken, t, span, timing.tardy)
+                if taken >= 0
                 else room.until[LAST] > t and lose_waiting(w, room, t, span, -1)
             )
             long, whole = span > BENDING * period, span >= left
@@ -294,11 +302,11 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 in_middle(w, flux_map, features, c, s, middle_of / period, course, span, long, u_a, u_b, x, y)
             until = 2.0 * period if g == EDGES and whole else t + span
             if peeking and len(looks) == 0:
-                peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y)
+                peek(w, flux_map, features, room, taken, course, t, span, until, u_a, u_b, x, y)
             for m in range(len(looks)):
                 if t <= looks[m] < until:
                     w.when[0] = looks[m]
-                    peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y)
+                    peek(w, flux_map, features, room, taken, course, t, span, until, u_a, u_b, x, y)
                     seen[m, 0], seen[m, 1] = w.held_a[0], w.held_b[0]
             if features & add.MOVED:
                 course = moved(w, features, course, t, span)

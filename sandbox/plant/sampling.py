@@ -6,19 +6,25 @@ from model.compiled import inlined, kernel
 from model.lanes import lag_moments, lag_weights, turned
 from sandbox.plant import additions as add
 from sandbox.plant import ports
+from sandbox.plant.edges import EDGES
 from sandbox.plant.electrical import HALF_ROOT, quartic
 
 
 @inlined
-def glimpse(w, j, flux_map, features, course, t, h, u_a, u_b, x, y, lost):
+def glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y):
     """Return lane j's terminal current (A) h (s) into the segment that began at t; see `sandbox.plant.electrical`.
 
-    lost: 1/s over the time in which edges before this one take their volt-seconds.
+    but: the edge just taken, whose lateness is the lane's own; what others that wait take until then comes off.
     """
-    v, n, m = w.link[j], h * w.span_inv[j], min(h * lost, 1.0)
+    v, n = w.link[j], h * w.span_inv[j]
     r = min(w.late[j], h)
-    a = w.psi_a[j] + (v * (h * u_a - x * r) - m * w.lost_a[j]) - h * (w.drop_a[j] + n * (w.fall_a[j] - w.drop_a[j]))
-    b = w.psi_b[j] + (v * (h * u_b - y * r) - m * w.lost_b[j]) - h * (w.drop_b[j] + n * (w.fall_b[j] - w.drop_b[j]))
+    p, q = h * u_a - x * r, h * u_b - y * r
+    for m in range(EDGES + 3):
+        if m != but and room.until[m] > t:
+            wait = min(max(room.acts[m, j] - t, 0.0), h)
+            p, q = p - wait * room.change_x[m], q - wait * room.change_y[m]
+    a = w.psi_a[j] + v * p - h * (w.drop_a[j] + n * (w.fall_a[j] - w.drop_a[j]))
+    b = w.psi_b[j] + v * q - h * (w.drop_b[j] + n * (w.fall_b[j] - w.drop_b[j]))
     z = t + h - course.origin
     c_0, s_0 = turned(course.cos, course.sin, course.lead + z * (course.rate + z * (course.bend + z * course.jerk)))
     c, s = c_0 * w.off_c[j] + s_0 * w.off_s[j], s_0 * w.off_c[j] - c_0 * w.off_s[j]
@@ -43,7 +49,7 @@ def glimpse(w, j, flux_map, features, course, t, h, u_a, u_b, x, y, lost):
 
 
 @kernel
-def peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y):
+def peek(w, flux_map, features, room, but, course, t, span, until, u_a, u_b, x, y):
     """Hold the current (behind the filter) of every lane whose reading `when` falls between t and until (s)."""
     n = w.psi_a.size
     hit = False
@@ -51,15 +57,14 @@ def peek(w, flux_map, features, timing, course, t, span, until, u_a, u_b, x, y):
         hit = hit | ((w.when[j] >= t) & (w.when[j] < until))
     if not hit:
         return
-    lost = 1.0 / max(min(span, timing.tardy), 1e-12)
     for j in range(n):
         w.span_inv[j] = 1.0 / span
     for j in range(n):
         inside = (w.when[j] >= t) & (w.when[j] < until)
         h = min(max(w.when[j] - t, 0.0), span)
-        i_a, i_b = glimpse(w, j, flux_map, features, course, t, h, u_a, u_b, x, y, lost)
+        i_a, i_b = glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y)
         if features & add.FILTER:
-            m_a, m_b = glimpse(w, j, flux_map, features, course, t, 0.5 * h, u_a, u_b, x, y, lost)
+            m_a, m_b = glimpse(w, j, flux_map, features, room, but, course, t, 0.5 * h, u_a, u_b, x, y)
             decay, w_0, w_m, w_1 = lag_weights(h * w.filter_rate[j])
             i_a = decay * w.filter_a[j] + w_0 * w.i_a[j] + w_m * m_a + w_1 * i_a
             i_b = decay * w.filter_b[j] + w_0 * w.i_b[j] + w_m * m_b + w_1 * i_b

@@ -27,6 +27,7 @@ from sandbox.plant.period import Timing
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
+RUBBING = ("torque", "friction", "load")  # a motor's own friction is neutral, but there
 PORT_BITS = {
     "link": add.LINK, "drawn": add.DRAWN, "leg": add.LEG, "winding": add.WINDING, "magnets": add.MAGNETS,
     "energy": add.ENERGY, "angle": add.WOBBLE,
@@ -101,6 +102,8 @@ def features_of(motor: Motor, v: Set) -> int:
         for at in card.at:
             if at.port in PORT_BITS and is_on(card, at, v, neutral):
                 out |= PORT_BITS[at.port]
+            if at.port in RUBBING and any(v[f"{card.name}.{n}"] != 0.0 for n in card.switches or at.numbers):
+                out |= add.RUB
     iron, filtered = math.isfinite(v["iron_loss.core_resistance"]), v["current_filter.time_constant"] > 0.0
     twisting = math.isfinite(v["shaft_compliance.stiffness"]) and v["shaft_compliance.load_inertia"] > 0.0
     out |= (add.IRON if iron else 0) | (add.FILTER if filtered else 0) | (add.TWIST if twisting else 0)

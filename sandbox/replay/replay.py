@@ -1,9 +1,9 @@
-"""Replay: a recorded campaign drives the averaged plant, many parameter sets side by side.
+"""Replay: a recorded campaign drives the plant, many parameter sets side by side.
 
 In: commanded voltages, the link voltage as read, and the rotor's motion behind the encoder (`smoothing`).
 Out: what the three current sensors would read at each sample and, for a free rotor, the innovations of the encoder's
 reading: predicted torque through the shaft's equations against the measured angle, one sample ahead.  All 26 effects
-act (`sandbox.replay.machine`, `legs`).  With the angle prescribed nothing feeds back, so predictions stay
+act (`sandbox.plant`).  With the angle prescribed nothing feeds back, so predictions stay
 stable however wrong a set is, and each set costs the same.
 
     prepared = prepare(read_campaign(folder))

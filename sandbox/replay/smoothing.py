@@ -26,6 +26,7 @@ CONSTANT = 1e3  # rad/s^2 electrical: standard deviation of what is unexplained 
 ANYWHERE = 100.0  # variance of the first angle in variances of a reading
 LARGEST_MISS = 1.25  # of a count over sqrt(12): a driven rotor's motion is known better than that, or another corner
 CORNERS = 8
+WOBBLES = 3  # fits of an eccentric encoder's sine: each takes off its amplitude (rad mechanical) times what is left
 
 
 @dataclass(frozen=True)
@@ -74,17 +75,18 @@ def driven_motion(t: Array, theta: Array, pole_pairs: float, count: float) -> Mo
     """
     period = float(t[1] - t[0])
     end = float(t[-1]) + period
-    wobble = np.empty((len(t), 0))
-    if np.ptp(theta) > 2.0 * math.pi * pole_pairs:
-        wobble = np.stack([np.sin(theta / pole_pairs), np.cos(theta / pole_pairs)], axis=1)
+    turns = np.ptp(theta) > 2.0 * math.pi * pole_pairs
 
     def fit(corners: Array) -> tuple[Motion, Array]:
         """Return the motion with ramps from corner to corner (s), and what is left of the reading (n,)."""
         angle, speed = _ramps(t, np.concatenate([[0.0], corners, [end]]))
-        a = np.column_stack([np.ones_like(t), angle, wobble])
-        x = np.linalg.lstsq(a, theta, rcond=1e-12)[0]
-        m = angle.shape[1] + 1
-        return Motion(a[:, :m] @ x[:m], speed @ x[1:m], wobble.shape[1] == 0), theta - a @ x
+        ramps, true, m = np.column_stack([np.ones_like(t), angle]), theta, angle.shape[1] + 1
+        for _ in range(WOBBLES if turns else 1):  # the sine is one of the motion itself, not of its reading
+            wobble = [np.sin(true / pole_pairs), np.cos(true / pole_pairs)] if turns else []
+            a = np.column_stack([ramps, *wobble])
+            x = np.linalg.lstsq(a, theta, rcond=1e-12)[0]
+            true = ramps @ x[:m]
+        return Motion(true, speed @ x[1:m], not turns), theta - a @ x
 
     goal = LARGEST_MISS * max(count, 1e-6) / math.sqrt(12.0)
     if np.ptp(theta) == 0.0:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sandbox.loop import encoder, read_current
+from sandbox.plant import additions as add
 from tests.sandbox.effect_motors import LINEAR, NO_MAGNET, TS, L, R, U, signs
 from tests.sandbox.exact import Exact, exact, switched
 from tests.sandbox.test_switched_effects import pulsed
@@ -259,7 +260,7 @@ def test_counts_round_to_the_nearest():
     """Reading less truth is between half a count down and half a count up, its mean 0: angle and current."""
     step, w = 0.01, Exact().w
     truth = np.random.default_rng(1).uniform(-1.0, 1.0, 4000)
-    angle = np.array([encoder(w, x, 0.0, step)[0] for x in truth]) - truth
+    angle = np.array([encoder(w, add.WOBBLE, x, 0.0, step)[0] for x in truth]) - truth
     rig, rng = Exact().rig._replace(resolution=step), np.random.default_rng(0)
     current = np.array([read_current(x, rig, rng) for x in truth]) - truth
     for miss in (angle, current):

@@ -1,7 +1,8 @@
 """Replay: against the switched bench effect by effect, on recordings of a foreign bench, and its derivatives.
 
-Tolerances against the switched bench are what averaging can give (sandbox/switched/AVERAGING.md), share of rated
-current.  Recordings come from SENSORLESS_RECORDINGS or ../shared/recordings; truths beside the practice campaigns.
+Plant and bench are both exact between events, so their difference is of their steps alone: 2e-5 of rated current with
+the steps that `prepare` asks for, less with more (`experiments/plant_against_bench.py` has the table).
+Recordings come from SENSORLESS_RECORDINGS or ../shared/recordings; truths beside the practice campaigns.
 """
 
 import dataclasses
@@ -15,9 +16,7 @@ from model.energy import flux_from_current, hessian
 from model.errors import BadInput
 from model.parameters import load_drive
 from sandbox.campaign import Campaign, CampaignRecording, read_campaign
-from sandbox.plant.sets import compile_set, complete, features_of, lag_weights, parabola_weights
-from sandbox.replay import lanes
-from sandbox.replay.inputs import edge_table
+from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.replay.replay import halving_error, plan, prepare, replay, residuals, with_steps
 from sandbox.replay.sensitivity import all_parameters, sensitivities
 from sandbox.switched.effects import bench, quiet
@@ -27,13 +26,16 @@ from tests.data import recordings_folder
 DRIVE = load_drive("ipm")
 DRIVE = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, encoder_counts=1 << 16))
 CASES = (("locked", 0.0), ("driven", 20.0), ("driven", 100.0), ("free", 0.0))
-AVERAGING = {"dead_time": 5e-4, "current_filter": 3e-4, "iron_loss": 2e-4, "device_drop": 2e-4}  # else 1.3e-4
-MOTION = 0.1  # standard deviations: what may be left of a free rotor's innovations without noise
+EXACT = 2e-5  # of rated current
+FINER = 32.0  # for the bench's own step: its Runge-Kutta method goes straight over the kinks of sign(i)
+LAGGING = ("iron_loss",)  # its lag follows a straight line through each segment: 1.5 times as much
+MOTION = 0.03  # standard deviations: what may be left of a free rotor's innovations without noise
 
 
-def record(effects, rotor, speed=0.0, n=700, load_torque=True):
+def record(effects, rotor, speed=0.0, n=700, load_torque=True, finer=1.0):
     """Return a recording of the switched bench without noise: voltage, injection, a step of load for a free rotor."""
     b, period, pairs = quiet(bench(DRIVE.motor, DRIVE.converter, effects)), DRIVE.converter.sampling_period, 6
+    b = b._replace(step=b.step / finer)
     k = np.arange(n)
     theta, middle = (0.3 + pairs * speed * period * (k + x) for x in (0.0, 0.5))
     size = 12.0 + 0.1 * pairs * speed if rotor == "driven" else 12.0 * np.sin(2 * np.pi * k / 600)
@@ -70,43 +72,65 @@ def gaps(recorded, prepared, values):
 
 @pytest.mark.parametrize("name", ["none", *library.effect_names()])
 def test_effect_is_that_of_the_switched_bench(name):
+    """With the steps that `prepare` asks for.  device_drop: the bench's own step halves its error at best (`FINER`)."""
     effects = {} if name == "none" else typical(name)
-    recorded = campaign(effects)
-    prepared = prepare(recorded, effects, steps=1)
+    recorded = campaign(effects, finer=FINER if name == "device_drop" else 1.0)
+    prepared = prepare(recorded, effects)
     current, motion = gaps(recorded, prepared, effects)
     without, still = gaps(recorded, prepared, {})
-    print(f"{name}: {np.round(current * 1e6)} ppm of rated current with it, {np.round(without * 1e6)} without")
-    assert current.max() < AVERAGING.get(name, 1.4e-4)
+    print(f"{name}: {prepared.steps} steps, {np.round(current * 1e6, 1)} ppm of rated current, motion {motion:.4f}")
+    assert prepared.steps == 1
+    if name == "encoder_eccentricity":  # less than a turn: straight pieces stand for its sine, off by their counts
+        count = 2.0 * np.pi * 6 / DRIVE.converter.encoder_counts
+        slope = DRIVE.motor.magnet_flux / DRIVE.motor.inductance_q / DRIVE.motor.rated_current  # A/rad over A
+        assert current[1] < 1.25 * count / np.sqrt(12.0) * slope
+        current = np.delete(current, 1)
+    assert current.max() < (1.5 * EXACT if name in LAGGING else EXACT)
     assert motion < MOTION
     if name != "none":
-        assert without.max() > 10 * current.max() or still > 3 * motion
+        assert without.max() > 30 * EXACT or still > 10 * motion
+
+
+def test_the_bench_own_step_is_what_device_drop_leaves():
+    """At 600 rad/s: with its own step the bench is off by several times what is left with a finer one."""
+    effects, case = typical("device_drop"), CASES[2:3]
+    own, finer = (campaign(effects, (*case, ("free", 0.0)), finer=x) for x in (1.0, FINER))
+    prepared = prepare(own, effects, steps=4)
+    assert gaps(own, prepared, effects)[0][0] > 4.0 * gaps(finer, prepared, effects)[0][0]
 
 
 def test_all_effects_together_are_those_of_the_switched_bench():
+    """Several lags, late edges and the kinks of sign(i) in one: the steps' errors add up, and go with finer steps.
+
+    Without the link's sag: under late pulses plant and bench take its current at other instants (at the pattern's start
+    and at t_k), which is a choice of the model, no error.
+    """
     effects = {k: v for name in library.effect_names() if name != "cross_saturation" for k, v in typical(name).items()}
-    recorded = campaign(effects)
-    current, motion = gaps(recorded, prepare(recorded, effects, steps=1), effects)
+    del effects["dc_link_error.sag"]
+    recorded = campaign(effects, finer=FINER)
+    coarse, fine = (gaps(recorded, prepare(recorded, effects, steps=n), effects)[0] for n in (1, 8))
     without, _ = gaps(recorded, prepare(recorded, effects, steps=1), {})
-    print(f"all effects: {current} of rated current with them, {without} without; motion {motion}")
-    assert current.max() < 1.7e-3  # the sensors' noise
-    assert without.min() > 50 * current.max()
+    print(f"all effects: {coarse * 1e6} ppm of rated current with them, with 8 steps {fine * 1e6}; {without} without")
+    assert coarse.max() < 10.0 * EXACT
+    assert fine[[0, 2, 3]].max() < EXACT  # driven below a turn: see encoder_eccentricity
+    assert without.min() > 100 * coarse.max()
 
 
 PAIRS = (  # whose effects meet inside the period
     *(("dead_time", other) for other in ("pwm_delay", "iron_loss", "device_drop", "flux_harmonics", "current_filter")),
     *(("iron_loss", other) for other in ("current_sampling", "current_filter")),
     ("pwm_delay", "current_filter"),
-    ("encoder_eccentricity", "cogging_torque"),
 )
 
 
 @pytest.mark.parametrize("names", PAIRS, ids=" ".join)
 def test_pairs_are_those_of_the_switched_bench(names):
     effects = {k: v for name in names for k, v in typical(name).items()}
-    recorded = campaign(effects, n=500)
-    current, motion = gaps(recorded, prepare(recorded, effects, steps=1), effects)
-    print(f"{names}: {np.round(current * 1e6)} ppm of rated current, motion {motion:.3f}")
-    assert current.max() < 9e-4
+    recorded = campaign(effects, n=500, finer=FINER if "device_drop" in names else 1.0)
+    prepared = prepare(recorded, effects, steps=4)
+    current, motion = gaps(recorded, prepared, effects)
+    print(f"{names}: {np.round(current * 1e6, 1)} ppm of rated current, motion {motion:.3f}")
+    assert current.max() < EXACT
     assert motion < MOTION
 
 
@@ -123,20 +147,14 @@ BESIDE = (  # what typical sizes leave out, and where effects meet
 
 @pytest.mark.parametrize("effects", BESIDE, ids=str)
 def test_sizes_beside_the_typical_ones_are_those_of_the_switched_bench(effects):
-    """Within twice what single effects leave and a fifteenth of the effect; i_c sampled between pulses is the worst.
-
-    (There it goes towards the mean slope until the sample, not through the pulses one by one: 1.2e-3 in either plant.)
-    """
     recorded = campaign(effects)
-    prepared = prepare(recorded, effects, steps=1)
+    prepared = prepare(recorded, effects, steps=2)
     current, motion = gaps(recorded, prepared, effects)
     without, still = gaps(recorded, prepared, {})
-    print(
-        f"{effects}: {np.round(current * 1e6)} ppm, {np.round(without * 1e6)} without; motion {motion:.3f}, {still:.3f}"
-    )
-    assert current.max() < 1.6e-3
-    assert motion < MOTION
-    assert without.max() > 15 * current.max() or still > 5 * motion
+    print(f"{effects}: {np.round(current * 1e6, 1)} ppm, {np.round(without * 1e6)} without; {motion:.3f}, {still:.3f}")
+    assert current.max() < EXACT
+    assert motion < 0.1  # friction within its width is passed in one sample
+    assert without.max() > 30 * EXACT or still > 5 * motion
 
 
 def test_jitter_is_noise_above_the_floor_not_a_prediction():
@@ -173,31 +191,36 @@ def test_threads_batches_and_neutral_values_change_no_bit():
 
 
 def test_a_set_is_the_same_alone_and_beside_others():
-    """In a block that needs effects, a set without them takes the longer code: equal to rounding, in its own place."""
+    """Neighbours that need the same give the same bits; others may have the batch stop more often (behind late edges,
+    where lags are on), which moves a set's numbers by what its steps leave, in its own place."""
     prepared = prepare(campaign({}), steps=1)
-    alone = replay(prepared, [{}]).currents
-    other = {k: v for name in library.effect_names() if name != "cross_saturation" for k, v in typical(name).items()}
-    mixed = replay(prepared, [other, {}, {"magnet_flux.magnet_flux": 0.09}])
-    assert all(np.abs(a[:, :, 0] - b[:, :, 1]).max() < 1e-9 for a, b in zip(alone, mixed.currents, strict=True))
+    alone = replay(prepared, [{}, {"dead_time.time": 2e-6}])
+    beside = [{}, {"magnet_flux.magnet_flux": 0.09}, {"stator_resistance.resistance": 9.0}]
+    for a, b in zip(alone.currents, replay(prepared, beside[::-1]).currents, strict=True):
+        assert np.abs(a[:, :, 0] - b[:, :, 2]).max() < 1e-9  # the block of two runs the code of late edges
+    for a, b in zip(replay(prepared, [{}]).currents, replay(prepared, beside[::-1]).currents, strict=True):
+        assert np.array_equal(a[:, :, 0], b[:, :, 2])
     many = [typical(name) for name in library.effect_names()] + [{}]
     assert len(plan(prepared, many)) == 2
-    for k, values in enumerate(many):
-        own, among = replay(prepared, [values]), replay(prepared, many)
+    among = replay(prepared, many).currents
+    for k in (0, 5, len(many) - 1):
+        own = replay(prepared, [many[k]]).currents
         assert all(
-            np.abs(a[:, :, 0] - b[:, :, k]).max() < 1e-9 for a, b in zip(own.currents, among.currents, strict=True)
+            np.abs(a[:, :, 0] - b[:, :, k]).max() < 10.0 * EXACT * DRIVE.motor.rated_current
+            for a, b in zip(own, among, strict=True)
         )
-        if k > 3:
-            break
 
 
-def test_one_step_a_period_is_far_below_the_noise_and_of_fourth_order():
+def test_one_step_a_period_is_far_below_the_noise_and_halving_gains_a_square_or_more():
+    """Edges make most segments shorter than half a period, so that the first halving leaves them as they are; the
+    order itself is measured in tests/sandbox/plant/test_order.py."""
     prepared = prepare(campaign({}))
     assert prepared.steps == 1
     halved = [max(halving_error(with_steps(prepared, n))) for n in (1, 2, 4)]
     print("change on halving the step, noise floors:", halved)
     assert halved[0] < 2e-3
-    assert halved[0] / halved[1] == pytest.approx(16.0, rel=0.3)
-    assert halved[1] / halved[2] == pytest.approx(16.0, rel=0.3)
+    assert halved[0] > 2.0 * halved[1]
+    assert halved[1] > 4.0 * halved[2]
 
 
 def test_sensitivities_against_richardson():
@@ -243,29 +266,6 @@ def test_sensitivity_coordinates_and_companions():
     assert np.any(s.motion[2][:, k])
 
 
-def test_arithmetic_without_a_library():
-    angle, below = np.linspace(-300.0, 5000.0, 4 * lanes.LANES), np.linspace(-8.0, 0.0, 4 * lanes.LANES)
-    pairs = np.array([lanes.sine_cosine.py_func(a) for a in angle])
-    assert np.abs(pairs - np.stack([np.sin(angle), np.cos(angle)], axis=1)).max() < 1e-12
-    assert [lanes.fading.py_func(float(a)) for a in below] == pytest.approx(np.exp(below), rel=1e-13)
-    for tau in (0.0, 1e-6, 1e-4, 3.0):
-        decay, old, new = lag_weights(1e-4, tau)
-        assert decay + old + new == pytest.approx(1.0, abs=1e-14)
-        decay, old, mid, new = parabola_weights(1e-4, tau)
-        assert decay + old + mid + new == pytest.approx(1.0, abs=1e-12)
-        # a lag follows its parabolic input t^2 (from rest in the far past) with t^2 - 2 tau t + 2 tau^2
-        at = [t * t - 2 * tau * t + 2 * tau * tau for t in (0.0, 1e-4)]
-        assert decay * at[0] + mid * 0.25e-8 + new * 1e-8 == pytest.approx(at[1], rel=1e-9)
-
-
-def test_edges_come_in_order_of_time_and_close_the_pulses():
-    duty = np.random.default_rng(0).uniform(0.02, 0.98, (50, 3))
-    edges = edge_table(duty, 250e-6)
-    assert np.all(np.diff(edges[:, :, 0], axis=1) >= 0.0)
-    last = edges[:, 5, 1] * 1.5  # all pulses are over: alpha of T D, Clarke
-    assert last == pytest.approx(250e-6 * (duty @ [1.0, -0.5, -0.5]))
-
-
 def test_bad_input_is_named():
     recorded = campaign({}, CASES[:1], n=50)
     prepared = prepare(recorded, steps=1)
@@ -303,11 +303,10 @@ def test_bad_input_is_named():
 
 def test_features_and_rows():
     converter, motor = DRIVE.converter, DRIVE.motor
-    assert features_of(complete(motor, converter)) == 0
+    assert features_of(motor, complete(motor, converter)) == 0
     for name in library.effect_names():
-        values = complete(motor, converter, typical(name))
-        row = compile_set(motor, converter, values, 1)
-        assert np.all(np.isfinite(row)), name
+        batch = batch_of(motor, converter, [complete(motor, converter, typical(name))], 1)
+        assert all(np.all(np.isfinite(batch[row])) for row in batch.dtype.names), name
 
 
 # ---- recordings of a foreign bench ----

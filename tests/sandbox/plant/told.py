@@ -25,7 +25,8 @@ def told(drive, duty, angle, speed, rotor="driven", load=0.0, eccentric=True):
     n, pairs, period = len(duty), float(drive.motor.pole_pairs), drive.converter.sampling_period
     motion = Motion(np.asarray(angle, float), np.asarray(speed, float), eccentric)
     none = np.zeros(n)
-    track = Track(*np.ascontiguousarray(np.transpose(duty)), load=none + load, read=motion.angle, gain_angle=none,
+    d_a, d_b, d_c = np.ascontiguousarray(np.transpose(duty))
+    track = Track(d_a=d_a, d_b=d_b, d_c=d_c, load=none + load, read=motion.angle, gain_angle=none,
                   gain_speed=none, scale=np.ones(n), **course_of(motion, pairs, period))  # fmt: skip
     inputs = Inputs("told", rotor, track, np.zeros((n, 3)), motion, 1.0, pairs, False)
     return Prepared(Campaign("told", drive, (), {}, {}, False), (inputs,), 1, 1.0, {})

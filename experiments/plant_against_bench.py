@@ -1,0 +1,201 @@
+"""The plant against the switched bench: every effect at typical and double size, ten pairs, three motors.
+
+Recordings of the switched bench without noise (locked, driven at two speeds, free) through the replay, the parameter
+set told: rms difference of the sampled currents over rated current.  Where it exceeds LARGEST, the same once more with
+the bench's integration step a thirty-second of its own, with 16 plant steps a period, and with the rotor's motion told
+instead of smoothed: the one that takes the difference away says where it comes from.
+
+Run: python experiments/plant_against_bench.py   (about 3 minutes; writes experiments/results/plant/)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Iterator, Mapping
+from datetime import date
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from model.effects import library
+from model.energy import flux_from_current
+from model.errors import BadInput
+from model.parameters import Drive, load_drive
+from sandbox.campaign import Campaign, CampaignRecording
+from sandbox.replay.replay import Prepared, prepare, replay, with_steps
+from sandbox.replay.smoothing import Motion
+from sandbox.switched.effects import bench, quiet
+from sandbox.switched.simulate import replay as switched
+
+MOTORS = ("ipm", "ipm_exchanged", "brusa_hsm1")
+CASES = (("locked", 0.0), ("driven", 120.0), ("driven", 600.0), ("free", 0.0))  # rad/s electrical
+PAIRS = (
+    ("dead_time", "pwm_delay"), ("dead_time", "iron_loss"), ("dead_time", "device_drop"),
+    ("dead_time", "current_filter"), ("iron_loss", "current_filter"), ("pwm_delay", "current_filter"),
+    ("flux_harmonics", "inductance_harmonics"), ("skin_effect", "current_sampling"),
+    ("dc_link_error", "dc_link_ripple"), ("encoder_eccentricity", "cogging_torque"),
+)  # fmt: skip
+LARGEST = 2e-5
+SAMPLES, SETTLED, COUNTS = 700, 100, 1 << 20
+OUT = Path(__file__).parent / "results" / "plant"
+EQUATIONS = """
+What each reason is, S the length of a segment, e the change of current to its middle:
+
+- plant's step, lags (iron loss, skin effect, filter): their input and the current go on as a straight line or parabola
+  through start and middle; left is the lag's own second order, R S^2/tau^2 of the lagging part.
+- plant's step, device drop: the mean of the soft sign along a straight line from start through middle; the current's
+  curvature moves the instant of the crossing, V_th S^2 i''/(8 w) while |i| is below the half width w.
+- plant's step, flux maps: mean current = i(mean flux) + H'''[S z', S z']/24, which is left out for maps.
+- bench's own step: classic Runge-Kutta over a kink of sign(i) is of first order, V_th h/2 of volt-seconds a crossing.
+- link's sag under late pulses: sag (i(t_k + delay) - i(t_k)); the plant takes the current at the pattern's start.
+"""
+Told = list[tuple[CampaignRecording, Motion]]
+
+
+def sizes(name: str, drive: Drive, times: float) -> dict[str, float]:
+    """Return an effect at so many times its typical size; what says how, not how much, stays (no jitter)."""
+    card, motor = library.load_effect(name), drive.motor
+    out = library.typical(name, motor, drive.converter)
+    for p in card.parameters:
+        value, neutral = out[f"{name}.{p.name}"], p.neutral_for(motor)
+        if p.name in (card.switches or [q.name for q in card.parameters]):
+            out[f"{name}.{p.name}"] = value / times if np.isinf(neutral) else neutral + times * (value - neutral)
+    return {k: v for k, v in out.items() if not k.endswith("jitter")}
+
+
+def cases(drive: Drive) -> Iterator[tuple[str, dict[str, float]]]:
+    """Yield title and parameters of every run."""
+    yield "none", {}
+    for name in library.effect_names():
+        for times in (1.0, 2.0):
+            yield f"{name} x {times:g}", sizes(name, drive, times)
+    for pair in PAIRS:
+        yield " + ".join(pair), {k: v for name in pair for k, v in sizes(name, drive, 1.0).items()}
+
+
+def record(
+    drive: Drive, effects: Mapping[str, float], rotor: str, speed: float, finer: float
+) -> tuple[CampaignRecording, Motion]:
+    """Return a recording of the switched bench, and its encoder's motion without smoothing."""
+    motor, converter, k = drive.motor, drive.converter, np.arange(SAMPLES)
+    period, pairs, rated = converter.sampling_period, motor.pole_pairs, motor.rated_current
+    b = quiet(bench(motor, converter, effects))
+    b = b._replace(step=b.step / finer)
+    theta, middle = (0.3 + speed * period * (k + x) for x in (0.0, 0.5))
+    d, q = flux_from_current(motor.energy, -0.1 * rated, 0.5 * rated)
+    flux = complex(float(d) + motor.magnet_flux, float(q))
+    still = 0.8 * motor.resistance * rated * np.sin(2.0 * np.pi * k / 600.0)
+    size = motor.resistance * rated * complex(-0.1, 0.5) + 1j * speed * flux if rotor == "driven" else still + 0j
+    u = size * np.exp(1j * middle) + drive.injection.amplitude * np.where(k % 8 < 4, 1, -1) * np.exp(1j * middle)
+    load, more = np.zeros(SAMPLES), {"theta": theta, "speed": speed / pairs}
+    if rotor == "free":
+        u = motor.resistance * rated * (0.7 + 0.35 * np.sin(k / 50.0)).astype(complex)
+        load = np.where(k > 300, 0.1 * motor.rated_torque, 0.0)
+        more = {"theta": 0.3, "load_torque": load}
+    r = switched(b, rotor, u.real.copy(), u.imag.copy(), converter.dc_bus_voltage, **more)
+    columns = {"t": k * period, "u_alpha": u.real, "u_beta": u.imag, "theta": r["theta"], "load_torque": load}
+    columns |= {"u_dc": np.full(SAMPLES, converter.dc_bus_voltage)} | {x: r[x] for x in ("i_a", "i_b", "i_c")}
+    wobble = b.eccentricity / pairs * np.cos(r["position"] / pairs + b.eccentricity_phase)
+    told = Motion(r["theta"].copy(), pairs * r["speed"] * (1.0 + wobble))
+    return CampaignRecording(f"{rotor}_{speed:g}.parquet", rotor, "d", columns), told
+
+
+def recorded(drive: Drive, effects: Mapping[str, float], finer: float = 1.0) -> Told:
+    """Return the four recordings."""
+    return [record(drive, effects, rotor, speed, finer) for rotor, speed in CASES]
+
+
+def apart(drive: Drive, told: Told, prepared: Prepared, effects: Mapping[str, float]) -> list[float]:
+    """Return the rms difference of currents over rated current of each recording."""
+    out = []
+    for (r, _), current in zip(told, replay(prepared, [effects]).currents, strict=True):
+        miss = (np.stack([r.i_a, r.i_b, r.i_c], axis=1) - current[:, :, 0])[SETTLED:]
+        out.append(float(np.sqrt(np.mean(np.sum(miss**2, axis=1) * 2.0 / 3.0))) / drive.motor.rated_current)
+    return out
+
+
+def run(drive: Drive, effects: Mapping[str, float]) -> dict[str, Any]:
+    """Return the differences, and where one is too large those with a finer bench, finer plant, and told motion."""
+    told = recorded(drive, effects)
+    campaign = Campaign("bench", drive, tuple(r for r, _ in told), {}, {}, False)
+    prepared = prepare(campaign, effects)
+    found: dict[str, Any] = {"steps": prepared.steps, "apart": apart(drive, told, prepared, effects)}
+    if max(found["apart"]) > LARGEST:
+        period = drive.converter.sampling_period
+        moved = tuple(i.along(m, period) for i, (_, m) in zip(prepared.recordings, told, strict=True))
+        fine = recorded(drive, effects, 32.0)
+        found["bench_finer"] = apart(drive, fine, prepared, effects)
+        found["plant_finer"] = apart(drive, told, with_steps(prepared, 16), effects)
+        found["motion_told"] = apart(drive, told, dataclasses.replace(prepared, recordings=moved), effects)
+        all_three = dataclasses.replace(prepared, recordings=moved, steps=16)
+        found["all_three"] = apart(drive, fine, all_three, effects)
+    return found
+
+
+def why(found: Mapping[str, Any], k: int) -> str:
+    """Return which refinement takes the difference of recording k away most."""
+    kinds = {
+        "bench_finer": "the bench's own step",
+        "plant_finer": "the plant's step",
+        "motion_told": "the smoothed motion",
+    }
+    least = min(kinds, key=lambda kind: found[kind][k])
+    return (
+        f"{kinds[least]} ({found[least][k] * 1e6:.1f} ppm without; {found['all_three'][k] * 1e6:.1f} without all three)"
+    )
+
+
+def table(results: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the results as Markdown."""
+    names = [f"{rotor} {speed:g}" if rotor == "driven" else rotor for rotor, speed in CASES]
+    lines = [
+        "# The plant against the switched bench", "",
+        f"Written by `python experiments/plant_against_bench.py` on {date.today().isoformat()}: rms difference of "
+        "sampled currents over rated current, ppm (driven: rad/s electrical), steps a period as `prepare` chooses; "
+        f"encoder of {COUNTS} counts, so that its counts do not show. "
+        f"Above {LARGEST * 1e6:.0f} ppm the reason stands below.",
+    ]  # fmt: skip
+    for motor, rows in results.items():
+        lines += [
+            "",
+            f"## {motor}",
+            "",
+            f"| effects | steps | {' | '.join(names)} |",
+            "|---|---|" + "---|" * len(names),
+        ]
+        reasons = []
+        for title, found in rows.items():
+            if "refused" in found:
+                lines.append(f"| {title} | | {found['refused']} |" + " |" * (len(names) - 1))
+                continue
+            cells = [f"**{x * 1e6:.1f}**" if x > LARGEST else f"{x * 1e6:.1f}" for x in found["apart"]]
+            lines.append(f"| {title} | {found['steps']} | {' | '.join(cells)} |")
+            large = [k for k, x in enumerate(found["apart"]) if x > LARGEST]
+            reasons += [f"- {title}, {names[k]}: {why(found, k)}" for k in large]
+        lines += ["", *reasons] if reasons else ["", f"None above {LARGEST * 1e6:.0f} ppm."]
+    return "\n".join(lines) + "\n" + EQUATIONS
+
+
+def main() -> None:
+    """Run everything, print and write the table."""
+    results: dict[str, dict[str, Any]] = {}
+    for motor in MOTORS:
+        drive = load_drive(motor)
+        drive = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, encoder_counts=COUNTS))
+        results[motor] = {}
+        for title, effects in cases(drive):
+            try:
+                results[motor][title] = run(drive, effects)
+            except BadInput as refused:
+                results[motor][title] = {"refused": str(refused).partition(";")[0]}
+            print(motor, title, results[motor][title], flush=True)
+    OUT.mkdir(parents=True, exist_ok=True)
+    (OUT / "against_bench.md").write_text(table(results), encoding="utf-8")
+    content = {"date": date.today().isoformat(), "largest": LARGEST, "cases": CASES, "results": results}
+    (OUT / "against_bench.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

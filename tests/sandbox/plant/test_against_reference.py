@@ -1,0 +1,109 @@
+"""The kernel against the readable reference, effect by effect: one equation each, one integrator each."""
+
+import numpy as np
+import pytest
+
+from model.effects import library
+from sandbox.plant.sets import complete
+from sandbox.replay.inputs import LEGS
+from sandbox.replay.replay import replay
+from tests.sandbox.plant.told import DRIVE, SPEED, apart, duties, finer, reference, told, turning
+
+PERIODS = 24
+FINE, CLOSE = 32, 1e-6  # steps a period, of rated current: errors of steps alone fall by 2^2 or more on each halving
+CURVED = 5e-6  # behind late edges a lag's input is a parabola of the right mean, whatever its course
+EXACT = 2e-5
+PERIOD = DRIVE.converter.sampling_period
+
+
+def typical(name):
+    """Return an effect at its typical size, without the jitter that no prediction shows."""
+    return {k: v for k, v in library.typical(name, DRIVE.motor, DRIVE.converter).items() if not k.endswith("jitter")}
+
+
+def kernel(values, duty, steps, speed=SPEED):
+    """Return the kernel's readings (n, 3)."""
+    prepared = finer(told(DRIVE, duty, *turning(len(duty), speed)), steps)
+    return replay(prepared, [values]).currents[0][:, :, 0]
+
+
+CASES = {
+    name: typical(name) for name in ("stator_resistance", *library.effect_names()) if name != "encoder_eccentricity"
+}
+CASES |= {
+    "nothing": {},
+    "ripple of 3 kHz": {"dc_link_ripple.amplitude": 20.0, "dc_link_ripple.frequency": 3000.0},
+    "sag": {"dc_link_error.sag": 30.0},
+    "large harmonics": {"inductance_harmonics.gamma_6": 1.5, "flux_harmonics.psi_d6": 0.005},
+    "harmonics behind skin": {"inductance_harmonics.gamma_6": 1.5, "skin_effect.resistance": 4.0},
+    "early and filtered": {"current_sampling.delay": -0.45 * PERIOD, "current_filter.time_constant": 3e-5},
+    "late, sampled between": {"pwm_delay.delay": 0.3 * PERIOD, "current_sampling.delay": 0.2 * PERIOD},
+    "core sampled between": {"iron_loss.core_resistance": 2e3, "current_sampling.delay": 6e-5},
+    "fast skin": {"skin_effect.resistance": 8.0, "skin_effect.time_constant": 2e-5},
+    "slow filter": {"current_filter.time_constant": 1e-3},
+    "fast filter": {"current_filter.time_constant": 1e-7},
+    "dead time": {"dead_time.time": 2e-5, "bench.soft_current": 0.6},
+    "early edges": {"dead_time.time": -3e-6},
+    "large drop": {"device_drop.threshold": 5.0},
+}
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_readings_are_those_of_the_reference(name):
+    """At 600 rad/s with a square wave of 8 % of the link on top, currents up to twice the rated one."""
+    values, duty = CASES[name], duties(PERIODS)
+    told_by_reference, _ = reference(DRIVE, values, duty)
+    fine, coarse = (apart(DRIVE, kernel(values, duty, steps), told_by_reference) for steps in (FINE, 2))
+    print(f"{name}: {fine * 1e6:.3f} ppm of rated current with {FINE} steps, {coarse * 1e6:.1f} with 2")
+    assert fine < CLOSE
+    assert coarse < EXACT
+    if values:
+        plain = apart(DRIVE, kernel({}, duty, 2), told_by_reference)
+        still = library.load_effect(name).subsystem == "mechanics" if name in library.effect_names() else False
+        assert still or plain > 20.0 * coarse
+
+
+def test_lags_behind_late_edges():
+    """Dead time of 20 us before the core's lag of 200 us, at low voltage: all edges act within one segment."""
+    values = {"iron_loss.core_resistance": 1e3, "dead_time.time": 2e-5, "bench.soft_current": 0.6}
+    duty = 0.5 + 0.1 * (duties(PERIODS, 20.0, 0.02) - 0.5)
+    told_by_reference, _ = reference(DRIVE, values, duty, 20.0)
+    assert apart(DRIVE, kernel(values, duty, 4, 20.0), told_by_reference) < CURVED
+
+
+MOVED = {name: typical(name) for name in library.effect_names() if name != "encoder_offset"}
+MOVED |= {
+    "nothing": {},
+    "load": {"bench.load_torque_gain": 0.1, "bench.load_torque_offset": 0.01},
+    "both": {**typical("shaft_compliance"), **typical("cogging_torque"), **typical("iron_loss")},
+}
+
+
+@pytest.mark.parametrize("name", MOVED)
+def test_a_free_rotor_moves_as_the_reference_says(name):
+    """Nothing corrects the motion predicted from the first reading on; up to twice rated current, a step of load.
+
+    Bounds: the torque's course inside a period is taken as its mean, so that the angle misses by T^3/12 times the
+    slope of the acceleration a period, T^2/12 times its change in all; friction is taken at the middle of the period.
+    A delayed pattern sees the angle at the period's mean speed: the sample then reads off by G psi a d T/2.
+    """
+    n, pairs, values = 240, DRIVE.motor.pole_pairs, MOVED[name]
+    u = 0.06 * np.exp(1j * (1.9 + 0.5 * np.sin(np.arange(n) / 40.0)))
+    legs = np.stack([u.real, u.imag], axis=1) @ LEGS.T
+    duty = 0.5 + legs - 0.5 * (legs.max(axis=1) + legs.min(axis=1))[:, None]
+    load = np.where(np.arange(n) >= 100, 0.1, 0.0)
+    readings, states = reference(DRIVE, values, duty, None, load=lambda t: 0.1 if t >= 100 * PERIOD - 1e-9 else 0.0)
+    v, theta, speed = complete(DRIVE.motor, DRIVE.converter, values), states[:, 8], pairs * states[:, 9]
+    size, phase = pairs * v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
+    read = theta + size * np.sin(theta / pairs + phase)
+    slope = speed * (1.0 + size / pairs * np.cos(theta / pairs + phase))
+    found = replay(finer(told(DRIVE, duty, read, slope, "free", load), 4), [values])
+    change = np.ptp(np.diff(speed)) / PERIOD
+    miss, gap = np.abs(found.motion[0][:, 0]).max(), apart(DRIVE, found.currents[0][:, :, 0], readings)
+    print(f"{name}: motion {miss:.1e} rad of {np.ptp(theta):.2f}, currents {gap * 1e6:.1f} ppm")
+    delay = v["pwm_delay.delay"]
+    late = DRIVE.motor.magnet_flux / DRIVE.motor.inductance_d / DRIVE.motor.rated_current
+    assert gap < EXACT + late * np.abs(np.diff(speed)).max() * delay * 0.5
+    assert miss < 3.0 * PERIOD**2 / 12.0 * change + 1e-5
+    if name in ("load", "both", "cogging_torque", "coulomb_friction", "inertia", "shaft_compliance"):
+        assert np.abs(replay(told(DRIVE, duty, read, slope, "free", load), [{}]).motion[0]).max() > 20.0 * miss

@@ -1,0 +1,101 @@
+"""Sets side by side: what is neutral, and what lanes know of each other; one lane without a compiler."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from model.effects import library
+from sandbox.plant.compose import library_source
+from sandbox.plant.sets import complete, features_of
+from sandbox.replay.replay import replay
+from tests.sandbox.plant import interpreted
+from tests.sandbox.plant.told import DRIVE, duties, told, turning
+
+PREPARED = told(DRIVE, duties(40), *turning(40))
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def readings(sets):
+    """Return readings (n, 3, sets)."""
+    return replay(PREPARED, sets).currents[0]
+
+
+def without_compiler(what):
+    """Return what `interpreted` prints in a process of its own."""
+    environment = {**os.environ, "NUMBA_DISABLE_JIT": "1", "PYTHONPATH": str(ROOT)}
+    call = [sys.executable, "-m", "tests.sandbox.plant.interpreted", what]
+    return json.loads(
+        subprocess.run(call, env=environment, cwd=ROOT, capture_output=True, check=True, text=True).stdout
+    )
+
+
+def test_neutral_effects_change_no_bit():
+    neutral = complete(DRIVE.motor, DRIVE.converter)
+    assert features_of(DRIVE.motor, neutral) == 0
+    plain = readings([{}])[:, :, 0]
+    for name in library.effect_names():
+        own = {k: v for k, v in neutral.items() if k.startswith(f"{name}.")}
+        assert np.array_equal(readings([own])[:, :, 0], plain), name
+
+
+@pytest.mark.parametrize("name", library.effect_names())
+def test_companions_of_an_effect_that_is_off_change_no_bit(name):
+    """What says how, not how much (phase, frequency, time constant, width, ...), does nothing alone."""
+    card, typical = library.load_effect(name), library.typical(name, DRIVE.motor, DRIVE.converter)
+    companions = {k: v for k, v in typical.items() if card.switches and k.partition(".")[2] not in card.switches}
+    if name == "shaft_compliance":
+        del companions["shaft_compliance.load_inertia"]  # refused without stiffness
+    assert np.array_equal(readings([companions]), readings([{}]))
+
+
+def test_a_lane_knows_nothing_of_its_neighbours():
+    """The same set in each of sixteen lanes, beside others that need the same: the same bits."""
+    effects = interpreted.every()
+    others = [{**effects, "stator_resistance.resistance": 8.0 + 0.3 * k} for k in range(15)]
+    alone = readings([effects])[:, :, 0]
+    for lane in (0, 5, 15):
+        beside = readings([*others[:lane], effects, *others[lane:]])[:, :, lane]
+        assert np.array_equal(beside, alone)
+
+
+def test_one_lane_without_a_compiler_is_sixteen_with_one():
+    """Strict arithmetic: vector code of sixteen lanes and an interpreter of one give the same bits."""
+    n = interpreted.SHORT
+    prepared = told(DRIVE, duties(n), *turning(n))
+    compiled = replay(prepared, [interpreted.every()]).currents[0][:, :, 0]
+    assert [float(x).hex() for x in compiled.ravel()] == without_compiler("bits")
+
+
+def test_energy_of_an_electrical_turn_closes():
+    """Input = copper + skin + windings + core + shaft at steady state, all machine effects on.
+
+    Four times the steps bring what is left down fourfold or more: it is the steps', and the meter's (Simpson's rule,
+    the skin effect's lag in the middle taken as the mean of both ends).
+    """
+    left = []
+    for turn in without_compiler("energy"):
+        left.append(abs(turn["input"] - sum(v for k, v in turn.items() if k != "input")) / turn["input"])
+        assert min(turn.values()) > 1e-3 * turn["input"]
+    print("energy left over input:", left)
+    assert left[-1] < 1e-5
+    assert left[0] > 4.0 * left[1]
+    assert left[1] > 4.0 * left[2]
+
+
+def test_the_ports_are_those_of_the_cards():
+    """Regenerate with `python -m sandbox.plant.compose`, then format; equal but for layout."""
+    import ast
+
+    committed = (ROOT / "sandbox" / "plant" / "ports.py").read_text(encoding="utf-8")
+    assert ast.dump(ast.parse(committed)) == ast.dump(ast.parse(library_source()))
+
+
+@pytest.mark.parametrize("name", library.effect_names())
+def test_every_effect_has_an_equation(name):
+    card = library.load_effect(name)
+    assert card.at or card.rows, name
