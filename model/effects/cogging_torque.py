@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from model.compiled import inlined
 from model.effects.card import INF, At, Effect, Parameter
 from model.lanes import sine_cosine
@@ -14,18 +12,6 @@ def helping(amplitude, order_mech, phase, turn, omega):
     """Return the torque (N m) at a mechanical angle (rad), whatever the speed."""
     sine, _ = sine_cosine(order_mech * turn + phase)
     return amplitude * sine
-
-
-@inlined
-def torque(amplitude, order_mech, phase, theta_mech):
-    """Return the torque (N m) at a mechanical angle."""
-    return amplitude * math.sin(order_mech * theta_mech + phase)
-
-
-@inlined
-def potential(amplitude, order_mech, phase, theta_mech):
-    """Return its potential energy (J)."""
-    return amplitude / order_mech * math.cos(order_mech * theta_mech + phase)
 
 
 CARD = Effect(

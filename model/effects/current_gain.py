@@ -12,12 +12,6 @@ def scaled(gain_a, gain_b, gain_c, a, b, c):
     return gain_a * a, gain_b * b, gain_c * c
 
 
-@inlined
-def read(current, gain, offset):
-    """Return what a sensor makes of a phase current (A) before noise and counts."""
-    return gain * current + offset
-
-
 CARD = Effect(
     name="current_gain",
     summary="gain errors of the three current sensors",

@@ -16,14 +16,6 @@ def ripple(amplitude, frequency, phase, time):
     return amplitude * sine
 
 
-@inlined
-def pulse_mean(amplitude, rate, phase, middle, width):
-    """Return the mean of the ripple (V) over a pulse of the given width around an instant (s)."""
-    x = 0.5 * rate * width
-    sinc = math.sin(x) / x if x > 1e-4 else 1.0 - x * x / 6.0
-    return amplitude * math.sin(rate * middle + phase) * sinc
-
-
 CARD = Effect(
     name="dc_link_ripple",
     summary="ripple of the DC link that the reading does not show",

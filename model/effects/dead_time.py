@@ -9,12 +9,6 @@ SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes thro
 
 
 @inlined
-def soft_sign(current, width):
-    """Return the sign of a current, linear within +-width (A)."""
-    return min(max(current / width, -1.0), 1.0)
-
-
-@inlined
 def late(time, sign, side):
     """Return how late (s) an edge acts for the soft sign of its leg's current; side: 1 rises, -1 falls."""
     return 0.5 * (abs(time) + side * time * sign)

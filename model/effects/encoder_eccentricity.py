@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 from model.compiled import inlined
 from model.effects.card import INF, At, Effect, Parameter
 from model.lanes import sine_cosine
@@ -14,12 +12,6 @@ def off(amplitude_mech, phase, turn, pairs):
     """Return the reading's error (rad, electrical) at a mechanical angle (rad)."""
     sine, _ = sine_cosine(turn + phase)
     return pairs * amplitude_mech * sine
-
-
-@inlined
-def deviation(amplitude_mech, phase, pole_pairs, theta):
-    """Return the reading's error (rad, electrical) at an electrical angle."""
-    return pole_pairs * amplitude_mech * math.sin(theta / pole_pairs + phase)
 
 
 CARD = Effect(

@@ -4,16 +4,7 @@ from __future__ import annotations
 
 import math
 
-from model.compiled import kernel
 from model.effects.card import Effect, Parameter
-
-
-@kernel
-def read(theta, offset, deviation, step):
-    """Return the electrical angle as read (rad): offset, eccentricity, nearest count (step 0: no counts)."""
-    angle = theta + offset + deviation
-    return step * math.floor(angle / step + 0.5) if step > 0.0 else angle
-
 
 CARD = Effect(
     name="encoder_offset",

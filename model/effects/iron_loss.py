@@ -2,28 +2,7 @@
 
 from __future__ import annotations
 
-from model.compiled import kernel
 from model.effects.card import INF, Effect, Parameter
-
-
-@kernel
-def slope(conductance, tau, e_d, e_q, core_d, core_q, omega):
-    """Return the slope of i_c (A/s) in the rotor frame; e: slope of the stationary-frame flux seen from there, V."""
-    d = omega * core_q + (conductance * e_d - core_d) / tau
-    return d, (conductance * e_q - core_q) / tau - omega * core_d
-
-
-@kernel
-def reading(conductance, tau, ripple):
-    """Return what the pulses' flux ripple adds to a sampled i_c (A); ripple: its lag by tau, `pulses.ripple_lag`."""
-    return -conductance * ripple / tau
-
-
-@kernel
-def reading_filtered(conductance, tau, ripple, tau_filter, ripple_filter):
-    """Return the same behind a current filter of another time constant (A)."""
-    return -conductance * (ripple - ripple_filter) / (tau - tau_filter)
-
 
 CARD = Effect(
     name="iron_loss",

@@ -5,19 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from model.compiled import kernel
 from model.effects.card import INF, Effect, Parameter
-
-
-@kernel
-def shaft_torque(stiffness, damping, twist, difference):
-    """Return the torque (N m) from motor to load; twist in rad, difference of speeds in rad/s, mechanical."""
-    return stiffness * twist + damping * difference
-
-
-def damping_of(ratio: float, stiffness: float, motor_inertia: float, load_inertia: float) -> float:
-    """Return D (N m s/rad) of a damping ratio."""
-    return 2.0 * ratio * math.sqrt(stiffness * motor_inertia * load_inertia / (motor_inertia + load_inertia))
 
 
 def two_masses(v: Mapping[str, float]) -> dict[str, float]:

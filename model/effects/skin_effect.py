@@ -2,15 +2,7 @@
 
 from __future__ import annotations
 
-from model.compiled import kernel
 from model.effects.card import Effect, Parameter
-
-
-@kernel
-def slope(tau, i_d, i_q, slow_d, slow_q, omega):
-    """Return the slope of the slow part x of the current (A/s) in the rotor frame."""
-    return omega * slow_q + (i_d - slow_d) / tau, (i_q - slow_q) / tau - omega * slow_d
-
 
 CARD = Effect(
     name="skin_effect",

@@ -28,7 +28,7 @@ Diagnose = Callable[[Path, tuple[str, ...]], Any]
 CODE = (  # what a diagnosis depends on, and what records where a recommended recording is made
     "model", "estimators", "sandbox/replay", "sandbox/gap", "sandbox/switched",
     "sandbox/campaign.py", "sandbox/columns.py", "sandbox/control.py", "sandbox/design.py", "sandbox/follow.py",
-    "sandbox/injection.py", "sandbox/plant.py", "sandbox/recording.py", "sandbox/report.py",
+    "sandbox/injection.py", "sandbox/plant", "sandbox/recording.py", "sandbox/report.py",
 )  # fmt: skip
 
 
