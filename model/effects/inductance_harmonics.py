@@ -22,12 +22,6 @@ def current(gamma_6, cos_6, sin_6, d, q):
 
 
 @inlined
-def energy(gamma_6, cos_6, sin_6, d, q):
-    """Return the harmonic part of H (J up to the factor 3/2)."""
-    return 0.5 * gamma_6 * (cos_6 * (d * d - q * q) + 2.0 * sin_6 * d * q)
-
-
-@inlined
 def slope(gamma_6, cos_6, sin_6, d, q):
     """Return dH/dtheta at constant fluxes, J/rad."""
     return 3.0 * gamma_6 * (2.0 * cos_6 * d * q - sin_6 * (d * d - q * q))
