@@ -1,4 +1,4 @@
-"""Cost of the spline energy against the quartic: one evaluation, a period of the plant in a replay, and a whole comparison.
+"""Cost of the spline energy against the quartic: one evaluation, a period of a replay, a whole comparison.
 
 The same motor twice: as the quartic, and as the spline fitted to a flux map computed from it.
 """

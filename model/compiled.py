@@ -1,14 +1,15 @@
 """One decorator for every compiled function: numba, cached on disk, never stale.
 
-numba stamps a cached kernel with the modification time of its own file only, so a changed callee in another
-module would leave the caller's machine code in place.  The cache folder is therefore keyed by a hash of every
-source file that a kernel can depend on.
+A cached kernel is stamped with its own file only, so a changed callee in another module would leave the caller's
+machine code in place.  The cache folder is therefore keyed by a hash of every source file that a kernel can depend on;
+what is in it is checked before it is believed (`model.kernel_cache`).
 """
 
 from __future__ import annotations
 
 import atexit
 import hashlib
+import inspect
 import os
 import shutil
 import tempfile
@@ -20,8 +21,11 @@ from threading import Lock
 from typing import Any
 
 import numba
+from numba.core.dispatcher import Dispatcher
+from numba.core.typeinfer import register_dispatcher
 
 from model.compiling import ROOMS, watch
+from model.kernel_cache import KernelCache
 
 NO_KERNELS = (
     "sandbox/gap",
@@ -59,7 +63,8 @@ def source_key() -> str:
     return digest.hexdigest()[:16]
 
 
-def _cache_dir() -> str:
+def _cache_dir() -> Path | None:
+    """Return the folder for kernels: in the cache, or of this process alone; None where nothing can be written."""
     path = cache_home() / "-".join(["kernels", source_key(), *_MORE])
     try:
         if not path.exists():
@@ -68,11 +73,14 @@ def _cache_dir() -> str:
                 if time.time() - old.stat().st_mtime > KEPT_DAYS * 86400:
                     shutil.rmtree(old, ignore_errors=True)
         with tempfile.TemporaryFile(dir=path):  # a read-only home still runs, from a cache of this process alone
-            return str(path)
+            return path
     except OSError:
-        own = tempfile.mkdtemp(prefix="sensorless-kernels-")
+        try:
+            own = tempfile.mkdtemp(prefix="sensorless-kernels-")
+        except OSError:
+            return None
         atexit.register(shutil.rmtree, own, ignore_errors=True)
-        return own
+        return Path(own)
 
 
 _CACHE_DIR = _cache_dir()
@@ -80,9 +88,9 @@ _COMPILING = Lock()
 watch(cache_home())
 
 
-def kernel_folder() -> str:
-    """Return the folder in which kernels decorated now are kept."""
-    return _CACHE_DIR
+def kernel_folder() -> Path:
+    """Return the folder in which kernels decorated now are kept, or one of this process alone."""
+    return _CACHE_DIR or Path(tempfile.mkdtemp(prefix="sensorless-kernels-"))
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -100,14 +108,17 @@ def kernel_as(signature: Any, **more: Any) -> Callable[[Callable[..., Any]], Any
 
     def compile_(function: Callable[..., Any]) -> Any:
         """Return the dispatcher of a function, its machine code kept in the rooms' own folder."""
-        config: Any = numba.config
-        before = config.CACHE_DIR
-        config.CACHE_DIR = _CACHE_DIR  # only while decorating: the caller's own kernels keep their own place
-        try:
-            options: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", **more}
-            return numba.njit(**options)(function) if signature is None else numba.njit(signature, **options)(function)
-        finally:
-            config.CACHE_DIR = before
+        options: dict[str, Any] = {"nogil": True, "error_model": "numpy", **more}
+        compiled: Any = numba.njit(**options)(function)
+        if not isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT
+            return compiled
+        if _CACHE_DIR is not None and os.path.isfile(inspect.getfile(function)):
+            compiled._cache = KernelCache(function, _CACHE_DIR)  # type: ignore[attr-defined]
+        if signature is not None:
+            with register_dispatcher(compiled):
+                compiled.compile(signature)
+                compiled.disable_compile()
+        return compiled
 
     return compile_
 

@@ -1,7 +1,8 @@
 """Measured and third-party machine data: where each file lives, its SHA-256, licence and citation.
 
 `fetch` looks in the folder named by the environment variable SENSORLESS_DATA (one sub-folder per data set), then in
-the user's cache, then downloads with pooch (`pip install 'sensorless-sandbox[data]'`).  Every file is hash-checked.
+the user's cache, then downloads with pooch (`pip install 'sensorless-sandbox[data]'`), unless SENSORLESS_OFFLINE is
+set.  Every file is hash-checked.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from pathlib import Path
 from model.errors import BadInput, unknown
 
 VARIABLE = "SENSORLESS_DATA"
+OFFLINE = "SENSORLESS_OFFLINE"  # set to anything but 0: nothing is downloaded
 
 
 @dataclass(frozen=True)
@@ -272,6 +274,13 @@ def fetch(name: str) -> Path:
     remedy = f"set {VARIABLE} to a folder that holds {name}/{entry.files[0].name}"
     if any(file.address is None for file in entry.files):
         raise BadInput(f"data set '{name}' is {where}, and has no public address of its own; {remedy}")
+    if os.environ.get(OFFLINE, "0") not in ("", "0"):
+        names = ", ".join(f"'{file.name}' ({file.address})" for file in entry.files[:1])
+        more = f" and {len(entry.files) - 1} more of it" if len(entry.files) > 1 else ""
+        raise BadInput(
+            f"data set '{name}' is not on this machine and {OFFLINE} forbids a download; put {names}{more} into "
+            f"'{cache() / name}'"
+        )
     try:
         pooch = importlib.import_module("pooch")  # only where something must be downloaded
     except ImportError:

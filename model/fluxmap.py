@@ -14,10 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput
+from model.arrays import Arrays, read_arrays
+from model.errors import BadInput, brief
 
 Array = NDArray[np.float64]
 TURNS = {"d": 1.0, "q": -1j, "-d": -1.0, "-q": 1j}  # what brings the magnet's axis onto +d
+MOST_POINTS = 20_000  # of a map: what a fit needs a gigabyte for
+SIZES = {"i": (1e-6, 1e6), "psi": (1e-9, 1e4)}  # A and Wb: of the largest current and flux of any machine
+REAL = "fiu"
+FALLS, OFF_AXIS = 0.05, 0.2  # see `check_physical`
 NAMES = {  # accepted spellings of each quantity, in order of preference
     "i": ("i_s_dq",),
     "psi": ("psi_s_dq",),
@@ -55,6 +60,8 @@ class FluxMap:
                     f"{self.i_q[k[1]]:.4g} A; "
                     "give finite values"
                 )
+        if any(a.ndim != 1 or not np.all(np.isfinite(a)) for a in (self.i_d, self.i_q)):
+            raise BadInput(f"map '{self.name}': the axes of currents must be finite numbers, one row each")
         if np.any(np.diff(self.i_d) <= 0) or np.any(np.diff(self.i_q) <= 0) or min(shape) < 3:
             raise BadInput(
                 f"map '{self.name}': currents must rise strictly along both axes, at least 3 each (got {shape})"
@@ -79,17 +86,65 @@ def read_map(path: str | Path, magnet: str = "d") -> FluxMap:
     with a header of those names.  Raises BadInput for a missing quantity, a ragged grid or numbers not finite.
     """
     path = Path(path)
-    if magnet not in TURNS:
-        raise BadInput(f"magnet axis '{magnet}' is not known; give one of {', '.join(TURNS)}")
-    data = _load(path)
-    i, psi = _complex(data, "i", path), _complex(data, "psi", path)
-    torque = _first(data, "torque")
+    check_axis(magnet)
+    data, names = read_arrays(path, {n for known in NAMES.values() for n in known}, MOST_POINTS)
+    i, psi = _complex(data, "i", path, names), _complex(data, "psi", path, names)
+    torque = _first(data, "torque", REAL)
+    _check_size(path.name, "currents", i, SIZES["i"], "A")
     if psi.shape != i.shape:
         raise BadInput(f"{path.name}: fluxes have shape {psi.shape}, currents {i.shape}; they must be equal")
+    _check_size(path.name, "fluxes", psi, SIZES["psi"], "Wb")
     if torque is not None and torque.size != i.size:
         torque = None
     turn = TURNS[magnet]
-    return _gridded(path.stem, (turn * i).ravel(), (turn * psi).ravel(), None if torque is None else torque.ravel())
+    with np.errstate(invalid="ignore"):  # single fluxes that are not finite are named where they stand on the grid
+        i, psi = turn * i, turn * psi
+    return _gridded(path.stem, i.ravel(), psi.ravel(), None if torque is None else torque.ravel())
+
+
+def check_axis(magnet: object) -> None:
+    """Raise BadInput for an axis that is none of 'd', 'q', '-d', '-q'."""
+    if not isinstance(magnet, str) or magnet not in TURNS:
+        raise BadInput(f"magnet axis {brief(magnet)} is not known; give one of {', '.join(TURNS)}")
+
+
+def check_physical(m: FluxMap) -> None:
+    """Raise BadInput for a map whose magnet lies on another axis, or whose flux falls while its current rises.
+
+    FALLS of the flux's span are left to noise, OFF_AXIS of the largest q flux to a rig's asymmetry.
+    """
+    for name, values, along in (("d", m.psi_d, 0), ("q", m.psi_q, 1)):
+        step = np.diff(values, axis=along)
+        k = tuple(int(n) for n in np.unravel_index(np.argmin(step), step.shape))
+        if step[k] < -FALLS * np.ptp(values) or np.ptp(values) == 0.0:
+            raise BadInput(
+                f"map '{m.name}': psi_{name} changes by {step[k]:.3g} Wb from i_d = {m.i_d[k[0]]:.4g} A, i_q = "
+                f"{m.i_q[k[1]]:.4g} A to the next i_{name}, it must rise with its current; check that point, "
+                "the units, signs and axes"
+            )
+    if m.i_q[0] <= 0.0 <= m.i_q[-1]:
+        middle = np.array([np.interp(0.0, m.i_q, row) for row in m.psi_q])
+        largest = float(np.max(np.abs(m.psi_q)))
+        if abs(float(np.mean(middle))) > OFF_AXIS * largest:
+            raise BadInput(
+                f"map '{m.name}': psi_q is {float(np.mean(middle)):.3g} Wb at i_q = 0 (largest {largest:.3g} Wb), so "
+                "the magnet is not on the d axis; name its axis: magnet = 'q', '-q' or '-d' in [flux_map]"
+            )
+
+
+def _check_size(file: str, what: str, values: NDArray[np.complex128], sizes: tuple[float, float], unit: str) -> None:
+    """Raise BadInput where numbers are not finite, or the largest is no current or flux of any machine."""
+    good = values[np.isfinite(values)]
+    if good.size < values.size and (
+        unit == "A" or not good.size
+    ):  # single fluxes are named where they stand on the grid
+        left = values.size - good.size
+        raise BadInput(f"{file}: {left} of {values.size} {what} are not finite; give a number at every point")
+    largest = float(max(np.max(np.abs(good.real)), np.max(np.abs(good.imag))))
+    if not sizes[0] <= largest <= sizes[1]:
+        raise BadInput(
+            f"{file}: the largest of the {what} is {largest:.3g} {unit}, not in [{sizes[0]:g}, {sizes[1]:g}]"
+        )
 
 
 def write_map(path: str | Path, m: FluxMap) -> None:
@@ -116,47 +171,30 @@ def write_map(path: str | Path, m: FluxMap) -> None:
         raise BadInput(f"map '{path.name}': suffix '{path.suffix}' is not known; use .npz, .mat or .csv")
 
 
-def _load(path: Path) -> dict[str, Any]:
-    try:
-        if path.suffix == ".npz":
-            with np.load(path) as file:
-                return {k: file[k] for k in file.files}
-        if path.suffix == ".mat":
-            from scipy.io import loadmat
-
-            return {k: v for k, v in loadmat(path, squeeze_me=True).items() if not k.startswith("__")}
-        if path.suffix == ".csv":
-            table = np.genfromtxt(path, delimiter=",", names=True, encoding="utf-8")
-            return {n: np.asarray(table[n]) for n in table.dtype.names or ()}
-    except FileNotFoundError:
-        raise BadInput(f"file '{path}' does not exist; give a flux map (.npz, .mat or .csv)") from None
-    except (OSError, ValueError, NotImplementedError) as error:
-        raise BadInput(f"{path.name}: cannot be read as a flux map ({error})") from None
-    raise BadInput(f"map '{path.name}': suffix '{path.suffix}' is not known; use .npz, .mat or .csv")
-
-
-def _first(data: dict[str, Any], quantity: str) -> Any:
+def _first(data: Arrays, quantity: str, kinds: str) -> Any:
     for name in NAMES[quantity]:
-        if name in data and np.size(data[name]) > 1 and np.ndim(data[name]) <= 2:
-            return np.asarray(data[name])
+        if name in data and data[name].size > 1 and data[name].ndim <= 2 and data[name].dtype.kind in kinds:
+            return data[name]
     return None
 
 
-def _complex(data: dict[str, Any], quantity: str, path: Path) -> NDArray[np.complex128]:
-    whole = _first(data, quantity)
+def _complex(data: Arrays, quantity: str, path: Path, names: list[str]) -> NDArray[np.complex128]:
+    whole = _first(data, quantity, "c")
     if whole is not None:
         return np.asarray(whole, dtype=complex)
-    d, q = _first(data, f"{quantity}_d"), _first(data, f"{quantity}_q")
+    d, q = _first(data, f"{quantity}_d", REAL), _first(data, f"{quantity}_q", REAL)
     for name, values in ((f"{quantity}_d", d), (f"{quantity}_q", q)):
         if values is None:
             raise BadInput(
-                f"{path.name}: no '{name}' (or {', '.join(NAMES[name])}); it holds {', '.join(sorted(data))}"
+                f"{path.name}: no '{name}' of numbers (or {', '.join(NAMES[name])}); it holds {', '.join(names)[:80]}"
             )
-    if quantity == "i" and d.ndim == q.ndim == 1 and np.shape(_first(data, "psi_d")) == (len(d), len(q)):
+    if quantity == "i" and d.ndim == q.ndim == 1 and np.shape(_first(data, "psi_d", REAL)) == (len(d), len(q)):
         d, q = np.meshgrid(d, q, indexing="ij")
     if d.shape != q.shape:
         raise BadInput(f"{path.name}: {quantity}_d has shape {d.shape}, {quantity}_q {q.shape}; they must be equal")
-    return np.asarray(d + 1j * q)
+    both = np.empty(d.shape, dtype=complex)  # not d + 1j q: an infinite q would spoil d, too
+    both.real, both.imag = d, q
+    return both
 
 
 def _gridded(name: str, i: NDArray[np.complex128], psi: NDArray[np.complex128], torque: Any) -> FluxMap:

@@ -8,8 +8,9 @@ linear belief.  A fit is kept on disk under a hash of the map and of what fits i
 from __future__ import annotations
 
 import hashlib
+import io
 import math
-import os
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,15 +18,21 @@ from typing import Any
 
 import numpy as np
 
+from model import kept
+from model.arrays import MOST_BYTES
 from model.compiled import cache_home
+from model.datasets import dataset, fetch
 from model.energy import AnyEnergy
-from model.errors import BadInput, unknown
+from model.errors import BadInput, PhysicsError, brief, unknown
+from model.fluxmap import check_axis, check_physical, read_map
+from model.names import check_file
 from model.parameters import Motor, build
 from model.spline import SplineEnergy
 
 KEYS = ("dataset", "file", "magnet", "cells", "smooth")
 OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 ALPHAS = OF_MAP[3:]
+FITTED_BY = ("spline_energy.py", "spline.py", "fluxmap.py", "arrays.py", "matfile.py")
 
 
 @dataclass(frozen=True)
@@ -58,32 +65,39 @@ class MappedMotor(Motor):
         return Motor(**own)
 
 
-def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Path) -> MappedMotor:
-    """Return the motor of a [motor] table and its [flux_map], whose file lies in `folder` or in a data set."""
+def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
+    """Return the motor of a [motor] table, its map unread, with the largest inductances there are.
+
+    Raises BadInput for what can be seen to be wrong without the map.
+    """
     for key in OF_MAP:
         if key in values:
             raise BadInput(f"[motor] {key} comes from the flux map; leave it away")
     for key in table:
         if key not in KEYS:
             raise unknown("key in [flux_map]", key, KEYS)
-    path = _file(table, folder)
-    choice = _choice(table)
-    spline, magnet = _remembered(path, str(table.get("magnet", "d")), choice)
+    if "file" not in table:
+        raise BadInput("[flux_map] lacks 'file'; name the map (.npz, .mat or .csv)")
+    file = check_file(table["file"], "[flux_map] file")
+    if "dataset" in table:
+        names = [f.name for f in dataset(str(table["dataset"])).files]
+        if file not in names:
+            raise unknown(f"file of data set '{table['dataset']}'", file, names)
+    check_axis(table.get("magnet", "d"))
+    _choice(table)
+    return build(Motor, {**values, "inductance_d": 10.0, "inductance_q": 10.0, "magnet_flux": 1.0}, "motor")
+
+
+def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Path) -> MappedMotor:
+    """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in` sees), whose file lies in
+    `folder` or in a data set."""
+    path = (fetch(str(table["dataset"])) if "dataset" in table else folder) / table["file"]
+    spline, magnet = _remembered(path, table.get("magnet", "d"), _choice(table))
     more = {"inductance_d": 1.0 / spline.gamma_d, "inductance_q": 1.0 / spline.gamma_q, "magnet_flux": magnet}
     motor = build(Motor, {**values, **more}, "motor")
     own = {name: getattr(motor, name) for name in Motor.__dataclass_fields__}
     digest = hashlib.sha256(spline.cells.tobytes() + repr(spline[1:]).encode()).hexdigest()[:16]
     return MappedMotor(**own, map_hash=digest, spline=spline)
-
-
-def _file(table: Mapping[str, Any], folder: Path) -> Path:
-    if not isinstance(table.get("file"), str):
-        raise BadInput("[flux_map] lacks 'file'; name the map (.npz, .mat or .csv)")
-    if "dataset" not in table:
-        return folder / table["file"]
-    from model.datasets import fetch
-
-    return fetch(str(table["dataset"])) / table["file"]
 
 
 def _choice(table: Mapping[str, Any]) -> tuple[tuple[int, int], float] | None:
@@ -94,7 +108,7 @@ def _choice(table: Mapping[str, Any]) -> tuple[tuple[int, int], float] | None:
     two = isinstance(cells, list) and len(cells) == 2 and all(type(n) is int and 2 <= n <= 60 for n in cells)
     if not two or not isinstance(smooth, float) or not 0.0 < smooth < 1.0:
         raise BadInput(
-            f"[flux_map] cells = {cells!r:.40}, smooth = {smooth!r:.40}; give both, cells = [14, 12] (2 to 60 each) "
+            f"[flux_map] cells = {brief(cells)}, smooth = {brief(smooth)}; give both, cells = [14, 12] (2 to 60 each) "
             "and smooth in (0, 1), or neither"
         )
     return (cells[0], cells[1]), smooth  # type: ignore[index]
@@ -103,30 +117,44 @@ def _choice(table: Mapping[str, Any]) -> tuple[tuple[int, int], float] | None:
 def _remembered(path: Path, magnet: str, choice: tuple[tuple[int, int], float] | None) -> tuple[SplineEnergy, float]:
     """Return the centred fit of a map and the magnet flux (Wb), from disk where it has been fitted before."""
     try:
+        if path.stat().st_size > max(MOST_BYTES.values()):
+            raise BadInput(f"flux map '{path.name}' has {path.stat().st_size / 1e6:.0f} MB; keep the map alone in it")
         content = path.read_bytes()
     except OSError as error:
         raise BadInput(f"flux map '{path}' cannot be read ({error.strerror}); give a .npz, .mat or .csv file") from None
     here = Path(__file__).parent
-    code = b"".join((here / name).read_bytes() for name in ("spline_energy.py", "spline.py", "fluxmap.py"))
+    code = b"".join((here / name).read_bytes() for name in FITTED_BY)
     key = hashlib.sha256(code + content + repr((path.suffix, magnet, choice)).encode()).hexdigest()[:24]
-    stored = cache_home() / "maps" / f"{key}.npz"
-    try:
-        with np.load(stored) as kept:
-            return SplineEnergy(np.ascontiguousarray(kept["cells"]), *map(float, kept["rest"])), float(kept["magnet"])
-    except (OSError, ValueError, KeyError, EOFError):
-        pass
-    from model.fluxmap import read_map
+    place = cache_home() / "maps" / f"{key}.kept"
+    stored = kept.read(place)
+    if stored is not None:
+        with np.load(io.BytesIO(stored)) as numbers:
+            rest = map(float, numbers["rest"])
+            return SplineEnergy(np.ascontiguousarray(numbers["cells"]), *rest), float(numbers["magnet"])
+    spline, flux = _fitted(path, magnet, choice)
+    body = io.BytesIO()
+    np.savez(body, cells=spline.cells, rest=np.array(spline[1:]), magnet=flux)
+    kept.write(place, body.getvalue())
+    return spline, flux
+
+
+def _fitted(path: Path, magnet: str, choice: tuple[tuple[int, int], float] | None) -> tuple[SplineEnergy, float]:
     from model.spline_energy import centred, fit, fit_map
 
     data = read_map(path, magnet)
-    spline, flux = centred(fit(*data.points(), *choice) if choice else fit_map(data))
+    check_physical(data)
     try:
-        stored.parent.mkdir(parents=True, exist_ok=True)
-        aside = stored.with_suffix(f".{os.getpid()}.npz")
-        np.savez(aside, cells=spline.cells, rest=np.array(spline[1:]), magnet=flux)
-        aside.replace(stored)
-    except OSError:  # no home to write to: fit again next time
-        pass
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # a fit without an answer is refused below
+            spline, flux = centred(fit(*data.points(), *choice) if choice else fit_map(data))
+    except (BadInput, PhysicsError):
+        raise
+    except (ArithmeticError, np.linalg.LinAlgError, RuntimeError, ValueError) as error:
+        raise BadInput(
+            f"flux map '{path.name}' cannot be fitted ({error}); check its units (A, Wb), signs and magnet axis"
+        ) from None
+    if not (np.all(np.isfinite(spline.cells)) and min(spline.gamma_d, spline.gamma_q) > 0.0 and math.isfinite(flux)):
+        raise BadInput(f"flux map '{path.name}' gives no finite energy; check its units (A, Wb), signs and magnet axis")
     return spline, flux
 
 

@@ -9,15 +9,18 @@ from __future__ import annotations
 import dataclasses
 import math
 import tomllib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from model.energy import AnyEnergy, Energy
-from model.errors import BadInput, unknown
+from model.errors import BadInput, brief, unknown
+from model.names import check_name, fitting
 
 MOTORS = Path(__file__).parent / "motors"
 MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry
+LARGEST = 1e300
 WAVEFORMS = ("square", "sine", "random")
 MAP_SUFFIXES = (".npz", ".mat", ".csv")
 OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording"}  # allowed, not read here
@@ -39,13 +42,27 @@ def check(thing: Any, table: str) -> None:
             continue
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             unit = f.metadata["unit"] or "no unit"
-            raise BadInput(f"[{table}] {f.name} = {value!r:.40} is not a number; give one ({unit})")
+            raise BadInput(f"[{table}] {f.name} = {brief(value)} is not a number; give one ({unit})")
         if not low <= value <= high:  # NaN lands here too
             bound = f"[{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
-            raise BadInput(f"[{table}] {f.name} = {str(value)[:40]} is out of range; give a finite value in {bound}")
-    for name in ("name", "description", "waveform", "transformation", "rotor", "reference"):
+            raise BadInput(f"[{table}] {f.name} = {brief(value)} is out of range; give a finite value in {bound}")
+    for name in ("description", "waveform", "transformation", "rotor", "reference"):
         if not isinstance(getattr(thing, name, ""), str):
-            raise BadInput(f"[{table}] {name} = {getattr(thing, name)!r} is not a text; put it in quotes")
+            raise BadInput(f"[{table}] {name} = {brief(getattr(thing, name))} is not a text; put it in quotes")
+    if hasattr(thing, "name"):
+        check_name(thing.name, f"[{table}] name")
+
+
+def finite(value: object) -> float | None:
+    """Return a number that a file gives as a float, None where it is none, not finite or too large for one."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)) or not abs(value) <= LARGEST:
+        return None
+    return float(value)
+
+
+def texts(table: dict[str, Any]) -> dict[str, str]:
+    """Return a table's values as texts, whatever they are."""
+    return {k: v if isinstance(v, str) else brief(v, 1000) for k, v in table.items()}
 
 
 @dataclass(frozen=True)
@@ -199,31 +216,43 @@ def describe(name: str) -> str:
     return str(read_toml(motor_file(name))["motor"]["description"])
 
 
+def fetched(name: str | Path) -> bool:
+    """Tell whether a motor's flux map is a data set, which may have to be downloaded; BadInput for an unknown name."""
+    table = read_toml(motor_file(name)).get("flux_map")
+    return isinstance(table, dict) and "dataset" in table
+
+
 def load_drive(name: str | Path) -> Drive:
-    """Return the drive of a built-in name, a TOML file or the one beside a flux map; BadInput says what is wrong."""
+    """Return the drive of a built-in name, a TOML file or the one beside a flux map; BadInput says what is wrong.
+
+    Nothing is downloaded for a file that is wrong: it is read with a stand-in for its flux map first.
+    """
     path = motor_file(name)
     data = read_toml(path)
     for table in data:
         if table not in {"motor", "flux_map", "drive", "injection"} | OTHER_TABLES:
             raise _in_file(path, unknown("table", table, ["motor", "flux_map", "drive", "injection", "provenance"]))
     try:
-        motor = _motor(path, data)
-        converter = build(Converter, {**_converter_defaults(motor), **_table(data, "drive")}, "drive")
-        injection = build(
-            Injection, {**_injection_defaults(motor, converter), **_table(data, "injection")}, "injection"
-        )
+        for motor in _motors(path, data):
+            converter = build(Converter, {**_converter_defaults(motor), **_table(data, "drive")}, "drive")
+            injection = build(
+                Injection, {**_injection_defaults(motor, converter), **_table(data, "injection")}, "injection"
+            )
     except BadInput as error:
         raise _in_file(path, error) from None
-    return Drive(motor, converter, injection, {k: str(v) for k, v in _table(data, "provenance").items()})
+    return Drive(motor, converter, injection, texts(_table(data, "provenance")))
 
 
-def _motor(path: Path, data: dict[str, Any]) -> Motor:
-    values = {"name": path.stem, **_table(data, "motor", required=True)}
+def _motors(path: Path, data: dict[str, Any]) -> Iterator[Motor]:
+    """Yield the motor; before one with a flux map, a stand-in with the rest of it."""
+    values = {"name": fitting(path.stem, "motor"), **_table(data, "motor", required=True)}
     if "flux_map" not in data:
-        return build(Motor, values, "motor")
-    from model.mapped import mapped_motor
+        yield build(Motor, values, "motor")
+        return
+    from model.mapped import mapped_motor, stand_in
 
-    return mapped_motor(values, _table(data, "flux_map"), path.parent)
+    yield stand_in(values, _table(data, "flux_map"))
+    yield mapped_motor(values, _table(data, "flux_map"), path.parent)
 
 
 def is_file_name(path: Path) -> bool:
@@ -240,7 +269,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError) as error:
         if isinstance(error, tomllib.TOMLDecodeError):
             raise BadInput(f"file '{path}' is not valid TOML: {error}") from None
-        raise BadInput(f"file '{path}' cannot be read as text: {error}") from None
+        raise BadInput(f"file '{path}' cannot be read as TOML: {error}; give a text file in UTF-8") from None
 
 
 def build(kind: Any, values: dict[str, Any], table: str) -> Any:

@@ -33,6 +33,7 @@ CHOICES = [(c, s) for c in ((10, 8), (14, 12), (20, 16)) for s in (1e-4, 3e-4, 1
 FOLDS = 5
 TOLERATED = 1.2  # of the least squared error: the smoothest choice within it is taken
 ROUNDS = 60
+MOST_PLANES = 800  # inequalities kept: more than twice what any measured map needed; beyond, a fit has no end
 
 
 def flux_from_current(m: SplineEnergy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[Array, Array]:
@@ -89,6 +90,8 @@ def fit(
     curvature = [box.rows(*points, a, b) for a, b in ((2, 0), (1, 1), (0, 2))]
     linear = np.polyfit(psi_d, i_d, 1)[0], float(psi_q @ i_q / (psi_q @ psi_q))
     weight = np.tile(np.array([1 / linear[0], 0.0, 1 / linear[1]]), (len(psi_d), 1))
+    if not min(linear) > 0.0:
+        raise BadInput("currents of a flux map do not rise with the fluxes; check its units, signs and magnet axis")
     floor = FLOOR * min(linear)
     c: Array | None = None
     for _ in range(4):  # the weights depend on the solution
@@ -237,6 +240,8 @@ def _convex_least_squares(rows: Array, goal: Array, box: _Box, curvature: list[A
         cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
         new = dd[short] * cos**2 + 2 * dq[short] * cos * sin + qq[short] * sin**2
         planes = np.concatenate([planes, new])
+        if len(planes) > MOST_PLANES:
+            break
         g = solve_triangular(low, planes.T, lower=True)
         h = least - planes @ best
         size = np.linalg.norm(g, axis=0)
@@ -248,7 +253,7 @@ def _convex_least_squares(rows: Array, goal: Array, box: _Box, curvature: list[A
         keep = (dual > 0) | (np.arange(len(dual)) >= len(dual) - len(new))
         planes = planes[keep]
     raise PhysicsError(
-        f"no strictly convex spline energy found for this map after {ROUNDS} rounds (smallest curvature "
-        f"{float(smallest.min()):.2g}, wanted {least:.2g}); use fewer cells, or remove points that "
-        "contradict each other"
+        f"no strictly convex spline energy found for this map ({len(short)} places where its smallest curvature, "
+        f"{float(smallest.min()):.2g}, should be {least:.2g}); use fewer cells, check the magnet's axis, or remove "
+        "points that contradict each other"
     )

@@ -39,10 +39,10 @@ PEER_REPETITIONS = 3
 @kernel
 def _many_periods(bench, rig, memory, rng, periods):
     """Move the plant on through periods of a 500 Hz square wave, as reference_rk4.c does."""
-    duty, before, looks, seen = np.full(3, 0.5), np.full(3, 0.5), np.full(2, -1.0), np.zeros((2, 2))
+    looks, seen = np.full(2, -1.0), np.zeros((2, 2))
     for k in range(periods):
         memory[loop.U_ALPHA], memory[loop.U_BETA] = (-30.0 if (k // 4) & 1 else 30.0), 10.0
-        loop.progress(k, bench, rig, 0.0, 0.0, memory, duty, before, looks, seen, rng)
+        loop.progress(k, bench, rig, 0.0, 0.0, memory, looks, seen, rng)
 
 
 def plant_second() -> float:

@@ -20,9 +20,10 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, unknown
+from model.errors import BadInput, brief, shown, unknown
 from model.mapped import without_map
-from model.parameters import Converter, Drive, Injection, Motor, build, read_toml
+from model.names import check_file, check_name, fitting
+from model.parameters import Converter, Drive, Injection, Motor, build, finite, read_toml, texts
 
 if TYPE_CHECKING:
     import pandas
@@ -46,6 +47,8 @@ STATED = {  # standard deviations that a campaign may state
     ),
 }  # fmt: skip
 TABLES = ("campaign", "drive", "motor", "uncertainty", "background", "injection", "provenance", "recording")
+LARGEST = 1e12  # of any recorded number, in its unit
+LINK = (0.1, 1e5)  # V, as in [drive]
 OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
 RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
 
@@ -58,6 +61,9 @@ class Finding:
     column: str
     row: int | None
     text: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", shown(self.text))  # it holds names of columns as other programs wrote them
 
 
 @dataclass(frozen=True, repr=False)
@@ -74,13 +80,17 @@ class CampaignRecording:
     dc_bus_voltage: float | None = None
 
     def __post_init__(self) -> None:
+        check_file(self.file, "recording's file")
         if self.rotor not in ROTORS:
             raise BadInput(f"{self.file}: {unknown('rotor', self.rotor, ROTORS)}")
         if self.injection_axis not in AXES:
             raise BadInput(f"{self.file}: {unknown('injection_axis', self.injection_axis, AXES)}")
         link = self.dc_bus_voltage
-        if link is not None and not (math.isfinite(link) and link > 0.0):
-            raise BadInput(f"{self.file}: dc_bus_voltage = {link:g} is no link voltage; give volts > 0")
+        if link is not None and not LINK[0] <= link <= LINK[1]:
+            raise BadInput(
+                f"{self.file}: dc_bus_voltage = {brief(link)} is no link voltage; give one in "
+                f"[{LINK[0]:g}, {LINK[1]:g}] V"
+            )
         _check_columns(self.file, self.columns)
 
     def __getattr__(self, name: str) -> Array:
@@ -184,7 +194,7 @@ def assemble(
         raise BadInput(f"{source}: {error}") from None
     for r in recordings:
         _check_period(r, converter.sampling_period)
-    provenance = {k: str(v) for k, v in table_of(data, "provenance").items()}
+    provenance = texts(table_of(data, "provenance"))
     return Campaign(
         own_name, Drive(motor, converter, injection, provenance), recordings,
         uncertainty, background, from_data,
@@ -200,10 +210,8 @@ def table_of(data: Mapping[str, Any], name: str) -> dict[str, Any]:
 
 
 def _name(data: Mapping[str, Any], usual: str) -> str:
-    name = table_of(data, "campaign").get("name", usual)
-    if not isinstance(name, str):
-        raise BadInput(f"[campaign] name = {name!r:.40} is not a text; put it in quotes")
-    return name
+    stated = table_of(data, "campaign")
+    return check_name(stated["name"], "[campaign] name") if "name" in stated else fitting(usual, "campaign")
 
 
 def converter_of(data: Mapping[str, Any]) -> Converter:
@@ -237,16 +245,16 @@ def _entry(entry: Any, source: str) -> tuple[str, str, str, float | None]:
             raise BadInput(f"{source}: {unknown('key in [[recording]]', key, OF_RECORDING)}")
     for key in OF_RECORDING[:3]:
         if not isinstance(entry.get(key, ""), str):
-            raise BadInput(f"{source}: {key} = {entry[key]!r:.40} in [[recording]] is not a text; put it in quotes")
-    link = entry.get("dc_bus_voltage")
-    if link is not None and (isinstance(link, bool) or not isinstance(link, (int, float))):
-        raise BadInput(f"{source}: dc_bus_voltage = {link!r} in [[recording]] is no number; give volts > 0")
-    return (
-        entry["file"],
-        entry.get("rotor", ""),
-        entry.get("injection_axis", "none"),
-        None if link is None else float(link),
-    )
+            raise BadInput(f"{source}: {key} = {brief(entry[key])} in [[recording]] is not a text; put it in quotes")
+    try:
+        file = check_file(entry["file"], "file in [[recording]]")
+    except BadInput as error:
+        raise BadInput(f"{source}: {error}") from None
+    link = finite(entry.get("dc_bus_voltage"))
+    if link is None and "dc_bus_voltage" in entry:
+        stated = brief(entry["dc_bus_voltage"])
+        raise BadInput(f"{source}: dc_bus_voltage = {stated} in [[recording]] is no number; give volts > 0")
+    return file, entry.get("rotor", ""), entry.get("injection_axis", "none"), link
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
@@ -278,9 +286,12 @@ def _check_columns(file: str, columns: Mapping[str, Array]) -> None:
             raise BadInput(f"{file}: column '{name}' has {values.size} rows, 't' has {n}; they must be equal")
         if n < 2:
             raise BadInput(f"{file}: {n} rows; a recording needs at least 2")
-        bad = np.flatnonzero(~np.isfinite(values))
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
         if bad.size:
-            raise BadInput(f"{file}: row {bad[0]} of column '{name}' is {values[bad[0]]}; give finite numbers only")
+            raise BadInput(
+                f"{file}: row {bad[0]} of column '{name}' is {values[bad[0]]}; give finite numbers only, of at most "
+                f"{LARGEST:.0e} in size"
+            )
 
 
 def _check_period(r: CampaignRecording, period: float) -> None:
@@ -303,7 +314,7 @@ def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording]) -> 
         moving = [r for r in recordings if r.rotor != "locked"]
         omega = max((float(np.ptp(r.theta) / np.ptp(r.t)) for r in moving), default=0.0)
         stated = (values.get("pole_pairs"), values.get("magnet_flux"))
-        pairs, flux = (x if isinstance(x, (int, float)) and x > 0 else 0.0 for x in stated)  # Motor says what is wrong
+        pairs, flux = (max(finite(x) or 0.0, 0.0) for x in stated)  # Motor says what is wrong
         found = {
             "rated_current": current or 1.0,
             "rated_torque": 1.5 * pairs * flux * current or 1.0,
@@ -318,8 +329,8 @@ def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:
     for key, value in values.items():
         if key not in STATED[table]:
             raise unknown(f"key in [{table}]", key, STATED[table])
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 <= value < math.inf:
-            raise BadInput(f"[{table}] {key} = {value!r} is no standard deviation; give a finite number >= 0")
+        if (finite(value) or 0.0) < 0.0 or finite(value) is None:
+            raise BadInput(f"[{table}] {key} = {brief(value)} is no standard deviation; give a finite number >= 0")
     return {k: float(v) for k, v in values.items()}
 
 
@@ -336,6 +347,7 @@ def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
     try:
         (partial / "campaign.toml").write_text(_toml(campaign), encoding="utf-8")
         for r in campaign.recordings:
+            (partial / r.file).parent.mkdir(parents=True, exist_ok=True)
             parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file)
         partial.chmod(0o755)
         os.replace(partial, folder)

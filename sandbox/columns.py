@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, unknown
+from model.errors import BadInput, brief, unknown
 from model.frames import phases
+from model.parameters import finite
 from sandbox.campaign import OPTIONAL, Finding, table_of
 from sandbox.foreign import Table
 
@@ -43,6 +44,8 @@ KINDS = {
 }
 KIND = {name: kind for kind, names in KINDS.items() for name in names}
 KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
+LARGEST = 1e18  # of any cell, nanoseconds included
+SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
 WRAP = 1.01  # turns within which a wrapped angle stays
 
 
@@ -74,21 +77,25 @@ def _parse(name: str, entry: Any) -> Column:
     if isinstance(entry, str):
         entry = {"column": entry}
     if not isinstance(entry, dict):
-        raise BadInput(f'[columns] {name} = {entry!r:.40} is no entry; write {name} = {{column = "...", unit = "..."}}')
+        raise BadInput(
+            f'[columns] {name} = {brief(entry)} is no entry; write {name} = {{column = "...", unit = "..."}}'
+        )
     for key in entry:
         if key not in KEYS:
             raise unknown(f"key in [columns] {name}", key, KEYS)
     for key in ("scale", "offset", "value"):
-        x = entry.get(key, 0.0)
-        if isinstance(x, bool) or not isinstance(x, (int, float)) or not abs(x) < 1e300:
-            raise BadInput(f"[columns] {name}: {key} = {x!r:.40} is no finite number; give one")
-    if entry.get("scale", 1.0) == 0.0:
-        raise BadInput(f"[columns] {name}: scale = 0 would erase the column; leave it out or give a factor")
+        if finite(entry.get(key, 0.0)) is None:
+            raise BadInput(f"[columns] {name}: {key} = {brief(entry[key])} is no finite number; give one")
+    if not SMALLEST <= abs(entry.get("scale", 1.0)) <= 1.0 / SMALLEST:
+        raise BadInput(
+            f"[columns] {name}: scale = {brief(entry['scale'])} would erase the column; leave it out or give "
+            f"a factor of size {SMALLEST:g} to {1.0 / SMALLEST:g}"
+        )
     for key in ("column", "unit"):
         if not isinstance(entry.get(key, ""), str):
-            raise BadInput(f"[columns] {name}: {key} = {entry[key]!r:.40} is no text; put it in quotes")
+            raise BadInput(f"[columns] {name}: {key} = {brief(entry[key])} is no text; put it in quotes")
     if not isinstance(entry.get("mechanical", False), bool):
-        raise BadInput(f"[columns] {name}: mechanical = {entry['mechanical']!r:.40} must be true or false")
+        raise BadInput(f"[columns] {name}: mechanical = {brief(entry['mechanical'])} must be true or false")
     if entry.get("mechanical") and KIND[name] != "angle":
         raise BadInput(f"[columns] {name}: mechanical = true is for theta and theta_hat only; remove it")
     if "value" in entry and "column" in entry:
@@ -168,13 +175,14 @@ def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: flo
 
 
 def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
-    bad = np.flatnonzero(~np.isfinite(raw))
+    bad = np.flatnonzero(~(np.abs(raw) <= LARGEST))
     if bad.size:
         k = int(bad[0])
         cell = table.odd.get((column, k))
         shown = f"{raw[k]}" if cell is None else f"'{cell[:20]}'" if cell else "empty"
         raise BadInput(
-            f"{file}: row {k} of column '{column}' is {shown}, no number; record every sample and export it again"
+            f"{file}: row {k} of column '{column}' is {shown}, no number that was measured; record every sample "
+            "and export it again"
         )
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
@@ -23,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.contract import Belief, Tuning
+from model import kept
 from model.compiled import cache_home
 from model.energy import AnyEnergy, flux_newton, hessian, min_eigenvalue
 from model.errors import BadInput
@@ -136,20 +136,12 @@ def design(drive: Drive, start_up: bool = True) -> Design:
 def _remembered(*key: Any) -> dict[str, Loop]:
     """Return `design_loops(*key)`, from disk where this version has designed them before."""
     version = hashlib.sha256(Path(__file__).read_bytes() + repr(key).encode()).hexdigest()[:24]
-    path = cache_home() / "designs" / f"{version}.json"
-    try:
-        stored = json.loads(path.read_text())
-        return {name: Loop(**stored[name]) for name in ("current", "tracking", "speed")}
-    except (OSError, ValueError, TypeError, KeyError):
-        pass
+    path = cache_home() / "designs" / f"{version}.kept"
+    stored = kept.read(path)
+    if stored is not None:
+        return {name: Loop(**loop) for name, loop in json.loads(stored).items()}
     loops = design_loops(*key)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        aside = path.with_suffix(f".{os.getpid()}")
-        aside.write_text(json.dumps({name: asdict(loop) for name, loop in loops.items()}))
-        aside.replace(path)
-    except OSError:  # no home to write to: design again next time
-        pass
+    kept.write(path, json.dumps({name: asdict(loop) for name, loop in loops.items()}).encode())
     return loops
 
 

@@ -17,6 +17,7 @@ from sandbox.design import OVERLOAD, Design
 from sandbox.injection import samples_per_period
 from sandbox.scenario import Scenario
 
+MOST_STEPS = 4_000_000_000  # of the plant in one run: three minutes and more
 LEAST_TURN = 4  # samples of a rotating injection's turn
 POLARITY_SIGMA = 6.0  # the two ripples of the polarity test must differ by this many standard deviations
 
@@ -38,6 +39,15 @@ def check_call(estimator: Estimator, belief: str, seed: int, stride: int, plant_
         raise BadInput(f"stride {stride!r:.40} is out of range; record every stride-th sample, at least 1")
     if not 1e-9 <= plant_step <= 1e-2:
         raise BadInput(f"plant_step {plant_step} s is out of range; give a value in [1e-9, 0.01] s")
+
+
+def check_length(samples: int, steps: int, period: float) -> None:
+    """Raise BadInput for a run of more plant steps than anybody waits for (steps: in a sampling period, s)."""
+    if samples * steps > MOST_STEPS:
+        raise BadInput(
+            f"{samples} samples of {steps} plant steps of {period / steps:.3g} s are more than {MOST_STEPS:.0e} steps; "
+            "shorten the run, or check resistance and inductances (L/R sets the step), speed and effects"
+        )
 
 
 def check_injection(estimator: Estimator, drive: Drive) -> None:

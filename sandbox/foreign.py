@@ -1,4 +1,4 @@
-"""Tables of other programs as columns of floats: CSV, Parquet, MAT (to version 7), MDF4.
+"""Tables of other programs as columns of floats: CSV, Parquet, MAT (versions 5 to 7), MDF4.
 
 Cells that are empty or no number become NaN here; a column that is asked for and holds one is refused where it is
 mapped (`sandbox.columns`), with its row.  Rows are counted from 0, after header and unit row.
@@ -11,16 +11,17 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, unknown
+from model.matfile import read_mat
 from sandbox.campaign import read_parquet
 
 Array = NDArray[np.float64]
 SUFFIXES = (".parquet", ".csv", ".txt", ".tsv", ".mat", ".mf4")
+LARGEST_MAT = 1_000_000_000  # bytes unpacked of one file
 HEADER = re.compile(r"^\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\[\]()]*)[\])])?\s*$")
 
 
@@ -126,29 +127,12 @@ def _is_number(cell: str) -> bool:
 
 def _mat(path: Path) -> dict[str, Array]:
     """Return the vectors of a MAT file; those in a structure are named 'structure.field'."""
-    with path.open("rb") as file:
-        begin = file.read(128)
-    if begin.startswith(b"MATLAB 7.3") or begin.startswith(b"\x89HDF"):
-        raise BadInput(f"{path.name}: MAT version 7.3 (HDF5) is not read; save it with save(..., '-v7') or as Parquet")
-    from scipy.io import loadmat
-
     try:
-        content = loadmat(path, simplify_cells=True)
-    except Exception as error:  # scipy raises whatever a damaged file leads it to
-        raise BadInput(f"{path.name}: not a MAT file of version 4 to 7 ({error!s:.80}); save it again") from None
-    found: dict[str, Array] = {}
-    _vectors("", {k: v for k, v in content.items() if not k.startswith("__")}, found)
-    return found
-
-
-def _vectors(prefix: str, content: Mapping[str, Any], found: dict[str, Array]) -> None:
-    for name, value in content.items():
-        if isinstance(value, dict):
-            _vectors(f"{prefix}{name}.", value, found)
-        else:
-            array = np.squeeze(np.asarray(value))
-            if array.ndim == 1 and array.dtype.kind in "fiub":
-                found[prefix + name] = array.astype(np.float64)
+        found = read_mat(path, LARGEST_MAT)
+    except (OSError, ValueError) as error:
+        raise BadInput(f"{path.name}: not a MAT file that can be read ({error!s:.100}); save it again") from None
+    vectors = {name: np.squeeze(a) for name, a in found.items()}
+    return {name: v.astype(np.float64) for name, v in vectors.items() if v.ndim == 1 and v.dtype.kind == "f"}
 
 
 def _mdf(path: Path, wanted: Iterable[str]) -> Table:

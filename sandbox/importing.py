@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, unknown
-from model.parameters import read_toml
+from model.errors import BadInput, brief, unknown
+from model.parameters import finite, read_toml
 from sandbox.campaign import ROTORS, Campaign, CampaignRecording, Finding, assemble, converter_of, entries_of, table_of
 from sandbox.columns import KIND, Column, contract, parse_columns
 from sandbox.foreign import read_table
@@ -88,10 +88,13 @@ def _pole_pairs(data: Mapping[str, Any], mapped: Mapping[str, Column], source: s
     """Return the motor's pole pairs where a mechanical angle needs them, else 1."""
     if not any(c.mechanical for c in mapped.values()):
         return 1.0
-    pairs = table_of(data, "motor").get("pole_pairs")
-    if isinstance(pairs, bool) or not isinstance(pairs, (int, float)) or not 1 <= pairs <= 100:
-        raise BadInput(f"{source}: [motor] pole_pairs = {pairs!r} cannot turn a mechanical angle; give it in [1, 100]")
-    return float(pairs)
+    stated = table_of(data, "motor").get("pole_pairs")
+    pairs = finite(stated)
+    if pairs is None or not 1.0 <= pairs <= 100.0:
+        raise BadInput(
+            f"{source}: [motor] pole_pairs = {brief(stated)} cannot turn a mechanical angle; give it in [1, 100]"
+        )
+    return pairs
 
 
 def regular(file: str, t: Array | None, n: int, period: float) -> tuple[Array, list[Finding]]:

@@ -48,9 +48,9 @@ def staircase(
     c, s = math.cos(bench.theta), math.sin(bench.theta)
     command = np.column_stack([c * u[:, 0] - s * u[:, 1], s * u[:, 0] + c * u[:, 1]])
     first = phases.py_func(*(c * currents[0][0] - s * currents[0][1], s * currents[0][0] + c * currents[0][1]))
-    columns = {"t": np.arange(len(u)) * h, "u_alpha": command[:, 0], "u_beta": command[:, 1]}
+    columns: dict[str, Array] = {"t": h * np.arange(len(u), dtype=float), "u_alpha": command[:, 0], "u_beta": command[:, 1]}
     columns |= {"theta": np.full(len(u), bench.theta), "u_dc": np.full(len(u), drive.converter.dc_bus_voltage)}
-    columns |= {f"i_{x}": np.full(len(u), i) for x, i in zip("abc", first, strict=True)}  # where it starts from
+    columns |= {f"i_{x}": np.full(len(u), float(i)) for x, i in zip("abc", first, strict=True)}  # where it starts from
     asked = CampaignRecording(file, "locked", axis, columns)
     values = {
         "encoder_offset.offset": -bench.angle_error, "device_drop.threshold": bench.threshold,

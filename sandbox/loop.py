@@ -22,9 +22,9 @@ from model.energy import min_eigenvalue
 from model.frames import rotate, stationary
 from sandbox.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
 from sandbox.plant import ports
-from sandbox.plant.batch import numba_type
+from sandbox.plant.batch import numba_type, room_type
 from sandbox.plant.edges import duties, write_edges
-from sandbox.plant.period import Course, Room, Timing, blank_room, travel
+from sandbox.plant.period import Course, Timing, travel
 from sandbox.plant.sampling import read
 from sandbox.recording import CHANNELS
 
@@ -63,7 +63,7 @@ RIG = numba.typeof(Rig(*5 * (0,), *8 * (0.0,)))
 RNG = numba.typeof(np.random.default_rng(0))
 VECTOR = types.Array(types.float64, 1, "C")
 TABLE = types.Array(types.float64, 2, "C")
-TIMING, ROOM = numba.typeof(Timing(*5 * (0.0,))), numba.typeof(blank_room(1))
+TIMING, ROOM = numba.typeof(Timing(*5 * (0.0,))), numba.from_dtype(room_type(1))
 
 
 class Bench(NamedTuple):
@@ -73,7 +73,7 @@ class Bench(NamedTuple):
     flux_map: Any
     timing: Timing
     features: int
-    room: Room
+    room: Any
 
 
 @kernel
@@ -211,28 +211,28 @@ def keep(memory, next_u):
 
 
 @kernel
-def progress(k, bench, rig, torque, imposed, memory, duty, before, looks, seen, rng):
+def progress(k, bench, rig, torque, imposed, memory, looks, seen, rng):
     """Move the plant on over the pattern that starts at t_k + its delay, and hold the current sampled for t_k.
 
-    torque: load asked for (N m); imposed: rad/s^2; duty, before: of this pattern (written) and the last.
+    torque: load asked for (N m); imposed: rad/s^2.
     looks, seen: instants (s) of the sample for t_k and, where it is before its pattern, of the next; and the currents.
     """
-    w, period = bench.w, rig.sampling_period
+    w, room, period = bench.w, bench.room, rig.sampling_period
     for m in range(3):
-        before[m] = duty[m]
+        room.before[m] = room.duty[m]
     u_dc = rig.link * memory[LINK]
-    duty[0], duty[1], duty[2] = duties(memory[U_ALPHA], memory[U_BETA], u_dc)
-    write_edges(bench.room.edges, duty, before, bench.room.shift, period)
+    room.duty[0], room.duty[1], room.duty[2] = duties(memory[U_ALPHA], memory[U_BETA], u_dc)
+    write_edges(room, period)
     theta, omega, _ = rotor(w)
-    course = Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, 0.0, 0.0, omega, torque, imposed)
+    surge = 0.5 * imposed if rig.rotor == DRIVEN else w.surge[0]
+    course = Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, torque, imposed)
     early = memory[INSTANT] < 0.0
     after = instant(w, rig, rng)
     looks[0] = -1.0 if early else memory[INSTANT]
     looks[1] = period + after if after < 0.0 else -1.0
     held = (seen[1, 0], seen[1, 1])
     memory[SPAN] = travel(
-        w, bench.flux_map, bench.timing, bench.features, bench.room, course, k * period, duty, before, memory[SPAN],
-        looks, seen,
+        w, bench.flux_map, bench.timing, bench.features, room, course, k * period, memory[SPAN], looks, seen,
     )  # fmt: skip
     memory[INSTANT] = after
     if bench.timing.first == 0.0 and bench.timing.last == 0.0:
@@ -261,7 +261,7 @@ def run_signature(flux_map: Any, belief: Any) -> Any:
 def run_compiled(step, state, bench, rig, control, belief, tuning, profile, waveform, primitive, rng, table):
     """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped)."""
     controller, memory = np.zeros(SIZE), np.zeros(MEMORY)
-    duty, before, looks, seen = np.full(3, 0.5), np.full(3, 0.5), np.full(2, -1.0), np.zeros((2, 2))
+    looks, seen = np.full(2, -1.0), np.zeros((2, 2))
     w = bench.w
     memory[INSTANT] = instant(w, rig, rng)
     for k in range(rig.samples):
@@ -272,7 +272,7 @@ def run_compiled(step, state, bench, rig, control, belief, tuning, profile, wave
         angle, slope = encoder(w, theta, omega, rig.encoder_step)
         measured = angle, speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period)
         imposed = imposed_on(k, omega, rig, profile, memory)
-        progress(k, bench, rig, wanted[1], imposed, memory, duty, before, looks, seen, rng)
+        progress(k, bench, rig, wanted[1], imposed, memory, looks, seen, rng)
         reading = read_phases(w, rig, rng)
         sample = sample_of(k, reading, memory, primitive)
         estimate = step(state, sample, belief, tuning)

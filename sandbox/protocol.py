@@ -18,8 +18,9 @@ from typing import Any
 
 from estimators.registry import MODULES, AnyEstimator
 from model.compiled import source_key
+from model.datasets import locate
 from model.errors import BadInput, PhysicsError, unknown
-from model.parameters import Drive, load_drive
+from model.parameters import Drive, fetched, load_drive
 from sandbox.compare import distinct
 from sandbox.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
 from sandbox.protocol_tests import (
@@ -134,11 +135,7 @@ class Protocol:
 
 def usual_motors() -> tuple[str, ...]:
     """Return MOTORS and, where its data set is on this machine, the measured one."""
-    try:
-        load_drive(MEASURED)
-    except BadInput:
-        return MOTORS
-    return (*MOTORS, MEASURED)
+    return (*MOTORS, MEASURED) if locate(MEASURED) is not None else MOTORS
 
 
 def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:
@@ -206,9 +203,11 @@ def protocol(
         name = motor.name if isinstance(motor, Drive) else str(motor)
         if drives.setdefault(name, motor) is not motor and isinstance(motor, Drive):
             raise BadInput(f"two motors are called '{name}'; give one of them another name")
-    loaded = {name: motor if isinstance(motor, Drive) else load_drive(motor) for name, motor in drives.items()}
-    own = distinct(estimators)  # last: this may compile
+    own = distinct(estimators)
     todo = units(drives, own, tests)
+    files = sorted((m for m in drives.values() if not isinstance(m, Drive)), key=lambda m: fetched(str(m)))
+    read = {str(m): load_drive(m) for m in files}  # last: what is to be downloaded comes after all else is read
+    loaded = {name: motor if isinstance(motor, Drive) else read[str(motor)] for name, motor in drives.items()}
     loaded[PEER] = reversal_case()[0]
     kept = Kept(keep, seed)
     missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]

@@ -36,13 +36,6 @@ def version() -> str:
         return "source"
 
 
-def forget_kernels() -> None:
-    """Remove this version's compiled kernels, so that they are compiled anew."""
-    from model.compiled import _CACHE_DIR
-
-    shutil.rmtree(_CACHE_DIR, ignore_errors=True)
-
-
 def plain(value: Any) -> Any:
     """Return a value as JSON knows it: arrays as lists, undefined numbers as None."""
     if isinstance(value, dict):

@@ -6,8 +6,9 @@ import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
 
-from model.errors import BadInput, unknown
-from model.parameters import build, check, is_file_name, quantity, read_toml
+from model.errors import BadInput, brief, unknown
+from model.names import fitting
+from model.parameters import build, check, finite, is_file_name, quantity, read_toml
 
 SCENARIOS = Path(__file__).parent / "scenarios"
 LONGEST = 3600.0  # s of simulated time
@@ -30,11 +31,11 @@ class Segment:
         if self.ramp > self.duration:
             raise BadInput(f"[[segment]] ramp = {self.ramp:g} s is longer than its duration = {self.duration:g} s")
         settle = self.settle
-        number = isinstance(settle, (int, float)) and not isinstance(settle, bool)
-        if settle is not None and not (number and 0.0 <= settle < self.duration):
-            raise BadInput(f"[[segment]] settle = {self.settle!r:.40} must lie in [0, duration = {self.duration:g}) s")
+        wait = finite(settle)
+        if settle is not None and (wait is None or not 0.0 <= wait < self.duration):
+            raise BadInput(f"[[segment]] settle = {brief(settle)} must lie in [0, duration = {self.duration:g}) s")
         if not isinstance(self.score, bool):
-            raise BadInput(f"[[segment]] score = {self.score!r:.40} is neither true nor false")
+            raise BadInput(f"[[segment]] score = {brief(self.score)} is neither true nor false")
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class Scenario:
         if self.start_error and self.start_up:
             raise BadInput("start_error needs start_up = false: what starting up finds cannot be told wrong")
         if not isinstance(self.start_up, bool):
-            raise BadInput(f"[scenario] start_up = {self.start_up!r:.40} is neither true nor false")
+            raise BadInput(f"[scenario] start_up = {brief(self.start_up)} is neither true nor false")
         if not any(s.score for s in self.segments) and self.segments:
             raise BadInput(f"scenario '{self.name}' scores no segment; leave score = false away in at least one")
         if not self.segments:
@@ -131,7 +132,8 @@ def load_scenario(name: str | Path) -> Scenario:
         if "segments" in head:
             raise unknown("key in [scenario]", "segments", ("settle", "rotor", "reference"))
         segments = tuple(build(Segment, dict(r), "segment") for r in rows)
-        scenario: Scenario = build(Scenario, {"name": path.stem, **head, "segments": segments}, "scenario")
+        own = {"name": fitting(path.stem, "scenario"), **head, "segments": segments}
+        scenario: Scenario = build(Scenario, own, "scenario")
     except BadInput as error:
         raise BadInput(f"{path.name}: {error}") from None
     return scenario

@@ -21,7 +21,7 @@ from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
 from sandbox import loop
 from sandbox.design import Design, belief_of, design
-from sandbox.feasible import check_call, check_feasible, check_injection, checked
+from sandbox.feasible import check_call, check_feasible, check_injection, check_length, checked
 from sandbox.injection import carrier
 from sandbox.plant.closed import closed_bench, longest_step, rotor_flux
 from sandbox.plant.sets import features_of
@@ -98,10 +98,10 @@ def simulate(
     """Run a scenario and return its recording.
 
     belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls; stride: record
-    every stride-th sample; plant_step: s, an upper bound (the plant chooses its own below); truth: another magnetic model for the plant than the
-    one the estimator's belief comes from; effects: what the plant has and the model lacks, by public name such as
-    {"dead_time.time": 2e-6}; plant: `exact` (event by event) or `switched` (the independent bench), None for the one that
-    the estimator needs.  Raises BadInput or PhysicsError with one sentence.
+    every stride-th sample; plant_step: s, an upper bound (the plant chooses its own below); truth: another magnetic
+    model for the plant than the one the estimator's belief comes from; effects: what the plant has and the model lacks,
+    by public name such as {"dead_time.time": 2e-6}; plant: `exact` (event by event) or `switched` (the independent
+    bench), None for the one that the estimator needs.  Raises BadInput or PhysicsError with one sentence.
     """
     check_call(estimator, belief, seed, stride, plant_step)
     plant = plant_for(estimator, plant)
@@ -123,6 +123,8 @@ def simulate(
     on = partial(_switched, inside=estimator.inside) if plant == "switched" else exact_bench
     run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
     rig = rig_of(drive, scenario, values, closed_loop, samples, stride, start_time)
+    if plant == "exact":
+        check_length(samples, max(1, math.ceil(h / bench[0].timing.longest)), h)
     step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
     profile = profile_of(drive, scenario)
     begun = time.thread_time()
@@ -145,8 +147,8 @@ def plant_for(estimator: Estimator, plant: str | None) -> str:
         raise unknown("plant", plant, PLANTS)
     if estimator.inside and plant != "switched":
         raise BadInput(
-            f"estimator '{estimator.name}' reads the current inside the PWM period, which only the switched plant hands "
-            "over; run it there (--plant switched)"
+            f"estimator '{estimator.name}' reads the current inside the PWM period, which only the switched plant "
+            "hands over; run it there (--plant switched)"
         )
     return plant
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections import Counter, defaultdict
 from pathlib import Path
 
 import pytest
@@ -23,3 +24,24 @@ def small_comparison():
     segments = (Segment(0.2), Segment(0.3, 1.0, ramp=0.05))
     scenario = Scenario("two_steps", segments, settle=0.15)
     return compare(load_drive("ipm_exchanged"), scenario, ("qnull", "ekf"), seed=3)
+
+
+def skipped_lines(reports):
+    """Return one line a reason: what was missing, how many tests it cost, in which files."""
+    files = defaultdict(Counter)
+    for report in reports:
+        why = report.longrepr[2] if isinstance(report.longrepr, tuple) else str(report.longrepr)
+        files[why.removeprefix("Skipped: ")][report.nodeid.partition("::")[0]] += 1
+    return [
+        f"{sum(where.values())} not run, {why}: " + ", ".join(f"{file} ({n})" for file, n in sorted(where.items()))
+        for why, where in sorted(files.items())
+    ]
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Say what was skipped for which missing data: a run without them is no full run."""
+    lines = skipped_lines(terminalreporter.stats.get("skipped", []))
+    if lines:
+        terminalreporter.section("not run")
+        for line in lines:
+            terminalreporter.write_line(line)

@@ -23,3 +23,11 @@ def test_links_lead_somewhere():
     for path in (ROOT / "README.md", ROOT / "model" / "NOMENCLATURE.md"):
         for target in re.findall(r"\]\((?!https?:)([^)#]+)\)", path.read_text()):
             assert (path.parent / target).exists(), target
+
+
+def test_continuous_integration_runs_the_second_command():
+    """The line that `.ci/run` ends with is the README's, to the letter."""
+    block = re.search(r"## Two commands.*?```sh\n(.*?)```", (ROOT / "README.md").read_text(), re.S)[1]
+    second = block.splitlines()[1].partition("  #")[0].strip()
+    assert second.endswith("/pytest")
+    assert (ROOT / ".ci" / "run").read_text().splitlines()[-1] == second

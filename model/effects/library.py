@@ -42,6 +42,7 @@ def effect_names() -> tuple[str, ...]:
     return tuple(c.name for c in sorted(cards, key=lambda c: SUBSYSTEMS.index(c.subsystem)))
 
 
+@cache
 def load_effect(name: str) -> Effect:
     """Return an effect's card; BadInput with the nearest name for an unknown one."""
     for card, _ in own.cards():

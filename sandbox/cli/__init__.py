@@ -6,17 +6,16 @@ import argparse
 import io
 import logging
 import os
-import pickle
 import sys
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NoReturn
 
 from model.effects.own import adopt
-from model.errors import BadInput, PhysicsError
+from model.errors import BadInput, PhysicsError, sentence
 from sandbox import report
 from sandbox.cli import commands
+from sandbox.cli.arguments import Parser, number, positive_int, seed_number
 from sandbox.gap.commands import add_diagnose
 from sandbox.gap.withheld.commands import add_withheld
 
@@ -24,13 +23,7 @@ PARALLEL = ("compare", "protocol", "diagnose")  # use threads
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 
 
-class Parser(argparse.ArgumentParser):
-    """argparse that answers a wrong call with one sentence and exit code 2."""
-
-    def error(self, message: str) -> NoReturn:
-        """Print the message alone."""
-        print(f"{self.prog}: {message} (see `{self.prog} --help`)", file=sys.stderr)
-        raise SystemExit(2)
+OFFLINE = "SENSORLESS_OFFLINE"  # as model.datasets reads it
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -59,7 +52,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def attempt(options: argparse.Namespace) -> int:
     """Run a command; turn what a user can cause into one sentence and an exit code."""
+    before = os.environ.get(OFFLINE)
     try:
+        if getattr(options, "offline", False):
+            os.environ[OFFLINE] = "1"  # also of the processes that a command starts
         for file in getattr(options, "effects_from", ()):
             adopt(file)
         options.run(options)
@@ -72,14 +68,16 @@ def attempt(options: argparse.Namespace) -> int:
         return _refuse(options, f"{error.filename or 'output'}: {error.strerror or error}")
     except MemoryError:
         return _refuse(options, "not enough memory for this run; shorten the scenario or compare fewer estimators")
-    except (EOFError, pickle.UnpicklingError):
-        report.forget_kernels()
-        return _refuse(options, "the cache of compiled kernels was damaged and has been removed; call again")
+    finally:
+        if before is None:
+            os.environ.pop(OFFLINE, None)
+        else:
+            os.environ[OFFLINE] = before
     return 0
 
 
-def _refuse(options: argparse.Namespace, sentence: str, code: int = 2) -> int:
-    print(f"sensorless {options.command}: {sentence}", file=sys.stderr)
+def _refuse(options: argparse.Namespace, text: str, code: int = 2) -> int:
+    print(f"sensorless {options.command}: {sentence(text)}", file=sys.stderr)
     return code
 
 
@@ -105,6 +103,7 @@ def build_parser() -> Parser:
             )
             command.add_argument("--csv", action="store_true", help="the table as CSV, too")
             command.add_argument("--quiet", action="store_true", help="print nothing but errors")
+            _offline(command)
         return command
 
     c = add("compare", commands.run_compare, "position error of a saturated against a linear belief (the main job)")
@@ -172,28 +171,9 @@ def build_parser() -> Parser:
     return parser
 
 
-def number(text: str) -> float:
-    """Parse a number as people write it (not 1_000)."""
-    from model.effects.library import number_of
-
-    try:
-        return number_of(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text}' is no number") from None
-
-
-def positive_int(text: str) -> int:
-    """Parse a whole number of at least 1."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at least 1")
-    return int(text)
-
-
-def seed_number(text: str) -> int:
-    """Parse a whole number of at least 0."""
-    if not text.isdecimal():
-        raise argparse.ArgumentTypeError(f"'{text}' is no whole number of at least 0")
-    return int(text)
+def _offline(command: Parser) -> None:
+    text = "download nothing: say which file is missing and where to put it (or SENSORLESS_OFFLINE=1)"
+    command.add_argument("--offline", action="store_true", help=text)
 
 
 def _which(command: Parser) -> None:

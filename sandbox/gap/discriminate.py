@@ -29,6 +29,7 @@ from sandbox.gap.menu import Entry, menu, recording_of, settings, shaft, usual_s
 from sandbox.gap.normal import Point, normal
 from sandbox.gap.remainder import FLOOR, SHARE
 from sandbox.gap.search import Judged
+from sandbox.replay.inputs import with_columns
 from sandbox.replay.replay import Prepared, prepare, replay
 
 Array = NDArray[np.float64]
@@ -149,12 +150,12 @@ def as_predicted(prepared: Prepared, truth: Mapping[str, float]) -> Prepared:
     free_run = []
     for r in prepared.recordings:
         none = np.zeros(r.samples)
-        track = r.track._replace(gain_angle=none, gain_speed=none, scale=np.ones(r.samples))
+        track = with_columns(r.track, {"gain_angle": none, "gain_speed": none, "scale": np.ones(r.samples)})
         free_run.append(replace(r, track=track))
     found = replay(replace(prepared, recordings=tuple(free_run)), [truth])
     out = []
     for r, current, miss in zip(prepared.recordings, found.currents, found.motion, strict=True):
-        track = r.track if miss is None else r.track._replace(read=r.track.read - miss[:, 0])
+        track = r.track if miss is None else with_columns(r.track, {"read": r.track["read"] - miss[:, 0]})
         out.append(replace(r, read=np.ascontiguousarray(current[:, :, 0]), track=track))
     return replace(prepared, recordings=tuple(out))
 

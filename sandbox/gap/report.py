@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from model.effects import library
+from model.names import html_text
 from sandbox import report
 from sandbox.gap import answers
 from sandbox.gap.alike import Alike
@@ -89,7 +89,7 @@ def print_answers(a: Answers) -> None:
 def write_report(path: Path, a: Answers) -> None:
     """Write the report as one self-contained page."""
     title = f"{a.diagnosis.campaign.name}: where simulation and recordings part"
-    path.write_text(PAGE.format(title=html.escape(title), body="\n".join(_body(a, title))), encoding="utf-8")
+    path.write_text(PAGE.format(title=html_text(title), body="\n".join(_body(a, title))), encoding="utf-8")
 
 
 def _three(a: Answers) -> list[tuple[str, str]]:
@@ -247,7 +247,7 @@ def _detail(a: Answers) -> Iterator[str]:
     for effect in dict.fromkeys(e for h in d.ambiguity_set for e in h.effects if e != UNKNOWN):
         yield fold(
             f"The effect {words(effect)}",
-            f"<pre>{html.escape(library.card_text(library.load_effect(effect)))}</pre>",
+            f"<pre>{html_text(library.card_text(library.load_effect(effect)))}</pre>",
         )
     rows = [[k, f"{v:g}" if isinstance(v, (int, float)) else str(v)] for k, v in vars(d.campaign.drive.motor).items()]
     yield fold("The nominal model", table(["[motor]", "value"], [r for r in rows if r[1]]))
@@ -263,7 +263,7 @@ def _detail(a: Answers) -> Iterator[str]:
 
 def _html(text: str) -> str:
     """Return text for the page: percentages kept together, names with underscores free to break."""
-    return html.escape(text).replace(" %", "&nbsp;%").replace("_", "_<wbr>")
+    return html_text(text).replace(" %", "&nbsp;%").replace("_", "_<wbr>")
 
 
 def table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

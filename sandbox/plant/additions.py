@@ -10,7 +10,7 @@ from __future__ import annotations
 from model.compiled import inlined, kernel
 from model.lanes import lag_moments, lag_weights, sine_cosine
 from sandbox.plant import ports
-from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD, facing, finished, halfway, seen
+from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD, facing, finished, halfway, pull, seen
 
 # what a batch may need beside the bare plant (bits)
 LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
@@ -244,11 +244,15 @@ def turning(w, c_0, s_0):
 
 @kernel
 def air_gap(w, span):
-    """Write the mean torque of a segment (N m; flux and current straight through it), and add its integral (s)."""
-    third = 1.0 / 3.0
+    """Write the mean torque of a segment (N m; flux and current straight through it), and add its integral (s).
+
+    The mean flux is that of a drop that goes from its start through its mean, not that of the prediction.
+    """
+    part = THIRD * span
     for j in range(w.psi_a.size):
-        m_a, m_b = w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j]
-        p_a, p_b, e_a, e_b = w.mid_a[j] - w.psi_a[j], w.mid_b[j] - w.psi_b[j], w.j_a[j] - w.i_a[j], w.j_b[j] - w.i_b[j]
-        bent = third * (p_a * e_b - p_b * e_a)
-        w.torque[j] = 1.5 * w.pairs[j] * (w.mid_a[j] * m_b - w.mid_b[j] * m_a + bent - w.turning[j])
+        a, b = w.mid_a[j] - part * (w.fall_a[j] - w.drop_a[j]), w.mid_b[j] - part * (w.fall_b[j] - w.drop_b[j])
+        w.torque[j] = pull(
+            w.pairs[j], a, b, w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j], a - w.psi_a[j], b - w.psi_b[j],
+            w.j_a[j] - w.i_a[j], w.j_b[j] - w.i_b[j],
+        ) - 1.5 * w.pairs[j] * w.turning[j]  # fmt: skip
         w.impulse[j] += span * w.torque[j]

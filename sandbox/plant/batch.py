@@ -12,9 +12,12 @@ from typing import Any
 import numba
 import numpy as np
 
+from sandbox.plant.edges import EDGES
 from sandbox.plant.ports import NUMBERS
 
-LANES = 16  # sets side by side in a replay: two or four vectors of today's processors
+NEVER = -1.0  # s: no edge waits
+
+LANES, FEW = 16, 4  # sets side by side in a replay: four vectors of most processors, or one where sets are few
 
 STATES = {  # what a period starts from; stationary frame (alpha, beta) unless said otherwise
     "psi_a": "flux linkage, Wb", "psi_b": "flux linkage, Wb",
@@ -52,6 +55,7 @@ SCRATCH = {  # within a period
     "read_a": "reading of sensor a, A", "read_b": "of sensor b, A", "read_c": "of sensor c, A",
     "stiff_aa": "inverse incremental inductance, 1/H", "stiff_ab": "1/H", "stiff_bb": "1/H",
     "span_inv": "1/s of the segment", "turn": "rotor, rad mechanical", "omega": "rad/s mechanical",
+    "surge": "half the rotor's last acceleration, rad/s^2 electrical",
     "net": "torque on the rotor's side, N m", "taken": "by the load, N m",
     "miss": "innovation of the angle's reading over its standard deviation",
 }  # fmt: skip
@@ -86,3 +90,28 @@ def numba_type(lanes: int) -> Any:
 def blank(lanes: int) -> Any:
     """Return a record of zeros."""
     return np.zeros(1, batch_type(lanes))[0]
+
+
+@cache
+def room_type(lanes: int) -> np.dtype[Any]:
+    """Return the type of the record in which a run keeps a period's pulses and the edges that wait.
+
+    The edges of a period in order of time: instant (s), unit vector of the leg, side (1 rises, -1 falls), whether one
+    is switched (1 or 0), the leg, the place of the same leg's rising edge before it (-1: none).  duty, before: three
+    legs', of this period and the last; shift: how late each leg's pulse is moved (s).  Waiting: six edges of this
+    period, then one of each leg left by the last: when they act in each lane (s), when all have (s; last: the latest of
+    all), what they change of the legs' vector.
+    """
+    edge = [(name, np.float64, (EDGES,)) for name in ("time", "x", "y", "side", "real")]
+    place = [(name, np.int64, (EDGES,)) for name in ("leg", "mate")]
+    legs = [(name, np.float64, (3,)) for name in ("duty", "before", "shift")]
+    more = [("acts", np.float64, (EDGES + 3, lanes)), ("until", np.float64, (EDGES + 4,))]
+    change = [(name, np.float64, (EDGES + 3,)) for name in ("change_x", "change_y")]
+    return np.dtype([*edge, *place, *legs, *more, *change], align=True)
+
+
+def blank_room(lanes: int) -> Any:
+    """Return room for a batch of so many lanes: no voltage before, nothing waiting."""
+    room = np.zeros(1, room_type(lanes))[0]
+    room["duty"], room["until"] = 0.5, NEVER
+    return room

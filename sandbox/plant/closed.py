@@ -14,13 +14,14 @@ from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 from sandbox.loop import Bench
 from sandbox.plant import additions as add
-from sandbox.plant.period import blank_room
+from sandbox.plant.batch import blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.replay import at_rest
 
 LARGEST_TURN = 0.1  # rad of the rotor, and of a harmonic of its angle thrice that, in one step
 LARGEST_DECAY = 0.1  # of the winding's time constant at zero current, in one step
 LARGEST_RUB = 0.5  # of the time in which dry friction brings the rotor to rest within its width
+LARGEST_LAG, BEHIND_FILTER = 0.5, 0.2  # of the iron's time constant: its current is no parabola over a longer segment
 HARMONIC = 6.0
 
 
@@ -30,10 +31,13 @@ def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_o
     The step is of third order: at these bounds its error in the resistive drop stays below 1e-5 of it (tests).
     """
     energy = motor.energy
-    decay = motor.resistance * max(energy.gamma_d, energy.gamma_q)
+    decay = (motor.resistance + values["skin_effect.resistance"]) * max(energy.gamma_d, energy.gamma_q)
     step = min(LARGEST_DECAY / decay, LARGEST_TURN / max(top_omega, 1.0))
     if features & add.ANGULAR:
         step = min(step, 3.0 * LARGEST_TURN / (HARMONIC * max(top_omega, 1.0)))
+    if features & add.IRON:
+        largest = BEHIND_FILTER if features & add.FILTER else LARGEST_LAG
+        step = min(step, largest * values["iron_loss.time_constant"])
     if friction_rate(values) > 0.0:
         step = min(step, LARGEST_RUB / friction_rate(values))
     return step
@@ -79,17 +83,17 @@ def turned_to(bench: Bench, theta: float) -> Bench:
 
 def _magnetics(w: Any, motor: Motor, truth: AnyEnergy | None) -> SplineEnergy | None:
     """Return the plant's flux map (None for a quartic), the batch holding what is added to it."""
-    energy = truth or motor.energy
-    if isinstance(energy, SplineEnergy):
-        if truth is not None and not isinstance(motor.energy, SplineEnergy):
+    if truth is None:
+        return motor.energy if isinstance(motor.energy, SplineEnergy) else None
+    if isinstance(truth, SplineEnergy):
+        if not isinstance(motor.energy, SplineEnergy):
             for row in ("gamma_d", "gamma_q", "cubic_d", "cubic_q", "quartic_d", "quartic_dq", "quartic_q"):
                 w[row][:] = 0.0
-        return energy
-    if truth is not None:
-        w["gamma_d"][:], w["gamma_q"][:] = truth.gamma_d, truth.gamma_q
-        w["cubic_d"][:], w["cubic_q"][:] = 3.0 * truth.alpha_30, truth.alpha_12
-        w["quartic_d"][:], w["quartic_dq"][:] = 4.0 * truth.alpha_40, truth.alpha_22
-        w["quartic_q"][:] = 4.0 * truth.alpha_04
+        return truth
+    w["gamma_d"][:], w["gamma_q"][:] = truth.gamma_d, truth.gamma_q
+    w["cubic_d"][:], w["cubic_q"][:] = 3.0 * truth.alpha_30, truth.alpha_12
+    w["quartic_d"][:], w["quartic_dq"][:] = 4.0 * truth.alpha_40, truth.alpha_22
+    w["quartic_q"][:] = 4.0 * truth.alpha_04
     return None
 
 

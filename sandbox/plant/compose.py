@@ -107,7 +107,7 @@ def with_own_effects() -> None:
     cards = [load_effect(name) for name in effect_names()]
     modules = dict.fromkeys((c.name for c in cards), LIBRARY) | {card.name: module for card, module in extra}
     text = source(cards, modules)
-    folder = Path(compiled.kernel_folder())
+    folder = compiled.kernel_folder()
     file = folder / "ports.py"
     aside = folder / f"ports-{os.getpid()}.part"
     aside.write_text(text, encoding="utf-8")

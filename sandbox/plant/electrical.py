@@ -115,20 +115,31 @@ def halfway(w, j, span, inverse, u_a, u_b, x, y):
 
 
 @inlined
+def settled(i_a, i_b, e_a, e_b, mid_a, mid_b, p_a, p_b, r, decay, turned, stiff_aa, stiff_ab, stiff_bb):
+    """Return the current in a segment's middle, corrected, and its mean drop (V).
+
+    i: current at the flux predicted; e, p: its and the flux' change from start to middle; r: ohm; decay: R S/4, with
+    the skin effect's part; turned: rad by which the rotor turns in the segment; stiff: inverse inductance, 1/H.
+    """
+    x, y = decay * (stiff_aa * e_a + stiff_ab * e_b), decay * (stiff_ab * e_a + stiff_bb * e_b)
+    i_a, i_b = i_a - x, i_b - y
+    square, across = turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
+    p, q = across * p_b - square * mid_a, -across * p_a - square * mid_b
+    y_a, y_b = stiff_aa * p + stiff_ab * q, stiff_ab * p + stiff_bb * q
+    more = 1.0 + square
+    f_a, f_b = r * (more * i_a - across * e_b - x * THIRD + y_a), r * (more * i_b + across * e_a - y * THIRD + y_b)
+    return i_a, i_b, f_a, f_b
+
+
+@inlined
 def settle(w, j, i_a, i_b, span, turned):
     """Write lane j's current in the segment's middle and its mean drop; turned: rad by which the rotor turns in it."""
     r = w.resistance[j]
-    k, e_a, e_b = 0.25 * span * (r + w.skin_r[j]), i_a - w.i_a[j], i_b - w.i_b[j]
-    x, y = k * (w.stiff_aa[j] * e_a + w.stiff_ab[j] * e_b), k * (w.stiff_ab[j] * e_a + w.stiff_bb[j] * e_b)
-    i_a, i_b = i_a - x, i_b - y
-    w.j_a[j], w.j_b[j] = i_a, i_b
-    square, across = turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
-    p = across * (w.mid_b[j] - w.psi_b[j]) - square * w.mid_a[j]
-    q = -across * (w.mid_a[j] - w.psi_a[j]) - square * w.mid_b[j]
-    y_a, y_b = w.stiff_aa[j] * p + w.stiff_ab[j] * q, w.stiff_ab[j] * p + w.stiff_bb[j] * q
-    more = 1.0 + square
-    w.fall_a[j] = r * (more * i_a - across * e_b - x * (1.0 / 3.0) + y_a)
-    w.fall_b[j] = r * (more * i_b + across * e_a - y * (1.0 / 3.0) + y_b)
+    w.j_a[j], w.j_b[j], w.fall_a[j], w.fall_b[j] = settled(
+        i_a, i_b, i_a - w.i_a[j], i_b - w.i_b[j], w.mid_a[j], w.mid_b[j], w.mid_a[j] - w.psi_a[j],
+        w.mid_b[j] - w.psi_b[j], r, 0.25 * span * (r + w.skin_r[j]), turned,
+        w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j],
+    )  # fmt: skip
 
 
 @kernel
@@ -155,44 +166,87 @@ def middle(w, flux_map, c_0, s_0, span, turned, u_a, u_b, x, y):
             settle(w, j, i_a, i_b, span, turned)
 
 
+@inlined
+def curved(w, j, c, s, d, q, mid_a, mid_b, p_a, p_b, turned):
+    """Return what the quartic's curvature adds to a segment's mean drop (V): H'''/24 of its straight line's square.
+
+    d, q: flux due to currents in the middle; mid: all of it, stationary frame; p: its change from the start.
+    """
+    p_a, p_b = 2.0 * p_a + turned * mid_b, 2.0 * p_b - turned * mid_a
+    x, y = c * p_a + s * p_b, c * p_b - s * p_a
+    ddd, ddq = 2.0 * w.cubic_d[j] + 6.0 * w.quartic_d[j] * d, 4.0 * w.quartic_dq[j] * q
+    dqq, qqq = 2.0 * w.cubic_q[j] + 4.0 * w.quartic_dq[j] * d, 6.0 * w.quartic_q[j] * q
+    xx, xy, yy = x * x, 2.0 * x * y, y * y
+    r = w.resistance[j] * (1.0 / 24.0)
+    i_d, i_q = r * (ddd * xx + ddq * xy + dqq * yy), r * (ddq * xx + dqq * xy + qqq * yy)
+    return c * i_d - s * i_q, s * i_d + c * i_q
+
+
 @kernel
 def bend(w, c_0, s_0, turned):
-    """Add to the mean drop what the quartic's curvature makes of a segment's straight line: H'''/24 of its square."""
+    """Add to the mean drop what curvature makes of it."""
     for j in range(w.psi_a.size):
         a, b = w.mid_a[j], w.mid_b[j]
         c, s = facing(w, j, c_0, s_0)
         d, q = seen(w, j, c, s, a, b)
-        p_a, p_b = 2.0 * (a - w.psi_a[j]) + turned * b, 2.0 * (b - w.psi_b[j]) - turned * a
-        x, y = c * p_a + s * p_b, c * p_b - s * p_a
-        ddd, ddq = 2.0 * w.cubic_d[j] + 6.0 * w.quartic_d[j] * d, 4.0 * w.quartic_dq[j] * q
-        dqq, qqq = 2.0 * w.cubic_q[j] + 4.0 * w.quartic_dq[j] * d, 6.0 * w.quartic_q[j] * q
-        xx, xy, yy = x * x, 2.0 * x * y, y * y
-        r = w.resistance[j] * (1.0 / 24.0)
-        i_d, i_q = r * (ddd * xx + ddq * xy + dqq * yy), r * (ddq * xx + dqq * xy + qqq * yy)
-        w.fall_a[j] += c * i_d - s * i_q
-        w.fall_b[j] += s * i_d + c * i_q
+        x, y = curved(w, j, c, s, d, q, a, b, a - w.psi_a[j], b - w.psi_b[j], turned)
+        w.fall_a[j], w.fall_b[j] = w.fall_a[j] + x, w.fall_b[j] + y
 
 
 @kernel
-def plain_step(w, here, there, span, turned, u_a, u_b, x, y, edge):
+def plain_step(w, here, there, span, turned, long, pulled, u_a, u_b, x, y, edge):
     """Take a whole segment of a plant that nothing is added to, up to the next edge: `middle`, then `begin`, in one.
 
-    here, there: cos and sin of the angle handed in, in the middle and at the end; edge: (x, y, side, real) of the next.
+    here, there: cos and sin of the angle handed in, in the middle and at the end; long, pulled: whether curvature, and
+    torque, count; edge: (x, y, side, real) of the next.
     """
-    inverse = 1.0 / span
+    half, inverse = 0.5 * span, 1.0 / span
     e_x, e_y, side, real = edge
     for j in range(w.psi_a.size):
-        a, b = halfway(w, j, span, inverse, u_a, u_b, x, y)
+        v, late, res, psi_a, psi_b = w.link[j], min(w.late[j], span), w.resistance[j], w.psi_a[j], w.psi_b[j]
+        m, o_a, o_b = late * (1.0 - 0.5 * inverse * late), w.i_a[j], w.i_b[j]
+        p_a, p_b = v * (half * u_a - x * m) - half * res * o_a, v * (half * u_b - y * m) - half * res * o_b
+        a, b = psi_a + p_a, psi_b + p_b
         c, s = facing(w, j, here[0], here[1])
-        i_d, i_q = quartic(w, j, c * a + s * b - w.magnet[j], c * b - s * a)
-        settle(w, j, c * i_d - s * i_q, s * i_d + c * i_q, span, turned)
-        w.torque[j] = 1.5 * w.pairs[j] * (a * w.j_b[j] - b * w.j_a[j])
-        w.impulse[j] += span * w.torque[j]
-        a, b = finished(w, j, span)
-        w.psi_a[j], w.psi_b[j] = a, b
+        d, q = c * a + s * b - w.magnet[j], c * b - s * a
+        i_d, i_q = quartic(w, j, d, q)
+        i_a, i_b = c * i_d - s * i_q, s * i_d + c * i_q
+        e_a, e_b = i_a - o_a, i_b - o_b
+        i_a, i_b, f_a, f_b = settled(
+            i_a, i_b, e_a, e_b, a, b, p_a, p_b, res, 0.25 * span * res, turned,
+            w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j],
+        )  # fmt: skip
+        if long:
+            g_a, g_b = curved(w, j, c, s, d, q, a, b, p_a, p_b, turned)
+            f_a, f_b = f_a + g_a, f_b + g_b
+        if pulled:
+            g_a, g_b = THIRD * span * (f_a - res * o_a), THIRD * span * (f_b - res * o_b)  # see `additions.air_gap`
+            w.impulse[j] += span * pull(
+                w.pairs[j], a - g_a, b - g_b, i_a, i_b, p_a - g_a, p_b - g_b, i_a - o_a, i_b - o_b
+            )
+        psi_a += v * (span * u_a - x * late) - span * f_a
+        psi_b += v * (span * u_b - y * late) - span * f_b
+        w.psi_a[j], w.psi_b[j] = psi_a, psi_b
         c, s = facing(w, j, there[0], there[1])
-        i_d, i_q = quartic(w, j, c * a + s * b - w.magnet[j], c * b - s * a)
-        take(w, j, c * i_d - s * i_q, s * i_d + c * i_q, e_x, e_y, side, real)
+        i_d, i_q = quartic(w, j, c * psi_a + s * psi_b - w.magnet[j], c * psi_b - s * psi_a)
+        i_a, i_b = c * i_d - s * i_q, s * i_d + c * i_q
+        w.i_a[j], w.i_b[j] = i_a, i_b
+        sign = min(max((e_x * i_a + e_y * i_b) * w.soft[j], -1.0), 1.0)
+        w.late[j] = real * ports.edge(w, j, sign, side)
+
+
+@inlined
+def pull(pairs, mid_a, mid_b, m_a, m_b, p_a, p_b, e_a, e_b):
+    """Return the mean torque of a segment (N m) less what turns with the angle: flux and magnetising current go
+    straight through (mid, m), having changed by (p, e) since the start."""
+    return 1.5 * pairs * (mid_a * m_b - mid_b * m_a + THIRD * (p_a * e_b - p_b * e_a))
+
+
+@kernel
+def dropped(w):
+    """Write the drop at a segment's start, which plain steps leave out."""
+    for j in range(w.psi_a.size):
+        w.drop_a[j], w.drop_b[j] = w.resistance[j] * w.i_a[j], w.resistance[j] * w.i_b[j]
 
 
 @kernel

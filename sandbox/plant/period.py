@@ -9,22 +9,24 @@ before the next edge, beyond it, or in the next period (`Pending`).  A pulse can
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
-
-import numpy as np
+from typing import NamedTuple
 
 from model.compiled import inlined, kernel
 from model.lanes import SHORT_TURN, turned, turned_a_little
 from sandbox.plant import additions as add
 from sandbox.plant import ports
-from sandbox.plant.edges import EDGES, LEG_X, LEG_Y, Edges, blank_edges
-from sandbox.plant.electrical import begin, bend, lose, middle, nothing_lost, stiffen
+from sandbox.plant.batch import NEVER
+from sandbox.plant.edges import EDGES, LEG_X, LEG_Y
+from sandbox.plant.electrical import begin, bend, dropped, lose, middle, nothing_lost, plain_step, stiffen
 from sandbox.plant.mechanics import step_shaft
 from sandbox.plant.sampling import hold_start, peek
 
 TWO_THIRDS = 2.0 / 3.0
 SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
-NEVER = -1.0  # s
+NO_TIME = 1e-11  # s: speed over a shorter one is rounding
+KINK = 2e-7  # s: an edge less late leaves less than 1e-6 of the current in a lag
+BENDING = 1e-3  # of the period: what curvature makes of shorter segments is far below 1e-9 of the current
+ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED)  # what the plain step knows nothing of
 GAUSS = 0.5773502691896258  # of the way from a segment's middle to its ends: two places give means of third degree
 LAST = EDGES + 3
 
@@ -38,19 +40,6 @@ class Timing(NamedTuple):
     tardy: float
     first: float
     last: float
-
-
-class Pending(NamedTuple):
-    """Edges that may still wait: six of this period, then one of each leg left by the last.
-
-    acts: (9, lanes) s when they act; until: (10,) s when all lanes' have, the last of all edges in the last place;
-    x, y: (9,) what they change of the legs' vector.
-    """
-
-    acts: Any
-    until: Any
-    x: Any
-    y: Any
 
 
 class Course(NamedTuple):
@@ -69,21 +58,6 @@ class Course(NamedTuple):
     imposed: float  # and rad/s^2 electrical
 
 
-class Room(NamedTuple):
-    """Where a run keeps a period's edges, how late each leg's pulse is moved (3,) in s, and the edges that wait."""
-
-    edges: Edges
-    shift: Any
-    pending: Pending
-
-
-def blank_room(lanes: int) -> Room:
-    """Return room for a batch of so many lanes, nothing waiting."""
-    count = EDGES + 3
-    waiting = Pending(np.zeros((count, lanes)), np.full(count + 1, NEVER), np.zeros(count), np.zeros(count))
-    return Room(blank_edges(), np.zeros(3), waiting)
-
-
 @inlined
 def facing_at(course, t):
     """Return cos and sin of the angle handed in, t (s) after the pattern's start."""
@@ -95,75 +69,75 @@ def facing_at(course, t):
 
 
 @kernel
-def open_period(w, pending, duty, before):
+def open_period(w, room):
     """Begin a period: legs that were on to the end fall now, late by what the current says."""
     for leg in range(3):
-        if before[leg] >= 1.0 and duty[leg] < 1.0:
-            x, y, acts = LEG_X[leg], LEG_Y[leg], pending.acts[EDGES + leg]
+        if room.before[leg] >= 1.0 and room.duty[leg] < 1.0:
+            x, y, acts = LEG_X[leg], LEG_Y[leg], room.acts[EDGES + leg]
             latest = 0.0
             for j in range(w.psi_a.size):
                 sign = min(max((x * w.i_a[j] + y * w.i_b[j]) * w.soft[j], -1.0), 1.0)
                 acts[j] = ports.edge(w, j, sign, -1.0)
                 latest = max(latest, acts[j])
-            wait(pending, EDGES + leg, latest, x, y, -1.0)
+            wait(room, EDGES + leg, latest, x, y, -1.0)
 
 
 @inlined
-def wait(pending, m, until, x, y, side):
+def wait(room, m, until, x, y, side):
     """Enter an edge among those that may still wait."""
-    pending.until[m], pending.until[LAST] = until, max(until, pending.until[LAST])
-    pending.x[m], pending.y[m] = TWO_THIRDS * side * x, TWO_THIRDS * side * y
+    room.until[m], room.until[LAST] = until, max(until, room.until[LAST])
+    room.change_x[m], room.change_y[m] = TWO_THIRDS * side * x, TWO_THIRDS * side * y
 
 
 @kernel
-def take_turn(w, pending, e, g, t, tardy):
+def take_turn(w, room, g, t, tardy):
     """Enter edge g, taken at t: pulses stay positive, and what acts after its segment waits."""
-    mate, leg = e.mate[g], e.leg[g]
-    own = pending.acts[g]
-    if mate >= 0 and pending.until[mate] > t:
-        before = pending.acts[mate]
+    mate, leg = room.mate[g], room.leg[g]
+    own = room.acts[g]
+    if mate >= 0 and room.until[mate] > t:
+        before = room.acts[mate]
         for j in range(w.psi_a.size):
             w.late[j] = max(w.late[j], before[j] - t)
     for j in range(w.psi_a.size):
         own[j] = t + w.late[j]
-    if e.side[g] > 0.0 and pending.until[EDGES + leg] > t:
-        left = pending.acts[EDGES + leg]
+    if room.side[g] > 0.0 and room.until[EDGES + leg] > t:
+        left = room.acts[EDGES + leg]
         for j in range(w.psi_a.size):
             left[j] = min(left[j], own[j])
-    wait(pending, g, t + tardy, e.x[g], e.y[g], e.side[g])
+    wait(room, g, t + tardy, room.x[g], room.y[g], room.side[g])
 
 
 @kernel
-def lose_waiting(w, pending, t, span, but):
+def lose_waiting(w, room, t, span, but):
     """Take what edges that still wait lose in a segment from t on, of all but one; return whether any did."""
     any_lost = False
     for m in range(EDGES + 3):
-        if m != but and pending.until[m] > t:
-            lose(w, pending.acts[m], t, span, pending.x[m], pending.y[m])
+        if m != but and room.until[m] > t:
+            lose(w, room.acts[m], t, span, room.change_x[m], room.change_y[m])
             any_lost = True
     return any_lost
 
 
 @kernel
-def close_period(w, pending, period):
+def close_period(w, room, period):
     """End a period: falling edges that act after it are left to the next."""
-    over = pending.until[LAST] > period
+    over = room.until[LAST] > period
     for m in range(3):
-        pending.until[EDGES + m] = NEVER
-    pending.until[LAST] = NEVER
+        room.until[EDGES + m] = NEVER
+    room.until[LAST] = NEVER
     for g in range(EDGES if over else 0):
-        if pending.until[g] > period:
-            leg = 0 if pending.y[g] == 0.0 else (1 if pending.y[g] * pending.x[g] < 0.0 else 2)
-            acts, left = pending.acts[g], pending.acts[EDGES + leg]
+        if room.until[g] > period:
+            leg = 0 if room.change_y[g] == 0.0 else (1 if room.change_y[g] * room.change_x[g] < 0.0 else 2)
+            acts, left = room.acts[g], room.acts[EDGES + leg]
             latest = 0.0
             for j in range(w.psi_a.size):
                 left[j] = max(acts[j] - period, 0.0)
                 latest = max(latest, left[j])
             if latest > 0.0:
-                pending.until[EDGES + leg], pending.until[LAST] = latest, max(latest, pending.until[LAST])
-                pending.x[EDGES + leg], pending.y[EDGES + leg] = pending.x[g], pending.y[g]
+                room.until[EDGES + leg], room.until[LAST] = latest, max(latest, room.until[LAST])
+                room.change_x[EDGES + leg], room.change_y[EDGES + leg] = room.change_x[g], room.change_y[g]
     for g in range(EDGES):
-        pending.until[g] = NEVER
+        room.until[g] = NEVER
 
 
 @inlined
@@ -191,8 +165,8 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
 
 
 @inlined
-def in_middle(w, flux_map, features, c, s, share, course, span, u_a, u_b, x, y):
-    """Write all that holds in the middle of a segment."""
+def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, x, y):
+    """Write all that holds in the middle of a segment; long: whether its curvature counts."""
     if features & add.WOBBLE:
         add.orient(w, share, course.rate)
     if features & add.MAGNETS:
@@ -200,7 +174,7 @@ def in_middle(w, flux_map, features, c, s, share, course, span, u_a, u_b, x, y):
     if features & add.IRON:
         add.iron_in_middle(w, span, u_a, u_b, x, y)
     middle(w, flux_map, c, s, span, span * course.rate, u_a, u_b, x, y)
-    if flux_map is None:
+    if flux_map is None and long:
         bend(w, c, s, span * course.rate)
     if features & add.ENERGY:
         add.energy_in_middle(w, c, s, span, span * course.rate)
@@ -225,26 +199,26 @@ def part_of(left, timing, features, edge):
 
     Behind an edge that may act late, lags get a short segment of their own: their input is smooth beside it.
     """
-    if edge and features & add.LAGS and left > 2.0 * timing.tardy > 0.0:
+    if edge and features & add.LAGS and timing.tardy > KINK and left > 2.0 * timing.tardy:
         return timing.tardy
     return left if left <= timing.longest else left / math.ceil(left / timing.longest)
 
 
 @inlined
-def enter(w, pending, e, g, t, span, tardy):
+def enter(w, room, g, t, span, tardy):
     """Take edge g at t; return whether edges before it that still wait take volt-seconds from its segment."""
-    if e.real[g] > 0.0 and tardy > 0.0 and (span < tardy or pending.until[LAST] > t):
-        take_turn(w, pending, e, g, t, tardy)
-    return pending.until[LAST] > t and lose_waiting(w, pending, t, span, g)
+    if room.real[g] > 0.0 and tardy > 0.0 and (span < tardy or room.until[LAST] > t):
+        take_turn(w, room, g, t, tardy)
+    return room.until[LAST] > t and lose_waiting(w, room, t, span, g)
 
 
 @inlined
-def first_instant(w, features, timing, pending, duty, before):
+def first_instant(w, features, timing, room):
     """Do what belongs to the pattern's start, its current known: sag of the link, legs that fall now, sampling."""
     if features & add.DRAWN:
-        add.draw(w, duty[0], duty[1], duty[2])
-    if timing.tardy > 0.0 and max(before[0], before[1], before[2]) >= 1.0:
-        open_period(w, pending, duty, before)
+        add.draw(w, room.duty[0], room.duty[1], room.duty[2])
+    if timing.tardy > 0.0 and max(room.before[0], room.before[1], room.before[2]) >= 1.0:
+        open_period(w, room)
     if timing.first == 0.0 and timing.last == 0.0:
         hold_start(w, features)
     for j in range(w.psi_a.size):
@@ -260,57 +234,72 @@ def moved(w, features, course, t, span):
     before = w.angle[0] + swing * w.twist[0]
     step_shaft(w, features, span, course.load, course.imposed)
     omega, on = w.speed[0] + swing * w.slip[0], w.angle[0] + swing * w.twist[0] - before
-    lead, bend = course.lead + on, 0.5 * (omega - course.rate) / span
+    if span > NO_TIME:
+        w.surge[0] = 0.5 * (omega - course.rate) / span
+    lead, bend = course.lead + on, w.surge[0]
     return Course(course.cos, course.sin, t + span, lead, omega, bend, 0.0, course.speed, course.load, course.imposed)
 
 
 @inlined
-def travel(w, flux_map, timing, features, room, course, clock, duty, before, span, looks, seen):
+def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen):
     """Move a batch on by one period of its room's edges along a course of the rotor; return its last segment (s).
 
-    clock: of the pattern less its delay, s after the recording began; duty, before: three legs', of this period and
-    the last; span: the last period's last segment, whose end is still to be taken (0 at the beginning); looks: (m,)
+    clock: of the pattern less its delay, s after the recording began; span: the last period's last
+    segment, whose end is still to be taken (0 at the beginning); looks: (m,)
     instants (s) at which the first lane's current is held besides, seen (m, 2); features with MOVED: the plant moves
     the rotor.
     """
-    e, pending, period = room.edges, room.pending, timing.period
-    t, u_a, u_b = 0.0, 0.0, 0.0
+    period = timing.period
+    t, u_a, u_b, begun = 0.0, 0.0, 0.0, False
     peeking = timing.first != 0.0 or timing.last != 0.0
+    plain = flux_map is None and features & ADDED == 0 and not peeking
     for g in range(EDGES + 1):
         x = y = side = real = 0.0
         if g > 0:
-            x, y, side, real = e.x[g - 1], e.y[g - 1], e.side[g - 1], e.real[g - 1]
-        end = e.time[g] if g < EDGES else period
+            x, y, side, real = room.x[g - 1], room.y[g - 1], room.side[g - 1], room.real[g - 1]
+        end = room.time[g] if g < EDGES else period
         left = max(end - t, SHORTEST)
         while left > 0.0:
-            if t == 0.0 and g == 0 and features & add.DELAYED and not features & add.MOVED:
-                add.orient(w, 0.0, course.rate)
-            c, s = facing_at(course, t)
-            at_start(w, flux_map, features, c, s, t / period, course, span, x, y, side, real)
-            if t == 0.0 and g == 0:
-                stiffen(w, flux_map, c, s)
-                first_instant(w, features, timing, pending, duty, before)
+            if not begun:
+                if t == 0.0 and g == 0 and features & add.DELAYED and not features & add.MOVED:
+                    add.orient(w, 0.0, course.rate)
+                c, s = facing_at(course, t)
+                at_start(w, flux_map, features, c, s, t / period, course, span, x, y, side, real)
+                if t == 0.0 and g == 0:
+                    stiffen(w, flux_map, c, s)
+                    first_instant(w, features, timing, room)
             span = part_of(left, timing, features, real > 0.0)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
             u_a, u_b = u_a + x, u_b + y
             taken = g - 1 if side != 0.0 else -1
             lossy = timing.tardy > 0.0 and (
-                enter(w, pending, e, taken, t, span, timing.tardy)
+                enter(w, room, taken, t, span, timing.tardy)
                 if taken >= 0
-                else pending.until[LAST] > t and lose_waiting(w, pending, t, span, -1)
+                else room.until[LAST] > t and lose_waiting(w, room, t, span, -1)
             )
-            middle_of = t + 0.5 * span
-            if features & add.LINK:
-                add.supply(w, clock + middle_of - 0.5 * GAUSS * span, clock + middle_of + 0.5 * GAUSS * span)
-            c, s = facing_at(course, middle_of)
-            in_middle(w, flux_map, features, c, s, middle_of / period, course, span, u_a, u_b, x, y)
-            until = 2.0 * period if g == EDGES and span >= left else t + span
+            long, whole = span > BENDING * period, span >= left
+            plainly = plain and g < EDGES and not lossy
+            if begun and not plainly:
+                dropped(w)
+            begun = plainly
+            c, s = facing_at(course, t + 0.5 * span)
+            if begun:
+                k, turn = (g if whole else -1), span * course.rate
+                edge = (room.x[k], room.y[k], room.side[k], room.real[k]) if whole else (0.0, 0.0, 0.0, 0.0)
+                pulled = features & add.MOTION != 0
+                plain_step(w, (c, s), facing_at(course, t + span), span, turn, long, pulled, u_a, u_b, x, y, edge)
+            else:
+                middle_of = t + 0.5 * span
+                if features & add.LINK:
+                    add.supply(w, clock + middle_of - 0.5 * GAUSS * span, clock + middle_of + 0.5 * GAUSS * span)
+                in_middle(w, flux_map, features, c, s, middle_of / period, course, span, long, u_a, u_b, x, y)
+            until = 2.0 * period if g == EDGES and whole else t + span
             if peeking and len(looks) == 0:
-                peek(w, flux_map, features, pending, taken, course, t, span, until, u_a, u_b, x, y)
+                peek(w, flux_map, features, room, taken, course, t, span, until, u_a, u_b, x, y)
             for m in range(len(looks)):
                 if t <= looks[m] < until:
                     w.when[0] = looks[m]
-                    peek(w, flux_map, features, pending, taken, course, t, span, until, u_a, u_b, x, y)
+                    peek(w, flux_map, features, room, taken, course, t, span, until, u_a, u_b, x, y)
                     seen[m, 0], seen[m, 1] = w.held_a[0], w.held_b[0]
             if features & add.MOVED:
                 course = moved(w, features, course, t, span)
@@ -319,6 +308,6 @@ def travel(w, flux_map, timing, features, room, course, clock, duty, before, spa
             t, left = t + span, left - span
             x = y = side = real = 0.0
         t = end
-    if pending.until[LAST] != NEVER:
-        close_period(w, pending, period)
+    if room.until[LAST] != NEVER:
+        close_period(w, room, period)
     return span

@@ -10,7 +10,7 @@ from sandbox.plant.electrical import HALF_ROOT, quartic
 
 
 @inlined
-def glimpse(w, j, flux_map, features, pending, but, course, t, h, u_a, u_b, x, y):
+def glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y):
     """Return lane j's terminal current (A) h (s) into the segment that began at t; see `sandbox.plant.electrical`.
 
     but: the edge just taken, whose lateness is the lane's own; what others that wait take until then comes off.
@@ -18,10 +18,10 @@ def glimpse(w, j, flux_map, features, pending, but, course, t, h, u_a, u_b, x, y
     v, n = w.link[j], h * w.span_inv[j]
     r = min(w.late[j], h)
     p, q = h * u_a - x * r, h * u_b - y * r
-    for m in range(len(pending.x)):
-        if m != but and pending.until[m] > t:
-            wait = min(max(pending.acts[m, j] - t, 0.0), h)
-            p, q = p - wait * pending.x[m], q - wait * pending.y[m]
+    for m in range(len(room.change_x)):
+        if m != but and room.until[m] > t:
+            wait = min(max(room.acts[m, j] - t, 0.0), h)
+            p, q = p - wait * room.change_x[m], q - wait * room.change_y[m]
     a = w.psi_a[j] + v * p - h * (w.drop_a[j] + n * (w.fall_a[j] - w.drop_a[j]))
     b = w.psi_b[j] + v * q - h * (w.drop_b[j] + n * (w.fall_b[j] - w.drop_b[j]))
     z = t + h - course.origin
@@ -48,7 +48,7 @@ def glimpse(w, j, flux_map, features, pending, but, course, t, h, u_a, u_b, x, y
 
 
 @kernel
-def peek(w, flux_map, features, pending, but, course, t, span, until, u_a, u_b, x, y):
+def peek(w, flux_map, features, room, but, course, t, span, until, u_a, u_b, x, y):
     """Hold the current (behind the filter) of every lane whose reading `when` falls between t and until (s)."""
     n = w.psi_a.size
     hit = False
@@ -61,9 +61,9 @@ def peek(w, flux_map, features, pending, but, course, t, span, until, u_a, u_b, 
     for j in range(n):
         inside = (w.when[j] >= t) & (w.when[j] < until)
         h = min(max(w.when[j] - t, 0.0), span)
-        i_a, i_b = glimpse(w, j, flux_map, features, pending, but, course, t, h, u_a, u_b, x, y)
+        i_a, i_b = glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y)
         if features & add.FILTER:
-            m_a, m_b = glimpse(w, j, flux_map, features, pending, but, course, t, 0.5 * h, u_a, u_b, x, y)
+            m_a, m_b = glimpse(w, j, flux_map, features, room, but, course, t, 0.5 * h, u_a, u_b, x, y)
             decay, w_0, w_m, w_1 = lag_weights(h * w.filter_rate[j])
             i_a = decay * w.filter_a[j] + w_0 * w.i_a[j] + w_m * m_a + w_1 * i_a
             i_b = decay * w.filter_b[j] + w_0 * w.i_b[j] + w_m * m_b + w_1 * i_b

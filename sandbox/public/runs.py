@@ -269,7 +269,8 @@ def simulate(
     """
     from sandbox.compare import single
 
-    drive, scene, own = load_motor(motor), load_scenario(scenario), load_estimator(estimator)
+    scene, own = load_scenario(scenario), load_estimator(estimator)
+    drive = load_motor(motor)  # last: its flux map may have to be downloaded
     scene = scene if duration is None else scene.cut(duration)
     added = _effects(effects)
     if record is not None:

@@ -20,7 +20,7 @@ from sandbox.campaign import Campaign, CampaignRecording
 from sandbox.plant import additions, ports
 from sandbox.plant.mechanics import swing
 from sandbox.plant.sets import batch_of, complete, features_of
-from sandbox.replay.kernel import Track
+from sandbox.replay.kernel import TRACK
 from sandbox.replay.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
 
 Array = NDArray[np.float64]
@@ -31,11 +31,11 @@ LEGS = np.array([[1.0, 0.0], [-0.5, math.sqrt(0.75)], [-0.5, -math.sqrt(0.75)]])
 
 @dataclass(frozen=True)
 class Inputs:
-    """One recording's inputs: what all sets share (`Track`), the readings (n, 3) in A, and the motion."""
+    """One recording's inputs: what all sets share, the readings (n, 3) in A, and the motion."""
 
     file: str
     rotor: str
-    track: Track
+    track: Any  # (n,) of `kernel.TRACK`
     read: Array
     motion: Motion
     angle_floor: float  # rad rms of one encoder reading
@@ -50,11 +50,11 @@ class Inputs:
 
     def mean_duty(self) -> Array:
         """Return the vector (n, 2) of the duties commanded: mean voltage over the link's."""
-        return np.asarray((2.0 / 3.0) * np.stack(self.track[:3], axis=1) @ LEGS)
+        return np.asarray((2.0 / 3.0) * np.stack([self.track[f"d_{x}"] for x in "abc"], axis=1) @ LEGS)
 
     def along(self, motion: Motion, period: float) -> Inputs:
         """Return the same on another motion."""
-        return replace(self, motion=motion, track=self.track._replace(**course_of(motion, self.pole_pairs, period)))
+        return replace(self, motion=motion, track=with_columns(self.track, course_of(motion, self.pole_pairs, period)))
 
     def encoder(self, batch: Any) -> Array:
         """Return the encoder's reading (n, lanes) that a batch predicts for a driven rotor."""
@@ -73,19 +73,27 @@ def readings_off(w, turn, out):
             out[k, j] += ports.angle(w, j, turn[k], w.pairs[j])
 
 
+def with_columns(track: Any, columns: Mapping[str, Array]) -> Any:
+    """Return a copy of a track with some of its columns replaced."""
+    out = track.copy()
+    for name, values in columns.items():
+        out[name] = values
+    return out
+
+
 def course_of(motion: Motion, pole_pairs: float, period: float) -> dict[str, Array]:
-    """Return the fields of `Track` that a motion gives: a cubic through angles and speeds of both samples."""
+    """Return the columns of a track that a motion gives: a cubic through angles and speeds of both samples."""
     a, v = motion.angle, motion.speed
     b, w = np.append(a[1:], a[-1] + period * v[-1]), np.append(v[1:], v[-1])
     middle = 0.5 * (a + b) + 0.125 * period * (v - w)
-    turn = a / pole_pairs if motion.eccentric else np.empty(0)  # else nothing is to be taken off
+    turn = a / pole_pairs
     course = {
         "cos": np.cos(middle), "sin": np.sin(middle), "rate": 1.5 * (b - a) / period - 0.25 * (v + w),
         "bend": 0.5 * (w - v) / period, "jerk": ((v + w) - 2.0 * (b - a) / period) / period**2,
         "speed": v, "turn": turn,
         "middle_turn": middle / pole_pairs, "middle_omega": 0.5 * (v + w) / pole_pairs,
     }  # fmt: skip
-    return {name: np.ascontiguousarray(x) for name, x in course.items()}
+    return {name: np.asarray(x) for name, x in course.items()}
 
 
 def noise_floor(converter: Converter) -> float:
@@ -117,10 +125,9 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
         gains = motion_gains(load, rate, period, variance, torque_error**2, load_share(campaign), start)
     course = course_of(motion, motor.pole_pairs, period)
     read = np.array(r.theta, dtype=float)
-    d_a, d_b, d_c = duty
-    track = Track(d_a=d_a, d_b=d_b, d_c=d_c, load=load, read=read,
-                  gain_angle=gains[:, 0].copy(), gain_speed=gains[:, 1].copy(),
-                  scale=gains[:, 2].copy(), **course)  # fmt: skip
+    columns = {f"d_{x}": d for x, d in zip("abc", duty, strict=True)} | course
+    columns |= {"load": load, "read": read, "gain_angle": gains[:, 0], "gain_speed": gains[:, 1], "scale": gains[:, 2]}
+    track = with_columns(np.zeros(n, TRACK), columns)
     read_currents = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
     v = complete(motor, converter, base)
     off_a, off_b = v["current_offset.offset_a"], v["current_offset.offset_b"]

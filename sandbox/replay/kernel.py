@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
-
 import numpy as np
 
 from model.compiled import kernel
@@ -13,31 +11,15 @@ from sandbox.plant.mechanics import step_shaft
 from sandbox.plant.period import Course, travel
 from sandbox.plant.sampling import deviate, hold_start, read
 
-
-class Track(NamedTuple):
-    """What a recording gives to all sets alike, one value a sample (n,): duties, the encoder's angle over the period
-    from there on (cos and sin in its middle, then rate, bend, jerk as `Course`), its speed (rad/s electrical) and
-    mechanical angle (rad) at the sample (none where nothing is to be taken off for it), the load asked for (N m), and
-    of a free rotor the angle read (rad), gains and scale of its innovation, and smoothed mechanical angle and speed in
-    the middle of the period."""
-
-    d_a: Any
-    d_b: Any
-    d_c: Any
-    cos: Any
-    sin: Any
-    rate: Any
-    bend: Any
-    jerk: Any
-    speed: Any
-    turn: Any
-    load: Any
-    read: Any
-    gain_angle: Any
-    gain_speed: Any
-    scale: Any
-    middle_turn: Any
-    middle_omega: Any
+TRACK = np.dtype([(name, np.float64) for name in (
+    "d_a", "d_b", "d_c",  # duties
+    "cos", "sin", "rate", "bend", "jerk",  # the encoder's angle over the period, about its middle (`Course`)
+    "speed", "turn",  # its speed (rad/s electrical) and mechanical angle (rad) at the sample
+    "load",  # asked for, N m
+    "read", "gain_angle", "gain_speed", "scale",  # angle read by a free rotor (rad), gains and scale of its innovation
+    "middle_turn", "middle_omega",  # smoothed mechanical angle and speed in the middle of the period
+)])  # fmt: skip
+"""What a recording gives to all sets alike, one record a sample."""
 
 
 @kernel
@@ -63,13 +45,13 @@ def write_some(w, out, row, first, early):
 def correct(w, track, k, moved, first):
     """Write the innovation of the encoder's reading over its standard deviation, and correct the motion with it."""
     for j in range(w.psi_a.size):
-        seen = track.read[k] - w.offset[j] - w.deviation[j]
+        seen = track[k].read - w.offset[j] - w.deviation[j]
         if k == 0:
             w.angle[j] = seen
         miss = seen - (w.angle[j] + w.pairs[j] * w.load_share[j] * w.twist[j])
-        w.angle[j] += track.gain_angle[k] * miss
-        w.speed[j] += track.gain_speed[k] * miss
-        moved[k, first + j] = track.scale[k] * miss
+        w.angle[j] += track[k].gain_angle * miss
+        w.speed[j] += track[k].gain_speed * miss
+        moved[k, first + j] = track[k].scale * miss
 
 
 @kernel
@@ -82,21 +64,22 @@ def predict(w, features, track, k, period):
         tail = w.torque[j]
         w.torque[j] = (w.impulse[j] + w.delay[j] * (w.last_torque[j] - tail)) / period
         w.impulse[j], w.last_torque[j] = 0.0, tail
-        w.turn[j] = track.middle_turn[k] - (w.offset[j] + w.deviation[j]) / w.pairs[j]
-        w.omega[j] = track.middle_omega[k]
-    step_shaft(w, features, period, track.load[k], 0.0)
+        w.turn[j] = track[k].middle_turn - (w.offset[j] + w.deviation[j]) / w.pairs[j]
+        w.omega[j] = track[k].middle_omega
+    step_shaft(w, features, period, track[k].load, 0.0)
 
 
 @kernel
-def run(w, flux_map, timing, features, room, track, out, moved, first):
+def run(w, flux_map, timing, features, room, track, eccentric, out, moved, first):
     """Replay one recording; readings (A) go to out[k, 0:3, first:first + lanes], a free rotor's innovations to
-    moved[k, first:] where features say MOTION.  w starts with fluxes and currents of the first sample; room: fresh."""
-    n, lanes, period = len(track.d_a), w.psi_a.size, timing.period
-    duty, before, looks, seen = np.full(3, 0.5), np.full(3, 0.5), np.empty(0), np.empty((0, 2))
-    span, wobbling = 0.0, features & add.WOBBLE != 0 and len(track.turn) > 0
+    moved[k, first:] where features say MOTION.  w starts with fluxes and currents of the first sample; room: fresh;
+    track: (n,) of TRACK; eccentric: the angle handed in still holds what encoders are off."""
+    n, lanes, period = len(track), w.psi_a.size, timing.period
+    looks, seen = np.empty(0), np.empty((0, 2))
+    span, wobbling = 0.0, features & add.WOBBLE != 0 and eccentric
     if wobbling:
-        deviate(w, track.turn[0])
-        deviate(w, track.turn[0])
+        deviate(w, track[0].turn)
+        deviate(w, track[0].turn)
         for j in range(lanes):
             w.deviation[j] = w.next_deviation[j]
     hold_start(w, features)
@@ -106,16 +89,14 @@ def run(w, flux_map, timing, features, room, track, out, moved, first):
         if features & add.MOTION:
             correct(w, track, k, moved, first)
         if wobbling and k < n - 1:
-            deviate(w, track.turn[k + 1])
+            deviate(w, track[k + 1].turn)
+        row = track[k]
         for m in range(3):
-            before[m] = duty[m]
-        duty[0], duty[1], duty[2] = track.d_a[k], track.d_b[k], track.d_c[k]
-        write_edges(room.edges, duty, before, room.shift, period)
-        course = Course(
-            track.cos[k], track.sin[k], 0.5 * period, 0.0, track.rate[k], track.bend[k], track.jerk[k], track.speed[k],
-            0.0, 0.0,
-        )  # fmt: skip
-        span = travel(w, flux_map, timing, features, room, course, k * period, duty, before, span, looks, seen)
+            room.before[m] = room.duty[m]
+        room.duty[0], room.duty[1], room.duty[2] = row.d_a, row.d_b, row.d_c
+        write_edges(room, period)
+        course = Course(row.cos, row.sin, 0.5 * period, 0.0, row.rate, row.bend, row.jerk, row.speed, 0.0, 0.0)
+        span = travel(w, flux_map, timing, features, room, course, k * period, span, looks, seen)
         read(w)
         if timing.first >= 0.0:
             write(w, out, k, first)

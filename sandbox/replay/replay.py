@@ -32,8 +32,7 @@ from model.frames import stationary
 from model.spline import SplineEnergy
 from sandbox.campaign import Campaign
 from sandbox.plant import additions, ports
-from sandbox.plant.batch import LANES
-from sandbox.plant.period import blank_room
+from sandbox.plant.batch import FEW, LANES, blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor, readings_off
 from sandbox.replay.kernel import run
@@ -139,21 +138,22 @@ def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Pred
     if not sets:
         raise BadInput("no parameter set to replay; give at least one ({} for the nominal model)")
     blocks = plan(prepared, sets)
-    width = len(blocks) * LANES
+    width = sum(b.lanes for b in blocks)
+    first = np.cumsum([0, *(b.lanes for b in blocks)])
     shapes = [(r.samples, width) for r in prepared.recordings]
     currents = [np.empty((n, 3, width)) for n, width in shapes]
     free = [r.rotor == "free" for r in prepared.recordings]
-    moved = [np.empty(shape if f else (1, LANES)) for f, shape in zip(free, shapes, strict=True)]
+    moved = [np.empty(shape if f else (1, 1)) for f, shape in zip(free, shapes, strict=True)]
 
     def task(job: tuple[int, int]) -> None:
         """Fill in what one block of sets predicts for one recording."""
         r, b = job
-        run_block(prepared, prepared.recordings[r], blocks[b], currents[r], moved[r], b * LANES)
+        run_block(prepared, prepared.recordings[r], blocks[b], currents[r], moved[r], int(first[b]))
 
     in_threads(task, [(r, b) for r in range(len(prepared.recordings)) for b in range(len(blocks))], workers)
     order = np.empty(len(sets), dtype=int)
     for b, block in enumerate(blocks):
-        order[list(block.members)] = b * LANES + np.arange(len(block.members))
+        order[list(block.members)] = first[b] + np.arange(len(block.members))
     pick = slice(0, len(sets)) if np.array_equal(order, np.arange(len(sets))) else order
     turned = [
         np.concatenate([r.encoder(b.batch)[:, : len(b.members)] for b in blocks], axis=1)
@@ -175,7 +175,7 @@ def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
     for r, current, motion, angle in zip(
         prepared.recordings, prediction.currents, prediction.motion, prediction.angle, strict=True
     ):
-        turned = None if angle is None else (r.track.read[:, None] - angle) / r.angle_floor
+        turned = None if angle is None else (r.track["read"][:, None] - angle) / r.angle_floor
         out.append(Residual(r.file, r.rotor, (r.read[:, :, None] - current) / prepared.floor, motion, turned))
     return out
 
@@ -188,6 +188,11 @@ class Block:
     batch: Any
     lock: Array
     features: int
+
+    @property
+    def lanes(self) -> int:
+        """Sets that its batch has room for."""
+        return len(self.batch["offset"])
 
 
 def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
@@ -208,9 +213,10 @@ def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence
     features = 0
     for v in own:
         features |= features_of(drive.motor, v)
-    own += [own[0]] * (LANES - len(own))
+    lanes = FEW if len(own) <= FEW else LANES
+    own += [own[0]] * (lanes - len(own))
     lock = np.array([v["bench.lock_angle"] for v in own])
-    return Block(tuple(members), batch_of(drive.motor, drive.converter, own, LANES), lock, features)
+    return Block(tuple(members), batch_of(drive.motor, drive.converter, own, lanes), lock, features)
 
 
 def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Array, first: int) -> None:
@@ -226,12 +232,13 @@ def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Ar
     features = block.features | (additions.MOTION if r.rotor == "free" else 0)
     _start(w, r, flux_map)
     timing = timing_of(w, drive.converter.sampling_period, prepared.steps)
-    run(w, flux_map, timing, features, blank_room(LANES), r.track, out, moved, first)
+    run(w, flux_map, timing, features, blank_room(block.lanes), r.track, r.motion.eccentric, out, moved, first)
 
 
 def _start(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
     """Set the states at the first sample: without current, or (`Inputs.loaded`) with the current as read."""
-    off = np.zeros((1, LANES))
+    lanes = len(w["offset"])
+    off = np.zeros((1, lanes))
     for _ in range(2):  # the deviation at the true angle
         turn = r.motion.angle[:1] / r.pole_pairs - np.mean(w["offset"] + off[0]) / r.pole_pairs
         off[:] = 0.0
@@ -239,9 +246,9 @@ def _start(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
             readings_off(w, turn, off)
     theta = r.motion.angle[0] - w["offset"] - off[0]
     c, s = np.cos(theta), np.sin(theta)
-    rest = np.zeros((2, LANES))
+    rest = np.zeros((2, lanes))
     at_rest(w, c, s, rest)
-    for j in range(LANES):
+    for j in range(lanes):
         d = q = 0.0
         if r.loaded:
             d, q = _flux_as_read(w, j, r, c[j], s[j], flux_map)

@@ -161,8 +161,8 @@ def slopes(
         """Fill in the slopes of one block of sets on one recording."""
         r, block, columns, first = job
         inputs, n = prepared.recordings[r], prepared.recordings[r].samples
-        current = np.empty((n, 3, LANES))
-        moved_on = np.empty((n, LANES)) if inputs.rotor == "free" else np.empty((1, LANES))
+        current = np.empty((n, 3, block.lanes))
+        moved_on = np.empty((n, block.lanes)) if inputs.rotor == "free" else np.empty((1, 1))
         run_block(prepared, inputs, block, current, moved_on, 0)
         inverse = 1.0 / steps[columns]
         differences(current.reshape(3 * n, -1), inverse, columns, results[0][r].reshape(3 * n, -1))

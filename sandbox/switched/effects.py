@@ -201,7 +201,7 @@ def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float) -> f
     """A quarter of the period, less where an effect has a shorter time constant (Runge-Kutta must resolve it)."""
     step = period / STEPS_A_PERIOD
     if math.isfinite(v["iron_loss.core_resistance"]):
-        step = min(step, 0.5 * v["iron_loss.time_constant"])
+        step = min(step, 0.25 * v["iron_loss.time_constant"])
     if v["skin_effect.resistance"] > 0.0:
         step = min(step, 0.5 * v["skin_effect.time_constant"])
     if friction_rate(v) > 0.0:

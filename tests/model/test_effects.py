@@ -11,7 +11,6 @@ from model.effects import library
 from model.effects.card import SUBSYSTEMS
 from model.errors import BadInput
 from model.parameters import load_drive
-from model.pulses import duties, flux_after, mean_deviation, on_area, on_time, ripple_lag
 
 DRIVE = load_drive("ipm_exchanged")
 MOTOR, CONVERTER = DRIVE.motor, DRIVE.converter
@@ -138,42 +137,6 @@ def test_every_file_says_what_its_kernels_return():
     for name in library.effect_names():
         text = (library.FOLDER / f"{name}.py").read_text()
         assert text.count("@kernel") == len(re.findall(r'@kernel\ndef .*\n    """Return', text)), name
-
-
-T = 250e-6
-
-
-def test_duties_are_centred_and_limited():
-    d = duties(100.0, 30.0, 400.0)
-    assert max(d) - 0.5 == pytest.approx(0.5 - min(d))
-    assert (2 * d[0] - d[1] - d[2]) / 3 * 400.0 == pytest.approx(100.0)
-    assert min(duties(500.0, 0.0, 400.0)) == 0.0
-
-
-@pytest.mark.parametrize(("duty", "before", "delay"), [(0.6, 0.3, 2e-5), (0.9, 0.8, 6e-5), (0.2, 1.0, 1e-4), (0, 0, 0)])
-def test_pulse_integrals_against_a_fine_sum(duty, before, delay):
-    n = 200_000
-    t = [(k + 0.5) * T / n for k in range(n)]
-
-    def high(at):
-        old, new = abs(at - delay + T / 2) < before * T / 2, abs(at - delay - T / 2) < duty * T / 2
-        return (old if at < delay else new) * 1.0
-
-    level = [high(x) for x in t]
-    flux, total = [], 0.0
-    for v in level:
-        total += v * T / n
-        flux.append(total)
-    assert flux_after(duty, before, T, delay, T) == pytest.approx(total, abs=2e-9)
-    assert flux_after(duty, before, T, delay, 0.4 * T) == pytest.approx(flux[int(0.4 * n)], abs=3e-9)
-    deviation = [f - total * (k + 1) / n for k, f in enumerate(flux)]
-    assert mean_deviation(duty, before, T, delay) == pytest.approx(sum(deviation) / n, abs=2e-9)
-    tau, lagged = 4e-5, 0.0
-    for x in deviation:
-        lagged += (x - lagged) * T / n / tau
-    assert ripple_lag(duty, before, T, delay, tau) == pytest.approx(lagged, abs=3e-9)
-    assert on_time(duty, T, T) == pytest.approx(duty * T)
-    assert on_area(duty, T, T) == pytest.approx(0.5 * duty * T * T)
 
 
 @pytest.mark.parametrize(

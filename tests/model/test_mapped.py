@@ -6,6 +6,7 @@ import pytest
 from model.energy import flux_from_current, inductances
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, write_map
+from model.kept import note
 from model.parameters import load_drive, mapped_names
 
 TEXT = """
@@ -47,12 +48,12 @@ def test_a_user_s_map_gives_back_the_motor_it_was_computed_from(folder, name):
 
 def test_a_fit_is_remembered_until_the_map_changes(folder):
     first = load_drive(folder / "mine.toml").motor
-    assert len(list((folder / "cache" / "maps").glob("*.npz"))) == 1
+    assert len(list((folder / "cache" / "maps").glob("*.kept"))) == 1
     again = load_drive(folder / "mine.toml").motor
     assert again == first
     assert hash(again) == hash(first)
     np.testing.assert_array_equal(again.spline.cells, first.spline.cells)
-    stored = next((folder / "cache" / "maps").glob("*.npz"))
+    stored = next((folder / "cache" / "maps").glob("*.kept"))
     stored.write_bytes(b"damaged")
     assert load_drive(folder / "mine.toml").motor == first
     rows = (folder / "mine.csv").read_text().splitlines()
@@ -97,3 +98,30 @@ def test_missing_data_are_one_sentence(name, tmp_path, monkeypatch):
 
 def _no_pooch(name, *_):
     raise ImportError(name)
+
+
+def test_a_map_with_its_magnet_on_another_axis_is_named(folder):
+    """The same map turned by 90 degrees: at i_q = 0 its q flux is the magnet's."""
+    (folder / "mine.toml").write_text(TEXT + CHOICE + 'magnet = "-q"\n')
+    with pytest.raises(BadInput, match=r"psi_q is .* Wb at i_q = 0 .* so the magnet is not on the d axis"):
+        load_drive(folder / "mine.toml")
+
+
+def test_a_flux_that_falls_with_its_current_is_named(folder):
+    rows = (folder / "mine.csv").read_text().splitlines()
+    cells = rows[1 + 17 * 8 + 3].split(",")  # i_d = 0, the fourth i_q: -3.2 + 3 x 0.4 A
+    rows[1 + 17 * 8 + 3] = ",".join([*cells[:3], "0.5"])
+    (folder / "mine.csv").write_text("\n".join(rows))
+    with pytest.raises(BadInput, match=r"psi_q changes by -.* Wb from i_d = 0 A, i_q = -2 A to the next i_q"):
+        load_drive(folder / "mine.toml")
+
+
+def test_a_changed_number_of_a_kept_fit_is_not_believed(folder, capsys):
+    note.cache_clear()  # said once a process
+    first = load_drive(folder / "mine.toml").motor
+    kept = next((folder / "cache" / "maps").glob("*.kept"))
+    whole = kept.read_bytes()
+    for k in range(70, len(whole), len(whole) // 7):
+        kept.write_bytes(whole[:k] + bytes([whole[k] ^ 4]) + whole[k + 1 :])
+        assert load_drive(folder / "mine.toml").motor == first
+    assert "was damaged and is made anew" in capsys.readouterr().err

@@ -4,8 +4,8 @@ import numpy as np
 
 from model.effects.library import complete
 from sandbox.loop import INSTANT, LINK, MEMORY, SPAN, U_ALPHA, U_BETA, Rig, encoder, progress, read_phases, rotor
-from sandbox.plant.closed import closed_bench
-from sandbox.simulate import LONGEST
+from sandbox.plant.closed import closed_bench, longest_step
+from sandbox.plant.sets import features_of
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.simulate import replay
 from tests.sandbox.effect_motors import CONVERTER, LINEAR, U, vector
@@ -16,12 +16,14 @@ class Exact:
 
     def __init__(self, effects=None, motor=LINEAR, rotor="locked", theta=0.0, speed=0.0, converter=CONVERTER):
         values = complete(motor, converter, effects)
-        self.bench = closed_bench(motor, converter, values, rotor, theta, LONGEST)
+        step = longest_step(motor, values, features_of(motor, values), motor.pole_pairs * abs(speed))
+        ahead = motor.pole_pairs * speed * values["pwm_delay.delay"]  # the plant's periods begin with their pattern
+        self.bench = closed_bench(motor, converter, values, rotor, theta + ahead, step)
         self.w, self.pairs = self.bench.w, motor.pole_pairs
         self.w["speed"][0] = self.pairs * speed
         jitter = values["current_sampling.jitter"]
         self.rig = Rig(*5 * (0,), converter.sampling_period, 0.0, 0.0, 0.0, U, 0.0, jitter, 0.0)
-        self.memory, self.duty, self.before = np.zeros(MEMORY), np.full(3, 0.5), np.full(3, 0.5)
+        self.memory = np.zeros(MEMORY)
         self.memory[LINK], self.memory[INSTANT] = 1.0, self.w["sample"][0]
         self.looks, self.seen, self.k = np.full(2, -1.0), np.zeros((2, 2)), 0
         self.rng = np.random.default_rng(0)
@@ -29,8 +31,7 @@ class Exact:
     def advance(self, u, load=0.0):
         """Return the current vector (A) read for t_k; the voltage u (complex, V) acts for a period from there."""
         self.memory[U_ALPHA], self.memory[U_BETA] = u.real, u.imag
-        progress(self.k, self.bench, self.rig, load, 0.0, self.memory, self.duty, self.before, self.looks, self.seen,
-                 self.rng)  # fmt: skip
+        progress(self.k, self.bench, self.rig, load, 0.0, self.memory, self.looks, self.seen, self.rng)
         self.k += 1
         return vector(dict(zip(("i_a", "i_b", "i_c"), read_phases(self.w, self.rig, self.rng), strict=True)))
 

@@ -9,12 +9,13 @@ import pytest
 
 from estimators.registry import load_estimator
 from experiments.spline_cost import twin
+from model.effects import library
 from model.parameters import load_drive
 from sandbox.scenario import Scenario, Segment
 from sandbox.simulate import simulate
 
-# degrees: 1e-5 of rated current (what a step of the exact plant may miss of the resistive drop) over a ripple of a fifth
-# of it, whose q part turns with half the angle (`ipm_exchanged`: (1/L_d - 1/L_q) L_d = -0.5)
+# degrees: 1e-5 of rated current (what a step of the exact plant may miss of the drop) over a ripple of a fifth of it,
+# whose q part turns with half the angle (`ipm_exchanged`: (1/L_d - 1/L_q) L_d = -0.5)
 SAME = np.degrees(1e-5 / (0.2 * 0.5))
 QNULL = load_estimator("qnull")
 LOADED = Segment(0.1, 0.8, ramp=0.05)
@@ -29,25 +30,26 @@ FRICTION = {
     "coulomb_friction.torque": 0.03, "coulomb_friction.stribeck_torque": 0.01, "viscous_friction.coefficient": 5e-4,
 }  # fmt: skip
 COGGING = {"cogging_torque.amplitude": 0.05, "cogging_torque.order_mech": 12.0}
-CASES = {  # motor, scenario, effects
-    "bare": ("ipm_exchanged", LOCKED, {}),
-    "driven": ("ipm_exchanged", DRIVEN, {}),
-    "dead time, filter": ("ipm_exchanged", DRIVEN, {"dead_time.time": 1e-6, "current_filter.time_constant": 1e-5}),
-    "early samples of late pulses": ("ipm_exchanged", LOCKED, {"pwm_delay.delay": 2e-5, "current_sampling.delay": -5e-6}),
-    "late samples": ("ipm_exchanged", DRIVEN, {"current_sampling.delay": 5e-6}),
-    "iron loss": ("ipm_exchanged", DRIVEN, {"iron_loss.core_resistance": 2e3, "iron_loss.time_constant": 1e-4}),
-    "harmonics": ("ipm_exchanged", DRIVEN, {
+CASES = {  # scenario, effects; the motor's quartic as a flux map where the name says so
+    "bare": (LOCKED, {}),
+    "driven": (DRIVEN, {}),
+    "dead time, filter": (DRIVEN, {"dead_time.time": 1e-6, "current_filter.time_constant": 1e-5}),
+    "early samples of late pulses": (LOCKED, {"pwm_delay.delay": 2e-5, "current_sampling.delay": -5e-6}),
+    "late samples": (DRIVEN, {"current_sampling.delay": 5e-6}),
+    "iron loss": (DRIVEN, {"iron_loss.core_resistance": 2e3, "iron_loss.time_constant": 1e-4}),
+    "harmonics": (DRIVEN, {
         "flux_harmonics.psi_d6": 2e-3, "flux_harmonics.psi_q6": -1e-3, "inductance_harmonics.gamma_6": 0.5}),
-    "free": ("ipm_exchanged", FREE, {}),
-    "mechanics": ("ipm_exchanged", FREE, COGGING | FRICTION | SHAFT),
-    "map": ("twin", DRIVEN, {}),
-    "map, free": ("twin", FREE, {"dead_time.time": 1e-6, "iron_loss.core_resistance": 2e3}),
+    "free": (FREE, {}),
+    "mechanics": (FREE, COGGING | FRICTION | SHAFT),
+    "map": (DRIVEN, {}),
+    "map, free": (FREE, {"dead_time.time": 1e-6, "iron_loss.core_resistance": 2e3}),
 }  # fmt: skip
 
 
-def quiet(name):
-    """Return a drive whose sensors read exactly; `twin`: the quartic as a flux map."""
-    drive = twin(load_drive("ipm_exchanged")) if name == "twin" else load_drive(name)
+def quiet(mapped=False):
+    """Return a drive whose sensors read exactly; mapped: its quartic as a flux map."""
+    drive = load_drive("ipm_exchanged")
+    drive = twin(drive) if mapped else drive
     exact = dataclasses.replace(drive.converter, current_noise=0.0, current_resolution=0.0)
     return dataclasses.replace(drive, converter=exact)
 
@@ -57,21 +59,35 @@ def last(run, seconds):
     return run.recording.between(run.recording.t[-1] - seconds, 99.0)
 
 
+def means(scenario, effects, mapped=False):
+    """Return the mean position error (degrees) of a run's last 0.1 s on the exact plant and on the switched bench."""
+    runs = [simulate(quiet(mapped), scenario, QNULL, effects=effects, plant=plant) for plant in ("exact", "switched")]
+    found = [float(np.degrees(last(run, 0.1).error.mean())) for run in runs]
+    print(f"exact {found[0]:.5f}, switched {found[1]:.5f} degrees, off {found[0] - found[1]:+.1e}")
+    return found
+
+
 @pytest.mark.parametrize("case", list(CASES))
 def test_same_mean_position_error(case):
-    motor, scenario, effects = CASES[case]
-    runs = [simulate(quiet(motor), scenario, QNULL, effects=effects, plant=plant) for plant in ("exact", "switched")]
-    exact, switched = (np.degrees(last(run, 0.1).error.mean()) for run in runs)
-    print(f"{case}: exact {exact:.5f}, switched {switched:.5f} degrees, off {exact - switched:+.5f}")
+    exact, switched = means(*CASES[case], mapped=case.startswith("map"))
+    assert exact == pytest.approx(switched, abs=SAME)
+
+
+@pytest.mark.parametrize("name", library.effect_names())
+def test_every_effect_at_typical_size_means_the_same(name):
+    """Jitter, of which each plant draws its own, aside."""
+    drive = quiet()
+    sizes = {k: v for k, v in library.typical(name, drive.motor, drive.converter).items() if not k.endswith("jitter")}
+    exact, switched = means(FREE, sizes)
     assert exact == pytest.approx(switched, abs=SAME)
 
 
 def test_jitter_scatters_the_samples_alike():
-    """Each plant draws its own instants: rms of reading less true current, n samples known to 1/sqrt(2 n), four sigma."""
+    """Each plant draws its own: rms of reading less true current, of n samples known to 1/sqrt(2 n), four sigma."""
     scatter = []
     for plant in ("exact", "switched"):
         effects = {"current_sampling.jitter": 3e-6, "current_sampling.delay": 5e-6}
-        r = last(simulate(quiet("ipm_exchanged"), DRIVEN, QNULL, effects=effects, plant=plant), 0.15)
+        r = last(simulate(quiet(), DRIVEN, QNULL, effects=effects, plant=plant), 0.15)
         miss = r.i_a - r.i_d * np.cos(r.theta) + r.i_q * np.sin(r.theta)
         scatter.append(miss.std())
     assert scatter[0] == pytest.approx(scatter[1], rel=4.0 * np.sqrt(2.0) / np.sqrt(2.0 * len(r.t)))

@@ -284,7 +284,7 @@ def test_stale_files_go_and_strangers_stay(short, tmp_path):
 
 
 def test_names_with_markup_are_names(short, tmp_path, capsys):
-    motor = motor_file(tmp_path, 'name = "ipm_exchanged"', 'name = "[/bold] $\\\\frac{$"')
+    motor = motor_file(tmp_path, 'name = "ipm_exchanged"', 'name = "[bold] $_{$ <b>"')
     call = [
         "compare",
         "--motor",
@@ -297,7 +297,7 @@ def test_names_with_markup_are_names(short, tmp_path, capsys):
         str(tmp_path / "o"),
     ]
     assert main(call) == 0
-    assert "[/bold] $" in capsys.readouterr().out
+    assert "[bold] $_{$ <b>" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("plant", ["exact", "switched"])

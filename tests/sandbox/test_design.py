@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from importlib import import_module
 
 import control
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 from estimators.registry import load_estimator
+from model.errors import BadInput
+from model.mapped import ALPHAS
 from model.parameters import load_drive, motor_names
 from sandbox import design as ds
 from sandbox.scenario import Scenario, Segment
@@ -112,14 +115,21 @@ def test_speed_loop_by_simulation():
 def test_design_is_remembered(tmp_path, monkeypatch):
     monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path))
     first = ds.design(load_drive("ipm"))
-    files = list((tmp_path / "designs").glob("*.json"))
+    files = list((tmp_path / "designs").glob("*.kept"))
     assert len(files) == 1
     monkeypatch.setattr(ds, "design_loops", lambda *a: pytest.fail("designed again"))
     assert ds.design(load_drive("ipm")) == first
-    files[0].write_text("{ broken")
     monkeypatch.undo()
     monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path))
-    assert ds.design(load_drive("ipm")) == first
+    text = files[0].read_text()
+    for damage in (
+        "{ broken",
+        text.replace("1", "2", 1),
+        re.sub(r"(\"kp\": \d)", r"\g<1>7", text),
+    ):  # a number changed, too
+        files[0].write_text(damage)
+        assert ds.design(load_drive("ipm")) == first
+        assert files[0].read_text() == text
 
 
 def test_gains_scale_with_the_motor():
@@ -129,3 +139,12 @@ def test_gains_scale_with_the_motor():
     a, b = ds.design(drive).loops["speed"], ds.design(heavy).loops["speed"]
     assert b.bandwidth == pytest.approx(a.bandwidth, rel=1e-4)
     assert b.kp == pytest.approx(2 * a.kp, rel=1e-4)
+
+
+def test_a_winding_far_faster_than_sampling_is_refused_at_once():
+    """L/R = 1 ns: half of it a step (LARGEST_DECAY), so 250 us take 500 000 steps, 3 s (12 000 samples) hours."""
+    drive = load_drive("ipm_exchanged")
+    quick = {"resistance": 1e3, "inductance_d": 1e-6, "inductance_q": 2e-6} | dict.fromkeys(ALPHAS, 0.0)
+    drive = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, **quick))
+    with pytest.raises(BadInput, match=r"12000 samples of 500000 plant steps of 5e-10 s are more than 4e\+09 steps"):
+        simulate(drive, Scenario("s", (Segment(3.0),), start_up=False), load_estimator("qnull"))

@@ -10,65 +10,39 @@ from scipy.linalg import expm
 from estimators.registry import load_estimator
 from model.effects import library
 from model.errors import BadInput
-from model.parameters import Converter, Motor, load_drive
+from model.parameters import load_drive
 from sandbox.cli import main
 from sandbox.control import ENCODER_BANDWIDTH, speed_from
-from sandbox.full import SLOW_D
-from sandbox.oldplant import OMEGA, PHI_D
-from sandbox.plant.sets import complete as replay_complete
+from sandbox.plant.closed import LARGEST_DECAY
 from sandbox.scenario import Scenario, Segment
 from sandbox.simulate import simulate
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.inverter import I_ALPHA, SKIN_ALPHA, integrate
 from sandbox.switched.machine import LOCKED
-from sandbox.switched.simulate import replay, start
-from tests.sandbox.averaged import Averaged
-
-L, R, U, TS = 0.05, 10.0, 400.0, 250e-6
-BLANK = Motor("blank", 4, R, 0.0, L, L, 1e-3, 2.0, 1.0, 1000.0)
-CONVERTER = Converter(TS, U, 0.0, 0.0)
+from sandbox.switched.simulate import start
+from tests.sandbox.effect_motors import CONVERTER, NO_MAGNET, TS, L, R, U
+from tests.sandbox.exact import exact, switched
 
 
 @pytest.mark.parametrize("tau", [4e-6, 5.6e-6, 1e-6])
 def test_skin_effect_as_fast_as_a_real_windings(tau):
-    """The matrix exponential of both plants at the time constants fitted to THOR's winding, and at the bound.
+    """The switched bench by the matrix exponential, at the time constants fitted to THOR's winding and at the bound.
 
-    Far above 1/tau the ladder is R_1 in series with x at rest; R_1 = 65 ohm takes R_1 tau = 0.3 mH off L at most.
+    Far above 1/tau the ladder is R_1 in series with x at rest; R_1 = 65 ohm takes R_1 tau = 0.3 mH off L at most.  The
+    exact plant meets it: its lag is exact, a step's drop misses LARGEST_DECAY^2/24 of what it drives.
     """
     r_1, t = 65.0, 3 * TS
     effects = {"skin_effect.resistance": r_1, "skin_effect.time_constant": tau}
     m = np.array([[-(R + r_1) / L, r_1 / L, 1 / L], [1 / tau, -1 / tau, 0], [0, 0, 0]])
-    exact = expm(m * t) @ [0.0, 0.0, 40.0]
-    a = Averaged(BLANK, CONVERTER, effects)
-    for _ in range(3):
-        a.advance(40.0 + 0j)
-    assert [a.x[PHI_D] / L, a.x[SLOW_D]] == pytest.approx(exact[:2], rel=1e-6)
-    b = quiet(bench(BLANK, CONVERTER, effects))
+    b = quiet(bench(NO_MAGNET, CONVERTER, effects))
     state = start(b)
     integrate(state, b, LOCKED, complex(40.0 / U), 0.0, t, 0.0, 0.0)
-    assert [state[I_ALPHA], state[SKIN_ALPHA]] == pytest.approx(exact[:2], rel=1e-6)
-    assert replay_complete(BLANK, CONVERTER, effects)["skin_effect.time_constant"] == tau
-
-
-@pytest.mark.parametrize("width", [2.0, 0.05, 1e-3])
-def test_coulomb_friction_is_resolved_however_narrow(width):
-    """J dw/dt = -T tanh(w/width): sinh(w/width) decays exponentially; both plants, coasting to rest and staying there.
-
-    w = width asinh(sinh(w_0/width) exp(-T t/(J width))), written without overflow.  Tolerance: two steps a relaxation
-    time, second order: 2 % of the width for the one sample on its way to rest.
-    """
-    torque, w_0, n = 0.1, 2.0, 200
-    effects = {"coulomb_friction.torque": torque, "coulomb_friction.width": width}
-    t = TS * np.arange(n)
-    power = w_0 / width + np.log1p(-np.exp(-2 * w_0 / width)) - math.log(2.0) - torque * t / (1e-3 * width)
-    exact = width * np.where(power > 20.0, power + math.log(2.0), np.arcsinh(np.exp(np.minimum(power, 20.0))))
-    a, speed = Averaged(BLANK, CONVERTER, effects, free=True, omega=4 * w_0), []
-    for _ in range(n):
-        speed.append(a.x[OMEGA] / 4)
-        a.advance(0j)
-    out = replay(quiet(bench(BLANK, CONVERTER, effects)), "free", np.zeros(n), np.zeros(n), U, speed=w_0)
-    assert np.array(speed) == pytest.approx(exact, abs=0.02 * width + 1e-5)
-    assert out["speed"] == pytest.approx(exact, abs=0.02 * width + 1e-5)
+    assert [state[I_ALPHA], state[SKIN_ALPHA]] == pytest.approx((expm(m * t) @ [0.0, 0.0, 40.0])[:2], rel=1e-6)
+    u = 60.0 * np.exp(0.3j) * np.where(np.arange(200) % 8 < 4, 1.0, -1.0)
+    still, moved, found = (f(e, u, NO_MAGNET) for f, e in ((switched, {}), (switched, effects), (exact, effects)))
+    missed = LARGEST_DECAY**2 / 24 * np.abs(still).max()
+    assert np.abs(found - moved).max() < missed
+    assert np.abs(still - moved).max() > 2.0 * missed
 
 
 @pytest.mark.parametrize(
@@ -85,7 +59,7 @@ def test_coulomb_friction_is_resolved_however_narrow(width):
 )
 def test_sizes_beyond_what_is_resolved_are_refused(effects, words):
     with pytest.raises(BadInput, match=words):
-        library.complete(BLANK, CONVERTER, effects)
+        library.complete(NO_MAGNET, CONVERTER, effects)
 
 
 @pytest.mark.parametrize("text", ["1_0e-6", "١e-6", "0x1"])
@@ -128,7 +102,7 @@ def test_speed_from_counts_sees_the_eccentricity():
     assert abs(swing) == pytest.approx(omega * amplitude, rel=0.05)
 
 
-@pytest.mark.parametrize("plant", ["averaged", "switched"])
+@pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_open_loop_runs_on_its_counted_encoder(plant):
     """Counts are in the control (another run than without) and cost it less than a percent of speed."""
     drive = load_drive("ipm_exchanged")

@@ -9,9 +9,13 @@ from scipy.integrate import solve_ivp
 
 from model.effects.coulomb_friction import drag
 from model.energy import energy
+from sandbox.switched.effects import bench, quiet
+from sandbox.switched.simulate import replay
 from tests.sandbox.effect_motors import CONVERTER, IPM, LINEAR, NO_MAGNET, TS
 from tests.sandbox.exact import Exact
 from tests.sandbox.test_effects_closed_forms import iron
+
+LATE = 6e-14 / TS  # edges at one instant are taken 1e-14 s apart, and the shaft moves on meanwhile
 
 
 def coasting(effects, n=400, speed=100.0, theta=0.0, load=0.0):
@@ -25,12 +29,12 @@ def coasting(effects, n=400, speed=100.0, theta=0.0, load=0.0):
 
 def test_inertia_sets_the_acceleration():
     speed = coasting({"inertia.inertia": 2e-3}, speed=0.0, load=0.3)[1]
-    assert speed[399] == pytest.approx(-0.3 / 2e-3 * 399 * TS, rel=1e-12)
+    assert speed[399] == pytest.approx(-0.3 / 2e-3 * 399 * TS, rel=1.1 * LATE)
 
 
 @pytest.mark.parametrize("width", [2.0, 0.05, 1e-3])
 def test_coulomb_friction_is_resolved_however_narrow(width):
-    """J dw/dt = -T tanh(w/width): sinh(w/width) decays exponentially, to rest and staying there.
+    """J dw/dt = -T tanh(w/width): sinh(w/width) decays exponentially, to rest and staying there; both plants.
 
     w = width asinh(sinh(w_0/width) exp(-T t/(J width))), written without overflow.  Tolerance: two steps a relaxation
     time, second order: 2 % of the width for the one sample on its way to rest.
@@ -40,7 +44,10 @@ def test_coulomb_friction_is_resolved_however_narrow(width):
     power = power - torque * TS * np.arange(n) / (1e-3 * width)
     expected = width * np.where(power > 20.0, power + math.log(2.0), np.arcsinh(np.exp(np.minimum(power, 20.0))))
     speed = coasting({"coulomb_friction.torque": torque, "coulomb_friction.width": width}, n, w_0)[1]
-    assert speed == pytest.approx(expected, abs=0.02 * width + 1e-5)
+    b = quiet(bench(NO_MAGNET, CONVERTER, {"coulomb_friction.torque": torque, "coulomb_friction.width": width}))
+    out = replay(b, "free", np.zeros(n), np.zeros(n), 400.0, speed=w_0)
+    for found in (speed, out["speed"]):
+        assert found == pytest.approx(expected, abs=0.02 * width + 1e-5)
 
 
 def test_coulomb_frictions_stribeck_hump_adds_at_low_speed():
@@ -92,10 +99,12 @@ def test_shaft_compliance_resonates_at_its_frequency(ratio):
     t, swung = TS * np.arange(n), rate * math.sqrt(1 - ratio**2)
     bell = np.exp(-ratio * rate * t) * (np.cos(swung * t) + ratio * rate / swung * np.sin(swung * t))
     steady = tau * 6e-4 / 1e-3 / 300.0  # the motor's side hangs on the shaft
-    assert np.array(twist) == pytest.approx(steady * (1 - bell), abs=1e-9 * steady)
+    assert np.array(twist) == pytest.approx(steady * (1 - bell), abs=1.1 * LATE * rate * t[-1] * steady)
     slip = np.exp(-ratio * rate * t) * rate**2 / swung * np.sin(swung * t) * steady
     # two masses: J_1 w_1 + J_2 w_2 = -tau t, w_1 - w_2 = slip
-    assert np.array(speed) == pytest.approx(-tau / 1e-3 * t + 0.4 * slip, abs=1e-9)
+    assert np.array(speed) == pytest.approx(
+        -tau / 1e-3 * t + 0.4 * slip, abs=1.1 * LATE * (tau / 1e-3 * t[-1] + rate * t[-1])
+    )
 
 
 def test_iron_loss_brakes_a_shorted_motor():
@@ -106,9 +115,11 @@ def test_iron_loss_brakes_a_shorted_motor():
         plant.advance(0j)
     begun = plant.motion[1]
     plant.advance(0j)
-    torque = [1.5 * 4 * (psi.conjugate() * (psi - 0.1) / 0.05).imag for psi in (iron(omega, c, 5e-4)[0] for c in (300.0, 1e9))]
+    torque = [
+        1.5 * 4 * (psi.conjugate() * (psi - 0.1) / 0.05).imag for psi in (iron(omega, c, 5e-4)[0] for c in (300.0, 1e9))
+    ]
     assert (plant.motion[1] - begun) * 1e3 / TS == pytest.approx(torque[0], rel=1e-4)
-    assert abs(torque[1] - torque[0]) > 0.1 * abs(torque[0])
+    assert abs(torque[1] - torque[0]) > 0.02 * abs(torque[0])
 
 
 ALL_ON = {

@@ -31,7 +31,7 @@ POSITION = 1e-5 / (0.2 * 0.5)
 
 
 def test_recorded_voltages_drive_the_switched_bench_through_the_run():
-    """Voltages as recorded (acting from their own sample on) through the other plant give recorded angle and currents."""
+    """Voltages as recorded (acting from their own sample on) through the other plant give the recording again."""
     run = simulate(QUIET, STEP, load_estimator("qnull"), seed=1)
     r, motor = run.recording, DRIVE.motor
     k = int(np.argmax(r.t > run.start_time + 0.02))

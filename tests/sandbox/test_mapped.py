@@ -96,7 +96,8 @@ def twin(drive):
 
 
 def test_spline_of_a_quartic_runs_as_the_quartic_does():
-    drive = load_drive("ipm_exchanged")
+    drive = load_drive("ipm_exchanged")  # without counts: where one falls the other way, runs differ by a count
+    drive = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, current_resolution=0.0))
     scenario = Scenario("two", (Segment(0.1), Segment(0.3, 1.0, ramp=0.05)), start_up=False)
     other = twin(drive)
     for name in ("qnull", "inversion", "ekf"):

@@ -1,7 +1,9 @@
-"""What an averaged-voltage plant needs inside the PWM period: closed forms from the pulses, against the switched bench.
+"""What an average lacks inside the PWM period: closed forms from the pulses, against both plants that have pulses.
 
 The averaged plant is this bench's machine fed with the mean voltage; formulas as in sandbox/switched/AVERAGING.md.
 """
+
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,6 +13,7 @@ from sandbox.switched.effects import bench, quiet
 from sandbox.switched.inverter import FILTER_ALPHA, I_ALPHA, PSI_ALPHA, TIME, duties, integrate
 from sandbox.switched.machine import DRIVEN, current_and_torque
 from sandbox.switched.simulate import replay, start
+from tests.sandbox.exact import exact
 
 N = 600
 
@@ -96,8 +99,11 @@ def averaged(b, u, u_dc, theta, speed, correct):
     return np.array(out)
 
 
-def gap(effects, speed, correct):
-    """Return rms of averaged less switched samples, in rated currents: a driven motor with injection on top."""
+@cache
+def courses(items, speed):
+    """Return samples (n,) over rated current of a driven motor with injection on top: averaged without and with what
+    the pulses add, switched, exact."""
+    effects = dict(items)
     motor, converter = load_drive("ipm").motor, load_drive("ipm").converter
     b = quiet(bench(motor, converter, effects))
     k, omega = np.arange(N), motor.pole_pairs * speed
@@ -108,8 +114,14 @@ def gap(effects, speed, correct):
     )
     out = replay(b, "driven", u.real, u.imag, 400.0, theta=theta, speed=speed)
     switched = clarke(np.stack([out["i_a"], out["i_b"], out["i_c"]]))
-    difference = averaged(b, u, 400.0, theta, speed, correct) - switched
-    return np.sqrt(np.mean(np.abs(difference[80:]) ** 2)) / motor.rated_current
+    plain, corrected = (averaged(b, u, 400.0, theta, speed, correct) for correct in (False, True))
+    plants = switched, exact(effects, u, motor, 0.3, speed)
+    return [x / motor.rated_current for x in (plain, corrected, *plants)]
+
+
+def rms(x, settled=80):
+    """Return the rms after settling."""
+    return float(np.sqrt(np.mean(np.abs(x[settled:]) ** 2)))
 
 
 CASES = [  # effect, bound without and with the correction (share of rated current); the noise is 1.7e-3
@@ -132,15 +144,28 @@ CASES = [  # effect, bound without and with the correction (share of rated curre
 
 
 @pytest.mark.parametrize("speed", [20.0, 100.0])
-def test_without_effects_the_mean_voltage_is_enough(speed):
-    assert gap({}, speed, False) < 2e-4  # what averaging can give: below 0.1 % of rated current
+@pytest.mark.parametrize("plant", [2, 3], ids=["switched", "exact"])
+def test_without_effects_the_mean_voltage_is_enough(plant, speed):
+    found = courses((), speed)
+    assert rms(found[0] - found[plant]) < 2e-4  # what averaging can give: below 0.1 % of rated current
 
 
 @pytest.mark.parametrize("speed", [20.0, 100.0])
+@pytest.mark.parametrize("plant", [2, 3], ids=["switched", "exact"])
 @pytest.mark.parametrize(("effects", "naive", "corrected"), CASES, ids=lambda x: str(x) if isinstance(x, dict) else "")
-def test_closed_form_brings_the_averaged_plant_to_the_switched_one(effects, naive, corrected, speed):
-    off, on = gap(effects, speed, False), gap(effects, speed, True)
+def test_closed_form_brings_an_average_to_the_plants(effects, naive, corrected, plant, speed):
+    found = courses(tuple(effects.items()), speed)
+    off, on = (rms(found[k] - found[plant]) for k in (0, 1))
     print(f"{effects} {speed:g} rad/s: averaged {off:.1e}, corrected {on:.1e} of rated current")
     assert on < corrected
     assert off > naive
     assert off > 4 * on
+
+
+@pytest.mark.parametrize("speed", [20.0, 100.0])
+@pytest.mark.parametrize("effects", [{}, *(c[0] for c in CASES)], ids=str)
+def test_the_plants_agree(effects, speed):
+    _, _, switched, exact = courses(tuple(effects.items()), speed)
+    left = rms(exact - switched, 300)  # ten time constants: a delayed plant begins with its pattern, without current
+    print(f"{effects} {speed:g} rad/s: exact less switched {left:.1e} of rated current")
+    assert left < 2e-5  # the bound set for the plant: a hundredth of the sensors' noise

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
+from sandbox.gap.withheld.documents import check_report
 
 DIGITS = 6
 BLIND, LEFT_OUT, RESOLVED = "blind", "left_out", "resolved"
@@ -22,7 +23,6 @@ TRUTH = (
     "kind", "family", "style", "pair", "outside", "outside_subsystem", "effects", "sizes", "parameters",
 )  # fmt: skip
 ANSWER = ("failed", "verdict", "ambiguity_set", "waterfall", "cpu_seconds")  # as they are; the rest is shortened
-LONGEST = 60.0  # s of a recommended recording
 KEPT = {
     "gap": ("raw", "before", "after", "closed"),
     "next_recording": ("entry", "seconds", "power"),
@@ -116,35 +116,14 @@ def read_rows(path: Path) -> list[Row]:
     for k, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
         try:
             found = Row(**json.loads(line))
-            sound = found.part in PARTS and isinstance(found.truth, dict) and told(found.answer)
-        except (ValueError, LookupError, TypeError, AttributeError):
+            check_report(found.answer, found.campaign)
+            sound = found.part in PARTS and isinstance(found.truth, dict)
+        except (ValueError, TypeError):  # BadInput, too
             sound = False
         if not sound:
             raise BadInput(f"'{path}' line {k} is no row of a check; score its campaigns once more")
         out.append(found)
     return out
-
-
-def told(report: Mapping[str, Any]) -> bool:
-    """Tell whether a report, or a row's answer, holds what judging reads of the contract, or says why it failed."""
-    if "failed" in report:
-        return True
-    hypotheses, following = report["hypotheses"], report.get("next_recording")
-    named = [h["effects"] for h in hypotheses] + list(report["ambiguity_set"])
-    numbers = [h["probability"] for h in hypotheses]
-    if following is not None:
-        numbers.append(following.get("power", 0.0))
-        if "entry" in following and not (isinstance(following["entry"], str) and 0.0 < following["seconds"] <= LONGEST):
-            return False
-    return (
-        bool(hypotheses)
-        and all(isinstance(e, str) for names in named for e in names)
-        and all(isinstance(p, (int, float)) and 0.0 <= p <= 1.0 + 1e-9 for p in numbers)
-        and isinstance(report["verdict"], str)
-        and isinstance(report["gap"]["before"], (int, float))
-        and all(isinstance(w["subsystem"], str) for w in report.get("where", []))
-        and isinstance(report.get("cost", {}), dict)
-    )
 
 
 def check_seal(rows: Sequence[Row], seal: Mapping[str, Any]) -> None:

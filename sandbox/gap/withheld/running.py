@@ -61,14 +61,14 @@ def follow_all(
 def reported(reports: Path, name: str) -> bool:
     """Tell whether a campaign has a report; one that says why diagnosing failed is worth another try."""
     path = reports / f"{name}.json"
-    return path.exists() and b'"failed":' not in path.read_bytes()
+    return path.exists() and (not path.is_file() or b'"failed":' not in path.read_bytes())
 
 
 def _of_another(report: Path, entry: tuple[str, float]) -> bool:
     """Tell whether another recording was made for a report; a damaged one is kept, to be named where it is judged."""
     try:
         return bool(json.loads(report.read_text(encoding="utf-8")).get("recorded") != list(entry))
-    except (ValueError, AttributeError):
+    except (ValueError, AttributeError, OSError, RecursionError):
         return False
 
 

@@ -21,9 +21,10 @@ from sandbox.gap.answers import next_recording
 from sandbox.gap.contract import contract
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.where import where
+from sandbox.gap.withheld.documents import check_report, check_truth
 from sandbox.gap.withheld.follow import recommended
 from sandbox.gap.withheld.make import CAMPAIGNS, HASH, SEAL
-from sandbox.gap.withheld.rows import BLIND, LEFT_OUT, RESOLVED, Row, one_code, row, told
+from sandbox.gap.withheld.rows import BLIND, LEFT_OUT, RESOLVED, Row, one_code, row
 from sandbox.gap.withheld.running import Diagnose, code_digest, follow_all, run_all
 from sandbox.gap.withheld.scores import Scores, scored
 from sandbox.report import plain
@@ -135,18 +136,25 @@ def read_report(reports: Path, name: str) -> dict[str, Any]:
     """Return one stored diagnosis; BadInput where a file is none, or another campaign's."""
     path = reports / f"{name}.json"
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        sound = content.get("campaign", name) == name and told(content)
-    except (ValueError, LookupError, TypeError, AttributeError):
-        sound = False
-    if not sound:
-        raise BadInput(f"'{path}' holds no report of {name}; delete it and score again")
-    return dict(content)
+        return check_report(read_json(path.read_bytes()), name)
+    except (OSError, ValueError) as error:  # BadInput, too
+        raise BadInput(f"'{path}' holds no report of {name}; delete it and score again ({error})") from None
+
+
+def read_json(text: bytes) -> Any:
+    """Return a JSON document; ValueError where it is none."""
+    try:
+        return json.loads(text)
+    except RecursionError:
+        raise ValueError("lists in lists without an end") from None
 
 
 def sealed(folder: Path) -> bytes:
     """Return the sealed file unread; BadInput where it is not the one that was hashed."""
-    data, path = (folder / SEAL).read_bytes(), folder / HASH
+    try:
+        data, path = (folder / SEAL).read_bytes(), folder / HASH
+    except OSError as error:
+        raise BadInput(f"'{folder / SEAL}' cannot be read ({error.strerror}); make the check anew") from None
     stated = path.read_bytes().split()[:1] if path.is_file() else []
     if not stated:
         raise BadInput(f"'{path}' is missing or empty, so the seal cannot be checked; make the check anew")
@@ -158,11 +166,8 @@ def sealed(folder: Path) -> bytes:
 
 def opened(folder: Path) -> dict[str, Any]:
     """Return what the seal holds; BadInput where it is not the file that was hashed, or holds no truth."""
+    data = sealed(folder)
     try:
-        content: dict[str, Any] = json.loads(sealed(folder))
-        whole = isinstance(content["campaigns"], dict)
-    except (ValueError, LookupError, TypeError):
-        whole = False
-    if not whole:
-        raise BadInput(f"'{folder / SEAL}' holds no truth of a check; make the check anew")
-    return content
+        return check_truth(read_json(data))
+    except ValueError as error:  # BadInput, too
+        raise BadInput(f"'{folder / SEAL}' holds no truth of a check; make the check anew ({error})") from None

@@ -152,9 +152,7 @@ def test_white_noise_leaves_nothing(quiet):
     for seed in range(40):
         rng = np.random.default_rng(seed)
         noise = [
-            Residual(
-                r.file, r.rotor, rng.standard_normal((r.samples, 3, 1)), None, rng.standard_normal((r.samples, 1))
-            )
+            Residual(r.file, r.rotor, rng.standard_normal((r.samples, 3, 1)), None, rng.standard_normal((r.samples, 1)))
             for r in point.prepared.recordings
         ]
         r = judged(parts, noise, HELD, before=math.sqrt(2.0))

@@ -138,7 +138,9 @@ def loaded(code):
     code += "\nimport sys\nprint([m.__file__ for m in sys.modules.values() if getattr(m, '__file__', None)])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     files = {Path(f).resolve() for f in ast.literal_eval(done.stdout)}
-    return {f for f in files if running.ROOT in f.parents and "tests" not in f.parts}
+    inside = {f: f.relative_to(running.ROOT).parts for f in files if running.ROOT in f.parents}
+    foreign = {"tests", "site-packages"}  # an environment inside the checkout, as the README makes it, is not the code
+    return {f for f, parts in inside.items() if not foreign & set(parts)}
 
 
 def test_the_codes_hash_covers_whatever_diagnosing_loads():

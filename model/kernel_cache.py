@@ -1,0 +1,93 @@
+"""numba's machine code on disk, checked before it is believed.
+
+numba's own files are unpickled as they are: a flipped bit ends in a traceback, or in wrong machine code.  Here the
+index of a function carries a checksum, and a data file is named by the hash of its content, so that two processes that
+fill a cache at once cannot exchange their entries either.  In doubt the function is compiled and kept again.
+"""
+
+from __future__ import annotations
+
+import inspect
+import os
+import pickle
+import sys
+from pathlib import Path
+from typing import Any
+
+from numba.core.caching import Cache
+from numba.core.compiler import CompileResult
+from numba.core.serialize import dumps
+
+from model import kept
+
+DIGITS = 32  # of the SHA-256 in a file's name
+
+
+class KernelCache(Cache):
+    """One function's entries in a folder: an index `<function>.nbi`, a data file for each signature."""
+
+    def __init__(self, function: Any, folder: Path) -> None:
+        source = Path(inspect.getfile(function)).resolve()
+        name = f"{source.stem}.{function.__qualname__}".replace("<", "").replace(">", "")
+        self._py_func = function
+        self._name = repr(function)
+        self._folder = folder / f"{source.parent.name}_{kept.digest(os.fsencode(source.parent))[:DIGITS]}"
+        line = function.__code__.co_firstlineno
+        self._base = f"{name[:120]}-{line}.py{sys.version_info[0]}{sys.version_info[1]}"
+        self._stamp = kept.digest(source.read_bytes())
+        self.enable()
+
+    @property
+    def cache_path(self) -> str:
+        """The folder of the entries."""
+        return str(self._folder)
+
+    def flush(self) -> None:
+        """Forget the entries."""
+        self._write_index({})
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Return the compiled function for a signature; None where it is not kept or not what was kept."""
+        target_context.refresh()
+        if not self._enabled:
+            return None
+        name = self._index().get(self._index_key(sig, target_context.codegen()))
+        if name is None:
+            return None
+        path = self._folder / name
+        try:
+            body = path.read_bytes()
+        except OSError:
+            return None
+        if f".{kept.digest(body)[:DIGITS]}." not in name:
+            kept.note_damage(path)
+            return None
+        try:
+            return CompileResult._rebuild(target_context, *pickle.loads(body))
+        except Exception:  # whole, but not of this numba or this machine
+            kept.note_damage(path)
+            return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep the compiled function for a signature, unless it holds what is of this process alone."""
+        if not self._enabled or any(not x.can_cache for x in data.lifted) or data.library.has_dynamic_globals:
+            return
+        key, body = self._index_key(sig, data.codegen), dumps(data._reduce())
+        name = f"{self._base}.{kept.digest(body)[:DIGITS]}.nbc"
+        kept.write_plain(self._folder / name, body)
+        self._write_index({**self._index(), key: name})
+
+    def _index(self) -> dict[Any, str]:
+        path = self._folder / f"{self._base}.nbi"
+        body = kept.read(path)
+        if body is None:
+            return {}
+        try:
+            stamp, names = pickle.loads(body)
+        except Exception:  # whole, but of classes that are no longer there
+            kept.note_damage(path)
+            return {}
+        return dict(names) if stamp == self._stamp else {}
+
+    def _write_index(self, names: dict[Any, str]) -> None:
+        kept.write(self._folder / f"{self._base}.nbi", dumps((self._stamp, names)))

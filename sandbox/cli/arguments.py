@@ -1,0 +1,48 @@
+"""How the command line reads its words: numbers as people write them, one sentence for a wrong call."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import NoReturn
+
+from model.errors import brief, sentence
+
+LARGEST_COUNT = 1_000_000  # of anything that is counted on the command line
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse that answers a wrong call with one sentence and exit code 2."""
+
+    def error(self, message: str) -> NoReturn:
+        """Print the message alone."""
+        print(f"{self.prog}: {sentence(message)} (see `{self.prog} --help`)", file=sys.stderr)
+        raise SystemExit(2)
+
+
+def number(text: str) -> float:
+    """Parse a number as people write it (not 1_000)."""
+    from model.effects.library import number_of
+
+    try:
+        return number_of(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text[:40]}' is no number") from None
+
+
+def positive_int(text: str) -> int:
+    """Parse a whole number of at least 1."""
+    if not _whole(text) or not 1 <= int(text) <= LARGEST_COUNT:
+        raise argparse.ArgumentTypeError(f"{brief(text)} is no whole number of at least 1 and at most {LARGEST_COUNT}")
+    return int(text)
+
+
+def seed_number(text: str) -> int:
+    """Parse a whole number of at least 0."""
+    if not _whole(text):
+        raise argparse.ArgumentTypeError(f"{brief(text)} is no whole number of at least 0 and at most 18 digits")
+    return int(text)
+
+
+def _whole(text: str) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) <= 18

@@ -1,0 +1,329 @@
+"""Whole files for every door, made from generated data: what is damaged must have been let in before."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import random
+from unittest import mock
+
+import numpy as np
+
+from model.energy import flux_from_current
+from model.errors import PhysicsError
+from model.fluxmap import FluxMap, write_map
+from model.parameters import MOTORS, load_drive
+from sandbox.campaign import read_campaign, write_campaign
+from sandbox.design import design
+from sandbox.gap.withheld.score import Scores, score, table
+from sandbox.importing import read_recordings
+from sandbox.locked_test import Bench, paper_campaign
+from sandbox.report import plain
+from sandbox.scenario import SCENARIOS, load_scenario
+from tests.fuzz.doors import Door, Outcome, called
+from tests.fuzz.mutations import damaged_bytes, damaged_call, damaged_json, damaged_toml
+
+COLUMNS = """
+[columns]
+t = {column = "Time", unit = "ms"}
+u_alpha = "Ua"
+u_beta = {column = "Ub", scale = 1.0, offset = 0.0}
+i_a = {column = "Ia", unit = "mA"}
+i_b = {column = "Ib", unit = "mA"}
+i_c = {column = "Ic", unit = "mA"}
+theta = {column = "Pos", unit = "deg", mechanical = true}
+u_dc = {column = "Link", unit = "kV"}
+"""
+MAPPED = """
+[motor]
+pole_pairs = 6
+resistance = 12.15
+inertia = 0.0011
+rated_current = 1.2
+rated_torque = 1.06
+rated_speed_rpm = 1800.0
+[flux_map]
+file = "mine.{}"
+magnet = "d"
+cells = [4, 4]
+smooth = 1e-3
+"""
+REPORT = {
+    "campaign": "w000", "verdict": "ambiguous", "gap": {"before": 3.0, "after": 1.0, "closed": 0.9},
+    "where": [{"subsystem": "inverter", "share": 1.0}],
+    "hypotheses": [
+        {"effects": ["dead_time"], "probability": 0.6,
+         "parameters": {"dead_time.time": {"value": 2e-6, "ci95": [1.9e-6, 2.1e-6], "unit": "s"}}},
+        {"effects": ["device_drop"], "probability": 0.4, "parameters": {}},
+    ],
+    "ambiguity_set": [["dead_time"], ["device_drop"]], "cost": {"simulations": 100, "seconds": 2.0}, "code": "abc",
+    "next_recording": {"entry": "locked_low_current", "seconds": 0.5, "power": 0.9},
+}  # fmt: skip
+TRUTH = {
+    "schema": 1, "seed": 1, "kind": "mixed", "style": "scored", "outside": [],
+    "campaigns": {"w000": {"effects": ["dead_time"], "kind": "one", "family": "ipm", "sizes": [1.0],
+                           "parameters": {"dead_time.time": 2e-6}, "outside_subsystem": None}},
+}  # fmt: skip
+REPORTS = ("diagnoses/w000.json", "diagnoses/resolved/w000.json")
+REACHED = "the physics begins here"
+SHORT = "[scenario]\nsettle = 0.05\n[[segment]]\nduration = 0.1\n[[segment]]\nduration = 0.1\nload = 1.0\nramp = 0.05\n"
+
+
+def small_campaign():
+    """Return a campaign of three staircases at locked rotor."""
+    return paper_campaign(
+        load_drive("ipm_exchanged"), np.linspace(-1.92, 1.92, 3), 40, Bench(theta=0.7, noise=0.002, resolution=0.0024)
+    )
+
+
+def make_campaign(folder):
+    """Write it in the format."""
+    for path in write_campaign(folder / "aside", small_campaign()).iterdir():
+        path.rename(folder / path.name)
+    (folder / "aside").rmdir()
+
+
+def make_foreign(suffix):
+    """Return what writes it as tables of another program, with a column map."""
+
+    def make(folder):
+        """Write tables and map."""
+        make_campaign(folder)
+        text = (folder / "campaign.toml").read_text()
+        pairs = load_drive("ipm_exchanged").motor.pole_pairs
+        for r in read_campaign(folder).recordings:
+            columns = {
+                "Time": 1e3 * r.t, "Ua": r.u_alpha, "Ub": r.u_beta, "Ia": 1e3 * r.i_a, "Ib": 1e3 * r.i_b,
+                "Ic": 1e3 * r.i_c, "Pos": np.degrees(r.theta / pairs), "Link": 1e-3 * r.u_dc,
+            }  # fmt: skip
+            path = folder / r.file.replace(".parquet", suffix)
+            if suffix == ".csv":
+                rows = zip(*columns.values(), strict=True)
+                lines = [",".join(columns), *(",".join(f"{x:.17g}" for x in row) for row in rows)]
+                path.write_text("\n".join(lines))
+            else:
+                from scipy.io import savemat
+
+                savemat(path, columns)
+            (folder / r.file).unlink()
+        (folder / "campaign.toml").unlink()
+        (folder / "columns.toml").write_text(COLUMNS + text.replace(".parquet", suffix))
+
+    return make
+
+
+def make_map(suffix):
+    """Return what writes a motor with a flux map."""
+
+    def make(folder):
+        """Write map and motor."""
+        motor, i = load_drive("ipm_exchanged").motor, np.linspace(-2.4, 2.4, 7)
+        d, q = flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
+        write_map(folder / f"mine.{suffix}", FluxMap("mine", i, i, d + motor.magnet_flux, q))
+        (folder / "mine.toml").write_text(MAPPED.format(suffix))
+
+    return make
+
+
+def make_motor(folder):
+    """Write a motor."""
+    (folder / "m.toml").write_text((MOTORS / "ipm_exchanged.toml").read_text())
+
+
+def make_scenario(folder):
+    """Write a scenario."""
+    (folder / "s.toml").write_text((SCENARIOS / "staircase.toml").read_text())
+
+
+def make_check(folder):
+    """Write a withheld check of one diagnosed campaign; its recordings are not read any more."""
+    (folder / "campaigns" / "w000").mkdir(parents=True)
+    (folder / "diagnoses" / "resolved").mkdir(parents=True)
+    for place in ("diagnoses", "diagnoses/resolved"):
+        (folder / place / "w000.json").write_text(json.dumps(REPORT))
+    (folder / "truth.sealed").write_text(json.dumps(TRUTH))
+
+
+def read_check(folder):
+    """Score the check; the seal's hash is that of whatever the seal holds: damage is to be met behind it."""
+    (folder / "SHA256").write_text(hashlib.sha256((folder / "truth.sealed").read_bytes()).hexdigest())
+    try:
+        scored: Scores = score(folder, finished=True)
+    finally:
+        (folder / "SHA256").unlink()
+    json.dumps(plain(scored.as_json()), allow_nan=False)
+    return table([scored])
+
+
+def damaged_arrays(suffix):
+    """Return what damages a flux map by its arrays as often as by its bytes."""
+
+    def damage(content: bytes, chance: random.Random) -> bytes:
+        """Return another file's content."""
+        if chance.random() < 0.5:
+            return damaged_bytes(content, chance)
+        from scipy.io import loadmat, savemat
+
+        if suffix == "npz":
+            with np.load(io.BytesIO(content)) as whole:
+                arrays = dict(whole)
+        else:
+            arrays = {k: v for k, v in loadmat(io.BytesIO(content)).items() if not k.startswith("__")}
+        for _ in range(chance.choice((1, 1, 2))):
+            name = chance.choice(list(arrays))
+            arrays[name] = _odd_array(arrays[name], chance)
+        body = io.BytesIO()
+        if suffix == "npz":
+            np.savez(body, **arrays)
+        else:
+            savemat(body, arrays)
+        return body.getvalue()
+
+    return damage
+
+
+def _odd_array(a, chance):
+    value = chance.choice((np.nan, np.inf, 0.0, 1e308, -1e3, 1e-300, 50.0))
+    if a.ndim != 2 or not a.size or a.dtype.kind not in "fc":  # odd already
+        return np.zeros((7, 7))
+    changed = a.copy()
+    changed.flat[chance.randrange(a.size)] = value
+    whole = np.full(a.shape, value)
+    return chance.choice((
+        changed, changed, changed, whole, a[:2], a[..., :1], a.ravel(), a[None], -a, a.T.copy(), np.zeros(0),
+        np.zeros((0, 7)),
+        a.astype(str), a.astype(object), a.astype(bool), a.real.astype(np.float16), a.real.astype(np.int8),
+        np.array(3.0),
+        a.real.astype(complex), np.concatenate([a, a]), a[::-1], 1e-12 * a, 1e12 * a, a.real.astype(">f4"),
+    ))  # fmt: skip
+
+
+def damaged_csv(content, chance):
+    """Return a table with cells replaced or bytes damaged."""
+    if chance.random() < 0.5:
+        return damaged_bytes(content, chance)
+    rows = [line.split(b",") for line in content.splitlines()]
+    for _ in range(chance.choice((1, 1, 3))):
+        row = chance.choice((rows[0], chance.choice(rows)))
+        k = chance.randrange(len(row) or 1)
+        cell = chance.choice(
+            (b"", b"nan", b"inf", b"1e400", b"x", b'"', b"0", b"-5", b"1;2", b"\xff", b"1e300", b"\x1b[2J")
+        )
+        row[k : k + chance.randrange(2)] = [cell] * chance.randrange(3)
+    return b"\n".join(b",".join(row) for row in rows)
+
+
+def damaged_table(content, chance):
+    """Return a Parquet table with columns of other kinds, or its bytes damaged."""
+    if chance.random() < 0.5:
+        return damaged_bytes(content, chance)
+    import pyarrow
+    from pyarrow import parquet
+
+    columns = {k: v.to_numpy().copy() for k, v in zip(*_columns(parquet.read_table(io.BytesIO(content))), strict=True)}
+    for _ in range(chance.choice((1, 1, 2))):
+        name = chance.choice(list(columns))
+        n = len(columns[name])
+        odd = not isinstance(columns[name], np.ndarray) or columns[name].dtype.kind != "f"
+        x = np.linspace(0.0, 1.0, n) if odd else columns[name]
+        changed = x.copy()
+        changed[chance.randrange(n)] = chance.choice((np.nan, np.inf, 1e308, -1e308, 0.0, 1e5))
+        columns[name] = chance.choice((
+            changed, changed, 1e3 * x, -x, np.zeros(n), x.astype(str), [None] * n, [[1.0]] * n, [{"a": 1}] * n, x > 0,
+            x.astype("datetime64[s]"), [10**18] * n, np.full(n, 1e300), x[::-1].copy(), ["\x1b[2J"] * n,
+            x.astype(np.float32),
+        ))  # fmt: skip
+        if chance.random() < 0.2:
+            columns[chance.choice(("x", "\x1b[2J", "i_d", "", "torque"))] = columns.pop(name)
+    keep = 0 if chance.random() < 0.05 else chance.choice((1, 2, 10**9))
+    body = io.BytesIO()
+    parquet.write_table(pyarrow.table({k: list(v)[:keep] for k, v in columns.items()}), body)
+    return body.getvalue()
+
+
+def _columns(found):
+    return found.column_names, [found[n] for n in found.column_names]
+
+
+def of_text(change):
+    """Return damage of a text as damage of bytes."""
+    return lambda content, chance: change(content.decode(), chance)
+
+
+def read_both(folder):
+    """Read a campaign by either door."""
+    read_campaign(folder)
+    read_recordings(folder)
+
+
+def read_foreign(folder):
+    """Read tables of another program."""
+    read_recordings(folder, folder / "columns.toml")
+
+
+def read_mapped(folder):
+    """Read a motor with a flux map, fitting it."""
+    return load_drive(folder / "mine.toml")
+
+
+DOORS = (
+    Door("campaign", make_campaign, ("campaign.toml",), of_text(damaged_toml), read_both),
+    Door("parquet", make_campaign, ("locked_d.parquet",), damaged_table, read_both),
+    Door("csv", make_foreign(".csv"), ("locked_d.csv",), damaged_csv, read_foreign),
+    Door("mat", make_foreign(".mat"), ("locked_d.mat",), damaged_bytes, read_foreign),
+    Door("columns", make_foreign(".csv"), ("columns.toml",), of_text(damaged_toml), read_foreign),
+    Door("map_npz", make_map("npz"), ("mine.npz",), damaged_arrays("npz"), read_mapped),
+    Door("map_mat", make_map("mat"), ("mine.mat",), damaged_arrays("mat"), read_mapped),
+    Door("map_csv", make_map("csv"), ("mine.csv",), damaged_csv, read_mapped),
+    Door("map_motor", make_map("csv"), ("mine.toml",), of_text(damaged_toml), read_mapped),
+    Door("motor", make_motor, ("m.toml",), of_text(damaged_toml), lambda folder: load_drive(folder / "m.toml")),
+    Door("design", make_motor, ("m.toml",), of_text(damaged_toml), lambda f: design(load_drive(f / "m.toml"))),
+    Door("scenario", make_scenario, ("s.toml",), of_text(damaged_toml), lambda f: load_scenario(f / "s.toml")),
+    Door("report", make_check, REPORTS, of_text(damaged_json), read_check),
+    Door("seal", make_check, ("truth.sealed",), of_text(damaged_json), read_check),
+)  # fmt: skip
+COSTLY = {"design": 0.02, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs of a usual door
+PHYSICS = (  # replaced where the command line is tried: what stands before them is
+    "sandbox.compare.compare", "sandbox.compare.single", "model.saliency.audit", "sandbox.maps.maps",
+    "sandbox.bench.bench",
+    "sandbox.protocol.run_unit", "sandbox.identify.identify", "sandbox.gap.answers.answer",
+    "sandbox.gap.withheld.make.make",
+    "sandbox.gap.withheld.score.score", "sandbox.protocol.reversal_case", "sandbox.report.estimator_card",
+)  # fmt: skip
+
+
+def call(arguments) -> Outcome:
+    """Call the command line up to where the physics begins; getting there is being let in."""
+    with mock.patch.multiple("sandbox.protocol", publish=_reached):
+        patches = [mock.patch(name, _reached) for name in PHYSICS]
+        try:
+            for p in patches:
+                p.start()
+            outcome = called(arguments)
+        finally:
+            for p in patches:
+                p.stop()
+    if outcome.kind == "refused" and REACHED in outcome.why:
+        return Outcome("accepted", "", outcome.seconds)
+    return outcome
+
+
+def _reached(*_, **__):
+    raise PhysicsError(REACHED)
+
+
+def make_home(folder):
+    """Write what the calls name."""
+    for make in (make_motor, make_campaign, make_map("csv")):
+        make(folder)
+    (folder / "s.toml").write_text(SHORT)
+    (folder / "campaign").mkdir()
+    (folder / "check").mkdir()
+    make_campaign(folder / "campaign")
+    make_check(folder / "check")
+
+
+def call_number(number: int) -> list[str]:
+    """Return the damaged call of a number."""
+    return damaged_call(random.Random(f"cli {number}"))
