@@ -181,7 +181,7 @@ class Reference:
             elif kind in ("fall", "rise"):
                 heapq.heappush(events, pulses.taken(t, leg, kind, (self.current(t, y) * A ** (-leg)).real))
             elif kind == "z act":
-                pulses.act(t, leg)
+                pulses.act(t, leg, k)
             elif kind == "state":
                 states[k] = y
             else:
@@ -202,8 +202,7 @@ class Legs:
     """Commanded edges and late ones of three legs: a pulse, or a gap between two, is never shorter than nothing."""
 
     def __init__(self, plant: Reference) -> None:
-        self.plant, self.before = plant, [0.5, 0.5, 0.5]
-        self.waiting: tuple[list[tuple[float, float]], ...] = ([], [], [])  # when an edge acts, the level from then on
+        self.plant, self.before, self.last = plant, [0.5, 0.5, 0.5], [(-1.0, 0, 0.0)] * 3  # act, number, level
 
     def commanded(self, t: float, duty: Array) -> list[Any]:
         """Return the events of edges commanded in the period from t on."""
@@ -219,21 +218,20 @@ class Legs:
         return out
 
     def taken(self, t: float, leg: int, kind: str, current: float) -> Any:
-        """Return the event at which an edge acts that is commanded now; with one that it overtakes, neither does."""
-        v, rises, waiting = self.plant.v, kind == "rise", self.waiting[leg]
+        """Return the event of an edge that is commanded now, at which it acts; what it overtakes acts no more."""
+        v, rises = self.plant.v, kind == "rise"
         blank, sign = v["dead_time.time"], self.plant.sign(current)
         act = t + 0.5 * (abs(blank) + (1.0 if rises else -1.0) * blank * sign)
-        if waiting and act <= waiting[-1][0]:
-            waiting.pop()
-        else:
-            waiting.append((act, 1.0 if rises else 0.0))
-        return act, "z act", 0, leg
+        waiting, number, _ = self.last[leg]
+        overtaken = waiting > t and act <= waiting
+        self.last[leg] = (-1.0 if overtaken else act, number + 1, 1.0 if rises else 0.0)
+        return (t, "z act", -1, leg) if overtaken else (act, "z act", number + 1, leg)
 
-    def act(self, t: float, leg: int) -> None:
-        """Let every edge of a leg act that is due."""
-        waiting = self.waiting[leg]
-        while waiting and waiting[0][0] <= t:
-            self.plant.levels[leg] = waiting.pop(0)[1]
+    def act(self, t: float, leg: int, number: int) -> None:
+        """Set a leg's level where the edge that acts is still the last one taken."""
+        _, last, level = self.last[leg]
+        if number == last:
+            self.plant.levels[leg] = level
 
 
 def two(y: Array, first: int) -> complex:

@@ -11,6 +11,7 @@ import numpy as np
 from model.effects import library
 from sandbox.plant import additions as add
 from sandbox.plant import period as plant
+from sandbox.plant.batch import blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.kernel import run
 from sandbox.replay.replay import _start
@@ -18,6 +19,22 @@ from tests.sandbox.plant.told import DRIVE, duties, told, turning
 
 SHORT = 12  # periods
 TURN = 40  # periods an electrical turn
+
+
+class Fields:
+    """A record whose fields are attributes, as compiled code sees them."""
+
+    def __init__(self, record):
+        for name in record.dtype.names:
+            setattr(self, name, record[name])
+
+    def __getitem__(self, name):
+        """Return a field."""
+        return getattr(self, name)
+
+    def __setitem__(self, name, value):
+        """Write a field in place."""
+        getattr(self, name)[:] = value
 
 
 def every(subsystems=("machine", "inverter", "sensor", "mechanics")):
@@ -34,21 +51,22 @@ def lane(values):
     """Return a batch of one lane as a record with attributes, and its features."""
     v = complete(DRIVE.motor, DRIVE.converter, values)
     w = batch_of(DRIVE.motor, DRIVE.converter, [v], 1)
-    return np.array([w]).view(np.recarray)[0], features_of(DRIVE.motor, v)
+    return Fields(w), features_of(DRIVE.motor, v)
+
+
+def room():
+    """Return fresh room for one lane."""
+    return Fields(blank_room(1))
 
 
 def bits():
     """Return the readings of one lane with every effect as hexadecimal numbers."""
     prepared = told(DRIVE, duties(SHORT), *turning(SHORT))
     r, (w, features) = prepared.recordings[0], lane(every())
-    sixteen = batch_of(DRIVE.motor, DRIVE.converter, [complete(DRIVE.motor, DRIVE.converter, every())], 16)
-    sixteen = np.array([sixteen]).view(np.recarray)[0]
-    _start(sixteen, r, None)
-    for name in ("psi_a", "psi_b", "eddy_a", "eddy_b"):
-        w[name][:] = sixteen[name][:1]
+    _start(w, r, None)
     out = np.empty((SHORT, 3, 1))
     timing = timing_of(w, DRIVE.converter.sampling_period, 1)
-    run(w, None, timing, features, plant.blank_room(1), r.track, out, np.empty((1, 1)), 0)
+    run(w, None, timing, features, room(), [Fields(x) for x in r.track], True, out, np.empty((1, 1)), 0)
     return [float(x).hex() for x in out.ravel()]
 
 
@@ -71,7 +89,7 @@ class Meter:
     def at_start(self, share):
         """End the last segment and begin one, share of the period after its start."""
         w, counts = self.w, 0 <= self.period - self.first_period < TURN
-        now = [complex(w[f"{x}_a"][0], w[f"{x}_b"][0]) for x in ("i", "core", "slow")]
+        now = [complex(getattr(w, f"{x}_a")[0], getattr(w, f"{x}_b")[0]) for x in ("i", "core", "slow")]
         if counts:
             span, volts, impulse, first, middle = self.last
             i = (first[0] + 4.0 * middle[0] + now[0]) / 6.0
@@ -87,7 +105,7 @@ class Meter:
     def in_middle(self, span, impulse):
         """Keep what a segment's middle says."""
         w = self.w
-        middle = [complex(w[f"{x}_a"][0], w[f"{x}_b"][0]) for x in ("j", "core")] + [0j]
+        middle = [complex(getattr(w, f"{x}_a")[0], getattr(w, f"{x}_b")[0]) for x in ("j", "core")] + [0j]
         self.last = span, complex(w.volt_a[0], w.volt_b[0]), impulse, self.begun, middle
 
 
@@ -123,7 +141,7 @@ def energy(steps, turns=8):
     prepared = told(DRIVE, duty, *turning(n, speed))
     timing = timing_of(w, period, steps)
     track, moved = prepared.recordings[0].track, np.zeros((n, 1))
-    run(w, None, timing, features | add.MOTION, plant.blank_room(1), track, np.empty((n, 3, 1)), moved, 0)
+    run(w, None, timing, features | add.MOTION, room(), [Fields(x) for x in track], True, np.empty((n, 3, 1)), moved, 0)
     plant.at_start, plant.in_middle = start, mid
     return meter.total
 

@@ -8,8 +8,8 @@ from model.parameters import load_drive
 from sandbox.campaign import Campaign
 from sandbox.plant.reference import Reference
 from sandbox.plant.sets import complete
-from sandbox.replay.inputs import LEGS, Inputs, course_of
-from sandbox.replay.kernel import Track
+from sandbox.replay.inputs import LEGS, Inputs, course_of, with_columns
+from sandbox.replay.kernel import TRACK
 from sandbox.replay.replay import Prepared
 from sandbox.replay.smoothing import Motion
 
@@ -24,10 +24,8 @@ def told(drive, duty, angle, speed, rotor="driven", load=0.0, eccentric=True):
     """
     n, pairs, period = len(duty), float(drive.motor.pole_pairs), drive.converter.sampling_period
     motion = Motion(np.asarray(angle, float), np.asarray(speed, float), eccentric)
-    none = np.zeros(n)
-    d_a, d_b, d_c = np.ascontiguousarray(np.transpose(duty))
-    track = Track(d_a=d_a, d_b=d_b, d_c=d_c, load=none + load, read=motion.angle, gain_angle=none,
-                  gain_speed=none, scale=np.ones(n), **course_of(motion, pairs, period))  # fmt: skip
+    columns = {f"d_{x}": d for x, d in zip("abc", np.transpose(duty), strict=True)} | course_of(motion, pairs, period)
+    track = with_columns(np.zeros(n, TRACK), columns | {"load": load, "read": motion.angle, "scale": 1.0})
     inputs = Inputs("told", rotor, track, np.zeros((n, 3)), motion, 1.0, pairs, False)
     return Prepared(Campaign("told", drive, (), {}, {}, False), (inputs,), 1, 1.0, {})
 
