@@ -77,7 +77,7 @@ def row(estimator: str, effects: dict[str, float]) -> dict[str, Any]:
 
 
 def disagreement(rows: dict[str, Any], key: str) -> float:
-    """Return the largest difference between the averaged plant and the switched bench, degrees."""
+    """Return the largest difference between the plant and the switched bench, degrees."""
     both = [(r[key], r["switched"][key]) for by in rows.values() for r in by.values()]
     return max(abs(a - s) for a, s in both if a is not None and s is not None)
 
