@@ -46,7 +46,7 @@ STATED = {  # standard deviations that a campaign may state
         "current_gain", "current_offset", "encoder_offset", "dead_time", "load_torque_gain", "load_torque_offset",
     ),
 }  # fmt: skip
-TABLES = ("campaign", "drive", "motor", "uncertainty", "background", "injection", "provenance", "recording")
+TABLES = ("campaign", "drive", "motor", "flux_map", "uncertainty", "background", "injection", "provenance", "recording")
 LARGEST = 1e12  # of any recorded number, in its unit
 LINK = (0.1, 1e5)  # V, as in [drive]
 OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
@@ -178,15 +178,19 @@ def read_campaign(folder: str | Path, rotors: Sequence[str] = ROTORS) -> Campaig
         CampaignRecording(file, rotor, axis, read_parquet(folder / file), link)
         for file, rotor, axis, link in entries_of(data, rotors)
     )
-    return assemble(data, recordings, folder.name)
+    return assemble(data, recordings, folder.name, folder=folder)
 
 
 def assemble(
-    data: Mapping[str, Any], recordings: tuple[CampaignRecording, ...], name: str, source: str = "campaign.toml"
-) -> Campaign:
-    """Return the campaign of parsed tables `data` and its recordings; `source` is the file an error names."""
+    data: Mapping[str, Any], recordings: tuple[CampaignRecording, ...], name: str, source: str = "campaign.toml",
+    folder: Path = Path(),
+) -> Campaign:  # fmt: skip
+    """Return the campaign of parsed tables `data` and its recordings.
+
+    source: the file an error names; folder: in which a nominal model's [flux_map] names its file.
+    """
     try:
-        own_name, (motor, from_data) = _name(data, name), _motor(data, recordings)
+        own_name, (motor, from_data) = _name(data, name), _motor(data, recordings, folder)
         converter = converter_of(data)
         injection = build(Injection, dict(table_of(data, "injection")), "injection")
         uncertainty, background = _numbers(data, "uncertainty"), _numbers(data, "background")
@@ -305,8 +309,9 @@ def _check_period(r: CampaignRecording, period: float) -> None:
         )
 
 
-def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording]) -> tuple[Motor, bool]:
-    """Return the nominal motor, its missing rated values replaced by the largest recorded ones."""
+def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording], folder: Path) -> tuple[Motor, bool]:
+    """Return the nominal motor (a quartic's, or one with a flux map), missing rated values replaced by the largest
+    recorded ones."""
     values = {"name": _name(data, "campaign"), **table_of(data, "motor")}
     missing = [k for k in RATED if k not in values]
     if missing:
@@ -321,6 +326,10 @@ def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording]) -> 
             "rated_speed_rpm": omega * 30.0 / math.pi / (pairs or 1.0) or 1.0,
         }
         values = {**values, **{k: found[k] for k in missing}}
+    if "flux_map" in data:
+        from model.mapped import mapped_motor
+
+        return mapped_motor(values, table_of(data, "flux_map"), folder), bool(missing)
     return build(Motor, values, "motor"), bool(missing)
 
 

@@ -60,7 +60,7 @@ def read_recordings(path: str | Path, columns: Path | None = None, rotors: Seque
         values["t"], moved = regular(file, values.get("t"), len(values["theta"]), converter.sampling_period)
         recordings.append(CampaignRecording(file, rotor, axis, values, link))
         findings += notes + moved
-    campaign = assemble(data, tuple(recordings), folder.resolve().name, source)
+    campaign = assemble(data, tuple(recordings), folder.resolve().name, source, folder)
     return dataclasses.replace(campaign, findings=(*findings, *check(recordings, campaign.drive)))
 
 

@@ -28,7 +28,7 @@ BLOCKS = 8  # degrees of freedom of a level's own noise
 MARGIN = 2  # periods left out at either end
 TRANSIENT_DOUBT = 0.3  # of what is left of a transient: nominal L and R are no better
 DRIFT = 6.0  # noise levels
-STILL = 2e-4  # of the largest average: drift allowed where there is no noise
+STILL = 2e-4  # of the largest vector's average: drift allowed where there is no noise
 LARGEST_TURN = 0.05  # rad, of a rotor called locked
 WRONG_AXIS = 0.35  # rad between injected voltage and the axis it is said to lie on
 WRONG_UNIT = 8.0  # factor between resistance found and nominal
@@ -96,7 +96,8 @@ def steady(averages: Array, file: str, n: int) -> list[tuple[int, int]]:
         )
     step = np.diff(averages, axis=0)
     noise = 1.4826 * np.median(np.abs(step - np.median(step, axis=0)), axis=0) / math.sqrt(2.0)
-    allowed = np.maximum(DRIFT * math.sqrt(2.0) * noise, STILL * np.max(np.abs(averages), axis=0) + 1e-12)
+    largest = np.repeat(np.max(np.abs(averages), axis=0).reshape(-1, 2).max(axis=1), 2)  # of a vector, not of its d or q
+    allowed = np.maximum(DRIFT * math.sqrt(2.0) * noise, STILL * largest + 1e-12)
     drift = np.abs(averages[WINDOW:] - averages[:-WINDOW])
     still = np.all(drift <= allowed, axis=1)
     good = np.ones(len(averages), dtype=bool)

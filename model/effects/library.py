@@ -19,6 +19,7 @@ from model.effects import own
 from model.effects.card import SUBSYSTEMS, Effect, Parameter
 from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor
+from model.spline import SplineEnergy
 
 FOLDER = Path(__file__).parent
 NOT_EFFECTS = ("__init__", "card", "library", "own")
@@ -182,11 +183,16 @@ def _check_timing(converter: Converter, values: Mapping[str, float]) -> None:
         )
 
 
-def true_motor(motor: Motor, values: Mapping[str, float]) -> Motor:
-    """Return the motor with the values that effects replace (`complete`d); BadInput where none can have them."""
+def true_motor(motor: Motor, values: Mapping[str, float], *, keep_map: bool = False) -> Motor:
+    """Return the motor with the values that effects replace (`complete`d); BadInput where none can have them.
+
+    keep_map: a flux map stays as it is, whatever effects on the magnetics add to it in the plant.
+    """
     changes: dict[str, Any] = {field: values[name] for name, field in OF_MOTOR.items()}
     scaled = {f"inductance_{axis}": values[f"inductance.scale_{axis}"] for axis in "dq"}
     changes |= {field: scale * getattr(motor, field) for field, scale in scaled.items()}
+    if keep_map and isinstance(motor.energy, SplineEnergy):
+        changes = {field: value for field, value in changes.items() if not field.startswith(("inductance_", "alpha_"))}
     kept = {field: value for field, value in changes.items() if value != getattr(motor, field)}
     return dataclasses.replace(motor, **kept) if kept else motor
 

@@ -11,7 +11,6 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from model.effects.own import adopt
 from model.errors import BadInput, PhysicsError, sentence
 from sandbox import report
 from sandbox.cli import commands
@@ -56,8 +55,11 @@ def attempt(options: argparse.Namespace) -> int:
     try:
         if getattr(options, "offline", False):
             os.environ[OFFLINE] = "1"  # also of the processes that a command starts
-        for file in getattr(options, "effects_from", ()):
-            adopt(file)
+        if files := getattr(options, "effects_from", ()):
+            from model.effects.own import adopt  # brings in numba
+
+            for file in files:
+                adopt(file)
         options.run(options)
         sys.stdout.flush()
     except (BadInput, PhysicsError) as error:

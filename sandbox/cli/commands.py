@@ -24,6 +24,7 @@ def run_compare(options: argparse.Namespace) -> None:
     """Compare beliefs; write compare.json, .png, .parquet and .rrd."""
     from sandbox.public.printed import print_comparison
 
+    report.check_output(folder_of(options))
     with report.progress_bar("comparing", options.quiet) as progress:
         result = sandbox.compare(
             options.motor, options.scenario, names_of(options.estimators) + options.estimator,
@@ -43,9 +44,9 @@ def run_simulate(options: argparse.Namespace) -> None:
     from sandbox.public.runs import check_new_folder
 
     folder = folder_of(options)
+    report.check_output(folder)
     if options.record is not None:
         check_new_folder(options.record, folder)
-        report.check_output(folder)  # no campaign is left where the results could not be written
     result = sandbox.simulate(
         options.motor, options.scenario, options.estimator, belief=options.belief, closed_loop=not options.open,
         duration=options.duration, effects=options.effects, plant=options.plant, seed=options.seed,
@@ -100,7 +101,8 @@ def run_protocol(options: argparse.Namespace) -> None:
     from sandbox.protocol import ESTIMATORS, TESTS, show, usual_motors, with_motulator
     from sandbox.public.evaluation import ProtocolResult
 
-    folder = report.output_folder(folder_of(options))
+    folder = folder_of(options)
+    report.check_output(folder)
     with report.progress_bar("protocol", options.quiet) as progress:
         result = sandbox.protocol(
             names_of(options.estimators, ESTIMATORS) + options.estimator,

@@ -142,7 +142,7 @@ def regressors(point: Point, currents: Sequence[Array]) -> list[Part]:
     """Return every channel's regressors; currents: predicted readings (n, 3) in A of every recording."""
     prepared = point.turned()
     drive = prepared.campaign.drive
-    motor = true_motor(drive.motor, dict(point.values))
+    motor = true_motor(drive.motor, dict(point.values), keep_map=True)
     period, rated = drive.converter.sampling_period, drive.motor.rated_current
     top = max(1e-9, *(float(np.max(np.abs(r.motion.speed))) for r in prepared.recordings))
     cut = max(1, round(BLOCK / period))

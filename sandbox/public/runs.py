@@ -11,6 +11,7 @@ import numpy as np
 
 from estimators.registry import AnyEstimator
 from model.effects.library import parse
+from model.names import fitting
 from model.parameters import Drive
 from sandbox.public.loading import load_estimator, load_motor, load_scenario, several
 from sandbox.public.result import Column, Result, columns_of
@@ -270,20 +271,22 @@ def simulate(
     from sandbox.compare import single
 
     scene, own = load_scenario(scenario), load_estimator(estimator)
-    drive = load_motor(motor)  # last: its flux map may have to be downloaded
     scene = scene if duration is None else scene.cut(duration)
     added = _effects(effects)
+    if record is not None:
+        check_new_folder(Path(record))
+    drive = load_motor(motor)  # last: its flux map may have to be downloaded
     if record is not None:
         from sandbox.record import bench_of
 
         drive = bench_of(drive, own)
-        check_new_folder(Path(record))
     result, gains = single(drive, scene, own, belief, closed_loop, seed, added, plant)
     if record is not None:
         from sandbox.campaign import write_campaign
         from sandbox.record import campaign_of
 
-        write_campaign(record, campaign_of(drive, scene, result.runs[0].recording, Path(record).name))
+        name = fitting(Path(record).name, "campaign")
+        write_campaign(record, campaign_of(drive, scene, result.runs[0].recording, name))
     return SimulationResult(result, gains, added)
 
 
@@ -351,6 +354,7 @@ def compare(
     """
     from sandbox.compare import compare as run_all
 
-    drive, scene, added = load_motor(motor), load_scenario(scenario), _effects(effects)
+    scene, added = load_scenario(scenario), _effects(effects)
     own = [load_estimator(one) for one in several(estimators)]
+    drive = load_motor(motor)  # last: its flux map may have to be downloaded
     return ComparisonResult(run_all(drive, scene, own, seed=seed, jobs=jobs, progress=progress, effects=added or None))

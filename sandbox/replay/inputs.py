@@ -167,7 +167,7 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
     if r.rotor == "driven":
         return driven_motion(r.t, r.theta, motor.pole_pairs, count)
     v = complete(motor, converter, base)
-    m = true_motor(motor, v)
+    m = true_motor(motor, v, keep_map=True)
     pairs, period = m.pole_pairs, converter.sampling_period
     i_alpha, i_beta = _true_currents(r, v)
     angle, speed = r.theta, np.zeros(len(r.theta))

@@ -28,7 +28,7 @@ def voltage_residual(prepared: Prepared, values: Mapping[str, float], recording:
     u = d(L i)/dt + R i with the incremental inductances of the set's own model at the current as read.
     """
     r, drive = prepared.recordings[recording], prepared.campaign.drive
-    motor = true_motor(drive.motor, dict(values))
+    motor = true_motor(drive.motor, dict(values), keep_map=True)
     i = stationary_residual(current, prepared.floor)
     read = (2.0 / 3.0) * r.read @ LEGS
     psi = linked(motor.energy, read, i, r.motion.angle)

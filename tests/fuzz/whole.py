@@ -16,7 +16,8 @@ from model.fluxmap import FluxMap, write_map
 from model.parameters import MOTORS, load_drive
 from sandbox.campaign import read_campaign, write_campaign
 from sandbox.design import design
-from sandbox.gap.withheld.score import Scores, score, table
+from sandbox.gap.withheld.score import score
+from sandbox.gap.withheld.scores import Scores, table
 from sandbox.importing import read_recordings
 from sandbox.locked_test import Bench, paper_campaign
 from sandbox.report import plain

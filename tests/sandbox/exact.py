@@ -51,7 +51,7 @@ class Exact:
     def encoder(self):
         """Angle (rad, electrical) that the encoder reads, and its slope (rad/s)."""
         theta, omega, _ = rotor(self.w)
-        return encoder(self.w, theta, omega, 0.0)
+        return encoder(self.w, self.bench.features, theta, omega, 0.0)
 
 
 def exact(effects, u, motor=LINEAR, theta=0.0, speed=None):

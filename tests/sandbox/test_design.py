@@ -142,9 +142,9 @@ def test_gains_scale_with_the_motor():
 
 
 def test_a_winding_far_faster_than_sampling_is_refused_at_once():
-    """L/R = 1 ns: half of it a step (LARGEST_DECAY), so 250 us take 500 000 steps, 3 s (12 000 samples) hours."""
+    """L/R = 1 ns: a tenth of it a step (LARGEST_DECAY), so 250 us take 2 500 000 steps, 3 s (12 000 samples) hours."""
     drive = load_drive("ipm_exchanged")
     quick = {"resistance": 1e3, "inductance_d": 1e-6, "inductance_q": 2e-6} | dict.fromkeys(ALPHAS, 0.0)
     drive = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, **quick))
-    with pytest.raises(BadInput, match=r"12000 samples of 500000 plant steps of 5e-10 s are more than 4e\+09 steps"):
+    with pytest.raises(BadInput, match=r"12000 samples of 2500000 plant steps of 1e-10 s are more than 4e\+09 steps"):
         simulate(drive, Scenario("s", (Segment(3.0),), start_up=False), load_estimator("qnull"))

@@ -38,8 +38,9 @@ def test_planted_motor_is_recovered_from_a_wrong_start(name):
     drive = load_drive(name)
     campaign = paper_campaign(drive, bench=Bench(theta=0.7))
     errors = _errors(_misled(campaign), drive.motor)
-    # the issue asks 1e-3; what remains of the transient in a "steady" stretch (2e-4 of the current) leaves < 1e-4
-    assert max(map(abs, errors.values())) < 1e-4, errors
+    # the issue asks 1e-3; pulses shift a sample from the mean voltage's current by 9e-5 of rated current (AVERAGING 0),
+    # of which terms of fourth order are less than a third
+    assert max(map(abs, errors.values())) < 3e-4, errors
 
 
 def test_inverter_voltage_error_does_not_leak_into_inductances():
@@ -184,8 +185,9 @@ def test_a_staircase_starts_settled_at_its_first_level():
     r = staircase(load_drive("ipm"), "x", "none", np.array([[1.0, 0.5], [1.0, 0.5]]), 4)
     assert isinstance(r, CampaignRecording)
     alpha, beta = r.current
-    np.testing.assert_allclose(alpha, 1.0, atol=1e-12)
-    np.testing.assert_allclose(beta, 0.5, atol=1e-12)
+    pulses = 9e-5 * 1.2  # A: their share of a sample, AVERAGING 0
+    np.testing.assert_allclose(alpha, 1.0, atol=pulses)
+    np.testing.assert_allclose(beta, 0.5, atol=pulses)
     assert math.isclose(r.t[-1], 63 * 250e-6)
 
 

@@ -534,3 +534,13 @@ def test_every_name_is_there_and_has_a_test():
         assert inspect.getdoc(getattr(sandbox, name))
     with pytest.raises(AttributeError, match="simulat"):
         sandbox.simulat  # noqa: B018
+
+
+@of("use_effects")
+def test_effects_of_ones_own_are_refused_once_the_plant_is_there(tmp_path):
+    """What they do: tests/sandbox/test_own_effects.py, in a process of its own."""
+    import_module("sandbox.plant.electrical")
+    with pytest.raises(sandbox.BadInput, match="compiled already"):
+        sandbox.use_effects(ROOT / "experiments" / "my_effects.py")
+    with pytest.raises(sandbox.BadInput, match="give a Python file"):
+        sandbox.use_effects(tmp_path / "none.py")

@@ -16,6 +16,7 @@ from model.energy import flux_from_current, hessian
 from model.errors import BadInput
 from model.parameters import load_drive
 from sandbox.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.plant import additions as add
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.replay.replay import halving_error, plan, prepare, replay, residuals, with_steps
 from sandbox.replay.sensitivity import all_parameters, sensitivities
@@ -303,7 +304,7 @@ def test_bad_input_is_named():
 
 def test_features_and_rows():
     converter, motor = DRIVE.converter, DRIVE.motor
-    assert features_of(motor, complete(motor, converter)) == 0
+    assert features_of(motor, complete(motor, converter)) == add.RUB  # the motor's own viscous friction
     for name in library.effect_names():
         batch = batch_of(motor, converter, [complete(motor, converter, typical(name))], 1)
         assert all(np.all(np.isfinite(batch[row])) for row in batch.dtype.names), name

@@ -143,6 +143,6 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_run(small_folder, 
     for out in (tmp_path / "file", tmp_path / "file" / "below", tmp_path / "new" / (300 * "x")):
         assert main(["diagnose", str(small_folder), "--out", str(out), "--quiet"]) == 2
         error = capsys.readouterr().err
-        assert f"cannot write to '{out}'" in error
+        assert f"cannot write to '{out}"[:200] in error  # a long one is cut
         assert error.count("\n") == 1
     assert [p.name for p in tmp_path.iterdir()] == ["file"]

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from model.effects import library
+from sandbox.plant import additions as add
 from sandbox.plant.compose import library_source
 from sandbox.plant.sets import complete, features_of
 from sandbox.replay.replay import replay
@@ -36,7 +37,7 @@ def without_compiler(what):
 
 def test_neutral_effects_change_no_bit():
     neutral = complete(DRIVE.motor, DRIVE.converter)
-    assert features_of(DRIVE.motor, neutral) == 0
+    assert features_of(DRIVE.motor, neutral) == add.RUB  # the motor's own viscous friction
     plain = readings([{}])[:, :, 0]
     for name in library.effect_names():
         own = {k: v for k, v in neutral.items() if k.startswith(f"{name}.")}
