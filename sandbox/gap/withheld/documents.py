@@ -34,6 +34,12 @@ def check_report(content: Any, name: str) -> dict[str, Any]:
         _texts(names, f"ambiguity_set[{k}]")
     for k, row in enumerate(_rows(report.get("where", []), "where")):
         _text(_table(row, f"where[{k}]"), "subsystem")
+    for k, row in enumerate(_rows(report.get("effects", []), "effects")):
+        effect = _table(row, f"effects[{k}]")
+        _text(effect, "name")
+        _share(_there(effect, "probability"), f"effects[{k}].probability")
+        for key, value in _table(effect.get("parameters", {}), f"effects[{k}].parameters").items():
+            _table(value, f"effects[{k}].parameters.{key}")
     cost = _table(report.get("cost", {}), "cost")
     for key in ("seconds", "simulations"):
         _number(cost.get(key), f"cost.{key}", absent=True)
