@@ -27,7 +27,6 @@ STATES = {  # what a period starts from; stationary frame (alpha, beta) unless s
     "angle": "rotor less the shaft's twist, rad electrical", "speed": "of it, rad/s electrical",
     "twist": "of the shaft, rad mechanical", "slip": "slope of the twist, rad/s",
     "deviation": "what the angle's readings are off beside a constant, rad electrical",
-    "carry_0": "s that leg a's last falling edge still waits", "carry_1": "leg b's", "carry_2": "leg c's",
 }  # fmt: skip
 SCRATCH = {  # within a period
     "off_c": "cos of what the rotor stands behind the angle handed in", "off_s": "sin of it",
@@ -57,7 +56,6 @@ SCRATCH = {  # within a period
     "span_inv": "1/s of the segment", "turn": "rotor, rad mechanical", "omega": "rad/s mechanical",
     "surge": "half the rotor's last acceleration, rad/s^2 electrical",
     "net": "torque on the rotor's side, N m", "taken": "by the load, N m",
-    "miss": "innovation of the angle's reading over its standard deviation",
 }  # fmt: skip
 PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; a mapped motor adds them to its map
     "gamma_d": "1/H", "gamma_q": "1/H", "cubic_d": "3 alpha_30, A/Wb^2", "cubic_q": "alpha_12, A/Wb^2",
