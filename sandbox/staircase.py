@@ -96,7 +96,8 @@ def steady(averages: Array, file: str, n: int) -> list[tuple[int, int]]:
         )
     step = np.diff(averages, axis=0)
     noise = 1.4826 * np.median(np.abs(step - np.median(step, axis=0)), axis=0) / math.sqrt(2.0)
-    largest = np.repeat(np.max(np.abs(averages), axis=0).reshape(-1, 2).max(axis=1), 2)  # of a vector, not of its d or q
+    vectors = np.max(np.abs(averages), axis=0).reshape(-1, 2)  # d and q of each: a vector's size counts, not its d or q
+    largest = np.repeat(vectors.max(axis=1), 2)
     allowed = np.maximum(DRIFT * math.sqrt(2.0) * noise, STILL * largest + 1e-12)
     drift = np.abs(averages[WINDOW:] - averages[:-WINDOW])
     still = np.all(drift <= allowed, axis=1)
