@@ -26,9 +26,9 @@ from typing import Any, NamedTuple
 
 from model.errors import BadInput
 from sandbox.campaign import read_campaign
-from sandbox.gap.contract import contract
 from sandbox.gap.diagnose import diagnose
-from sandbox.gap.where import where
+from sandbox.gap.report.diagnosis_json import contract
+from sandbox.gap.report.where import where
 from sandbox.gap.withheld.rows import rounded
 from sandbox.gap.withheld.running import ROOT, code_digest
 from sandbox.gap.withheld.spread import spread

@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from sandbox.campaign import read_campaign
-from sandbox.gap.answers import answer
-from sandbox.gap.contract import contract
+from sandbox.gap.report.answers import answer
+from sandbox.gap.report.diagnosis_json import contract
 from sandbox.report import plain
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"

@@ -29,6 +29,9 @@ from model.kernel_cache import KernelCache
 
 NO_KERNELS = (
     "sandbox/gap",
+    "sandbox/gap/evidence",
+    "sandbox/gap/search",
+    "sandbox/gap/report",
     "sandbox/public",
     "sandbox/cli",
 )  # nothing compiled is in a file of these or depends on one (tests/test_house.py)

@@ -15,7 +15,7 @@ from model.errors import BadInput, PhysicsError, sentence
 from sandbox import report
 from sandbox.cli import commands
 from sandbox.cli.arguments import Parser, number, positive_int, seed_number
-from sandbox.gap.commands import add_diagnose
+from sandbox.gap.diagnose_command import add_diagnose
 from sandbox.gap.withheld.commands import add_withheld
 
 PARALLEL = ("compare", "protocol", "diagnose")  # use threads

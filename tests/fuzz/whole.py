@@ -288,7 +288,7 @@ COSTLY = {"design": 0.02, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs
 PHYSICS = (  # replaced where the command line is tried: what stands before them is
     "sandbox.compare.compare", "sandbox.compare.single", "model.saliency.audit", "sandbox.maps.maps",
     "sandbox.bench.bench",
-    "sandbox.protocol.run_unit", "sandbox.identify.identify", "sandbox.gap.answers.answer",
+    "sandbox.protocol.run_unit", "sandbox.identify.identify", "sandbox.gap.report.answers.answer",
     "sandbox.gap.withheld.make.make",
     "sandbox.gap.withheld.score.score", "sandbox.protocol.reversal_case",
 )  # fmt: skip

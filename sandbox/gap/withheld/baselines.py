@@ -20,10 +20,10 @@ import numpy as np
 from model.effects.library import effect_names, load_effect
 from model.errors import BadInput, PhysicsError
 from sandbox.campaign import Campaign, read_campaign
-from sandbox.gap.evidence import algebra, prior_of
-from sandbox.gap.normal import Point, normal
-from sandbox.gap.probes import Probe, probe_coordinates
-from sandbox.gap.space import Coordinate, ordinary
+from sandbox.gap.evidence.algebra import algebra, prior_of
+from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.priors import Coordinate, ordinary
+from sandbox.gap.evidence.probes import Probe, probe_coordinates
 from sandbox.gap.withheld import refit as fit
 from sandbox.gap.withheld.refit import Z95, Refit, interval
 from sandbox.plant.sets import complete

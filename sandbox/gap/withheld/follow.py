@@ -15,7 +15,7 @@ import numpy as np
 
 from model.errors import BadInput, unknown
 from sandbox.campaign import Campaign, read_campaign, write_campaign
-from sandbox.gap.menu import Entry, menu
+from sandbox.gap.report.menu import Entry, menu
 from sandbox.gap.withheld.cycles import CURRENT, Cycle, cycle
 from sandbox.gap.withheld.draw import Drawn, cases, draw
 from sandbox.gap.withheld.make import drifted, recording, switched

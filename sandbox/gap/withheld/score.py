@@ -17,10 +17,10 @@ from typing import Any
 
 from model.errors import BadInput
 from sandbox.campaign import read_campaign
-from sandbox.gap.answers import next_recording
-from sandbox.gap.contract import contract
 from sandbox.gap.diagnose import diagnose
-from sandbox.gap.where import where
+from sandbox.gap.report.answers import next_recording
+from sandbox.gap.report.diagnosis_json import contract
+from sandbox.gap.report.where import where
 from sandbox.gap.withheld.documents import check_report, check_truth
 from sandbox.gap.withheld.follow import recommended
 from sandbox.gap.withheld.make import CAMPAIGNS, HASH, SEAL

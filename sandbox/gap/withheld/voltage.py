@@ -22,7 +22,7 @@ from model.effects.library import effect_names
 from model.energy import flux_newton
 from model.parameters import Motor
 from sandbox.campaign import Campaign, CampaignRecording, read_campaign
-from sandbox.gap.space import ordinary as stated
+from sandbox.gap.evidence.priors import ordinary as stated
 from sandbox.gap.withheld.baselines import Answer, answer
 from sandbox.gap.withheld.refit import inverse_root
 from sandbox.replay.inputs import noise_floor

@@ -7,7 +7,7 @@ import pytest
 
 from model.parameters import load_drive
 from sandbox.campaign import Campaign, CampaignRecording, read_campaign, write_campaign
-from sandbox.gap.answers import answer
+from sandbox.gap.report.answers import answer
 from sandbox.switched.effects import bench, quiet
 from sandbox.switched.simulate import replay as switched
 

@@ -10,7 +10,7 @@ from model.errors import BadInput, PhysicsError
 from sandbox.campaign import read_campaign
 from sandbox.cli import main
 from sandbox.gap.diagnose import diagnose
-from sandbox.gap.noise import noise_caution, seen
+from sandbox.gap.evidence.noise import noise_caution, seen
 from sandbox.replay.inputs import noise_floor
 
 

@@ -7,9 +7,9 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.campaign import read_campaign, write_campaign
-from sandbox.gap.evidence import Prior
-from sandbox.gap.normal import turns
-from sandbox.gap.space import ordinary
+from sandbox.gap.evidence.algebra import Prior
+from sandbox.gap.evidence.normal import turns
+from sandbox.gap.evidence.priors import ordinary
 from sandbox.gap.withheld import refit as fit
 from sandbox.gap.withheld.baselines import BASELINES, REFINED, nuisances
 from sandbox.gap.withheld.draw import Case, draw

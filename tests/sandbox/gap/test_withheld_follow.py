@@ -8,7 +8,7 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.campaign import read_campaign, write_campaign
-from sandbox.gap.menu import menu
+from sandbox.gap.report.menu import menu
 from sandbox.gap.withheld.draw import Case, cases, draw
 from sandbox.gap.withheld.follow import cycle_of, drawn_again, entry_of, grow, recommended
 from sandbox.gap.withheld.ladder import OUTSIDE

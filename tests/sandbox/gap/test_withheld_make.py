@@ -13,9 +13,9 @@ from model.effects.card import SUBSYSTEMS
 from model.effects.library import effect_names
 from model.errors import BadInput
 from sandbox.campaign import read_campaign
-from sandbox.gap.fit import coordinates_of
-from sandbox.gap.normal import Point, normal
-from sandbox.gap.space import ordinary
+from sandbox.gap.evidence.fit import coordinates_of
+from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.priors import ordinary
 from sandbox.gap.withheld import make as maker
 from sandbox.gap.withheld.cycles import STYLES, cycles
 from sandbox.gap.withheld.cycles_narrow import PAIRS

@@ -144,7 +144,7 @@ def loaded(code):
 
 
 def test_the_codes_hash_covers_whatever_diagnosing_loads():
-    used = loaded("import sandbox.gap.withheld.score, sandbox.gap.answers")
+    used = loaded("import sandbox.gap.withheld.score, sandbox.gap.report.answers")
     assert used >= {running.ROOT / "sandbox" / "campaign.py", running.ROOT / "sandbox" / "switched" / "machine.py"}
     bare = {running.ROOT / room / "__init__.py" for room in ("model", "estimators", "sandbox")}
     assert used - bare <= set(running.code_files())

@@ -25,7 +25,7 @@ from sandbox.campaign import CampaignRecording
 from sandbox.design import belief_of, design
 from sandbox.follow import follow
 from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.normal import Point
+from sandbox.gap.evidence.normal import Point
 from sandbox.injection import carrier
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Prepared, replay
