@@ -27,7 +27,7 @@ CARD = Effect(
     parameters=(
         Parameter("gain_a", "", 1.0, 0.2, 5.0, 1.02),
         Parameter("gain_b", "", 1.0, 0.2, 5.0, 0.99),
-        Parameter("gain_c", "", 1.0, 0.2, 5.0, 1.0, fit="fixed"),
+        Parameter("gain_c", "", 1.0, 0.2, 5.0, 1.0, spread=0.02),
     ),
     axis="both",
     order="0 (common) and 2 (mismatch)",

@@ -20,7 +20,8 @@ from sandbox.replay.sensitivity import mechanical_only
 
 Set = Mapping[str, float]
 WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
-FARTHEST = 4.0  # standard deviations that an effect may move
+FARTHEST = 4.0  # standard deviations that an effect may move before its bounds widen
+REACHED = 0.99  # of them: a value there is at its bound
 ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
 DEFAULT_UNCERTAINTY = {  # relative, where a campaign states nothing: what a careful identification reaches
     "resistance": 0.02, "magnet_flux": 0.02, "inductance_d": 0.03, "inductance_q": 0.03, "alpha_30": 0.05,
@@ -157,10 +158,11 @@ def seen(deviation: float) -> float:
     return deviation / (1.0 - min(3.0 * deviation, 0.6))
 
 
-def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:
+def of_effect(effect: str, drive: Drive, start: Set, at: Set | None = None) -> list[Coordinate]:
     """Return an effect's coordinates with their wide priors: about neutral, or about where a search starts.
 
-    start: completed set with the effect's companions (time constants, frequencies, ...) at the values to start from.
+    start: completed set with the effect's companions (time constants, frequencies, ...) at the values to start from;
+    at: where a fit stands, if not there: bounds that it has reached widen.
     """
     card = library.load_effect(effect)
     out: list[Coordinate] = []
@@ -180,11 +182,19 @@ def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:
             out.append(Coordinate(name, start[name], p.spread, "linear", (name,)))
         else:
             own = f"saturation.{p.name}" if effect == "cross_saturation" else name
-            away = abs(size - neutral) or abs(size)
+            away = abs(size - neutral) or p.spread / WIDE or abs(size)
             if p.of_motor.startswith("alpha_"):  # a nominal model may lack saturation altogether
                 away = max(away, saturation_size(drive.motor, p.of_motor))
             out.append(Coordinate(own, neutral, WIDE * away, "linear", (own,)))
-    return [replace(c, within=FARTHEST) for c in out]
+    return [replace(c, within=reach(c, at or start)) for c in out]
+
+
+def reach(c: Coordinate, values: Set) -> float:
+    """Return how many deviations an effect's coordinate may move: FARTHEST, twice as far as a point that is there."""
+    if c.form in ("share", "cosine", "sine"):
+        return FARTHEST
+    at = abs(c.value(values) - c.mean) / c.deviation
+    return 2.0 * at if math.isfinite(at) and at >= REACHED * FARTHEST else FARTHEST
 
 
 def amplitudes(card: Effect) -> dict[str, str]:
