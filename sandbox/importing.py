@@ -18,6 +18,7 @@ from model.errors import BadInput, brief, unknown
 from model.parameters import finite, read_toml
 from sandbox.campaign import ROTORS, Campaign, CampaignRecording, Finding, assemble, converter_of, entries_of, table_of
 from sandbox.columns import KIND, Column, contract, parse_columns
+from sandbox.conventions import with_link
 from sandbox.foreign import read_table
 from sandbox.plausibility import check
 
@@ -61,7 +62,8 @@ def read_recordings(path: str | Path, columns: Path | None = None, rotors: Seque
         recordings.append(CampaignRecording(file, rotor, axis, values, link))
         findings += notes + moved
     campaign = assemble(data, tuple(recordings), folder.resolve().name, source, folder)
-    return dataclasses.replace(campaign, findings=(*findings, *check(recordings, campaign.drive)))
+    found = dataclasses.replace(campaign, findings=(*findings, *check(campaign.recordings, campaign.drive)))
+    return with_link(found)
 
 
 def _tables(folder: Path, columns: Path | None) -> tuple[dict[str, Any], dict[str, Column], str]:

@@ -23,7 +23,7 @@ from sandbox.gap.fit import Fit, Weights, fit
 from sandbox.gap.noise import noise_caution
 from sandbox.gap.normal import Normal, Point, normal
 from sandbox.gap.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
-from sandbox.gap.remainder import Remainder, remainder
+from sandbox.gap.remainder import Remainder, remainder, unlogged_counts
 from sandbox.gap.search import Judged, Search, search
 from sandbox.gap.size import Size, rms, size_of
 from sandbox.gap.slight import slight
@@ -111,7 +111,7 @@ def diagnose(
     before = fit(start, (), fitted, workers=workers)
     after = fit(_with_effects(before.point, best), best.effects, fitted, workers=workers) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in prepared.recordings])
-    rest = remainder(found.null, best.fit)
+    rest = remainder(found.null, best.fit, unlogged_counts(prepared))
     hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained))
     cost += nominal.simulations + before.simulations + (after.simulations if best.effects else 0)
     return Diagnosis(

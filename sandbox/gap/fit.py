@@ -32,7 +32,8 @@ STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points a
 CHORDS = 4  # steps on the same slopes: more of them would only creep
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 SMOOTHINGS = 2  # of a free rotor's motion
-WIDENED = 4  # times that bounds of the search double
+SMOOTHER = 3.0  # of the objective that smoothing again must gain
+WIDENED = 4  # times that bounds of the search double, or the motion is smoothed again
 
 
 @dataclass(frozen=True)
@@ -75,14 +76,16 @@ def fit(
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
-    Where an effect's value ends at the bound of the search, the bound widens and the fit goes on.
+    Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free
+    rotors' motion, smoothed again at the point that was found, fits better.
     """
-    found = _within_bounds(start, start, effects, weights, workers)
+    found, smoother = _within_bounds(start, start, effects, weights, workers)
     for _ in range(WIDENED):
         claimed = [c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)]
-        if all(reach(c, found.point.values) <= FARTHEST for c in claimed):
+        if all(reach(c, found.point.values) <= FARTHEST for c in claimed) and smoother < SMOOTHER:
             break
-        further = _within_bounds(found.point, start, effects, weights, workers)
+        at = found.point.resmoothed() if smoother >= SMOOTHER else found.point
+        further, smoother = _within_bounds(at, start, effects, weights, workers)
         cost = found.simulations + further.simulations
         if not further.objective < found.objective - TOLERANCE:
             return replace(found, simulations=cost)
@@ -90,8 +93,10 @@ def fit(
     return found
 
 
-def _within_bounds(start: Point, begun: Point, effects: Sequence[str], weights: Weights, workers: int) -> Fit:
-    """Return the same within the bounds of the search as they are at the start.
+def _within_bounds(
+    start: Point, begun: Point, effects: Sequence[str], weights: Weights, workers: int
+) -> tuple[Fit, float]:
+    """Return the same within the bounds of the search as they are at the start, and what smoothing again would gain.
 
     Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
     """
@@ -125,7 +130,10 @@ def _within_bounds(start: Point, begun: Point, effects: Sequence[str], weights: 
         n = normal(point, coordinates, workers=workers)
         value, cost = objective(n, prior, weights), cost + n.simulations
         taken, own = taken + 1, 0
-    return Fit(tuple(effects), point, n.bare(), value, cost)
+    smoother = 0.0
+    if effects and any(r.rotor == "free" for r in point.prepared.recordings):
+        smoother, cost = value - tried(n, point.resmoothed(), prior, weights, workers)[0], cost + 1.0
+    return Fit(tuple(effects), point, n.bare(), value, cost), smoother
 
 
 def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:

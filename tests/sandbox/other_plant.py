@@ -97,7 +97,7 @@ def _integrate(n, period, times, legs, levels, motor, blank, soft, link, theta):
                 level = 0.5 * (1.0 - sign[x])
             alpha += level * math.cos(x * 2.0943951023931953) * 2.0 / 3.0
             beta += level * math.sin(x * 2.0943951023931953) * 2.0 / 3.0
-        steps = max(1, int(math.ceil((end - t) / 5e-6)))
+        steps = max(1, math.ceil((end - t) / 5e-6))
         h = (end - t) / steps
         for s in range(steps):
             now = angle + omega * s * h
