@@ -28,6 +28,7 @@ from model.compiling import ROOMS, watch
 from model.kernel_cache import KernelCache
 
 NO_KERNELS = (
+    "estimators/c",
     "sandbox/gap",
     "sandbox/public",
     "sandbox/cli",
