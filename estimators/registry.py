@@ -65,7 +65,7 @@ def load_estimator(which: AnyEstimator) -> Estimator:
 
 def load_estimator_library(path: str | Path) -> Estimator:
     """Return the estimator of a shared library (`c/sensorless_estimator.h`); BadInput where it does not fit."""
-    from estimators.library import load_library
+    from estimators.shared_library import load_library
 
     return _apart(load_library(path))
 

@@ -24,12 +24,12 @@ from estimators.registry import load_estimator
 from experiments.drawing import RESULTS, save
 from model.frames import wrapped
 from model.parameters import load_drive
-from sandbox.design import belief_of
-from sandbox.protocol import MOTORS, TESTS, Row, cell, protocol
+from sandbox.drive.design import belief_of
+from sandbox.drive.scenario import load_scenario
+from sandbox.drive.simulate import simulate
+from sandbox.evaluation.protocol import MOTORS, TESTS, Row, cell, protocol
+from sandbox.evaluation.step_cost import step_ns
 from sandbox.public.exporting import golden_of, samples_of, told
-from sandbox.scenario import load_scenario
-from sandbox.simulate import simulate
-from sandbox.step_cost import step_ns
 
 NAMES = generate.NAMES
 FOREIGN = generate.HERE / "examples" / "flux_observer.c"

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from model.parameters import Drive
-from sandbox import report
+from sandbox.output.files import results, write_json
 from sandbox.public.loading import load_motor
 
 if TYPE_CHECKING:
@@ -37,10 +37,10 @@ class Export:
 
     def save(self, folder: str | Path) -> Path:
         """Write every file and export-estimator.json into a folder, together; return it."""
-        with report.results(Path(folder), COMMAND) as out:
+        with results(Path(folder), COMMAND) as out:
             for name, text in self.files.items():
                 (out / name).write_text(text, encoding="utf-8")
-            report.write_json(out, COMMAND, self.as_json())
+            write_json(out, COMMAND, self.as_json())
         return Path(folder)
 
 

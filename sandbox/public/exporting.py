@@ -16,12 +16,12 @@ from model.energy import Energy
 from model.errors import BadInput, unknown
 from model.frames import stationary
 from model.parameters import Drive
-from sandbox.design import belief_of, design
-from sandbox.injection import carrier
+from sandbox.drive.design import belief_of, design
+from sandbox.drive.recording import Recording
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
 from sandbox.public.exported import Export
-from sandbox.recording import Recording
-from sandbox.scenario import Scenario, Segment
-from sandbox.simulate import simulate
+from sandbox.recordings.injection import carrier
 
 MOST_WINDOWS = 6
 LOADED = Scenario("golden", (Segment(0.06, 1.0, 0.05, ramp=0.03),), "driven", start_up=False, start_angle=0.4)

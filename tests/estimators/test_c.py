@@ -20,8 +20,8 @@ from estimators.registry import load_estimator
 from model.frames import rotate, wrapped
 from sandbox import export_estimator, load_motor, protocol, simulate
 from sandbox.cli import main
+from sandbox.drive.scenario import Scenario, Segment
 from sandbox.public.exporting import in_windows
-from sandbox.scenario import Scenario, Segment
 
 NAMES = generate.NAMES
 DIGITS = 5e-9  # golden.json holds nine of them

@@ -15,12 +15,12 @@ import sandbox
 from estimators.c.build import build, compiler
 from estimators.c.generate import HEADER
 from estimators.contract import Belief, Estimate, Sample, Tuning
-from estimators.library import FUNCTIONS, load_library, setup_of
+from estimators.shared_library import FUNCTIONS, load_library, setup_of
 from model.energy import Energy
 from model.errors import BadInput
 from model.parameters import load_drive
 from sandbox.cli import main
-from sandbox.design import belief_of, design
+from sandbox.drive.design import belief_of, design
 
 needs_compiler = pytest.mark.skipif(compiler() is None, reason="no C compiler")
 SETUP = (
