@@ -16,9 +16,9 @@ from estimators.c.build import build, compiler
 from estimators.c.generate import HEADER
 from estimators.contract import Belief, Estimate, Sample, Tuning
 from estimators.shared_library import FUNCTIONS, load_library, setup_of
+from model.drive_files import load_drive
 from model.energy import Energy
 from model.errors import BadInput
-from model.parameters import load_drive
 from sandbox.cli import main
 from sandbox.drive.design import belief_of, design
 
