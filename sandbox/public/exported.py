@@ -2,46 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from model.parameters import Drive
-from sandbox.output.files import results, write_json
 from sandbox.public.loading import load_motor
 
 if TYPE_CHECKING:
-    from estimators.c.counting import Operations
-
-COMMAND = "export-estimator"
-
-
-@dataclass(frozen=True)
-class Export:
-    """Files (name and text) of an estimator with a motor's constants, and what a step costs."""
-
-    name: str
-    motor: str
-    belief: str
-    files: dict[str, str]
-    state_bytes: int  # float
-    operations: Operations  # of a step, on the golden vectors
-
-    def __repr__(self) -> str:
-        return f"<Export: {self.name} for {self.motor}, {', '.join(self.files)}>"
-
-    def as_json(self) -> dict[str, Any]:
-        """Return what `export-estimator.json` holds beyond its header."""
-        kept = {"estimator": self.name, "motor": self.motor, "belief": self.belief, "state_bytes": self.state_bytes}
-        return {**kept, "operations": asdict(self.operations), "files": list(self.files)}
-
-    def save(self, folder: str | Path) -> Path:
-        """Write every file and export-estimator.json into a folder, together; return it."""
-        with results(Path(folder), COMMAND) as out:
-            for name, text in self.files.items():
-                (out / name).write_text(text, encoding="utf-8")
-            write_json(out, COMMAND, self.as_json())
-        return Path(folder)
+    from sandbox.public.exporting import Export
 
 
 def export_estimator(

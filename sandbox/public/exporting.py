@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from estimators.c.counting import Operations
 from estimators.c.generate import HEADER, HERE, NAMES, counted, slots
 from estimators.c.golden import WINDOW, Golden
 from estimators.c.target import HEAD_WORDS, check_program, motor_header
@@ -20,11 +23,40 @@ from sandbox.drive.design import belief_of, design
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
-from sandbox.public.exported import Export
+from sandbox.output.files import results, write_json
 from sandbox.recordings.injection import carrier
 
+COMMAND = "export-estimator"
 MOST_WINDOWS = 6
 LOADED = Scenario("golden", (Segment(0.06, 1.0, 0.05, ramp=0.03),), "driven", start_up=False, start_angle=0.4)
+
+
+@dataclass(frozen=True)
+class Export:
+    """Files (name and text) of an estimator with a motor's constants, and what a step costs."""
+
+    name: str
+    motor: str
+    belief: str
+    files: dict[str, str]
+    state_bytes: int  # float
+    operations: Operations  # of a step, on the golden vectors
+
+    def __repr__(self) -> str:
+        return f"<Export: {self.name} for {self.motor}, {', '.join(self.files)}>"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `export-estimator.json` holds beyond its header."""
+        kept = {"estimator": self.name, "motor": self.motor, "belief": self.belief, "state_bytes": self.state_bytes}
+        return {**kept, "operations": asdict(self.operations), "files": list(self.files)}
+
+    def save(self, folder: str | Path) -> Path:
+        """Write every file and export-estimator.json into a folder, together; return it."""
+        with results(Path(folder), COMMAND) as out:
+            for name, text in self.files.items():
+                (out / name).write_text(text, encoding="utf-8")
+            write_json(out, COMMAND, self.as_json())
+        return Path(folder)
 
 
 def samples_of(drive: Drive, recording: Recording) -> np.ndarray:
