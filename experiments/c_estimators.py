@@ -153,9 +153,10 @@ def markdown(found: dict[str, Any]) -> str:
         "", "Operations of one step while tracking, mean over golden vectors (rated load, 8 samples a period).", "",
         "## The protocol in float", "",
         "Largest difference of a stretch's mean and 95th percentile (degrees), where both kept lock, up to 180 % load "
-        "where the ripple carries information; beyond: of the means elsewhere. Both beliefs, current readings with noise "
-        "and without counts, three motors. A count of the readings turns a difference of the last digit into one of a "
-        "count, and from there on the noise is another one: with counts (last tables) double differs as float does.", "",
+        "where the ripple carries information; beyond: of the means elsewhere. Both beliefs, current readings with "
+        "noise and without counts, three motors. A count of the readings turns a difference of the last digit into one "
+        "of a count, and from there on the noise is another one: with counts (last tables) double differs as float "
+        "does.", "",
         *table(found["rows"]), "",
         "## With counts, `ipm_exchanged`", "", "In float:", "", *table(found["counts_float"]), "", "In double:", "",
         *table(found["counts_double"]), "",
