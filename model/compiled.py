@@ -31,6 +31,7 @@ NO_KERNELS = (
     "sandbox/gap",
     "sandbox/public",
     "sandbox/cli",
+    "sandbox/sweep",
 )  # nothing compiled is in a file of these or depends on one (tests/test_house.py)
 KEPT_DAYS = 30
 

@@ -45,13 +45,16 @@ if TYPE_CHECKING:
     from sandbox.public.runs import simulate as simulate
     from sandbox.public.showing import show as show
     from sandbox.public.showing import view as view
+    from sandbox.public.sweeps import sweep as sweep
+    from sandbox.public.sweeps import tolerances as tolerances
     from sandbox.scenario import Scenario as Scenario
     from sandbox.scenario import Segment as Segment
 
 __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "load_motor", "load_scenario", "load_estimator", "read_campaign",
     "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe", "use_effects",
-    "simulate", "compare", "protocol", "bench", "audit", "maps", "identify", "diagnose", "replay",
+    "simulate", "compare", "tolerances", "sweep", "protocol", "bench", "audit", "maps", "identify", "diagnose",
+    "replay",
     "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "BadInput", "PhysicsError",
 ]  # fmt: skip
@@ -66,6 +69,7 @@ _HOMES = {
     ),
     "sandbox.public.runs": ("simulate", "compare"),
     "sandbox.public.evaluation": ("protocol", "bench"),
+    "sandbox.public.sweeps": ("sweep", "tolerances"),
     "sandbox.public.machine": ("audit", "maps"),
     "sandbox.public.recorded": ("identify", "diagnose", "replay"),
     "sandbox.public.showing": ("show", "view"),

@@ -101,7 +101,7 @@ def _forget() -> None:
     """Let the library look again."""
     from model.effects import library
 
-    for function in (library.effect_names, library.load_effect, library.parameters):
+    for function in (library.effect_names, library.load_effect, library.parameters, library._neutral):
         function.cache_clear()
 
 

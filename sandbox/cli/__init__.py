@@ -17,8 +17,9 @@ from sandbox.cli import commands
 from sandbox.cli.arguments import Parser, number, positive_int, seed_number
 from sandbox.gap.commands import add_diagnose
 from sandbox.gap.withheld.commands import add_withheld
+from sandbox.sweep.commands import add_sweep, add_tolerances, on_dask
 
-PARALLEL = ("compare", "protocol", "diagnose")  # use threads
+PARALLEL = ("compare", "protocol", "diagnose", "sweep")  # use threads, or processes
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 
 
@@ -96,7 +97,7 @@ def build_parser() -> Parser:
         if writes:
             seed, jobs = (
                 "of the sensors' noise (0)",
-                "threads (all cores)",
+                "threads or processes (all cores)",
             )  # taken by all, told where they do something
             command.add_argument("--out", type=Path, help=f"folder for results (./sensorless-out/{name})")
             command.add_argument("--jobs", type=positive_int, help=jobs if name in PARALLEL else argparse.SUPPRESS)
@@ -118,6 +119,7 @@ def build_parser() -> Parser:
     _own_effects(c)
     text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
+    add_tolerances(c, positive_int)
     c = add("simulate", commands.run_simulate, "one run of one estimator")
     _which(c)
     c.add_argument("--estimator", default="qnull", metavar="NAME or FILE.py", help="(qnull)")
@@ -157,7 +159,9 @@ def build_parser() -> Parser:
         help="names or files, separated by commas (three, and `baldor_pmsyrm` where its map is at hand)",
     )
     c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
+    on_dask(c)
     _peers(c)
+    add_sweep(add)
     c = add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second")
     _peers(c)
     c = add("list", commands.run_list, "what there is", writes=False)
