@@ -31,8 +31,8 @@ from sandbox.gap.diagnose import diagnose
 from sandbox.gap.where import where
 from sandbox.gap.withheld.rows import rounded
 from sandbox.gap.withheld.running import ROOT, code_digest
-from sandbox.gap.withheld.spread import spread
 from sandbox.report import plain
+from sandbox.sweep.engine import spread
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 LIST = Path(__file__).with_suffix(".toml")

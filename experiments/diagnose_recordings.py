@@ -11,9 +11,7 @@ from __future__ import annotations
 import json
 import sys
 import tomllib
-from concurrent.futures import ProcessPoolExecutor
 from datetime import date
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +19,7 @@ from sandbox.campaign import read_campaign
 from sandbox.gap.answers import answer
 from sandbox.gap.contract import contract
 from sandbox.report import plain
+from sandbox.sweep.engine import spread
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 
@@ -35,6 +34,10 @@ def one(folder: Path) -> dict[str, Any]:
         path.write_text(json.dumps(found, indent=1) + "\n")
     answered: dict[str, Any] = json.loads(path.read_text())
     return answered
+
+
+def _named(folder: Path) -> tuple[Path, dict[str, Any]]:
+    return folder, one(folder)
 
 
 def row(folder: Path, d: dict[str, Any]) -> str:
@@ -53,8 +56,8 @@ def row(folder: Path, d: dict[str, Any]) -> str:
 def main(folder: Path) -> None:
     """Diagnose all campaigns of a folder and write the table."""
     campaigns = sorted(p for p in folder.iterdir() if (p / "campaign.toml").exists())
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        found = list(pool.map(one, campaigns))
+    answers = dict(spread(_named, campaigns, 2))
+    found = [answers[c] for c in campaigns]
     lines = [f"Diagnoses of `{folder.name}/`, {date.today()}, by `python -m experiments.diagnose_recordings`.", ""]
     lines += [
         "| campaign | put in | verdict | best hypothesis | probability | J raw → before → after | closed | cost |"

@@ -61,6 +61,7 @@ def told() -> Any:
 
 def causes(table: Any, draws: list[str], rows: np.ndarray) -> tuple[dict[str, float], float]:
     """Return each parameter's share of the error's variance in a linear regression, and the share of all together."""
+    names = [name.removeprefix("true_factor.") for name in draws]
     x = np.array([table[name].to_numpy()[rows] for name in draws]).T
     y = table["mean_deg"].to_numpy(zero_copy_only=False)[rows]
     fine = np.isfinite(y)
@@ -68,9 +69,7 @@ def causes(table: Any, draws: list[str], rows: np.ndarray) -> tuple[dict[str, fl
     x = (x - x.mean(axis=0)) / x.std(axis=0)
     slope = np.linalg.lstsq(x, y - y.mean(), rcond=None)[0]
     left = float(np.var(y - y.mean() - x @ slope) / np.var(y))
-    return {
-        n.removeprefix("true_factor."): float(s**2 / np.var(y)) for n, s in zip(draws, slope, strict=True)
-    }, 1 - left
+    return {name: float(s**2 / np.var(y)) for name, s in zip(names, slope, strict=True)}, 1.0 - left
 
 
 def peak_rss() -> dict[str, float]:
@@ -101,50 +100,52 @@ def scaling() -> dict[str, Any]:
 
 def page(content: dict[str, Any]) -> str:
     """Return the result page as markdown."""
-    n, lines = content["points"], []
-    lines += [
-        f"# Yield: {n} motors within their tolerances, {content['runs']} runs",
-        "",
+    lines = [
+        f"# Yield: {content['points']} motors within their tolerances, {content['runs']} runs", "",
         f"`python -m experiments.yield_curve`, {content['date']}, {content['version']}. `ipm_exchanged` at standstill, "
         "120 % load, estimate in control, 0.5 s a run; drive, gains and belief are those of the nominal motor, each "
         "motor's parameters are drawn: R ±10 %, magnet flux ±5 %, L_d and L_q ±10 %, the five alphas ±20 %, even and "
-        "independent (assumed, [yield_curve.toml](../../yield_curve.toml)). Error: size of a run's mean position error, "
-        "electrical degrees; a drive that loses lock or has no result counts as beyond any error.",
-        "",
-        "![Share of drives that err less than x degrees](yield_curve.png)",
-        "",
-        "| estimator, belief | half err less than | **95 % err less than** (95 % interval) | 99 % err less than | lost | no result |",
-        "|---|--:|--:|--:|--:|--:|",
-    ]
-    for g in content["groups"]:
-        name = ", ".join(g["values"].values())
-        wide = f"{_deg(g['p95_low_deg'])} – {_deg(g['p95_high_deg'])}"
-        lines.append(
-            f"| {name} | {_deg(g['median_deg'])} | **{_deg(g['p95_deg'])}** ({wide}) | {_deg(g['p99_deg'])} | {g['lost']} "
-            f"| {g['runs'] - g['ok']} |"
-        )
-    lines += ["", "What the spread comes from (share of the error's variance, linear regression, %):", ""]
+        "independent (assumed, [yield_curve.toml](../../yield_curve.toml)). Error: size of a run's mean position "
+        "error, electrical degrees; a drive that loses lock or has no result counts as beyond any error.", "",
+        "![Share of drives that err less than x degrees](yield_curve.png)", "",
+        "| estimator, belief | half err less than | **95 % err less than** (95 % interval) | 99 % err less than | lost "
+        "| no result |",
+        "|---|--:|--:|--:|--:|--:|", *map(group_line, content["groups"]), "",
+        "What the spread comes from (share of the error's variance, linear regression, %):", "",
+    ]  # fmt: skip
     heads = list(content["causes"][0]["shares"])
     lines += [f"| estimator, belief | {' | '.join(heads)} | all together |", "|---|" + "--:|" * (len(heads) + 1)]
     for c in content["causes"]:
         cells = [f"{100 * v:.1f}" for v in c["shares"].values()]
         lines.append(f"| {c['name']} | {' | '.join(cells)} | {100 * c['explained']:.1f} |")
+    return "\n".join([*lines, "", *costs(content)]) + "\n"
+
+
+def group_line(g: dict[str, Any]) -> str:
+    """Return one estimator and belief as a line of the table."""
+    wide = f"{_deg(g['p95_low_deg'])} – {_deg(g['p95_high_deg'])}"
+    cells = [", ".join(g["values"].values()), _deg(g["median_deg"]), f"**{_deg(g['p95_deg'])}** ({wide})"]
+    return f"| {' | '.join([*cells, _deg(g['p99_deg']), str(g['lost']), str(g['runs'] - g['ok'])])} |"
+
+
+def costs(content: dict[str, Any]) -> list[str]:
+    """Return what the runs cost, in sentences."""
     cost = content["cost"]
-    lines += [
-        "",
-        f"Cost: {cost['cpu_ms']:.2f} ms of CPU a run, {cost['kernel_ms']:.2f} ms of them in the compiled loop (a ratio of "
-        f"{cost['cpu_ms'] / cost['kernel_ms']:.2f}; measured beside other programs); largest memory {cost['rss']['parent_MB']:.0f} "
-        f"MB (parent), {cost['rss']['worker_MB']:.0f} MB (a worker, 0 where there was none), whatever the number of runs.",
+    ratio = cost["cpu_ms"] / cost["kernel_ms"]
+    lines = [
+        f"Cost: {cost['cpu_ms']:.2f} ms of CPU a run, {cost['kernel_ms']:.2f} ms of them in the compiled loop (a ratio "
+        f"of {ratio:.2f}; measured beside other programs); largest memory {cost['rss']['parent_MB']:.0f} MB (parent), "
+        f"{cost['rss']['worker_MB']:.0f} MB (a worker; 0 where there was none)."
     ]
     if "scaling" in content:
         s = content["scaling"]
         one, two = s["1"]["runs_a_wall_second"], s["2"]["runs_a_wall_second"]
         same = "the same to the bit" if s["same_to_the_bit"] else "NOT the same"
         lines.append(
-            f"Scaling on {4 * s['points']} of the runs, two cores, starting the processes included: {one:.0f} runs a second "
-            f"with one process, {two:.0f} with two ({two / one:.2f} times); results {same}."
+            f"Scaling on {4 * s['points']} of the runs, two cores, starting the processes included: {one:.0f} runs a "
+            f"second with one process, {two:.0f} with two ({two / one:.2f} times); results {same}."
         )
-    return "\n".join(lines) + "\n"
+    return lines
 
 
 def _deg(value: float | None) -> str:

@@ -161,7 +161,7 @@ def build_parser() -> Parser:
     c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
     on_dask(c)
     _peers(c)
-    add_sweep(add)
+    _own_effects(add_sweep(add))
     c = add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second")
     _peers(c)
     c = add("list", commands.run_list, "what there is", writes=False)

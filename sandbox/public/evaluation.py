@@ -17,6 +17,7 @@ from sandbox.public.result import Column, Result, columns_of
 if TYPE_CHECKING:
     from sandbox.plots import Figure
     from sandbox.protocol import Protocol
+    from sandbox.sweep.engine import Cluster
 
 POINT_UNITS = {
     "load": "of rated current", "load_d": "of rated current", "speed": "of rated speed", "mean_deg": "deg",
@@ -116,6 +117,7 @@ def protocol(
     seed: int = 0,
     jobs: int | None = None,
     keep: str | Path | None = None,
+    cluster: Cluster | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ProtocolResult:
     """Run the standard evaluation: every test of every estimator with both beliefs on every motor.
@@ -134,6 +136,8 @@ def protocol(
         Threads; all cores by default.
     keep : str or Path, optional
         A folder in which finished tests wait for the rest, so that an interrupted call goes on.
+    cluster : str or dask.distributed.Client, optional
+        A dask scheduler's address, or a client: its workers run the tests, estimators are names or files.
     progress : callable, optional
         Is told the fraction that is done.
 
@@ -162,7 +166,8 @@ def protocol(
             list(ESTIMATORS) if estimators is None else several(estimators),
             None if motors is None else several(motors),
             list(TESTS) if tests is None else several(tests),
-            seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep), progress=progress,
+            seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep), cluster=cluster,
+            progress=progress,
         )
     )  # fmt: skip
 

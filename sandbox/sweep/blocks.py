@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import time
 from functools import cache
 from importlib.metadata import version
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from model.effects import own
 from model.errors import BadInput
 from sandbox.sweep.keys import keys
 from sandbox.sweep.plan import Sweep, again, label
@@ -178,8 +180,11 @@ def crashed(task: Task) -> Block:
 
 @cache
 def code_key() -> str:
-    """Return a short hash of the code that runs depend on, and of the libraries that compute."""
+    """Return a short hash of the code that runs depend on, effects of the user's own included, and of the libraries
+    that compute."""
     found = hashlib.sha256(repr([(name, version(name)) for name in LIBRARIES]).encode())
+    for file in filter(None, os.environ.get(own.VARIABLE, "").split(os.pathsep)):
+        found.update(Path(file).read_bytes())
     for room in ROOMS:
         for path in sorted(p for suffix in ("py", "toml") for p in (ROOT / room).rglob(f"*.{suffix}")):
             parts = path.relative_to(ROOT).parts

@@ -28,7 +28,8 @@ def yield_figure(
     curves: errors of each group, infinite where lock was lost.  Returns the figure; written where a path is given.
     """
     figure, panels = page((7.6, 4.8), 1, 1, squeeze=False)
-    axes, seen = panels[0, 0], {}
+    axes = panels[0, 0]
+    seen: dict[str | None, int] = {}
     for k, (name, errors) in enumerate(list(curves.items())[:MOST_CURVES]):
         x, y = curve(errors)
         belief = next((b for b in ("linear", "saturated") if b in name), None)

@@ -111,9 +111,9 @@ class Sweep:
         """Return every key's value of a run."""
         point, cell = divmod(run, self.cells)
         found = dict(self.fixed)
-        for name, values in reversed(self.grid.items()):
-            cell, place = divmod(cell, len(values))
-            found[name] = values[place]
+        for name in reversed(list(self.grid)):
+            cell, place = divmod(cell, len(self.grid[name]))
+            found[name] = self.grid[name][place]
         for k, (name, draw) in enumerate(self.draws.items()):
             value = draw.at(float(self.shares[point, k]))
             found[name] = int(value) if keys()[name].kind is int else value

@@ -51,7 +51,8 @@ def groups_of(sweep: Sweep, table: pyarrow.Table) -> list[Group]:
     cell = table["run"].to_numpy() % sweep.cells
     found = []
     for k in range(sweep.cells):
-        values = {name: label(name, v) for name, v in sweep.case(k).items() if name in sweep.grid}
+        case = sweep.case(k)
+        values = {name: label(name, case[name]) for name in sweep.grid}
         found.append(_group(values, table, np.flatnonzero(cell == k)))
     return found
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sandbox import report
+from sandbox.sweep.commands import on_dask
 
 Number = Callable[[str], int]
 ROWS = "withheld.rows.jsonl"
@@ -56,6 +57,7 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
 
 def _common(command: Any, positive: Number) -> None:
     command.add_argument("--jobs", type=positive, help="processes (all cores)")
+    on_dask(command)
     command.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -74,7 +76,7 @@ def run_make(options: argparse.Namespace) -> None:
     with report.progress_bar("recording", options.quiet) as progress:
         made = make(
             options.folder, options.count, options.seed, kind=options.kind, style=options.cycles, sizes=options.sizes,
-            jobs=options.jobs or os.cpu_count() or 1, announce=announce, progress=progress,
+            jobs=options.jobs or os.cpu_count() or 1, cluster=options.dask, announce=announce, progress=progress,
         )  # fmt: skip
     if not options.quiet:
         print(f"{options.count} campaigns in {made.folder / 'campaigns'}, {made.recorded} recorded now")
@@ -95,7 +97,8 @@ def run_score(options: argparse.Namespace) -> None:
             result = score(
                 options.folder, diagnose, method=method, jobs=options.jobs or os.cpu_count() or 1,
                 limit=options.limit, leave_out=options.leave_out if method == "diagnosis" else 0.0,
-                again=options.again, finished=options.finished, allow_mixed=options.allow_mixed, progress=progress,
+                again=options.again, finished=options.finished, allow_mixed=options.allow_mixed, cluster=options.dask,
+                progress=progress,
             )  # fmt: skip
         scored.append(result)
     content = {**content_of(scored), "figure": "withheld.png", "rows": ROWS}

@@ -26,8 +26,8 @@ from sandbox.gap.withheld.draw import Drawn, cases, draw, outside_names, uncerta
 from sandbox.gap.withheld.drives import LINK_NOISE
 from sandbox.gap.withheld.ladder import DRIFT_TIME
 from sandbox.gap.withheld.rig import COLUMNS, record, tuned
-from sandbox.gap.withheld.spread import spread
 from sandbox.report import plain
+from sandbox.sweep.engine import Cluster, spread
 from sandbox.switched.effects import Bench, bench
 
 SEAL, HASH, CAMPAIGNS = "truth.sealed", "SHA256", "campaigns"
@@ -52,6 +52,7 @@ def make(
     style: str = "scored",
     sizes: str = "published",
     jobs: int = 1,
+    cluster: Cluster | None = None,
     announce: Callable[[str], None] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Made:
@@ -59,9 +60,11 @@ def make(
 
     kind: 'mixed', 'controls' (shorter, without a gap) or 'pairs' (one operating point, where two effects look alike);
     style of the cycles: 'practice' or 'scored'; sizes: 'published' (ranges with sources; ordinary deviations 0.5 to 2
-    times the stated ones; other shapes of a current's sign) or 'ladder'; jobs: processes.
+    times the stated ones; other shapes of a current's sign) or 'ladder'; jobs: processes;
+    cluster: a dask scheduler instead, whose workers find the folder at the same place.
     BadInput where the folder holds another check.
     """
+    folder = folder if cluster is None else folder.resolve()
     outside = outside_names()
     drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside, sizes)]
     header = {"seed": seed, "kind": kind, "style": style, "sizes": sizes, "outside": outside}
@@ -71,7 +74,7 @@ def make(
     share = CONTROL_SHARE if kind == "controls" else 1.0
     left = [d for d in drawn if not (folder / CAMPAIGNS / d.case.name).exists()]
     work = [(folder / CAMPAIGNS / d.case.name, d, share) for d in left]
-    for done, _ in enumerate(spread(_write, work, jobs), 1):
+    for done, _ in enumerate(spread(_write, work, jobs, cluster=cluster), 1):
         if progress is not None:
             progress(done / len(work))
     return Made(folder, digest, len(left))

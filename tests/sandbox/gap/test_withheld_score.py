@@ -16,13 +16,13 @@ from sandbox.gap.withheld.limits import area, auroc, mean, mean_share, quantile,
 from sandbox.gap.withheld.metrics import figures, left_out
 from sandbox.gap.withheld.score import read_report, score
 from sandbox.gap.withheld.scores import table
-from sandbox.gap.withheld.spread import spread
+from sandbox.sweep.engine import spread
 
 
 @pytest.fixture(autouse=True)
 def here(monkeypatch):
     """Diagnose in this process, where a test's own functions are."""
-    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost: map(task, work))
+    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost, cluster: map(task, work))
 
 
 def truth_of(effects=("dead_time",), kind="one", sizes=(1.0,), parameters=None):
