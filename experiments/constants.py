@@ -25,14 +25,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from model.errors import BadInput
-from sandbox.campaign import read_campaign
+from sandbox.engine.processes import spread
 from sandbox.gap.contract import contract
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.where import where
-from sandbox.gap.withheld.rows import rounded
-from sandbox.gap.withheld.running import ROOT, code_digest
-from sandbox.report import plain
-from sandbox.sweep.engine import spread
+from sandbox.output.files import plain, rounded
+from sandbox.recordings.campaign import read_campaign
+from sandbox.validation.scoring.running import ROOT, code_digest
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 LIST = Path(__file__).with_suffix(".toml")

@@ -15,11 +15,11 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from sandbox.campaign import read_campaign
+from sandbox.engine.processes import spread
 from sandbox.gap.answers import answer
 from sandbox.gap.contract import contract
-from sandbox.report import plain
-from sandbox.sweep.engine import spread
+from sandbox.output.files import plain
+from sandbox.recordings.campaign import read_campaign
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 

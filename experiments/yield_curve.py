@@ -23,8 +23,8 @@ from typing import Any
 import numpy as np
 
 from sandbox import sweep
-from sandbox.report import plain, version
-from sandbox.sweep.engine import PATIENCE
+from sandbox.engine.processes import PATIENCE
+from sandbox.output.files import plain, version
 
 HERE = Path(__file__).parent
 PLAN, RESULTS, RUNS = HERE / "yield_curve.toml", HERE / "results" / "yield", Path("sensorless-out") / "yield_curve"

@@ -10,7 +10,6 @@ from typing import Any
 
 from model.effects import library
 from model.errors import BadInput
-from sandbox.campaign import Campaign
 from sandbox.gap.alike import Alike, alike
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.discriminate import Next, recommend
@@ -19,6 +18,7 @@ from sandbox.gap.posterior import UNKNOWN
 from sandbox.gap.regression import Remains, remains
 from sandbox.gap.where import Finding, percent, summary, where
 from sandbox.gap.words import capital, likely, names, percent_fine, sizes, times, words
+from sandbox.recordings.campaign import Campaign
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 HARDLY = 5e-4  # of what remains: less is nothing

@@ -17,7 +17,6 @@ import numpy as np
 
 from model.effects import library
 from model.errors import PhysicsError
-from sandbox.campaign import Campaign, read_campaign
 from sandbox.gap.estimates import Estimate, estimates
 from sandbox.gap.fit import Fit, Weights, fit
 from sandbox.gap.noise import noise_caution
@@ -29,6 +28,7 @@ from sandbox.gap.size import Size, rms, size_of
 from sandbox.gap.slight import slight
 from sandbox.gap.split import held_out, weights_of
 from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.replay.replay import prepare
 
 CREDIBLE = 0.95

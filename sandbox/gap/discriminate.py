@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from model.errors import BadInput, PhysicsError
-from sandbox.campaign import Campaign
 from sandbox.gap.diagnose import CREDIBLE
 from sandbox.gap.menu import Entry, menu, recording_of, settings, shaft, usual_seconds
 from sandbox.gap.normal import Point, normal
 from sandbox.gap.remainder import FLOOR, SHARE
 from sandbox.gap.search import Judged
+from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import with_columns
 from sandbox.replay.replay import Prepared, prepare, replay
 

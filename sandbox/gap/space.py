@@ -15,7 +15,7 @@ from model.effects import library
 from model.effects.card import Effect, saturation_size
 from model.effects.dead_time import SOFT_SIGN
 from model.parameters import Drive
-from sandbox.campaign import Campaign
+from sandbox.recordings.campaign import Campaign
 from sandbox.replay.sensitivity import mechanical_only
 
 Set = Mapping[str, float]

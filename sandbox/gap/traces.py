@@ -12,9 +12,9 @@ from sandbox.gap import answers
 from sandbox.gap.answers import Answers
 from sandbox.gap.decompose import MECHANICAL, ORDERS, Decomposition, decompose
 from sandbox.gap.normal import Point
+from sandbox.output.trace import COLOURS, GREY, Plot, write_series
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Prediction, Residual, replay, residuals
-from sandbox.trace import COLOURS, GREY, Plot, write_series
 
 Array = NDArray[np.float64]
 BEFORE, AFTER = COLOURS["linear"], COLOURS["saturated"]

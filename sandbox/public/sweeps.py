@@ -12,16 +12,17 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from estimators.registry import AnyEstimator
 from model.effects.library import parse
 from model.errors import BadInput
-from sandbox import report
+from sandbox.drive.scenario import Scenario
+from sandbox.output.columns import Column, columns_of, write_table
+from sandbox.output.files import results, write_json
 from sandbox.public.loading import several
-from sandbox.public.result import Column, Result, columns_of, write_table
-from sandbox.scenario import Scenario
+from sandbox.public.result import Result
 
 if TYPE_CHECKING:
     import pyarrow
 
-    from sandbox.plots import Figure
-    from sandbox.sweep.engine import Cluster
+    from sandbox.engine.processes import Cluster
+    from sandbox.output.plots import Figure
     from sandbox.sweep.plan import Sweep
     from sandbox.sweep.summary import Group
     from sandbox.sweep.tolerances import ToleranceRow
@@ -80,7 +81,7 @@ class SweepResult(Result):
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return the share of drives below an error, a curve a group; a path (.png, .svg, .pdf) is written as well."""
-        from sandbox.sweep.figures import yield_figure
+        from sandbox.sweep.curves import yield_figure
         from sandbox.sweep.summary import errors_of
 
         table, groups = self.to_table(), self.groups
@@ -91,7 +92,7 @@ class SweepResult(Result):
     def save(self, folder: str | Path | None = None, *, csv: bool = False) -> Path:
         """Write sweep.json and .png (csv: all runs as CSV, too) into the sweep's folder, or another; return it."""
         place = self.folder if folder is None else Path(folder)
-        with report.results(place, "sweep") as out:
+        with results(place, "sweep") as out:
             self.plot(out / "sweep.png")
             if csv:
                 write_table(out / "sweep.csv", self.to_table())
@@ -99,7 +100,7 @@ class SweepResult(Result):
             if place.resolve() != self.folder.resolve():
                 write_table(out / "sweep.parquet", self.to_table())
                 files["table"] = "sweep.parquet"
-            report.write_json(out, "sweep", self.as_json() | files)
+            write_json(out, "sweep", self.as_json() | files)
         return place
 
 
@@ -133,7 +134,7 @@ class ToleranceResult(Result):
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return position error over tolerance, a panel an estimator; a path (.png, .svg, .pdf) is written as well."""
-        from sandbox.sweep.figures import tolerance_figure
+        from sandbox.sweep.curves import tolerance_figure
 
         return tolerance_figure(self.rows, f"{self.motor}, {self.scenario}", path)
 

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from model.effects import own
 from model.errors import BadInput
+from model.sources import source_key
 from sandbox.sweep.keys import keys
 from sandbox.sweep.plan import Sweep, again, label
 
@@ -22,9 +23,14 @@ if TYPE_CHECKING:
     import pyarrow
 
 ROOT = Path(__file__).parents[2]
-ROOMS = ("model", "estimators", "sandbox")
 LIBRARIES = ("numpy", "scipy", "numba")
-APART = ("public", "cli", "gap")  # folders of the sandbox that no run depends on
+MADE_BY = (
+    "sandbox/sweep/blocks.py",
+    "estimators/*.py",
+    "model/effects/*.py",
+    "model/motors/**/*.toml",
+    "sandbox/drive/scenarios/*.toml",
+)  # the first with all that it imports; the others are looked up by name
 SMALLEST, LARGEST, WANTED = 10, 1000, 100  # runs in a block; blocks in a sweep
 MOST_TRACED = 4_000_000  # numbers in the traces of a block: 32 MB
 RESULTS = {  # name: (type, unit, what it is)
@@ -107,7 +113,7 @@ def trace_numbers(sweep: Sweep) -> int:
 def _longest(text: str) -> int:
     """Return the recorded samples of the longest run; runs that are refused have none."""
     from model.errors import PhysicsError
-    from sandbox.sweep.running import EACH_TIME, made_ready
+    from sandbox.sweep.cases import EACH_TIME, made_ready
 
     sweep, longest = again(text), 0
     bases = (
@@ -131,7 +137,7 @@ def run_block(task: Task) -> Block:
     """Run a block; BadInput where this process has another state of the code than the one that asks."""
     if task.code != code_key():
         raise BadInput("a worker has another state of the code, or of numpy, scipy or numba; install the same there")
-    from sandbox.sweep.running import run_case
+    from sandbox.sweep.cases import run_case
 
     sweep, begun = again(task.text), time.process_time()
     room = _room(sweep, task)
@@ -170,7 +176,7 @@ def table_of(sweep: Sweep, start: int, cases: list[Any], rows: list[Any]) -> pya
 
 def crashed(task: Task) -> Block:
     """Return the block of runs whose process died."""
-    from sandbox.sweep.running import CRASHED, Row
+    from sandbox.sweep.cases import CRASHED, Row
 
     sweep = again(task.text)
     cases = [sweep.case(number) for number in range(task.start, task.stop)]
@@ -185,9 +191,9 @@ def code_key() -> str:
     found = hashlib.sha256(repr([(name, version(name)) for name in LIBRARIES]).encode())
     for file in filter(None, os.environ.get(own.VARIABLE, "").split(os.pathsep)):
         found.update(Path(file).read_bytes())
-    for room in ROOMS:
-        for path in sorted(p for suffix in ("py", "toml") for p in (ROOT / room).rglob(f"*.{suffix}")):
-            parts = path.relative_to(ROOT).parts
-            if not (parts[0] == "sandbox" and parts[1] in APART):
-                found.update("/".join(parts).encode() + path.read_bytes())
+    files = sorted(path for pattern in MADE_BY for path in ROOT.glob(pattern))
+    found.update(source_key(*(path for path in files if path.suffix == ".py")).encode())
+    for path in files:
+        if path.suffix == ".toml":
+            found.update(path.name.encode() + path.read_bytes())
     return found.hexdigest()[:16]

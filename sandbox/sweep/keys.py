@@ -134,8 +134,8 @@ def check_names(values: Mapping[str, Iterable[Value]]) -> None:
     read.  values: what each key takes in the sweep.
     """
     from estimators.registry import load_estimator
-    from model.parameters import fetched, load_drive
-    from sandbox.scenario import load_scenario
+    from model.drive_files import fetched, load_drive
+    from sandbox.drive.scenario import load_scenario
 
     for name in values.get("estimator", ()):
         if str(name) not in MODULES:  # a built-in one is known to load, and would bring in the compiler

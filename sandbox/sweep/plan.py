@@ -204,7 +204,7 @@ def again(text: str) -> Sweep:
 
 def scene_of(sweep: Sweep) -> Any:
     """Return the scenario that stands in the sweep's own file."""
-    from sandbox.scenario import scenario_of
+    from sandbox.drive.scenario import scenario_of
 
     return scenario_of(dict(sweep.scene or {}), sweep.name)
 
@@ -298,7 +298,7 @@ def _traces(tables: Mapping[str, Any], draws: Mapping[str, Draw]) -> Traces | No
     for name in draws:
         if name.startswith(LENGTHS):
             raise BadInput(f"[traces] need runs of a few lengths, but '{name}' is drawn; leave one of both away")
-    from sandbox.recording import CHANNELS
+    from sandbox.drive.recording import CHANNELS
 
     table, known = _table(tables, "traces", ("channels", "stride")), (*CHANNELS, "error")
     channels, stride = table.get("channels", ["error"]), table.get("stride", 1)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
-from sandbox.report import plain, version
+from sandbox.output.files import plain, version
 from sandbox.sweep.blocks import Block, block_size, code_key, samples_of, schema_of
 from sandbox.sweep.plan import Sweep, digest_of
 
@@ -188,7 +188,7 @@ def check_traces(sweep: Sweep) -> None:
 
 def _new_traces(kept: Kept) -> None:
     """Make room for the traces of all runs: an array a channel, a chunk a block."""
-    from sandbox.recording import UNITS
+    from sandbox.drive.recording import UNITS
 
     _, zarr = _trace_libraries()
     traces = kept.sweep.traces

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from model.errors import BadInput
+from sandbox.engine.processes import Cluster, spread
 from sandbox.sweep import store
 from sandbox.sweep.blocks import Block, Task, crashed, run_block, tasks_of, trace_numbers
-from sandbox.sweep.engine import Cluster, spread
 from sandbox.sweep.plan import Sweep
 
 MOST_RUNS = 200_000
@@ -91,8 +91,8 @@ def together(one: Block, other: Block) -> Block:
 
 def _compile(task: Task) -> None:
     """Run the first cases here, so that what all processes compile is compiled once."""
+    from sandbox.sweep.cases import run_case
     from sandbox.sweep.plan import again
-    from sandbox.sweep.running import run_case
 
     sweep, seen = again(task.text), set()
     for number in range(task.start, min(task.stop, task.start + sweep.cells)):

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from sandbox.sweep.engine import Cluster
+from sandbox.engine.processes import Cluster
 from sandbox.sweep.plan import Sweep, sweep_of
 from sandbox.sweep.summary import below
 from sandbox.sweep.sweep import Progress, rows_of
@@ -102,7 +102,7 @@ def tolerances(
 
 def check_quartic(motor: str) -> None:
     """Raise BadInput for a motor with a flux map, whose belief has no parameters to be off."""
-    from model.parameters import load_drive
+    from model.drive_files import load_drive
     from model.spline import SplineEnergy
 
     if isinstance(load_drive(motor).motor.energy, SplineEnergy):

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from estimators.registry import load_estimator
+from model.drive_files import load_drive
 from model.effects.card import SUBSYSTEMS
 from model.errors import BadInput
-from model.parameters import load_drive
-from sandbox.campaign import read_campaign
 from sandbox.cli import main
-from sandbox.design import design
+from sandbox.drive.design import design
+from sandbox.drive.record import campaign_of
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
 from sandbox.gap import where as places
 from sandbox.gap.answers import answer, caveats, far_text, linear, next_text, which_text
 from sandbox.gap.contract import contract
@@ -28,13 +30,11 @@ from sandbox.gap.report import write_report
 from sandbox.gap.spectrum import shown
 from sandbox.gap.where import subsystems
 from sandbox.gap.words import quantity, times
-from sandbox.injection import carrier
+from sandbox.output.files import plain
+from sandbox.output.trace import read_trace
 from sandbox.public.recorded import DiagnosisResult
-from sandbox.record import campaign_of
-from sandbox.report import plain
-from sandbox.scenario import Scenario, Segment
-from sandbox.simulate import simulate
-from sandbox.trace import read_trace
+from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.injection import carrier
 from tests.data import recordings_folder
 from tests.sandbox.gap.conftest import DEAD_TIME
 

@@ -9,7 +9,6 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from model.energy import flux_from_current
-from sandbox.campaign import read_campaign
 from sandbox.gap import discriminate
 from sandbox.gap.discriminate import (
     LEANS,
@@ -29,6 +28,7 @@ from sandbox.gap.probes import probes_at_typical
 from sandbox.gap.search import judge
 from sandbox.gap.split import weights_of
 from sandbox.gap.table import ordinary_share
+from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.test_evidence import start
 

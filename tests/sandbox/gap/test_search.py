@@ -10,7 +10,6 @@ import pytest
 from scipy.stats import norm
 
 from model.effects.library import load_effect
-from sandbox.campaign import write_campaign
 from sandbox.gap.evidence import prior_of
 from sandbox.gap.fit import coordinates_of, fit, objective, stray
 from sandbox.gap.normal import normal
@@ -22,6 +21,7 @@ from sandbox.gap.sized import with_sizes
 from sandbox.gap.split import weights_of
 from sandbox.gap.table import SIZES, ordinary_share, settled, table
 from sandbox.gap.where import _held
+from sandbox.recordings.campaign import write_campaign
 from tests.sandbox.gap.conftest import DRIVE, small_campaign
 from tests.sandbox.gap.test_evidence import start
 

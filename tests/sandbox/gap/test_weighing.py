@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from sandbox.campaign import write_campaign
 from sandbox.gap.estimates import estimates
 from sandbox.gap.evidence import Algebra, Prior
 from sandbox.gap.fit import fit
@@ -18,6 +17,7 @@ from sandbox.gap.slight import part_of, slight
 from sandbox.gap.space import ordinary, seen
 from sandbox.gap.split import weights_of
 from sandbox.gap.table import SIZES, Table, ordinary_share
+from sandbox.recordings.campaign import write_campaign
 from tests.sandbox.gap.conftest import small_campaign
 from tests.sandbox.gap.test_evidence import start
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from sandbox.scenario import load_scenario
+from sandbox.drive.scenario import load_scenario
 from sandbox.sweep.keys import keys
 from sandbox.sweep.plan import Draw, digest_of, label, read_sweep, scene_of, shares_of, sweep_of, tables_of
 from sandbox.sweep.sweep import check_size

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 
 import sandbox
+from model.drive_files import load_drive
 from model.errors import BadInput
-from model.parameters import load_drive
-from sandbox.design import design
-from sandbox.scenario import Scenario, Segment
+from sandbox.drive.design import design
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.engine.processes import spread
 from sandbox.sweep.blocks import arrow_schema, run_block, schema_of, tasks_of
-from sandbox.sweep.engine import spread
+from sandbox.sweep.cases import EACH_TIME, made_ready, run_case
 from sandbox.sweep.plan import read_sweep, sweep_of
-from sandbox.sweep.running import EACH_TIME, made_ready, run_case
 from sandbox.sweep.summary import below, errors_of, groups_of, interval
 from sandbox.sweep.sweep import rows_of, run_sweep
 from sandbox.sweep.tolerances import tolerances
@@ -177,7 +177,7 @@ def test_a_folder_of_another_sweep_is_left_alone(tmp_path):
     run_sweep(sweep_of(SCENE), tmp_path)
     before = digests(tmp_path)
     other = sweep_of(SCENE | {"run": {"seed": 1}})
-    with pytest.raises(BadInput, match="holds another sweep.*--again"):
+    with pytest.raises(BadInput, match=r"holds another sweep.*--again"):
         run_sweep(other, tmp_path)
     assert digests(tmp_path) == before
     run_sweep(other, tmp_path, afresh=True)
