@@ -12,6 +12,7 @@ from importlib import import_module
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -53,8 +54,7 @@ __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "load_motor", "load_scenario", "load_estimator", "read_campaign",
     "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe", "use_effects",
     "simulate", "compare", "tolerances", "sweep", "protocol", "bench", "audit", "maps", "identify", "diagnose",
-    "replay",
-    "show", "view",
+    "replay", "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "BadInput", "PhysicsError",
 ]  # fmt: skip
 
@@ -92,6 +92,17 @@ for _name in _TOGETHER:
             f"'{_file}' hides the package '{_name}' that sensorless-sandbox is installed with; rename that file or "
             f"folder, for example to my_{_name}{Path(_file).suffix if Path(_file).stem == _name else ''}"
         )
+
+
+class _Page(ModuleType):
+    """This package: importing the rooms `sandbox.sweep` and `sandbox.replay` leaves these names the page's functions."""
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Page
 
 
 def __getattr__(name: str) -> Any:

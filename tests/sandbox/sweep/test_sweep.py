@@ -223,8 +223,9 @@ def test_tolerances_leave_all_of_the_gain_when_nothing_is_off():
     assert off.gain_left < 1.0
     assert off.median_deg <= off.p95_deg
     linear = [r for r in rows if r.belief == "linear"]
-    # q-null's linear belief takes the null for the magnet: no number of it enters at standstill
-    assert linear[0].median_deg == pytest.approx(linear[1].median_deg, abs=0.02)
+    # q-null's linear belief takes the null for the magnet: no number of it moves it at standstill, only the noise does
+    noise = rows_of(sweep_of(scene | {"run": {"belief": "linear"}, "grid": {"seed": list(range(8))}}))["mean_deg"]
+    assert linear[0].median_deg == pytest.approx(linear[1].median_deg, abs=4.0 * np.std(noise.to_numpy(), ddof=1))
     with pytest.raises(BadInput, match="out of range; give 0 to 50 %"):
         tolerances("ipm_exchanged", scene, ["qnull"], levels=[0.9])
 
