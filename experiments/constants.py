@@ -26,9 +26,9 @@ from typing import Any, NamedTuple
 
 from model.errors import BadInput
 from sandbox.engine.processes import spread
-from sandbox.gap.contract import contract
 from sandbox.gap.diagnose import diagnose
-from sandbox.gap.where import where
+from sandbox.gap.report.diagnosis_json import contract
+from sandbox.gap.report.where import where
 from sandbox.output.files import plain, rounded
 from sandbox.recordings.campaign import read_campaign
 from sandbox.validation.scoring.running import ROOT, code_digest

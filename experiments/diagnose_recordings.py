@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from sandbox.engine.processes import spread
-from sandbox.gap.answers import answer
-from sandbox.gap.contract import contract
+from sandbox.gap.report.answers import answer
+from sandbox.gap.report.diagnosis_json import contract
 from sandbox.output.files import plain
 from sandbox.recordings.campaign import read_campaign
 

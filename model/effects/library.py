@@ -61,6 +61,17 @@ def parameters() -> dict[str, Parameter]:
     return {f"{name}.{p.name}": p for name in effect_names() for p in load_effect(name).parameters}
 
 
+@cache
+def same_numbers() -> dict[str, str]:
+    """Return the parameters that are the same number as another effect's: {double: the other's}."""
+    return {name: p.same_as for name, p in parameters().items() if p.same_as}
+
+
+def moved(name: str, to: float) -> dict[str, float]:
+    """Return what moving a parameter changes: itself and its doubles."""
+    return {name: to, **{double: to for double, own in same_numbers().items() if own == name}}
+
+
 def parse(text: str) -> dict[str, float]:
     """Return the effects written as "dead_time.time=2e-6,current_offset.offset_a=0.01"; BadInput says what is wrong."""
     found: dict[str, float] = {}

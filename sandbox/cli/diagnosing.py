@@ -30,7 +30,7 @@ def add_diagnose(add: Callable[..., Any]) -> Any:
 def run_diagnose(options: argparse.Namespace) -> None:
     """Diagnose a campaign; write diagnosis.json, report.html and diagnosis.rrd."""
     import sandbox
-    from sandbox.gap.report import print_answers
+    from sandbox.gap.report.page import print_answers
 
     folder = options.out or Path("sensorless-out") / options.command
     check_output(folder)

@@ -30,8 +30,9 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
     c.add_argument(
         "--kind",
         default="mixed",
-        choices=("mixed", "controls", "pairs"),
-        help="controls: shorter, without a gap; pairs: one operating point, where two effects look alike",
+        choices=("mixed", "controls", "pairs", "many"),
+        help="controls: shorter, without a gap; pairs: one operating point, where two effects look alike; many: four "
+        "to ten effects at once",
     )
     c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help="(scored)")
     c.add_argument(

@@ -18,7 +18,7 @@ from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
-    from sandbox.gap.answers import Answers
+    from sandbox.gap.report.answers import Answers
     from sandbox.output.plots import Figure
     from sandbox.recordings.identify import Identification
     from sandbox.replay.replay import Prediction, Prepared
@@ -79,7 +79,7 @@ class DiagnosisResult(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `diagnosis.json` holds beyond its header."""
-        from sandbox.gap.contract import contract
+        from sandbox.gap.report.diagnosis_json import contract
 
         a = self.answers
         return contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike)
@@ -107,14 +107,14 @@ class DiagnosisResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write residuals before and after as a trace (`.rrd`); return its path."""
-        from sandbox.gap.traces import write_traces
+        from sandbox.gap.report.traces import write_traces
 
         write_traces(Path(path), self.answers)
         return Path(path)
 
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:
         """Write diagnosis.json, report.html and diagnosis.rrd (csv: hypotheses, too) into a folder; return it."""
-        from sandbox.gap.report import write_report
+        from sandbox.gap.report.page import write_report
 
         with results(Path(folder), self.command) as out:
             write_report(out / "report.html", self.answers)
@@ -270,7 +270,7 @@ def diagnose(
     'explained'
     """
     from model.errors import unknown
-    from sandbox.gap.answers import answer, linear
+    from sandbox.gap.report.answers import answer, linear
 
     if nominal not in (None, "linear"):
         raise unknown("nominal model", nominal, ["linear"])

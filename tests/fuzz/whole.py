@@ -288,7 +288,7 @@ COSTLY = {"design": 0.02, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs
 PHYSICS = (  # replaced where the command line is tried: what stands before them is
     "sandbox.evaluation.compare.compare", "sandbox.evaluation.compare.single", "model.saliency.audit",
     "sandbox.evaluation.maps.maps", "sandbox.evaluation.bench.bench",
-    "sandbox.evaluation.protocol.run_unit", "sandbox.recordings.identify.identify", "sandbox.gap.answers.answer",
+    "sandbox.evaluation.protocol.run_unit", "sandbox.recordings.identify.identify", "sandbox.gap.report.answers.answer",
     "sandbox.validation.withheld.make.make",
     "sandbox.validation.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case",
 )  # fmt: skip

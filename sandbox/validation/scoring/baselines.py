@@ -19,10 +19,10 @@ import numpy as np
 
 from model.effects.library import effect_names, load_effect
 from model.errors import BadInput, PhysicsError
-from sandbox.gap.evidence import algebra, prior_of
-from sandbox.gap.normal import Point, normal
-from sandbox.gap.probes import Probe, probe_coordinates
-from sandbox.gap.space import Coordinate, ordinary
+from sandbox.gap.evidence.algebra import algebra, prior_of
+from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.priors import Coordinate, ordinary
+from sandbox.gap.evidence.probes import Probe, probe_coordinates
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.replay.replay import prepare

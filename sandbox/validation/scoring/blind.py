@@ -17,10 +17,10 @@ from typing import Any
 
 from model.errors import BadInput
 from sandbox.engine.processes import Cluster
-from sandbox.gap.answers import next_recording
-from sandbox.gap.contract import contract
 from sandbox.gap.diagnose import diagnose
-from sandbox.gap.where import where
+from sandbox.gap.report.answers import next_recording
+from sandbox.gap.report.diagnosis_json import contract
+from sandbox.gap.report.where import where
 from sandbox.output.files import plain
 from sandbox.recordings.campaign import read_campaign
 from sandbox.validation.scoring.documents import check_report, check_truth

@@ -1,8 +1,8 @@
 """Least squares of a replayed campaign for the baselines, on the nuisances and normal equations of the diagnosis.
 
-Ordinary deviations have the means, deviations and bounds that a campaign states (`space.ordinary`), every recording its
-own angle (`normal.turns`), an effect its wide prior.  Plain Gauss-Newton: of each step the largest share is taken that
-lowers the cost, and intervals assume white residuals.
+Ordinary deviations have the means, deviations and bounds that a campaign states (`priors.ordinary`), every recording
+its own angle (`normal.turns`), an effect its wide prior.  Plain Gauss-Newton: of each step the largest share is taken
+that lowers the cost, and intervals assume white residuals.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from model.errors import BadInput
-from sandbox.gap.estimates import public
-from sandbox.gap.evidence import Prior, algebra, prior_of
-from sandbox.gap.normal import Normal, Point, normal
-from sandbox.gap.probes import Probe, possible
-from sandbox.gap.space import Coordinate, of_effect, ordinary
+from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
+from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
+from sandbox.gap.evidence.probes import Probe, possible
+from sandbox.gap.search.estimates import public
 
 Array = NDArray[np.float64]
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step, tried in turn

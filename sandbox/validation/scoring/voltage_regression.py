@@ -21,7 +21,7 @@ from model.compiled import kernel
 from model.effects.library import effect_names
 from model.energy import flux_newton
 from model.parameters import Motor
-from sandbox.gap.space import ordinary as stated
+from sandbox.gap.evidence.priors import ordinary as stated
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
 from sandbox.replay.inputs import noise_floor
 from sandbox.replay.replay import prepare

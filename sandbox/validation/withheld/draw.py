@@ -38,7 +38,8 @@ from sandbox.validation.withheld.mapped_drive import FLUX_MAP, SUBSYSTEM, identi
 from sandbox.validation.withheld.published import multiple, planted
 
 SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
-KINDS = ("mixed", "controls", "pairs")
+KINDS = ("mixed", "controls", "pairs", "many")
+AT_ONCE = (4, 10)  # effects of a campaign of the kind "many", least and most
 MOST = 10000  # campaigns
 PAIR_SIZES = LADDER[1:3]  # large enough to be seen at one operating point
 NESTED = {"saturation", "cross_saturation"}  # the one contains the other: never put in together
@@ -149,8 +150,9 @@ def cases(
 
 
 def _listed(count: int, kind: str, style: str, outside: Sequence[str], rng: Generator) -> list[Case]:
-    """Return mixed cases or controls, sizes by the ladder."""
-    kinds = _kinds(count, rng) if kind == "mixed" else ["none"] * count
+    """Return mixed cases, controls or cases of many effects, sizes by the ladder."""
+    whole = {"controls": "none", "many": "many"}
+    kinds = _kinds(count, rng) if kind == "mixed" else [whole[kind]] * count
     families = [str(f) for f in _turns(FAMILIES, count, rng)]
     singles, unlisted = _sized(effect_names(), rng), _sized(outside, rng)
     out = []
@@ -160,8 +162,10 @@ def _listed(count: int, kind: str, style: str, outside: Sequence[str], rng: Gene
         if what == "one":
             name, size = singles[turn % len(singles)]
             base = dataclasses.replace(base, names=(name,), sizes=(size,))
-        elif what == "several":
-            names = _several(rng)
+        elif what in ("several", "many"):
+            names = (
+                _several(rng) if what == "several" else _many(AT_ONCE[0] + turn % (AT_ONCE[1] - AT_ONCE[0] + 1), rng)
+            )
             sizes = tuple(float(rng.choice(FOUND_SIZES)) for _ in names)
             base = dataclasses.replace(base, names=names, sizes=sizes)
         elif what == "outside":
@@ -218,6 +222,14 @@ def _several(rng: Generator) -> tuple[str, ...]:
     """Two or three effects (two twice as often), never two of which one contains the other."""
     while True:
         names = {str(n) for n in rng.choice(effect_names(), int(rng.choice([2, 2, 3])), replace=False)}
+        if not names >= NESTED:
+            return tuple(sorted(names))
+
+
+def _many(count: int, rng: Generator) -> tuple[str, ...]:
+    """So many effects, never two of which one contains the other."""
+    while True:
+        names = {str(n) for n in rng.choice(effect_names(), count, replace=False)}
         if not names >= NESTED:
             return tuple(sorted(names))
 

@@ -9,7 +9,7 @@ import pytest
 from model.errors import BadInput, PhysicsError
 from sandbox.cli import main
 from sandbox.gap.diagnose import diagnose
-from sandbox.gap.noise import noise_caution, seen
+from sandbox.gap.evidence.noise import noise_caution, seen
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.inputs import noise_floor
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from sandbox.gap.evidence import Prior
-from sandbox.gap.normal import turns
-from sandbox.gap.space import ordinary
+from sandbox.gap.evidence.algebra import Prior
+from sandbox.gap.evidence.normal import turns
+from sandbox.gap.evidence.priors import ordinary
 from sandbox.recordings.campaign import read_campaign, write_campaign
 from sandbox.validation.scoring import refit as fit
 from sandbox.validation.scoring.baselines import BASELINES, REFINED, nuisances

@@ -12,9 +12,9 @@ import pytest
 from model.effects.card import SUBSYSTEMS
 from model.effects.library import effect_names
 from model.errors import BadInput
-from sandbox.gap.fit import coordinates_of
-from sandbox.gap.normal import Point, normal
-from sandbox.gap.space import ordinary
+from sandbox.gap.evidence.fit import coordinates_of
+from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.priors import ordinary
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare, replay, residuals

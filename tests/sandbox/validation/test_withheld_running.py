@@ -144,7 +144,7 @@ def loaded(code):
 
 
 def test_the_codes_hash_covers_whatever_diagnosing_loads():
-    used = loaded("import sandbox.validation.scoring.blind, sandbox.gap.answers")
+    used = loaded("import sandbox.validation.scoring.blind, sandbox.gap.report.answers")
     known = ("recordings/campaign.py", "validation/switched/phase_machine.py")
     assert used >= {running.ROOT / "sandbox" / name for name in known}
     assert {f for f in used if f.name != "__init__.py"} <= set(running.code_files())

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from model.effects import library
-from model.effects.card import Effect, saturation_size
-from model.effects.dead_time import SOFT_SIGN
+from model.effects.card import Effect, Ordinary, scales
 from model.parameters import Drive
+from sandbox.plant.sets import BENCH, soft_current
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.sensitivity import mechanical_only
 
@@ -22,15 +22,6 @@ Set = Mapping[str, float]
 WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
 FARTHEST = 4.0  # standard deviations that an effect may move
 ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
-DEFAULT_UNCERTAINTY = {  # relative, where a campaign states nothing: what a careful identification reaches
-    "resistance": 0.02, "magnet_flux": 0.02, "inductance_d": 0.03, "inductance_q": 0.03, "alpha_30": 0.05,
-    "alpha_12": 0.05, "alpha_40": 0.05, "alpha_22": 0.05, "alpha_04": 0.05, "inertia": 0.05, "viscous_friction": 0.2,
-}  # fmt: skip
-DEFAULT_BACKGROUND = {
-    "current_gain": 0.002, "current_offset": 0.001, "encoder_offset": 0.003, "dead_time": 5e-8,
-    "load_torque_offset": 0.002,
-}  # fmt: skip
-OF_RATED = {"current_offset": "rated_current", "load_torque_offset": "rated_torque"}  # defaults relative to these
 SOFT_SPREAD = 0.5  # standard deviation of the logarithm of the width in which the sign of a current goes through zero
 
 
@@ -89,9 +80,7 @@ class Coordinate:
             x, y = amplitude * math.cos(phase), amplitude * math.sin(phase)
             x, y = (to, y) if self.form == "cosine" else (x, to)
             return {**companions, name: math.hypot(x, y), self.names[1]: math.atan2(y, x)}
-        if name.startswith("saturation.") and name.partition(".")[2] in library.SHARED:
-            return {name: to, f"cross_{name}": to}
-        return {**companions, name: to}
+        return {**companions, **library.moved(name, to)}
 
     def bounds(self) -> tuple[float, float]:
         """Return the lowest and highest value of the coordinate (signs included)."""
@@ -117,36 +106,28 @@ class Coordinate:
 
 
 def ordinary(campaign: Campaign) -> list[Coordinate]:
-    """Return the ordinary deviations: `[uncertainty]` of the motor, `[background]` of the bench (or defaults)."""
+    """Return the ordinary deviations: `[uncertainty]` of the motor, `[background]` of the bench (or usual ones)."""
     motor = campaign.drive.motor
-    neutral = library.neutral(motor)
     out = []
-    for name, field in library.OF_MOTOR.items():
-        sd = seen(campaign.uncertainty.get(field, DEFAULT_UNCERTAINTY[field])) * abs(getattr(motor, field))
-        if sd > 0.0:
-            out.append(Coordinate(name, neutral[name], sd, "linear", (name,)))
-    for axis in "dq":
-        sd = seen(campaign.uncertainty.get(f"inductance_{axis}", DEFAULT_UNCERTAINTY[f"inductance_{axis}"]))
-        out.append(Coordinate(f"inductance.scale_{axis}", 1.0, sd, "linear", (f"inductance.scale_{axis}",)))
-
-    def of_bench(key: str) -> float:
-        """Return a standard deviation of [background], or the usual one scaled by the motor's rating."""
-        scale = getattr(motor, OF_RATED[key]) if key in OF_RATED else 1.0
-        return campaign.background.get(key, DEFAULT_BACKGROUND[key] * scale)
-
-    gain, offset = of_bench("current_gain"), of_bench("current_offset")
-    bench = {f"current_gain.gain_{phase}": (1.0, gain) for phase in "abc"}
-    bench |= {f"current_offset.offset_{phase}": (0.0, offset * math.sqrt(2.0 / 3.0)) for phase in "ab"}
-    bench |= {
-        "bench.common_offset": (0.0, offset / math.sqrt(3.0)),
-        "encoder_offset.offset": (0.0, of_bench("encoder_offset")),
-        "dead_time.time": (0.0, of_bench("dead_time")),
-        "bench.load_torque_offset": (0.0, of_bench("load_torque_offset")),
-    }
-    out += [Coordinate(name, mean, sd, "linear", (name,)) for name, (mean, sd) in bench.items() if sd > 0.0]
-    soft = math.log(SOFT_SIGN * motor.rated_current)
-    out = [replace(c, within=ORDINARY) for c in out]
+    for name, p in library.parameters().items():
+        if p.ordinary is not None:
+            mean = p.neutral_for(motor)
+            out.append(Coordinate(name, mean, deviation_of(campaign, p.ordinary, mean), "linear", (name,)))
+    for name, b in BENCH.items():
+        if b.ordinary is not None:
+            mean = b.neutral or 0.0
+            out.append(Coordinate(name, mean, deviation_of(campaign, b.ordinary, mean), "linear", (name,)))
+    out = [replace(c, within=ORDINARY) for c in out if c.deviation > 0.0]
+    soft = math.log(soft_current(motor))
     return [*out, Coordinate("bench.soft_current", soft, SOFT_SPREAD, "log", ("bench.soft_current",), within=3.0)]
+
+
+def deviation_of(campaign: Campaign, o: Ordinary, mean: float) -> float:
+    """Return the standard deviation of an ordinary deviation about its mean, as the campaign states it or usual."""
+    if o.of_motor:
+        return seen(campaign.uncertainty.get(o.stated, o.usual)) * abs(mean)
+    usual = o.usual * scales(campaign.drive.motor, campaign.drive.converter)[o.relative_to]
+    return o.share * campaign.background.get(o.stated, usual)
 
 
 def seen(deviation: float) -> float:
@@ -179,10 +160,7 @@ def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:
         elif p.scan:
             out.append(Coordinate(name, start[name], p.spread, "linear", (name,)))
         else:
-            own = f"saturation.{p.name}" if effect == "cross_saturation" else name
-            away = abs(size - neutral) or abs(size)
-            if p.of_motor.startswith("alpha_"):  # a nominal model may lack saturation altogether
-                away = max(away, saturation_size(drive.motor, p.of_motor))
+            own, away = p.same_as or name, p.reach_for(drive.motor, drive.converter)
             out.append(Coordinate(own, neutral, WIDE * away, "linear", (own,)))
     return [replace(c, within=FARTHEST) for c in out]
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from sandbox.gap.evidence import algebra, between_segments, prior_of, sandwich
-from sandbox.gap.search import Judged
+from sandbox.gap.evidence.algebra import algebra, between_segments, prior_of, sandwich
+from sandbox.gap.search.judged import Judged
 
 Array = NDArray[np.float64]
 Z = 1.959964
@@ -62,7 +62,7 @@ def _of_effect(
     out: dict[str, Estimate] = {}
     for p in card.parameters:
         name = f"{effect}.{p.name}"
-        own = f"saturation.{p.name}" if effect == "cross_saturation" else name
+        own = p.same_as or name
         if card.polar and p.name == card.polar[0] and f"{name} cosine" in place:
             phase = f"{effect}.{card.polar[1]}"
             c, s = place[f"{name} cosine"], place[f"{name} sine"]

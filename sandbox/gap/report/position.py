@@ -24,7 +24,7 @@ from model.parameters import Drive
 from sandbox.drive.design import belief_of, design
 from sandbox.drive.follow import follow
 from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.normal import Point
+from sandbox.gap.evidence.normal import Point
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.recordings.injection import carrier
 from sandbox.replay.inputs import LEGS

@@ -18,8 +18,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.space import FARTHEST, Coordinate
-from sandbox.plant.sets import complete
+from sandbox.gap.evidence.priors import FARTHEST, Coordinate
+from sandbox.plant.sets import ANGLE_OFFSET, complete
 from sandbox.replay.inputs import inputs_of
 from sandbox.replay.replay import Prepared, Residual, replay, residuals
 from sandbox.replay.sensitivity import slopes
@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 BLOCK = 0.05  # s: several electrical time constants
 STEP = 1e-4  # of a coordinate's prior deviation: the difference a slope is taken over
 MOVING = 0.3  # of a reading's rms: bias that counts leave in the smoothed angle of a moving rotor
-LOCK, OFFSET = "bench.lock_angle", "encoder_offset.offset"
+LOCK = "bench.lock_angle"
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,7 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
         moves.append({**values, **c.changes(values, at + step)})
         steps.append(step)
     mechanical = [c.mechanical for c in coordinates]
-    for name in (LOCK, OFFSET):  # how every recording answers to a turn of its own angle
+    for name in (LOCK, ANGLE_OFFSET):  # how every recording answers to a turn of its own angle
         steps.append(STEP * own_turns[0].deviation)
         moves.append({**values, name: values[name] + steps[-1]})
         mechanical.append(False)

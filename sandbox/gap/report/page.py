@@ -10,15 +10,15 @@ import numpy as np
 
 from model.effects import library
 from model.names import html_text
-from sandbox.gap import answers
-from sandbox.gap.alike import Alike
-from sandbox.gap.answers import Answers
-from sandbox.gap.contract import closed_by
-from sandbox.gap.decompose import Decomposition, decompose
-from sandbox.gap.estimates import Estimate
-from sandbox.gap.posterior import UNKNOWN
-from sandbox.gap.spectrum import shown
-from sandbox.gap.words import label, names, quantity, words
+from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.report import answers
+from sandbox.gap.report.answers import Answers
+from sandbox.gap.report.decompose import Decomposition, decompose
+from sandbox.gap.report.diagnosis_json import closed_by
+from sandbox.gap.report.distinguishability import Alike
+from sandbox.gap.report.words import label, names, quantity, words
+from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.output.files import version
 from sandbox.output.plots import bars_svg, lines_svg
 from sandbox.output.tables import print_table

@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.fit import Fit
-from sandbox.gap.normal import Normal, Segment
-from sandbox.gap.search import Judged
-from sandbox.gap.space import Coordinate
+from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.evidence.normal import Normal, Segment
+from sandbox.gap.evidence.priors import Coordinate
+from sandbox.gap.search.judged import Judged
 
 Array = NDArray[np.float64]
 BEHIND = 30.0  # log evidence behind the best at which there is no point in it

@@ -13,9 +13,9 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.fit import coordinates_of
-from sandbox.gap.normal import Normal, Point, normal
-from sandbox.gap.probes import probe_coordinates, probes_at_typical
+from sandbox.gap.evidence.fit import coordinates_of
+from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.probes import probe_coordinates, probes_at_typical
 
 Array = NDArray[np.float64]
 CHANNELS = ("current", "motion", "angle")

@@ -3,7 +3,7 @@
 Blocks of residuals that are alike carry less information than their samples; the data counts for as much less as they
 widen the variance of estimates at the best hypothesis (Pauli, Racugno, Ventura, Stat. Sinica 21 (2011) 149, for
 composite likelihoods).  `unknown` beside or instead of named effects: how likely what remains is no effect of the
-library, from its size against what the simulator is known to miss (`remainder`).
+library, from its size against what the simulator is known to miss (`discrepancy`).
 """
 
 from __future__ import annotations
@@ -11,18 +11,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
 from model.errors import BadInput
-from sandbox.gap.evidence import Algebra, Prior, sandwich
-from sandbox.gap.normal import Normal
-
-if TYPE_CHECKING:
-    from sandbox.gap.search import Judged
+from sandbox.gap.evidence.algebra import Algebra, Prior, sandwich
+from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.search.judged import Judged
 
 Array = NDArray[np.float64]
 NUMBER = (0.6, 0.27, 0.1, 0.03)  # prior probability of 0, 1, 2, 3 effects

@@ -13,11 +13,11 @@ from dataclasses import replace
 import numpy as np
 
 from model.errors import BadInput
-from sandbox.gap.evidence import Prior, algebra
-from sandbox.gap.fit import Fit, Weights
-from sandbox.gap.normal import Normal, Point
-from sandbox.gap.probes import Probe
-from sandbox.gap.space import WIDE, Coordinate, of_effect
+from sandbox.gap.evidence.algebra import Prior, algebra
+from sandbox.gap.evidence.fit import Fit, Weights
+from sandbox.gap.evidence.normal import Normal, Point
+from sandbox.gap.evidence.priors import WIDE, Coordinate, of_effect
+from sandbox.gap.evidence.probes import Probe
 from sandbox.plant.sets import complete
 
 TRIED_SIZES = (-4.0, -2.0, 2.0, 4.0)  # typical sizes; nearer to neutral slopes tell enough

@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from sandbox.gap.evidence import Prior, algebra, prior_of
-from sandbox.gap.normal import Normal, Point, normal
-from sandbox.gap.space import Coordinate, of_effect, ordinary
+from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
+from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
 
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]

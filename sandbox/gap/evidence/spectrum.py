@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.normal import Point, normal
-from sandbox.gap.space import Coordinate
+from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.priors import Coordinate
 from sandbox.replay.replay import Residual, replay, residuals
 from sandbox.replay.sensitivity import mechanical_only
 from sandbox.replay.voltage import voltage_residual

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.normal import Point
+from sandbox.gap.evidence.normal import Point
 from sandbox.replay.replay import Residual, replay, residuals
 
 Array = NDArray[np.float64]

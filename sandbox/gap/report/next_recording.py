@@ -9,7 +9,7 @@ r, g, A the residual and normal equations of j's simulation: what it cannot foll
 bets.  That of b less that of a is the log evidence for a over b that the experiment is expected to bring if a is true;
 the data counts for as much less as the temperature says.
 
-What a simulator misses of its bench (`remainder`) leans, by chance, to one of the two: it counts as noise beside the
+What a simulator misses of its bench (`discrepancy`) leans, by chance, to one of the two: it counts as noise beside the
 recording's own.  `unknown` foretells nothing, so no recording parts it from the others.
 """
 
@@ -24,12 +24,13 @@ from numpy.typing import NDArray
 from model.effects import library
 from model.errors import BadInput, PhysicsError
 from sandbox.gap.diagnose import CREDIBLE
-from sandbox.gap.menu import Entry, menu, recording_of, settings, shaft, usual_seconds
-from sandbox.gap.normal import Point, normal
-from sandbox.gap.remainder import FLOOR, SHARE
-from sandbox.gap.search import Judged
+from sandbox.gap.evidence.discrepancy import FLOOR, SHARE
+from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.report.menu import Entry, menu, recording_of, settings, shaft, usual_seconds
+from sandbox.gap.search.judged import Judged
+from sandbox.plant.sets import batch_of, complete
 from sandbox.recordings.campaign import Campaign
-from sandbox.replay.inputs import with_columns
+from sandbox.replay.inputs import readings_off, with_columns
 from sandbox.replay.replay import Prepared, prepare, replay
 
 Array = NDArray[np.float64]
@@ -136,8 +137,11 @@ def encoded(planned: Campaign, truth: Mapping[str, float]) -> Campaign:
     r, pairs = planned.recordings[0], planned.drive.motor.pole_pairs
     if r.rotor != "driven":
         return planned
-    size, phase = (truth[f"encoder_eccentricity.{p}"] for p in ("amplitude_mech", "phase"))
-    read = r.theta + pairs * size * np.sin(r.theta / pairs + phase)
+    off = np.zeros((len(r.theta), 1))
+    drive = planned.drive
+    values = complete(drive.motor, drive.converter, truth)
+    readings_off(batch_of(drive.motor, drive.converter, [values], 1), r.theta / pairs, off)
+    read = r.theta + off[:, 0]
     return replace(planned, recordings=(replace(r, columns={**r.columns, "theta": read}),))
 
 

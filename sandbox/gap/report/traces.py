@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap import answers
-from sandbox.gap.answers import Answers
-from sandbox.gap.decompose import MECHANICAL, ORDERS, Decomposition, decompose
-from sandbox.gap.normal import Point
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.report import answers
+from sandbox.gap.report.answers import Answers
+from sandbox.gap.report.decompose import MECHANICAL, ORDERS, Decomposition, decompose
 from sandbox.output.trace import COLOURS, GREY, Plot, write_series
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Prediction, Residual, replay, residuals

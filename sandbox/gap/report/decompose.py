@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.normal import Point
+from sandbox.gap.evidence.normal import Point
 from sandbox.recordings.injection import samples_per_period
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Residual

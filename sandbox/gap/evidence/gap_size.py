@@ -1,6 +1,6 @@
 """How large the gap is: residuals over their floor, before and after an effect is added, on recordings held out.
 
-`before` lets ordinary deviations move as far as ordinary goes (`space.ORDINARY` standard deviations): what would only
+`before` lets ordinary deviations move as far as ordinary goes (`priors.ORDINARY` standard deviations): what would only
 fit with a resistance ten deviations off is a gap, not a deviation.
 """
 
@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.fit import Fit
-from sandbox.gap.normal import Normal
+from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.evidence.normal import Normal
 
 Array = NDArray[np.float64]
 DRAWS = 400

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sandbox.gap.fit import Fit, stray
-from sandbox.gap.size import rms
+from sandbox.gap.evidence.fit import Fit, stray
+from sandbox.gap.evidence.gap_size import rms
 
 FLOOR = 0.012  # of J^2: what the simulator misses of a bench without a gap
 SHARE = 3e-4  # of the gap before: what it misses of an effect it knows

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.evidence import Algebra, Prior
-from sandbox.gap.fit import coordinates_of
-from sandbox.gap.normal import Point, normal
-from sandbox.gap.posterior import UNKNOWN
-from sandbox.gap.search import Judged
-from sandbox.gap.space import Coordinate
+from sandbox.gap.evidence.algebra import Algebra, Prior
+from sandbox.gap.evidence.fit import coordinates_of
+from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.priors import Coordinate
+from sandbox.gap.search.judged import Judged
+from sandbox.gap.search.posterior import UNKNOWN
 
 Array = NDArray[np.float64]
 WAY = np.linspace(0.0, 1.0, 9)  # shares of the way from the second fit to the first

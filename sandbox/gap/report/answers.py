@@ -10,14 +10,14 @@ from typing import Any
 
 from model.effects import library
 from model.errors import BadInput
-from sandbox.gap.alike import Alike, alike
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
-from sandbox.gap.discriminate import Next, recommend
-from sandbox.gap.position import PositionError, position_error
-from sandbox.gap.posterior import UNKNOWN
-from sandbox.gap.regression import Remains, remains
-from sandbox.gap.where import Finding, percent, summary, where
-from sandbox.gap.words import capital, likely, names, percent_fine, sizes, times, words
+from sandbox.gap.evidence.regression import Remains, remains
+from sandbox.gap.report.distinguishability import Alike, alike
+from sandbox.gap.report.next_recording import Next, recommend
+from sandbox.gap.report.position import PositionError, position_error
+from sandbox.gap.report.where import Finding, percent, summary, where
+from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
+from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.recordings.campaign import Campaign
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")

@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects.library import true_motor
-from sandbox.gap.normal import BLOCK, Point
+from sandbox.gap.evidence.normal import BLOCK, Point
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Residual, replay, residuals
 from sandbox.replay.response import added_current

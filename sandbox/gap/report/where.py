@@ -18,15 +18,15 @@ from numpy.typing import NDArray
 from model.effects import library
 from model.effects.card import SUBSYSTEMS
 from model.errors import BadInput
-from sandbox.gap.decompose import Decomposition, decompose
 from sandbox.gap.diagnose import Diagnosis, verdict
-from sandbox.gap.evidence import Prior
-from sandbox.gap.normal import Point
-from sandbox.gap.outside import outside
-from sandbox.gap.posterior import UNKNOWN, Hypothesis
-from sandbox.gap.search import Judged
-from sandbox.gap.space import of_effect, ordinary
-from sandbox.gap.spectrum import shown
+from sandbox.gap.evidence.algebra import Prior
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.priors import of_effect, ordinary
+from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.report.decompose import Decomposition, decompose
+from sandbox.gap.report.outside import outside
+from sandbox.gap.search.judged import Judged
+from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 from sandbox.plant.sets import complete
 
 Array = NDArray[np.float64]

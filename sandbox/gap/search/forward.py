@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from model.errors import BadInput
-from sandbox.gap.evidence import Algebra, Prior
-from sandbox.gap.fit import Fit, Weights, fit, stray
-from sandbox.gap.normal import Normal, Point
-from sandbox.gap.probes import Probe, probes
-from sandbox.gap.sized import with_sizes
-from sandbox.gap.space import ordinary
-from sandbox.gap.table import Table, gains_of, ordinary_share, settled, table
+from sandbox.gap.evidence.fit import Fit, Weights, fit, stray
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.priors import ordinary
+from sandbox.gap.evidence.probes import Probe, probes
+from sandbox.gap.evidence.spike_slab import gains_of, ordinary_share, table
+from sandbox.gap.search.judged import Judged, judge
+from sandbox.gap.search.multistart import with_sizes
 
 Array = NDArray[np.float64]
 FITTED, MOST, PARENTS = (3, 3, 2), 3, 2  # sets fitted at one, two, three effects; parents that grow on
@@ -40,37 +40,6 @@ CLOSE, EXCHANGED = 60.0, 2  # log evidence within which another effect may stand
 POINTS = 3.3  # standard deviations (one in a thousand) beyond which an ordinary deviation points to its effect
 NEAR = 10.0  # times the best set's excess over noise, up to which another set grows on, too
 SETTLES = 0.01  # share of the excess: a set that leaves less ends the fitting of sets that promise less
-
-
-@dataclass(frozen=True)
-class Judged:
-    """A set of effects fitted and weighed: its fit, the equations of all effects there, prior and log evidence."""
-
-    fit: Fit
-    table: Table
-    prior: Prior
-    log_evidence: float
-    unmet: float  # of the objective: what slopes still promise, counted against it
-    simulations: float
-
-    @property
-    def effects(self) -> tuple[str, ...]:
-        """The effects of the hypothesis."""
-        return self.fit.effects
-
-    @property
-    def normal(self) -> Normal:
-        """Normal equations of all effects at its point."""
-        return self.table.normal
-
-    @property
-    def equations(self) -> Algebra:
-        """The same summed."""
-        return self.table.equations
-
-    def tempered(self, temperature: float) -> float:
-        """Return the log evidence where the data counts for as much less."""
-        return self.table.log_evidence(self.effects, temperature=temperature) - 0.5 * self.unmet / temperature
 
 
 @dataclass(frozen=True)
@@ -301,12 +270,3 @@ def _candidates(
 def begin(probe: Probe, promised: float) -> Mapping[str, float]:
     """Return the values a fit starts from: the size that was tried, unless slopes promise much more."""
     return probe.sized if probe.sized is not None and probe.gain > TRIED * promised else probe.start
-
-
-def judge(found: Fit, chosen: Sequence[Probe], share: float, weights: Weights, workers: int) -> Judged:
-    """Return a fit weighed with all effects beside it, at the point to which their ordinary sizes move it."""
-    first = table(found.point, chosen, found.effects, share, weights, workers)
-    prior = first.prior(found.effects)
-    last, unmet, cost = settled(first, prior, weights, workers)
-    log_evidence = last.log_evidence(found.effects) - 0.5 * unmet
-    return Judged(found, last, prior, log_evidence, unmet, cost + first.normal.simulations)

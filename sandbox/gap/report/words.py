@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from sandbox.gap.estimates import Estimate
-from sandbox.gap.posterior import Hypothesis
+from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.search.posterior import Hypothesis
 
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 PREFIXED = ("s", "A", "V", "Wb", "ohm", "N m", "rad", "Hz", "H", "1/H")

@@ -9,17 +9,17 @@ from typing import Any
 
 import numpy as np
 
-from sandbox.gap.alike import Alike
 from sandbox.gap.diagnose import Diagnosis, verdict
-from sandbox.gap.discriminate import Next, as_json
-from sandbox.gap.estimates import Estimate
-from sandbox.gap.evidence import algebra, prior_of
-from sandbox.gap.position import PositionError
-from sandbox.gap.posterior import UNKNOWN, Hypothesis
-from sandbox.gap.regression import Remains
-from sandbox.gap.size import rms, share_closed
-from sandbox.gap.split import weights_of
-from sandbox.gap.where import Finding
+from sandbox.gap.evidence.algebra import algebra, prior_of
+from sandbox.gap.evidence.gap_size import rms, share_closed
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.regression import Remains
+from sandbox.gap.report.distinguishability import Alike
+from sandbox.gap.report.next_recording import Next, as_json
+from sandbox.gap.report.position import PositionError
+from sandbox.gap.report.where import Finding
+from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 
 
 def contract(

@@ -15,8 +15,8 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr, ndtri_exp
 
-from sandbox.gap.normal import Normal, Segment
-from sandbox.gap.space import Coordinate
+from sandbox.gap.evidence.normal import Normal, Segment
+from sandbox.gap.evidence.priors import Coordinate
 
 Array = NDArray[np.float64]
 

@@ -20,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from sandbox.gap.evidence import Algebra, Prior, algebra, prior_of
-from sandbox.gap.fit import Fit, Weights, objective, tried
-from sandbox.gap.normal import Normal, Point, normal
-from sandbox.gap.probes import Probe, probe_coordinates
-from sandbox.gap.space import Coordinate, of_effect, ordinary
+from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, prior_of
+from sandbox.gap.evidence.fit import Fit, Weights, objective, tried
+from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
+from sandbox.gap.evidence.probes import Probe, probe_coordinates
 
 Array = NDArray[np.float64]
 ROUNDS, SETTLED = 8, 0.5  # steps to a table's most probable point; promised gain of the objective that ends them

@@ -10,9 +10,9 @@ import numpy as np
 
 from model.effects import library
 from model.errors import BadInput
-from sandbox.gap.normal import Point
-from sandbox.gap.space import Coordinate, of_effect
-from sandbox.gap.spectrum import best_values, link_lines
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.priors import Coordinate, of_effect
+from sandbox.gap.evidence.spectrum import best_values, link_lines
 from sandbox.plant.sets import complete
 from sandbox.replay.sensitivity import mechanical_only
 
@@ -22,7 +22,7 @@ class Probe:
     """An effect and the values its companions start from.
 
     sized: values of the effect away from neutral to start a fit from; gain: half of what the objective falls by there
-    (module `sized`).
+    (`search.multistart`).
     """
 
     effect: str
