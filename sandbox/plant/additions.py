@@ -52,22 +52,37 @@ def magnets(w, c_0, s_0):
     for j in range(w.psi_a.size):
         c, s = facing(w, j, c_0, s_0)
         w.rest_d[j], w.rest_q[j], _, _ = ports.magnets(w, j, c, s)
+    for k in range(w.more_magnets):
+        for j in range(w.psi_a.size):
+            c, s = facing(w, j, c_0, s_0)
+            d, q, _, _ = ports.further_magnets(w, k, j, c, s)
+            w.rest_d[j], w.rest_q[j] = w.rest_d[j] + d, w.rest_q[j] + q
 
 
-@inlined
-def further(w, j, c_0, s_0, a, b):
-    """Return the current (A), stationary frame, of the energy's further terms at a flux (Wb)."""
-    c, s = facing(w, j, c_0, s_0)
-    d, q = seen(w, j, c, s, a, b)
-    i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
-    return c * i_d - s * i_q, s * i_d + c * i_q
+@kernel
+def further(w, c_0, s_0):
+    """Write the current (A), stationary frame, of the energy's further terms at the fluxes z_d, z_q (Wb)."""
+    for j in range(w.psi_a.size):
+        c, s = facing(w, j, c_0, s_0)
+        i_d, i_q, _ = ports.energy(w, j, c, s, w.z_d[j], w.z_q[j])
+        w.extra_a[j], w.extra_b[j] = c * i_d - s * i_q, s * i_d + c * i_q
+    for k in range(w.more_energy):
+        for j in range(w.psi_a.size):
+            c, s = facing(w, j, c_0, s_0)
+            i_d, i_q, _ = ports.further_energy(w, k, j, c, s, w.z_d[j], w.z_q[j])
+            w.extra_a[j] += c * i_d - s * i_q
+            w.extra_b[j] += s * i_d + c * i_q
 
 
 @kernel
 def energy_at_start(w, c_0, s_0, x, y, side, real):
     """Add to the current at the segment's start what the energy's further terms say; drop and lateness follow."""
     for j in range(w.psi_a.size):
-        w.more_a[j], w.more_b[j] = further(w, j, c_0, s_0, w.psi_a[j], w.psi_b[j])
+        c, s = facing(w, j, c_0, s_0)
+        w.z_d[j], w.z_q[j] = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
+    further(w, c_0, s_0)
+    for j in range(w.psi_a.size):
+        w.more_a[j], w.more_b[j] = w.extra_a[j], w.extra_b[j]
         i_a, i_b = w.i_a[j] + w.more_a[j], w.i_b[j] + w.more_b[j]
         w.i_a[j], w.i_b[j] = i_a, i_b
         w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
@@ -81,7 +96,11 @@ def energy_in_middle(w, c_0, s_0, span, turned):
     the middle has all of the current's change, the line that turns by `turned` (rad) none of these terms'."""
     across = turned * (1.0 / 6.0)
     for j in range(w.psi_a.size):
-        i_a, i_b = further(w, j, c_0, s_0, w.mid_a[j], w.mid_b[j])
+        c, s = facing(w, j, c_0, s_0)
+        w.z_d[j], w.z_q[j] = seen(w, j, c, s, w.mid_a[j], w.mid_b[j])
+    further(w, c_0, s_0)
+    for j in range(w.psi_a.size):
+        i_a, i_b = w.extra_a[j], w.extra_b[j]
         k = 0.25 * span * (w.resistance[j] + w.skin_r[j])
         x, y = k * (w.stiff_aa[j] * i_a + w.stiff_ab[j] * i_b), k * (w.stiff_ab[j] * i_a + w.stiff_bb[j] * i_b)
         w.j_a[j], w.j_b[j] = w.j_a[j] + i_a - x, w.j_b[j] + i_b - y
@@ -96,11 +115,14 @@ def energy_at(w, c_0, s_0, share):
     Harmonics turn many times as fast as the rotor: their mean is taken at two places (Gauss), the flux on its line.
     """
     for j in range(w.psi_a.size):
+        c, s = facing(w, j, c_0, s_0)
         a = w.mid_a[j] + share * (w.mid_a[j] - w.psi_a[j])
         b = w.mid_b[j] + share * (w.mid_b[j] - w.psi_b[j])
-        i_a, i_b = further(w, j, c_0, s_0, a, b)
-        w.fall_a[j] += 0.5 * w.resistance[j] * i_a
-        w.fall_b[j] += 0.5 * w.resistance[j] * i_b
+        w.z_d[j], w.z_q[j] = seen(w, j, c, s, a, b)
+    further(w, c_0, s_0)
+    for j in range(w.psi_a.size):
+        w.fall_a[j] += 0.5 * w.resistance[j] * w.extra_a[j]
+        w.fall_b[j] += 0.5 * w.resistance[j] * w.extra_b[j]
 
 
 @kernel
@@ -240,6 +262,18 @@ def turning(w, c_0, s_0):
         _, _, t_d, t_q = ports.magnets(w, j, c, s)
         m_a, m_b = w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j]
         w.turning[j] = bent - t_d * (c * m_a + s * m_b) - t_q * (c * m_b - s * m_a)
+    for k in range(w.more_energy):
+        for j in range(w.psi_a.size):
+            c, s = facing(w, j, c_0, s_0)
+            d, q = seen(w, j, c, s, w.mid_a[j], w.mid_b[j])
+            _, _, bent = ports.further_energy(w, k, j, c, s, d, q)
+            w.turning[j] += bent
+    for k in range(w.more_magnets):
+        for j in range(w.psi_a.size):
+            c, s = facing(w, j, c_0, s_0)
+            _, _, t_d, t_q = ports.further_magnets(w, k, j, c, s)
+            m_a, m_b = w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j]
+            w.turning[j] -= t_d * (c * m_a + s * m_b) + t_q * (c * m_b - s * m_a)
 
 
 @kernel

@@ -12,8 +12,9 @@ from typing import Any
 import numba
 import numpy as np
 
+from model.effects.card import REPEATED
 from sandbox.plant.edges import EDGES
-from sandbox.plant.ports import NUMBERS
+from sandbox.plant.ports import FURTHER, NUMBERS
 
 NEVER = -1.0  # s: no edge waits
 
@@ -39,6 +40,7 @@ SCRATCH = {  # within a period
     "j_a": "terminal current in its middle, A", "j_b": "terminal current in its middle, A",
     "last_a": "terminal current at the last segment's start, A", "last_b": "terminal current there, A",
     "more_a": "of it what the energy's further terms say, A", "more_b": "likewise, A",
+    "extra_a": "the same where it was last asked for, A", "extra_b": "likewise, A",
     "bend_a": "half of what late edges add to the segment's mean flux, Wb", "bend_b": "likewise, Wb",
     "drop_a": "resistive voltage at the start, V", "drop_b": "resistive voltage at the start, V",
     "fall_a": "resistive voltage, mean of the segment, V", "fall_b": "resistive voltage, mean of the segment, V",
@@ -55,6 +57,7 @@ SCRATCH = {  # within a period
     "stiff_aa": "inverse incremental inductance, 1/H", "stiff_ab": "1/H", "stiff_bb": "1/H",
     "span_inv": "1/s of the segment", "turn": "rotor, rad mechanical", "omega": "rad/s mechanical",
     "surge": "half the rotor's last acceleration, rad/s^2 electrical",
+    "bound": "torque bound to the rotor's position, N m",
     "net": "torque on the rotor's side, N m", "taken": "by the load, N m",
 }  # fmt: skip
 PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; a mapped motor adds them to its map
@@ -74,9 +77,18 @@ PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; 
 
 @cache
 def batch_type(lanes: int) -> np.dtype[Any]:
-    """Return the record's type for so many lanes."""
-    names = (*STATES, *SCRATCH, *PLANT, *NUMBERS)
-    return np.dtype([(name, np.float64, (lanes,)) for name in names], align=True)
+    """Return the record's type for so many lanes.
+
+    Beside the rows: those of effects' further parts (parts, lanes), and how many of them any lane has at a port.
+    """
+    rows = [(name, np.float64, (lanes,)) for name in (*STATES, *SCRATCH, *PLANT, *NUMBERS)]
+    parts = [(name, np.float64, (count, lanes)) for name, count in FURTHER.items()]
+    return np.dtype([*rows, *parts, *((more(port), np.int64) for port in REPEATED)], align=True)
+
+
+def more(port: str) -> str:
+    """Return the name of the number of further parts at a port."""
+    return f"more_{port}"
 
 
 @cache

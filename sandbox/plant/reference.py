@@ -2,9 +2,10 @@
 
 Same physics as `sandbox.plant.period` and none of its code; space vectors are complex numbers alpha + j beta.
 
-    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m,  m = phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta
+    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m,  m = phi_m + sum psi_d cos x + j psi_q sin x
     dpsi/dt = u - R i - R_1 (i - x) - phases(i),  tau_c di_c/dt = (dpsi/dt)/R_c - i_c,  tau_x dx/dt = i - x
     tau_f df/dt = i - f,  torque = 3/2 p [Im(psi* (i - i_c)) + (i - i_c) . dm/dtheta - dH/dtheta]
+    x = n theta + phase of every order,  H += sum gamma/2 Re(z^2 exp(-j x)) + pulse/2 |z|^2 cos x
 
 A commanded edge is taken at its instant; how late it acts, the current says there.  What is sampled is f, or i where
 there is no filter, handed to the sensors.  Slow (about 10 ms a period): for tests, and to be read.
@@ -61,15 +62,30 @@ class Reference:
 
     def machine(self, psi: complex, theta: float) -> tuple[complex, float]:
         """Return the magnetising current (A) and the air-gap torque (N m)."""
-        v, e, e_6 = self.v, cmath.exp(1j * theta), cmath.exp(6j * theta)
-        h_d, h_q, g = v["flux_harmonics.psi_d6"], v["flux_harmonics.psi_q6"], v["inductance_harmonics.gamma_6"]
-        m = complex(v["magnet_flux.magnet_flux"] + h_d * e_6.real, h_q * e_6.imag)
-        slope = complex(-6.0 * h_d * e_6.imag, 6.0 * h_q * e_6.real)
+        v, e, slope, turning = self.v, cmath.exp(1j * theta), 0j, 0.0
+        m = complex(v["magnet_flux.magnet_flux"])
+        for n, phase, psi_d, psi_q in self.orders("flux_harmonics", "psi_d", "psi_q"):
+            x = n * theta + phase
+            m += complex(psi_d * math.cos(x), psi_q * math.sin(x))
+            slope += n * complex(-psi_d * math.sin(x), psi_q * math.cos(x))
         z = psi / e - m
-        i = self.gradient(z) + g * e_6 * z.conjugate()  # H += g/2 Re(z^2 exp(-6j theta))
-        turning = 3.0 * g * (z * z / e_6).imag
+        i = self.gradient(z)
+        for n, phase, gamma, pulse in self.orders("inductance_harmonics", "gamma", "pulse"):
+            u = cmath.exp(1j * (n * theta + phase))
+            i += gamma * u * z.conjugate() + pulse * u.real * z
+            turning += 0.5 * n * (gamma * (z * z / u).imag - pulse * u.imag * abs(z) ** 2)
         torque = ((psi / e).conjugate() * i).imag + (i.conjugate() * slope).real - turning
         return i * e, 1.5 * self.motor.pole_pairs * torque
+
+    def orders(self, effect: str, first: str, second: str) -> list[tuple[float, ...]]:
+        """Return order, phase (rad) and two amplitudes of all harmonics of an effect."""
+        v = self.v
+        found = [tuple(v[f"{effect}.{k}.{n}"] for n in ("order", "phase", first, second)) for k in range(2, 7)]
+        if effect == "flux_harmonics":
+            found.append((6.0, 0.0, v["flux_harmonics.psi_d6"], v["flux_harmonics.psi_q6"]))
+        else:
+            found.append((6.0, 0.0, v["inductance_harmonics.gamma_6"], 0.0))
+        return [one for one in found if one[2] or one[3]]
 
     def phases(self, i: complex) -> complex:
         """Return the vector of what the phases lose one by one (V)."""
@@ -124,12 +140,14 @@ class Reference:
     def shaft(self, t: float, y: Array, torque: float) -> tuple[float, float, float]:
         """Return accelerations of motor and load (rad/s^2) and the slope of the twist, all mechanical."""
         v, omega, load_omega = self.v, y[OMEGA], y[LOAD_OMEGA]
-        angle = v["cogging_torque.order_mech"] * y[THETA] / self.motor.pole_pairs + v["cogging_torque.phase"]
         level = v["coulomb_friction.torque"]
         level += v["coulomb_friction.stribeck_torque"] * math.exp(
             -((omega / v["coulomb_friction.stribeck_speed"]) ** 2)
         )
-        net = torque + v["cogging_torque.amplitude"] * math.sin(angle)
+        net = torque
+        for k in ("", "2.", "3.", "4.", "5.", "6."):
+            size, n, phase = (v[f"cogging_torque.{k}{x}"] for x in ("amplitude", "order_mech", "phase"))
+            net += size * math.sin(n * y[THETA] / self.motor.pole_pairs + phase)
         net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(omega / v["coulomb_friction.width"])
         load = self.load(t) * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
         j, j_l, k = v["inertia.inertia"], v["shaft_compliance.load_inertia"], v["shaft_compliance.stiffness"]

@@ -29,7 +29,6 @@ from sandbox.replay.replay import Prediction, Prepared, Set, block_of, in_thread
 Array = NDArray[np.float64]
 SHARE = 1e-4
 SECANT = {"shaft_compliance.stiffness": 1.0}  # of typical size: at infinite stiffness a slope says nothing
-FALLBACK = {"dc_link_ripple.phase": 1.0, "cogging_torque.phase": 1.0}  # rad; these have no typical size
 
 
 @dataclass(frozen=True)
@@ -52,9 +51,11 @@ class Sensitivity:
 
 
 def all_parameters() -> tuple[str, ...]:
-    """Return every parameter that moves a prediction: all but the jitter (zero mean) and doubles of one number."""
+    """Return every parameter that moves a prediction: all but the jitter (zero mean), doubles of one number, and
+    further parts of effects."""
     doubles = {f"cross_saturation.{alpha}" for alpha in library.SHARED}
-    return tuple(n for n in parameter_names() if n != "current_sampling.jitter" and n not in doubles)
+    left_out = {"current_sampling.jitter", *doubles}
+    return tuple(n for n in parameter_names() if n not in left_out and not library.is_further(n))
 
 
 def base_set(prepared: Prepared, base: Set | None = None) -> dict[str, float]:
@@ -85,14 +86,14 @@ def typical_change(prepared: Prepared, name: str, value: float) -> float:
         return 1.0 / size if math.isinf(value) else size
     if name == "dc_link_ripple.frequency":  # a radian at the end of the longest recording
         return 1.0 / (math.tau * converter.sampling_period * max(r.samples for r in prepared.recordings))
-    if name == "cogging_torque.order_mech":  # likewise
+    if name.endswith(".order_mech"):  # likewise
         free = [float(np.ptp(r.motion.angle)) for r in prepared.recordings if r.rotor == "free"]
         return min(1.0, motor.pole_pairs / max(1.0, *free, 1.0))
     if name == "coulomb_friction.stribeck_torque":
         return library.parameters()["coulomb_friction.torque"].typical_for(motor, converter)
     if name == "current_gain.gain_c":
         return 0.01
-    return abs(size - neutral) or abs(size) or FALLBACK[name]
+    return abs(size - neutral) or abs(size) or 1.0  # rad: of phases, which have no typical size
 
 
 def displaced(prepared: Prepared, base: Set, name: str, share: float) -> tuple[dict[str, float], float, str]:

@@ -14,7 +14,13 @@ from typing import Any, NamedTuple
 from model.effects.library import complete, friction_rate
 from model.parameters import Converter, Motor
 from sandbox.switched.flux_map import FluxMap, flux_map_of
-from sandbox.switched.harmonics import Harmonics
+from sandbox.switched.harmonics import (
+    CoggingHarmonic,
+    FluxHarmonic,
+    Harmonics,
+    InductanceHarmonic,
+    harmonics,
+)
 from sandbox.switched.leg import LINEAR
 
 SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
@@ -178,7 +184,23 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
     values |= {key: v[name] for name in v for effect, _, key in [name.partition(".")] if effect in same_name}
     rate = math.sqrt(stiffness / reduced) if m_load else 0.0
-    return Bench(**values, step=_longest_step(period, v, rate), flux_map=flux_map)
+    return Bench(**values, step=_longest_step(period, v, rate), harmonics=_orders(motor, v), flux_map=flux_map)
+
+
+def _orders(motor: Motor, v: Mapping[str, float]) -> Harmonics | None:
+    """Return the library's further orders as lists; None where there are none."""
+
+    def given(effect: str, *sizes: str) -> list[dict[str, float]]:
+        """Return the parameters of an effect's further parts that have a size."""
+        found = [{n.split(".")[2]: x for n, x in v.items() if n.startswith(f"{effect}.{k}.")} for k in range(2, 10)]
+        return [f for f in found if any(f.get(s) for s in sizes)]
+
+    flux = [FluxHarmonic(**f) for f in given("flux_harmonics", "psi_d", "psi_q")]
+    inductance = [InductanceHarmonic(**f) for f in given("inductance_harmonics", "gamma", "pulse")]
+    cogging = [
+        CoggingHarmonic(f["order_mech"], f["amplitude"], f["phase"]) for f in given("cogging_torque", "amplitude")
+    ]
+    return harmonics(motor, flux, inductance, cogging) if flux or inductance or cogging else None
 
 
 def _energy(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:

@@ -30,6 +30,13 @@ CASES = (("locked", 0.0), ("driven", 20.0), ("driven", 100.0), ("free", 0.0))
 EXACT = 2e-5  # of rated current
 FINER = 32.0  # for the bench's own step: its Runge-Kutta method goes straight over the kinks of sign(i)
 LAGGING = ("iron_loss",)  # its lag follows a straight line through each segment: 1.5 times as much
+ORDERS = {  # several of each effect at once
+    "flux_harmonics.psi_d6": 0.003, "flux_harmonics.2.psi_d": 0.002, "flux_harmonics.2.psi_q": -0.001,
+    "flux_harmonics.3.psi_q": 0.001, "flux_harmonics.3.order": 18.0, "flux_harmonics.3.phase": 0.7,
+    "inductance_harmonics.2.gamma": 0.5, "inductance_harmonics.3.pulse": 0.4, "inductance_harmonics.3.order": 6.0,
+    "cogging_torque.amplitude": 0.02, "cogging_torque.order_mech": 36.0, "cogging_torque.2.amplitude": 0.03,
+    "cogging_torque.2.order_mech": 12.0, "cogging_torque.2.phase": 1.0,
+}  # fmt: skip
 MOTION = 0.03  # standard deviations: what may be left of a free rotor's innovations without noise
 
 
@@ -71,10 +78,10 @@ def gaps(recorded, prepared, values):
     return np.array(out), max(float(np.sqrt(np.mean(m**2))) for m in p.motion if m is not None)
 
 
-@pytest.mark.parametrize("name", ["none", *library.effect_names()])
+@pytest.mark.parametrize("name", ["none", "orders", *library.effect_names()])
 def test_effect_is_that_of_the_switched_bench(name):
     """With the steps that `prepare` asks for.  device_drop: the bench's own step halves its error at best (`FINER`)."""
-    effects = {} if name == "none" else typical(name)
+    effects = {"none": {}, "orders": ORDERS}[name] if name in ("none", "orders") else typical(name)
     recorded = campaign(effects, finer=FINER if name == "device_drop" else 1.0)
     prepared = prepare(recorded, effects)
     current, motion = gaps(recorded, prepared, effects)
