@@ -43,13 +43,13 @@ OUT = Path(__file__).parent / "results" / "plant"
 EQUATIONS = """
 What each reason is, S the length of a segment, e the change of current to its middle:
 
-- plant's step, lags (iron loss, skin effect, filter): their input and the current go on as a straight line or parabola
-  through start and middle; left is the lag's own second order, R S^2/tau^2 of the lagging part.
-- plant's step, device drop: the mean of the soft sign along a straight line from start through middle; the current's
-  curvature moves the instant of the crossing, V_th S^2 i''/(8 w) while |i| is below the half width w.
+- plant's step, lags (iron loss, skin effect, filter): their input and the current go on as a parabola through start and
+  middle; left is what the lag bends that parabola, R S^3/tau^3 of the lagging part.
+- plant's step, device drop: the mean of the soft sign along two straight pieces, start to middle to end, the middle put
+  right once for what the drop took on the way; left is the next order of that, (V_th S G/(4 w))^2 of the change of drop
+  while |i| is below the half width w, G the inverse inductance; behind late edges the current's bend inside a segment.
 - plant's step, flux maps: mean current = i(mean flux) + H'''[S z', S z']/24, which is left out for maps.
-- bench's own step: classic Runge-Kutta over a kink of sign(i) is of first order, V_th h/2 of volt-seconds a crossing.
-- link's sag under late pulses: sag (i(t_k + delay) - i(t_k)); the plant takes the current at the pattern's start.
+- bench's own step: it ends at the corners of sign(i) (over them it would be of first order), late edges aside.
 """
 Told = list[tuple[CampaignRecording, Motion]]
 

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from model import inverter_table
 from model.energy import AnyEnergy, Energy
 from model.errors import BadInput, brief, unknown
 from model.names import check_name, fitting
@@ -126,9 +127,12 @@ class Converter:
     link_noise: float = quantity("V rms of the DC-link reading", 0, 1e4, default=0.0)
     readings: int | None = quantity("current readings inside a PWM period", 4, 32, default=None)
     pulse_shift: float | None = quantity("of a period, the legs' pulses against each other", 0.01, 0.25, default=None)
+    inverter_table: inverter_table.Points | None = None  # a leg's voltage error (V) against its current (A)
 
     def __post_init__(self) -> None:
         check(self, "drive")
+        if self.inverter_table is not None:
+            object.__setattr__(self, "inverter_table", inverter_table.checked(self.inverter_table))
         if self.transformation != "amplitude-invariant":
             raise BadInput(f"[drive] transformation = '{self.transformation}' is not known; only 'amplitude-invariant'")
         if self.pwm_frequency is not None and not abs(self.pwm_frequency * self.sampling_period - 1.0) < 1e-6:
@@ -234,7 +238,8 @@ def load_drive(name: str | Path) -> Drive:
             raise _in_file(path, unknown("table", table, ["motor", "flux_map", "drive", "injection", "provenance"]))
     try:
         for motor in _motors(path, data):
-            converter = build(Converter, {**_converter_defaults(motor), **_table(data, "drive")}, "drive")
+            stated = inverter_table.with_points(_table(data, "drive"), path.parent)
+            converter = build(Converter, {**_converter_defaults(motor), **stated}, "drive")
             injection = build(
                 Injection, {**_injection_defaults(motor, converter), **_table(data, "injection")}, "injection"
             )

@@ -71,6 +71,11 @@ PORTS = {
     "edge": Port(
         ("sign", "side"), 1, "s by which an edge (side 1 rises, -1 falls) acts late; sign of the leg's current"
     ),
+    "sign": Port(
+        ("current", "soft", "sign"),
+        1,
+        "what is added where an edge is taken to the soft sign, clip(current x soft), of its leg's current (A)",
+    ),
     "leg": Port(
         ("before", "after"), 1, "V a leg loses on average while its current over the width of its sign changes"
     ),

@@ -13,6 +13,7 @@ import numba
 import numpy as np
 
 from model.effects.card import REPEATED
+from model.inverter_table import MOST_POINTS
 from sandbox.plant.edges import EDGES
 from sandbox.plant.ports import FURTHER, NUMBERS
 
@@ -42,6 +43,10 @@ SCRATCH = {  # within a period
     "more_a": "of it what the energy's further terms say, A", "more_b": "likewise, A",
     "extra_a": "the same where it was last asked for, A", "extra_b": "likewise, A",
     "bend_a": "half of what late edges add to the segment's mean flux, Wb", "bend_b": "likewise, Wb",
+    "begun_a": "iron-loss current at the segment's start, A", "begun_b": "likewise, A",
+    "core_less": "what a growing drop takes from the mean iron-loss current, A/V",
+    "swell_a": "mean current less that in the middle, A", "swell_b": "likewise, A",
+    "leg_a": "lost in the legs at the start, V", "leg_b": "likewise, V",
     "drop_a": "resistive voltage at the start, V", "drop_b": "resistive voltage at the start, V",
     "fall_a": "resistive voltage, mean of the segment, V", "fall_b": "resistive voltage, mean of the segment, V",
     "volt_a": "volt-seconds of the segment, V s", "volt_b": "volt-seconds of the segment, V s",
@@ -79,11 +84,14 @@ PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; 
 def batch_type(lanes: int) -> np.dtype[Any]:
     """Return the record's type for so many lanes.
 
-    Beside the rows: those of effects' further parts (parts, lanes), and how many of them any lane has at a port.
+    Beside the rows: those of effects' further parts (parts, lanes), how many of them any lane has at a port, and the
+    inverter's measured table, the same for all lanes: points (A, V) and the integral up to each (A V).
     """
     rows = [(name, np.float64, (lanes,)) for name in (*STATES, *SCRATCH, *PLANT, *NUMBERS)]
     parts = [(name, np.float64, (count, lanes)) for name, count in FURTHER.items()]
-    return np.dtype([*rows, *parts, *((more(port), np.int64) for port in REPEATED)], align=True)
+    counts = [(name, np.int64) for name in (*map(more, REPEATED), "table_points")]
+    table = [(f"table_{name}", np.float64, (MOST_POINTS,)) for name in ("current", "volts", "sum")]
+    return np.dtype([*rows, *parts, *counts, *table], align=True)
 
 
 def more(port: str) -> str:

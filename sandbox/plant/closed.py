@@ -21,7 +21,7 @@ from sandbox.replay.replay import at_rest
 LARGEST_TURN = 0.1  # rad of the rotor, and of a harmonic of its angle thrice that, in one step
 LARGEST_DECAY = 0.1  # of the winding's time constant at zero current, in one step
 LARGEST_RUB = 0.5  # of the time in which dry friction brings the rotor to rest within its width
-LARGEST_LAG, BEHIND_FILTER = 0.5, 0.2  # of the iron's time constant: its current is no parabola over a longer segment
+LARGEST_LAG = 0.5  # of the iron's time constant: its current is no parabola over a longer segment
 
 
 def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_omega: float) -> float:
@@ -35,8 +35,7 @@ def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_o
     if features & add.ANGULAR:
         step = min(step, 3.0 * LARGEST_TURN / (highest_order(motor, values) * max(top_omega, 1.0)))
     if features & add.IRON:
-        largest = BEHIND_FILTER if features & add.FILTER else LARGEST_LAG
-        step = min(step, largest * values["iron_loss.time_constant"])
+        step = min(step, LARGEST_LAG * values["iron_loss.time_constant"])
     if friction_rate(values) > 0.0:
         step = min(step, LARGEST_RUB / friction_rate(values))
     return step

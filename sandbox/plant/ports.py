@@ -37,6 +37,8 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "dc_link_ripple_frequency": "Hz",
     "dc_link_ripple_phase": "rad",
     "dead_time_time": "s",
+    "dead_time_zone_width": "A",
+    "dead_time_zone_shape": "",
     "device_drop_threshold": "V",
     "current_gain_gain_a": "",
     "current_gain_gain_b": "",
@@ -87,6 +89,12 @@ def drawn(w, j, d_a, d_b, d_c, i_a, i_b):
 def edge(w, j, sign, side):
     """Return s by which an edge (side 1 rises, -1 falls) acts late; sign of the leg's current."""
     return dead_time.late(w.dead_time_time[j], sign, side)
+
+
+@inlined
+def sign(w, j, current, soft, sign):
+    """Return what is added where an edge is taken to the soft sign, clip(current x soft), of its leg's current (A)."""
+    return dead_time.around_zero(w.dead_time_zone_width[j], w.dead_time_zone_shape[j], current, soft, sign)
 
 
 @inlined

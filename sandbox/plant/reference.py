@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
+from model.inverter_table import Points
 from model.parameters import Motor
 from model.spline import SplineEnergy
 
@@ -38,7 +39,7 @@ class Reference:
     """A motor with completed effects `v` (public names, `bench.*` too) on an inverter of given period (s) and link (V).
 
     course: rotor angle (rad electrical) and speed (rad/s electrical) by time; None: the rotor moves by its torque.
-    load: N m asked of the load machine, by time.
+    load: N m asked of the load machine, by time; table: a leg's voltage error (V) against its current (A), measured.
     """
 
     motor: Motor
@@ -47,6 +48,7 @@ class Reference:
     link: float
     course: Callable[[float], tuple[float, float]] | None = None
     load: Callable[[float], float] = lambda t: 0.0
+    table: Points | None = None
     levels: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     sunk: float = 0.0  # V that the link sags by
 
@@ -93,12 +95,22 @@ class Reference:
         for k, own in enumerate((v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"], 0.0)):
             x = (i * A ** (-k)).real
             r = v["device_drop.on_resistance"] + own
-            lost += (2.0 / 3.0) * A**k * (v["device_drop.threshold"] * self.sign(x) + r * x)
+            own_volts = v["device_drop.threshold"] * self.sign(x) + r * x
+            if self.table:
+                amps, volts = np.array(self.table).T
+                own_volts += math.copysign(float(np.interp(abs(x), amps, volts)), x)
+            lost += (2.0 / 3.0) * A**k * own_volts
         return lost
 
     def sign(self, current: float) -> float:
         """Return the soft sign of a leg's current (A)."""
         return min(max(current / self.v["bench.soft_current"], -1.0), 1.0)
+
+    def edge_sign(self, current: float) -> float:
+        """Return the sign of a leg's current (A) where an edge is taken: dead time's own zone around zero."""
+        x = current / (self.v["dead_time.zone_width"] or self.v["bench.soft_current"])
+        shape = self.v["dead_time.zone_shape"]
+        return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * math.tanh(x)
 
     def voltage(self, t: float) -> complex:
         """Return the vector of the legs' voltages (V)."""
@@ -145,8 +157,8 @@ class Reference:
             -((omega / v["coulomb_friction.stribeck_speed"]) ** 2)
         )
         net = torque
-        for k in ("", "2.", "3.", "4.", "5.", "6."):
-            size, n, phase = (v[f"cogging_torque.{k}{x}"] for x in ("amplitude", "order_mech", "phase"))
+        for place in ("", "2.", "3.", "4.", "5.", "6."):
+            size, n, phase = (v[f"cogging_torque.{place}{x}"] for x in ("amplitude", "order_mech", "phase"))
             net += size * math.sin(n * y[THETA] / self.motor.pole_pairs + phase)
         net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(omega / v["coulomb_friction.width"])
         load = self.load(t) * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
@@ -238,7 +250,7 @@ class Legs:
     def taken(self, t: float, leg: int, kind: str, current: float) -> Any:
         """Return the event of an edge that is commanded now, at which it acts; what it overtakes acts no more."""
         v, rises = self.plant.v, kind == "rise"
-        blank, sign = v["dead_time.time"], self.plant.sign(current)
+        blank, sign = v["dead_time.time"], self.plant.edge_sign(current)
         act = t + 0.5 * (abs(blank) + (1.0 if rises else -1.0) * blank * sign)
         waiting, number, _ = self.last[leg]
         overtaken = waiting > t and act <= waiting

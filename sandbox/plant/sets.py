@@ -31,7 +31,7 @@ SIXTH = 6.0  # the order of harmonics that have none to give
 RUBBING = ("torque", "friction", "load")  # a motor's own friction is neutral, but there
 PORT_BITS = {
     "link": add.LINK, "drawn": add.DRAWN, "leg": add.LEG, "winding": add.WINDING, "magnets": add.MAGNETS,
-    "energy": add.ENERGY, "angle": add.WOBBLE,
+    "energy": add.ENERGY, "angle": add.WOBBLE, "sign": add.ZONE,
 }  # fmt: skip
 
 
@@ -158,6 +158,11 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
         count = max(len(further_parts(card, v, neutral)) for v in sets) if card.repeats > 1 else 0
         for at in card.part(2).at if count else ():
             w[more(at.port)] = max(w[more(at.port)], count)
+    if converter.inverter_table:
+        i, u = np.array(converter.inverter_table).T
+        w["table_points"], area = len(i), np.append(0.0, np.cumsum(0.5 * (u[1:] + u[:-1]) * np.diff(i)))
+        for name, values in (("current", i), ("volts", u), ("sum", area)):
+            w[f"table_{name}"][: len(i)] = values
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
     w["when"][:] = np.where(w["sample"] >= 0.0, w["sample"], converter.sampling_period + w["sample"])
