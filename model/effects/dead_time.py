@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
+from model.effects.card import At, Effect, Ordinary, Parameter
 from model.lanes import fading
 
 SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
@@ -41,9 +41,9 @@ CARD = Effect(
         "Ind. Electron. 38 (1991) 108; current at the edge: AVERAGING 5"
     ),
     parameters=(
-        Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6),
-        Parameter("zone_width", "A", 0.0, 0.0, 1e5, 0.0, fit="fixed"),
-        Parameter("zone_shape", "", 0.0, 0.0, 1.0, 0.0, fit="fixed"),
+        Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6, ordinary=Ordinary("dead_time", 5e-8)),
+        Parameter("zone_width", "A", 0.0, 0.0, 1e5, 0.0, "rated current", fit="fixed", change=0.1),
+        Parameter("zone_shape", "", 0.0, 0.0, 1.0, 0.0, fit="fixed", change=1.0),
     ),
     axis="against the current",
     order="1 and 6k (5, 7 in phases)",

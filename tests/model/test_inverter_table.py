@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from model.drive_files import load_drive, motor_file
 from model.errors import BadInput
 from model.inverter_table import checked, read_points
-from model.parameters import load_drive, motor_file
 
 DRIVE = motor_file("ipm").read_text(encoding="utf-8")
 POINTS = ((0.0, 0.0), (0.5, 4.0), (4.5, 5.0))
