@@ -1,4 +1,4 @@
-"""Draw what belongs to a row of a recording: sample, PWM period, command and link reading (sandbox/sampling.svg).
+"""Draw what belongs to a row of a recording: sample, PWM period, command and link reading.
 
 python -m experiments.campaign_drawing
 """
@@ -75,6 +75,6 @@ def drawing() -> str:
 
 
 if __name__ == "__main__":
-    out = Path(__file__).parents[1] / "sandbox" / "sampling.svg"
+    out = Path(__file__).parents[1] / "sandbox" / "recordings" / "sampling.svg"
     out.write_text(drawing(), encoding="utf-8")
     print(out)

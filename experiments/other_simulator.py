@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from model.parameters import Converter, Drive, Injection, Motor
-from sandbox.campaign import Campaign, CampaignRecording, write_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording, write_campaign
 
 PAIRS, R, L_D, L_Q, MAGNET, INERTIA, LINK = 3, 3.6, 0.036, 0.051, 0.545, 0.015, 540.0
 RATED, TORQUE, SPEED_RPM, COUNTS, NOISE, STEP = 4.3 * math.sqrt(2.0), 14.0, 1500.0, 4096, 0.012, 0.01

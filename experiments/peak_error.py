@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from estimators.registry import load_estimator
-from sandbox.bench import peer_case
-from sandbox.scenario import Scenario
-from sandbox.simulate import simulate
+from sandbox.drive.scenario import Scenario
+from sandbox.drive.simulate import simulate
+from sandbox.evaluation.bench import peer_case
 
 EIGHTH = 0.125  # s
 NAMES = ("qnull", "inversion", "ekf")

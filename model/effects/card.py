@@ -15,6 +15,19 @@ SUBSYSTEMS = ("machine", "inverter", "sensor", "mechanics")
 
 
 @dataclass(frozen=True)
+class Ordinary:
+    """A deviation that a drive has without any effect: its key in a campaign's `[uncertainty]` (where the parameter
+    is of the motor: relative) or `[background]` (in the parameter's unit); `usual` where a campaign states nothing,
+    in units of `relative_to` (a key of `scales`); share: of what is stated, one parameter's part."""
+
+    stated: str
+    usual: float
+    relative_to: str = ""
+    share: float = 1.0
+    of_motor: bool = False
+
+
+@dataclass(frozen=True)
 class Parameter:
     """A number of an effect: neutral value (None: the motor's own `of_motor`), closed bounds, unit, typical size.
 
@@ -23,6 +36,12 @@ class Parameter:
     linear) or "fixed" (kept neutral); `spread` the prior's standard deviation in that coordinate where the typical size
     does not say it; `starts` values to begin from, in units of the typical size; `scan` (first, last, step) in the
     parameter's unit, step 0: as fine as the recordings resolve.
+
+    What else a diagnosis has to know: `change`, a change to take differences over where the typical size is none (in
+    units of `relative_to`); `secant`, the least share of the typical size that a difference from an infinite neutral
+    value is taken over; `resolved_by` "time" or "turns": a change is as fine as the recordings' length resolves;
+    `same_as`: the parameter of another effect that is the same number; `predicted` False: pure noise, no prediction
+    moves; `ordinary`: the deviation that every drive may have.
     """
 
     name: str
@@ -37,6 +56,12 @@ class Parameter:
     spread: float = 0.0
     starts: tuple[float, ...] = (1.0,)
     scan: tuple[float, float, float] | None = None
+    change: float = 0.0
+    secant: float = 0.0
+    resolved_by: str = ""
+    same_as: str = ""
+    predicted: bool = True
+    ordinary: Ordinary | None = None
 
     def neutral_for(self, motor: Motor) -> float:
         """Return the neutral value for a motor."""
@@ -51,6 +76,18 @@ class Parameter:
         if self.relative_to == "neutral":
             return self.typical * self.neutral_for(motor)
         return self.typical * scales(motor, converter)[self.relative_to]
+
+    def away_for(self, motor: Motor, converter: Converter) -> float:
+        """Return how far from neutral the typical size is on a drive; where it is none, `change`."""
+        if self.change:
+            return self.change * scales(motor, converter)[self.relative_to]
+        neutral, size = self.neutral_for(motor), self.typical_for(motor, converter)
+        return abs(size - neutral) or abs(size)
+
+    def reach_for(self, motor: Motor, converter: Converter) -> float:
+        """Return the same as a search has to reach: a nominal model may lack saturation altogether."""
+        away = self.away_for(motor, converter)
+        return max(away, saturation_size(motor, self.of_motor)) if self.of_motor.startswith("alpha_") else away
 
 
 @dataclass(frozen=True)

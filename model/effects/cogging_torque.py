@@ -25,8 +25,10 @@ CARD = Effect(
     ),
     parameters=(
         Parameter("amplitude", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque"),
-        Parameter("order_mech", "", 6.0, 1.0, 1e4, 6.0, "pole pairs", fit="fixed", scan=(1.0, 72.0, 1.0)),
-        Parameter("phase", "rad", 0.0, -INF, INF, 0.0),
+        Parameter(
+            "order_mech", "", 6.0, 1.0, 1e4, 6.0, "pole pairs", fit="fixed", scan=(1.0, 72.0, 1.0), resolved_by="turns"
+        ),
+        Parameter("phase", "rad", 0.0, -INF, INF, 0.0, change=1.0),
     ),
     axis="motion",
     order="n/p electrical (lcm of poles and slots)",

@@ -14,8 +14,8 @@ CARD = Effect(
         " Through an Energy-Based Model, IEEE IEMDC 2011, eqs. (id), (iq)"
     ),
     parameters=(
-        Parameter("alpha_12", "A/Wb^2", None, -1e9, 1e9, 1.3, "neutral", "alpha_12"),
-        Parameter("alpha_22", "A/Wb^3", None, -1e12, 1e12, 1.3, "neutral", "alpha_22"),
+        Parameter("alpha_12", "A/Wb^2", None, -1e9, 1e9, 1.3, "neutral", "alpha_12", same_as="saturation.alpha_12"),
+        Parameter("alpha_22", "A/Wb^3", None, -1e12, 1e12, 1.3, "neutral", "alpha_22", same_as="saturation.alpha_22"),
     ),
     axis="d from q current and q from d current",
     order="0 and the injection band",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
+from model.effects.card import At, Effect, Ordinary, Parameter
 
 
 @inlined
@@ -25,9 +25,9 @@ CARD = Effect(
         " drives, IEEE Trans. Ind. Appl. 34 (1998) 340"
     ),
     parameters=(
-        Parameter("gain_a", "", 1.0, 0.2, 5.0, 1.02),
-        Parameter("gain_b", "", 1.0, 0.2, 5.0, 0.99),
-        Parameter("gain_c", "", 1.0, 0.2, 5.0, 1.0, spread=0.02),
+        Parameter("gain_a", "", 1.0, 0.2, 5.0, 1.02, ordinary=Ordinary("current_gain", 0.002)),
+        Parameter("gain_b", "", 1.0, 0.2, 5.0, 0.99, ordinary=Ordinary("current_gain", 0.002)),
+        Parameter("gain_c", "", 1.0, 0.2, 5.0, 1.0, change=0.01, ordinary=Ordinary("current_gain", 0.002)),
     ),
     axis="both",
     order="0 (common) and 2 (mismatch)",

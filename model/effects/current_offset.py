@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
+
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
+from model.effects.card import At, Effect, Ordinary, Parameter
 
 
 @inlined
@@ -11,6 +13,8 @@ def shifted(offset_a, offset_b, a, b, c):
     """Return three readings (A) with their offsets, whose sum is zero."""
     return a + offset_a, b + offset_b, c - (offset_a + offset_b)
 
+
+OF_THREE = math.sqrt(2.0 / 3.0)  # of one sensor's offset: its part beside the mean of all three
 
 CARD = Effect(
     name="current_offset",
@@ -22,8 +26,26 @@ CARD = Effect(
         " drives, IEEE Trans. Ind. Appl. 34 (1998) 340"
     ),
     parameters=(
-        Parameter("offset_a", "A", 0.0, -1e4, 1e4, 0.01, "rated current"),
-        Parameter("offset_b", "A", 0.0, -1e4, 1e4, -0.007, "rated current"),
+        Parameter(
+            "offset_a",
+            "A",
+            0.0,
+            -1e4,
+            1e4,
+            0.01,
+            "rated current",
+            ordinary=Ordinary("current_offset", 0.001, "rated current", OF_THREE),
+        ),
+        Parameter(
+            "offset_b",
+            "A",
+            0.0,
+            -1e4,
+            1e4,
+            -0.007,
+            "rated current",
+            ordinary=Ordinary("current_offset", 0.001, "rated current", OF_THREE),
+        ),
     ),
     axis="fixed in the stator",
     order="1",

@@ -20,7 +20,7 @@ CARD = Effect(
     ),
     parameters=(
         Parameter("delay", "s", 0.0, -1e-2, 1e-2, 5e-6),
-        Parameter("jitter", "s rms", 0.0, 0.0, 1e-3, 0.0, fit="fixed"),
+        Parameter("jitter", "s rms", 0.0, 0.0, 1e-3, 0.0, fit="fixed", predicted=False),
     ),
     axis="along the current's slope in the zero vector",
     order="1 at speed, no injection band within the zero vector",

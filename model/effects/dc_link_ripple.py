@@ -27,8 +27,8 @@ CARD = Effect(
     source=("rectified mains: six (two) times its frequency; volt-seconds of a centred pulse integrated exactly"),
     parameters=(
         Parameter("amplitude", "V", 0.0, 0.0, 1e3, 0.02, "DC link"),
-        Parameter("frequency", "Hz", 300.0, 0.0, 1e5, 300.0, spread=1.0, scan=(20.0, 1500.0, 0.0)),
-        Parameter("phase", "rad", 0.0, -INF, INF, 0.0),
+        Parameter("frequency", "Hz", 300.0, 0.0, 1e5, 300.0, spread=1.0, scan=(20.0, 1500.0, 0.0), resolved_by="time"),
+        Parameter("phase", "rad", 0.0, -INF, INF, 0.0, change=1.0),
     ),
     axis="along the commanded voltage",
     order="a fixed frequency, whatever the speed",

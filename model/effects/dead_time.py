@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
+from model.effects.card import At, Effect, Ordinary, Parameter
 
 SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
 
@@ -27,7 +27,7 @@ CARD = Effect(
         "Jeong, Park, The analysis and compensation of dead-time effects in PWM inverters, IEEE Trans. "
         "Ind. Electron. 38 (1991) 108; current at the edge: AVERAGING 5"
     ),
-    parameters=(Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6),),
+    parameters=(Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6, ordinary=Ordinary("dead_time", 5e-8)),),
     axis="against the current",
     order="1 and 6k (5, 7 in phases)",
     region="steps where a phase current crosses zero; size independent of current and speed",

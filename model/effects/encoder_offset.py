@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from model.effects.card import Effect, Parameter
+from model.effects.card import Effect, Ordinary, Parameter
 
 CARD = Effect(
     name="encoder_offset",
@@ -12,7 +12,9 @@ CARD = Effect(
     subsystem="sensor",
     equation="theta_read = theta + offset",
     source="geometry",
-    parameters=(Parameter("offset", "rad", 0.0, -math.tau, math.tau, 0.05),),
+    parameters=(
+        Parameter("offset", "rad", 0.0, -math.tau, math.tau, 0.05, ordinary=Ordinary("encoder_offset", 0.003)),
+    ),
     axis="d from q and q from d",
     order="0",
     region="all; back-EMF on d at zero current",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from model.effects.card import Effect, Parameter
+from model.effects.card import Effect, Ordinary, Parameter
 from model.parameters import Motor
 from model.spline import SplineEnergy
 
@@ -27,8 +27,8 @@ CARD = Effect(
         " Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
     ),
     parameters=(
-        Parameter("scale_d", "", 1.0, 0.2, 5.0, 0.9),
-        Parameter("scale_q", "", 1.0, 0.2, 5.0, 1.1),
+        Parameter("scale_d", "", 1.0, 0.2, 5.0, 0.9, ordinary=Ordinary("inductance_d", 0.03, of_motor=True)),
+        Parameter("scale_q", "", 1.0, 0.2, 5.0, 1.1, ordinary=Ordinary("inductance_q", 0.03, of_motor=True)),
     ),
     axis="d and q, each its own",
     order="0 and the injection band",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from model.effects.card import Effect, Parameter
+from model.effects.card import Effect, Ordinary, Parameter
 
 CARD = Effect(
     name="inertia",
@@ -10,7 +10,19 @@ CARD = Effect(
     subsystem="mechanics",
     equation="J dw/dt = torque - load - friction; replaces the nominal value",
     source="Newton",
-    parameters=(Parameter("inertia", "kg m^2", None, 1e-9, 1e4, 1.3, "neutral", "inertia"),),
+    parameters=(
+        Parameter(
+            "inertia",
+            "kg m^2",
+            None,
+            1e-9,
+            1e4,
+            1.3,
+            "neutral",
+            "inertia",
+            ordinary=Ordinary("inertia", 0.05, of_motor=True),
+        ),
+    ),
     axis="motion",
     order="0",
     region="free rotor: accelerations after steps of load and torque",

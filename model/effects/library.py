@@ -22,7 +22,7 @@ from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 
 FOLDER = Path(__file__).parent
-NOT_EFFECTS = ("__init__", "card", "library", "own")
+NOT_EFFECTS = ("__init__", "adopt", "card", "library", "own")
 SHARED = ("alpha_12", "alpha_22")  # cross_saturation is a part of saturation
 OF_MOTOR = {  # parameters that replace a value of the motor
     "stator_resistance.resistance": "resistance",
@@ -60,6 +60,17 @@ def load_effect(name: str) -> Effect:
 def parameters() -> dict[str, Parameter]:
     """Return every parameter by its public name `effect.parameter`."""
     return {f"{name}.{p.name}": p for name in effect_names() for p in load_effect(name).parameters}
+
+
+@cache
+def same_numbers() -> dict[str, str]:
+    """Return the parameters that are the same number as another effect's: {double: the other's}."""
+    return {name: p.same_as for name, p in parameters().items() if p.same_as}
+
+
+def moved(name: str, to: float) -> dict[str, float]:
+    """Return what moving a parameter changes: itself and its doubles."""
+    return {name: to, **{double: to for double, own in same_numbers().items() if own == name}}
 
 
 def parse(text: str) -> dict[str, float]:

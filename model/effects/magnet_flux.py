@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from model.effects.card import Effect, Parameter
+from model.effects.card import Effect, Ordinary, Parameter
 
 CARD = Effect(
     name="magnet_flux",
@@ -10,7 +10,19 @@ CARD = Effect(
     subsystem="machine",
     equation="back-EMF omega phi_m on q, torque 3/2 p phi_m i_q; replaces the nominal value",
     source="Park's equations; NdFeB remanence about -0.12 %/K (data sheets)",
-    parameters=(Parameter("magnet_flux", "Wb", None, 0.0, 1e2, 0.94, "neutral", "magnet_flux"),),
+    parameters=(
+        Parameter(
+            "magnet_flux",
+            "Wb",
+            None,
+            0.0,
+            1e2,
+            0.94,
+            "neutral",
+            "magnet_flux",
+            ordinary=Ordinary("magnet_flux", 0.02, of_motor=True),
+        ),
+    ),
     axis="q",
     order="0",
     region="grows with speed, absent at standstill",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from model.effects.card import Effect, Parameter
+from model.effects.card import Effect, Ordinary, Parameter
 from model.parameters import Motor
 
 
@@ -30,11 +30,61 @@ CARD = Effect(
         " Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
     ),
     parameters=(
-        Parameter("alpha_30", "A/Wb^2", None, -1e9, 1e9, 1.3, "neutral", "alpha_30"),
-        Parameter("alpha_12", "A/Wb^2", None, -1e9, 1e9, 1.3, "neutral", "alpha_12"),
-        Parameter("alpha_40", "A/Wb^3", None, -1e12, 1e12, 1.3, "neutral", "alpha_40"),
-        Parameter("alpha_22", "A/Wb^3", None, -1e12, 1e12, 1.3, "neutral", "alpha_22"),
-        Parameter("alpha_04", "A/Wb^3", None, -1e12, 1e12, 1.3, "neutral", "alpha_04"),
+        Parameter(
+            "alpha_30",
+            "A/Wb^2",
+            None,
+            -1e9,
+            1e9,
+            1.3,
+            "neutral",
+            "alpha_30",
+            ordinary=Ordinary("alpha_30", 0.05, of_motor=True),
+        ),
+        Parameter(
+            "alpha_12",
+            "A/Wb^2",
+            None,
+            -1e9,
+            1e9,
+            1.3,
+            "neutral",
+            "alpha_12",
+            ordinary=Ordinary("alpha_12", 0.05, of_motor=True),
+        ),
+        Parameter(
+            "alpha_40",
+            "A/Wb^3",
+            None,
+            -1e12,
+            1e12,
+            1.3,
+            "neutral",
+            "alpha_40",
+            ordinary=Ordinary("alpha_40", 0.05, of_motor=True),
+        ),
+        Parameter(
+            "alpha_22",
+            "A/Wb^3",
+            None,
+            -1e12,
+            1e12,
+            1.3,
+            "neutral",
+            "alpha_22",
+            ordinary=Ordinary("alpha_22", 0.05, of_motor=True),
+        ),
+        Parameter(
+            "alpha_04",
+            "A/Wb^3",
+            None,
+            -1e12,
+            1e12,
+            1.3,
+            "neutral",
+            "alpha_04",
+            ordinary=Ordinary("alpha_04", 0.05, of_motor=True),
+        ),
     ),
     axis="both, coupled",
     order="0 and the injection band",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from model.effects.card import Effect, Parameter
+from model.effects.card import Effect, Ordinary, Parameter
 
 CARD = Effect(
     name="stator_resistance",
@@ -10,7 +10,19 @@ CARD = Effect(
     subsystem="machine",
     equation="voltage drop R i in both axes; replaces the nominal value",
     source=("Ohm's law; copper 0.39 %/K (IEC 60034-1: resistance proportional to 235 + temperature in degrees C)"),
-    parameters=(Parameter("resistance", "ohm", None, 0.0, 1e3, 1.2, "neutral", "resistance"),),
+    parameters=(
+        Parameter(
+            "resistance",
+            "ohm",
+            None,
+            0.0,
+            1e3,
+            1.2,
+            "neutral",
+            "resistance",
+            ordinary=Ordinary("resistance", 0.02, of_motor=True),
+        ),
+    ),
     axis="along the current",
     order="0 (fundamental), and the injection band at second order",
     region="grows with current, not with speed; all regions",

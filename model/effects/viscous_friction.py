@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
+from model.effects.card import At, Effect, Ordinary, Parameter
 
 
 @inlined
@@ -19,7 +19,17 @@ CARD = Effect(
     equation="torque B w_mech (total), on the motor's side; replaces the nominal value",
     source="Newton's law of viscosity in bearings; linear drag",
     parameters=(
-        Parameter("coefficient", "N m s/rad", None, 0.0, 1e4, 0.05, "rated torque / rated speed", "viscous_friction"),
+        Parameter(
+            "coefficient",
+            "N m s/rad",
+            None,
+            0.0,
+            1e4,
+            0.05,
+            "rated torque / rated speed",
+            "viscous_friction",
+            ordinary=Ordinary("viscous_friction", 0.2, of_motor=True),
+        ),
     ),
     axis="motion (and i_q under speed control)",
     order="0",

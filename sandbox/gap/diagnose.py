@@ -17,18 +17,19 @@ import numpy as np
 
 from model.effects import library
 from model.errors import PhysicsError
-from sandbox.campaign import Campaign, read_campaign
-from sandbox.gap.estimates import Estimate, estimates
-from sandbox.gap.fit import Fit, Weights, fit
-from sandbox.gap.noise import noise_caution
-from sandbox.gap.normal import Normal, Point, normal
-from sandbox.gap.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
-from sandbox.gap.remainder import Remainder, remainder, unlogged_counts
-from sandbox.gap.search import Judged, Search, search
-from sandbox.gap.size import Size, rms, size_of
-from sandbox.gap.slight import slight
-from sandbox.gap.split import held_out, weights_of
+from sandbox.gap.evidence.discrepancy import Remainder, remainder, unlogged_counts
+from sandbox.gap.evidence.fit import Fit, Weights, fit
+from sandbox.gap.evidence.gap_size import Size, rms, size_of
+from sandbox.gap.evidence.holdout import held_out, weights_of
+from sandbox.gap.evidence.noise import noise_caution
+from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.search.estimates import Estimate, estimates
+from sandbox.gap.search.forward import Search, search
+from sandbox.gap.search.judged import Judged
+from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
+from sandbox.gap.search.unfitted import slight
 from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.replay.replay import prepare
 
 CREDIBLE = 0.95
@@ -36,7 +37,7 @@ CREDIBLE = 0.95
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """All that a diagnosis found; `sandbox.gap.contract.contract` puts it into `diagnosis.json`.
+    """All that a diagnosis found; `sandbox.gap.report.diagnosis_json.contract` puts it into `diagnosis.json`.
 
     nominal, before, after: the campaign at the nominal model, after refitting ordinary deviations only, and with the
     best hypothesis.  hypotheses: the most probable first.  temperature: for how much less the data counted.

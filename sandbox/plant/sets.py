@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from model.effects.card import At, Effect
+from model.effects.card import At, Effect, Ordinary
 from model.effects.current_filter import FASTEST
 from model.effects.dead_time import SOFT_SIGN
 from model.errors import BadInput, unknown
@@ -42,13 +42,19 @@ class BenchParameter:
     neutral: float | None
     low: float
     high: float
+    ordinary: Ordinary | None = None
 
 
+ANGLE_OFFSET = "encoder_offset.offset"  # what turns every angle that is read
 BENCH = {
     "bench.lock_angle": BenchParameter("rad", 0.0, -math.pi, math.pi),  # added to a locked rotor's angle
     "bench.load_torque_gain": BenchParameter("", 0.0, -1.0, 1.0),  # relative error of the load machine's torque
-    "bench.load_torque_offset": BenchParameter("N m", 0.0, -1e5, 1e5),
-    "bench.common_offset": BenchParameter("A", 0.0, -1e4, 1e4),  # in all three current readings alike
+    "bench.load_torque_offset": BenchParameter(
+        "N m", 0.0, -1e5, 1e5, Ordinary("load_torque_offset", 0.002, "rated torque")
+    ),
+    "bench.common_offset": BenchParameter(  # in all three current readings alike
+        "A", 0.0, -1e4, 1e4, Ordinary("current_offset", 0.001, "rated current", math.sqrt(1.0 / 3.0))
+    ),
     "bench.soft_current": BenchParameter("A", None, 1e-9, 1e5),  # half the width in which sign(i) goes through zero
 }
 
@@ -56,6 +62,11 @@ BENCH = {
 def parameter_names() -> tuple[str, ...]:
     """Return all names a parameter set may use: every effect parameter, then `bench.*`."""
     return (*library.parameters(), *BENCH)
+
+
+def soft_current(motor: Motor) -> float:
+    """Return half the width (A) in which the sign of a current usually goes through zero."""
+    return SOFT_SIGN * motor.rated_current
 
 
 def complete(motor: Motor, converter: Converter, values: Set | None = None) -> dict[str, float]:
@@ -67,7 +78,7 @@ def complete(motor: Motor, converter: Converter, values: Set | None = None) -> d
     effects = {name: value for name, value in given.items() if name not in BENCH}
     out = library.complete(motor, converter, effects)
     for name, p in BENCH.items():
-        value = given.get(name, SOFT_SIGN * motor.rated_current if p.neutral is None else p.neutral)
+        value = given.get(name, soft_current(motor) if p.neutral is None else p.neutral)
         if isinstance(value, bool) or not isinstance(value, (int, float)) or not p.low <= value <= p.high:
             raise BadInput(
                 f"{name} = {value!r} is out of range; give a number in [{p.low:g}, {p.high:g}] {p.unit}".rstrip()
@@ -126,9 +137,14 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
         w[name][:] = [rows[name] for rows in compiled]
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
-    w["when"][:] = np.where(w["sample"] >= 0.0, w["sample"], converter.sampling_period + w["sample"])
+    w["when"][:] = readings_at(w["sample"], converter.sampling_period)
     w["filter_rate"][w["filter_rate"] == 0.0] = FASTEST
     return w
+
+
+def readings_at(sample: Array, period: float) -> Array:
+    """Return at which instants of a pattern (s) samples lie that are taken so much later than it begins."""
+    return np.where(sample >= 0.0, sample, period + sample)
 
 
 def timing_of(w: Any, period: float, parts: int) -> Timing:

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from model.effects.library import parse
-from sandbox import report
-from sandbox.campaign import Campaign
+from sandbox.output.columns import Column, columns_of, write_table
+from sandbox.output.files import results, write_json
 from sandbox.public.loading import read_campaign
-from sandbox.public.result import Column, Result, columns_of, write_table
+from sandbox.public.result import Result
+from sandbox.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
-    from sandbox.gap.answers import Answers
-    from sandbox.identify import Identification
-    from sandbox.plots import Figure
+    from sandbox.gap.report.answers import Answers
+    from sandbox.output.plots import Figure
+    from sandbox.recordings.identify import Identification
     from sandbox.replay.replay import Prediction, Prepared
 
 AnyCampaign = str | Path | Campaign
@@ -78,7 +79,7 @@ class DiagnosisResult(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `diagnosis.json` holds beyond its header."""
-        from sandbox.gap.contract import contract
+        from sandbox.gap.report.diagnosis_json import contract
 
         a = self.answers
         return contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike)
@@ -106,21 +107,21 @@ class DiagnosisResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write residuals before and after as a trace (`.rrd`); return its path."""
-        from sandbox.gap.traces import write_traces
+        from sandbox.gap.report.traces import write_traces
 
         write_traces(Path(path), self.answers)
         return Path(path)
 
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:
         """Write diagnosis.json, report.html and diagnosis.rrd (csv: hypotheses, too) into a folder; return it."""
-        from sandbox.gap.report import write_report
+        from sandbox.gap.report.page import write_report
 
-        with report.results(Path(folder), self.command) as out:
+        with results(Path(folder), self.command) as out:
             write_report(out / "report.html", self.answers)
             self.to_rerun(out / "diagnosis.rrd")
             if csv:
                 write_table(out / "diagnosis.csv", self.to_table())
-            report.write_json(out, "diagnosis", self.as_json(), command="diagnose")
+            write_json(out, "diagnosis", self.as_json(), command="diagnose")
         return Path(folder)
 
 
@@ -174,7 +175,7 @@ class ReplayResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write measured and simulated currents as a trace (`.rrd`), a tab a recording; return its path."""
-        from sandbox.trace import COLOURS, GREY, Plot, write_series
+        from sandbox.output.trace import COLOURS, GREY, Plot, write_series
 
         tabs = {}
         for inputs, predicted in zip(self.prepared.recordings, self.prediction.currents, strict=True):
@@ -214,12 +215,12 @@ def identify(campaign: AnyCampaign, columns: str | Path | None = None) -> Identi
     Examples
     --------
     >>> from sandbox import identify, load_motor
-    >>> from sandbox.locked_test import paper_campaign
+    >>> from sandbox.drive.locked_test import paper_campaign
     >>> found = identify(paper_campaign(load_motor("ipm_exchanged")))
     >>> round(found.identification.fits["exact"].values["resistance"], 2)  # ohm
     12.15
     """
-    from sandbox.identify import identify as fitted
+    from sandbox.recordings.identify import identify as fitted
 
     return IdentificationResult(fitted(read_campaign(campaign, columns, ("locked",))))
 
@@ -269,7 +270,7 @@ def diagnose(
     'explained'
     """
     from model.errors import unknown
-    from sandbox.gap.answers import answer, linear
+    from sandbox.gap.report.answers import answer, linear
 
     if nominal not in (None, "linear"):
         raise unknown("nominal model", nominal, ["linear"])

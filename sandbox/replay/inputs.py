@@ -16,15 +16,18 @@ from model.energy import flux_newton
 from model.errors import BadInput
 from model.frames import stationary
 from model.parameters import Converter, Motor
-from sandbox.campaign import Campaign, CampaignRecording
 from sandbox.plant import additions, ports
 from sandbox.plant.mechanics import swing
 from sandbox.plant.sets import batch_of, complete, features_of
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.kernel import TRACK
 from sandbox.replay.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
 
 Array = NDArray[np.float64]
 LOAD_SHARE = 0.01  # where [background] is silent
+SENSOR_STEPS = (
+    4  # of a fixed-point iteration on the linear inverse of the sensors: exact after one where they are linear
+)
 AT_REST = 0.05  # of rated current: a first reading below is a start without current
 LEGS = np.array([[1.0, 0.0], [-0.5, math.sqrt(0.75)], [-0.5, -math.sqrt(0.75)]])
 
@@ -130,10 +133,8 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
     columns |= {"load": load, "read": read, "gain_angle": gains[:, 0], "gain_speed": gains[:, 1], "scale": gains[:, 2]}
     track = with_columns(np.zeros(n, TRACK), columns)
     read_currents = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
-    v = complete(motor, converter, base)
-    off_a, off_b = v["current_offset.offset_a"], v["current_offset.offset_b"]
-    first = read_currents[0]
-    current = math.hypot(*stationary(first[0] - off_a, first[1] - off_b, first[2] + off_a + off_b))
+    off = at_rest_reading(batch_of(motor, converter, [complete(motor, converter, base)], 1))
+    current = math.hypot(*stationary(*(float(x) for x in read_currents[0] - off)))
     return Inputs(
         r.file, r.rotor, track, read_currents, motion, math.sqrt(variance), float(motor.pole_pairs),
         current > AT_REST * motor.rated_current,
@@ -185,12 +186,12 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
     v = complete(motor, converter, base)
     m = true_motor(motor, v, keep_map=True)
     pairs, period = m.pole_pairs, converter.sampling_period
-    i_alpha, i_beta = _true_currents(r, v)
     angle, speed = r.theta, np.zeros(len(r.theta))
     batch, features = batch_of(motor, converter, [v], 1), features_of(motor, v)
+    i_alpha, i_beta = _true_currents(r, batch)
     off = np.zeros((len(angle), 1))
     for _ in range(2):
-        turn = (angle - v["encoder_offset.offset"] - off[:, 0]) / pairs
+        turn = (angle - batch["offset"][0] - off[:, 0]) / pairs
         off[:] = 0.0
         readings_off(batch, turn, off)
         torque = torque_of(m.energy, m.magnet_flux, float(pairs), i_alpha, i_beta, pairs * turn)
@@ -205,15 +206,35 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
     return motion
 
 
-def _true_currents(r: CampaignRecording, v: Mapping[str, float]) -> tuple[Array, Array]:
-    """Return the stationary currents (n,) behind the three sensors' gains and offsets."""
-    off_a, off_b, common = (v[k] for k in ("current_offset.offset_a", "current_offset.offset_b", "bench.common_offset"))
-    phases = [
-        (read - off - common) / v[f"current_gain.gain_{x}"]
-        for x, read, off in (("a", r.i_a, off_a), ("b", r.i_b, off_b), ("c", r.i_c, -off_a - off_b))
-    ]
-    alpha, beta = stationary(*phases)
+def _true_currents(r: CampaignRecording, batch: Any) -> tuple[Array, Array]:
+    """Return the stationary currents (n,) behind the three sensors."""
+    read = np.stack([r.i_a, r.i_b, r.i_c], axis=1) - batch["common"][0]
+    phases = np.array(read)
+    slope = np.array([_one_reading(batch, x) for x in np.eye(3)]) - _one_reading(batch, np.zeros(3))
+    shown = np.empty_like(phases)
+    for _ in range(SENSOR_STEPS):
+        readings(batch, phases, shown)
+        phases += np.linalg.solve(slope.T, (read - shown).T).T
+    alpha, beta = stationary(phases[:, 0], phases[:, 1], phases[:, 2])
     return np.asarray(alpha), np.asarray(beta)
+
+
+def at_rest_reading(batch: Any) -> Array:
+    """Return what the three sensors (3,) read without current, A."""
+    return _one_reading(batch, np.zeros(3)) + batch["common"][0]
+
+
+def _one_reading(batch: Any, phases: Array) -> Array:
+    out = np.empty((1, 3))
+    readings(batch, phases[None, :], out)
+    return out[0]
+
+
+@kernel
+def readings(w, phases, out):
+    """Write what the first lane's sensors make of phase currents (n, 3), A, the common offset apart, to out (n, 3)."""
+    for k in range(len(phases)):
+        out[k, 0], out[k, 1], out[k, 2] = ports.reading(w, 0, phases[k, 0], phases[k, 1], phases[k, 2])
 
 
 @kernel

@@ -28,8 +28,6 @@ from sandbox.replay.replay import Prediction, Prepared, Set, block_of, in_thread
 
 Array = NDArray[np.float64]
 SHARE = 1e-4
-SECANT = {"shaft_compliance.stiffness": 1.0}  # of typical size: at infinite stiffness a slope says nothing
-FALLBACK = {"dc_link_ripple.phase": 1.0, "cogging_torque.phase": 1.0}  # rad; these have no typical size
 
 
 @dataclass(frozen=True)
@@ -52,9 +50,9 @@ class Sensitivity:
 
 
 def all_parameters() -> tuple[str, ...]:
-    """Return every parameter that moves a prediction: all but the jitter (zero mean) and doubles of one number."""
-    doubles = {f"cross_saturation.{alpha}" for alpha in library.SHARED}
-    return tuple(n for n in parameter_names() if n != "current_sampling.jitter" and n not in doubles)
+    """Return every parameter that moves a prediction: all but pure noise and doubles of one number."""
+    silent = {n for n, p in library.parameters().items() if not p.predicted or p.same_as}
+    return tuple(n for n in parameter_names() if n not in silent)
 
 
 def base_set(prepared: Prepared, base: Set | None = None) -> dict[str, float]:
@@ -83,16 +81,12 @@ def typical_change(prepared: Prepared, name: str, value: float) -> float:
     neutral, size = p.neutral_for(motor), p.typical_for(motor, converter)
     if math.isinf(neutral):
         return 1.0 / size if math.isinf(value) else size
-    if name == "dc_link_ripple.frequency":  # a radian at the end of the longest recording
+    if p.resolved_by == "time":  # a radian at the end of the longest recording
         return 1.0 / (math.tau * converter.sampling_period * max(r.samples for r in prepared.recordings))
-    if name == "cogging_torque.order_mech":  # likewise
+    if p.resolved_by == "turns":  # likewise
         free = [float(np.ptp(r.motion.angle)) for r in prepared.recordings if r.rotor == "free"]
         return min(1.0, motor.pole_pairs / max(1.0, *free, 1.0))
-    if name == "coulomb_friction.stribeck_torque":
-        return library.parameters()["coulomb_friction.torque"].typical_for(motor, converter)
-    if name == "current_gain.gain_c":
-        return 0.01
-    return abs(size - neutral) or abs(size) or FALLBACK[name]
+    return p.away_for(motor, converter)
 
 
 def displaced(prepared: Prepared, base: Set, name: str, share: float) -> tuple[dict[str, float], float, str]:
@@ -100,15 +94,12 @@ def displaced(prepared: Prepared, base: Set, name: str, share: float) -> tuple[d
     value, size = base[name], typical_change(prepared, name, base[name])
     step = share * size
     if math.isinf(value):
-        step = max(abs(share), SECANT.get(name, 0.0)) * size
+        step = max(abs(share), library.parameters()[name].secant) * size
         return {**base, name: 1.0 / step}, step, f"1/{name}"
     p = BENCH.get(name) or library.parameters()[name]
     if value + step > p.high:
         step = -step
-    moved = {**base, name: value + step}
-    if name.startswith("saturation.") and f"cross_{name}" in base:
-        moved[f"cross_{name}"] = value + step
-    return moved, step, name
+    return {**base, **library.moved(name, value + step)}, step, name
 
 
 def sensitivities(

@@ -20,9 +20,10 @@ from experiments.constants import (
     table,
 )
 from model.errors import BadInput
-from sandbox.campaign import write_campaign
-from sandbox.gap import posterior, sized, space
-from sandbox.gap.withheld.running import code_digest
+from sandbox.gap.evidence import priors
+from sandbox.gap.search import multistart, posterior
+from sandbox.recordings.campaign import write_campaign
+from sandbox.validation.scoring.running import code_digest
 from tests.sandbox.gap.conftest import CASES, small_campaign
 
 WIDE = next(k for k, c in enumerate(CONSTANTS) if c.name == "WIDE")
@@ -58,10 +59,10 @@ def test_what_scaling_means():
 
 
 def test_a_constant_acts_where_it_is_imported():
-    """WIDE of `space` is used in `sized` too, under its own name there."""
-    assert "sandbox.gap.sized" in places_of(CONSTANTS[WIDE])
+    """WIDE of `priors` is used in `multistart` too, under its own name there."""
+    assert "sandbox.gap.search.multistart" in places_of(CONSTANTS[WIDE])
     with changed(CONSTANTS[WIDE], 2.0):
-        assert sized.WIDE == space.WIDE == 3.0
+        assert multistart.WIDE == priors.WIDE == 3.0
     number = next(c for c in CONSTANTS if c.name == "NUMBER")
 
     def odds():
@@ -71,7 +72,7 @@ def test_a_constant_acts_where_it_is_imported():
     before = odds()
     with changed(number, 2.0):  # every further effect twice as likely against none
         assert odds() == pytest.approx(before + math.log(4.0))
-    gone = Constant("space", "GONE", "", "")
+    gone = Constant("evidence.priors", "GONE", "", "")
     with pytest.raises(BadInput, match=r"has no constant GONE; correct constants\.toml"), changed(gone, 2.0):
         pass
 
@@ -110,10 +111,10 @@ def test_it_goes_on_where_it_stopped(tmp_path):
 
     def how(folder):
         """Answer by what WIDE is; fail once."""
-        seen.append((folder.name, space.WIDE))
+        seen.append((folder.name, priors.WIDE))
         if len(seen) == 2:
             raise BadInput("no hypothesis")
-        best = {"effects": ["dead_time"] if space.WIDE < 2.0 else ["inertia"], "probability": 0.75}
+        best = {"effects": ["dead_time"] if priors.WIDE < 2.0 else ["inertia"], "probability": 0.75}
         return {
             "verdict": "explained",
             "hypotheses": [best],
@@ -145,5 +146,5 @@ def test_a_real_diagnosis_with_a_constant_changed(tmp_path):
     plain, other = (answered(Trial(folder, index, 2.0)) for index in (None, WIDE))
     assert "failed" not in plain
     assert {"verdict", "effects", "probability", "ambiguity_set"} <= set(plain) == set(other)
-    assert (plain["constant"], other["constant"]) == ("", "space.WIDE")
+    assert (plain["constant"], other["constant"]) == ("", "evidence.priors.WIDE")
     assert plain["probability"] != other["probability"]

@@ -8,8 +8,8 @@ import pytest
 
 from model.errors import BadInput
 from model.parameters import Converter, Drive, Injection, Motor
-from sandbox.campaign import Campaign, CampaignRecording, read_campaign, write_campaign
 from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign, write_campaign
 from sandbox.replay.replay import prepare, replay
 from tests.sandbox.other_plant import Other
 
@@ -159,7 +159,7 @@ def test_latest():
 
 def test_simulated_drives_update_once():
     """Double update is for recordings: a simulated drive refuses it."""
-    from sandbox.switched.effects import bench
+    from sandbox.validation.switched.bench_numbers import bench
 
     converter = dataclasses.replace(Converter(250e-6, NOMINAL, 0.0, 0.01), pwm_frequency=2000.0)
     with pytest.raises(BadInput, match="double update"):

@@ -5,14 +5,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sandbox.gap.alike import alike
-from sandbox.gap.fit import fit
-from sandbox.gap.normal import normal
-from sandbox.gap.posterior import Hypothesis
-from sandbox.gap.probes import probes_at_typical
-from sandbox.gap.search import judge
-from sandbox.gap.split import weights_of
-from sandbox.gap.table import ordinary_share
+from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.normal import normal
+from sandbox.gap.evidence.probes import probes_at_typical
+from sandbox.gap.evidence.spike_slab import ordinary_share
+from sandbox.gap.report.distinguishability import alike
+from sandbox.gap.search.judged import judge
+from sandbox.gap.search.posterior import Hypothesis
 from tests.sandbox.gap.test_evidence import start
 
 SETS = (("dead_time",), ("device_drop",))

@@ -10,31 +10,31 @@ import numpy as np
 import pytest
 
 from estimators.registry import load_estimator
+from model.drive_files import load_drive
 from model.effects.card import SUBSYSTEMS
 from model.errors import BadInput
-from model.parameters import load_drive
-from sandbox.campaign import read_campaign
 from sandbox.cli import main
-from sandbox.design import design
-from sandbox.gap import where as places
-from sandbox.gap.answers import answer, caveats, far_text, linear, next_text, which_text
-from sandbox.gap.contract import contract
-from sandbox.gap.decompose import decompose
-from sandbox.gap.discriminate import Next
-from sandbox.gap.estimates import Estimate
-from sandbox.gap.menu import menu, settings
-from sandbox.gap.position import carrier_at, errors
-from sandbox.gap.report import write_report
-from sandbox.gap.spectrum import shown
-from sandbox.gap.where import subsystems
-from sandbox.gap.words import quantity, times
-from sandbox.injection import carrier
+from sandbox.drive.design import design
+from sandbox.drive.record import campaign_of
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
+from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.report import where as places
+from sandbox.gap.report.answers import answer, caveats, far_text, linear, next_text, which_text
+from sandbox.gap.report.decompose import decompose
+from sandbox.gap.report.diagnosis_json import contract
+from sandbox.gap.report.menu import menu, settings
+from sandbox.gap.report.next_recording import Next
+from sandbox.gap.report.page import write_report
+from sandbox.gap.report.position import carrier_at, errors
+from sandbox.gap.report.where import subsystems
+from sandbox.gap.report.words import quantity, times
+from sandbox.gap.search.estimates import Estimate
+from sandbox.output.files import plain
+from sandbox.output.trace import read_trace
 from sandbox.public.recorded import DiagnosisResult
-from sandbox.record import campaign_of
-from sandbox.report import plain
-from sandbox.scenario import Scenario, Segment
-from sandbox.simulate import simulate
-from sandbox.trace import read_trace
+from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.injection import carrier
 from tests.data import recordings_folder
 from tests.sandbox.gap.conftest import DEAD_TIME
 
@@ -200,7 +200,7 @@ def test_command_reads_no_truth(quiet_folder, tmp_path, capsys):
 
 
 def test_trace_holds_recorded_and_both_simulations(quiet_folder, quiet_answers, tmp_path):
-    from sandbox.gap.traces import write_traces
+    from sandbox.gap.report.traces import write_traces
 
     write_traces(tmp_path / "d.rrd", quiet_answers)
     found = read_trace(tmp_path / "d.rrd")

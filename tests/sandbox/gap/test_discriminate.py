@@ -9,9 +9,14 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from model.energy import flux_from_current
-from sandbox.campaign import read_campaign
-from sandbox.gap import discriminate
-from sandbox.gap.discriminate import (
+from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.probes import probes_at_typical
+from sandbox.gap.evidence.spike_slab import ordinary_share
+from sandbox.gap.report import next_recording as discriminate
+from sandbox.gap.report.menu import FULL, Entry, menu, recording_of, usual_seconds
+from sandbox.gap.report.next_recording import (
     LEANS,
     SURE,
     Tried,
@@ -22,13 +27,8 @@ from sandbox.gap.discriminate import (
     recommend,
     surprise,
 )  # fmt: skip
-from sandbox.gap.fit import fit
-from sandbox.gap.menu import FULL, Entry, menu, recording_of, usual_seconds
-from sandbox.gap.normal import Point, normal
-from sandbox.gap.probes import probes_at_typical
-from sandbox.gap.search import judge
-from sandbox.gap.split import weights_of
-from sandbox.gap.table import ordinary_share
+from sandbox.gap.search.judged import judge
+from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.test_evidence import start
 

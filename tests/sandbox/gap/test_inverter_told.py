@@ -6,19 +6,19 @@ import types
 import numpy as np
 import pytest
 
-from sandbox.campaign import write_campaign
-from sandbox.gap.contract import parameter
-from sandbox.gap.estimates import Estimate
-from sandbox.gap.evidence import prior_of
-from sandbox.gap.fit import coordinates_of, fit
-from sandbox.gap.normal import normal
-from sandbox.gap.probes import Probe
-from sandbox.gap.remainder import unlogged_counts
-from sandbox.gap.search import fitted_again
-from sandbox.gap.sized import with_sizes
-from sandbox.gap.space import FARTHEST, of_effect, reach
-from sandbox.gap.split import weights_of
-from sandbox.gap.words import quantity
+from sandbox.gap.evidence.algebra import prior_of
+from sandbox.gap.evidence.discrepancy import unlogged_counts
+from sandbox.gap.evidence.fit import coordinates_of, fit
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.normal import normal
+from sandbox.gap.evidence.priors import FARTHEST, of_effect, reach
+from sandbox.gap.evidence.probes import Probe
+from sandbox.gap.report.diagnosis_json import parameter
+from sandbox.gap.report.words import quantity
+from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.search.forward import fitted_again
+from sandbox.gap.search.multistart import with_sizes
+from sandbox.recordings.campaign import write_campaign
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.test_evidence import start
 from tests.sandbox.test_conventions import noisy

@@ -10,10 +10,10 @@ import pytest
 from model.effects.card import SUBSYSTEMS
 from model.effects.library import effect_names, load_effect
 from model.errors import BadInput
-from sandbox.gap import posterior
-from sandbox.gap.evidence import Algebra, Prior
-from sandbox.gap.posterior import log_prior, misfit, tempered
-from sandbox.gap.withheld.judge import located
+from sandbox.gap.evidence.algebra import Algebra, Prior
+from sandbox.gap.search import posterior
+from sandbox.gap.search.posterior import log_prior, misfit, tempered
+from sandbox.validation.scoring.judge import located
 
 
 def test_the_prior_over_sets_by_value():

@@ -10,18 +10,19 @@ import pytest
 from scipy.stats import norm
 
 from model.effects.library import load_effect
-from sandbox.campaign import write_campaign
-from sandbox.gap.evidence import prior_of
-from sandbox.gap.fit import coordinates_of, fit, objective, stray
-from sandbox.gap.normal import normal
-from sandbox.gap.probes import Probe, probes_at_typical
-from sandbox.gap.remainder import IMITATED, STRETCH, remainder, stretched
-from sandbox.gap.search import _pointed, judge, search
-from sandbox.gap.size import rms
-from sandbox.gap.sized import with_sizes
-from sandbox.gap.split import weights_of
-from sandbox.gap.table import SIZES, ordinary_share, settled, table
-from sandbox.gap.where import _held
+from sandbox.gap.evidence.algebra import prior_of
+from sandbox.gap.evidence.discrepancy import IMITATED, STRETCH, remainder, stretched
+from sandbox.gap.evidence.fit import coordinates_of, fit, objective, stray
+from sandbox.gap.evidence.gap_size import rms
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.normal import normal
+from sandbox.gap.evidence.probes import Probe, probes_at_typical
+from sandbox.gap.evidence.spike_slab import SIZES, ordinary_share, settled, table
+from sandbox.gap.report.where import _held
+from sandbox.gap.search.forward import _pointed, search
+from sandbox.gap.search.judged import judge
+from sandbox.gap.search.multistart import with_sizes
+from sandbox.recordings.campaign import write_campaign
 from tests.sandbox.gap.conftest import DRIVE, small_campaign
 from tests.sandbox.gap.test_evidence import start
 

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sandbox.gap.answers import far_text
-from sandbox.gap.size import Size, size_of
+from sandbox.gap.evidence.gap_size import Size, size_of
+from sandbox.gap.report.answers import far_text
 
 BLOCKS, COUNT, SCATTER = 400, 10, 0.2
 

@@ -1,11 +1,12 @@
 """Slight effects beside those fitted: one that comes out first is fitted, too."""
 
 from sandbox.gap.diagnose import _ranked
-from sandbox.gap.fit import fit
-from sandbox.gap.probes import probes_at_typical
-from sandbox.gap.search import Search, judge
-from sandbox.gap.split import weights_of
-from sandbox.gap.table import ordinary_share
+from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.probes import probes_at_typical
+from sandbox.gap.evidence.spike_slab import ordinary_share
+from sandbox.gap.search.forward import Search
+from sandbox.gap.search.judged import judge
 from tests.sandbox.gap.test_evidence import start
 
 

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from sandbox.campaign import write_campaign
-from sandbox.gap.estimates import estimates
-from sandbox.gap.evidence import Algebra, Prior
-from sandbox.gap.fit import fit
-from sandbox.gap.posterior import tempered
-from sandbox.gap.probes import probes_at_typical
-from sandbox.gap.search import Judged, judge
-from sandbox.gap.slight import part_of, slight
-from sandbox.gap.space import ordinary, seen
-from sandbox.gap.split import weights_of
-from sandbox.gap.table import SIZES, Table, ordinary_share
+from sandbox.gap.evidence.algebra import Algebra, Prior
+from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.priors import ordinary, seen
+from sandbox.gap.evidence.probes import probes_at_typical
+from sandbox.gap.evidence.spike_slab import SIZES, Table, ordinary_share
+from sandbox.gap.search.estimates import estimates
+from sandbox.gap.search.judged import Judged, judge
+from sandbox.gap.search.posterior import tempered
+from sandbox.gap.search.unfitted import part_of, slight
+from sandbox.recordings.campaign import write_campaign
 from tests.sandbox.gap.conftest import small_campaign
 from tests.sandbox.gap.test_evidence import start
 

@@ -1,0 +1,188 @@
+"""Evidence by algebra: what a hypothesis reaches from one point's normal equations, and how far they can be trusted.
+
+Priors are Gaussian, cut off at a parameter's bounds: where the most probable value would lie beyond, it is held there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
+from scipy.optimize import lsq_linear
+from scipy.special import erfcx, log_ndtr, ndtri_exp
+
+from sandbox.gap.evidence.normal import Normal, Segment
+from sandbox.gap.evidence.priors import Coordinate
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Prior:
+    """Means, deviations (0: held at the mean) and bounds, each (p,)."""
+
+    mean: Array
+    deviation: Array
+    low: Array
+    high: Array
+
+    def with_deviation(self, deviation: Array) -> Prior:
+        """Return the same with other deviations."""
+        return Prior(self.mean, deviation, self.low, self.high)
+
+
+def prior_of(coordinates: Sequence[Coordinate]) -> Prior:
+    """Return the priors that coordinates carry."""
+    bounds = [c.bounds() for c in coordinates]
+    return Prior(
+        np.array([c.mean for c in coordinates]), np.array([c.deviation for c in coordinates]),
+        np.array([b[0] for b in bounds]), np.array([b[1] for b in bounds]),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Algebra:
+    """Normal equations of all coordinates: A (p, p), g (p,), r'r at the values x (p,)."""
+
+    a: Array
+    g: Array
+    rr: float
+    x: Array
+
+    def damped(self, share: float) -> Algebra:
+        """Return the same with steps from x held back: that share of A's diagonal on top (Marquardt 1963)."""
+        return Algebra(self.a + share * np.diag(np.diag(self.a)), self.g, self.rr, self.x)
+
+    def scaled(self, noise: float) -> Algebra:
+        """Return the same for a noise variance so many times larger."""
+        return Algebra(self.a / noise, self.g / noise, self.rr / noise, self.x)
+
+    def most_probable(self, prior: Prior) -> tuple[Array, NDArray[np.bool_], float]:
+        """Return the most probable values (p,), which of them are free (inside their bounds), and the objective.
+
+        Least squares within bounds (Stark, Parker, Comput. Stat. 10 (1995) 129), in prior deviations.  Where a
+        prediction overflowed nothing is probable: the objective is infinite.
+        """
+        movable = prior.deviation > 0.0
+        if not (np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.rr)):
+            return self.x, movable, math.inf
+        size = prior.deviation[movable]
+        x = np.clip(prior.mean, prior.low, prior.high)
+        start = x[movable]
+        hessian = size[:, None] * self.a[np.ix_(movable, movable)] * size + np.eye(len(size))
+        pull = size * (self.g + self.a @ (self.x - x))[movable] + (prior.mean[movable] - start) / size
+        low, high = (prior.low[movable] - start) / size, (prior.high[movable] - start) / size
+        factor = np.linalg.cholesky(hessian)
+        target = solve_triangular(factor, pull, lower=True)
+        step = solve_triangular(factor.T, target)
+        inside = np.ones(len(size), dtype=bool)
+        if (step < low).any() or (step > high).any():
+            found = lsq_linear(factor.T, target, (low, high), method="bvls")
+            step, inside = found.x, found.active_mask == 0
+        free = movable.copy()
+        free[movable] = inside
+        x[movable] = start + size * step
+        return x, free, self.objective(x, prior)
+
+    def objective(self, x: Array, prior: Prior) -> float:
+        """Return r'r predicted at x (p,) and the squared deviations from the prior's means together."""
+        shift, free = x - self.x, prior.deviation > 0.0
+        away = (x - prior.mean)[free] / prior.deviation[free]
+        return float(self.rr - 2.0 * shift @ self.g + shift @ self.a @ shift + np.sum(away**2))
+
+    def log_evidence(self, prior: Prior) -> float:
+        """Return the log evidence (Laplace) under a prior.
+
+        A size that can only be positive has half a Gaussian as its prior: where the most probable value lies at the
+        bound the posterior is its tail, where it is free the part beyond the bound is missing.  The same tail where any
+        other value is held at a bound.
+        """
+        x, free, objective = self.most_probable(prior)
+        if not math.isfinite(objective):
+            return -math.inf
+        m = self.a[np.ix_(free, free)] + np.diag(prior.deviation[free] ** -2)
+        _, log_det = np.linalg.slogdet(m)
+        out = -0.5 * objective - 0.5 * log_det - np.sum(np.log(prior.deviation[free]))
+        halved = (prior.deviation > 0.0) & ((prior.low == prior.mean) | (prior.high == prior.mean))
+        inner = halved & free
+        if inner.any():
+            spread = np.sqrt(np.diag(np.linalg.inv(m))[inner[free]])
+            out += np.sum(np.log(2.0) + log_ndtr(np.abs(x - prior.mean)[inner] / spread))
+        outer = (prior.deviation > 0.0) & ~free
+        if outer.any():
+            sd, away = prior.deviation[outer], (x - prior.mean)[outer]
+            slope = np.abs((self.g - self.a @ (x - self.x))[outer] - away * sd**-2)
+            curve = np.diag(self.a)[outer] + sd**-2
+            half = np.where(halved[outer], 1.0, 0.5)  # a whole Gaussian has half its weight on either side
+            out += np.sum(np.log(half * erfcx(slope / np.sqrt(2.0 * curve)) / (sd * np.sqrt(curve))))
+        return float(out)
+
+    def covariance(self, prior: Prior) -> Array:
+        """Return the covariance (p, p) of all coordinates under a prior; zero where held."""
+        _, free, _ = self.most_probable(prior)
+        out = np.zeros_like(self.a)
+        own = np.ix_(free, free)
+        out[own] = np.linalg.inv(self.a[own] + np.diag(prior.deviation[free] ** -2))
+        return out
+
+    def tails(self, prior: Prior, share: float = 0.05) -> Array:
+        """Return how far (p,) from its bound a value that is held there may lie: all but `share` of its posterior.
+
+        The posterior is the tail of a Gaussian whose slope at the bound pushes outwards, the others following; zero
+        where free.
+        """
+        x, free, _ = self.most_probable(prior)
+        out = np.zeros_like(x)
+        own = np.ix_(free, free)
+        m = self.a[own] + np.diag(prior.deviation[free] ** -2)
+        for k in np.flatnonzero((prior.deviation > 0.0) & ~free):
+            across = self.a[k, free]
+            curve = self.a[k, k] + prior.deviation[k] ** -2 - across @ np.linalg.solve(m, across)
+            slope = abs((self.g - self.a @ (x - self.x))[k] - (x - prior.mean)[k] * prior.deviation[k] ** -2)
+            beyond = slope / np.sqrt(curve)
+            out[k] = (-ndtri_exp(math.log(share) + log_ndtr(-beyond)) - beyond) / np.sqrt(curve)
+        return out
+
+
+def algebra(n: Normal, weights=None) -> Algebra:
+    """Return the summed normal equations of a point."""
+    a, g, rr = n.summed(weights)
+    return Algebra(a, g, rr, n.x)
+
+
+def sandwich(n: Normal, x: Array, covariance: Array) -> Array:
+    """Return the covariance (p, p) of estimates x that allows for residuals alike within a block.
+
+    Sum over blocks of score times score between two plain covariances (Huber 1967; White, Econometrica 48 (1980) 817);
+    the priors' part of the plain covariance is kept.
+    """
+    v, a = np.zeros_like(covariance), np.zeros_like(covariance)
+    for s in n.segments:
+        own = np.ix_(s.places, s.places)
+        score = _scores(n, s, x)
+        v[own] += score.T @ score
+        a[own] += s.a.sum(0)
+    return np.asarray(covariance + covariance @ (v - a) @ covariance)
+
+
+def between_segments(n: Normal, x: Array, covariance: Array) -> Array:
+    """Return the covariance (p, p) of estimates x told by how segments disagree: one score each, as clusters.
+
+    What is alike over a whole recording, encoder counts that beat with the samples for instance, shows here only
+    (Liang, Zeger, Biometrika 73 (1986) 13, with k/(k - 1) for k segments).
+    """
+    v = np.zeros_like(covariance)
+    for s in n.segments:
+        score = _scores(n, s, x).sum(0)
+        v[np.ix_(s.places, s.places)] += np.outer(score, score)
+    k = len(n.segments)
+    return np.asarray(covariance @ v @ covariance * (k / max(1, k - 1)))
+
+
+def _scores(n: Normal, s: Segment, x: Array) -> Array:
+    """Return the slope of each block's squares at x (b, p)."""
+    return np.asarray(s.g - s.a @ (x - n.x)[s.places])

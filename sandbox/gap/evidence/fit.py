@@ -1,0 +1,176 @@
+"""Fit of one hypothesis: damped Gauss-Newton to the most probable point, and the evidence of a hypothesis there.
+
+A hypothesis is a list of effects.  Its coordinates are the ordinary deviations with their narrow priors, and its
+effects' with wide ones; the objective is the sum of squared residuals over their floor plus that of deviations over
+their priors.  Near the most probable point all is Gaussian:
+
+    log evidence = -1/2 objective - 1/2 log det(A + P^-1) - sum log deviation,
+
+A summed over recordings (Laplace's approximation; MacKay, Neural Comput. 4 (1992) 415).  Checked against direct
+integration in tests/sandbox/gap/test_evidence.py.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput
+from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
+from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
+
+Array = NDArray[np.float64]
+Weights = Mapping[tuple[int, str], float]
+TOLERANCE = 0.2  # of the objective: below that a step changes no decision
+DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
+STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken
+CHORDS = 4  # steps on the same slopes: more of them would only creep
+POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
+SMOOTHINGS = 2  # of a free rotor's motion
+SMOOTHER = 3.0  # of the objective that smoothing again must gain
+WIDENED = 4  # times that bounds of the search double, or the motion is smoothed again
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A hypothesis at its most probable point; effects (), one or several; simulations it took."""
+
+    effects: tuple[str, ...]
+    point: Point
+    normal: Normal
+    objective: float
+    simulations: float
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """Its coordinates, turns last."""
+        return self.normal.coordinates
+
+
+def coordinates_of(point: Point, effects: Sequence[str], begun: Point | None = None) -> list[Coordinate]:
+    """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others.
+
+    begun: where the fit began, if not at the point.
+    """
+    campaign = point.prepared.campaign
+    wide: dict[str, Coordinate] = {}
+    for effect in effects:
+        start = (begun or point).values
+        wide |= {c.label: c for c in of_effect(effect, campaign.drive, start, point.values)}
+    own = ordinary(campaign)
+    known = {c.label for c in own}
+    return [wide.get(c.label, c) for c in own] + [c for c in wide.values() if c.label not in known]
+
+
+def fit(
+    start: Point,
+    effects: Sequence[str],
+    weights: Weights,
+    *,
+    workers: int = 1,
+) -> Fit:
+    """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
+
+    Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free
+    rotors' motion, smoothed again at the point that was found, fits better.
+    """
+    found, smoother = _within_bounds(start, start, effects, weights, workers)
+    for _ in range(WIDENED):
+        claimed = [c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)]
+        if all(reach(c, found.point.values) <= FARTHEST for c in claimed) and smoother < SMOOTHER:
+            break
+        at = found.point.resmoothed() if smoother >= SMOOTHER else found.point
+        further, smoother = _within_bounds(at, start, effects, weights, workers)
+        cost = found.simulations + further.simulations
+        if not further.objective < found.objective - TOLERANCE:
+            return replace(found, simulations=cost)
+        found = replace(further, simulations=cost)
+    return found
+
+
+def _within_bounds(
+    start: Point, begun: Point, effects: Sequence[str], weights: Weights, workers: int
+) -> tuple[Fit, float]:
+    """Return the same within the bounds of the search as they are at the start, and what smoothing again would gain.
+
+    Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
+    """
+    coordinates = coordinates_of(start, effects, begun)
+    point, n = start, normal(start, coordinates, workers=workers)
+    prior = prior_of(n.coordinates)
+    value, cost = objective(n, prior, weights), n.simulations
+    taken, own, damping = 1, 0, 0  # times slopes were taken; steps since then
+    for _ in range(STEPS):
+        x, promised = _step(n, prior, weights, DAMPING[damping])
+        trial = point.moved(n.coordinates, x)
+        reached, at_trial = tried(n, trial, prior, weights, workers)
+        cost += 1.0
+        gained = value - reached
+        if at_trial is not None and gained > 0.0:
+            point, n, value, damping = trial, at_trial, reached, max(0, damping - 1)
+            own += 1
+            if gained > POOR * promised and gained > TOLERANCE and own < CHORDS:
+                continue
+            if own == 1 and gained <= TOLERANCE:
+                break
+        elif not own:
+            if damping + 1 == len(DAMPING) or promised < TOLERANCE:
+                break
+            damping += 1
+            continue
+        if taken == SLOPES:
+            break
+        if taken <= SMOOTHINGS:
+            point = point.resmoothed()
+        n = normal(point, coordinates, workers=workers)
+        value, cost = objective(n, prior, weights), cost + n.simulations
+        taken, own = taken + 1, 0
+    smoother = 0.0
+    if effects and any(r.rotor == "free" for r in point.prepared.recordings):
+        smoother, cost = value - tried(n, point.resmoothed(), prior, weights, workers)[0], cost + 1.0
+    return Fit(tuple(effects), point, n.bare(), value, cost), smoother
+
+
+def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:
+    """Return by label the ordinary deviations of a fit, those that its effects claim left out, and how many of their
+    standard deviations they go."""
+    usual = {c.label: c.deviation for c in ordinary(f.point.prepared.campaign)}
+    return {
+        c.label: (c, float(x - c.mean) / c.deviation)
+        for c, x in zip(f.coordinates, f.normal.x, strict=True)
+        if c.deviation > 0.0 and usual.get(c.label) == c.deviation
+    }
+
+
+def tried(n: Normal, trial: Point, prior: Prior, weights: Weights, workers: int) -> tuple[float, Normal | None]:
+    """Return the objective and the equations at a trial; infinite where the point is none a drive can have."""
+    try:
+        reached = n.at(trial, workers=workers)
+    except BadInput:
+        return math.inf, None
+    value = objective(reached, prior, weights)
+    return (value, reached) if math.isfinite(value) else (math.inf, None)
+
+
+def objective(n: Normal, prior: Prior, weights: Weights) -> float:
+    """Return the sum of squared residuals and of squared deviations from the prior's means."""
+    free = prior.deviation > 0.0
+    away = (n.x - prior.mean)[free] / prior.deviation[free]
+    return n.summed(weights)[2] + float(np.sum(away**2))
+
+
+def _step(n: Normal, prior: Prior, weights: Weights, damping: float) -> tuple[Array, float]:
+    """Return where a step leads, and the objective it promises to gain.
+
+    Far from the floor as if the noise were as large as the residual, so that priors keep a say.
+    """
+    equations = algebra(n, weights)
+    count = sum(float(s.n.sum()) for s in n.segments if weights.get((s.recording, s.channel)))
+    noise = max(1.0, equations.rr / count)
+    x = equations.scaled(noise).damped(damping).most_probable(prior)[0]
+    return x, equations.objective(n.x, prior) - equations.objective(x, prior)

@@ -1,0 +1,75 @@
+"""How large the gap is: residuals over their floor, before and after an effect is added, on recordings held out.
+
+`before` lets ordinary deviations move as far as ordinary goes (`priors.ORDINARY` standard deviations): what would only
+fit with a resistance ten deviations off is a gap, not a deviation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.evidence.normal import Normal
+
+Array = NDArray[np.float64]
+DRAWS = 400
+UNDEFINED = 0.05  # of the draws, without a gap to close: more, and there is no interval
+
+
+@dataclass(frozen=True)
+class Size:
+    """Normalised rms on the recordings held out: raw, before, after, share closed (or None) and its interval (or None).
+
+    recordings: (file, before, after, held out) of each.
+    """
+
+    raw: float
+    before: float
+    after: float
+    closed: float | None
+    closed_ci95: tuple[float, float] | None
+    recordings: tuple[tuple[str, float, float, bool], ...]
+
+
+def squares(n: Normal, recordings: Sequence[int]) -> tuple[Array, Array]:
+    """Return sums of squares and counts (b,) of all blocks of the recordings."""
+    own = [s for s in n.segments if s.recording in recordings]
+    return np.concatenate([s.rr for s in own]), np.concatenate([s.n for s in own])
+
+
+def rms(n: Normal, recordings: Sequence[int]) -> float:
+    """Return the normalised rms over all channels of some recordings."""
+    rr, count = squares(n, recordings)
+    return float(np.sqrt(rr.sum() / count.sum()))
+
+
+def share_closed(before: float, after: float) -> float:
+    """Return (J0^2 - J1^2) / (J0^2 - 1)."""
+    return (before**2 - after**2) / (before**2 - 1.0)
+
+
+def size_of(raw: Normal, before: Fit, after: Fit, held_out: Sequence[int], files: Sequence[str], seed: int = 0) -> Size:
+    """Return how large the gap is; without recordings held out, on all.
+
+    The interval is a bootstrap over blocks.  Draws without a gap (rms at most 1) have no share; where these are more
+    than UNDEFINED of all there is no interval, since the rest would tell one given that there is a gap.
+    """
+    chosen = list(held_out) or list(range(len(files)))
+    j0, j1 = rms(before.normal, chosen), rms(after.normal, chosen)
+    each = tuple((f, rms(before.normal, [k]), rms(after.normal, [k]), k in held_out) for k, f in enumerate(files))
+    closed = interval = None
+    if after.effects and j0 > 1.0:
+        closed = share_closed(j0, j1)
+        (a, n), (b, _) = squares(before.normal, chosen), squares(after.normal, chosen)
+        pick = np.random.default_rng(seed).integers(len(n), size=(DRAWS, len(n)))
+        total = n[pick].sum(1)
+        excess = a[pick].sum(1) / total - 1.0
+        drawn = (a[pick] - b[pick]).sum(1) / total / np.where(excess > 0.0, excess, np.nan)
+        if np.mean(excess <= 0.0) <= UNDEFINED:
+            low, high = np.nanpercentile(drawn, [2.5, 97.5])
+            interval = (float(low), float(high))
+    return Size(rms(raw, chosen), j0, j1, closed, interval, each)

@@ -1,0 +1,72 @@
+"""Which recordings are held out, fixed before anything is fitted.
+
+Commands, positions and the nominal model decide, residuals do not: of all choices of one recording a kind of rotor (two
+locked ones where there are five), the one after which no effect has lost much of what the campaign can say about it,
+while the recordings held out still feel every effect.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.gap.evidence.fit import coordinates_of
+from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.probes import probe_coordinates, probes_at_typical
+
+Array = NDArray[np.float64]
+CHANNELS = ("current", "motion", "angle")
+FELT = 4.0  # a held-out recording needs to feel an effect only so many times less than the fitted ones
+
+
+def weights_of(recordings: int, left_out: Sequence[int] = ()) -> dict[tuple[int, str], float]:
+    """Return weight 1 for every channel of every recording but those left out."""
+    return {(k, c): 1.0 for k in range(recordings) if k not in left_out for c in CHANNELS}
+
+
+def choices(rotors: Sequence[str]) -> list[tuple[int, ...]]:
+    """Return all admissible choices of recordings to hold out; () where every kind is there only once."""
+    kinds = {kind: [k for k, r in enumerate(rotors) if r == kind] for kind in ("locked", "driven", "free")}
+    options = [list(combinations(own, 2 if len(own) >= 5 else 1)) if len(own) >= 2 else [()] for own in kinds.values()]
+    return [tuple(sorted(k for part in parts for k in part)) for parts in product(*options)]
+
+
+def held_out(start: Point, exclude: Sequence[str] = (), *, workers: int = 1) -> tuple[int, ...]:
+    """Return the recordings (places in the campaign) to hold out; () where there are too few to spare any."""
+    prepared = start.prepared
+    options = choices([r.rotor for r in prepared.recordings])
+    if options == [()]:
+        return ()
+    own = coordinates_of(start, ())
+    known = {c.label for c in own}
+    groups: list[list[str]] = [[c.label] for c in own]
+    added = []
+    for probe in probes_at_typical(start, exclude):
+        coordinates = [c for c in probe_coordinates(start, probe, "") if c.label not in known]
+        added += coordinates
+        known |= {c.label for c in coordinates}
+        groups.append([c.label for c in coordinates])
+    n = normal(start, [*own, *added], workers=workers)
+    best = max(options, key=lambda left: worst_share(n, left, [g for g in groups if g]))
+    return tuple(best)
+
+
+def worst_share(n: Normal, left: Sequence[int], groups: Sequence[Sequence[str]]) -> float:
+    """Return the smallest share of information about any group of coordinates that fit and check keep.
+
+    Fit: variance with all recordings over variance without those left out; check: A of those left out over all A.
+    """
+    count = 1 + max(s.recording for s in n.segments)
+    whole, kept = n.summed()[0], n.summed(weights_of(count, left))[0]
+    prior = np.diag([c.deviation**-2 for c in n.coordinates])
+    narrow, wide = np.diag(np.linalg.inv(whole + prior)), np.diag(np.linalg.inv(kept + prior))
+    place = {c.label: k for k, c in enumerate(n.coordinates)}
+    shares = []
+    for group in groups:
+        own = [place[g] for g in group if whole[place[g], place[g]] * n.coordinates[place[g]].deviation ** 2 > 1.0]
+        for k in own:
+            shares.append(min(narrow[k] / wide[k], FELT * (1.0 - kept[k, k] / whole[k, k])))
+    return float(min(shares, default=0.0))

@@ -1,0 +1,185 @@
+"""What a diagnosis may move: coordinates of a parameter set, and how far each may be expected to move.
+
+A coordinate is a direction in which a fit is close to linear: a value, its logarithm or reciprocal, or one component of
+an amplitude with a phase; cards say which (`model.effects.card`).  A hypothesis is nothing but a list of effects whose
+coordinates get a wide prior; every ordinary deviation of motor and bench keeps the narrow one the campaign states.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from model.effects import library
+from model.effects.card import Effect, Ordinary, scales
+from model.parameters import Drive
+from sandbox.plant.sets import BENCH, soft_current
+from sandbox.recordings.campaign import Campaign
+from sandbox.replay.sensitivity import mechanical_only
+
+Set = Mapping[str, float]
+WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
+FARTHEST = 4.0  # standard deviations that an effect may move before its bounds widen
+REACHED = 0.99  # of them: a value there is at its bound
+ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
+SOFT_SPREAD = 0.5  # standard deviation of the logarithm of the width in which the sign of a current goes through zero
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One direction of a fit: label, prior mean and standard deviation, the parameter(s) it moves and how.
+
+    form: "linear", "log", "reciprocal", or "cosine"/"sine" of the pair (amplitude, phase); "share" is a step from the
+    neutral value (0) to the values `along` (1), nothing between; with other forms `along` goes with a move.
+    """
+
+    label: str
+    mean: float
+    deviation: float
+    form: str
+    names: tuple[str, ...]
+    along: tuple[tuple[str, float], ...] = ()
+    within: float = math.inf  # deviations from the mean beyond which it is no longer ordinary
+
+    @property
+    def effect(self) -> str:
+        """The effect (or "bench") that the coordinate belongs to."""
+        return self.names[0].partition(".")[0]
+
+    @property
+    def mechanical(self) -> bool:
+        """Whether it acts on the motion of a free rotor only."""
+        return mechanical_only(self.names[0])
+
+    def value(self, values: Set) -> float:
+        """Return the coordinate of a completed set."""
+        if self.form == "share":
+            return 0.0
+        x = values[self.names[0]]
+        if self.form == "log":
+            return math.log(x)
+        if self.form == "reciprocal":
+            return 1.0 / x
+        if self.form == "cosine":
+            return x * math.cos(values[self.names[1]])
+        if self.form == "sine":
+            return x * math.sin(values[self.names[1]])
+        return x
+
+    def changes(self, values: Set, to: float) -> dict[str, float]:
+        """Return the parameters that bring the coordinate to a value, the others unchanged (polar: its other part)."""
+        name, companions = self.names[0], dict(self.along)
+        if self.form == "share":
+            return companions if to else {}
+        if self.form == "log":
+            return {name: math.exp(to)}
+        if self.form == "reciprocal":
+            return {**companions, name: 1.0 / to if to > 0.0 else math.inf}
+        if self.form in ("cosine", "sine"):
+            amplitude, phase = values[name], values[self.names[1]]
+            x, y = amplitude * math.cos(phase), amplitude * math.sin(phase)
+            x, y = (to, y) if self.form == "cosine" else (x, to)
+            return {**companions, name: math.hypot(x, y), self.names[1]: math.atan2(y, x)}
+        return {**companions, **library.moved(name, to)}
+
+    def bounds(self) -> tuple[float, float]:
+        """Return the lowest and highest value of the coordinate (signs included)."""
+        low, high = self._own_bounds()
+        return max(low, self.mean - self.within * self.deviation), min(high, self.mean + self.within * self.deviation)
+
+    def _own_bounds(self) -> tuple[float, float]:
+        if self.form == "reciprocal":
+            return 0.0, math.inf
+        if self.form == "share":
+            return 0.0, 1.5
+        if self.form not in ("linear", "log") or self.names[0] not in library.parameters():
+            return -math.inf, math.inf
+        p = library.parameters()[self.names[0]]
+        if self.form == "log":
+            return math.log(p.low) if p.low > 0.0 else -math.inf, math.log(p.high)
+        return p.low, p.high
+
+    def bounded(self, to: float) -> float:
+        """Return a value moved inside the bounds."""
+        low, high = self.bounds()
+        return min(max(to, low), high)
+
+
+def ordinary(campaign: Campaign) -> list[Coordinate]:
+    """Return the ordinary deviations: `[uncertainty]` of the motor, `[background]` of the bench (or usual ones)."""
+    motor = campaign.drive.motor
+    out = []
+    for name, p in library.parameters().items():
+        if p.ordinary is not None:
+            mean = p.neutral_for(motor)
+            out.append(Coordinate(name, mean, deviation_of(campaign, p.ordinary, mean), "linear", (name,)))
+    for name, b in BENCH.items():
+        if b.ordinary is not None:
+            mean = b.neutral or 0.0
+            out.append(Coordinate(name, mean, deviation_of(campaign, b.ordinary, mean), "linear", (name,)))
+    out = [replace(c, within=ORDINARY) for c in out if c.deviation > 0.0]
+    soft = math.log(soft_current(motor))
+    return [*out, Coordinate("bench.soft_current", soft, SOFT_SPREAD, "log", ("bench.soft_current",), within=3.0)]
+
+
+def deviation_of(campaign: Campaign, o: Ordinary, mean: float) -> float:
+    """Return the standard deviation of an ordinary deviation about its mean, as the campaign states it or usual."""
+    if o.of_motor:
+        return seen(campaign.uncertainty.get(o.stated, o.usual)) * abs(mean)
+    usual = o.usual * scales(campaign.drive.motor, campaign.drive.converter)[o.relative_to]
+    return o.share * campaign.background.get(o.stated, usual)
+
+
+def seen(deviation: float) -> float:
+    """Return a relative deviation of the stated from the true value as seen from the stated one.
+
+    True = stated/(1 + x): three deviations too low a statement, 1 - 3 s of the truth, is 3 s/(1 - 3 s) of itself off.
+    """
+    return deviation / (1.0 - min(3.0 * deviation, 0.6))
+
+
+def of_effect(effect: str, drive: Drive, start: Set, at: Set | None = None) -> list[Coordinate]:
+    """Return an effect's coordinates with their wide priors: about neutral, or about where a search starts.
+
+    start: completed set with the effect's companions (time constants, frequencies, ...) at the values to start from;
+    at: where a fit stands, if not there: bounds that it has reached widen.
+    """
+    card = library.load_effect(effect)
+    out: list[Coordinate] = []
+    for p in card.parameters:
+        name = f"{effect}.{p.name}"
+        neutral, size = p.neutral_for(drive.motor), p.typical_for(drive.motor, drive.converter)
+        if p.fit == "fixed" or p.name in phases(card):
+            continue
+        if p.fit == "log":
+            out.append(Coordinate(name, math.log(start[name]), p.spread, "log", (name,)))
+        elif p.fit == "reciprocal":
+            out.append(Coordinate(name, 0.0, WIDE / size, "reciprocal", (name,)))
+        elif p.name in amplitudes(card):
+            pair = (name, f"{effect}.{amplitudes(card)[p.name]}")
+            out += [Coordinate(f"{name} {form}", 0.0, WIDE * size, form, pair) for form in ("cosine", "sine")]
+        elif p.scan:
+            out.append(Coordinate(name, start[name], p.spread, "linear", (name,)))
+        else:
+            own, away = p.same_as or name, p.reach_for(drive.motor, drive.converter)
+            out.append(Coordinate(own, neutral, WIDE * away, "linear", (own,)))
+    return [replace(c, within=reach(c, at or start)) for c in out]
+
+
+def reach(c: Coordinate, values: Set) -> float:
+    """Return how many deviations an effect's coordinate may move: FARTHEST, twice as far as a point that is there."""
+    if c.form in ("share", "cosine", "sine"):
+        return FARTHEST
+    at = abs(c.value(values) - c.mean) / c.deviation
+    return 2.0 * at if math.isfinite(at) and at >= REACHED * FARTHEST else FARTHEST
+
+
+def amplitudes(card: Effect) -> dict[str, str]:
+    """Return the amplitude that belongs to each phase of a card: {amplitude: phase}."""
+    return dict([card.polar]) if card.polar else {}
+
+
+def phases(card: Effect) -> tuple[str, ...]:
+    """Return the parameters of a card that are phases of an amplitude."""
+    return tuple(amplitudes(card).values())

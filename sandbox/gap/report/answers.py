@@ -1,0 +1,271 @@
+"""A diagnosis in words: where, which, how far, what next; the same sentences for terminal and report."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from model.effects import library
+from model.errors import BadInput
+from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
+from sandbox.gap.evidence.regression import Remains, remains
+from sandbox.gap.report.distinguishability import Alike, alike
+from sandbox.gap.report.next_recording import Next, recommend
+from sandbox.gap.report.position import PositionError, position_error
+from sandbox.gap.report.where import Finding, percent, summary, where
+from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
+from sandbox.gap.search.posterior import UNKNOWN
+from sandbox.recordings.campaign import Campaign
+
+ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+HARDLY = 5e-4  # of what remains: less is nothing
+FEW = 1.2  # times the floor on recordings held out that ordinary deviations explain when fitted to all
+ALIKE = 2.0  # variance of sums over that of white noise: less is not spoken of
+
+
+@dataclass(frozen=True)
+class Answers:
+    """A diagnosis with what a person asks of it."""
+
+    diagnosis: Diagnosis
+    where: tuple[Finding, ...]
+    position: PositionError | None
+    following: Next | None
+    remains: Remains | None
+    alike: Alike | None = None
+
+    @property
+    def verdict(self) -> str:
+        """Return the contract's verdict."""
+        return verdict(self.diagnosis)
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of absurd sets: nothing is probable there
+def answer(
+    campaign: Campaign,
+    *,
+    exclude: Sequence[str] = (),
+    workers: int = 2,
+    report: Callable[[str], None] = lambda _: None,
+) -> Answers:
+    """Return a campaign's diagnosis and all answers; BadInput for an unknown effect or a campaign that is none."""
+    for name in exclude:
+        library.load_effect(name)
+    d = diagnose(campaign, exclude=exclude, workers=workers, report=report)
+    report("where it lies")
+    found = where(d)
+    report("position estimate")
+    position = position_error(d)
+    report("what to record next")
+    following = next_recording(d, workers)
+    report("what remains")
+    left = remains(d.after.point, d.held_out, d.size.before)
+    return Answers(d, found, position, following, left, alike(d))
+
+
+def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
+    """Return the recording that would tell the named hypotheses of an ambiguity set apart; None with one of them, or
+    where nothing but slight effects might be there beside ordinary deviations."""
+    rivals = [(h.probability, h.judged) for h in d.ambiguity_set if UNKNOWN not in h.effects]
+    fitted = {id(j) for j in d.judged}
+    if d.best.effects in ((), (UNKNOWN,)) and sum(id(j) in fitted for _, j in rivals) < 2:
+        return None
+    return recommend(d.campaign, rivals, d.temperature, workers=workers)
+
+
+def linear(campaign: Campaign) -> Campaign:
+    """Return a campaign whose nominal model believes in no saturation, and in that with certainty.
+
+    BadInput where the nominal model is a flux map, which has no coefficients to leave out.
+    """
+    motor = campaign.drive.motor
+    if not all(hasattr(motor, a) for a in ALPHAS) or getattr(motor, "flux_map", None):
+        raise BadInput(
+            "--nominal linear needs a [motor] with the five alphas; this one is a flux map, give it without --nominal"
+        )
+    changes: dict[str, Any] = dict.fromkeys(ALPHAS, 0.0)
+    drive = dataclasses.replace(campaign.drive, motor=dataclasses.replace(motor, **changes))
+    uncertainty = {k: v for k, v in campaign.uncertainty.items() if k not in ALPHAS}
+    return dataclasses.replace(campaign, drive=drive, uncertainty=uncertainty)
+
+
+def where_text(a: Answers) -> str:
+    """Return where the gap lies, in one sentence."""
+    return summary(a.diagnosis, a.where)
+
+
+def which_text(a: Answers) -> str:
+    """Return which effect causes it, or that none does, or that it cannot be told."""
+    d, best = a.diagnosis, a.diagnosis.best
+    if a.verdict == "no_gap":
+        others = [h for h in d.ambiguity_set if h.effects and UNKNOWN not in h.effects]
+        text = f"None: ordinary deviations alone are {likely(best.probability)}."
+        told = ", ".join(f"{names(h.effects)} ({percent(h.probability)})" for h in others)
+        return f"{text} Too slight to exclude: {told}." if others else text
+    if a.verdict == "unknown":
+        named = [e for e in best.effects if e != UNKNOWN]
+        chance = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
+        if not named:
+            return f"None in the library: that something it does not hold is at work is {likely(chance)}."
+        besides = f"Something outside the library is at work, {likely(chance)}"
+        return f"{besides}; beside it, and less surely the more there is of it: {names(named)}."
+    if a.verdict == "ambiguous":
+        told = "; or ".join(f"{names(h.effects)} ({percent(h.probability)})" for h in d.ambiguity_set)
+        return f"These recordings cannot tell apart: {told}."
+    return f"{capital(names(best.effects))}, {likely(best.probability)}: {sizes(d.parameters[0])}."
+
+
+def far_text(a: Answers) -> str:
+    """Return how far the gap shrinks, and what that does to the position error."""
+    d, s = a.diagnosis, a.diagnosis.size
+    count = len(d.held_out)
+    on = (
+        f"on {count} recording{'s' * (count > 1)} held out of the fit"
+        if count
+        else "on the recordings it was fitted to"
+    )
+    if a.verdict == "no_gap":
+        text = f"There is nothing to close: residuals are {times(s.before)} the noise floor {on}."
+        if s.before > FEW:
+            every = math.sqrt(max(0.0, 1.0 + d.remainder.before))
+            text = (
+                f"Fitted to all recordings ordinary deviations leave {times(every)} the noise floor, but "
+                f"{times(s.before)} {on}: too few recordings to foretell one from the others."
+            )
+    elif s.closed is None:
+        text = f"Residuals are {times(s.before)} the noise floor {on}; no effect of the library lowers them."
+    elif not math.isfinite(s.after):
+        text = f"Not at all: what was fitted to the others predicts nothing finite {on} ({times(s.before)} before)."
+    elif s.closed <= 0.0:
+        text = f"Not at all: residuals grow from {times(s.before)} to {times(s.after)} the noise floor {on}."
+    else:
+        text = (
+            f"{percent_fine(s.closed)} of the reducible gap closes {on} ({_between(s.closed_ci95)}); "
+            f"residuals fall from {s.before:.3g} to {times(s.after)} the noise floor."
+        )
+    return f"{capital(text)} {position_text(a)}".strip()
+
+
+def _between(interval: tuple[float, float] | None) -> str:
+    """Return an interval of shares in words."""
+    if interval is None:
+        return "the gap is too near the noise floor for an interval"
+    low, high = (percent_fine(x) for x in interval)
+    return f"95 % interval: {low if low == high else f'{low} to {high}'}"
+
+
+def position_text(a: Answers) -> str:
+    """Return the position error in degrees, or nothing where no recording shows it."""
+    p = a.position
+    if p is None:
+        return ""
+    text = (
+        f"Position error of the estimator '{p.estimator}': {p.recorded:.2f}° on the recorded currents; the simulator "
+    )
+    if a.verdict == "no_gap":
+        return f"{text}says {p.simulated_before:.2f}°."
+    text += f"said {p.simulated_before:.2f}° before and says {p.simulated_after:.2f}° now."
+    if p.believing_after is not None:
+        text += (
+            f" An estimator that believes the fitted motor errs by {p.believing_after:.2f}° on the recorded currents."
+        )
+    return text
+
+
+def next_text(a: Answers) -> str:
+    """Return what to record or do next."""
+    if a.following is not None:
+        told, chance = "; ".join(names(s) for s in a.following.separates), likely(a.following.power)
+        text = f"Record: {a.following.description}, for {a.following.seconds:g} s."
+        return f"{text} That it leaves only the true one of these is {chance}: {told}."
+    if a.verdict == "no_gap":
+        return (
+            "Nothing is needed, as far as these recordings see: the nominal model explains them once what "
+            "[uncertainty] and [background] allow is refitted."
+        )
+    if a.verdict == "explained":
+        return "Nothing is needed to name the cause; the values above belong into this drive's simulator."
+    sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
+    disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
+    told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
+    return f"Recordings that tell more, for {told}." if told else "No effect is known that a recording could confirm."
+
+
+def caveats(a: Answers) -> list[str]:
+    """Return what a reader has to know before believing the rest, one sentence each; where values come from is last."""
+    d = a.diagnosis
+    out = [f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}" for f in d.campaign.findings]
+    out += [d.caution] if d.caution else []
+    if d.excluded:
+        out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")
+    if all(getattr(d.campaign.drive.motor, x, 1.0) == 0.0 for x in ALPHAS):
+        out.append("The nominal model has no saturation (all five alphas are 0).")
+    blind = [r.file for r in d.campaign.recordings if r.rotor == "free" and "load_torque" not in r.columns]
+    if blind:
+        out.append(f"{', '.join(blind)}: no column 'load_torque', so a free rotor's load is taken as none.")
+    if not d.held_out:
+        out.append(
+            "No recording was held out (each kind of rotor is there only once), so the figures are those of the fit."
+        )
+    elif a.verdict != "no_gap":
+        out.append(
+            "Parameters and residuals before and after were fitted without the recordings held out; the choice among "
+            "hypotheses saw all recordings."
+        )
+    if d.campaign.rated_from_data:
+        out.append("Rated current, torque and speed are missing; the largest recorded ones stand in for them.")
+    missing = [k for k in ("uncertainty", "background") if not getattr(d.campaign, k)]
+    if missing:
+        out.append(f"No [{'], ['.join(missing)}] is stated: usual values of a careful identification are assumed.")
+    kinds = {r.rotor for r in d.start.prepared.recordings}
+    if "free" not in kinds:
+        out.append("No rotor turned freely, so effects of mechanics cannot be seen.")
+    if kinds == {"locked"}:
+        out.append("The rotor never turned, so effects that need speed (flux, encoder, iron loss) can hardly be seen.")
+    if a.position is None:
+        out.append("No turning recording has injection, so the position error cannot be compared.")
+    if d.temperature > 2.0:
+        out.append(
+            f"In weighing hypotheses the data counted for {d.temperature:,.3g} times less than its samples: residuals "
+            "are alike within blocks of time, and the simulator's own error grows with the gap."
+        )
+    return out + [f"{capital(what)}: {text}" for what, text in d.campaign.drive.provenance.items()]
+
+
+def remains_text(a: Answers) -> str:
+    """Return what the best hypothesis leaves, whether it has structure, and how much of it could still be closed."""
+    r = a.diagnosis.remainder
+    before, after = (math.sqrt(max(0.0, 1.0 + x)) for x in (r.before, r.after))
+    size = f"After it residuals are {times(after)} the noise floor over all recordings (before: {before:.3g})"
+    if not a.diagnosis.best.effects:
+        size = f"Residuals are {times(before)} the noise floor over all recordings"
+    chance = sum(h.probability for h in a.diagnosis.hypotheses if UNKNOWN in h.effects)
+    return (
+        f"{size}; that something outside the library is at work is {likely(chance)}. {regression_text(a)} "
+        f"{alike_text(a)}"
+    ).strip()
+
+
+def regression_text(a: Answers) -> str:
+    """Return how much of what remains a free regression closes, and whether that is more than noise lets it."""
+    r = a.remains
+    if r is None:
+        return "How much a free regression could still close was not measured: no recording was held out."
+    on = "on the recordings held out, a free regression of it on currents, speed and angle"
+    if not r.structure or r.closable is None or r.closable < HARDLY:
+        return f"{capital(on)} closes nothing more."
+    of_gap = "" if r.of_gap is None or not a.diagnosis.best.effects else f", {percent_fine(r.of_gap)} of the gap before"
+    return f"{capital(on)} closes {percent_fine(min(r.closable, 1.0))} more{of_gap}: structure that no effect took up."
+
+
+def alike_text(a: Answers) -> str:
+    """Return that residuals resemble their neighbours, where they do."""
+    r = a.remains
+    if r is None or r.alike < ALIKE:
+        return ""
+    return f"Over 50 ms residuals are alike (sums vary {r.alike:.2g} times as much as those of white noise)."

@@ -1,0 +1,100 @@
+"""`diagnosis.json`: the contract that scripts rely on (DIAGNOSIS.md)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from sandbox.gap.diagnose import Diagnosis, verdict
+from sandbox.gap.evidence.algebra import algebra, prior_of
+from sandbox.gap.evidence.gap_size import rms, share_closed
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.regression import Remains
+from sandbox.gap.report.distinguishability import Alike
+from sandbox.gap.report.next_recording import Next, as_json
+from sandbox.gap.report.position import PositionError
+from sandbox.gap.report.where import Finding
+from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
+
+
+def contract(
+    d: Diagnosis,
+    where: Sequence[Finding],
+    position: PositionError | None,
+    following: Next | None = None,
+    remains: Remains | None = None,
+    alike: Alike | None = None,
+) -> dict[str, Any]:
+    """Return what `diagnosis.json` holds beyond its header; alike and gap.remains are more than the contract."""
+    named = verdict(d)
+    size = d.size
+    closed = None if named == "no_gap" else size.closed
+    return {
+        "campaign": d.campaign.name,
+        "verdict": named,
+        "gap": {
+            "raw": size.raw,
+            "before": size.before,
+            "after": size.after,
+            "floor": 1.0,
+            "closed": closed,
+            "closed_ci95": None if closed is None else size.closed_ci95,
+            "recordings": [{"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in size.recordings],
+            "position_error_deg": None if position is None else position.as_json(),
+            "remains": None if remains is None else remains.as_json(),
+        },
+        "where": [asdict(finding) for finding in where],
+        "hypotheses": [
+            {
+                "effects": list(h.effects),
+                "probability": h.probability,
+                "closed": closed_by(d, h),
+                "parameters": {name: parameter(e) for name, e in own.items()},
+            }
+            for h, own in zip(d.hypotheses, d.parameters, strict=True)
+        ],
+        "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
+        "alike": None if alike is None else asdict(alike),
+        "next_recording": as_json(following),
+        "excluded": list(d.excluded),
+        "cost": {"simulations": d.simulations, "seconds": d.seconds},
+    }  # fmt: skip
+
+
+def parameter(e: Estimate) -> dict[str, Any]:
+    """Return one parameter as the contract has it."""
+    return {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} | ({"at_bound": True} if e.at_bound else {})
+
+
+def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:
+    """Return the share of the reducible gap that a hypothesis closes on recordings held out (or all, if none are).
+
+    The best one was fitted without them; for others its parameters without them follow from the equations of the fit
+    to all.  None for `unknown` alone, which predicts nothing, and where no gap stands above the floor.
+    """
+    if h.effects == (UNKNOWN,):
+        return None
+    if not h.effects:
+        return 0.0
+    if h.judged is d.best.judged and d.size.closed is not None:
+        return d.size.closed
+    before = d.size.before
+    closed = share_closed(before, _rms_without(d, h)) if before > 1.0 else math.nan
+    return closed if math.isfinite(closed) else None
+
+
+def _rms_without(d: Diagnosis, h: Hypothesis) -> float:
+    """Return a hypothesis' normalised rms on recordings held out, its parameters those of the others alone."""
+    n = h.judged.fit.normal
+    count = len(d.start.prepared.recordings)
+    if not d.held_out:
+        return rms(n, range(count))
+    shift = algebra(n, weights_of(count, d.held_out)).most_probable(prior_of(n.coordinates))[0] - n.x
+    held = algebra(n, weights_of(count, [k for k in range(count) if k not in d.held_out]))
+    squares = held.rr - 2.0 * shift @ held.g + shift @ held.a @ shift
+    return float(np.sqrt(max(squares, 0.0) / sum(s.n.sum() for s in n.segments if s.recording in d.held_out)))

@@ -1,0 +1,178 @@
+"""A menu of further recordings: what a bench can do in seconds, as commands and motion, before anything is measured.
+
+Voltages are those of the nominal model for the currents that a bench's control reaches and for the speed (open loop),
+so any parameter set can be asked what it would read.  Currents are in units of rated current, speeds of rated speed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from model.energy import flux_from_current
+from model.parameters import Drive
+from sandbox.plant.mechanics import turned_by
+from sandbox.plant.sets import batch_of, features_of
+from sandbox.recordings.campaign import Campaign, CampaignRecording
+
+Array = NDArray[np.float64]
+DURATION, FULL_RATE = 1.0, 8000.0  # s; Hz: faster drives record shorter, as many samples
+STEPS = 4  # a period, of a free rotor whose friction changes within it
+SETTLE = 0.1  # s at the start, until open-loop currents stand
+FOLLOWS = 5e-3  # s: how slowly a bench's current control follows what is wanted; no step asks for the whole link
+FULL, TIGHTEST = 0.86, 0.25  # of the voltage limit at the most (control needs the rest); least share of the link
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One experiment: a name that stays, what a person would do, kind of rotor, wanted i_d, i_q (n,) in A and speed
+    (n,) in rad/s electrical, the link's share, voltages injected on d and q, length in seconds."""
+
+    name: str
+    description: str
+    rotor: str
+    i_d: Array
+    i_q: Array
+    speed: Array
+    link: float = 1.0
+    injection: tuple[float, float] = (0.0, 0.0)  # V on d and q, square wave
+    seconds: float = DURATION
+
+
+def ramp(t: Array, *points: tuple[float, float]) -> Array:
+    """Return straight lines through (share of the duration, value); t (n,): shares of the duration."""
+    return np.asarray(np.interp(t, [p[0] for p in points], [p[1] for p in points]))
+
+
+def usual_seconds(drive: Drive) -> float:
+    """Return how long an experiment takes on a drive."""
+    return DURATION * min(1.0, FULL_RATE * drive.converter.sampling_period)
+
+
+def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
+    """Return the experiments for a drive; seconds: how long each takes (`usual_seconds`)."""
+    period = drive.converter.sampling_period
+    seconds = usual_seconds(drive) if seconds is None else seconds
+    t = np.linspace(0.0, 1.0, round(seconds / period), endpoint=False)
+    zero, one = np.zeros_like(t), np.ones_like(t)
+    fade = np.minimum(seconds * t / SETTLE, 1.0)
+    rate, pulse = drive.motor.rated_current, drive.injection.amplitude or 0.07 * drive.converter.dc_bus_voltage
+    rated = drive.motor.rated_omega
+    around = math.tau * 2.0 * t
+    crossing = 0.15 * np.sin(2.0 * around)
+    steps = np.where(np.sin(3.0 * around) > 0.0, 0.6, -0.6)
+    turn = 0.04 * rated
+    stairs: Array = np.round(4.0 * ramp(t, (0.0, -1.0), (1.0, 1.0))) / 4.0
+    swing = 0.5 * np.sign(np.sin(math.tau * np.cumsum(5.0 + 75.0 * t) * period))
+    both = ramp(t, (0.0, 0.8), (0.35, 0.8), (0.65, -0.8), (1.0, -0.8))
+    link, top, high = tight(drive)
+    out = [
+        Entry("locked_low_current", "locked rotor, current slowly through zero", "locked",
+              crossing, crossing * np.cos(around), zero),
+        Entry("locked_low_current_half_link", "locked rotor, current slowly through zero at half the DC-link voltage",
+              "locked", crossing, crossing * np.cos(around), zero, link=0.5),
+        Entry("locked_circle", "locked rotor, rated current slowly around the circle", "locked",
+              fade * np.cos(around), fade * np.sin(around), zero),
+        Entry("locked_steps", "locked rotor, large steps along d and q", "locked",
+              steps, np.roll(steps, len(t) // 5), zero),
+        Entry("locked_q_inject_d", "locked rotor, injection along d over a staircase on q", "locked",
+              zero, stairs, zero, injection=(pulse, 0.0)),
+        Entry("locked_d_inject_q", "locked rotor, injection along q over a staircase on d", "locked",
+              stairs, zero, zero, injection=(0.0, pulse)),
+        Entry("driven_fast_q", "driven at 80 % speed both ways, rated current on q", "driven",
+              zero, fade, both * rated),
+        Entry("driven_fast_idle", "driven at 80 % speed both ways without current", "driven",
+              zero, zero, both * rated),
+        Entry("driven_idle_half_link", "driven at 80 % speed at twice the share of the link (half its voltage) "
+              "without current", "driven", zero, zero, 0.5 * both * rated, link=0.5),
+        Entry("driven_tight_link", f"driven both ways at up to {top / rated:.0%} of rated speed, {high:.0%} of rated "
+              f"current along d, the DC link at {link:.0%}, so that nearly all of its voltage is used", "driven",
+              high * fade, zero, ramp(t, (0, 0.8), (0.35, 1.0), (0.45, 1.0), (0.65, -0.8), (1, -1.0)) * top, link=link),
+        Entry("driven_slow_dq", "driven slowly, half of rated current on d and q", "driven",
+              0.35 * fade, 0.35 * fade, turn * one),
+        Entry("free_coast", "free rotor, accelerated and left to coast to standstill", "free",
+              zero, ramp(t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0)), zero),
+        Entry("free_swing", "free rotor, torque reversed faster and faster", "free", zero, swing, zero),
+    ]  # fmt: skip
+    return [replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q, seconds=seconds) for e in out]
+
+
+def settings(entry: Entry, drive: Drive) -> str:
+    """Return an entry's largest values in the drive's units, as a person sets them on a bench."""
+    rpm = 60.0 / math.tau / drive.motor.pole_pairs
+    told = [f"i_{axis} {x.min():.3g} to {x.max():.3g} A" for axis, x in (("d", entry.i_d), ("q", entry.i_q)) if x.any()]
+    if entry.rotor == "driven":
+        told.insert(0, f"{rpm * entry.speed.min():.0f} to {rpm * entry.speed.max():.0f} rpm")
+    told += [f"{u:.3g} V square wave on {axis}" for axis, u in zip("dq", entry.injection, strict=True) if u]
+    return ", ".join([*told, f"DC link {entry.link * drive.converter.dc_bus_voltage:.4g} V"])
+
+
+def tight(drive: Drive) -> tuple[float, float, float]:
+    """Return share of the link, speed (rad/s electrical) and i_d over rated current that use up FULL of the voltage."""
+    motor, limit = drive.motor, FULL * drive.converter.voltage_limit
+    high = 0.4
+    flux = flux_from_current(motor.energy, high * motor.rated_current, 0.0)[0] + motor.magnet_flux
+    link = min(max(0.8 * motor.rated_omega * float(flux) / limit, TIGHTEST), 1.0)
+    return link, min(link * limit / float(flux), 1.2 * motor.rated_omega), high
+
+
+def reached(wanted: Array, period: float) -> Array:
+    """Return the current (n,) that control reaches: the one wanted (n,) through a first-order lag."""
+    decay = math.exp(-period / FOLLOWS)
+    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], wanted))
+
+
+def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[Array], Array]) -> Campaign:
+    """Return a campaign of one recording with an entry's commands and angles; its currents are still zero.
+
+    torque_to_motion: the motion (rad, electrical) that the wanted torque (n,) in N m gives a free rotor.
+    """
+    drive = campaign.drive
+    motor, period = drive.motor, drive.converter.sampling_period
+    i_d, i_q = reached(entry.i_d, period), reached(entry.i_q, period)
+    d, q = flux_from_current(motor.energy, i_d, i_q)
+    if entry.rotor == "free":
+        torque = 1.5 * motor.pole_pairs * ((d + motor.magnet_flux) * i_q - q * i_d)
+        theta = torque_to_motion(torque)
+        speed = np.gradient(theta, period)
+    else:
+        speed = entry.speed
+        theta = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * period)]) + 0.3
+    u_d = motor.resistance * i_d + np.gradient(d, period) - speed * q
+    u_q = motor.resistance * i_q + np.gradient(q, period) + speed * (d + motor.magnet_flux)
+    wave = np.where(np.arange(len(d)) % 8 < 4, 1.0, -1.0)
+    u_d, u_q = u_d + entry.injection[0] * wave, u_q + entry.injection[1] * wave
+    half = theta + 0.5 * speed * period
+    link = entry.link * drive.converter.dc_bus_voltage
+    size = np.hypot(u_d, u_q)
+    scale = np.minimum(1.0, 0.95 * link / math.sqrt(3.0) / np.maximum(size, 1e-9))
+    u_d, u_q = u_d * scale, u_q * scale
+    co, si = np.cos(half), np.sin(half)
+    columns: dict[str, Array] = {
+        "t": np.linspace(0.0, len(d) * period, len(d), endpoint=False),
+        "u_alpha": co * u_d - si * u_q, "u_beta": si * u_d + co * u_q,
+        "i_a": np.zeros(len(d)), "i_b": np.zeros(len(d)), "i_c": np.zeros(len(d)), "theta": theta,
+        "u_dc": np.full(len(d), link),
+    }  # fmt: skip
+    one = CampaignRecording("next.parquet", entry.rotor, "none", columns, None if entry.link == 1.0 else link)
+    return replace(campaign, recordings=(one,))
+
+
+def shaft(values: Mapping[str, float], drive: Drive) -> Callable[[Array], Array]:
+    """Return how a free rotor moves from rest: angle (n,) rad electrical of torque (n,), by a parameter set's shaft."""
+    features = features_of(drive.motor, values)
+
+    def move(torque: Sequence[float] | Array) -> Array:
+        """Return the angle (n,) in rad electrical of a torque (n,) in N m."""
+        batch, out = batch_of(drive.motor, drive.converter, [values], 1), np.zeros(len(torque))
+        for row in ("load_gain", "load_offset"):
+            batch[row][:] = 0.0
+        turned_by(batch, features, np.asarray(torque, dtype=float), drive.converter.sampling_period, STEPS, out)
+        return out
+
+    return move

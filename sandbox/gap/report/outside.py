@@ -1,0 +1,63 @@
+"""Which subsystem is it that shows what no effect of the library explains?
+
+Readings whose sum is not zero: no star-connected machine and no inverter brings that about, a sensor does; one whose
+curve is bent, even by the smoothest odd power, has a tenth of its error's squares there (i^3 = 3/4 fundamental and 1/4
+third harmonic, alike in all three phases).  What only the motion of free rotors shows is the mechanics', what only the
+encoder shows at imposed speed the encoder's.  Of the rest, which currents show, most is put down to the machine: an
+inverter and a sensor are few parts with known faults, iron and windings no list exhausts; some to where effects of the
+library could take up most of it together.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.gap.evidence.normal import Point
+from sandbox.replay.replay import Residual, replay, residuals
+
+Array = NDArray[np.float64]
+MACHINE = 0.6  # of what currents show and no list holds
+THIRD = 10.0  # a bent sensor's squares over those of its third harmonic
+SIGNIFICANT = 3.0  # standard deviations of noise's squares that are no excess
+
+
+def outside(point: Point, spans: Mapping[str, float]) -> dict[str, float]:
+    """Return subsystems' shares (sum 1) of what residuals at a point have above noise; spans: shares of what the
+    library's effects could take up."""
+    prepared = point.turned()
+    return shares(excesses(residuals(prepared, replay(prepared, [point.values]))), spans)
+
+
+def shares(sizes: Mapping[str, float], spans: Mapping[str, float]) -> dict[str, float]:
+    """Return subsystems' shares from the excesses of channels."""
+    total = sizes["current"] + sizes["motion"] + sizes["angle"]
+    if not total:
+        return dict(spans)
+    bent = min(sizes["current"], THIRD * sizes["sum"])
+    rest = sizes["current"] - bent
+    out = {name: (1.0 - MACHINE) * rest * share for name, share in spans.items()}
+    out["machine"] += MACHINE * rest
+    out["sensor"] += bent + sizes["angle"]
+    out["mechanics"] += sizes["motion"]
+    whole = sum(out.values())
+    return {name: x / whole for name, x in out.items()}
+
+
+def excesses(shown: Sequence[Residual]) -> dict[str, float]:
+    """Return the squares that residuals have above noise: of all currents, of their sum, of motion and angle."""
+    parts: dict[str, list[Array]] = {
+        "current": [r.current.ravel() for r in shown],
+        "sum": [r.current.sum(axis=1).ravel() / math.sqrt(3.0) for r in shown],
+        "motion": [r.motion.ravel() for r in shown if r.motion is not None],
+        "angle": [r.angle.ravel() for r in shown if r.angle is not None],
+    }
+    return {name: _excess(np.concatenate(of)) if of else 0.0 for name, of in parts.items()}
+
+
+def _excess(x: Array) -> float:
+    noise = len(x) + SIGNIFICANT * math.sqrt(2.0 * len(x))
+    return max(0.0, float(x @ x) - noise)

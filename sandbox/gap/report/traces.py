@@ -1,0 +1,112 @@
+"""A diagnosis as one rerun recording: recorded, simulated before and after, residuals in time and by order."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.report import answers
+from sandbox.gap.report.answers import Answers
+from sandbox.gap.report.decompose import MECHANICAL, ORDERS, Decomposition, decompose
+from sandbox.output.trace import COLOURS, GREY, Plot, write_series
+from sandbox.replay.inputs import LEGS, Inputs
+from sandbox.replay.replay import Prediction, Residual, replay, residuals
+
+Array = NDArray[np.float64]
+BEFORE, AFTER = COLOURS["linear"], COLOURS["saturated"]
+RECORDED = GREY
+HALF = 0.5  # a bar of width 1 is drawn from its place on
+
+
+def write_traces(path: Path, a: Answers) -> None:
+    """Write the trace of a diagnosis."""
+    d = a.diagnosis
+    points = {"before": d.before.point, "after": d.after.point}
+    seen = {name: _seen(p) for name, p in points.items()}
+    parts = {name: decompose(p, seen[name][1]) for name, p in points.items()}
+    tabs = {"Overview": dict(_whole(a, parts))}
+    for k, r in enumerate(d.start.prepared.recordings):
+        held = ", held out" if k in d.held_out else ""
+        shown = {name: (p.prepared.recordings[k], seen[name][0], seen[name][1][k]) for name, p in points.items()}
+        tabs[f"{Path(r.file).stem}{held}"] = dict(_recording(k, d.campaign.drive.converter.sampling_period, shown))
+    write_series(path, f"diagnosis {d.campaign.name}", _text(a), tabs)
+
+
+def _seen(point: Point) -> tuple[Prediction, list[Residual]]:
+    prepared = point.turned()
+    prediction = replay(prepared, [point.values])
+    return prediction, residuals(prepared, prediction)
+
+
+def _whole(a: Answers, parts: dict[str, Decomposition]) -> Iterator[tuple[str, Plot]]:
+    rows = a.diagnosis.size.recordings
+    place = np.arange(1.0, len(rows) + 1.0) - HALF
+    columns = {"before": np.array([r[1] for r in rows]), "after": np.array([r[2] for r in rows])}
+    yield (
+        "recordings",
+        Plot("Residual over floor, by recording (in the summary's order)", place, columns, [BEFORE, AFTER], bars=True),
+    )
+    scale = {"before": 1.0, "after": parts["after"].excess / parts["before"].excess}
+    for title, field, orders in (
+        ("Electrical orders of the currents, rotor frame (% of the gap)", "electrical", ORDERS),
+        ("Mechanical orders of the free rotor's motion (% of the gap)", "mechanical", MECHANICAL),
+    ):
+        lines = {
+            name: 100.0 * scale[name] * np.array([getattr(part, field).get(n, 0.0) for n in orders])
+            for name, part in parts.items()
+        }
+        yield field, Plot(title, np.array(orders, float) - HALF, lines, [BEFORE, AFTER], bars=True)
+
+
+def _recording(
+    k: int, period: float, shown: dict[str, tuple[Inputs, Prediction, Residual]]
+) -> Iterator[tuple[str, Plot]]:
+    """Yield currents in the rotor's frame, residuals over the floor, motion or angle, of one recording."""
+    r = shown["after"][0]
+    t: Array = period * np.arange(r.samples, dtype=np.float64)
+    turned = np.exp(-1j * r.motion.angle)
+    currents = {"recorded": _complex(r.read) * turned}
+    currents |= {f"simulated {name}": _complex(p.currents[k][:, :, 0]) * turned for name, (_, p, _) in shown.items()}
+    colours = [RECORDED, BEFORE, AFTER]
+    yield "current_d", Plot("Current i_d (A)", t, {n: _real(z) for n, z in currents.items()}, colours)
+    yield "current_q", Plot("Current i_q (A)", t, {n: _imaginary(z) for n, z in currents.items()}, colours)
+    rest = {name: _complex(x.current[:, :, 0]) * turned for name, (_, _, x) in shown.items()}
+    yield "residual_d", Plot("Residual of i_d (noise floors)", t, {n: _real(z) for n, z in rest.items()}, colours[1:])
+    yield (
+        "residual_q",
+        Plot("Residual of i_q (noise floors)", t, {n: _imaginary(z) for n, z in rest.items()}, colours[1:]),
+    )
+    for field, title in (("motion", "Innovation of the rotor's motion"), ("angle", "Residual of the encoder's angle")):
+        own = {name: getattr(x, field) for name, (_, _, x) in shown.items()}
+        if all(v is not None for v in own.values()):
+            yield field, Plot(f"{title} (noise floors)", t, {n: v[:, 0] for n, v in own.items()}, colours[1:])
+
+
+def _real(z: NDArray[np.complex128]) -> Array:
+    return np.asarray(z.real, dtype=np.float64)
+
+
+def _imaginary(z: NDArray[np.complex128]) -> Array:
+    return np.asarray(z.imag, dtype=np.float64)
+
+
+def _complex(phases: Array) -> NDArray[np.complex128]:
+    z = (2.0 / 3.0) * phases @ LEGS
+    return np.asarray(z[:, 0] + 1j * z[:, 1])
+
+
+def _text(a: Answers) -> str:
+    d = a.diagnosis
+    lines = [f"# {d.campaign.name}", f"**Where?** {answers.where_text(a)}", f"**Which?** {answers.which_text(a)}"]
+    lines += [f"**How far?** {answers.far_text(a)}", f"**Next?** {answers.next_text(a)}"]
+    lines.append("Grey: recorded. Orange: simulated before. Blue: simulated after.")
+    rows = [
+        f"| {k} | {file}{' (held out)' if held else ''} | {before:.2f} | {after:.2f} |"
+        for k, (file, before, after, held) in enumerate(d.size.recordings, 1)
+    ]
+    lines.append("\n".join(["| | recording | before | after |", "|---|---|--:|--:|", *rows]))
+    return "\n\n".join(lines)

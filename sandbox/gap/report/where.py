@@ -1,0 +1,249 @@
+"""Where the gap lies: sentences, the largest share first.
+
+How much of the gap belongs to a subsystem follows from the hypotheses: each counts by its probability, and its effects
+by what the fit loses without them.  For `unknown` counts which readings show it (`outside`).  What a subsystem's part
+looks like (channel, direction, region, order) is measured on the residual that is left when its effects are missing
+and all else is fitted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.effects import library
+from model.effects.card import SUBSYSTEMS
+from model.errors import BadInput
+from sandbox.gap.diagnose import Diagnosis, verdict
+from sandbox.gap.evidence.algebra import Prior
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.priors import of_effect, ordinary
+from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.report.decompose import Decomposition, decompose
+from sandbox.gap.report.outside import outside
+from sandbox.gap.search.judged import Judged
+from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
+from sandbox.plant.sets import complete
+
+Array = NDArray[np.float64]
+LEAST = 0.02  # share below which a subsystem is not spoken of
+DETAIL = 0.1  # the same for a detail, of its subsystem's part
+WORTH = 0.1  # probability below which a gap that cannot be told from none is not spoken of
+ALIKE = 1.5  # ratio of amplitudes within which they count as independent of speed or current
+NAMES = {"inverter": "inverter", "machine": "machine", "sensor": "sensors", "mechanics": "mechanics"}
+WHOSE = {"inverter": "inverter's", "machine": "machine's", "sensor": "sensors'", "mechanics": "mechanics'"}
+WHAT = {"motion": "motion of the free rotor", "position": "the encoder's angle at imposed speed"}
+ORDER_TEXT = {
+    1: "stands still in the stator (order 1 of the rotor's frame)",
+    2: "turns against the rotor (order 2 of its frame)",
+}
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One plain sentence on where the gap lies, with its share; order: of the rotor's frame (None: no single one)."""
+
+    subsystem: str
+    channel: str
+    region: str
+    order: float | None
+    share: float
+    text: str
+
+
+def where(d: Diagnosis) -> tuple[Finding, ...]:
+    """Return the findings, the largest share first; none where surely nothing is wrong (`summary` says so)."""
+    shares = subsystems(d)
+    if verdict(d) == "no_gap":
+        return possible(d, shares)
+    found: list[Finding] = []
+    for name, share in shares.items():
+        if share >= LEAST:
+            point = without(d, name, alone=share > 1.0 - LEAST)
+            found += sentences(name, share, decompose(point, shown(point)), len(point.prepared.recordings))
+    return tuple(sorted(found, key=lambda f: -f.share))
+
+
+def possible(d: Diagnosis, shares: Mapping[str, float]) -> tuple[Finding, ...]:
+    """Return where a gap would lie that cannot be told from none: a share of what its hypotheses are probable."""
+    chance = 1.0 - sum(h.probability for h in d.hypotheses if not h.effects)
+    return () if chance < WORTH else tuple(
+        Finding(
+            name, "", "", None, chance * share,
+            f"If there is a gap at all ({percent(chance)} probable), {percent(share)} of it is expected in the "
+            f"{NAMES[name]}.",
+        )
+        for name, share in sorted(shares.items(), key=lambda x: -x[1]) if share >= LEAST
+    )  # fmt: skip
+
+
+def summary(d: Diagnosis, findings: Sequence[Finding]) -> str:
+    """Return one sentence: the first finding, or that nothing is wrong."""
+    if findings and verdict(d) != "no_gap":
+        return findings[0].text
+    return (
+        f"Nowhere: with ordinary deviations refitted, residuals stand at {d.size.before:.3g} times the noise floor on "
+        "the recordings checked, and no effect of the library explains them better."
+    )
+
+
+def subsystems(d: Diagnosis) -> dict[str, float]:
+    """Return each subsystem's share of the gap, all hypotheses weighed by their probability; sums to 1."""
+    out = dict.fromkeys(SUBSYSTEMS, 0.0)
+    for h in d.hypotheses:
+        for name, share in _of_hypothesis(d, h).items():
+            out[name] += h.probability * share
+    total = sum(out.values())
+    return {name: share / total for name, share in out.items()} if total else out
+
+
+def _of_hypothesis(d: Diagnosis, h: Hypothesis) -> dict[str, float]:
+    """Return the subsystems' shares under one hypothesis; empty where it has no gap to share out."""
+    named = [e for e in h.effects if e != UNKNOWN]
+    out = dict.fromkeys(SUBSYSTEMS, 0.0)
+    if not h.effects:
+        return out
+    for name, lost in _losses(h.judged, named).items():
+        out[name] += lost
+    if UNKNOWN in h.effects:
+        open_part = 1.0 - d.remainder.explained if named else 1.0
+        judged = h.judged if named else min(d.judged, key=lambda j: len(j.effects))
+        spans = outside(judged.table.point, _spans(judged))
+        out = {name: (1.0 - open_part) * out[name] + open_part * spans[name] for name in SUBSYSTEMS}
+    return out
+
+
+def _losses(j: Judged, effects: Sequence[str]) -> dict[str, float]:
+    """Return what the objective loses without each subsystem's effects, all else refitted; sums to 1."""
+    groups: dict[str, list[str]] = {}
+    for effect in effects:
+        groups.setdefault(library.load_effect(effect).subsystem, []).append(effect)
+    if len(groups) <= 1:
+        return dict.fromkeys(groups, 1.0)
+    best = j.equations.most_probable(_held(j, []))[2]
+    lost = {name: max(0.0, j.equations.most_probable(_held(j, own))[2] - best) for name, own in groups.items()}
+    total = sum(lost.values())
+    return {name: x / total if total else 1.0 / len(lost) for name, x in lost.items()}
+
+
+def _held(j: Judged, effects: Sequence[str]) -> Prior:
+    """Return a hypothesis' prior with effects, and traces of all others, at neutral; ordinary ones stay in reach."""
+    campaign = j.fit.point.prepared.campaign
+    usual = {c.label: c for c in ordinary(campaign)}
+    missing = {c.label: c for e in effects for c in of_effect(e, campaign.drive, j.fit.point.values)}
+    claimed = {k for e in j.effects for k in j.table.members[e]}
+    prior = Prior(j.prior.mean.copy(), j.prior.deviation.copy(), j.prior.low.copy(), j.prior.high.copy())
+    for k, c in enumerate(j.normal.coordinates):
+        if c.label in usual and c.label in missing:
+            prior.mean[k], prior.deviation[k] = usual[c.label].mean, usual[c.label].deviation
+            prior.low[k], prior.high[k] = usual[c.label].bounds()
+        elif c.label in missing or (k not in claimed and c.label not in usual and c.form != "turn"):
+            prior.mean[k], prior.deviation[k] = missing.get(c.label, c).mean, 0.0
+    return prior
+
+
+def _spans(j: Judged) -> dict[str, float]:
+    """Return how much of what a hypothesis leaves each subsystem's effects could take up together; sums to 1."""
+    base = j.equations.most_probable(j.prior)[2]
+    gain = {}
+    for name in SUBSYSTEMS:
+        own = [e for e in j.table.members if library.load_effect(e).subsystem == name and e not in j.effects]
+        gain[name] = max(0.0, base - j.equations.most_probable(j.table.prior([*j.effects, *own]))[2])
+    total = sum(gain.values())
+    return {name: g / total if total else 1.0 / len(gain) for name, g in gain.items()}
+
+
+def without(d: Diagnosis, subsystem: str, *, alone: bool) -> Point:
+    """Return the point at which a subsystem's effects are missing and all else is fitted.
+
+    alone: the whole gap is the subsystem's, so that is where the diagnosis began; else by the equations at the best.
+    """
+    own = [e for e in d.best.effects if e != UNKNOWN and library.load_effect(e).subsystem == subsystem]
+    if alone or not own:
+        return d.before.point
+    j, drive = d.best.judged, d.campaign.drive
+    x = j.equations.most_probable(_held(j, own))[0]
+    moved = [(c, to) for c, to in zip(j.normal.coordinates, x, strict=True) if c.form != "share"]
+    point = j.table.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
+    with suppress(BadInput):  # extrapolated: none that a drive can have
+        complete(drive.motor, drive.converter, point.values)
+        return point
+    return d.before.point
+
+
+def sentences(name: str, share: float, part: Decomposition, recordings: int) -> Iterator[Finding]:
+    """Yield what is to be said of one subsystem's part of the gap: what it is, then details."""
+    channel = max(part.channels, key=lambda c: part.channels[c])
+    order = max(part.electrical, key=lambda n: part.electrical[n])
+    region = max(part.speeds, key=lambda r: part.speeds[r])
+    mostly = region if part.speeds[region] > 0.6 else "all speeds"
+    if channel == "currents":
+        direction, size = part.direction
+        what = f"voltage {direction}" if size > 0.5 else "voltage in no single direction"
+        what = what.replace("voltage ", f"voltage, mostly ({percent(size)}) ", 1) if 0.5 < size < 0.95 else what
+        what += _dependence(part)
+    else:
+        what = f"{WHAT[channel]}, {mostly}"
+    text = f"{percent(share)} of the gap is {what}: {NAMES[name]}."
+    text = text[0].upper() + text[1:]
+    turning = sum(part.electrical.values())
+    single = abs(order) if turning > DETAIL and part.electrical[order] > 0.5 * turning else None
+    yield Finding(name, channel, mostly, single, share, text)
+    yield from _details(name, share, part, recordings, channel, mostly)
+
+
+def percent(share: float) -> str:
+    """Return a share in words a sentence can hold."""
+    return "all" if share > 0.995 else f"{100.0 * share:.0f} %"
+
+
+def _dependence(part: Decomposition) -> str:
+    """Return how the voltage depends on speed and current, in words (or nothing, where it cannot be told)."""
+    out = []
+    for table, of in ((part.amplitude, "speed"), (part.amplitude.T, "current")):
+        seen = [row for row in table if np.isfinite(row).any()]
+        shared = np.isfinite(seen[0]) & np.isfinite(seen[-1]) if len(seen) >= 2 else np.array([False])
+        if shared.any():
+            ratio = float(np.exp(np.mean(np.log(seen[-1][shared] / seen[0][shared]))))
+            same = 1.0 / ALIKE < ratio < ALIKE
+            out.append(f"{'independent of' if same else 'growing with' if ratio > 1.0 else 'falling with'} {of}")
+    return (", " + " and ".join(out) if out else "").replace("of speed and independent of", "of speed and")
+
+
+def _details(
+    name: str, share: float, part: Decomposition, recordings: int, channel: str, mostly: str
+) -> Iterator[Finding]:
+    def one(of: float, text: str, order: float | None = None, at: str = channel) -> Finding:
+        """Return a finding on a share of this subsystem's part."""
+        part = share * min(of, 1.0)  # a region's excess may outdo the whole where others fall below their floor
+        said = f"{percent(part)} of the gap {text}."
+        if share < 1.0 - LEAST:
+            said = f"of the {WHOSE[name]} part {percent(min(of, 1.0))} {text}."
+        return Finding(name, at, mostly, order, part, said[:1].upper() + said[1:])
+
+    file = max(part.recordings, key=lambda f: part.recordings[f])
+    if part.recordings[file] > max(DETAIL, 1.5 / recordings):
+        yield one(part.recordings[file], f"is in {file}, more than in any other recording")
+    for other, of in part.channels.items():
+        if other != channel and of > DETAIL:
+            yield one(of, f"is seen in {WHAT.get(other, 'the phase currents')}", at=other)
+    for region, of in (*part.speeds.items(), *part.currents.items()):
+        if of > 0.6:
+            yield one(of, f"lies {region}")
+    merged: dict[int, float] = {}
+    for n, of in part.electrical.items():
+        merged[abs(n)] = merged.get(abs(n), 0.0) + of
+    for n, of in merged.items():
+        if n and of > DETAIL:
+            yield one(of, f"{ORDER_TEXT.get(n, f'is of electrical order {n} in the rotor frame')}", n, "currents")
+    for n, of in part.mechanical.items():
+        if of > DETAIL:
+            yield one(of, f"is of mechanical order {n}", n, "motion")
+    if part.injection > DETAIL:
+        yield one(part.injection, "is ripple at the injection's frequency and its harmonics", at="currents")
+    if part.line and part.line[1] > DETAIL:
+        yield one(part.line[1], f"is at a fixed frequency of {part.line[0]:.0f} Hz at locked rotor", at="currents")

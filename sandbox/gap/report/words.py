@@ -1,0 +1,81 @@
+"""Parts of sentences about a diagnosis: effects, hypotheses, probabilities, shares and quantities in words."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.search.posterior import Hypothesis
+
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
+PREFIXED = ("s", "A", "V", "Wb", "ohm", "N m", "rad", "Hz", "H", "1/H")
+SIGNS = {"ohm": "Ω", "N m": "N·m", "kg m^2": "kg·m²", "A/Wb^2": "A/Wb²", "A/Wb^3": "A/Wb³", "N m s/rad": "N·m·s/rad"}
+
+
+def likely(p: float) -> str:
+    """Return a probability in words a sentence can hold."""
+    if p > 0.995:
+        return "more than 99 % probable"
+    return "less than 1 % probable" if p < 0.005 else f"{100.0 * p:.0f} % probable"
+
+
+def times(x: float) -> str:
+    """Return a multiple of the noise floor: "12.3 times", near one with enough digits."""
+    return f"{x:.2f} times" if x < 10.0 else f"{x:.3g} times" if x < 1000.0 else f"{x:,.0f} times"
+
+
+def percent_fine(x: float) -> str:
+    """Return a share with enough digits near one."""
+    if not math.isfinite(x):
+        return "–"
+    return f"{100.0 * x:.1f} %" if x < 0.9995 else "more than 99.9 %"
+
+
+def words(effect: str) -> str:
+    """Return an effect's name as words."""
+    return effect.replace("_", " ").replace("pwm", "PWM").replace("dc link", "DC link")
+
+
+def capital(text: str) -> str:
+    """Return a text that begins a sentence."""
+    return text[:1].upper() + text[1:]
+
+
+def names(effects: Sequence[str]) -> str:
+    """Return a hypothesis as words."""
+    return " + ".join(words(e) for e in effects) if effects else "no effect"
+
+
+def label(h: Hypothesis) -> str:
+    """Return a hypothesis for a table."""
+    return names(h.effects)
+
+
+def sizes(parameters: dict[str, Estimate]) -> str:
+    """Return the parameters of a hypothesis as one clause."""
+    return ", ".join(f"{name.partition('.')[2]} {quantity(e)}" for name, e in parameters.items()) or "no parameter"
+
+
+def quantity(e: Estimate) -> str:
+    """Return value and interval with a unit a person uses, e.g. "1.14 µs [1.12, 1.16]"."""
+    scale, prefix = 1.0, ""
+    sizes = [abs(x) for x in (e.value, e.low, e.high) if math.isfinite(x) and x]
+    if e.unit in PREFIXED and sizes:
+        scale, prefix = next(((s, p) for s, p in PREFIXES if max(sizes) >= s), PREFIXES[-1])
+    value, low, high = (_digits(x / scale, (e.high - e.low) / scale) for x in (e.value, e.low, e.high))
+    unit = prefix + SIGNS.get(e.unit, e.unit)
+    fixed = "" if e.low == e.high else f" [{low}, {high}]"
+    return f"{value}{' ' + unit if unit else ''}{fixed}{' (at the bound of the search)' if e.at_bound else ''}"
+
+
+def _digits(x: float, width: float) -> str:
+    """Return a number with two digits of its interval's width, at least three of its own."""
+    if not math.isfinite(x):
+        return "∞"
+    if x == 0.0:
+        return "0"
+    own = math.floor(math.log10(abs(x)))
+    fine = math.floor(math.log10(width)) - 1 if math.isfinite(width) and width > 0.0 else own - 2
+    places = max(0, min(-fine, 2 - own + 4))
+    return f"{x:.{places}f}" if -5 < own < 7 else f"{x:.4g}"

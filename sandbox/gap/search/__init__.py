@@ -1,0 +1,1 @@
+"""Which sets of effects explain a campaign: starts, fits, rivals, probabilities, estimates."""

@@ -1,0 +1,52 @@
+"""A fitted set of effects, weighed with all other effects beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sandbox.gap.evidence.algebra import Algebra, Prior
+from sandbox.gap.evidence.fit import Fit, Weights
+from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.probes import Probe
+from sandbox.gap.evidence.spike_slab import Table, settled, table
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A set of effects fitted and weighed: its fit, the equations of all effects there, prior and log evidence."""
+
+    fit: Fit
+    table: Table
+    prior: Prior
+    log_evidence: float
+    unmet: float  # of the objective: what slopes still promise, counted against it
+    simulations: float
+
+    @property
+    def effects(self) -> tuple[str, ...]:
+        """The effects of the hypothesis."""
+        return self.fit.effects
+
+    @property
+    def normal(self) -> Normal:
+        """Normal equations of all effects at its point."""
+        return self.table.normal
+
+    @property
+    def equations(self) -> Algebra:
+        """The same summed."""
+        return self.table.equations
+
+    def tempered(self, temperature: float) -> float:
+        """Return the log evidence where the data counts for as much less."""
+        return self.table.log_evidence(self.effects, temperature=temperature) - 0.5 * self.unmet / temperature
+
+
+def judge(found: Fit, chosen: Sequence[Probe], share: float, weights: Weights, workers: int) -> Judged:
+    """Return a fit weighed with all effects beside it, at the point to which their ordinary sizes move it."""
+    first = table(found.point, chosen, found.effects, share, weights, workers)
+    prior = first.prior(found.effects)
+    last, unmet, cost = settled(first, prior, weights, workers)
+    log_evidence = last.log_evidence(found.effects) - 0.5 * unmet
+    return Judged(found, last, prior, log_evidence, unmet, cost + first.normal.simulations)

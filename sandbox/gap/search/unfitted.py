@@ -1,0 +1,61 @@
+"""Effects too small to show: weighed by algebra beside the hypothesis that there is none.
+
+Where ordinary deviations alone explain a campaign, an effect whose trace cannot be told from nothing stays possible,
+and so does one that looks like a large but still ordinary deviation.  Near the floor the equations at the point without
+effects say how probable each is, and what its parameters would be; a fit would add nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.evidence.normal import Normal, Segment
+from sandbox.gap.evidence.priors import Coordinate
+from sandbox.gap.search.judged import Judged
+
+Array = NDArray[np.float64]
+BEHIND = 30.0  # log evidence behind the best at which there is no point in it
+
+
+def slight(judged: Sequence[Judged], fitted: Collection[tuple[str, ...]]) -> list[Judged]:
+    """Return every single effect that is not among those fitted, weighed at the point without effects; none if that has
+    no chance itself."""
+    none = next((j for j in judged if not j.effects), None)
+    if none is None or none.log_evidence < max(j.log_evidence for j in judged) - BEHIND:
+        return []
+    return [by_algebra(none, e) for e in none.table.members if (e,) not in fitted]
+
+
+def by_algebra(none: Judged, effect: str) -> Judged:
+    """Return an effect's hypothesis from the equations at the point without effects."""
+    t, effects = none.table, (effect,)
+    prior = t.prior(effects, alone=True)
+    kept = [k for k, c in enumerate(t.coordinates) if prior.deviation[k] > 0.0 or c.form == "turn"]
+    own = [replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k])) for k in kept]
+    n = part_of(t.normal, kept, own, prior.mean)
+    x, _, objective = t.equations.most_probable(prior)
+    whole = [k for k in kept if t.coordinates[k].form != "share"]  # a share is there or not, nothing between
+    at = t.point.moved([t.coordinates[k] for k in whole], x[whole])
+    found = Fit(effects, at, n, objective, 0.0)
+    return Judged(found, t, t.prior(effects), t.log_evidence(effects) - 0.5 * none.unmet, none.unmet, 0.0)
+
+
+def part_of(n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array) -> Normal:
+    """Return normal equations of some coordinates, the others held at values (p,); coordinates: what to call these."""
+    place = {k: m for m, k in enumerate(kept)}
+    shift = held - n.x
+    segments = []
+    for s in n.segments:
+        inside = np.array([m for m, k in enumerate(s.places) if int(k) in place], dtype=np.int64)
+        move = shift[s.places]
+        move[inside] = 0.0
+        g = s.g - s.a @ move
+        rr = s.rr - (s.g + g) @ move
+        places = np.array([place[int(s.places[m])] for m in inside], dtype=np.int64)
+        segments.append(Segment(s.recording, s.channel, places, s.a[:, inside][:, :, inside], g[:, inside], rr, s.n))
+    return Normal(tuple(coordinates), n.x[list(kept)], tuple(segments), 0.0)
