@@ -84,7 +84,7 @@ def _check(card: Effect, file: Path) -> None:
 
 def _forget() -> None:
     """Let the library look again."""
-    for function in (library.effect_names, library.load_effect, library.parameters):
+    for function in (library.effect_names, library.load_effect, library.parameters, library._neutral):
         function.cache_clear()
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -138,13 +139,21 @@ def is_on(card: Effect, at: At, v: Set, neutral: Set) -> bool:
     return any(v[f"{card.name}.{n}"] != neutral[f"{card.name}.{n}"] for n in names)
 
 
+@cache
+def _places(lanes: int, names: tuple[str, ...]) -> NDArray[np.int64]:
+    """Return which rows of a batch have these names."""
+    every = list(batch_type(lanes).names or ())
+    return np.array([every.index(name) for name in names])
+
+
 def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int) -> Any:
     """Return the batch of completed sets at rest without flux; lanes beyond them repeat the first."""
-    w = np.zeros(1, batch_type(lanes))[0]
+    kind = batch_type(lanes)
+    table = np.zeros((len(kind.fields or ()), lanes))  # a batch is nothing but rows of numbers: filled at once
+    w = table.reshape(-1).view(kind)[0]
     compiled = [rows_of(motor, converter, v) for v in sets]
     compiled += [compiled[0]] * (lanes - len(compiled))
-    for name in compiled[0]:
-        w[name][:] = [rows[name] for rows in compiled]
+    table[_places(lanes, tuple(compiled[0]))] = np.array([list(rows.values()) for rows in compiled]).T
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
     w["when"][:] = np.where(w["sample"] >= 0.0, w["sample"], converter.sampling_period + w["sample"])
