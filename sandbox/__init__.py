@@ -95,9 +95,9 @@ for _name in _TOGETHER:
 
 
 class _Page(ModuleType):
-    """This package: importing the rooms `sandbox.sweep` and `sandbox.replay` leaves these names the page's functions."""
+    """This package: importing the rooms `sandbox.sweep` and `sandbox.replay` leaves these names to the functions."""
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         if not (name in _HOME and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
 
