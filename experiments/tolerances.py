@@ -32,9 +32,9 @@ def main() -> None:
         f"`python -m experiments.tolerances`, {datetime.date.today()}, {version()}; {options.draws} draws a line. "
         "Staircase at standstill to ±180 % load, estimate in control. Plant and gains are the motor's own; the "
         "belief's magnet flux, L_d, L_q and the five alphas are drawn, each evenly and on its own, within ± the "
-        "tolerance. Error: rms over the stretches of the mean position error, electrical degrees, of which half (95 %) of the draws stay "
-        "below. Gain left: how much nearer to zero than the exactly known linear belief, over the same with everything "
-        "known exactly; below 0 the linear belief would have been better.",
+        "tolerance. Error: rms over the stretches of the mean position error, electrical degrees, of which half "
+        "(95 %) of the draws stay below. Gain left: how much nearer to zero than the exactly known linear belief, "
+        "over the same with everything known exactly; below 0 the linear belief would have been better.",
     ]
     for motor in options.motors:
         found = tolerances(motor, "staircase", draws=options.draws, jobs=options.jobs)
