@@ -19,8 +19,9 @@ from sandbox.drive.design import design
 from sandbox.drive.locked_test import Bench, paper_campaign
 from sandbox.drive.scenario import SCENARIOS, load_scenario
 from sandbox.output.files import plain
-from sandbox.recordings.campaign import read_campaign, write_campaign
+from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.importing import read_recordings
+from sandbox.recordings.writing import write_campaign
 from sandbox.sweep.plan import read_sweep
 from sandbox.sweep.sweep import check_size
 from sandbox.validation.scoring.blind import score

@@ -21,12 +21,13 @@ TRACES = 0.5  # of the move that traces of other effects bring, taken as one sta
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter by its public name: value, 95 % interval, unit; deviation in its coordinate."""
+    """A parameter by its public name: value, 95 % interval, unit; whether it is held at a bound of the search."""
 
     value: float
     low: float
     high: float
     unit: str
+    at_bound: bool = False
 
 
 def estimates(j: Judged) -> dict[str, Estimate]:
@@ -36,7 +37,7 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     would move them by.  Where a value is held at its bound, the interval reaches from there as far as its tail.
     """
     own, prior = algebra(j.fit.normal), prior_of(j.fit.coordinates)
-    x, _, _ = own.most_probable(prior)
+    x, free, _ = own.most_probable(prior)
     plain = own.covariance(prior)
     robust = sandwich(j.fit.normal, x, plain)
     apart = between_segments(j.fit.normal, x, plain)
@@ -51,12 +52,18 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     above = np.where(x < prior.high, tails, 0.0) + Z * wider
     out: dict[str, Estimate] = {}
     for effect in j.effects:
-        out |= _of_effect(effect, j, x, wider, (x - below, x + above), place)
+        out |= _of_effect(effect, j, x, wider, (x - below, x + above), place, free)
     return out
 
 
 def _of_effect(
-    effect: str, j: Judged, x: Array, sd: Array, reach: tuple[Array, Array], place: Mapping[str, int]
+    effect: str,
+    j: Judged,
+    x: Array,
+    sd: Array,
+    reach: tuple[Array, Array],
+    place: Mapping[str, int],
+    free: NDArray[np.bool_],
 ) -> dict[str, Estimate]:
     card = library.load_effect(effect)
     out: dict[str, Estimate] = {}
@@ -77,7 +84,7 @@ def _of_effect(
             k = place[own]
             ends = (j.fit.coordinates[k].bounded(float(to[k])) for to in (x, *reach))
             value, low, high = (public(p.fit, y) for y in ends)
-            out[name] = Estimate(value, min(low, high), max(low, high), p.unit)
+            out[name] = Estimate(value, min(low, high), max(low, high), p.unit, not free[k])
         elif p.scan and name in j.fit.point.values and p.fit == "fixed":
             value = j.fit.point.values[name]
             out[name] = Estimate(value, value, value, p.unit)
