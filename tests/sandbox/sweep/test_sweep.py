@@ -14,6 +14,7 @@ import pytest
 import sandbox
 from model.drive_files import load_drive
 from model.errors import BadInput
+from sandbox.cli import main
 from sandbox.drive.design import design
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.engine.processes import spread
@@ -311,4 +312,11 @@ def test_the_command_refuses_in_one_sentence(tmp_path):
     assert done.returncode == 2
     assert wrong.strip().count("\n") == 0
     assert "did you mean 'ipm_exchanged'?" in wrong
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("percent", ["5,ten", "-5", "90", ""])
+def test_tolerances_are_checked_before_anything_runs(percent, tmp_path, capsys):
+    assert main(["compare", f"--tolerances={percent}", "--out", str(tmp_path / "out")]) == 2
+    assert "no percentages from 0 to 50" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
