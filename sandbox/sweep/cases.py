@@ -194,7 +194,7 @@ def _with_bandwidths(design: Design, case: Case) -> Design:
 
 
 def windows_of(setup: Setup) -> tuple[Windows, ...]:
-    """Return the scored stretches' samples; they are those that `sandbox.score` looks at."""
+    """Return the scored stretches' samples; they are those that `sandbox.evaluation.score` looks at."""
     t, scenario = np.arange(setup.samples) * setup.drive.converter.sampling_period, setup.scenario
     found, start = [], setup.start_time
     for s in scenario.segments:
