@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import datetime
 import json
+import os
 import resource
 import sys
 import tempfile
@@ -81,7 +82,7 @@ def peak_rss() -> dict[str, float]:
 
 def scaling() -> dict[str, Any]:
     """Return runs a second with 1 and 2 processes on a piece, wall and CPU; kernels are compiled before."""
-    found: dict[str, Any] = {"points": PIECE}
+    found: dict[str, Any] = {"points": PIECE, "cores": os.cpu_count(), "load": os.getloadavg()[0]}
     with tempfile.TemporaryDirectory() as place:
         sweep(tables(8), Path(place) / "warm", jobs=1)
         for jobs in (1, 2):
@@ -142,8 +143,14 @@ def costs(content: dict[str, Any]) -> list[str]:
         one, two = s["1"]["runs_a_wall_second"], s["2"]["runs_a_wall_second"]
         same = "the same to the bit" if s["same_to_the_bit"] else "NOT the same"
         lines.append(
-            f"Scaling on {4 * s['points']} of the runs, two cores, starting the processes included: {one:.0f} runs a "
-            f"second with one process, {two:.0f} with two ({two / one:.2f} times); results {same}."
+            f"Scaling on {4 * s['points']} of the runs, starting the processes included, {s['cores']} cores at a load "
+            f"average of {s['load']:.0f}: {one:.0f} runs a wall second with one process, {two:.0f} with two "
+            f"({two / one:.2f} times; CPU a run {s['1']['cpu_ms']:.1f} and {s['2']['cpu_ms']:.1f} ms); results {same}."
+            + (
+                " Other programs had the cores: this says nothing of the engine; measure again on a quiet machine."
+                if s["load"] > s["cores"]
+                else ""
+            )
         )
     return lines
 

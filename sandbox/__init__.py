@@ -102,7 +102,7 @@ for _name in _TOGETHER:
 class _Page(ModuleType):
     """This package: importing the rooms `sandbox.sweep` and `sandbox.replay` leaves those names to functions."""
 
-    def __setattr__(self, name: str, value: Any) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         if not (name in _HOME and isinstance(value, ModuleType)):
             super().__setattr__(name, value)
 

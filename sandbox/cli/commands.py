@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import sandbox
+from sandbox.cli.sweeping import check_tolerances, run_tolerances
 from sandbox.output.files import check_output
 from sandbox.output.tables import print_list, print_table, progress_bar
 
@@ -32,6 +33,7 @@ def run_compare(options: argparse.Namespace) -> None:
     from sandbox.public.printed import print_comparison
 
     check_output(folder_of(options))
+    check_tolerances(options)
     with progress_bar("comparing", options.quiet) as progress:
         result = sandbox.compare(
             options.motor, options.scenario, names_of(options.estimators) + own_estimators(options),
@@ -44,8 +46,6 @@ def run_compare(options: argparse.Namespace) -> None:
         cpu = sum(run.cpu_seconds for run in result.runs)
         print(f"{simulated:.0f} s simulated in {cpu:.1f} s of CPU; results in {folder}")
     if options.tolerances is not None:
-        from sandbox.cli.sweeping import run_tolerances
-
         run_tolerances(options, folder, names_of(options.estimators) + options.estimator)
 
 

@@ -8,8 +8,11 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
+from sandbox.cli.arguments import number
 from sandbox.output.files import check_output
 from sandbox.output.tables import print_table, rate_bar
+
+MOST_PERCENT = 50.0  # of a belief's parameters
 
 
 def on_dask(command: Any) -> None:
@@ -58,6 +61,15 @@ def add_tolerances(command: Any, positive: Callable[[str], int]) -> None:
     on_dask(command)
 
 
+def check_tolerances(options: argparse.Namespace) -> None:
+    """Raise BadInput, before anything runs, for tolerances that cannot be drawn."""
+    if options.tolerances is None:
+        return
+    percents(options.tolerances)
+    if options.estimator_library:
+        raise BadInput("--tolerances runs in processes that are told names and Python files; leave the library away")
+
+
 def run_tolerances(options: argparse.Namespace, folder: Path, estimators: list[str]) -> None:
     """Draw belief parameters; write tolerances.json, .png and .parquet."""
     import sandbox
@@ -78,9 +90,10 @@ def run_tolerances(options: argparse.Namespace, folder: Path, estimators: list[s
 
 def percents(text: str) -> list[float]:
     """Return numbers separated by commas; BadInput for anything else."""
-    from model.effects.library import number_of
-
     try:
-        return [number_of(part.strip()) for part in text.split(",") if part.strip()]
-    except ValueError:
-        raise BadInput(f"--tolerances {text[:40]} are no percentages; write them as 5,10,20") from None
+        found = [number(part.strip()) for part in text.split(",") if part.strip()]
+    except argparse.ArgumentTypeError:
+        found = []
+    if not found or not all(0.0 <= x <= MOST_PERCENT for x in found):
+        raise BadInput(f"--tolerances {text[:40]} are no percentages from 0 to {MOST_PERCENT:g}; write them as 5,10,20")
+    return found

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sandbox.output.plots import Figure
 
 MOST_CURVES = 12
+LEAST = 0.01  # degrees, where the axis begins
 STYLES = ("-", (0, (5, 2)), (0, (1, 1.5)), (0, (6, 2, 1, 2)))
 OTHERS = ("#1b6ca8", "#d1802c", "#5a9367", "#8e44ad", "#7f7f7f", "#c0392b")
 
@@ -35,7 +36,7 @@ def yield_figure(
         belief = next((b for b in ("linear", "saturated") if b in name), None)
         colour = colour_of(belief) if belief else OTHERS[k % len(OTHERS)]
         number = seen[belief] = seen.get(belief, -1) + 1
-        axes.plot(np.maximum(x, 1e-3), 100.0 * y, color=colour, linestyle=STYLES[number % len(STYLES)], label=name)
+        axes.plot(np.maximum(x, LEAST), 100.0 * y, color=colour, linestyle=STYLES[number % len(STYLES)], label=name)
     axes.axhline(100.0 * share, color="0.6", linewidth=0.8)
     axes.set(xscale="log", xlabel="size of the mean position error (° electrical)", ylabel="drives that err less (%)")
     axes.set_ylim(0.0, 101.0)
@@ -43,7 +44,7 @@ def yield_figure(
     axes.grid(color="0.9", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     if curves:
-        axes.legend(frameon=False, fontsize=9, loc="lower right")
+        axes.legend(frameon=False, fontsize=9, loc="upper left")
     axes.set_title(title, parse_math=False, fontsize=11)
     return drawn(figure, path)
 

@@ -222,12 +222,16 @@ def digest_of(sweep: Sweep) -> str:
             path = Path(str(value))
             if not path.is_absolute():
                 continue
-            content = path.read_bytes()
-            table = read_toml(path).get("flux_map", {}) if path.suffix == ".toml" else {}
-            if isinstance(table, dict) and "dataset" not in table and (path.parent / str(table.get("file"))).is_file():
-                content += (path.parent / str(table["file"])).read_bytes()
+            content = path.read_bytes() + _beside(path)
             text = text.replace(json.dumps(str(value)), f'"{hashlib.sha256(content).hexdigest()}"')
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _beside(path: Path) -> bytes:
+    """Return the content of the files that a TOML file names: a flux map, an inverter's table."""
+    named = flat(read_toml(path)).values() if path.suffix == ".toml" else ()
+    files = [path.parent / text for text in named if isinstance(text, str) and 0 < len(text) < 200 and "\0" not in text]
+    return b"".join(file.read_bytes() for file in files if file.is_file())
 
 
 def _table(tables: Mapping[str, Any], name: str, known: tuple[str, ...] = ()) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from model.drive_files import MOTORS
 from model.errors import BadInput
 from sandbox.drive.scenario import load_scenario
 from sandbox.sweep.keys import keys
@@ -118,6 +119,16 @@ def test_a_folder_hangs_on_the_content_of_files_not_on_their_place(tmp_path):
         found.append(digest_of(plan))
         assert label("scenario", plan.fixed["scenario"]) == "mine.toml"
     assert found[0] == found[1] != found[2]
+
+
+def test_a_folder_hangs_on_files_that_a_named_file_names(tmp_path):
+    motor = MOTORS / "ipm_exchanged.toml"
+    (tmp_path / "mine.toml").write_text(motor.read_text() + 'note = "map.csv"\n')
+    found = []
+    for content in ("1", "2"):
+        (tmp_path / "map.csv").write_text(content)
+        found.append(digest_of(sweep_of({"run": {"motor": "mine.toml"}}, folder=tmp_path)))
+    assert found[0] != found[1]
 
 
 def test_a_scenario_goes_through_tables_unchanged():

@@ -14,6 +14,7 @@ import pytest
 import sandbox
 from model.drive_files import load_drive
 from model.errors import BadInput
+from sandbox.cli import main
 from sandbox.drive.design import design
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.engine.processes import spread
@@ -263,35 +264,45 @@ def blocks_of(place):
     return len(json.loads(path.read_text())["blocks"]) if path.is_file() else 0
 
 
+def wait_for_blocks(place, running, count):
+    """Wait until a running command has kept so many blocks."""
+    end = time.monotonic() + 120.0
+    while blocks_of(place) < count and time.monotonic() < end:
+        assert running.poll() is None, running.communicate()
+        time.sleep(0.02)
+
+
+def alive(pid):
+    """Tell whether a process is there (a zombie is not)."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="looks for children in /proc")
 def test_killed_workers_and_signals_leave_no_child_and_the_same_results(tmp_path):
     (tmp_path / "long.toml").write_text(LONG)
-    for kind in (signal.SIGKILL, signal.SIGINT, signal.SIGTERM):
-        before = blocks_of(tmp_path)
+    own = []
+    for kind, code in ((signal.SIGINT, 130), (signal.SIGTERM, -signal.SIGTERM)):
         running = command(tmp_path, "--jobs", "2")
-        end = time.monotonic() + 120.0
-        while blocks_of(tmp_path) <= before and running.poll() is None and time.monotonic() < end:
-            time.sleep(0.02)
+        wait_for_blocks(tmp_path, running, blocks_of(tmp_path) + 1)
         own = children(running.pid)
-        if kind == signal.SIGKILL:  # a worker's, which costs its block nothing but time
+        if kind == signal.SIGINT:  # before that, a worker dies, which costs its block nothing but time
             os.kill(own[-1], signal.SIGKILL)
-            while blocks_of(tmp_path) <= before + 2 and running.poll() is None and time.monotonic() < end:
-                time.sleep(0.02)
+            wait_for_blocks(tmp_path, running, blocks_of(tmp_path) + 2)
             own += children(running.pid)
-        running.send_signal(signal.SIGTERM if kind == signal.SIGKILL else kind)
-        running.wait(30)
-        assert running.returncode == (130 if kind == signal.SIGINT else -signal.SIGTERM)
+        running.send_signal(kind)
+        assert running.wait(30) == code
         end = time.monotonic() + 10.0
-        while any(Path(f"/proc/{pid}").exists() for pid in own) and time.monotonic() < end:
+        while any(map(alive, own)) and time.monotonic() < end:
             time.sleep(0.05)
-        assert not [pid for pid in own if Path(f"/proc/{pid}").exists()]
-    done = command(tmp_path, "--jobs", "1")
-    said, wrong = done.communicate(timeout=300)
-    assert done.returncode == 0, wrong
-    assert "400 runs" in said
-    whole = tmp_path / "whole"
-    run_sweep(read_sweep(tmp_path / "long.toml"), whole)
-    assert digests(tmp_path / "out") == digests(whole)
+        assert not [pid for pid in own if alive(pid)]
+    plan, told = read_sweep(tmp_path / "long.toml"), []
+    run_sweep(plan, tmp_path / "out", progress=lambda done, total: told.append(done))
+    assert len(told) < len(tasks_of(plan))  # some were there
+    run_sweep(plan, tmp_path / "whole")
+    assert digests(tmp_path / "out") == digests(tmp_path / "whole")
 
 
 def test_the_command_refuses_in_one_sentence(tmp_path):
@@ -301,4 +312,11 @@ def test_the_command_refuses_in_one_sentence(tmp_path):
     assert done.returncode == 2
     assert wrong.strip().count("\n") == 0
     assert "did you mean 'ipm_exchanged'?" in wrong
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("percent", ["5,ten", "-5", "90", ""])
+def test_tolerances_are_checked_before_anything_runs(percent, tmp_path, capsys):
+    assert main(["compare", f"--tolerances={percent}", "--out", str(tmp_path / "out")]) == 2
+    assert "no percentages from 0 to 50" in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
