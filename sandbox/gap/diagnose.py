@@ -25,9 +25,10 @@ from sandbox.gap.evidence.holdout import held_out, weights_of
 from sandbox.gap.evidence.noise import noise_caution
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.search.estimates import Estimate, estimates
-from sandbox.gap.search.forward import Search, search
+from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
+from sandbox.gap.search.selection import widened
 from sandbox.gap.search.unfitted import slight
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
@@ -106,6 +107,7 @@ def diagnose(
     count = len(prepared.recordings)
     fitted, everything = weights_of(count, left), weights_of(count)
     found = search(start, everything, exclude=exclude, workers=workers, report=report)
+    found = widened(found, rms(nominal, range(count)), everything, exclude=exclude, workers=workers, report=report)
     report("measuring the gap")
     judged, ranked, temperature, cost = _ranked(found, rms(nominal, range(count)), everything, workers)
     best = ranked[0][1]
