@@ -25,7 +25,7 @@ from sandbox.gap.evidence.holdout import held_out, weights_of
 from sandbox.gap.evidence.noise import noise_caution
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.search.estimates import Estimate, estimates
-from sandbox.gap.search.forward import Search
+from sandbox.gap.search.forward import Search, search
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.search.selection import widened

@@ -178,13 +178,10 @@ def _why_alike(x: Alike) -> Iterator[str]:
         yield f"<li>{_html(text)}</li>"
     fall = max(x.log_likelihood) - min(x.log_likelihood)
     what = f"0: {names(x.second)}, 1: {names(x.first)}. "
-    what += (
-        "Flat: the recordings cannot choose."
-        if fall < FLAT
-        else (
-            f"It falls by {fall:.0f} on the straight way: recordings choose among the values there, priors between its ends."
-        )
-    )
+    if fall < FLAT:
+        what += "Flat: the recordings cannot choose."
+    else:
+        what += f"It falls by {fall:.0f} on the straight way: recordings choose there, priors between its ends."
     line = (list(x.share), list(x.log_likelihood))
     panels = [("log likelihood", {"all parameters going along": line})]
     yield "</ul>" + _figure(lines_svg(panels, "share of the way between both fits"), what)
