@@ -70,7 +70,7 @@ class Belief(NamedTuple):
 
 
 class Tuning(NamedTuple):
-    """Everything set by design (`sandbox.design`), none of it measured."""
+    """Everything set by design (`sandbox.drive.design`), none of it measured."""
 
     period: int  # samples in an injection period, N
     present: int  # 1: the whole window is looked at from the present frame, 0: from the axis of each sample

@@ -25,14 +25,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from model.errors import BadInput
-from sandbox.campaign import read_campaign
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.gap.report.where import where
-from sandbox.gap.withheld.rows import rounded
-from sandbox.gap.withheld.running import ROOT, code_digest
-from sandbox.gap.withheld.spread import spread
-from sandbox.report import plain
+from sandbox.output.files import plain, rounded
+from sandbox.recordings.campaign import read_campaign
+from sandbox.validation.scoring.running import ROOT, code_digest
+from sandbox.validation.withheld.processes import spread
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 LIST = Path(__file__).with_suffix(".toml")

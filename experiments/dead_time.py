@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
+from model.drive_files import load_drive
 from model.levels import NAMES
-from model.parameters import load_drive
-from sandbox.identify import identify
-from sandbox.locked_test import Bench, paper_campaign
+from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.recordings.identify import identify
 
 THRESHOLDS = (0.0, 1.0, 2.0, 4.0)
 

@@ -17,10 +17,10 @@ from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
-from sandbox.campaign import read_campaign
 from sandbox.gap.report.answers import answer
 from sandbox.gap.report.diagnosis_json import contract
-from sandbox.report import plain
+from sandbox.output.files import plain
+from sandbox.recordings.campaign import read_campaign
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 

@@ -19,13 +19,13 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from estimators.registry import load_estimator
+from model.drive_files import load_drive
 from model.effects.library import effect_names, load_effect, typical
 from model.errors import PhysicsError
-from model.parameters import load_drive
-from sandbox.report import plain, version
-from sandbox.scenario import Scenario, Segment
-from sandbox.score import is_lost
-from sandbox.simulate import simulate
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
+from sandbox.evaluation.score import is_lost
+from sandbox.output.files import plain, version
 
 RESULTS = Path(__file__).parent / "results"
 ESTIMATORS = ("qnull", "inversion", "ekf")

@@ -13,12 +13,12 @@ import time
 from pathlib import Path
 
 from experiments.drawing import RESULTS, save
-from sandbox.bench import peer
-from sandbox.plots import protocol_figure
-from sandbox.protocol import READING, Protocol, forget, protocol, table
-from sandbox.public.evaluation import ProtocolResult
-from sandbox.public.result import write_table
-from sandbox.report import output_folder, version
+from sandbox.evaluation.bench import peer
+from sandbox.evaluation.protocol import READING, Protocol, forget, protocol, table, tables
+from sandbox.output.columns import write_table
+from sandbox.output.files import output_folder, version
+from sandbox.output.plots import protocol_figure
+from sandbox.public.protocols import ProtocolResult
 
 ANCHORS = Path("../shared/anchors")
 NAME = "estimator_protocol"
@@ -49,7 +49,7 @@ def main() -> None:
         result = result.beside(*peer(ANCHORS, options.peer_python, "lin", 4.0))
     text = markdown(result, time.strftime("%Y-%m-%d"))
     (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
-    protocol_figure(result, RESULTS / f"{NAME}.png")
+    protocol_figure(tables(result), READING, RESULTS / f"{NAME}.png")
     write_table(folder / f"{NAME}.parquet", ProtocolResult(result).to_table())
     save(NAME, {"version": version(), **result.as_json()})
     forget(folder)

@@ -6,8 +6,8 @@ import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
 from model import first_order
+from model.drive_files import load_drive
 from model.energy import flux_from_current
-from model.parameters import load_drive
 
 
 def main(name: str = "ipm") -> None:

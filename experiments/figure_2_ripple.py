@@ -6,8 +6,8 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from experiments.drawing import COLOURS, new_figure, save
+from model.drive_files import load_drive
 from model.energy import currents, flux_from_current, hessian
-from model.parameters import load_drive
 
 MEAN, AMPLITUDE, FREQUENCY, FINE = 23.0, 30.0, 500.0, 100
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
 from experiments.levels import formula_slopes, ripple_scale, true_slopes
-from model.parameters import load_drive
-from sandbox.identify import identify
-from sandbox.locked_test import Bench, paper_campaign
+from model.drive_files import load_drive
+from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.recordings.identify import identify
 
 
 def main() -> None:

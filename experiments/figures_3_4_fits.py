@@ -11,10 +11,10 @@ import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
 from experiments.levels import formula_slopes, ripple_scale, true_slopes
+from model.drive_files import load_drive
 from model.energy import boundary_on_ray
 from model.errors import PhysicsError
-from model.parameters import load_drive
-from sandbox.locked_test import paper_levels
+from sandbox.drive.locked_test import paper_levels
 
 NOISE = 0.005  # A on the peak of the ripple
 ROWS = ("ipm", "ipm_exchanged", "spm", "spm_exchanged")

@@ -11,10 +11,11 @@ import dataclasses
 import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
+from model.drive_files import load_drive
 from model.energy import flux_from_current
-from model.parameters import Drive, load_drive
-from sandbox.identify import identify
-from sandbox.locked_test import Bench, paper_campaign, staircase
+from model.parameters import Drive
+from sandbox.drive.locked_test import Bench, paper_campaign, staircase
+from sandbox.recordings.identify import identify
 
 LEVELS = np.array([-1.9, 1.9, -1.0, 1.0, -1.9])
 DWELL = 40  # injection periods of 2 ms, so 80 ms a step

@@ -11,7 +11,7 @@ import numpy as np
 
 from experiments.drawing import COLOURS, RESULTS, new_figure, save, shared
 from model.levels import NAMES
-from sandbox.identify import Identification, identify
+from sandbox.recordings.identify import Identification, identify
 
 TRUTH = dict(zip(NAMES, ("R", "Ld", "Lq", "a30", "a12", "a40", "a22", "a04"), strict=True))
 

@@ -10,7 +10,7 @@ from model.energy import Energy, flux_from_current
 from model.errors import PhysicsError
 from model.parameters import Drive
 from model.ripple import flux_ripple, periodic, slopes
-from sandbox.injection import carrier
+from sandbox.recordings.injection import carrier
 
 
 def true_slopes(drive: Drive, i_d: float, i_q: float, axis: str) -> tuple[float, float]:

@@ -8,12 +8,13 @@ from __future__ import annotations
 import datetime
 from pathlib import Path
 
-from model.parameters import load_drive
-from sandbox.compare import compare
-from sandbox.plots import comparison_figure
+from model.drive_files import load_drive
+from sandbox.drive.scenario import load_scenario
+from sandbox.evaluation.compare import compare
+from sandbox.output.files import write_json
+from sandbox.output.plots import comparison_figure
+from sandbox.output.tables import comparison_markdown
 from sandbox.public.printed import print_comparison
-from sandbox.report import comparison_markdown, write_json
-from sandbox.scenario import load_scenario
 
 RESULTS = Path(__file__).parent / "results"
 

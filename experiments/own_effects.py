@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from experiments.drawing import RESULTS
-from sandbox.campaign import Campaign, write_campaign
-from sandbox.gap.withheld.draw import Case, draw
-from sandbox.gap.withheld.make import campaign_of
+from sandbox.recordings.campaign import Campaign, write_campaign
+from sandbox.validation.withheld.draw import Case, draw
+from sandbox.validation.withheld.make import campaign_of
 
 FILE = Path(__file__).parent / "my_effects.py"
 SEED = 20261122

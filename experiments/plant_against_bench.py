@@ -19,15 +19,16 @@ from typing import Any
 
 import numpy as np
 
+from model.drive_files import load_drive
 from model.effects import library
 from model.energy import flux_from_current
 from model.errors import BadInput
-from model.parameters import Drive, load_drive
-from sandbox.campaign import Campaign, CampaignRecording
+from model.parameters import Drive
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import Prepared, prepare, replay, with_steps
 from sandbox.replay.smoothing import Motion
-from sandbox.switched.effects import bench, quiet
-from sandbox.switched.simulate import replay as switched
+from sandbox.validation.switched.advance import replay as switched
+from sandbox.validation.switched.bench_numbers import bench, quiet
 
 MOTORS = ("ipm", "ipm_exchanged", "brusa_hsm1")
 CASES = (("locked", 0.0), ("driven", 120.0), ("driven", 600.0), ("free", 0.0))  # rad/s electrical

@@ -1,9 +1,9 @@
 """What does `sensorless diagnose` say about real drives, and should one believe it?
 
 Five cases through the command itself: a SynRM's standstill test (raw CSV and a column map), LAAS' rolling runs (the
-campaign of `sandbox.real_campaigns`), LAAS' and moteus' files as they are (refused), and a machine of finite elements
-(THOR) under simulated voltages.  No case has a certified truth; each is judged by what its fit predicts of recordings
-held out and by what other evidence says.
+campaign of `sandbox.recordings.real_campaigns`), LAAS' and moteus' files as they are (refused), and a machine of
+finite elements (THOR) under simulated voltages.  No case has a certified truth; each is judged by what its fit
+predicts of recordings held out and by what other evidence says.
 
 Run: python -m experiments.real_diagnoses   (half a minute; needs SENSORLESS_DATA or the shared folder)
 """
@@ -24,9 +24,9 @@ import numpy as np
 from experiments.drawing import COLOURS, RESULTS, new_figure, save, shared
 from experiments.thor_bench import CASES, bench
 from model.drives import laas, thor
-from sandbox.campaign import write_campaign
 from sandbox.cli import main as command
-from sandbox.real_campaigns import real_drives
+from sandbox.recordings.campaign import write_campaign
+from sandbox.recordings.real_campaigns import real_drives
 
 HEADS = ("Where?", "Which?", "How far?", "Left?", "note:")
 LAAS_MAP = """[columns]
@@ -127,7 +127,8 @@ def judgement(found: dict[str, dict[str, Any]]) -> dict[str, str]:
         f"scatter by {1e6 * jitter:.0f} µs rms). Friction and cogging, which the ramps and the slow scan show "
         "(real_friction, real_cogging), drown in that.",
         "laas_as_filed": "Right to refuse: between two rows the rotor turns further than any replay can follow.",
-        "moteus": "Right to refuse: steady points, no time series (`sandbox.real_campaigns` says what they show).",
+        "moteus": "Right to refuse: steady points, no time series (`sandbox.recordings.real_campaigns` says what they "
+        "show).",
         "thor_finite_elements": "The truth is known to be harmonics of many orders that depend on the currents, and "
         "saturation beyond the quartic energy, which misses these tables by about 0.2 A: believe harmonics, believe "
         "`unknown`. A free regression closes nothing although the machine is a function of currents and angle: its "

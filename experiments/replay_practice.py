@@ -16,8 +16,8 @@ from pathlib import Path
 import numpy as np
 
 from model.effects import library
-from sandbox.campaign import read_campaign
 from sandbox.plant.batch import LANES
+from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import Prepared, halving_error, in_threads, plan, prepare, replay, residuals, run_block
 from sandbox.replay.sensitivity import all_parameters, sensitivities
 

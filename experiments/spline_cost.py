@@ -14,15 +14,16 @@ import numpy as np
 
 from experiments.drawing import save
 from model import energy, spline_energy
+from model.drive_files import load_drive
 from model.energy import AnyEnergy
 from model.fluxmap import FluxMap
 from model.mapped import ALPHAS, MappedMotor
-from model.parameters import Drive, Motor, load_drive
-from sandbox.campaign import Campaign, CampaignRecording
-from sandbox.compare import compare
+from model.parameters import Drive, Motor
+from sandbox.drive.scenario import load_scenario
+from sandbox.evaluation.compare import compare
 from sandbox.plant.batch import LANES
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import plan, prepare, run_block
-from sandbox.scenario import load_scenario
 
 COUNT, TURNS, GOALS = 200_000, 40, {"evaluation_ns": 3.0, "replay_ns": 2.5, "compare_cpu_s": 4.0}
 

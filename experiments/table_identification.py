@@ -10,12 +10,13 @@ import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
 from experiments.levels import formula_slopes
+from model.drive_files import load_drive
 from model.energy import Energy
 from model.identification import first_order
 from model.levels import NAMES, D, Levels, Q
-from model.parameters import Drive, load_drive
-from sandbox.identify import identify
-from sandbox.locked_test import paper_campaign, paper_levels
+from model.parameters import Drive
+from sandbox.drive.locked_test import paper_campaign, paper_levels
+from sandbox.recordings.identify import identify
 
 PRINT = {"ipm": (5e-3, 1e-3, 0.11, 0.61, 1.34, 2.80, 0.42), "spm": (10e-3, 2e-3, 0.11, 0.27, 0.28, 1.03, 0.17)}
 

@@ -16,7 +16,7 @@ from scipy.ndimage import map_coordinates, spline_filter1d
 from model.drives.thor import RATED_CURRENT, RATED_FREQUENCY, Thor
 from model.frames import phases
 from model.parameters import Converter, Drive, Injection, Motor
-from sandbox.campaign import Campaign, CampaignRecording
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 
 PERIOD, LINK, NOISE, COUNTS = 1e-4, 540.0, 0.02, 1 << 16
 SAMPLES, FINE = 3000, 4

@@ -23,12 +23,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from model.errors import BadInput
-from sandbox import report
-from sandbox.gap.withheld.commands import ROWS
-from sandbox.gap.withheld.figure import withheld_figure
-from sandbox.gap.withheld.metrics import GOALS
-from sandbox.gap.withheld.rows import Row, check_seal, one_code, read_rows
-from sandbox.gap.withheld.scores import by_method, content_of
+from sandbox.cli.withholding import ROWS
+from sandbox.output.files import write_json
+from sandbox.validation.scoring.check_figure import withheld_figure
+from sandbox.validation.scoring.metrics import GOALS
+from sandbox.validation.scoring.rows import Row, check_seal, one_code, read_rows
+from sandbox.validation.scoring.tables_of_rows import by_method, content_of
 
 RESULTS = Path(__file__).parent / "results" / "withheld"
 OWN = "diagnosis"  # the project's own method
@@ -93,8 +93,8 @@ def recompute(results: Path = RESULTS) -> list[str]:
     lines = [
         f"Made {max(r.made for r in every)[:10]} by `python -m experiments.withheld_check`, from `*.rows.jsonl` (a row",
         "a diagnosis) and `*.truth.json` (the opened seals) alone; limits are one-sided 95 %. What each metric",
-        "counts is said in [the check's README](../../../sandbox/gap/withheld/README.md). Confusion, reliability and",
-        f"detection floors: {', '.join(f'[{n}.png]({n}.png)' for n in found)}.",
+        "counts is said in [the check's README](../../../sandbox/validation/withheld/README.md). Confusion,",
+        f"reliability and detection floors: {', '.join(f'[{n}.png]({n}.png)' for n in found)}.",
         "",
     ]
     contents = {}
@@ -116,7 +116,7 @@ def recompute(results: Path = RESULTS) -> list[str]:
 def page(name: str, rows: Sequence[Row], results: Path) -> dict[str, Any]:
     """Write the figures of rows and their page; return the figures."""
     content = content_of(by_method(rows)) | {"figure": f"{name}.png"}
-    report.write_json(results, name, content, "withheld")
+    write_json(results, name, content, "withheld")
     withheld_figure(content, results / f"{name}.png")
     return content
 

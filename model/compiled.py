@@ -1,14 +1,13 @@
 """One decorator for every compiled function: numba, cached on disk, never stale.
 
 A cached kernel is stamped with its own file only, so a changed callee in another module would leave the caller's
-machine code in place.  The cache folder is therefore keyed by a hash of every source file that a kernel can depend on;
-what is in it is checked before it is believed (`model.kernel_cache`).
+machine code in place.  A function is therefore kept in a folder named by a hash of its file and of every file that this
+one imports, directly or not (`model.sources`); what is in it is checked before it is believed (`model.kernel_cache`).
 """
 
 from __future__ import annotations
 
 import atexit
-import hashlib
 import inspect
 import os
 import shutil
@@ -24,28 +23,18 @@ import numba
 from numba.core.dispatcher import Dispatcher
 from numba.core.typeinfer import register_dispatcher
 
-from model.compiling import ROOMS, watch
+from model.compiling import watch
 from model.kernel_cache import KernelCache
+from model.sources import source_key
 
-NO_KERNELS = (
-    "sandbox/gap",
-    "sandbox/gap/evidence",
-    "sandbox/gap/search",
-    "sandbox/gap/report",
-    "sandbox/public",
-    "sandbox/cli",
-)  # nothing compiled is in a file of these or depends on one (tests/test_house.py)
 KEPT_DAYS = 30
-
-
+_COMPILING = Lock()
 _MORE: list[str] = []  # what kernels depend on beside the rooms' files
 
 
 def depend_on(key: str) -> None:
     """Keep kernels decorated from now on apart from those that do not depend on what `key` stands for."""
-    global _CACHE_DIR
     _MORE.append(key)
-    _CACHE_DIR = _cache_dir()
 
 
 def cache_home() -> Path:
@@ -54,21 +43,13 @@ def cache_home() -> Path:
     return Path(os.environ.get("SENSORLESS_CACHE") or os.path.join(user, "sensorless-sandbox"))
 
 
-def source_key() -> str:
-    """Return a short hash of every source file of the rooms: a constant or a field's place goes into kernels, too."""
-    root = Path(__file__).resolve().parent.parent
-    digest = hashlib.sha256(numba.__version__.encode())
-    for room in ROOMS:
-        for path in sorted((root / room).rglob("*.py")):
-            if path.parent.relative_to(root).as_posix() in NO_KERNELS:
-                continue
-            digest.update(path.name.encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
+watch(cache_home())
 
 
-def _cache_dir() -> Path | None:
-    """Return the folder for kernels: in the cache, or of this process alone; None where nothing can be written."""
-    path = cache_home() / "-".join(["kernels", source_key(), *_MORE])
+@cache
+def _folder(key: str) -> Path | None:
+    """Return a folder for kernels: in the cache, or of this process alone; None where nothing can be written."""
+    path = cache_home() / f"kernels-{key}"
     try:
         if not path.exists():
             path.mkdir(parents=True, exist_ok=True)
@@ -78,22 +59,28 @@ def _cache_dir() -> Path | None:
         with tempfile.TemporaryFile(dir=path):  # a read-only home still runs, from a cache of this process alone
             return path
     except OSError:
-        try:
-            own = tempfile.mkdtemp(prefix="sensorless-kernels-")
-        except OSError:
-            return None
-        atexit.register(shutil.rmtree, own, ignore_errors=True)
-        return Path(own)
+        return _own_folder()
 
 
-_CACHE_DIR = _cache_dir()
-_COMPILING = Lock()
-watch(cache_home())
+@cache
+def _own_folder() -> Path | None:
+    try:
+        own = tempfile.mkdtemp(prefix="sensorless-kernels-")
+    except OSError:
+        return None
+    atexit.register(shutil.rmtree, own, ignore_errors=True)
+    return Path(own)
+
+
+def _folder_of(function: Callable[..., Any]) -> Path | None:
+    """Return the folder that keeps a function's machine code; None for one that no file holds."""
+    file = Path(inspect.getfile(function))
+    return _folder("-".join([numba.__version__, source_key(file.resolve()), *_MORE])) if file.is_file() else None
 
 
 def kernel_folder() -> Path:
-    """Return the folder in which kernels decorated now are kept, or one of this process alone."""
-    return _CACHE_DIR or Path(tempfile.mkdtemp(prefix="sensorless-kernels-"))
+    """Return the folder for sources written for kernels decorated now, or one of this process alone."""
+    return _folder("-".join(["ports", *_MORE])) or Path(tempfile.mkdtemp(prefix="sensorless-kernels-"))
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -115,8 +102,8 @@ def kernel_as(signature: Any, **more: Any) -> Callable[[Callable[..., Any]], Any
         compiled: Any = numba.njit(**options)(function)
         if not isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT
             return compiled
-        if _CACHE_DIR is not None and os.path.isfile(inspect.getfile(function)):
-            compiled._cache = KernelCache(function, _CACHE_DIR)  # type: ignore[attr-defined]
+        if (folder := _folder_of(function)) is not None:
+            compiled._cache = KernelCache(function, folder)  # type: ignore[attr-defined]
         if signature is not None:
             with register_dispatcher(compiled):
                 compiled.compile(signature)

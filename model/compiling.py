@@ -17,7 +17,8 @@ from typing import Any
 
 from numba.core import event
 
-ROOMS = ("model", "estimators", "sandbox")
+from model.sources import ROOMS
+
 USUAL = 30.0  # s on a machine where nothing has been compiled yet
 SHORT = 2.0  # s: not worth a word
 LOGGER = logging.getLogger("sensorless")

@@ -12,7 +12,6 @@ from importlib import import_module
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -23,21 +22,23 @@ if TYPE_CHECKING:
     from estimators.contract import Tuning as Tuning
     from model.errors import BadInput as BadInput
     from model.errors import PhysicsError as PhysicsError
+    from sandbox.drive.scenario import Scenario as Scenario
+    from sandbox.drive.scenario import Segment as Segment
     from sandbox.public.catalogue import describe as describe
     from sandbox.public.catalogue import list_datasets as list_datasets
     from sandbox.public.catalogue import list_effects as list_effects
     from sandbox.public.catalogue import list_estimators as list_estimators
     from sandbox.public.catalogue import list_motors as list_motors
     from sandbox.public.catalogue import list_scenarios as list_scenarios
-    from sandbox.public.evaluation import bench as bench
-    from sandbox.public.evaluation import protocol as protocol
     from sandbox.public.loading import load_estimator as load_estimator
     from sandbox.public.loading import load_motor as load_motor
     from sandbox.public.loading import load_scenario as load_scenario
     from sandbox.public.loading import read_campaign as read_campaign
     from sandbox.public.loading import use_effects as use_effects
-    from sandbox.public.machine import audit as audit
-    from sandbox.public.machine import maps as maps
+    from sandbox.public.motor import audit as audit
+    from sandbox.public.motor import maps as maps
+    from sandbox.public.protocols import bench as bench
+    from sandbox.public.protocols import protocol as protocol
     from sandbox.public.recorded import diagnose as diagnose
     from sandbox.public.recorded import identify as identify
     from sandbox.public.recorded import replay as replay
@@ -45,8 +46,6 @@ if TYPE_CHECKING:
     from sandbox.public.runs import simulate as simulate
     from sandbox.public.showing import show as show
     from sandbox.public.showing import view as view
-    from sandbox.scenario import Scenario as Scenario
-    from sandbox.scenario import Segment as Segment
 
 __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "load_motor", "load_scenario", "load_estimator", "read_campaign",
@@ -59,14 +58,14 @@ __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
 _HOMES = {
     "estimators.contract": ("Estimator", "Belief", "Tuning", "Sample", "Estimate"),
     "model.errors": ("BadInput", "PhysicsError"),
-    "sandbox.scenario": ("Scenario", "Segment"),
+    "sandbox.drive.scenario": ("Scenario", "Segment"),
     "sandbox.public.loading": ("load_motor", "load_scenario", "load_estimator", "read_campaign", "use_effects"),
     "sandbox.public.catalogue": (
         "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe",
     ),
     "sandbox.public.runs": ("simulate", "compare"),
-    "sandbox.public.evaluation": ("protocol", "bench"),
-    "sandbox.public.machine": ("audit", "maps"),
+    "sandbox.public.protocols": ("protocol", "bench"),
+    "sandbox.public.motor": ("audit", "maps"),
     "sandbox.public.recorded": ("identify", "diagnose", "replay"),
     "sandbox.public.showing": ("show", "view"),
 }  # fmt: skip
@@ -89,17 +88,6 @@ for _name in _TOGETHER:
             f"'{_file}' hides the package '{_name}' that sensorless-sandbox is installed with; rename that file or "
             f"folder, for example to my_{_name}{Path(_file).suffix if Path(_file).stem == _name else ''}"
         )
-
-
-class _Page(ModuleType):
-    """This package: importing `sandbox.simulate`, the module, leaves `sandbox.simulate` the function it is here."""
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if not (name in _HOME and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Page
 
 
 def __getattr__(name: str) -> Any:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from model.parameters import load_drive
-from sandbox.compare import compare
-from sandbox.scenario import Scenario, Segment
+from model.drive_files import load_drive
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.evaluation.compare import compare
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 for variable, folder in (("SENSORLESS_DATA", "realdata"), ("SENSORLESS_RECORDINGS", "recordings")):

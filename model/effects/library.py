@@ -22,7 +22,7 @@ from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 
 FOLDER = Path(__file__).parent
-NOT_EFFECTS = ("__init__", "card", "library", "own")
+NOT_EFFECTS = ("__init__", "adopt", "card", "library", "own")
 SHARED = ("alpha_12", "alpha_22")  # cross_saturation is a part of saturation
 OF_MOTOR = {  # parameters that replace a value of the motor
     "stator_resistance.resistance": "resistance",

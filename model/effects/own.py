@@ -8,104 +8,15 @@ so the file has to be given before the plant is first used; processes started fr
 
 from __future__ import annotations
 
-import hashlib
-import importlib.util
-import inspect
-import os
 import sys
-from pathlib import Path
 
-from model import compiled
-from model.effects.card import PORTS, Effect
-from model.errors import BadInput
+from model.effects.card import Effect
 
 VARIABLE = "SENSORLESS_EFFECTS_FROM"  # by which processes started from this one are told
 PLANT = "sandbox.plant.electrical"  # the first of the plant's kernels
 FILES: dict[str, str] = {}  # module of each file taken over so far, by the file
 
 
-def adopt(path: str | Path) -> tuple[Effect, ...]:
-    """Add the effects of a Python file to the library of this process; return their cards.
-
-    Taking the same file over again does nothing.  BadInput says in one sentence what is wrong with the file, or that
-    it comes too late.
-    """
-    file = Path(path).expanduser().resolve()
-    if str(file) in FILES:
-        return tuple(sys.modules[FILES[str(file)]].EFFECTS)
-    try:
-        text = file.read_bytes()
-    except OSError as error:
-        raise BadInput(f"{path}: {error.strerror or error}; give a Python file with effects") from None
-    if PLANT in sys.modules:
-        raise BadInput(f"{path}: the plant is compiled already; name your effects before the first run of the process")
-    digest = hashlib.sha256(text).hexdigest()[:16]
-    name = f"sensorless_effects_{digest}"
-    compiled.depend_on(digest)
-    cards = _cards(file, name)
-    for card in cards:
-        _check(card, file)
-    FILES[str(file)] = name
-    os.environ[VARIABLE] = os.pathsep.join(FILES)
-    _forget()
-    return cards
-
-
-def _cards(file: Path, name: str) -> tuple[Effect, ...]:
-    spec = importlib.util.spec_from_file_location(name, file)
-    if spec is None or spec.loader is None:
-        raise BadInput(f"{file}: no Python file; give one that ends in .py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
-    try:
-        spec.loader.exec_module(module)
-    except Exception as error:  # whatever a user's file raises is the user's to mend
-        del sys.modules[name]
-        raise BadInput(f"{file}: {type(error).__name__}: {' '.join(str(error).split())[:200]}") from None
-    cards = getattr(module, "EFFECTS", None)
-    if not isinstance(cards, tuple) or not cards or not all(isinstance(c, Effect) for c in cards):
-        raise BadInput(f"{file}: no effects; name the cards in EFFECTS = (CARD, ...)")
-    return cards
-
-
-def _check(card: Effect, file: Path) -> None:
-    """Raise BadInput unless a card's names and equations are such as the plant can take."""
-    from model.effects import library
-
-    if not card.name.isidentifier() or not card.name.islower() or len(card.name) > 40:
-        raise BadInput(f"{file}: '{card.name[:60]}' is no name of an effect; use small letters, digits and _")
-    if card.name in library.effect_names():
-        raise BadInput(f"{file}: there is an effect '{card.name}' already; give yours another name")
-    if not card.at:
-        raise BadInput(f"{file}: effect '{card.name}' has no equation at a port; give at=(At(port, equation, ...),)")
-    own = [p.name for p in card.parameters]
-    for at in card.at:
-        if at.port not in PORTS:
-            raise BadInput(f"{file}: '{card.name}' names the port '{at.port}'; ports are {', '.join(PORTS)}")
-        for number in at.numbers:
-            if number not in own:
-                raise BadInput(f"{file}: '{card.name}' hands on '{number}', which is none of its parameters")
-        function = getattr(at.equation, "py_func", None)
-        wanted = len(at.numbers) + len(PORTS[at.port].quantities)
-        if function is None or len(inspect.signature(function).parameters) != wanted:
-            quantities = ", ".join((*at.numbers, *PORTS[at.port].quantities))
-            raise BadInput(f"{file}: the equation of '{card.name}' must be @inlined and take ({quantities})")
-
-
 def cards() -> list[tuple[Effect, str]]:
     """Return all cards taken over, each with the module that holds its equations."""
     return [(card, name) for name in FILES.values() for card in sys.modules[name].EFFECTS]
-
-
-def _forget() -> None:
-    """Let the library look again."""
-    from model.effects import library
-
-    for function in (library.effect_names, library.load_effect, library.parameters):
-        function.cache_clear()
-
-
-def inherit() -> None:
-    """Take over what the process that started this one had."""
-    for file in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
-        adopt(file)

@@ -12,11 +12,11 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from model.errors import BadInput, PhysicsError, sentence
-from sandbox import report
 from sandbox.cli import commands
 from sandbox.cli.arguments import Parser, number, positive_int, seed_number
-from sandbox.gap.diagnose_command import add_diagnose
-from sandbox.gap.withheld.commands import add_withheld
+from sandbox.cli.diagnosing import add_diagnose
+from sandbox.cli.withholding import add_withheld
+from sandbox.output.files import discard, version
 
 PARALLEL = ("compare", "protocol", "diagnose")  # use threads
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
@@ -44,7 +44,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             worker.join(0.2)
     except KeyboardInterrupt:
         print(f"sensorless {options.command}: interrupted; nothing half-written", file=sys.stderr, flush=True)
-        report.discard(commands.folder_of(options))
+        discard(commands.folder_of(options))
         os._exit(130)  # the kernel would run on to its end
     return codes[0] if codes else 1
 
@@ -56,7 +56,7 @@ def attempt(options: argparse.Namespace) -> int:
         if getattr(options, "offline", False):
             os.environ[OFFLINE] = "1"  # also of the processes that a command starts
         if files := getattr(options, "effects_from", ()):
-            from model.effects.own import adopt  # brings in numba
+            from model.effects.adopt import adopt  # brings in numba
 
             for file in files:
                 adopt(file)
@@ -86,7 +86,7 @@ def _refuse(options: argparse.Namespace, text: str, code: int = 2) -> int:
 def build_parser() -> Parser:
     """Return the parser of all commands."""
     parser = Parser(prog="sensorless", description="Sandbox for sensorless control of saturated PM motors.")
-    parser.add_argument("--version", action="version", version=f"sensorless {report.version()}")
+    parser.add_argument("--version", action="version", version=f"sensorless {version()}")
     every = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
 
     def add(name: str, run: Callable[[argparse.Namespace], None], text: str, writes: bool = True) -> Parser:

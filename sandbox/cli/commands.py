@@ -7,7 +7,8 @@ from collections.abc import Iterable
 from pathlib import Path
 
 import sandbox
-from sandbox import report
+from sandbox.output.files import check_output
+from sandbox.output.tables import print_list, print_table, progress_bar
 
 
 def folder_of(options: argparse.Namespace) -> Path:
@@ -24,8 +25,8 @@ def run_compare(options: argparse.Namespace) -> None:
     """Compare beliefs; write compare.json, .png, .parquet and .rrd."""
     from sandbox.public.printed import print_comparison
 
-    report.check_output(folder_of(options))
-    with report.progress_bar("comparing", options.quiet) as progress:
+    check_output(folder_of(options))
+    with progress_bar("comparing", options.quiet) as progress:
         result = sandbox.compare(
             options.motor, options.scenario, names_of(options.estimators) + options.estimator,
             effects=options.effects, seed=options.seed, jobs=options.jobs, progress=progress,
@@ -44,7 +45,7 @@ def run_simulate(options: argparse.Namespace) -> None:
     from sandbox.public.runs import check_new_folder
 
     folder = folder_of(options)
-    report.check_output(folder)
+    check_output(folder)
     if options.record is not None:
         check_new_folder(options.record, folder)
     result = sandbox.simulate(
@@ -98,12 +99,12 @@ def run_identify(options: argparse.Namespace) -> None:
 
 def run_protocol(options: argparse.Namespace) -> None:
     """Run the protocol; write protocol.json, .png and .parquet."""
-    from sandbox.protocol import ESTIMATORS, TESTS, show, usual_motors, with_motulator
-    from sandbox.public.evaluation import ProtocolResult
+    from sandbox.evaluation.protocol import ESTIMATORS, TESTS, show, usual_motors, with_motulator
+    from sandbox.public.protocols import ProtocolResult
 
     folder = folder_of(options)
-    report.check_output(folder)
-    with report.progress_bar("protocol", options.quiet) as progress:
+    check_output(folder)
+    with progress_bar("protocol", options.quiet) as progress:
         result = sandbox.protocol(
             names_of(options.estimators, ESTIMATORS) + options.estimator,
             names_of(options.motors, () if options.motors else usual_motors()), names_of(options.tests, TESTS),
@@ -123,7 +124,7 @@ def run_bench(options: argparse.Namespace) -> None:
     folder = result.save(folder_of(options), csv=options.csv)
     if not options.quiet:
         rows = [[name, f"{value:.4g}"] for part in (result.measured, result.ratios) for name, value in part.items()]
-        report.print_table("cost", ["figure", "value"], rows)
+        print_table("cost", ["figure", "value"], rows)
         print(f"results in {folder}")
 
 
@@ -138,7 +139,7 @@ def run_list(options: argparse.Namespace) -> None:
         "motors": sandbox.list_motors, "effects": sandbox.list_effects, "estimators": sandbox.list_estimators,
         "scenarios": sandbox.list_scenarios, "datasets": sandbox.list_datasets,
     }  # fmt: skip
-    report.print_list(lists[options.kind]())
+    print_list(lists[options.kind]())
 
 
 def run_view(options: argparse.Namespace) -> None:

@@ -17,7 +17,6 @@ import numpy as np
 
 from model.effects import library
 from model.errors import PhysicsError
-from sandbox.campaign import Campaign, read_campaign
 from sandbox.gap.evidence.discrepancy import Remainder, remainder
 from sandbox.gap.evidence.fit import Fit, Weights, fit
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
@@ -31,6 +30,7 @@ from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unk
 from sandbox.gap.search.selection import widened
 from sandbox.gap.search.unfitted import slight
 from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.replay.replay import prepare
 
 CREDIBLE = 0.95

@@ -18,8 +18,8 @@ def list_motors() -> dict[str, str]:
     >>> "ipm_exchanged" in list_motors()
     True
     """
-    from model.parameters import describe as line_of
-    from model.parameters import mapped_names, motor_names
+    from model.drive_files import describe as line_of
+    from model.drive_files import mapped_names, motor_names
 
     return {name: line_of(name) for name in (*motor_names(), *mapped_names())}
 
@@ -37,7 +37,7 @@ def list_scenarios() -> dict[str, str]:
     >>> list(list_scenarios())
     ['creep_reversal', 'speed_steps', 'staircase']
     """
-    from sandbox.scenario import load_scenario, scenario_names
+    from sandbox.drive.scenario import load_scenario, scenario_names
 
     return {name: load_scenario(name).description for name in scenario_names()}
 
@@ -149,9 +149,9 @@ def card_of(kind: str, name: str) -> str:
 def _estimator_card(name: str) -> str:
     """Return an estimator's card; the cost of a step is measured here and now."""
     from estimators.registry import load_estimator
-    from model.parameters import load_drive
-    from sandbox.report import BELIEFS
-    from sandbox.step_cost import cost
+    from model.drive_files import load_drive
+    from sandbox.evaluation.step_cost import cost
+    from sandbox.output.tables import BELIEFS
 
     e, motor = load_estimator(name), "ipm_exchanged"
     prices = [f"{belief} {cost(load_drive(motor), name, belief, 0)['step_ns']:.0f}" for belief in BELIEFS]

@@ -10,13 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.levels import AT_ZERO, D, Q
-from sandbox.plots import colour_of, drawn, page
+from sandbox.output.plots import colour_of, drawn, page
 
 if TYPE_CHECKING:
     from model.levels import Levels
-    from sandbox.compare import Run
-    from sandbox.identify import Identification
-    from sandbox.plots import Figure
+    from sandbox.evaluation.compare import Run
+    from sandbox.output.plots import Figure
+    from sandbox.recordings.identify import Identification
 
 Array = NDArray[np.float64]
 MOST = 4000  # points drawn of a line: more than a page has pixels

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 
 from estimators import registry
 from estimators.registry import AnyEstimator
-from model.effects.own import adopt
+from model.drive_files import load_drive
+from model.effects.adopt import adopt
 from model.errors import BadInput
-from model.parameters import Drive, load_drive
-from sandbox import importing
-from sandbox import scenario as scenarios
-from sandbox.campaign import ROTORS, Campaign
-from sandbox.scenario import Scenario
+from model.parameters import Drive
+from sandbox.drive import scenario as scenarios
+from sandbox.drive.scenario import Scenario
+from sandbox.recordings import importing
+from sandbox.recordings.campaign import ROTORS, Campaign
 
 if TYPE_CHECKING:
     from estimators.contract import Estimator

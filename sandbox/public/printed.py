@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from model.errors import PhysicsError
-from sandbox.report import comparison_tables, number_text, print_table
+from sandbox.output.tables import comparison_tables, number_text, print_table
 
 if TYPE_CHECKING:
     from model.parameters import Drive
     from model.saliency import Audit
-    from sandbox.compare import Comparison
-    from sandbox.design import Design
-    from sandbox.identify import Identification
-    from sandbox.maps import Maps
-    from sandbox.score import ErrorDeg
+    from sandbox.drive.design import Design
+    from sandbox.evaluation.compare import Comparison
+    from sandbox.evaluation.maps import Maps
+    from sandbox.evaluation.score import ErrorDeg
+    from sandbox.recordings.identify import Identification
 
 
 def print_comparison(c: Comparison) -> None:
@@ -55,7 +55,7 @@ def _sizes(e: ErrorDeg) -> tuple[float, float, float]:
 
 def audit_content(drive: Drive, a: Audit) -> dict[str, Any]:
     """Return what `audit.json` holds beyond its header; radii in A, up to the audited one."""
-    from sandbox.injection import carrier
+    from sandbox.recordings.injection import carrier
 
     primitive = carrier(drive.injection, drive.converter).primitive
     ripple = drive.injection.amplitude * float(np.max(np.abs(primitive)))  # Wb
@@ -73,7 +73,7 @@ def audit_content(drive: Drive, a: Audit) -> dict[str, Any]:
 
 def _torque(drive: Drive) -> float:
     """Return the torque (N m) at rated current on q, NaN outside the valid domain."""
-    from sandbox.simulate import torque_at_load
+    from sandbox.drive.simulate import torque_at_load
 
     try:
         return torque_at_load(drive, 1.0)

@@ -11,15 +11,16 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from model.effects.library import parse
-from sandbox import report
-from sandbox.campaign import Campaign
+from sandbox.output.columns import Column, columns_of, write_table
+from sandbox.output.files import results, write_json
 from sandbox.public.loading import read_campaign
-from sandbox.public.result import Column, Result, columns_of, write_table
+from sandbox.public.result import Result
+from sandbox.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
     from sandbox.gap.report.answers import Answers
-    from sandbox.identify import Identification
-    from sandbox.plots import Figure
+    from sandbox.output.plots import Figure
+    from sandbox.recordings.identify import Identification
     from sandbox.replay.replay import Prediction, Prepared
 
 AnyCampaign = str | Path | Campaign
@@ -115,12 +116,12 @@ class DiagnosisResult(Result):
         """Write diagnosis.json, report.html and diagnosis.rrd (csv: hypotheses, too) into a folder; return it."""
         from sandbox.gap.report.page import write_report
 
-        with report.results(Path(folder), self.command) as out:
+        with results(Path(folder), self.command) as out:
             write_report(out / "report.html", self.answers)
             self.to_rerun(out / "diagnosis.rrd")
             if csv:
                 write_table(out / "diagnosis.csv", self.to_table())
-            report.write_json(out, "diagnosis", self.as_json(), command="diagnose")
+            write_json(out, "diagnosis", self.as_json(), command="diagnose")
         return Path(folder)
 
 
@@ -174,7 +175,7 @@ class ReplayResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write measured and simulated currents as a trace (`.rrd`), a tab a recording; return its path."""
-        from sandbox.trace import COLOURS, GREY, Plot, write_series
+        from sandbox.output.trace import COLOURS, GREY, Plot, write_series
 
         tabs = {}
         for inputs, predicted in zip(self.prepared.recordings, self.prediction.currents, strict=True):
@@ -214,12 +215,12 @@ def identify(campaign: AnyCampaign, columns: str | Path | None = None) -> Identi
     Examples
     --------
     >>> from sandbox import identify, load_motor
-    >>> from sandbox.locked_test import paper_campaign
+    >>> from sandbox.drive.locked_test import paper_campaign
     >>> found = identify(paper_campaign(load_motor("ipm_exchanged")))
     >>> round(found.identification.fits["exact"].values["resistance"], 2)  # ohm
     12.15
     """
-    from sandbox.identify import identify as fitted
+    from sandbox.recordings.identify import identify as fitted
 
     return IdentificationResult(fitted(read_campaign(campaign, columns, ("locked",))))
 

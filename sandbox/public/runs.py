@@ -13,16 +13,17 @@ from estimators.registry import AnyEstimator
 from model.effects.library import parse
 from model.names import fitting
 from model.parameters import Drive
+from sandbox.drive.scenario import Scenario
+from sandbox.output.columns import Column, columns_of
 from sandbox.public.loading import load_estimator, load_motor, load_scenario, several
-from sandbox.public.result import Column, Result, columns_of
-from sandbox.scenario import Scenario
+from sandbox.public.result import Result
 
 if TYPE_CHECKING:
-    from sandbox.compare import Comparison, Run
-    from sandbox.design import Design
-    from sandbox.plots import Figure
-    from sandbox.recording import Recording
-    from sandbox.score import ErrorDeg, Row
+    from sandbox.drive.design import Design
+    from sandbox.drive.recording import Recording
+    from sandbox.evaluation.compare import Comparison, Run
+    from sandbox.evaluation.score import ErrorDeg, Row
+    from sandbox.output.plots import Figure
 
 AnyMotor = str | Path | Drive
 AnyScenario = str | Path | Scenario
@@ -79,7 +80,7 @@ class SimulationResult(Result):
     @property
     def error_deg(self) -> ErrorDeg:
         """Mean, rms, 95th percentile and maximum of the position error over all evaluated stretches, degrees."""
-        from sandbox.score import error_of, settled_part
+        from sandbox.evaluation.score import error_of, settled_part
 
         return error_of(settled_part(self.recording, self.rows), self.lost_lock)
 
@@ -104,7 +105,7 @@ class SimulationResult(Result):
 
     def columns(self) -> dict[str, Column]:
         """Return every signal, one row a recorded sample, and the position error."""
-        from sandbox.recording import UNITS
+        from sandbox.drive.recording import UNITS
 
         signals = {name: Column(self.recording[name], unit) for name, unit in UNITS.items()}
         return signals | {"error": Column(self.recording.error, "rad")}
@@ -118,7 +119,7 @@ class SimulationResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write the run as a trace (`.rrd`); return its path."""
-        from sandbox.trace import write_trace
+        from sandbox.output.trace import write_trace
 
         write_trace(Path(path), self.comparison)
         return Path(path)
@@ -167,13 +168,13 @@ class ComparisonResult(Result):
 
     def plot(self, path: str | Path | None = None) -> Figure:
         """Return position error against load, a column an estimator; a path (.png, .svg, .pdf) is written as well."""
-        from sandbox.plots import comparison_figure
+        from sandbox.output.plots import comparison_figure
 
         return comparison_figure(self.comparison, path)
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write all runs as one trace (`.rrd`); return its path."""
-        from sandbox.trace import write_trace
+        from sandbox.output.trace import write_trace
 
         write_trace(Path(path), self.comparison)
         return Path(path)
@@ -188,11 +189,11 @@ def save_runs(
     table: bool = True,
 ) -> Path:  # fmt: skip
     """Write a result of runs and what is asked for beside its JSON into a folder, together; return the folder."""
-    from sandbox import report
-    from sandbox.public.result import write_table
+    from sandbox.output.columns import write_table
+    from sandbox.output.files import results, write_json
 
     name, files = result.command, {"figure": figure and "png", "table": table and "parquet", "trace": trace and "rrd"}
-    with report.results(Path(folder), name) as out:
+    with results(Path(folder), name) as out:
         if figure:
             result.plot(out / f"{name}.png")
         if table or csv:
@@ -202,7 +203,7 @@ def save_runs(
         if trace:
             result.to_rerun(out / f"{name}.rrd")
         named = {key: f"{name}.{suffix}" if suffix else None for key, suffix in files.items()}
-        report.write_json(out, name, result.as_json() | named)
+        write_json(out, name, result.as_json() | named)
     return Path(folder)
 
 
@@ -268,7 +269,7 @@ def simulate(
     >>> round(run.rows[1].error_deg.mean)  # electrical degrees: the motor's cross-saturation angle at rated load
     -6
     """
-    from sandbox.compare import single
+    from sandbox.evaluation.compare import single
 
     scene, own = load_scenario(scenario), load_estimator(estimator)
     scene = scene if duration is None else scene.cut(duration)
@@ -277,13 +278,13 @@ def simulate(
         check_new_folder(Path(record))
     drive = load_motor(motor)  # last: its flux map may have to be downloaded
     if record is not None:
-        from sandbox.record import bench_of
+        from sandbox.drive.record import bench_of
 
         drive = bench_of(drive, own)
     result, gains = single(drive, scene, own, belief, closed_loop, seed, added, plant)
     if record is not None:
-        from sandbox.campaign import write_campaign
-        from sandbox.record import campaign_of
+        from sandbox.drive.record import campaign_of
+        from sandbox.recordings.campaign import write_campaign
 
         name = fitting(Path(record).name, "campaign")
         write_campaign(record, campaign_of(drive, scene, result.runs[0].recording, name))
@@ -352,7 +353,7 @@ def compare(
     >>> {row.belief: round(abs(row.error_deg.mean)) for row in both.rows if row.closed_loop}  # degrees
     {'linear': 6, 'saturated': 0}
     """
-    from sandbox.compare import compare as run_all
+    from sandbox.evaluation.compare import compare as run_all
 
     scene, added = load_scenario(scenario), _effects(effects)
     own = [load_estimator(one) for one in several(estimators)]

@@ -16,10 +16,10 @@ from model.energy import flux_newton
 from model.errors import BadInput
 from model.frames import stationary
 from model.parameters import Converter, Motor
-from sandbox.campaign import Campaign, CampaignRecording
 from sandbox.plant import additions, ports
 from sandbox.plant.mechanics import swing
 from sandbox.plant.sets import batch_of, complete, features_of
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.kernel import TRACK
 from sandbox.replay.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
 

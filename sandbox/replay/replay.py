@@ -11,7 +11,7 @@ stable however wrong a set is, and each set costs the same.
     residual = residuals(prepared, prediction)
 
 Checked: against the switched bench effect by effect, and on recordings of a foreign bench with known effects (noise
-floor); tests/sandbox/test_replay.py.
+floor); tests/sandbox/replay/test_replay.py.
 """
 
 from __future__ import annotations
@@ -30,10 +30,10 @@ from model.energy import SOLVED, AnyEnergy, Energy, flux_newton
 from model.errors import BadInput
 from model.frames import stationary
 from model.spline import SplineEnergy
-from sandbox.campaign import Campaign
 from sandbox.plant import additions, ports
 from sandbox.plant.batch import FEW, LANES, blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
+from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor, readings_off
 from sandbox.replay.kernel import run
 

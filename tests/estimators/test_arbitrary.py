@@ -15,11 +15,11 @@ from estimators.contract import Sample
 from estimators.demodulation import blank
 from estimators.registry import load_estimator
 from model import energy
-from model.parameters import load_drive
-from sandbox import protocol_tests as t
-from sandbox.design import TRACKING_MARGIN, _grid, _margins, belief_of, design
-from sandbox.scenario import Scenario, Segment
-from sandbox.simulate import simulate
+from model.drive_files import load_drive
+from sandbox.drive.design import TRACKING_MARGIN, _grid, _margins, belief_of, design
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
+from sandbox.evaluation import protocol_tests as t
 
 DRIVE = load_drive("ipm_exchanged")
 TUNING = design(DRIVE).tuning

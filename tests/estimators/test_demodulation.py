@@ -9,9 +9,9 @@ import pytest
 
 from estimators.contract import Sample, Tuning
 from estimators.demodulation import blank, demodulate
-from model.parameters import load_drive
-from sandbox.design import design
-from sandbox.injection import primitive_of
+from model.drive_files import load_drive
+from sandbox.drive.design import design
+from sandbox.recordings.injection import primitive_of
 
 
 def tuning(n, waveform="square", h=1e-4, amplitude=20.0) -> Tuning:

@@ -14,14 +14,14 @@ from estimators import demodulation, inversion, tracking
 from estimators.contract import Estimate, Estimator
 from estimators.registry import estimator_names, load_estimator
 from model import energy
+from model.drive_files import load_drive
 from model.energy import Energy
 from model.errors import BadInput
 from model.frames import stationary, wrapped
-from model.parameters import load_drive
-from sandbox.design import belief_of, design
-from sandbox.injection import carrier
-from sandbox.scenario import Scenario, Segment
-from sandbox.simulate import simulate
+from sandbox.drive.design import belief_of, design
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
+from sandbox.recordings.injection import carrier
 
 STILL = Scenario("still", (Segment(0.05),))
 LOADED = Scenario("loaded", (Segment(0.05), Segment(0.35, 1.5, ramp=0.05)))

@@ -16,16 +16,16 @@ from estimators.contract import Oversampled, Sample
 from estimators.demodulation import ACCELERATION, AXIS, LOAD_TORQUE, OMEGA, blank
 from estimators.registry import estimator_names, load_estimator
 from model import energy
+from model.drive_files import load_drive
 from model.errors import BadInput
-from model.parameters import load_drive
 from model.saliency import self_consistent_angle
-from sandbox import protocol_tests as t
-from sandbox.design import belief_of, design
-from sandbox.protocol_motion import bandwidth, chirp_scenario, hand_over, reversal, reversal_case
-from sandbox.scenario import Scenario, Segment
-from sandbox.simulate import simulate
+from sandbox.drive.design import belief_of, design
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
+from sandbox.evaluation import protocol_tests as t
+from sandbox.evaluation.protocol_motion import bandwidth, chirp_scenario, hand_over, reversal, reversal_case
 
-p = import_module("sandbox.protocol")  # the name in `sandbox` is the function
+p = import_module("sandbox.evaluation.protocol")  # the name in `sandbox` is the function
 DRIVE = load_drive("ipm_exchanged")
 MOTOR = DRIVE.motor
 GAMMA = [float(g) for g in energy.hessian(MOTOR.energy, 0.02, 0.12)]

@@ -13,10 +13,10 @@ from estimators.demodulation import PHASE
 from estimators.kalman_filterpy import EnergyFilter, begin
 from estimators.registry import load_estimator
 from estimators.startup import TRACKING
-from model.parameters import load_drive
-from sandbox.design import belief_of, design
-from sandbox.scenario import Scenario, Segment
-from sandbox.simulate import simulate
+from model.drive_files import load_drive
+from sandbox.drive.design import belief_of, design
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
 
 DRIVE = load_drive("ipm_exchanged")
 BELIEF = belief_of(DRIVE, "saturated")
@@ -71,7 +71,7 @@ def test_innovations_are_as_large_as_the_filter_says(monkeypatch):
     The plant has no inverter error, so its share is taken out; a variance off by 30 % would leave the band, which
     is 2 +- 4 sigma of a mean of 1000 (sigma = 2/sqrt(1000)) and 10 % for the Heun step.
     """
-    monkeypatch.setattr("sandbox.design.VOLTAGE_UNCERTAINTY", 1e-4)
+    monkeypatch.setattr("sandbox.drive.design.VOLTAGE_UNCERTAINTY", 1e-4)
     drive = DRIVE
     ekf, seen = load_estimator("ekf"), []
     twin = design(drive).tuning

@@ -13,14 +13,14 @@ from estimators.believed import LEAST
 from estimators.demodulation import blank
 from estimators.registry import load_estimator
 from model import energy
-from model.parameters import load_drive
-from sandbox import protocol_tests as t
-from sandbox.design import TRACKING_MARGIN, _grid, _margins, belief_of, design
-from sandbox.scenario import Scenario, Segment
-from sandbox.simulate import simulate
-from sandbox.switched.inverter import SHIFT, duties
-from sandbox.switched.machine import vector
-from sandbox.switched.readings import USUAL_READINGS, USUAL_SHIFT, shift_pulses, volt_seconds
+from model.drive_files import load_drive
+from sandbox.drive.design import TRACKING_MARGIN, _grid, _margins, belief_of, design
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
+from sandbox.evaluation import protocol_tests as t
+from sandbox.validation.switched.inverter import SHIFT, duties
+from sandbox.validation.switched.phase_machine import vector
+from sandbox.validation.switched.readings import USUAL_READINGS, USUAL_SHIFT, shift_pulses, volt_seconds
 
 DRIVE = load_drive("ipm_exchanged")
 TUNING = design(DRIVE).tuning

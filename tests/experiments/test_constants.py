@@ -20,10 +20,10 @@ from experiments.constants import (
     table,
 )
 from model.errors import BadInput
-from sandbox.campaign import write_campaign
 from sandbox.gap.evidence import priors
 from sandbox.gap.search import multistart, posterior
-from sandbox.gap.withheld.running import code_digest
+from sandbox.recordings.campaign import write_campaign
+from sandbox.validation.scoring.running import code_digest
 from tests.sandbox.gap.conftest import CASES, small_campaign
 
 WIDE = next(k for k, c in enumerate(CONSTANTS) if c.name == "WIDE")

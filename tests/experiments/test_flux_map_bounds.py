@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from experiments.flux_map_bounds import circulations, least_change, rises
+from model.drive_files import load_drive
 from model.energy import flux_from_current
 from model.fluxmap import FluxMap
-from model.parameters import load_drive
 
 
 def planted(noise=0.0, bump=0.0, points=25):

@@ -7,9 +7,9 @@ import json
 import pytest
 
 from experiments.main_job import RESULTS
-from model.parameters import load_drive
-from sandbox.compare import compare
-from sandbox.scenario import load_scenario
+from model.drive_files import load_drive
+from sandbox.drive.scenario import load_scenario
+from sandbox.evaluation.compare import compare
 
 
 def test_kept_results_are_current():

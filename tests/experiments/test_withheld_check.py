@@ -8,9 +8,9 @@ import pytest
 from experiments import withheld_check
 from experiments.withheld_check import CHECKS, RESULTS, recompute
 from model.errors import BadInput
-from sandbox.gap.withheld.rows import write_rows
-from sandbox.gap.withheld.scores import by_method
-from tests.sandbox.gap.test_withheld_rows import twelve
+from sandbox.validation.scoring.rows import write_rows
+from sandbox.validation.scoring.tables_of_rows import by_method
+from tests.sandbox.validation.test_withheld_rows import twelve
 
 
 @pytest.fixture

@@ -10,18 +10,18 @@ from unittest import mock
 
 import numpy as np
 
+from model.drive_files import MOTORS, load_drive
 from model.energy import flux_from_current
 from model.errors import PhysicsError
 from model.fluxmap import FluxMap, write_map
-from model.parameters import MOTORS, load_drive
-from sandbox.campaign import read_campaign, write_campaign
-from sandbox.design import design
-from sandbox.gap.withheld.score import score
-from sandbox.gap.withheld.scores import Scores, table
-from sandbox.importing import read_recordings
-from sandbox.locked_test import Bench, paper_campaign
-from sandbox.report import plain
-from sandbox.scenario import SCENARIOS, load_scenario
+from sandbox.drive.design import design
+from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.drive.scenario import SCENARIOS, load_scenario
+from sandbox.output.files import plain
+from sandbox.recordings.campaign import read_campaign, write_campaign
+from sandbox.recordings.importing import read_recordings
+from sandbox.validation.scoring.blind import score
+from sandbox.validation.scoring.tables_of_rows import Scores, table
 from tests.fuzz.doors import Door, Outcome, called
 from tests.fuzz.mutations import damaged_bytes, damaged_call, damaged_json, damaged_toml
 
@@ -286,11 +286,11 @@ DOORS = (
 )  # fmt: skip
 COSTLY = {"design": 0.02, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs of a usual door
 PHYSICS = (  # replaced where the command line is tried: what stands before them is
-    "sandbox.compare.compare", "sandbox.compare.single", "model.saliency.audit", "sandbox.maps.maps",
-    "sandbox.bench.bench",
-    "sandbox.protocol.run_unit", "sandbox.identify.identify", "sandbox.gap.report.answers.answer",
-    "sandbox.gap.withheld.make.make",
-    "sandbox.gap.withheld.score.score", "sandbox.protocol.reversal_case",
+    "sandbox.evaluation.compare.compare", "sandbox.evaluation.compare.single", "model.saliency.audit",
+    "sandbox.evaluation.maps.maps", "sandbox.evaluation.bench.bench",
+    "sandbox.evaluation.protocol.run_unit", "sandbox.recordings.identify.identify", "sandbox.gap.report.answers.answer",
+    "sandbox.validation.withheld.make.make",
+    "sandbox.validation.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case",
 )  # fmt: skip
 
 

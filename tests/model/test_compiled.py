@@ -21,7 +21,7 @@ def answer(folder: Path, callee: str, cache: Path) -> str:
     room = folder / "model"
     room.mkdir(parents=True, exist_ok=True)
     (room / "__init__.py").write_text("")
-    for name in ("compiled.py", "compiling.py", "kernel_cache.py", "kept.py"):
+    for name in ("compiled.py", "compiling.py", "kernel_cache.py", "kept.py", "sources.py"):
         (room / name).write_text((ROOT / "model" / name).read_text())
     (room / "callee.py").write_text(f"from model.compiled import kernel\n\n\n@kernel\ndef f(x):\n    return {callee}\n")
     caller = """
@@ -39,10 +39,24 @@ def answer(folder: Path, callee: str, cache: Path) -> str:
     return subprocess.run(run, cwd=folder, env=env, capture_output=True, text=True, check=True).stdout.strip()
 
 
+def kept(cache: Path) -> set[Path]:
+    return set(cache.glob("kernels-*/*/*.nbc"))
+
+
 def test_changed_callee_recompiles_its_caller(tmp_path):
     assert answer(tmp_path / "copy", "10.0 * x", tmp_path / "cache") == "21.0"
     assert answer(tmp_path / "copy", "20.0 * x", tmp_path / "cache") == "41.0"
-    assert len(list((tmp_path / "cache").glob("kernels-*"))) == 2
+    assert len(kept(tmp_path / "cache")) == 4  # callee and caller, twice
+
+
+def test_a_changed_file_that_no_kernel_imports_recompiles_nothing(tmp_path):
+    """A report may change as often as its writer likes; so may what it imports, and the kernels that it imports."""
+    room = tmp_path / "copy" / "model"
+    room.mkdir(parents=True)
+    for text in ("A = 1\n", "A = 2\n"):
+        (room / "report.py").write_text(f"from model.caller import g\n\n{text}print(g(2.0))\n")
+        assert answer(tmp_path / "copy", "10.0 * x", tmp_path / "cache") == "21.0"
+        assert len(kept(tmp_path / "cache")) == 2
 
 
 def test_changed_constant_of_a_file_without_kernels_recompiles(tmp_path):

@@ -7,10 +7,10 @@ import re
 
 import pytest
 
+from model.drive_files import load_drive
 from model.effects import library
 from model.effects.card import SUBSYSTEMS
 from model.errors import BadInput
-from model.parameters import load_drive
 
 DRIVE = load_drive("ipm_exchanged")
 MOTOR, CONVERTER = DRIVE.motor, DRIVE.converter

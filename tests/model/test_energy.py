@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 
 from model import energy as en
 from model import first_order, quartic
+from model.drive_files import load_drive, motor_names
 from model.errors import PhysicsError
-from model.parameters import load_drive, motor_names
 
 SOUND = ("ipm", "ipm_exchanged", "spm_exchanged")
 D, Q = sp.symbols("phi_d phi_q", real=True)

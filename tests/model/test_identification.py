@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
+from model.drive_files import load_drive
 from model.energy import Energy, flux_from_current, hessian
 from model.errors import BadInput
 from model.identification import first_order, first_order_estimate
 from model.levels import NAMES, D, Levels, Q
-from model.parameters import load_drive
 
 BIAS = np.linspace(-2.0, 2.0, 9)
 AXES = np.repeat([D, D, Q], len(BIAS))

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from model.drive_files import load_drive, mapped_names
 from model.energy import flux_from_current, inductances
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, write_map
 from model.kept import note
-from model.parameters import load_drive, mapped_names
 
 TEXT = """
 [motor]

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from model.drive_files import load_drive, mapped_names, motor_file, motor_names
 from model.errors import BadInput
-from model.parameters import Converter, Injection, Motor, load_drive, mapped_names, motor_file, motor_names
+from model.parameters import Converter, Injection, Motor
 
 # Rated values and parameters as the paper's two tables print them: SI units.
 PRINTED = {

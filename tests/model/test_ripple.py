@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from model.drive_files import load_drive
 from model.energy import Energy, currents, flux_from_current, hessian
-from model.parameters import load_drive
 from model.ripple import flux_ripple, periodic, slopes, voltage_error
 
 N, H = 8, 250e-6

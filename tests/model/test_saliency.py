@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import fsolve
 
+from model.drive_files import load_drive, motor_names
 from model.errors import BadInput, PhysicsError
-from model.parameters import load_drive, motor_names
 from model.saliency import (
     audit,
     current_for_torque,

@@ -9,10 +9,10 @@ from scipy.interpolate import BSpline
 
 from model import spline
 from model import spline_energy as se
+from model.drive_files import load_drive
 from model.energy import Energy, currents, flux_from_current, inductances, min_eigenvalue
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, read_map, write_map
-from model.parameters import load_drive
 from tests.data import real_data
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from model.drive_files import load_drive
 from model.energy import currents, flux_from_current
 from model.errors import BadInput
-from model.parameters import load_drive
 from model.standstill import SMALL, StepTest, fit_axes, flux_of
 
 H, TOP, THRESHOLD = 1e-4, 2.0, 1.5

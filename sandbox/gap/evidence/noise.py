@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from model.errors import BadInput
-from sandbox.campaign import Campaign
+from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import noise_floor
 
 BLOCK = 400  # samples: the 10th percentile of white noise's blocks lies 6 % below its rms, by chance alone

@@ -14,8 +14,8 @@ from dataclasses import dataclass, replace
 from model.effects import library
 from model.effects.card import Effect, Ordinary, scales
 from model.parameters import Drive
-from sandbox.campaign import Campaign
 from sandbox.plant.sets import BENCH, soft_current
+from sandbox.recordings.campaign import Campaign
 from sandbox.replay.sensitivity import mechanical_only
 
 Set = Mapping[str, float]

@@ -10,7 +10,6 @@ from typing import Any
 
 from model.effects import library
 from model.errors import BadInput
-from sandbox.campaign import Campaign
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.report.distinguishability import Alike, alike
@@ -20,6 +19,7 @@ from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.report.where import Finding, percent, summary, where
 from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
 from sandbox.gap.search.posterior import UNKNOWN
+from sandbox.recordings.campaign import Campaign
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 HARDLY = 5e-4  # of what remains: less is nothing

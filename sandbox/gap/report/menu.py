@@ -16,9 +16,9 @@ from scipy.signal import lfilter
 
 from model.energy import flux_from_current
 from model.parameters import Drive
-from sandbox.campaign import Campaign, CampaignRecording
 from sandbox.plant.mechanics import turned_by
 from sandbox.plant.sets import batch_of, features_of
+from sandbox.recordings.campaign import Campaign, CampaignRecording
 
 Array = NDArray[np.float64]
 DURATION, FULL_RATE = 1.0, 8000.0  # s; Hz: faster drives record shorter, as many samples

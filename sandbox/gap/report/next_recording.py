@@ -23,13 +23,13 @@ from numpy.typing import NDArray
 
 from model.effects import library
 from model.errors import BadInput, PhysicsError
-from sandbox.campaign import Campaign
 from sandbox.gap.diagnose import CREDIBLE
 from sandbox.gap.evidence.discrepancy import FLOOR, SHARE
 from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.report.menu import Entry, menu, recording_of, settings, shaft, usual_seconds
 from sandbox.gap.search.judged import Judged
 from sandbox.plant.sets import batch_of, complete
+from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import readings_off, with_columns
 from sandbox.replay.replay import Prepared, prepare, replay
 

@@ -10,7 +10,6 @@ import numpy as np
 
 from model.effects import library
 from model.names import html_text
-from sandbox import report
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.report import answers, listed
 from sandbox.gap.report.answers import Answers
@@ -20,7 +19,9 @@ from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.words import label, names, quantity, words
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.plots import bars_svg, lines_svg
+from sandbox.output.files import version
+from sandbox.output.plots import bars_svg, lines_svg
+from sandbox.output.tables import print_table
 from sandbox.replay.replay import Residual
 
 FEWEST = 0.001  # probability below which a hypothesis stays in the folded part
@@ -76,12 +77,12 @@ def print_answers(a: Answers) -> None:
         print(f"{head:<10} {text}")
     print(f"{'Left?':<10} {answers.remains_text(a)}")
     rows = [[label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
-    report.print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
+    print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
     if d.parameters[0]:
         heads = ["name", "value [95 % interval]", "nominal"]
-        report.print_table("parameters", heads, _parameters(a, d.parameters[0]))
+        print_table("parameters", heads, _parameters(a, d.parameters[0]))
     rows = [[f + (" (held out)" if h else ""), f"{b:.2f}", f"{x:.2f}"] for f, b, x, h in d.size.recordings]
-    report.print_table("residual over its noise floor (rms)", ["recording", "before", "after"], rows)
+    print_table("residual over its noise floor (rms)", ["recording", "before", "after"], rows)
     for text in answers.caveats(a):
         print(f"note: {text}")
     print(f"{d.simulations} simulations in {d.seconds:.1f} s")
@@ -282,7 +283,7 @@ def _detail(a: Answers) -> Iterator[str]:
         ["residual of the nominal model as given", f"{d.size.raw:.3g} noise floors"],
         ["ordinary deviations refitted", f"{d.size.before:.3g}"], ["best hypothesis", f"{d.size.after:.3g}"],
         ["held out", held], ["simulations", str(d.simulations)], ["seconds", f"{d.seconds:.1f}"],
-        ["version", report.version()],
+        ["version", version()],
     ]  # fmt: skip
     yield fold("How it was made", table(["", ""], facts))
 

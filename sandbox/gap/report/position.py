@@ -21,12 +21,12 @@ from model.effects.library import true_motor
 from model.errors import BadInput, PhysicsError
 from model.frames import wrapped
 from model.parameters import Drive
-from sandbox.campaign import CampaignRecording
-from sandbox.design import belief_of, design
-from sandbox.follow import follow
+from sandbox.drive.design import belief_of, design
+from sandbox.drive.follow import follow
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.normal import Point
-from sandbox.injection import carrier
+from sandbox.recordings.campaign import CampaignRecording
+from sandbox.recordings.injection import carrier
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Prepared, replay
 

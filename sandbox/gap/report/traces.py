@@ -13,9 +13,9 @@ from sandbox.gap.report import answers
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.decompose import MECHANICAL, ORDERS, Decomposition, decompose
 from sandbox.gap.report.listed import waterfall
+from sandbox.output.trace import COLOURS, GREY, Plot, write_series
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Prediction, Residual, replay, residuals
-from sandbox.trace import COLOURS, GREY, Plot, write_series
 
 Array = NDArray[np.float64]
 BEFORE, AFTER = COLOURS["linear"], COLOURS["saturated"]

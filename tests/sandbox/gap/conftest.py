@@ -5,11 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from model.parameters import load_drive
-from sandbox.campaign import Campaign, CampaignRecording, read_campaign, write_campaign
+from model.drive_files import load_drive
 from sandbox.gap.report.answers import answer
-from sandbox.switched.effects import bench, quiet
-from sandbox.switched.simulate import replay as switched
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign, write_campaign
+from sandbox.validation.switched.advance import replay as switched
+from sandbox.validation.switched.bench_numbers import bench, quiet
 
 DRIVE = load_drive("ipm_exchanged")
 DRIVE = dataclasses.replace(

@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from estimators.registry import load_estimator
+from model.drive_files import load_drive
 from model.effects.card import SUBSYSTEMS
 from model.errors import BadInput
-from model.parameters import load_drive
-from sandbox.campaign import read_campaign
 from sandbox.cli import main
-from sandbox.design import design
+from sandbox.drive.design import design
+from sandbox.drive.record import campaign_of
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.report import where as places
 from sandbox.gap.report.answers import answer, caveats, far_text, linear, next_text, which_text
@@ -28,13 +30,11 @@ from sandbox.gap.report.position import carrier_at, errors
 from sandbox.gap.report.where import subsystems
 from sandbox.gap.report.words import quantity, times
 from sandbox.gap.search.estimates import Estimate
-from sandbox.injection import carrier
+from sandbox.output.files import plain
+from sandbox.output.trace import read_trace
 from sandbox.public.recorded import DiagnosisResult
-from sandbox.record import campaign_of
-from sandbox.report import plain
-from sandbox.scenario import Scenario, Segment
-from sandbox.simulate import simulate
-from sandbox.trace import read_trace
+from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.injection import carrier
 from tests.data import recordings_folder
 from tests.sandbox.gap.conftest import DEAD_TIME
 

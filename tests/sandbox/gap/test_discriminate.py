@@ -9,7 +9,6 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from model.energy import flux_from_current
-from sandbox.campaign import read_campaign
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point, normal
@@ -29,6 +28,7 @@ from sandbox.gap.report.next_recording import (
     surprise,
 )  # fmt: skip
 from sandbox.gap.search.judged import judge
+from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.test_evidence import start
 

@@ -8,13 +8,13 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import truncnorm
 
-from sandbox.campaign import read_campaign
 from sandbox.gap.evidence.algebra import Algebra, Prior, between_segments, sandwich
 from sandbox.gap.evidence.fit import coordinates_of, fit
 from sandbox.gap.evidence.holdout import choices, held_out, weights_of
 from sandbox.gap.evidence.normal import Normal, Point, Segment, normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.conftest import DEAD_TIME
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput, PhysicsError
-from sandbox.campaign import read_campaign
 from sandbox.cli import main
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.evidence.noise import noise_caution, seen
+from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.inputs import noise_floor
 
 
@@ -138,7 +138,7 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_run(small_folder, 
     def begun(*_, **__):
         raise AssertionError("the run began")
 
-    monkeypatch.setattr("sandbox.importing.read_recordings", begun)
+    monkeypatch.setattr("sandbox.recordings.importing.read_recordings", begun)
     (tmp_path / "file").write_text("mine")
     for out in (tmp_path / "file", tmp_path / "file" / "below", tmp_path / "new" / (300 * "x")):
         assert main(["diagnose", str(small_folder), "--out", str(out), "--quiet"]) == 2

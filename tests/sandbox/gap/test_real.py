@@ -10,12 +10,12 @@ import pytest
 
 from experiments import synrm_standstill
 from experiments.thor_bench import Tables
+from model.drive_files import load_drive
 from model.drives import thor
 from model.effects import library
-from model.parameters import load_drive
 from model.standstill import fit_axes
 from sandbox.cli import main
-from sandbox.real_campaigns import HIDDEN, real_drives
+from sandbox.recordings.real_campaigns import HIDDEN, real_drives
 from tests.data import real_data
 
 MAP = Path(__file__).resolve().parents[3] / "experiments" / "synrm_standstill.toml"

@@ -8,10 +8,10 @@ import pytest
 
 from model.energy import Energy
 from model.energy import currents as currents_of
-from sandbox.campaign import Campaign
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.regression import DRAWS, RIDGE, Remains, judged, regressors, remains, scalars
 from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Residual, prepare, replay
 from sandbox.replay.response import added_current

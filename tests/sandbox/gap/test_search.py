@@ -10,7 +10,6 @@ import pytest
 from scipy.stats import norm
 
 from model.effects.library import load_effect
-from sandbox.campaign import write_campaign
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.discrepancy import IMITATED, STRETCH, remainder, stretched
 from sandbox.gap.evidence.fit import coordinates_of, fit, objective, stray
@@ -23,6 +22,7 @@ from sandbox.gap.report.where import held_at_neutral
 from sandbox.gap.search.forward import _pointed, search
 from sandbox.gap.search.judged import judge
 from sandbox.gap.search.multistart import with_sizes
+from sandbox.recordings.campaign import write_campaign
 from tests.sandbox.gap.conftest import DRIVE, small_campaign
 from tests.sandbox.gap.test_evidence import start
 

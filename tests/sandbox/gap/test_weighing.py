@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from sandbox.campaign import write_campaign
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
@@ -18,6 +17,7 @@ from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.posterior import tempered
 from sandbox.gap.search.unfitted import part_of, slight
+from sandbox.recordings.campaign import write_campaign
 from tests.sandbox.gap.conftest import small_campaign
 from tests.sandbox.gap.test_evidence import start
 

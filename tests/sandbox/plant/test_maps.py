@@ -7,11 +7,11 @@ import pytest
 
 from experiments.plant_against_bench import apart as bench_apart
 from experiments.plant_against_bench import recorded
-from model.parameters import load_drive
+from model.drive_files import load_drive
 from model.spline import currents
-from sandbox.campaign import Campaign
 from sandbox.plant.batch import blank
 from sandbox.plant.electrical import mapped
+from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare, replay
 from tests.data import real_data
 from tests.sandbox.plant.told import apart, duties, finer, reference, told, turning

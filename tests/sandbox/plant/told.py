@@ -4,10 +4,10 @@ import dataclasses
 
 import numpy as np
 
-from model.parameters import load_drive
-from sandbox.campaign import Campaign
+from model.drive_files import load_drive
 from sandbox.plant.reference import Reference
 from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import LEGS, Inputs, course_of, with_columns
 from sandbox.replay.kernel import TRACK
 from sandbox.replay.replay import Prepared

@@ -1,0 +1,115 @@
+"""Drives by name or file: built-in motors, those with a flux map, a user's TOML; defaults for what is left out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from model.errors import BadInput, unknown
+from model.mapped import mapped_motor, stand_in
+from model.names import fitting
+from model.parameters import Converter, Drive, Injection, Motor, build, read_toml, table_of, texts
+
+MOTORS = Path(__file__).parent / "motors"
+MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry
+MAP_SUFFIXES = (".npz", ".mat", ".csv")
+OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording"}  # allowed, not read here
+
+
+def motor_names() -> list[str]:
+    """Return the names of the motors that come with the package."""
+    return sorted(p.stem for p in MOTORS.glob("*.toml"))
+
+
+def mapped_names() -> list[str]:
+    """Return the names of the motors whose flux map is a data set of its own (found on this machine, or fetched)."""
+    return sorted(p.stem for p in MAPPED.glob("*.toml"))
+
+
+def motor_file(name: str | Path) -> Path:
+    """Return the TOML file of a built-in name, of a path, or beside a flux map; BadInput for an unknown one."""
+    path = Path(name)
+    if path.suffix.lower() in MAP_SUFFIXES:
+        if path.with_suffix(".toml").is_file():
+            return path.with_suffix(".toml")
+        raise BadInput(
+            f"flux map '{path}' alone gives no resistance, pole pairs and ratings; write them into "
+            f"'{path.with_suffix('.toml').name}' beside it: [motor], and [flux_map] with file = \"{path.name}\""
+        )
+    if is_file_name(path):
+        return path
+    if str(name) in mapped_names():
+        return MAPPED / f"{name}.toml"
+    if str(name) not in motor_names():
+        raise unknown("motor", str(name), [*motor_names(), *mapped_names()])
+    return MOTORS / f"{name}.toml"
+
+
+def describe(name: str) -> str:
+    """Return the line that a built-in motor's file says of it."""
+    return str(read_toml(motor_file(name))["motor"]["description"])
+
+
+def fetched(name: str | Path) -> bool:
+    """Tell whether a motor's flux map is a data set, which may have to be downloaded; BadInput for an unknown name."""
+    table = read_toml(motor_file(name)).get("flux_map")
+    return isinstance(table, dict) and "dataset" in table
+
+
+def load_drive(name: str | Path) -> Drive:
+    """Return the drive of a built-in name, a TOML file or the one beside a flux map; BadInput says what is wrong.
+
+    Nothing is downloaded for a file that is wrong: it is read with a stand-in for its flux map first.
+    """
+    path = motor_file(name)
+    data = read_toml(path)
+    for table in data:
+        if table not in {"motor", "flux_map", "drive", "injection"} | OTHER_TABLES:
+            raise _in_file(path, unknown("table", table, ["motor", "flux_map", "drive", "injection", "provenance"]))
+    try:
+        for motor in _motors(path, data):
+            converter = build(Converter, {**_converter_defaults(motor), **table_of(data, "drive")}, "drive")
+            injection = build(
+                Injection, {**_injection_defaults(motor, converter), **table_of(data, "injection")}, "injection"
+            )
+    except BadInput as error:
+        raise _in_file(path, error) from None
+    return Drive(motor, converter, injection, texts(table_of(data, "provenance")))
+
+
+def _motors(path: Path, data: dict[str, Any]) -> Iterator[Motor]:
+    """Yield the motor; before one with a flux map, a stand-in with the rest of it."""
+    values = {"name": fitting(path.stem, "motor"), **table_of(data, "motor", required=True)}
+    if "flux_map" not in data:
+        yield build(Motor, values, "motor")
+        return
+    yield stand_in(values, table_of(data, "flux_map"))
+    yield mapped_motor(values, table_of(data, "flux_map"), path.parent)
+
+
+def is_file_name(path: Path) -> bool:
+    """Tell whether a user means a file rather than a built-in name."""
+    return path.suffix.lower() == ".toml" or len(path.parts) > 1
+
+
+def _in_file(path: Path, error: BadInput) -> BadInput:
+    return BadInput(f"{path.name}: {error}")
+
+
+def _converter_defaults(motor: Motor) -> dict[str, Any]:
+    """The paper's 4 kHz and 400 V, with sensors of 0.2 % of rated current."""
+    rated = motor.rated_current
+    return {
+        "sampling_period": 250e-6,
+        "dc_bus_voltage": 400.0,
+        "current_resolution": 0.002 * rated,
+        "current_noise": 0.0017 * rated,
+    }
+
+
+def _injection_defaults(motor: Motor, converter: Converter) -> dict[str, Any]:
+    """Eight samples a period; a ripple of 20 % of rated current on d, as far as a quarter of the voltage gives it."""
+    frequency = 1.0 / (8.0 * converter.sampling_period)
+    amplitude = 0.8 * frequency * motor.inductance_d * motor.rated_current
+    return {"frequency": frequency, "amplitude": min(amplitude, 0.25 * converter.voltage_limit)}

@@ -1,0 +1,68 @@
+"""Which files of the project a file depends on: its imports, theirs, and so on; and one short hash of them all.
+
+Only imports are followed, at the top of a file or inside a function; those for a type checker alone are left out.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+ROOMS = ("model", "estimators", "sandbox")
+_FROM = re.compile(r"^[ \t]*from ([\w.]+) import (\([^)]*\)|[^\n#]+)", re.MULTILINE)
+_PLAIN = re.compile(r"^[ \t]*import ([\w.]+)", re.MULTILINE)
+_TYPES_ONLY = re.compile(r"^if TYPE_CHECKING:\n(?:[ \t]+[^\n]*\n|\n)*", re.MULTILINE)
+
+
+@cache
+def depends_on(path: Path) -> frozenset[Path]:
+    """Return a file and every file of the rooms that it imports, directly or through others."""
+    found: set[Path] = set()
+    left = [path]
+    while left:
+        file = left.pop()
+        if file not in found:
+            found.add(file)
+            left.extend(_direct(file))
+    return frozenset(found)
+
+
+@cache
+def source_key(*paths: Path) -> str:
+    """Return a short hash of the sources of files and of everything of the rooms that they depend on."""
+    digest = hashlib.sha256()
+    for file in sorted(frozenset().union(*map(depends_on, paths))):
+        digest.update(file.name.encode() + _body(file))
+    return digest.hexdigest()[:16]
+
+
+@cache
+def _body(path: Path) -> bytes:
+    return path.read_bytes()
+
+
+@cache
+def _direct(path: Path) -> tuple[Path, ...]:
+    text = _TYPES_ONLY.sub("", _body(path).decode("utf-8", "replace"))
+    return tuple(file for name in _names(text) if (file := _file_of(name)) is not None)
+
+
+def _names(text: str) -> Iterator[str]:
+    """Return the dotted names that a source imports; of `from a import b` both a.b and a."""
+    for package, names in _FROM.findall(text):
+        yield package
+        for name in re.findall(r"(\w+)(?:\s+as\s+\w+)?", names):
+            yield f"{package}.{name}"
+    yield from _PLAIN.findall(text)
+
+
+def _file_of(name: str) -> Path | None:
+    """Return the file of a module of the rooms; None for packages (theirs hold no code that kernels see) and others."""
+    if name.partition(".")[0] not in ROOMS:
+        return None
+    path = ROOT.joinpath(*name.split(".")).with_suffix(".py")
+    return path if path.is_file() else None

@@ -1,0 +1,47 @@
+"""The command `diagnose`: arguments, progress, files; light to import."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from sandbox.output.files import check_output
+from sandbox.output.tables import stage_bar
+
+
+def add_diagnose(add: Callable[..., Any]) -> Any:
+    """Add the command to the command line by its own `add`; return its parser."""
+    c = add(
+        "diagnose",
+        run_diagnose,
+        "where a campaign's gap to the simulator lies, which effect causes it, how far it shrinks",
+    )
+    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    c.add_argument("--nominal", choices=("linear",), help="leave the nominal model's saturation out")
+    c.add_argument("--exclude", action="append", default=[], metavar="EFFECT", help="no candidate (may be repeated)")
+    c.add_argument(
+        "--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/recordings/IMPORTING.md)"
+    )
+    return c
+
+
+def run_diagnose(options: argparse.Namespace) -> None:
+    """Diagnose a campaign; write diagnosis.json, report.html and diagnosis.rrd."""
+    import sandbox
+    from sandbox.gap.report.page import print_answers
+
+    folder = options.out or Path("sensorless-out") / options.command
+    check_output(folder)
+    exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]
+    with stage_bar("diagnosing", options.quiet) as progress:
+        found = sandbox.diagnose(
+            options.campaign, exclude=exclude, nominal=options.nominal, columns=options.columns, jobs=options.jobs,
+            progress=progress,
+        )  # fmt: skip
+        progress("writing")
+        found.save(folder, csv=options.csv)
+    if not options.quiet:
+        print_answers(found.answers)
+        print(f"results in {folder}")

@@ -1,0 +1,121 @@
+"""The commands `withheld make` and `withheld score`: arguments, progress, files; light to import."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from sandbox.output.files import results, write_json
+from sandbox.output.tables import print_table, progress_bar
+
+Number = Callable[[str], int]
+ROWS = "withheld.rows.jsonl"
+
+
+def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Number) -> None:
+    """Add both steps to the command line; positive, seed: how it reads such numbers."""
+    text = "the check on withheld effects: sealed campaigns, blind diagnoses, scores"
+    steps = commands.add_parser("withheld", help=text, description=text).add_subparsers(
+        dest="step", required=True, metavar="STEP", parser_class=parser_class
+    )
+    c = steps.add_parser("make", help="draw, seal and record campaigns")
+    c.set_defaults(run=run_make)
+    c.add_argument("folder", type=Path, metavar="DIR")
+    c.add_argument("--count", type=positive, required=True, help="campaigns")
+    c.add_argument("--seed", type=seed, default=0, help="of everything that is drawn (0)")
+    c.add_argument(
+        "--kind",
+        default="mixed",
+        choices=("mixed", "controls", "pairs", "many"),
+        help="controls: shorter, without a gap; pairs: one operating point, where two effects look alike; many: four "
+        "to ten effects at once",
+    )
+    c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help="(scored)")
+    c.add_argument(
+        "--sizes",
+        default="published",
+        choices=("ladder", "published"),
+        help="of effects: ranges with sources, or multiples of the cards' typical ones (published)",
+    )
+    _common(c, positive)
+    c = steps.add_parser("score", help="diagnose blindly, then open the seal and score")
+    c.set_defaults(run=run_score)
+    c.add_argument("folder", type=Path, metavar="DIR")
+    c.add_argument("--limit", type=positive, help="the first so many campaigns (all)")
+    c.add_argument("--leave-out", type=float, default=0.0, metavar="SHARE", help="of single effects, once more without")
+    c.add_argument("--baselines", action="store_true", help="score the simple methods on the same campaigns, too")
+    either = c.add_mutually_exclusive_group()
+    either.add_argument("--finished", action="store_true", help="run nothing; judge what has a report already")
+    either.add_argument("--again", action="store_true", help="forget the reports of earlier calls")
+    c.add_argument(
+        "--allow-mixed", action="store_true", help="reports by several states of the code: figures of each, too"
+    )
+    _common(c, positive)
+
+
+def _common(command: Any, positive: Number) -> None:
+    command.add_argument("--jobs", type=positive, help="processes (all cores)")
+    command.add_argument("--quiet", action="store_true", help="print nothing but errors")
+
+
+def run_make(options: argparse.Namespace) -> None:
+    """Make a check; the seal's hash is printed before anything is recorded."""
+    from sandbox.validation.withheld.make import make
+    from sandbox.validation.withheld.mapped_drive import missing
+
+    def announce(digest: str) -> None:
+        """Print the seal's hash before anything is recorded."""
+        if not options.quiet:
+            print(f"truth sealed, SHA-256 {digest}", flush=True)
+            if options.kind == "mixed" and (reason := missing()):
+                print(reason)
+
+    with progress_bar("recording", options.quiet) as progress:
+        made = make(
+            options.folder, options.count, options.seed, kind=options.kind, style=options.cycles, sizes=options.sizes,
+            jobs=options.jobs or os.cpu_count() or 1, announce=announce, progress=progress,
+        )  # fmt: skip
+    if not options.quiet:
+        print(f"{options.count} campaigns in {made.folder / 'campaigns'}, {made.recorded} recorded now")
+
+
+def run_score(options: argparse.Namespace) -> None:
+    """Score a check; write its rows, the figures that follow from them and their page into its folder."""
+    from sandbox.validation.scoring.baselines import BASELINES
+    from sandbox.validation.scoring.blind import score, standard
+    from sandbox.validation.scoring.check_figure import withheld_figure
+    from sandbox.validation.scoring.rows import write_rows
+    from sandbox.validation.scoring.tables_of_rows import content_of, table
+
+    methods: dict[str, Any] = {"diagnosis": standard, **(BASELINES if options.baselines else {})}
+    scored = []
+    for method, diagnose in methods.items():
+        with progress_bar(method, options.quiet) as progress:
+            result = score(
+                options.folder, diagnose, method=method, jobs=options.jobs or os.cpu_count() or 1,
+                limit=options.limit, leave_out=options.leave_out if method == "diagnosis" else 0.0,
+                again=options.again, finished=options.finished, allow_mixed=options.allow_mixed, progress=progress,
+            )  # fmt: skip
+        scored.append(result)
+    content = {**content_of(scored), "figure": "withheld.png", "rows": ROWS}
+    with results(options.folder, "withheld") as out:
+        write_rows(out / ROWS, (r for s in scored for r in s.rows))
+        withheld_figure(content, out / "withheld.png")
+        write_json(out, "withheld", content)
+    if not options.quiet:
+        print_table(f"{options.folder}: {len(scored[0].judged)} campaigns", *table(scored))
+        for s in scored:
+            if len(s.code) > 1:
+                print(f"reports of '{s.method}' come from {len(s.code)} versions of the code; see by_code of each")
+            failed = [j.name for j in s.judged if j.failed]
+            more = [j.name for j in (*s.followed, *s.left_out) if j.failed]
+            if more:
+                print(f"'{s.method}' failed once more on {len(more)}, see their reports: {', '.join(more[:5])}")
+            if options.leave_out and s is scored[0] and not s.left_out:
+                print("no single effect of medium size or more among these campaigns: nothing was left out")
+            if failed:
+                print(f"'{s.method}' failed on {len(failed)}, counted as missed: {', '.join(failed[:5])}")
+        print(f"seal and hash agree; {ROWS}, withheld.json and withheld.png in {options.folder}")

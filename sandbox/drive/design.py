@@ -1,0 +1,319 @@
+"""Gains from margins: current loop, tracking loop and speed loop, designed with python-control.
+
+Each loop is written down as the sampled loop that the kernel runs, averaged over the carrier's phase (one-period
+computing delay, held voltage, averages over the injection), and its one free bandwidth is the largest that keeps the
+phase margin asked for and stays below the injection.  `control` takes 1.5 s to import, so finished designs are kept
+on disk under a hash of everything they depend on.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.contract import Belief, Tuning
+from model import kept
+from model.compiled import cache_home
+from model.energy import AnyEnergy, flux_newton, hessian, min_eigenvalue
+from model.errors import BadInput
+from model.parameters import Drive
+from model.saliency import tracking_sign
+from sandbox.drive.control import Control
+from sandbox.recordings.injection import carrier, samples_per_period
+
+PHASE_MARGIN = 60.0  # degrees, of current and speed loop at their worst points
+TRACKING_MARGIN = 45.0  # degrees; a load step is lost at a slow tracking loop sooner than at a lively one
+LEAST_MODULUS = 0.4  # distance of the current loop from -1 at the highest speed
+DAMPING = 1.0  # tracking loop: kp = 2 DAMPING w0, ki = w0^2
+INTEGRAL_SPLIT = 5.0  # speed loop: integral action this far below the bandwidth
+SETTLE_TIMES = 8.0  # starting up waits this many time constants of the current loop
+AVERAGE_TIME = 0.016  # s of ripple averaged in each step of starting up
+VOLTAGE_UNCERTAINTY = 0.0025  # of the DC bus, one sigma: what a compensated inverter leaves (EKF)
+INJECTION_RATIO = 8.0  # current and tracking loop cross over this far below the injection they share the current with
+OVERLOAD = 2.5  # of rated current: the limit, and the worst point of every loop
+
+Complex = NDArray[np.complex128]
+Response = Callable[[NDArray[np.float64], float], tuple[Complex, float, float]]  # (grid, bandwidth): loop, kp, ki
+
+
+@dataclass(frozen=True)
+class Loop:
+    """One loop as designed: bandwidth (rad/s), gains, margins at its worst point, and the speed it is good for."""
+
+    bandwidth: float
+    kp: float
+    ki: float
+    phase_margin_deg: float
+    gain_margin: float
+    disk_margin: float
+    crossover: float
+    highest: float = math.inf
+
+
+@dataclass(frozen=True)
+class Design:
+    """Gains of one drive: what the kernel needs, and the loops they come from."""
+
+    control: Control
+    tuning: Tuning
+    loops: dict[str, Loop]
+
+    @property
+    def top_omega(self) -> float:
+        """Electrical speed (rad/s) up to which the current loop holds, see `top_speed`."""
+        return self.loops["current"].highest
+
+
+def belief_of(drive: Drive, name: str) -> Belief:
+    """Return the saturated or the linear belief about a drive's motor."""
+    motor = drive.motor
+    energy: AnyEnergy = motor.energy if name == "saturated" else motor.linear_energy
+    return Belief(energy, motor.magnet_flux, motor.resistance, float(motor.pole_pairs), motor.inertia)
+
+
+def extreme_inductances(m: AnyEnergy, radius: float) -> tuple[float, float]:
+    """Return the smallest and largest incremental inductance (H) in a disc of currents (A), as far as it is valid."""
+    values = [1.0 / m.gamma_d, 1.0 / m.gamma_q]
+    for size, angle in product((0.5 * radius, radius), np.linspace(0.0, math.pi, 19)):  # symmetric in i_q
+        d, q, status = flux_newton(m, size * math.cos(angle), size * math.sin(angle), 0.0, 0.0)
+        if not status:
+            dd, dq, qq = hessian(m, d, q)
+            low = float(min_eigenvalue(dd, dq, qq))
+            values += [1.0 / (dd + qq - low), 1.0 / low]
+    return min(values), max(values)
+
+
+def design(drive: Drive, start_up: bool = True) -> Design:
+    """Return gains for a drive; without starting up the estimator is told the first position."""
+    motor, converter, injection = drive.motor, drive.converter, drive.injection
+    n, h = samples_per_period(injection, converter), converter.sampling_period
+    tracking_sign(motor.energy)
+    if not motor.magnet_flux > 0.0:
+        raise BadInput(
+            "[motor] magnet_flux = 0: with i_d = 0 such a motor has no torque to control; give a value > 0 Wb"
+        )
+    wave = carrier(injection, converter)
+    power = float(np.dot(wave.primitive, wave.primitive))
+    largest = OVERLOAD * motor.rated_current
+    saliency = injection.amplitude * abs(1.0 / motor.inductance_d - 1.0 / motor.inductance_q)
+    loops = _remembered(
+        n, h, motor.resistance, *extreme_inductances(motor.energy, largest),
+        1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia,
+        motor.inductance_q / (motor.inductance_q - motor.inductance_d),
+    )  # fmt: skip
+    current, track, speed = loops["current"], loops["tracking"], loops["speed"]
+    control = Control(
+        n, h, current.kp, current.kp, current.ki, current.ki, motor.magnet_flux,
+        speed.kp, speed.ki, largest,
+        converter.voltage_limit, injection.amplitude,
+    )  # fmt: skip
+    variance = 2.0 / 3.0 * (converter.current_noise**2 + converter.current_resolution**2 / 12.0)
+    flux_variance = (VOLTAGE_UNCERTAINTY * converter.dc_bus_voltage * h) ** 2
+    seen = variance + flux_variance / motor.inductance_q**2  # what blurs a sample of the q ripple, A^2
+    angle_variance = seen / (saliency**2 * power / n)  # rad^2 a sample
+    tuning = Tuning(
+        n,
+        int(motor.inductance_q > motor.inductance_d),
+        math.ceil(SETTLE_TIMES / current.bandwidth / (n * h)) if start_up else 0,
+        math.ceil(AVERAGE_TIME / (n * h)) if start_up else 0,
+        h, injection.amplitude, power, float(np.max(np.abs(wave.primitive))), wave.lag, track.kp, track.ki,
+        motor.rated_current, variance, flux_variance,
+        track.bandwidth**4 * angle_variance * h**2,
+    )  # fmt: skip
+    return Design(control, tuning, loops)
+
+
+def _remembered(*key: Any) -> dict[str, Loop]:
+    """Return `design_loops(*key)`, from disk where this version has designed them before."""
+    version = hashlib.sha256(Path(__file__).read_bytes() + repr(key).encode()).hexdigest()[:24]
+    path = cache_home() / "designs" / f"{version}.kept"
+    stored = kept.read(path)
+    if stored is not None:
+        return {name: Loop(**loop) for name, loop in json.loads(stored).items()}
+    loops = design_loops(*key)
+    kept.write(path, json.dumps({name: asdict(loop) for name, loop in loops.items()}).encode())
+    return loops
+
+
+def design_loops(
+    n: int,
+    h: float,
+    resistance: float,
+    low: float,
+    high: float,
+    torque_gain: float,
+    share: float,
+) -> dict[str, Loop]:
+    """Return the three loops.
+
+    n, h: samples a period and sampling period (s); low, high: extreme inductances (H); torque_gain:
+    electrical acceleration per q current, rad/s^2 per A; share: see `tracking_loop`.
+    """
+    highest = 2.0 * math.pi / (n * h) / INJECTION_RATIO
+    inner = _tuned([partial(current_loop, n, h, resistance, low, high)], h, PHASE_MARGIN, highest)
+    inner = replace(inner, highest=top_speed(n, h, resistance, low, high, inner))
+    tracking = _tuned([partial(tracking_loop, n, h, share)], h, TRACKING_MARGIN, highest)
+    rest = n, h, share, torque_gain
+    followed = [partial(_closed_current, n, h, resistance, inner, inductance) for inductance in (low, high)]
+    ends = [partial(speed_loop, *rest, follow, tracking.bandwidth) for follow in followed]
+    speed = _tuned(ends, h, PHASE_MARGIN, highest)
+    return {"current": inner, "tracking": tracking, "speed": speed}
+
+
+def _grid(h: float) -> NDArray[np.float64]:
+    return np.geomspace(1e-2, 0.9999 * math.pi / h, 6000)
+
+
+def _window(n: int, z: Complex) -> Complex:
+    """Average over the last n samples."""
+    return np.asarray(sum(z**-k for k in range(n)) / n)
+
+
+def current_loop(
+    n: int, h: float, resistance: float, low: float, high: float, w: NDArray[np.float64], bandwidth: float
+) -> tuple[Complex, float, float]:
+    """Return open loop and PI gains: one period of delay, held voltage (together 1.5 periods), n-sample average.
+
+    Proportional gain for the smallest inductance, where the loop is fastest; zero at the slowest winding pole, so
+    that no inductance in between has less margin.
+    """
+    kp, ki = bandwidth * low, bandwidth * low * resistance / high
+    return _current_loop(n, h, resistance, kp, ki, low, w), kp, ki
+
+
+def _current_loop(
+    n: int, h: float, resistance: float, kp: float, ki: float, inductance: float, w: NDArray[np.float64]
+) -> Complex:
+    import control
+
+    z = np.exp(1j * w * h)
+    winding = control.sample_system(control.tf([1.0], [inductance, resistance]), h, method="zoh")
+    return np.asarray((kp + ki * h / (z - 1)) * np.asarray(winding(z)) / z * _window(n, z))
+
+
+def top_speed(n: int, h: float, resistance: float, low: float, high: float, loop: Loop) -> float:
+    """Return the electrical speed (rad/s) up to which the current loop keeps a modulus margin of LEAST_MODULUS.
+
+    At speed omega the winding's pole seen from the rotor frame is complex, R/L + j omega; with the delay and the
+    average in the loop, cross-coupling eats the margin: held voltage, all in the rotor frame, both senses.
+    """
+    nu = np.concatenate([-_grid(h)[::-1], _grid(h)])[::8]
+    z = np.exp(1j * nu * h)
+    best = math.inf
+    for inductance in (low, high):
+        gain = -math.expm1(-resistance / inductance * h) / resistance
+        pi = loop.kp + loop.ki * h / (z - 1)
+        for omega in np.geomspace(1.0, 0.5 / h, 120):
+            pole = np.exp(-(resistance / inductance + 1j * omega) * h)
+            if np.min(np.abs(1.0 + pi * gain / (z - pole) / z * _window(n, z))) < LEAST_MODULUS:
+                best = min(best, float(omega))
+                break
+    return best
+
+
+def tracking_loop(
+    n: int, h: float, share: float, w: NDArray[np.float64], bandwidth: float
+) -> tuple[Complex, float, float]:
+    """Return open loop and gains of the type-2 loop around demodulation.
+
+    An error of the estimate makes q ripple in two ways, y_q = (Gamma_dd - Gamma_qq) e: the frame it is looked at
+    from is turned (`share` = Gamma_dd over the difference), and so is the axis of injection (1 - share).  The
+    second acts one sample later and through the window.  The first does, too, where each sample is looked at
+    from its own axis (share < 0, L_d > L_q); looked at from the present frame it acts at once, except that the
+    frame is turned back with the estimated speed, d samples on average.
+    """
+    z = np.exp(1j * w * h)
+    kp, ki, d = 2.0 * DAMPING * bandwidth, bandwidth**2, 0.75 * n - 0.5
+    angle = (kp * h + ki * h * h * z / (z - 1)) / (z - 1)
+    window = _demodulation(n, z)
+    frame = angle * window if share < 0.0 else angle - ki * h * h * d / (z - 1)
+    return share * frame + (1.0 - share) * angle * window / z, kp, ki
+
+
+def _demodulation(n: int, z: Complex) -> Complex:
+    """Weights 1/2, 1, 1/2 over three half periods."""
+    return np.asarray(0.5 * (1.0 + z ** (-n // 2)) * _window(n, z))
+
+
+def _closed_current(
+    n: int, h: float, resistance: float, tuned: Loop, inductance: float, w: NDArray[np.float64]
+) -> Complex:
+    """Return actual current over its reference at an inductance: the average sits in the feedback path."""
+    z = np.exp(1j * w * h)
+    loop = _current_loop(n, h, resistance, tuned.kp, tuned.ki, inductance, w)
+    return loop / _window(n, z) / (1.0 + loop)
+
+
+def speed_loop(
+    n: int,
+    h: float,
+    share: float,
+    torque_gain: float,
+    inner: Callable[..., Complex],
+    tracking: float,
+    w: Any,
+    bandwidth: float,
+) -> tuple[Complex, float, float]:
+    """Return open loop and PI gains of the speed controller around current loop and the tracking loop's speed."""
+    z = np.exp(1j * w * h)
+    loop, _, t_ki = tracking_loop(n, h, share, w, tracking)
+    # Angle to speed estimate: what the window lets through, then the loop's integral path.
+    estimate = _demodulation(n, z) / (1.0 + loop) * t_ki * h * z / (z - 1)
+    kp = bandwidth / torque_gain
+    ki = kp * bandwidth / INTEGRAL_SPLIT
+    return (kp + ki * h / (z - 1)) * inner(w) * torque_gain / (1j * w) ** 2 * estimate, kp, ki
+
+
+def _tuned(loops: Sequence[Response], h: float, margin: float, highest: float) -> Loop:
+    """Return the largest bandwidth with which every variant of a loop keeps its phase margin and crossover.
+
+    margin: degrees; highest: crossover, rad/s.  The margins returned are the smallest of the variants.
+    """
+    from scipy.optimize import brentq
+
+    w = _grid(h)
+
+    def spare(log_bandwidth: float) -> float:
+        """Return how far (a share) the worst loop is inside both limits at a bandwidth (log of rad/s)."""
+        found = (_crossing(loop(w, math.exp(log_bandwidth))[0], w) for loop in loops)
+        return min(min(phase / margin - 1.0, 1.0 - crossover / highest) for phase, crossover in found)
+
+    ends = math.log(0.1), math.log(1.5 / h)
+    if not spare(ends[0]) > 0.0 > spare(ends[1]):
+        raise BadInput(
+            f"no bandwidth gives a loop the margin of {margin:g} degrees at a sampling period of {h:.4g} s; check the "
+            "motor's resistance, inductances and alphas (SI units), or sample faster"
+        )
+    bandwidth = math.exp(brentq(spare, *ends, xtol=1e-6))
+    _, kp, ki = loops[0](w, bandwidth)
+    gains, phases, disks, crossovers = zip(*(_margins(loop(w, bandwidth)[0], w) for loop in loops), strict=True)
+    return Loop(bandwidth, kp, ki, min(phases), min(gains), min(disks), max(crossovers))
+
+
+def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float, float]:
+    """Return gain margin, phase margin (degrees), disk margin and crossover (rad/s) of an open loop."""
+    import control
+
+    gain, phase, _, _, crossover, _ = control.stability_margins(control.frd(loop, w))
+    disk = 1.0 / float(np.max(np.abs((1.0 - loop) / (1.0 + loop) / 2.0)))  # balanced sensitivity (S - T) / 2
+    return float(gain), float(phase), disk, float(crossover)
+
+
+def _crossing(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float]:
+    """Return phase margin (degrees) and frequency (rad/s) of the first crossover, phase unwrapped from below."""
+    size, phase = np.abs(loop), np.unwrap(np.angle(loop))
+    k = int(np.argmax(size < 1.0))
+    if k == 0:
+        return (180.0, 0.0) if size[0] < 1.0 else (-180.0, float(w[-1]))
+    lead = 2.0 * np.pi if phase[0] > 0.5 * np.pi else 0.0  # a double integrator starts at -180, not +180 degrees
+    return float(np.degrees(phase[k] - lead)) + 180.0, float(w[k])

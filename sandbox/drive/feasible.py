@@ -1,0 +1,133 @@
+"""What a run must satisfy before it starts: a sentence now instead of nonsense later."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from estimators.contract import ROTATING, Estimate, Estimator
+from estimators.startup import polarity_rise
+from model.energy import flux_from_current
+from model.errors import BadInput, PhysicsError
+from model.parameters import Drive
+from model.saliency import tracking_sign
+from sandbox.drive.design import OVERLOAD, Design
+from sandbox.drive.scenario import Scenario
+from sandbox.recordings.injection import samples_per_period
+
+MOST_STEPS = 4_000_000_000  # of the plant in one run: three minutes and more
+LEAST_TURN = 4  # samples of a rotating injection's turn
+POLARITY_SIGMA = 6.0  # the two ripples of the polarity test must differ by this many standard deviations
+
+
+def check_call(estimator: Estimator, belief: str, seed: int, stride: int, plant_step: float) -> None:
+    """Raise BadInput for arguments of `simulate` that cannot be meant."""
+    if not isinstance(estimator, Estimator):
+        raise BadInput(f"estimator {estimator!r:.40} is no Estimator; see estimators.registry.load_estimator")
+    if estimator.compiled and not hasattr(estimator.step, "signatures"):
+        raise BadInput(
+            f"estimator '{estimator.name}' says compiled, but its step is plain Python; give compiled=False, or "
+            "compile it with model.compiled.kernel_as(estimators.contract.STEP)"
+        )
+    if belief not in ("saturated", "linear"):
+        raise BadInput(f"belief '{belief}' is neither 'saturated' nor 'linear'")
+    if not isinstance(seed, int) or seed < 0:
+        raise BadInput(f"seed {seed!r:.40} is no whole number of at least 0")
+    if not isinstance(stride, int) or stride < 1:
+        raise BadInput(f"stride {stride!r:.40} is out of range; record every stride-th sample, at least 1")
+    if not 1e-9 <= plant_step <= 1e-2:
+        raise BadInput(f"plant_step {plant_step} s is out of range; give a value in [1e-9, 0.01] s")
+
+
+def check_length(samples: int, steps: int, period: float) -> None:
+    """Raise BadInput for a run of more plant steps than anybody waits for (steps: in a sampling period, s)."""
+    if samples * steps > MOST_STEPS:
+        raise BadInput(
+            f"{samples} samples of {steps} plant steps of {period / steps:.3g} s are more than {MOST_STEPS:.0e} steps; "
+            "shorten the run, or check resistance and inductances (L/R sets the step), speed and effects"
+        )
+
+
+def check_injection(estimator: Estimator, drive: Drive) -> None:
+    """Raise BadInput where a drive's injection is not what an estimator lives on."""
+    injection = drive.injection
+    n = samples_per_period(injection, drive.converter)
+    if estimator.injection == ROTATING and (injection.waveform != "square" or n < LEAST_TURN):
+        raise BadInput(
+            f"estimator '{estimator.name}' turns a square wave from sample to sample, in at least {LEAST_TURN} samples "
+            f"a turn; '{drive.name}' injects a {injection.waveform} wave of {n} samples: inject a square wave of at "
+            f"most {1.0 / (LEAST_TURN * drive.converter.sampling_period):g} Hz"
+        )
+
+
+def checked(estimator: Estimator) -> Callable[..., Estimate]:
+    """Return a Python estimator's step that says so when it returns something else than an Estimate."""
+
+    def step(*arguments: object) -> Estimate:
+        """Return the estimate, once it is seen to be one."""
+        estimate = estimator.step(*arguments)  # type: ignore[arg-type]
+        if not isinstance(estimate, Estimate):
+            raise BadInput(
+                f"step of estimator '{estimator.name}' returned {type(estimate).__name__}; it must return an Estimate"
+            )
+        return estimate
+
+    return step
+
+
+def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
+    """Raise where a scenario cannot be run on a drive: saliency, domain, polarity, current, speed or voltage."""
+    motor, m, converter = drive.motor, drive.motor.energy, drive.converter
+    tracking_sign(m)
+    room = converter.voltage_limit - drive.injection.amplitude
+    if room <= 0.0:
+        raise PhysicsError(
+            f"an injection of {drive.injection.amplitude:g} V exceeds the {converter.voltage_limit:.4g} V that a bus "
+            f"of {converter.dc_bus_voltage:g} V gives; lower the injection or raise dc_bus_voltage"
+        )
+    if scenario.start_up:
+        check_polarity(drive, gains, room)
+    for s in scenario.segments:
+        if math.hypot(s.load, s.current_d) > OVERLOAD:
+            raise BadInput(
+                f"load {100 * math.hypot(s.load, s.current_d):g} % exceeds the current limit of "
+                f"{100 * OVERLOAD:g} %; lower it"
+            )
+        i_d = s.current_d * motor.rated_current
+        i_q, omega = s.load * motor.rated_current, s.speed * motor.rated_omega
+        if abs(omega) > gains.top_omega:
+            raise BadInput(
+                f"speed {100 * s.speed:g} % ({abs(omega):.4g} rad/s electrical) is beyond {gains.top_omega:.4g} rad/s, "
+                "up to which the current loop behind the injection's average holds; lower it, or inject faster"
+            )
+        d, q = (float(v) for v in flux_from_current(m, i_d, i_q))
+        u = math.hypot(motor.resistance * i_d - omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
+        if u > room:
+            raise PhysicsError(
+                f"load {100 * s.load:g} % at {100 * s.speed:g} % speed needs {u:.4g} V, but the bus of "
+                f"{converter.dc_bus_voltage:g} V leaves {room:.4g} V beside an injection of "
+                f"{drive.injection.amplitude:g} V; lower load, speed or injection, or raise dc_bus_voltage"
+            )
+
+
+def check_polarity(drive: Drive, gains: Design, room: float) -> None:
+    """Raise where starting up cannot tell the magnet's ends: bias outside the domain, or ripples too alike."""
+    motor, tuning = drive.motor, gains.tuning
+    try:
+        flux_from_current(motor.energy, np.array([-1.0, 1.0]) * tuning.bias, 0.0)
+    except PhysicsError as error:
+        raise PhysicsError(f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}") from None
+    if motor.resistance * tuning.bias > room:
+        raise PhysicsError(
+            f"starting up holds {tuning.bias:g} A, which needs {motor.resistance * tuning.bias:.4g} V of {room:.4g} V "
+            "beside the injection; lower the injection or raise dc_bus_voltage"
+        )
+    rise = abs(float(polarity_rise(motor.energy, tuning.bias)))
+    noise = math.sqrt(2.0 * tuning.current_variance / (tuning.average * tuning.power)) / tuning.amplitude
+    if rise < POLARITY_SIGMA * noise:
+        raise BadInput(
+            f"polarity cannot be found: at +-{tuning.bias:g} A on d the ripples differ by {rise:.3g} 1/H, noise is "
+            f"{noise:.3g} 1/H; give the motor its alphas (saturation), raise the injection, or set start_up = false"
+        )

@@ -1,0 +1,301 @@
+"""The closed loop, one sample at a time: measure, estimate, control, record, advance the plant.
+
+`run_compiled` keeps all of it in one kernel and calls a compiled estimator through a function pointer;
+`run_python` is the same source interpreted: compiled pieces around an estimator written in Python.  The command
+computed at t_k acts over [t_{k+1}, t_{k+2}): the usual period of delay, so the plant can go on to the pattern's end
+before the sample it gave on its way is looked at.  The estimator is handed a Sample, nothing
+else.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numba import types
+
+from estimators.contract import BELIEF, ESTIMATE, SAMPLE, STATE, TUNING, Belief, Sample
+from model.compiled import compiled_as, kernel, kernel_as
+from model.energy import min_eigenvalue
+from model.frames import rotate, stationary
+from sandbox.drive.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
+from sandbox.drive.recording import CHANNELS
+from sandbox.plant import additions as add
+from sandbox.plant import ports
+from sandbox.plant.batch import numba_type, room_type
+from sandbox.plant.edges import duties, write_edges
+from sandbox.plant.period import Course, Timing, travel
+from sandbox.plant.sampling import read
+
+DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
+TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF, I_D_REF = range(6)  # columns of a profile's breakpoints
+# the loop's own memory: voltage now acting, and before; link voltage as read over its nominal value; the last sample's
+# instant less t_k (s), the plant's last segment (s)
+CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK, ENCODER = range(7)
+INSTANT, SPAN = 9, 10
+MEMORY = 11  # the encoder's speed has three places
+SOONEST, LATEST = -0.45, 0.45  # of the period: instants of sampling, jitter included
+N_CHANNELS = len(CHANNELS)
+CLOSED, OPEN = 1, 0
+LOCKED, DRIVEN, FREE = 0, 1, 2
+
+
+class Rig(NamedTuple):
+    """Sensors, converter and the way the run is done."""
+
+    samples: int
+    stride: int  # every stride-th sample is recorded
+    closed: int  # CLOSED: the estimate controls; OPEN: the encoder does
+    speed_controlled: int
+    rotor: int
+    sampling_period: float  # s
+    noise: float  # A rms a phase
+    resolution: float  # A per count, 0 none
+    start_time: float  # s, of starting up, before the profile begins
+    link: float  # V, nominal
+    link_noise: float  # V rms, of its reading, by which duties are formed
+    jitter: float  # s rms, of the instant of sampling
+    encoder_step: float  # rad, electrical, of one count; 0: no counts
+
+
+RIG = numba.typeof(Rig(*5 * (0,), *8 * (0.0,)))
+RNG = numba.typeof(np.random.default_rng(0))
+VECTOR = types.Array(types.float64, 1, "C")
+TABLE = types.Array(types.float64, 2, "C")
+TIMING, ROOM = numba.typeof(Timing(*5 * (0.0,))), numba.from_dtype(room_type(1))
+
+
+class Bench(NamedTuple):
+    """The plant of a run: its batch of one lane, flux map (None: the quartic), timing, features, room."""
+
+    w: Any
+    flux_map: Any
+    timing: Timing
+    features: int
+    room: Any
+
+
+@kernel
+def interpolate(profile, t, cursor):
+    """Return the row of breakpoints at time t and the cursor; the cursor only moves forward."""
+    last = profile.shape[0] - 1
+    while cursor < last - 1 and t >= profile[cursor + 1, TIME]:
+        cursor += 1
+    span = profile[cursor + 1, TIME] - profile[cursor, TIME]
+    s = min(max((t - profile[cursor, TIME]) / span, 0.0), 1.0) if span > 0.0 else 1.0
+    a, b = profile[cursor], profile[cursor + 1]
+    load = a[LOAD] + s * (b[LOAD] - a[LOAD])
+    torque = a[LOAD_TORQUE] + s * (b[LOAD_TORQUE] - a[LOAD_TORQUE])
+    i_q = a[I_Q_REF] + s * (b[I_Q_REF] - a[I_Q_REF])
+    omega = a[OMEGA_REF] + s * (b[OMEGA_REF] - a[OMEGA_REF])
+    i_d = a[I_D_REF] + s * (b[I_D_REF] - a[I_D_REF])
+    return (load, torque, i_q, omega, i_d), cursor
+
+
+@kernel
+def read_current(value, rig, rng):
+    """Return a phase current as its sensor reads it: noise, then quantisation."""
+    value += rig.noise * rng.standard_normal()
+    return rig.resolution * math.floor(value / rig.resolution + 0.5) if rig.resolution > 0.0 else value
+
+
+@kernel
+def read_link(rig, rng):
+    """Return the link voltage as the controller reads it, over its nominal value."""
+    return 1.0 + rig.link_noise / rig.link * rng.standard_normal() if rig.link_noise > 0.0 else 1.0
+
+
+@kernel
+def read_phases(w, rig, rng):
+    """Return the three phase currents (A) as their sensors read the current held."""
+    read(w)
+    return read_current(w.read_a[0], rig, rng), read_current(w.read_b[0], rig, rng), read_current(w.read_c[0], rig, rng)
+
+
+@kernel
+def sample_of(k, reading, memory, primitive):
+    """Return what the estimator is given at t_k."""
+    m_alpha, m_beta = stationary(reading[0], reading[1], reading[2])
+    carrier = primitive[k % primitive.size]
+    return Sample(m_alpha, m_beta, memory[LAST_ALPHA], memory[LAST_BETA], carrier)
+
+
+@kernel
+def encoder(w, features, theta, omega, step):
+    """Return angle (rad) as the encoder reads it, and its slope (rad/s, electrical) without counts."""
+    off, slope = 0.0, 1.0
+    if features & add.WOBBLE:
+        pairs, turn, small = w.pairs[0], theta / w.pairs[0], 1e-6
+        off = ports.angle(w, 0, turn, pairs)
+        slope = 1.0 + (ports.angle(w, 0, turn + small, pairs) - off) / (small * pairs)
+    angle = theta + w.offset[0] + off
+    return (step * math.floor(angle / step + 0.5) if step > 0.0 else angle), omega * slope
+
+
+@kernel
+def rotor(w):
+    """Return angle (rad) and speed (rad/s) of the rotor, electrical, at the pattern's start, and at t_k before it."""
+    swing = w.pairs[0] * w.load_share[0]
+    theta, omega = w.angle[0] + swing * w.twist[0], w.speed[0] + swing * w.slip[0]
+    return theta, omega, theta - w.delay[0] * omega
+
+
+@kernel
+def at_start(w, theta):
+    """Return the terminal current i_d, i_q (A) at the pattern's start, of a rotor at theta (rad)."""
+    return rotate(w.first_a[0], w.first_b[0], -theta)
+
+
+@kernel
+def instant(w, rig, rng):
+    """Return when the next sample is taken, s after its pattern's start (before it where negative)."""
+    if rig.jitter == 0.0:
+        return w.sample[0]
+    s = w.sample[0] + w.delay[0] + rig.jitter * rng.standard_normal()
+    return min(max(s, SOONEST * rig.sampling_period), LATEST * rig.sampling_period) - w.delay[0]
+
+
+@kernel
+def command(k, measured, sample, estimate, wanted, rig, control, controller, waveform):
+    """Return the voltage (alpha, beta) for the next interval and the q current reference.
+
+    measured: angle and speed from the encoder, by which an open loop controls.
+    """
+    h = control.sampling_period
+    _, _, i_q_ref, omega_ref, i_d_ref = wanted
+    starting = estimate.tracking == 0.0
+    angle, omega = estimate.theta, estimate.omega
+    if rig.closed == OPEN and not starting:
+        angle, omega = measured
+    reorient(controller, angle, h * omega)
+    i_d, i_q = average(controller, *rotate(sample.i_alpha, sample.i_beta, -angle), control.period)
+    if starting:
+        i_d_ref, i_q_ref = estimate.bias, 0.0
+    elif rig.speed_controlled:
+        i_q_ref = speed_control(controller, control, omega_ref, omega, 0.0)
+    u_d, u_q = current_control(controller, control, i_d, i_q, i_d_ref, i_q_ref, omega_ref)
+    u_alpha, u_beta = rotate(u_d, u_q, angle + 1.5 * h * omega)  # centre of the interval it acts in
+    pulse = control.amplitude * estimate.injection * waveform[(k + 1) % waveform.size]
+    p_alpha, p_beta = rotate(pulse, 0.0, estimate.axis + 1.5 * h * estimate.omega)
+    return u_alpha + p_alpha, u_beta + p_beta, i_q_ref
+
+
+@kernel
+def record(row, t, motion, measured, reading, true, acting, estimate, wanted, i_q_ref, u_dc):
+    """Write one row in the order of CHANNELS; `acting` is the voltage of the interval that starts at t."""
+    row[0] = t
+    row[1], row[2], row[3] = reading
+    row[4], row[5] = acting
+    row[6], row[7], row[8], row[9] = motion[0], estimate.theta, motion[1], estimate.omega
+    row[10], row[11] = true
+    row[12], row[13] = estimate.ripple_d, estimate.ripple_q
+    row[14], row[15] = wanted[0], wanted[1]
+    row[16], row[17], row[18], row[19] = wanted[3], i_q_ref, estimate.tracking, measured[0]
+    row[20] = u_dc
+
+
+@kernel
+def imposed_on(k, omega, rig, profile, memory):
+    """Return the acceleration (rad/s^2, electrical) that takes a driven rotor to its speed at t_{k+1}."""
+    if rig.rotor != DRIVEN:
+        return 0.0
+    t = (k + 1) * rig.sampling_period - rig.start_time
+    later, _ = interpolate(profile, t, int(memory[CURSOR]))
+    return (later[3] - omega) / rig.sampling_period
+
+
+@kernel
+def keep(memory, next_u):
+    """Remember the voltage that acted as the last one and the command as the one that acts next."""
+    memory[LAST_ALPHA], memory[LAST_BETA] = memory[U_ALPHA], memory[U_BETA]
+    memory[U_ALPHA], memory[U_BETA] = next_u
+
+
+@kernel
+def progress(k, bench, rig, torque, imposed, memory, looks, seen, rng):
+    """Move the plant on over the pattern that starts at t_k + its delay, and hold the current sampled for t_k.
+
+    torque: load asked for (N m); imposed: rad/s^2.
+    looks, seen: instants (s) of the sample for t_k and, where it is before its pattern, of the next; and the currents.
+    """
+    w, room, period = bench.w, bench.room, rig.sampling_period
+    for m in range(3):
+        room.before[m] = room.duty[m]
+    u_dc = rig.link * memory[LINK]
+    room.duty[0], room.duty[1], room.duty[2] = duties(memory[U_ALPHA], memory[U_BETA], u_dc)
+    write_edges(room, period)
+    theta, omega, _ = rotor(w)
+    surge = 0.5 * imposed if rig.rotor == DRIVEN else w.surge[0]
+    course = Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, torque, imposed)
+    early = memory[INSTANT] < 0.0
+    after = instant(w, rig, rng)
+    looks[0] = -1.0 if early else memory[INSTANT]
+    looks[1] = period + after if after < 0.0 else -1.0
+    held = (seen[1, 0], seen[1, 1])
+    memory[SPAN] = travel(
+        w, bench.flux_map, bench.timing, bench.features, room, course, k * period, memory[SPAN], looks, seen,
+    )  # fmt: skip
+    memory[INSTANT] = after
+    if bench.timing.first == 0.0 and bench.timing.last == 0.0:
+        return
+    w.held_a[0], w.held_b[0] = held if early else (seen[0, 0], seen[0, 1])
+
+
+@kernel
+def judge(w, next_u):
+    """Return DONE, or what is wrong with the plant after a period: not finite, or no longer convex."""
+    if not math.isfinite(w.psi_a[0] + w.psi_b[0] + w.speed[0] + w.angle[0] + next_u[0] + next_u[1]):
+        return NOT_FINITE
+    return DONE if min_eigenvalue(w.stiff_aa[0], w.stiff_ab[0], w.stiff_bb[0]) > 0.0 else OUTSIDE_DOMAIN
+
+
+def run_signature(flux_map: Any, belief: Any) -> Any:
+    """Return the loop's signature for the numba types of a flux map (none: the quartic) and of a belief."""
+    step = types.FunctionType(ESTIMATE(STATE, SAMPLE, belief, TUNING))
+    bench = types.NamedTuple((numba_type(1), flux_map, TIMING, types.int64, ROOM), Bench)
+    return types.UniTuple(types.int64, 2)(
+        step, STATE, bench, RIG, CONTROL, belief, TUNING, TABLE, VECTOR, VECTOR, RNG, TABLE
+    )
+
+
+@kernel_as(run_signature(types.none, BELIEF))
+def run_compiled(step, state, bench, rig, control, belief, tuning, profile, waveform, primitive, rng, table):
+    """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped)."""
+    controller, memory = np.zeros(SIZE), np.zeros(MEMORY)
+    looks, seen = np.full(2, -1.0), np.zeros((2, 2))
+    w = bench.w
+    memory[INSTANT] = instant(w, rig, rng)
+    for k in range(rig.samples):
+        t = k * rig.sampling_period
+        wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
+        memory[CURSOR], memory[LINK] = cursor, read_link(rig, rng)
+        _, omega, theta = rotor(w)
+        angle, slope = encoder(w, bench.features, theta, omega, rig.encoder_step)
+        measured = angle, speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period)
+        imposed = imposed_on(k, omega, rig, profile, memory)
+        progress(k, bench, rig, wanted[1], imposed, memory, looks, seen, rng)
+        reading = read_phases(w, rig, rng)
+        sample = sample_of(k, reading, memory, primitive)
+        estimate = step(state, sample, belief, tuning)
+        acting = (memory[U_ALPHA], memory[U_BETA])
+        u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
+        if k % rig.stride == 0:
+            true, u_dc = at_start(w, theta), rig.link * memory[LINK]
+            row = table[k // rig.stride]
+            record(row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc)
+        keep(memory, (u_alpha, u_beta))
+        status = judge(w, (u_alpha, u_beta))
+        if status != DONE:
+            return status, k
+    return DONE, rig.samples
+
+
+run_python = run_compiled.py_func  # the same loop, interpreted, around an estimator of any kind
+
+
+def run_for(flux_map: Any, belief: Belief) -> Any:
+    """Return the compiled loop for these kinds of energy: `run_compiled`, or another compiled when first asked for."""
+    kinds = numba.typeof(flux_map), numba.typeof(belief)
+    return run_compiled if kinds == (types.none, BELIEF) else compiled_as(run_signature(*kinds), run_python)

@@ -1,0 +1,140 @@
+"""A scenario: what load and speed are asked for, segment by segment; built-in or a user's TOML file."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from pathlib import Path
+
+from model.drive_files import is_file_name
+from model.errors import BadInput, brief, unknown
+from model.names import fitting
+from model.parameters import build, check, finite, quantity, read_toml
+
+SCENARIOS = Path(__file__).parent / "scenarios"
+LONGEST = 3600.0  # s of simulated time
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch at one load and speed, reached by a linear ramp from the one before."""
+
+    duration: float = quantity("s", 1e-3, LONGEST)
+    load: float = quantity("of rated current", -10, 10, default=0.0)
+    speed: float = quantity("of rated speed", -2, 2, default=0.0)
+    ramp: float = quantity("s", 0, LONGEST, default=0.0)
+    settle: float | None = None  # s before its errors count; None: the scenario's
+    score: bool = True
+    current_d: float = quantity("of rated current", -3, 3, default=0.0)  # of a current reference
+
+    def __post_init__(self) -> None:
+        check(self, "segment")
+        if self.ramp > self.duration:
+            raise BadInput(f"[[segment]] ramp = {self.ramp:g} s is longer than its duration = {self.duration:g} s")
+        settle = self.settle
+        wait = finite(settle)
+        if settle is not None and (wait is None or not 0.0 <= wait < self.duration):
+            raise BadInput(f"[[segment]] settle = {brief(settle)} must lie in [0, duration = {self.duration:g}) s")
+        if not isinstance(self.score, bool):
+            raise BadInput(f"[[segment]] score = {brief(self.score)} is neither true nor false")
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Segments one after another, how the rotor is held, and what the drive controls.
+
+    rotor: locked, driven (speed imposed) or free; reference: `current` (i_d = 0, i_q = load x rated current) or
+    `speed` (speed controller; load is the torque that this i_q gives).  start_up: find the position first
+    (otherwise the estimator is told it, wrong by start_error).
+    """
+
+    name: str
+    segments: tuple[Segment, ...]
+    rotor: str = "locked"
+    reference: str = "current"
+    settle: float = quantity("s", 0, LONGEST, default=0.0)
+    description: str = ""
+    start_angle: float = quantity("rad", -10, 10, default=1.0)
+    start_up: bool = True
+    start_error: float = quantity("rad", -3.2, 3.2, default=0.0)
+
+    def __post_init__(self) -> None:
+        check(self, "scenario")
+        if self.rotor not in ("locked", "driven", "free"):
+            raise unknown("rotor", str(self.rotor), ("locked", "driven", "free"))
+        if self.reference not in ("current", "speed"):
+            raise unknown("reference", str(self.reference), ("current", "speed"))
+        if self.reference == "speed" and self.rotor != "free":
+            raise BadInput(
+                f"reference = 'speed' needs rotor = 'free', not '{self.rotor}'; a held rotor has no speed to control"
+            )
+        if self.rotor == "locked" and any(s.speed for s in self.segments):
+            raise BadInput("a locked rotor cannot follow a speed; give rotor = 'driven' or 'free'")
+        if self.reference == "speed" and any(s.current_d for s in self.segments):
+            raise BadInput("current_d goes with reference = 'current'; under speed control i_d is kept at 0")
+        if self.start_error and self.start_up:
+            raise BadInput("start_error needs start_up = false: what starting up finds cannot be told wrong")
+        if not isinstance(self.start_up, bool):
+            raise BadInput(f"[scenario] start_up = {brief(self.start_up)} is neither true nor false")
+        if not any(s.score for s in self.segments) and self.segments:
+            raise BadInput(f"scenario '{self.name}' scores no segment; leave score = false away in at least one")
+        if not self.segments:
+            raise BadInput(f"scenario '{self.name}' has no [[segment]]; add at least one with a duration in s")
+        if self.duration > LONGEST:
+            raise BadInput(f"scenario '{self.name}' lasts {self.duration:g} s; at most {LONGEST:g} s are simulated")
+
+    @property
+    def duration(self) -> float:
+        """Length without starting up, s."""
+        return sum(s.duration for s in self.segments)
+
+    def settle_of(self, segment: Segment) -> float:
+        """Return how long (s) to wait in a segment before its errors count."""
+        wait = self.settle if segment.settle is None else segment.settle
+        return min(wait, 0.5 * segment.duration) if segment.settle is None else wait
+
+    def cut(self, duration: float) -> Scenario:
+        """Return the scenario ended after `duration` s; BadInput where it is not that long."""
+        if not 1e-3 <= duration <= self.duration * (1.0 + 1e-9):
+            raise BadInput(f"duration {duration} s is out of range; '{self.name}' has [0.001, {self.duration:g}] s")
+        kept: list[Segment] = []
+        left = duration
+        for s in self.segments:
+            if left <= 1e-9:
+                break
+            length = min(s.duration, left)
+            settle = None if s.settle is None else min(s.settle, 0.5 * length)
+            kept.append(dataclasses.replace(s, duration=length, ramp=min(s.ramp, length), settle=settle))
+            left -= length
+        kept[-1] = dataclasses.replace(kept[-1], score=True)
+        return dataclasses.replace(self, segments=tuple(kept))
+
+
+def scenario_names() -> list[str]:
+    """Return the names of the scenarios that come with the package."""
+    return sorted(p.stem for p in SCENARIOS.glob("*.toml"))
+
+
+def load_scenario(name: str | Path) -> Scenario:
+    """Return a scenario by name or from a TOML file; BadInput names what is wrong."""
+    path = Path(name)
+    if not is_file_name(path):
+        if str(name) not in scenario_names():
+            raise unknown("scenario", str(name), scenario_names())
+        path = SCENARIOS / f"{name}.toml"
+    data = read_toml(path)
+    try:
+        for table in data:
+            if table not in ("scenario", "segment"):
+                raise unknown("table", table, ("scenario", "segment"))
+        head, rows = data.get("scenario", {}), data.get("segment", [])
+        if not isinstance(head, dict) or not isinstance(rows, list) or not all(isinstance(r, dict) for r in rows):
+            raise BadInput("a scenario is one [scenario] table and one [[segment]] table for each stretch")
+        if "segments" in head:
+            raise unknown("key in [scenario]", "segments", ("settle", "rotor", "reference"))
+        segments = tuple(build(Segment, dict(r), "segment") for r in rows)
+        own = {"name": fitting(path.stem, "scenario"), **head, "segments": segments}
+        scenario: Scenario = build(Scenario, own, "scenario")
+    except BadInput as error:
+        raise BadInput(f"{path.name}: {error}") from None
+    return scenario

@@ -1,0 +1,226 @@
+"""One run: a drive, a scenario, an estimator with its belief; from checks to recording."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from estimators.contract import Belief, Estimator
+from estimators.startup import start_periods
+from model.effects.library import complete, true_motor
+from model.energy import AnyEnergy, flux_from_current, torque
+from model.errors import BadInput, PhysicsError, unknown
+from model.parameters import Drive
+from sandbox.drive import loop
+from sandbox.drive.closed import closed_bench, longest_step, rotor_flux
+from sandbox.drive.design import Design, belief_of, design
+from sandbox.drive.feasible import check_call, check_feasible, check_injection, check_length, checked
+from sandbox.drive.recording import Recording
+from sandbox.drive.scenario import Scenario
+from sandbox.plant.sets import features_of
+from sandbox.recordings.injection import carrier
+
+MOST_SAMPLES = 5_000_000  # recorded: 0.8 GB
+PLANTS = ("exact", "switched")
+OLD_NAME = "averaged"  # of the first
+LONGEST = 1e-2  # s
+ROTORS = {"locked": loop.LOCKED, "driven": loop.DRIVEN, "free": loop.FREE}
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """A finished run."""
+
+    recording: Recording
+    design: Design
+    start_time: float  # s of starting up, before the scenario begins
+    cpu_seconds: float
+
+
+def torque_at_load(drive: Drive, load: float) -> float:
+    """Return the motor's torque (N m) at i_d = 0, i_q = load x rated current."""
+    motor = drive.motor
+    d, q = flux_from_current(motor.energy, 0.0, load * motor.rated_current)
+    return float(torque.py_func(motor.energy, d, q, motor.magnet_flux, motor.pole_pairs))
+
+
+def profile_of(drive: Drive, scenario: Scenario) -> NDArray[np.float64]:
+    """Return the breakpoints: time, load, load torque (N m), i_q reference (A), speed (rad/s), i_d reference (A)."""
+    rows: list[list[float]] = []
+    t = load = speed = i_d = 0.0  # starting up happens at rest without load
+    for s in scenario.segments:
+        rows.append(_breakpoint(drive, scenario, t, load, speed, i_d))
+        if s.ramp or (s.load, s.speed, s.current_d) != (load, speed, i_d):
+            for part in np.linspace(0.0, 1.0, 9)[1:]:  # torque is not linear in load
+                x, y = load + part * (s.load - load), speed + part * (s.speed - speed)
+                z = i_d + part * (s.current_d - i_d)
+                rows.append(_breakpoint(drive, scenario, t + part * s.ramp, x, y, z))
+        t, load, speed, i_d = t + s.duration, s.load, s.speed, s.current_d
+        rows.append(_breakpoint(drive, scenario, t, load, speed, i_d))
+    return np.array(rows)
+
+
+def _breakpoint(drive: Drive, scenario: Scenario, t: float, load: float, speed: float, i_d: float) -> list[float]:
+    held = scenario.rotor != "free"
+    motor = drive.motor
+    return [
+        t,
+        load,
+        0.0 if held else torque_at_load(drive, load),
+        load * motor.rated_current if scenario.reference == "current" else 0.0,
+        speed * motor.rated_omega,
+        i_d * motor.rated_current,
+    ]
+
+
+def simulate(
+    drive: Drive,
+    scenario: Scenario,
+    estimator: Estimator,
+    belief: str = "saturated",
+    *,
+    closed_loop: bool = True,
+    seed: int = 0,
+    stride: int = 1,
+    plant_step: float = LONGEST,
+    truth: AnyEnergy | None = None,
+    effects: Mapping[str, float] | None = None,
+    plant: str | None = None,
+) -> Simulation:
+    """Run a scenario and return its recording.
+
+    belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls; stride: record
+    every stride-th sample; plant_step: s, an upper bound (the plant chooses its own below); truth: another magnetic
+    model for the plant than the one the estimator's belief comes from; effects: what the plant has and the model lacks,
+    by public name such as {"dead_time.time": 2e-6}; plant: `exact` (event by event) or `switched` (the independent
+    bench), None for the one that the estimator needs.  Raises BadInput or PhysicsError with one sentence.
+    """
+    check_call(estimator, belief, seed, stride, plant_step)
+    plant = plant_for(estimator, plant)
+    values = complete(drive.motor, drive.converter, effects)
+    check_injection(estimator, drive)
+    gains = design(drive, scenario.start_up)
+    check_feasible(dataclasses.replace(drive, motor=true_motor(drive.motor, values)), scenario, gains)
+    tuning, believed = gains.tuning, belief_of(drive, belief)
+    h = tuning.sampling_period
+    start_time = start_periods(tuning.settle, tuning.average) * tuning.period * h
+    samples = round((start_time + scenario.duration) / h)
+    if samples // stride > MOST_SAMPLES:
+        raise BadInput(
+            f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
+        )
+    wave = carrier(drive.injection, drive.converter)
+    state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle + scenario.start_error)
+    table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
+    on = partial(_switched, inside=estimator.inside) if plant == "switched" else exact_bench
+    run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
+    rig = rig_of(drive, scenario, values, closed_loop, samples, stride, start_time)
+    if plant == "exact":
+        check_length(samples, max(1, math.ceil(h / bench[0].timing.longest)), h)
+    step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
+    profile = profile_of(drive, scenario)
+    begun = time.thread_time()
+    status, at = run(
+        step, state, *bench, rig, gains.control, believed, tuning, profile,
+        wave.waveform, wave.primitive, np.random.default_rng(seed), table,
+    )  # fmt: skip
+    spent = time.thread_time() - begun
+    if status != loop.DONE:
+        raise _failure(status, at * h, _flux(plant, bench), drive)
+    return Simulation(Recording(table), gains, start_time, spent)
+
+
+def plant_for(estimator: Estimator, plant: str | None) -> str:
+    """Return the plant asked for, or the one an estimator needs; BadInput where these differ."""
+    if plant is None:
+        return "switched" if estimator.inside else "exact"
+    plant = "exact" if plant == OLD_NAME else plant
+    if plant not in PLANTS:
+        raise unknown("plant", plant, PLANTS)
+    if estimator.inside and plant != "switched":
+        raise BadInput(
+            f"estimator '{estimator.name}' reads the current inside the PWM period, which only the switched plant "
+            "hands over; run it there (--plant switched)"
+        )
+    return plant
+
+
+def exact_bench(
+    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
+    believed: Belief | None,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Return the loop's kernel (interpreted where there is no compiled belief) and the plant."""
+    motor = true_motor(drive.motor, values)
+    top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
+    step = min(plant_step, longest_step(motor, values, features_of(drive.motor, values), top))
+    bench = closed_bench(drive.motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth)
+    return loop.run_for(bench.flux_map, believed) if believed else loop.run_python, bench
+
+
+def _switched(
+    drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
+    believed: Belief | None, inside: bool = False,
+) -> tuple[Any, ...]:  # fmt: skip
+    """Return the loop's kernel, the bench's state, the bench, the nominal link voltage, room for readings inside the
+    period (None without) and the pulses' shift (s).
+    """
+    from sandbox.drive import switched_loop as switched
+    from sandbox.validation.switched import advance as bench_of
+    from sandbox.validation.switched.bench_numbers import bench
+    from sandbox.validation.switched.inverter import READINGS
+    from sandbox.validation.switched.readings import USUAL_READINGS, shift_of
+
+    if truth is not None:
+        raise BadInput("the switched plant takes no other magnetic model; give effects such as saturation.alpha_30")
+    b = bench(drive.motor, drive.converter, values)
+    b = b._replace(step=min(b.step, plant_step))
+    x, c = bench_of.start(b, scenario.start_angle), drive.converter
+    room, shift = None, 0.0
+    if inside:
+        room = np.zeros((c.readings or USUAL_READINGS, 4))
+        shift = shift_of(c)
+        x[READINGS] = len(room)
+    run = switched.run_for(believed, room) if believed else switched.run_python
+    return run, x, b, c.dc_bus_voltage, room, shift
+
+
+def rig_of(
+    drive: Drive, scenario: Scenario, values: Mapping[str, float], closed: bool, n: int, stride: int, start: float
+) -> loop.Rig:
+    """Return sensors and converter for n samples, with the time of starting up in s."""
+    c = drive.converter
+    counts = math.tau * drive.motor.pole_pairs / c.encoder_counts if c.encoder_counts else 0.0
+    return loop.Rig(
+        n, stride, loop.CLOSED if closed else loop.OPEN, int(scenario.reference == "speed"), ROTORS[scenario.rotor],
+        c.sampling_period, c.current_noise, c.current_resolution, start, c.dc_bus_voltage, c.link_noise,
+        values["current_sampling.jitter"], counts,
+    )  # fmt: skip
+
+
+def _flux(plant: str, bench: Any) -> tuple[float, float]:
+    """Return phi_d, phi_q (Wb) of either plant's state."""
+    if plant == "switched":
+        from sandbox.validation.switched.advance import rotor_flux as of_switched
+
+        return of_switched(bench[1], bench[0])
+    return rotor_flux(bench[0])
+
+
+def _failure(status: int, t: float, x: tuple[float, float], drive: Drive) -> PhysicsError:
+    if status == loop.OUTSIDE_DOMAIN:
+        return PhysicsError(
+            f"after {t:.4g} s the fluxes ({x[0]:.4g}, {x[1]:.4g}) Wb left the domain in which the energy of "
+            f"'{drive.name}' is convex; lower the load or use another parameter set (see `sensorless audit`)"
+        )
+    return PhysicsError(
+        f"after {t:.4g} s the simulation of '{drive.name}' is no longer finite, in the plant or in the estimate; check "
+        "the motor's values (SI units) and that sampling_period is short against L/R"
+    )

@@ -1,0 +1,1 @@
+"""Runs judged: position errors, comparison of beliefs, the protocol for estimators, what they cost."""

@@ -1,0 +1,157 @@
+"""The main job: the same runs with an estimator that believes the saturated model and one that believes the linear."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, fields, replace
+from itertools import product
+
+from estimators.contract import Estimator
+from estimators.registry import AnyEstimator, load_estimator
+from model.effects.library import parameters
+from model.errors import BadInput
+from model.parameters import Drive
+from sandbox.drive.design import Design
+from sandbox.drive.recording import Recording
+from sandbox.drive.scenario import Scenario
+from sandbox.drive.simulate import plant_for, simulate
+from sandbox.evaluation.score import Row, rows_of
+from sandbox.output.files import version
+
+BELIEFS = ("linear", "saturated")
+ESTIMATORS = ("qnull", "inversion", "ekf")
+MOST_SAMPLES = 10_000_000  # recorded in all runs together, 1.6 GB; longer ones are thinned
+
+
+@dataclass(frozen=True)
+class Run:
+    """One estimator with one belief, closed (its estimate controls) or open (the encoder does)."""
+
+    estimator: str
+    belief: str
+    closed_loop: bool
+    recording: Recording
+    rows: tuple[Row, ...]
+    cpu_seconds: float
+
+    @property
+    def name(self) -> str:
+        """estimator/closed or open/belief."""
+        return f"{self.estimator}/{'closed' if self.closed_loop else 'open'}/{self.belief}"
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """All runs of one scenario on one drive."""
+
+    drive: Drive
+    scenario: Scenario
+    runs: tuple[Run, ...]
+    properties: dict[str, str | float]
+
+    @property
+    def rows(self) -> tuple[Row, ...]:
+        """The rows of every run."""
+        return tuple(row for run in self.runs for row in run.rows)
+
+    def as_json(self) -> dict[str, object]:
+        """Return what `compare.json` holds beyond its header."""
+        return {
+            "motor": self.drive.name,
+            "scenario": self.scenario.name,
+            "seed": self.properties["seed"],
+            "effects": {k: v for k, v in self.properties.items() if k in parameters()},
+            "rows": [asdict(row) for row in self.rows],
+            "cpu_seconds": sum(run.cpu_seconds for run in self.runs),
+        }
+
+
+def compare(
+    drive: Drive,
+    scenario: Scenario,
+    estimators: Iterable[AnyEstimator] = ESTIMATORS,
+    *,
+    seed: int = 0,
+    jobs: int | None = None,
+    progress: Callable[[float], None] | None = None,
+    effects: Mapping[str, float] | None = None,
+) -> Comparison:
+    """Run every estimator (name, file or object) with both beliefs, closed and open, on up to `jobs` threads.
+
+    The seed fixes the sensors' noise, the same in every run; very long runs are recorded thinned; `progress` is
+    told the fraction done; effects: as `simulate`, with any there is no theory.  Raises BadInput or PhysicsError.
+    """
+    loaded = distinct(estimators)
+    if not loaded:
+        raise BadInput("no estimator to compare; name at least one")
+    cases = list(product(loaded, BELIEFS, (True, False)))
+    done = 0
+
+    samples = scenario.duration / drive.converter.sampling_period * len(cases)
+    stride = math.ceil(samples / MOST_SAMPLES)
+
+    def one(case: tuple[str, str, bool]) -> Run:
+        """Run an estimator (name, belief, closed loop) through the scenario."""
+        nonlocal done
+        name, belief, closed = case
+        run = simulate(
+            drive, scenario, loaded[name], belief, closed_loop=closed, seed=seed, stride=stride, effects=effects
+        )
+        rows = rows_of(drive, scenario, run.recording, run.start_time, name, belief, closed)
+        rows = tuple(replace(r, predicted_mean_deg=None) for r in rows) if effects else rows
+        done += 1
+        if progress:
+            progress(done / len(cases))
+        return Run(name, belief, closed, run.recording, rows, run.cpu_seconds)
+
+    first = one(cases[0])  # alone: compiles and designs what the others share
+    with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
+        runs = (first, *pool.map(one, cases[1:]))
+    return Comparison(drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {}))
+
+
+def distinct(estimators: Iterable[AnyEstimator]) -> dict[str, Estimator]:
+    """Return estimators by name, each once; BadInput where two of them bear one name."""
+    found: dict[str, Estimator] = {}
+    for which in estimators:
+        own = load_estimator(which)
+        if found.setdefault(own.name, own) is not own:
+            raise BadInput(f"two estimators are called '{own.name}'; give one of them another name")
+    return found
+
+
+def properties_of(drive: Drive, scenario: Scenario, seed: int) -> dict[str, str | float]:
+    """Return how runs were made: version, seed, motor and injection."""
+    converter, injection = drive.converter, drive.injection
+    made: dict[str, str | float] = {
+        "version": version(), "seed": seed, "scenario": scenario.name,
+        "sampling_period_s": converter.sampling_period, "dc_bus_voltage_V": converter.dc_bus_voltage,
+        "injection": f"{injection.waveform}, {injection.frequency:g} Hz, {injection.amplitude:g} V",
+        "source": drive.provenance.get("source", "user's file"),
+    }  # fmt: skip
+    motor = {f.name: getattr(drive.motor, f.name) for f in fields(drive.motor)}
+    return made | {f"motor.{k}": v for k, v in motor.items() if k != "description" and isinstance(v, (str, float, int))}
+
+
+def single(
+    drive: Drive,
+    scenario: Scenario,
+    estimator: AnyEstimator,
+    belief: str = "saturated",
+    closed_loop: bool = True,
+    seed: int = 0,
+    effects: Mapping[str, float] | None = None,
+    plant: str | None = None,
+) -> tuple[Comparison, Design]:
+    """Return one run as a comparison of one, and the gains it used; effects and plant as `simulate`."""
+    loaded = load_estimator(estimator)
+    plant = plant_for(loaded, plant)
+    done = simulate(drive, scenario, loaded, belief, closed_loop=closed_loop, seed=seed, effects=effects, plant=plant)
+    rows = rows_of(drive, scenario, done.recording, done.start_time, loaded.name, belief, closed_loop)
+    rows = tuple(replace(r, predicted_mean_deg=None) for r in rows) if effects else rows
+    run = Run(loaded.name, belief, closed_loop, done.recording, rows, done.cpu_seconds)
+    made = properties_of(drive, scenario, seed) | {"plant": plant} | dict(effects or {})
+    return Comparison(drive, scenario, (run,), made), done.design

@@ -1,0 +1,353 @@
+"""One protocol for every estimator, belief and motor: runs the tests, keeps what is finished, judges.
+
+A unit is one test of one estimator with one belief on one motor.  Finished units are kept, a line each, in
+`.protocol-<key>.jsonl` beside the results until all are done, so that an interrupted protocol goes on where it
+stopped; the key changes with the code and with the seed.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from estimators.registry import MODULES, AnyEstimator
+from model.datasets import locate
+from model.drive_files import fetched, load_drive
+from model.errors import BadInput, PhysicsError, unknown
+from model.parameters import Drive
+from model.sources import ROOT, source_key
+from sandbox.evaluation.compare import distinct
+from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
+from sandbox.evaluation.protocol_tests import (
+    MEAN_GOAL,
+    P95_GOAL,
+    POLARITY_GOAL,
+    THEORY_GOAL,
+    Outcome,
+    Point,
+    attraction,
+    costs,
+    creep,
+    load_step,
+    mission,
+    robustness,
+    starting,
+    static_map,
+)  # fmt: skip
+from sandbox.output.files import plain
+from sandbox.output.tables import BELIEFS, print_table
+
+ESTIMATORS = (
+    "qnull", "inversion", "rotating", "table", "arbitrary", "pwm_ripple", "fluxdemod", "pll3", "mechanical", "monitor",
+    "active_flux", "hybrid", "ekf", "ukf",
+)  # fmt: skip
+READING = (
+    "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the ripple "
+    "carries information; attraction: started wrong all round, share back / at the wrong pole / elsewhere; "
+    "slow: the speed asked for not reached in time; cost: a step, torque ripple at standstill/at speed; "
+    "✓ ✗: the goal beside it is met or not. 'as theory': the error may be large, as long as it is the one that theory "
+    "foretells for a linear belief."
+)
+LOCK = "lock kept"
+GOALS = {  # beside a verdict; what is not here is judged by `verdict`: mean and 95th percentile, or theory
+    "start": f"≥ {100.0 * POLARITY_GOAL:g} %", "robustness": LOCK, "reversal": LOCK, "attraction": "no third rest",
+}  # fmt: skip
+MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
+MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
+
+
+Test = Callable[[Drive, AnyEstimator, str, int], Outcome]
+TESTS: dict[str, Test] = {
+    "start": starting,
+    "static_map": static_map,
+    "load_step": load_step,
+    "creep": creep,
+    "hand_over": hand_over,
+    "robustness": robustness,
+    "attraction": attraction,
+    "bandwidth": bandwidth,
+    "mission": mission,
+    "reversal": reversal,
+    "cost": costs,
+}
+SHARED = ("start",)  # the same for every estimator: run with the first
+ONE_MOTOR = {"mission": "ipm_exchanged"}
+PEER = "motulator 2.2 kW"  # the motor of the reversal
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One test of one estimator with one belief on one motor."""
+
+    motor: str
+    test: str
+    estimator: str
+    belief: str
+
+
+@dataclass(frozen=True)
+class Row:
+    """A finished unit; failure: the sentence of a run that the physics ended."""
+
+    unit: Unit
+    outcome: Outcome
+    cpu_seconds: float
+    failure: str | None = None
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `protocol.json` says of it."""
+        return {
+            **asdict(self.unit), "metrics": dict(self.outcome.metrics), "passed": self.outcome.passed,
+            "cpu_seconds": self.cpu_seconds, "failure": self.failure,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """All rows, in the order of motors, estimators, beliefs, tests."""
+
+    rows: tuple[Row, ...]
+    seed: int
+    peer: tuple[float, float] | None = None  # CPU seconds a second and error rms (degrees) of motulator's reversal
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `protocol.json` holds beyond its header."""
+        cpu = sum(row.cpu_seconds for row in self.rows)
+        peer = {"cpu_s_per_s": self.peer[0], "rms_deg": self.peer[1]} if self.peer else None
+        tests = [row.as_json() for row in self.rows]
+        return {"seed": self.seed, "cpu_seconds": cpu, "peer": peer, "tests": tests}
+
+    def beside(self, cpu: float, rms: float) -> Protocol:
+        """Return the protocol with the peer's reversal beside ours: CPU seconds a second, error rms (degrees)."""
+        rows = []
+        for row in self.rows:
+            if row.unit.test == "reversal" and not row.failure:
+                ratios = with_peer(row.outcome.metrics, cpu, rms)
+                metrics = dict(row.outcome.metrics) | ratios
+                row = replace(row, outcome=replace(row.outcome, metrics=metrics, passed=beats_peer(ratios)))
+            rows.append(row)
+        return Protocol(tuple(rows), self.seed, (cpu, rms))
+
+
+def usual_motors() -> tuple[str, ...]:
+    """Return MOTORS and, where its data set is on this machine, the measured one."""
+    return (*MOTORS, MEASURED) if locate(MEASURED) is not None else MOTORS
+
+
+def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:
+    """Return the units of a protocol in order, estimators by name; BadInput where there is none of a kind."""
+    motors, estimators, tests = (list(dict.fromkeys(names)) for names in (motors, estimators, tests))
+    for kind, names in (("motor", motors), ("estimator", estimators), ("test", tests)):
+        if not names:
+            raise BadInput(f"no {kind} for the protocol; name at least one")
+    found = []
+    for motor in motors:
+        for number, estimator in enumerate(estimators):
+            for belief in BELIEFS:
+                for test in tests:
+                    if test == "reversal":
+                        continue
+                    if (test in SHARED and number) or (test in ONE_MOTOR and not _is_chosen(motor, test, motors)):
+                        continue
+                    found.append(Unit(motor, test, estimator, belief))
+    if "reversal" in tests:
+        found += [Unit(PEER, "reversal", estimator, belief) for estimator in estimators for belief in BELIEFS[:1]]
+    return found
+
+
+def _is_chosen(motor: str, test: str, motors: list[str]) -> bool:
+    """Tell whether a test meant for one motor runs on this one: its own, or the first where that is not asked for."""
+    own = ONE_MOTOR[test]
+    return motor == (own if own in motors else motors[0])
+
+
+def run_unit(unit: Unit, drive: Drive, estimator: AnyEstimator, seed: int) -> Row:
+    """Run one unit; a PhysicsError becomes its failure, a BadInput a refusal."""
+    begun = time.thread_time()
+    failure = None
+    try:
+        outcome = TESTS[unit.test](drive, estimator, unit.belief, seed)
+    except PhysicsError as error:
+        outcome, failure = Outcome((), {}, False), str(error)
+    except BadInput as error:  # this estimator on this drive, such as rotating injection in two samples a turn
+        outcome, failure = Outcome((), {"refused": 1.0}, None), str(error)
+    return Row(unit, outcome, time.thread_time() - begun, failure)
+
+
+def protocol(
+    estimators: Iterable[AnyEstimator] = ESTIMATORS,
+    motors: Iterable[str | Path | Drive] | None = None,
+    tests: Iterable[str] = tuple(TESTS),
+    *,
+    seed: int = 0,
+    jobs: int = 2,
+    keep: Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Protocol:
+    """Run every unit on up to `jobs` threads; `keep` is a folder in which finished units wait for the rest.
+
+    Estimators and motors are names, files or objects; units of objects and of estimators from files are not kept, as
+    nobody knows whether they are still the same later.  Raises BadInput for what cannot be run (before anything runs,
+    as far as names and files go).
+    """
+    tests, wanted = list(dict.fromkeys(tests)), usual_motors() if motors is None else motors
+    for test in tests:
+        if test not in TESTS:
+            raise unknown("test", test, TESTS)
+    drives: dict[str, str | Path | Drive] = {}
+    for motor in wanted:
+        name = motor.name if isinstance(motor, Drive) else str(motor)
+        if drives.setdefault(name, motor) is not motor and isinstance(motor, Drive):
+            raise BadInput(f"two motors are called '{name}'; give one of them another name")
+    own = distinct(estimators)
+    todo = units(drives, own, tests)
+    files = sorted((m for m in drives.values() if not isinstance(m, Drive)), key=lambda m: fetched(str(m)))
+    read = {str(m): load_drive(m) for m in files}  # last: what is to be downloaded comes after all else is read
+    loaded = {name: motor if isinstance(motor, Drive) else read[str(motor)] for name, motor in drives.items()}
+    loaded[PEER] = reversal_case()[0]
+    kept = Kept(keep, seed)
+    missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
+    lock, done = threading.Lock(), len(todo) - len(missing)
+
+    def one(unit: Unit) -> None:
+        """Run a unit and keep its row."""
+        nonlocal done
+        row = run_unit(unit, loaded[unit.motor], own[unit.estimator], seed)
+        with lock:
+            kept.add(row, lasting=unit.estimator in MODULES and not isinstance(drives.get(unit.motor), Drive))
+            done += 1
+            if progress:
+                progress(done / len(todo))
+
+    with ThreadPoolExecutor(jobs) as pool:
+        list(pool.map(one, missing))
+    return Protocol(tuple(kept.rows[u] for u in todo), seed)
+
+
+class Kept:
+    """Finished units, in memory and, where a folder is given, in a file that outlives an interruption."""
+
+    def __init__(self, folder: Path | None, seed: int) -> None:
+        code = source_key(Path(__file__).resolve(), *(ROOT / "estimators").glob("*.py"))
+        self.path = folder / f".protocol-{code}-{seed}.jsonl" if folder else None
+        self.rows: dict[Unit, Row] = {}
+        if self.path and self.path.is_file():
+            for line in self.path.read_text(encoding="utf-8").splitlines():
+                self._read(line)
+
+    def _read(self, line: str) -> None:
+        try:
+            found = json.loads(line)
+            points = tuple(Point(**p) for p in found["points"])
+            outcome = Outcome(points, found["metrics"], found["passed"])
+            row = Row(Unit(**found["unit"]), outcome, found["cpu_seconds"], found["failure"])
+        except (ValueError, KeyError, TypeError):  # a line cut off by the interruption
+            return
+        self.rows[row.unit] = row
+
+    def add(self, row: Row, lasting: bool = True) -> None:
+        """Remember a finished unit; lasting: in the file, too."""
+        self.rows[row.unit] = row
+        if self.path and lasting:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            line = {
+                "unit": asdict(row.unit), "points": [asdict(p) for p in row.outcome.points],
+                "metrics": dict(row.outcome.metrics), "passed": row.outcome.passed,
+                "cpu_seconds": row.cpu_seconds, "failure": row.failure,
+            }  # fmt: skip
+            with self.path.open("a", encoding="utf-8") as file:
+                file.write(json.dumps(plain(line)) + "\n")
+
+
+def forget(folder: Path) -> None:
+    """Remove what interrupted protocols left in a folder."""
+    for path in folder.glob(".protocol-*.jsonl"):
+        path.unlink(missing_ok=True)
+
+
+def tidy(result: Protocol) -> list[dict[str, Any]]:
+    """Return the tidy table: a row per evaluated stretch, or per test that has none."""
+    nothing: dict[str, Any] = dict.fromkeys(f.name for f in fields(Point))
+    rows = []
+    for row in result.rows:
+        head = asdict(row.unit) | {"passed": row.outcome.passed}
+        rows += [head | asdict(p) for p in row.outcome.points] or [head | nothing]
+    return rows
+
+
+def tables(result: Protocol) -> dict[str, tuple[list[str], list[list[str]]]]:
+    """Return every motor's table."""
+    return {motor: table(result, motor) for motor in dict.fromkeys(row.unit.motor for row in result.rows)}
+
+
+def table(result: Protocol, motor: str) -> tuple[list[str], list[list[str]]]:
+    """Return heads and cells of one motor's table: a line per estimator and belief, a column per test."""
+    rows = {(r.unit.estimator, r.unit.belief, r.unit.test): r for r in result.rows if r.unit.motor == motor}
+    tests = list(dict.fromkeys(test for _, _, test in rows))
+    lines = []
+    for estimator, belief in dict.fromkeys((e, b) for e, b, _ in rows):
+        cells = [cell(rows.get((estimator, belief, test))) for test in tests]
+        lines.append([f"{estimator} {belief[:3]}.", *cells])
+    return ["estimator", *tests], lines
+
+
+def goal_of(row: Row) -> str:
+    """Return the goal that a unit is judged by, in a few words."""
+    if row.outcome.metrics.get("rms_to_peer") is not None:
+        return "≤ 1/2, ≤ 1/300"
+    judged = f"≤ {MEAN_GOAL:g} ({P95_GOAL:g})°" if row.unit.belief == "saturated" else f"as theory ±{THEORY_GOAL:g}°"
+    return GOALS.get(row.unit.test, judged)
+
+
+def cell(row: Row | None) -> str:
+    """Return a unit as text: worst mean (worst p95) in degrees, stretches lost, a mark for the verdict, the goal."""
+    if row is None:
+        return ""
+    mark = {True: f" ✓ {goal_of(row)}", False: f" ✗ {goal_of(row)}", None: ""}[row.outcome.passed]
+    m = row.outcome.metrics
+    if row.failure:
+        return f"{'refused' if 'refused' in m else 'failed'}{mark}"
+    if m.get("rms_to_peer") is not None:
+        return f"rms {m['rms_to_peer']:.3f}, CPU 1/{1.0 / (m['cpu_to_peer'] or 1.0):.0f} of peer{mark}"
+    if "polarity_right" in m:
+        return f"{100 * (m['polarity_right'] or 0):.2f} %{mark}"
+    if "back" in m:
+        return (
+            f"{100 * (m['back'] or 0):.0f}/{100 * (m['reversed'] or 0):.0f}/{100 * (m['elsewhere'] or 0):.0f} %{mark}"
+        )
+    if m.get("step_ns") is not None:
+        ripples = [m.get(name) for name in ("torque_ripple", "torque_ripple_at_speed")]
+        said = "/".join("–" if v is None else f"{100 * v:.1f}" for v in ripples)
+        return f"{m['step_ns']:.0f} ns, {said} %{mark}"
+    if "bandwidth_hz" in m:
+        return f"{m['bandwidth_hz']:.0f} Hz{mark}" if m["bandwidth_hz"] is not None else f"–{mark}"
+    lost = f", {m['lost']:.0f} lost" if m.get("lost") else ""
+    lost += f", {m['speed_missed']:.0f} slow" if m.get("speed_missed") else ""
+    if m.get("mean_deg") is None:
+        return f"lost{mark}"
+    return f"{m['mean_deg']:.2f} ({m['p95_deg']:.1f}){lost}{mark}"
+
+
+def with_motulator(result: Protocol, anchors: Path, python: str) -> Protocol:
+    """Return the protocol with motulator's reversal beside ours, measured now; BadInput where it is not at hand."""
+    if not any(row.unit.test == "reversal" for row in result.rows):
+        return result
+    from sandbox.evaluation.bench import peer
+
+    return result.beside(*peer(anchors, python, "lin", 4.0))
+
+
+def show(result: Protocol) -> None:
+    """Print a table per motor, how to read it, and the cost."""
+    for motor in dict.fromkeys(row.unit.motor for row in result.rows):
+        heads, lines = table(result, motor)
+        lines = [[text.replace(" ✓ ", " ✓\n").replace(" ✗ ", " ✗\n") for text in line] for line in lines]
+        print_table(f"{motor}: worst mean ° (worst 95 %)", heads, lines)
+    print(READING)
+    print(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")

@@ -1,0 +1,1 @@
+"""What people and scripts get: result folders, tables, figures, traces."""

@@ -1,0 +1,148 @@
+"""Result folders: files that appear whole, together or not at all; JSON of any result."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from importlib.metadata import PackageNotFoundError
+from importlib.metadata import version as installed
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from model.errors import BadInput
+
+if TYPE_CHECKING:
+    pass
+
+SCHEMA = 1
+
+
+def version() -> str:
+    """Return the package's version, or `source` where it runs from a plain checkout."""
+    try:
+        return installed("sensorless-sandbox")
+    except PackageNotFoundError:
+        return "source"
+
+
+def plain(value: Any) -> Any:
+    """Return a value as JSON knows it: arrays as lists, undefined numbers as None."""
+    if isinstance(value, dict):
+        return {str(k): plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [plain(v) for v in value]
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
+    if isinstance(value, (bool, np.bool_)):
+        return bool(value)
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    if isinstance(value, np.integer):
+        return int(value)
+    return value
+
+
+KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html", ".parquet", ".csv")
+
+
+def rounded(value: Any, digits: int) -> Any:
+    """Return a value of JSON with all its numbers rounded to so many significant digits; whole numbers stay."""
+    if isinstance(value, Mapping):
+        return {k: rounded(v, digits) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [rounded(v, digits) for v in value]
+    if isinstance(value, float) and math.isfinite(value):
+        return float(f"{value:.{digits}g}")
+    return value
+
+
+def _aside(place: Path, full: Path) -> Path:
+    return place / f".part-{os.getpid()}-{zlib.crc32(os.fsencode(full)):x}"
+
+
+def _waiting(out: Path) -> Path:
+    """Return a new folder for files on their way to `out`, below the nearest place that exists."""
+    full = Path(os.path.realpath(out))
+    place = next(p for p in (full, *full.parents) if os.path.lexists(p))
+    path = _aside(place, full) / full.relative_to(place)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise BadInput(f"cannot write to '{out}': {error.strerror}; give another --out") from None
+    return path
+
+
+def check_output(out: Path) -> None:
+    """Raise BadInput, before a run, where its results could not be written to a folder; nothing is left there."""
+    try:
+        _waiting(out)
+    finally:
+        discard(out)
+
+
+def output_folder(out: Path) -> Path:
+    """Return the folder for results, made if need be; BadInput where it cannot be."""
+    check_output(out)
+    out.mkdir(parents=True, exist_ok=True)
+    return out
+
+
+@contextmanager
+def results(out: Path, command: str) -> Iterator[Path]:
+    """Give a folder for a command's files; they appear in `out` together, the JSON last, or not at all.
+
+    A folder that does not exist appears whole.  What an earlier call left there under the same names goes, so that
+    the files in a folder belong together.
+    """
+    try:
+        waiting = _waiting(out)
+        yield waiting
+        _publish(waiting, Path(os.path.realpath(out)), command)
+    finally:
+        discard(out)
+
+
+def _publish(waiting: Path, full: Path, command: str) -> None:
+    missing = [p for p in (full, *full.parents) if not os.path.lexists(p)]
+    if missing:
+        top = missing[-1]
+        with suppress(OSError):  # made by another process in the meantime: file by file
+            os.rename(_aside(top.parent, full) / top.name, top)
+            return
+    full.mkdir(parents=True, exist_ok=True)
+    for old in full.glob(f"{command}.*"):
+        if old.suffix in KINDS and not (waiting / old.name).exists():
+            old.unlink()
+    for new in sorted(waiting.iterdir(), key=lambda path: path.suffix == ".json"):
+        new.replace(full / new.name)
+
+
+def discard(out: Path) -> None:
+    """Remove what this process had not finished writing into a folder, and on the way to it."""
+    full = Path(os.path.realpath(out))
+    for place in (full, *full.parents):
+        shutil.rmtree(_aside(place, full), ignore_errors=True)
+
+
+def write_json(out: Path, name: str, content: dict[str, Any], command: str = "") -> Path:
+    """Write `<name>.json` with the common header into a folder, whole or not at all; return its path.
+
+    command: the header's, where the file is not named after it.
+    """
+    path = out / f"{name}.json"
+    document = {"schema": SCHEMA, "command": command or name, "version": version(), **plain(content)}
+    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        aside.write_text(text, encoding="utf-8")
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
+    return path

@@ -1,0 +1,170 @@
+"""What a person reads in the terminal: progress, tables folded to its width; a comparison as text and markdown."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+import textwrap
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sandbox.evaluation.compare import Comparison
+    from sandbox.evaluation.score import Row
+
+BELIEFS = ("saturated", "linear")
+
+WIDTH = 80  # columns of a printed table where no wider terminal is there
+
+
+@contextmanager
+def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
+    """Give a function that shows the fraction done; None where nobody watches."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import Progress
+
+    with Progress(console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda fraction: bar.update(task, completed=fraction)
+
+
+@contextmanager
+def stage_bar(title: str, quiet: bool) -> Iterator[Callable[[str], None]]:
+    """Give a function that shows what is being done, where nobody knows how many stages there will be."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda _: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(title, total=1.0)
+        yield lambda stage: bar.update(
+            task, description=f"{title}: {stage}", advance=0.1 * (bar.tasks[0].remaining or 0.0)
+        )
+
+
+def print_table(title: str, heads: list[str], rows: list[list[str]], fixed: int = 1) -> None:
+    """Print a table; the first column to the left, numbers to the right, no number cut.
+
+    One that is wider than the terminal (or 80 columns) is folded: its columns follow in several tables that all begin
+    with the first `fixed` ones.
+    """
+    from rich.console import Console
+
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+    for number, chosen in enumerate(folded(heads, rows, fixed, width)):
+        picked = [[row[k] for k in chosen] for row in [heads, *rows]]
+        needed = 1 + sum(_width(picked, k) for k in range(len(chosen)))
+        console = Console(width=max(width, needed), markup=False, highlight=False)
+        if number == 0:
+            console.print(title, style="bold", soft_wrap=True)
+        console.print(_grid(picked), soft_wrap=needed > width)
+
+
+def print_list(lines: Mapping[str, str]) -> None:
+    """Print name and text of each entry: in a terminal folded to its width, elsewhere one line each."""
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 10_000
+    for name, text in lines.items():
+        head = f"{name:<20} "
+        print(textwrap.fill(text, max(width, 40), initial_indent=head, subsequent_indent=" " * len(head)))
+
+
+LEAST = 24  # columns that a first column keeps where it has to be broken, its frame included
+
+
+def _width(rows: list[list[str]], k: int) -> int:
+    """Return the columns of a terminal that a table's column takes with its frame; a first one may be broken."""
+    whole = 3 + max(len(line) for row in rows for line in row[k].split("\n"))
+    return whole if k else min(whole, LEAST)
+
+
+def folded(heads: list[str], rows: list[list[str]], fixed: int, width: int) -> list[list[int]]:
+    """Return the columns of each part of a table, every part within a width where that can be done."""
+    every = [heads, *rows]
+    first, parts = list(range(fixed)), [list(range(fixed))]
+    room = width - 1 - sum(_width(every, k) for k in first)
+    left = room
+    for k in range(fixed, len(heads)):
+        wide = _width(every, k)
+        if wide > left and len(parts[-1]) > fixed:
+            parts.append(list(first))
+            left = room
+        parts[-1].append(k)
+        left -= wide
+    return parts
+
+
+def _grid(rows: list[list[str]]) -> Any:
+    """Return a table for rich, its first row the heads."""
+    from rich.table import Table
+
+    table = Table()
+    for k, head in enumerate(rows[0]):
+        table.add_column(head, justify="left" if k == 0 else "right", no_wrap=k > 0, overflow="fold")
+    for row in rows[1:]:
+        table.add_row(*row)
+    return table
+
+
+def comparison_tables(c: Comparison) -> list[tuple[str, list[str], list[list[str]]]]:
+    """Return title, heads and cells of one table for the closed and one for the open loop.
+
+    A line is a segment; a cell the mean error in degrees with the 95th percentile of its size.
+    """
+    tables = []
+    for closed in sorted({r.closed_loop for r in c.runs}, reverse=True):
+        runs = [r for r in c.runs if r.closed_loop == closed]
+        loop = "closed loop (the estimate controls)" if closed else "open loop (the encoder controls)"
+        heads = ["load %", "rpm", "theory °", *(f"{r.estimator} {r.belief[:3]}." for r in runs)]
+        lines = []
+        for k, row in enumerate(runs[0].rows):
+            theory = [r.rows[k].predicted_mean_deg for r in runs if r.belief == "linear"]
+            known = next((t for t in theory if t is not None), None)
+            cells = [_cell(r.rows[k]) for r in runs]
+            lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", number_text(known), *cells])
+        tables.append((f"{c.drive.name}, {c.scenario.name}, {loop}", heads, lines))
+    return tables
+
+
+def number_text(value: float | None) -> str:
+    """Return degrees with two decimals and a sign, or a dash for none."""
+    return "–" if value is None else f"{value + 0.0 if abs(value) >= 0.005 else 0.0:+.2f}"
+
+
+def _cell(row: Row) -> str:
+    if row.lost_lock:
+        return "lost lock"
+    if row.error_deg.p95 is None:
+        return "–"
+    return f"{number_text(row.error_deg.mean)} ({row.error_deg.p95:.1f}){'' if row.reference_held else ' speed missed'}"
+
+
+def comparison_markdown(c: Comparison) -> str:
+    """Return the same tables as markdown."""
+    blocks = []
+    for title, heads, rows in comparison_tables(c):
+        lines = [f"**{title}**", "", f"| {' | '.join(heads)} |", "|" + "--:|" * len(heads)]
+        blocks.append("\n".join([*lines, *(f"| {' | '.join(row)} |" for row in rows)]))
+    return "\n\n".join(blocks)
+
+
+def comparison_text(comparison: Comparison, made: dict[str, str], stride: int, slow: int) -> str:
+    """Return the markdown shown first: how to read the trace, the table of errors, how it was made."""
+    kept = "every recorded sample" if stride == 1 else f"one recorded sample in {stride}"
+    reading = (
+        "Error = true minus estimated angle, degrees electrical. **Blue**: the estimator believes the "
+        "saturated model, **orange**: the linear one, pale lines: theory over the evaluation windows. Error "
+        "views are cut to what runs in lock need. Angle views open on a quarter turn of the last window in "
+        f"lock. Error and angle hold {kept}, currents means over {slow} samples, ripple and speed "
+        f"one sample in {slow}."
+    )
+    provenance = [f"| {name} | {value} |" for name, value in made.items()]
+    title = f"# {comparison.drive.name}, {comparison.scenario.name}"
+    table = comparison_markdown(comparison)
+    return "\n".join([title, reading, "", table, "", "| made with | |", "|---|---|", *provenance])

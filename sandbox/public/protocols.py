@@ -1,0 +1,203 @@
+"""The standard evaluation of estimators, and what the simulator costs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from estimators.registry import AnyEstimator
+from model.parameters import Drive
+from sandbox.output.columns import Column, columns_of
+from sandbox.output.files import results, write_json
+from sandbox.public.loading import several
+from sandbox.public.result import Result
+
+if TYPE_CHECKING:
+    from sandbox.evaluation.protocol import Protocol
+    from sandbox.output.plots import Figure
+
+POINT_UNITS = {
+    "load": "of rated current", "load_d": "of rated current", "speed": "of rated speed", "mean_deg": "deg",
+    "rms_deg": "deg", "p95_deg": "deg", "max_deg": "deg", "predicted_deg": "deg",
+}  # fmt: skip
+
+
+@dataclass(frozen=True, repr=False)
+class ProtocolResult(Result):
+    """Every test of every estimator and belief on every motor, with its verdict."""
+
+    command: ClassVar[str] = "protocol"
+    protocol: Protocol
+
+    def summary(self) -> str:
+        """Return how many tests were run, and how many met their goals."""
+        verdicts = [row.outcome.passed for row in self.protocol.rows]
+        judged = [v for v in verdicts if v is not None]
+        return f"{len(verdicts)} tests, {sum(judged)} of {len(judged)} judged met their goals"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `protocol.json` holds beyond its header and the names of files."""
+        return self.protocol.as_json()
+
+    def columns(self) -> dict[str, Column]:
+        """Return the tidy table: a row for each evaluated stretch, or for a test that has none."""
+        from sandbox.evaluation.protocol import tidy
+        from sandbox.evaluation.protocol_tests import Point
+
+        rows = tidy(self.protocol)
+        names = ["motor", "test", "estimator", "belief", "passed", *(f.name for f in fields(Point))]
+        return columns_of([{name: row[name] for name in names} for row in rows], POINT_UNITS)
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return the page of verdicts, a panel a motor; a path (.png, .svg, .pdf) is written as well."""
+        from sandbox.evaluation.protocol import READING, tables
+        from sandbox.output.plots import protocol_figure
+
+        return protocol_figure(tables(self.protocol), READING, path)
+
+    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
+        """Write protocol.json, .png and .parquet into a folder, and forget what was kept there for resuming."""
+        from sandbox.evaluation.protocol import forget
+
+        super().save(folder, csv=csv)
+        forget(Path(folder))
+        return Path(folder)
+
+
+@dataclass(frozen=True, repr=False)
+class BenchResult(Result):
+    """What the simulator costs, measured on this machine, and ratios that hardly depend on it."""
+
+    command: ClassVar[str] = "bench"
+    measured: dict[str, float]
+    ratios: dict[str, float]
+
+    def summary(self) -> str:
+        """Return the two figures that matter most."""
+        second = self.measured["closed_loop_qnull_cpu_s_per_s"]
+        return f"{self.measured['plant_step_ns']:.1f} ns a plant step, {second:.2g} CPU s a closed-loop second"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `bench.json` holds beyond its header."""
+        return {"measured": self.measured, "ratios": self.ratios}
+
+    def columns(self) -> dict[str, Column]:
+        """Return one row a figure."""
+        both = {**self.measured, **self.ratios}
+        kinds = ["measured"] * len(self.measured) + ["ratio"] * len(self.ratios)
+        return {"figure": Column(list(both)), "kind": Column(kinds), "value": Column(list(both.values()))}
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return the ratios as bars; a path (.png, .svg, .pdf) is written as well."""
+        from sandbox.output.plots import drawn, page
+
+        figure, panels = page((7.0, 0.8 + 0.3 * len(self.ratios)), 1, 1, squeeze=False)
+        panels[0, 0].barh(list(self.ratios), list(self.ratios.values()), color="#2e86de")
+        panels[0, 0].set(xscale="log", xlabel="ratio (CPU or error)")
+        return drawn(figure, path)
+
+    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
+        """Write bench.json (csv: the figures as CSV, too) into a folder; return it."""
+        from sandbox.output.columns import write_table
+
+        with results(Path(folder), "bench") as out:
+            if csv:
+                write_table(out / "bench.csv", self.to_table())
+            write_json(out, "bench", self.as_json())
+        return Path(folder)
+
+
+def protocol(
+    estimators: Iterable[AnyEstimator] | AnyEstimator | None = None,
+    motors: Iterable[str | Path | Drive] | str | Path | Drive | None = None,
+    tests: Iterable[str] | str | None = None,
+    *,
+    seed: int = 0,
+    jobs: int | None = None,
+    keep: str | Path | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> ProtocolResult:
+    """Run the standard evaluation: every test of every estimator with both beliefs on every motor.
+
+    Parameters
+    ----------
+    estimators : iterable of str, Path or Estimator, optional
+        See `load_estimator`; every compiled one by default.
+    motors : iterable of str, Path or Drive, optional
+        See `load_motor`; three by default, and a measured one where its flux map is at hand.
+    tests : iterable of str, optional
+        Names of tests, such as 'static_map'; all by default.
+    seed : int
+        Of the sensors' noise.
+    jobs : int, optional
+        Threads; all cores by default.
+    keep : str or Path, optional
+        A folder in which finished tests wait for the rest, so that an interrupted call goes on.
+    progress : callable, optional
+        Is told the fraction that is done.
+
+    Returns
+    -------
+    ProtocolResult
+        `.protocol.rows`: each with its unit, metrics (electrical degrees), and whether its goal was met.
+
+    Raises
+    ------
+    BadInput
+        For a name or file that cannot be used, before anything runs.
+
+    Examples
+    --------
+    >>> from sandbox import protocol
+    >>> done = protocol(["qnull"], ["ipm_exchanged"], ["load_step"])
+    >>> [row.outcome.passed for row in done.protocol.rows]  # saturated belief, linear belief
+    [True, True]
+    """
+    from sandbox.evaluation.protocol import ESTIMATORS, TESTS
+    from sandbox.evaluation.protocol import protocol as run_all
+
+    return ProtocolResult(
+        run_all(
+            list(ESTIMATORS) if estimators is None else several(estimators),
+            None if motors is None else several(motors),
+            list(TESTS) if tests is None else several(tests),
+            seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep), progress=progress,
+        )
+    )  # fmt: skip
+
+
+def bench(anchors: str | Path | None = None, python: str | None = None) -> BenchResult:
+    """Measure what a plant step, a closed-loop second and the effects cost on this machine; about a minute.
+
+    Parameters
+    ----------
+    anchors : str or Path, optional
+        Folder of the reference programs (C reference, motulator's script), to be measured in the same run.
+    python : str, optional
+        A Python >= 3.12 that has motulator 0.18; this one by default.
+
+    Returns
+    -------
+    BenchResult
+        `.measured` (ns, CPU s per simulated s, degrees) and `.ratios`.
+
+    Raises
+    ------
+    BadInput
+        Where a reference program is not at hand.
+
+    Examples
+    --------
+    >>> from sandbox import bench
+    >>> bench().ratios["all_effects_to_none_cpu"]  # doctest: +SKIP
+    3.2
+    """
+    import sys
+
+    from sandbox.evaluation.bench import bench as measure
+
+    found = measure(None if anchors is None else Path(anchors), python or sys.executable)
+    return BenchResult(found["measured"], found["ratios"])

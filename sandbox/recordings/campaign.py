@@ -1,0 +1,395 @@
+"""A measurement campaign on one drive: a folder with `campaign.toml` and one Parquet table a recording.
+
+Read and checked, or written whole; the format is the one of a bench's engineer (units SI, angles electrical,
+transformation amplitude-invariant).  Only this module imports pyarrow, lazily.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput, brief, shown, unknown
+from model.mapped import without_map
+from model.names import check_file, check_name, fitting
+from model.parameters import Converter, Drive, Injection, Motor, build, finite, read_toml, texts
+
+if TYPE_CHECKING:
+    import pandas
+
+Array = NDArray[np.float64]
+REQUIRED = ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta", "u_dc")
+OPTIONAL = ("load_torque", "temperature", "torque", "theta_hat")
+UNITS = {
+    "t": "s", "u_alpha": "V", "u_beta": "V", "i_a": "A", "i_b": "A", "i_c": "A", "theta": "rad", "u_dc": "V",
+    "load_torque": "N m", "temperature": "degC", "torque": "N m", "theta_hat": "rad",
+}  # fmt: skip
+ROTORS = ("locked", "driven", "free")
+AXES = ("d", "q", "none")
+STATED = {  # standard deviations that a campaign may state
+    "uncertainty": (
+        "resistance", "magnet_flux", "inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22",
+        "alpha_04", "inertia", "viscous_friction",
+    ),
+    "background": (
+        "current_gain", "current_offset", "encoder_offset", "dead_time", "load_torque_gain", "load_torque_offset",
+    ),
+}  # fmt: skip
+TABLES = ("campaign", "drive", "motor", "flux_map", "uncertainty", "background", "injection", "provenance", "recording")
+LARGEST = 1e12  # of any recorded number, in its unit
+LINK = (0.1, 1e5)  # V, as in [drive]
+OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
+RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something suspicious, or changed on the way in: file, column and row (None: the whole of it), one sentence."""
+
+    file: str
+    column: str
+    row: int | None
+    text: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "text", shown(self.text))  # it holds names of columns as other programs wrote them
+
+
+@dataclass(frozen=True, repr=False)
+class CampaignRecording:
+    """One table of a campaign; every column is an attribute too, float64, shape (n,).
+
+    dc_bus_voltage: V, the nominal link voltage it was recorded at, where that is not [drive]'s.
+    """
+
+    file: str
+    rotor: str
+    injection_axis: str
+    columns: Mapping[str, Array]
+    dc_bus_voltage: float | None = None
+
+    def __post_init__(self) -> None:
+        check_file(self.file, "recording's file")
+        if self.rotor not in ROTORS:
+            raise BadInput(f"{self.file}: {unknown('rotor', self.rotor, ROTORS)}")
+        if self.injection_axis not in AXES:
+            raise BadInput(f"{self.file}: {unknown('injection_axis', self.injection_axis, AXES)}")
+        link = self.dc_bus_voltage
+        if link is not None and not LINK[0] <= link <= LINK[1]:
+            raise BadInput(
+                f"{self.file}: dc_bus_voltage = {brief(link)} is no link voltage; give one in "
+                f"[{LINK[0]:g}, {LINK[1]:g}] V"
+            )
+        _check_columns(self.file, self.columns)
+
+    def __getattr__(self, name: str) -> Array:
+        columns = self.__dict__.get("columns", {})
+        if name in columns:
+            return np.asarray(columns[name])
+        raise AttributeError(name)
+
+    def __getitem__(self, column: str) -> Array:
+        if column not in self.columns:
+            raise unknown(f"column of {self.file}", column, self.columns)
+        return np.asarray(self.columns[column])
+
+    def __dir__(self) -> list[str]:
+        return sorted({*super().__dir__(), *self.columns})
+
+    def __repr__(self) -> str:
+        return f"<CampaignRecording: {self.file}, rotor {self.rotor}, {self.t.size} samples, {np.ptp(self.t):.4g} s>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return the columns as a data frame, units in `.attrs["units"]`; BadInput where pandas is missing."""
+        from sandbox.output.columns import Column, frame_of, table_of
+
+        return frame_of(table_of({name: Column(values, UNITS[name]) for name, values in self.columns.items()}))
+
+    @property
+    def current(self) -> tuple[Array, Array]:
+        """i_alpha, i_beta (A) as the three sensors give them."""
+        a, b, c = self.columns["i_a"], self.columns["i_b"], self.columns["i_c"]
+        return (2.0 * a - b - c) / 3.0, (b - c) / math.sqrt(3.0)
+
+
+@dataclass(frozen=True, repr=False)
+class Campaign:
+    """A drive's nominal model and what was recorded on it.
+
+    `rated_from_data`: the rated values missing in [motor] were taken from the recordings (largest current and
+    speed in them, and the torque that current gives on the magnet flux): scales, not ratings.
+    """
+
+    name: str
+    drive: Drive
+    recordings: tuple[CampaignRecording, ...]
+    uncertainty: Mapping[str, float]
+    background: Mapping[str, float]
+    rated_from_data: bool
+    findings: tuple[Finding, ...] = ()  # what `sandbox.recordings.importing` noticed; empty from `read_campaign`
+
+    def __getitem__(self, file: str) -> CampaignRecording:
+        for r in self.recordings:
+            if file in (r.file, Path(r.file).stem):
+                return r
+        raise unknown("recording", file, [r.file for r in self.recordings])
+
+    def __iter__(self) -> Iterator[CampaignRecording]:
+        return iter(self.recordings)
+
+    def __len__(self) -> int:
+        return len(self.recordings)
+
+    def _ipython_key_completions_(self) -> list[str]:
+        return [r.file for r in self.recordings]
+
+    def __repr__(self) -> str:
+        files = ", ".join(r.file for r in self.recordings)
+        return f"<Campaign: {self.name}, {len(self.recordings)} recordings: {files}>"
+
+    def to_pandas(self) -> pandas.DataFrame:
+        """Return all recordings below each other, the first column `file`; BadInput where pandas is missing."""
+        from sandbox.output.columns import together
+
+        return together({r.file: r.to_pandas() for r in self.recordings})
+
+
+def read_campaign(folder: str | Path, rotors: Sequence[str] = ROTORS) -> Campaign:
+    """Read a campaign folder; BadInput names the file, column, row or key that is wrong.
+
+    `rotors` limits the tables read (identification needs the locked ones only).
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise BadInput(f"campaign '{folder}' is not a folder; give the folder that holds campaign.toml")
+    data = read_toml(folder / "campaign.toml")
+    recordings = tuple(
+        CampaignRecording(file, rotor, axis, read_parquet(folder / file), link)
+        for file, rotor, axis, link in entries_of(data, rotors)
+    )
+    return assemble(data, recordings, folder.name, folder=folder)
+
+
+def assemble(
+    data: Mapping[str, Any], recordings: tuple[CampaignRecording, ...], name: str, source: str = "campaign.toml",
+    folder: Path = Path(),
+) -> Campaign:  # fmt: skip
+    """Return the campaign of parsed tables `data` and its recordings.
+
+    source: the file an error names; folder: in which a nominal model's [flux_map] names its file.
+    """
+    try:
+        own_name, (motor, from_data) = _name(data, name), _motor(data, recordings, folder)
+        converter = converter_of(data)
+        injection = build(Injection, dict(table_of(data, "injection")), "injection")
+        uncertainty, background = _numbers(data, "uncertainty"), _numbers(data, "background")
+    except BadInput as error:
+        raise BadInput(f"{source}: {error}") from None
+    for r in recordings:
+        _check_period(r, converter.sampling_period)
+    provenance = texts(table_of(data, "provenance"))
+    return Campaign(
+        own_name, Drive(motor, converter, injection, provenance), recordings,
+        uncertainty, background, from_data,
+    )  # fmt: skip
+
+
+def table_of(data: Mapping[str, Any], name: str) -> dict[str, Any]:
+    """Return a TOML table, empty where absent; BadInput where it is something else."""
+    table = data.get(name, {})
+    if not isinstance(table, dict):
+        raise BadInput(f"'{name}' is not a table; write [{name}]")
+    return dict(table)
+
+
+def _name(data: Mapping[str, Any], usual: str) -> str:
+    stated = table_of(data, "campaign")
+    return check_name(stated["name"], "[campaign] name") if "name" in stated else fitting(usual, "campaign")
+
+
+def converter_of(data: Mapping[str, Any]) -> Converter:
+    """Return [drive] of a campaign's tables, sensors ideal where it does not state them."""
+    values = {"current_resolution": 0.0, "current_noise": 0.0, **table_of(data, "drive")}
+    return cast(Converter, build(Converter, values, "drive"))
+
+
+def entries_of(
+    data: Mapping[str, Any], rotors: Sequence[str] = ROTORS, source: str = "campaign.toml"
+) -> list[tuple[str, str, str, float | None]]:
+    """Return (file, rotor, injection_axis, dc_bus_voltage) of the [[recording]] entries whose rotor is wanted."""
+    for table in data:
+        if table not in TABLES:
+            raise BadInput(f"{source}: {unknown('table', table, TABLES)}")
+    entries = data.get("recording", [])
+    if not isinstance(entries, list) or not entries:
+        raise BadInput(f"{source}: no [[recording]] entry; list at least one table of the campaign")
+    found = [_entry(e, source) for e in entries]
+    for k, (file, *_) in enumerate(found):
+        if file in [f for f, *_ in found[:k]]:
+            raise BadInput(f"{source}: two [[recording]] entries name '{file}'; list each table once")
+    return [e for e in found if e[1] in rotors or e[1] not in ROTORS]
+
+
+def _entry(entry: Any, source: str) -> tuple[str, str, str, float | None]:
+    if not isinstance(entry, dict) or "file" not in entry:
+        raise BadInput(f"{source}: a [[recording]] lacks 'file'; name its table, e.g. file = \"locked_d.parquet\"")
+    for key in entry:
+        if key not in (*OF_RECORDING, "note"):
+            raise BadInput(f"{source}: {unknown('key in [[recording]]', key, OF_RECORDING)}")
+    for key in OF_RECORDING[:3]:
+        if not isinstance(entry.get(key, ""), str):
+            raise BadInput(f"{source}: {key} = {brief(entry[key])} in [[recording]] is not a text; put it in quotes")
+    try:
+        file = check_file(entry["file"], "file in [[recording]]")
+    except BadInput as error:
+        raise BadInput(f"{source}: {error}") from None
+    link = finite(entry.get("dc_bus_voltage"))
+    if link is None and "dc_bus_voltage" in entry:
+        stated = brief(entry["dc_bus_voltage"])
+        raise BadInput(f"{source}: dc_bus_voltage = {stated} in [[recording]] is no number; give volts > 0")
+    return file, entry.get("rotor", ""), entry.get("injection_axis", "none"), link
+
+
+def read_parquet(path: Path) -> dict[str, Array]:
+    """Return a Parquet table's columns, float64; BadInput where it is no table of numbers."""
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise BadInput(f"{path.name}: reading Parquet needs pyarrow; install it with 'pip install pyarrow'") from None
+    try:
+        table = parquet.read_table(path)
+        return {n: np.asarray(table[n].to_numpy(), dtype=np.float64) for n in table.column_names}
+    except FileNotFoundError:
+        raise BadInput(f"{path.name}: the file does not exist in '{path.parent}'; correct [[recording]]") from None
+    except (pyarrow.ArrowException, OSError, TypeError, ValueError) as error:
+        raise BadInput(f"{path.name}: not a Parquet table of numbers ({str(error).splitlines()[0]})") from None
+
+
+def _check_columns(file: str, columns: Mapping[str, Array]) -> None:
+    for name in REQUIRED:
+        if name not in columns:
+            raise BadInput(f"{file}: column '{name}' is missing; needed are {', '.join(REQUIRED)}")
+    for name in columns:
+        if name not in REQUIRED + OPTIONAL:
+            raise BadInput(f"{file}: {unknown('column', name, REQUIRED + OPTIONAL)}")
+    n = len(columns["t"])
+    for name, values in columns.items():
+        if values.ndim != 1 or len(values) != n:
+            raise BadInput(f"{file}: column '{name}' has {values.size} rows, 't' has {n}; they must be equal")
+        if n < 2:
+            raise BadInput(f"{file}: {n} rows; a recording needs at least 2")
+        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
+        if bad.size:
+            raise BadInput(
+                f"{file}: row {bad[0]} of column '{name}' is {values[bad[0]]}; give finite numbers only, of at most "
+                f"{LARGEST:.0e} in size"
+            )
+
+
+def _check_period(r: CampaignRecording, period: float) -> None:
+    step = np.diff(r.columns["t"])
+    bad = np.flatnonzero(np.abs(step - period) > 0.01 * period)
+    if bad.size:
+        k = int(bad[0])
+        raise BadInput(
+            f"{r.file}: t steps by {step[k]:.6g} s from row {k} to {k + 1}, sampling_period is {period:.6g} s; "
+            "samples must follow without gaps"
+        )
+
+
+def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording], folder: Path) -> tuple[Motor, bool]:
+    """Return the nominal motor (a quartic's, or one with a flux map), missing rated values replaced by the largest
+    recorded ones."""
+    values = {"name": _name(data, "campaign"), **table_of(data, "motor")}
+    missing = [k for k in RATED if k not in values]
+    if missing:
+        current = max((float(np.max(np.hypot(*r.current))) for r in recordings), default=0.0)
+        moving = [r for r in recordings if r.rotor != "locked"]
+        omega = max((float(np.ptp(r.theta) / np.ptp(r.t)) for r in moving), default=0.0)
+        stated = (values.get("pole_pairs"), values.get("magnet_flux"))
+        pairs, flux = (max(finite(x) or 0.0, 0.0) for x in stated)  # Motor says what is wrong
+        found = {
+            "rated_current": current or 1.0,
+            "rated_torque": 1.5 * pairs * flux * current or 1.0,
+            "rated_speed_rpm": omega * 30.0 / math.pi / (pairs or 1.0) or 1.0,
+        }
+        values = {**values, **{k: found[k] for k in missing}}
+    if "flux_map" in data:
+        from model.mapped import mapped_motor
+
+        return mapped_motor(values, table_of(data, "flux_map"), folder), bool(missing)
+    return build(Motor, values, "motor"), bool(missing)
+
+
+def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:
+    values = table_of(data, table)
+    for key, value in values.items():
+        if key not in STATED[table]:
+            raise unknown(f"key in [{table}]", key, STATED[table])
+        if (finite(value) or 0.0) < 0.0 or finite(value) is None:
+            raise BadInput(f"[{table}] {key} = {brief(value)} is no standard deviation; give a finite number >= 0")
+    return {k: float(v) for k, v in values.items()}
+
+
+def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
+    """Write a campaign as a new folder, whole or not at all; returns it.  BadInput where it exists already."""
+    import pyarrow
+    from pyarrow import parquet
+
+    folder = Path(folder)
+    if folder.exists():
+        raise BadInput(f"folder '{folder}' exists already; give a new one or remove it first")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        (partial / "campaign.toml").write_text(_toml(campaign), encoding="utf-8")
+        for r in campaign.recordings:
+            (partial / r.file).parent.mkdir(parents=True, exist_ok=True)
+            parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file)
+        partial.chmod(0o755)
+        os.replace(partial, folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return folder
+
+
+def _toml(c: Campaign) -> str:
+    motor = {k: v for k, v in dataclasses.asdict(without_map(c.drive.motor)).items() if k != "name" and v != ""}
+    if c.rated_from_data:
+        motor = {k: v for k, v in motor.items() if k not in RATED}
+    tables: list[tuple[str, Mapping[str, Any]]] = [
+        ("[campaign]", {"name": c.name}),
+        ("[drive]", dataclasses.asdict(c.drive.converter)),
+        ("[motor]", motor),
+        ("[uncertainty]", c.uncertainty),
+        ("[background]", c.background),
+        ("[injection]", dataclasses.asdict(c.drive.injection)),
+        ("[provenance]", c.drive.provenance),
+    ]
+    for r in c.recordings:
+        tables.append(("[[recording]]", {key: getattr(r, key) for key in OF_RECORDING}))
+    return "\n".join(
+        head
+        + "\n"
+        + "".join(f"{_key(k)} = {json.dumps(v, ensure_ascii=False)}\n" for k, v in t.items() if v is not None)
+        for head, t in tables
+        if t
+    )
+
+
+def _key(name: str) -> str:
+    """Return a TOML key, in quotes where a bare one could not hold it."""
+    bare = name.replace("_", "").replace("-", "")
+    return name if bare.isascii() and bare.isalnum() else json.dumps(name, ensure_ascii=False)

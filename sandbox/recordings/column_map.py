@@ -1,0 +1,269 @@
+"""The column map: names, units, scales and other kinds of signals, turned into the contract's columns.
+
+A `[columns]` table holds one entry a contract name, e.g. `theta = {column = "Pos", unit = "deg", mechanical = true}`;
+IMPORTING.md beside this file tells the whole.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput, brief, unknown
+from model.frames import phases
+from model.parameters import finite
+from sandbox.recordings.campaign import OPTIONAL, Finding, table_of
+from sandbox.recordings.foreign import Table
+
+Array = NDArray[np.float64]
+UNITS: dict[str, dict[str, tuple[float, float]]] = {  # factor and offset to the contract's unit
+    "time": {"s": (1, 0), "ms": (1e-3, 0), "us": (1e-6, 0), "µs": (1e-6, 0), "μs": (1e-6, 0), "ns": (1e-9, 0)},
+    "voltage": {"V": (1, 0), "mV": (1e-3, 0), "kV": (1e3, 0)},
+    "current": {"A": (1, 0), "mA": (1e-3, 0), "kA": (1e3, 0)},
+    "angle": {
+        "rad": (1, 0), "deg": (math.pi / 180, 0), "°": (math.pi / 180, 0), "degrees": (math.pi / 180, 0),
+        "rev": (2 * math.pi, 0),
+    },
+    "duty": {"1": (1, 0), "%": (0.01, 0), "-": (1, 0)},
+    "torque": {"N m": (1, 0), "Nm": (1, 0), "mNm": (1e-3, 0), "mN m": (1e-3, 0), "kNm": (1e3, 0)},
+    "temperature": {"°C": (1, 0), "degC": (1, 0), "C": (1, 0), "K": (1, -273.15)},
+}  # fmt: skip
+KINDS = {
+    "time": ("t",),
+    "voltage": ("u_alpha", "u_beta", "u_a", "u_b", "u_c", "u_d", "u_q", "u_dc"),
+    "current": ("i_a", "i_b", "i_c", "i_alpha", "i_beta", "i_d", "i_q"),
+    "angle": ("theta", "theta_hat"),
+    "duty": ("d_a", "d_b", "d_c"),
+    "torque": ("load_torque", "torque"),
+    "temperature": ("temperature",),
+}
+KIND = {name: kind for kind, names in KINDS.items() for name in names}
+KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
+LARGEST = 1e18  # of any cell, nanoseconds included
+SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
+WRAP = 1.01  # turns within which a wrapped angle stays
+
+
+@dataclass(frozen=True)
+class Column:
+    """How one contract column is read: from a named column or a constant value, unit, then scale and offset."""
+
+    name: str
+    column: str
+    unit: str | None = None
+    scale: float = 1.0
+    offset: float = 0.0
+    mechanical: bool = False
+    value: float | None = None
+
+
+def parse_columns(data: Mapping[str, Any], source: str) -> dict[str, Column]:
+    """Return the [columns] table by contract name; BadInput names the key that is wrong."""
+    try:
+        table = table_of(data, "columns")
+        return {name: _parse(name, entry) for name, entry in table.items()}
+    except BadInput as error:
+        raise BadInput(f"{source}: {error}") from None
+
+
+def _parse(name: str, entry: Any) -> Column:
+    if name not in KIND:
+        raise unknown("name in [columns]", name, KIND)
+    if isinstance(entry, str):
+        entry = {"column": entry}
+    if not isinstance(entry, dict):
+        raise BadInput(
+            f'[columns] {name} = {brief(entry)} is no entry; write {name} = {{column = "...", unit = "..."}}'
+        )
+    for key in entry:
+        if key not in KEYS:
+            raise unknown(f"key in [columns] {name}", key, KEYS)
+    for key in ("scale", "offset", "value"):
+        if finite(entry.get(key, 0.0)) is None:
+            raise BadInput(f"[columns] {name}: {key} = {brief(entry[key])} is no finite number; give one")
+    if not SMALLEST <= abs(entry.get("scale", 1.0)) <= 1.0 / SMALLEST:
+        raise BadInput(
+            f"[columns] {name}: scale = {brief(entry['scale'])} would erase the column; leave it out or give "
+            f"a factor of size {SMALLEST:g} to {1.0 / SMALLEST:g}"
+        )
+    for key in ("column", "unit"):
+        if not isinstance(entry.get(key, ""), str):
+            raise BadInput(f"[columns] {name}: {key} = {brief(entry[key])} is no text; put it in quotes")
+    if not isinstance(entry.get("mechanical", False), bool):
+        raise BadInput(f"[columns] {name}: mechanical = {brief(entry['mechanical'])} must be true or false")
+    if entry.get("mechanical") and KIND[name] != "angle":
+        raise BadInput(f"[columns] {name}: mechanical = true is for theta and theta_hat only; remove it")
+    if "value" in entry and "column" in entry:
+        raise BadInput(f"[columns] {name}: both column and value are given; keep one")
+    if "unit" in entry:
+        _factor(name, entry["unit"], "[columns] " + name)
+    value = entry.get("value")
+    return Column(
+        name, entry.get("column", name), entry.get("unit"),
+        float(entry.get("scale", 1.0)), float(entry.get("offset", 0.0)),
+        entry.get("mechanical", False), None if value is None else float(value),
+    )  # fmt: skip
+
+
+def _factor(name: str, unit: str, where: str) -> tuple[float, float]:
+    units = UNITS[KIND[name]]
+    if unit not in units:
+        raise BadInput(f"{where}: {unknown(f'unit of {KIND[name]}', unit, units)}")
+    return units[unit]
+
+
+def contract(
+    file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float, link: float
+) -> tuple[dict[str, Array], list[Finding]]:
+    """Return the contract's columns of a table, and what was changed or lost on the way.
+
+    Names that [columns] does not mention are taken where the table has them; `link` (V) stands in for an absent u_dc.
+    """
+    notes: list[Finding] = []
+    length = max((len(v) for v in table.columns.values()), default=0)
+    found: dict[str, Array] = {}
+    for name in KIND:
+        entry = columns.get(name)
+        if entry is None and name in table.columns:
+            entry = Column(name, name)
+        if entry is not None:
+            found[name] = _values(file, table, entry, length, pole_pairs, notes)
+    if "u_dc" not in found:
+        found["u_dc"] = np.full(length, link)
+        notes.append(
+            _lost(file, "u_dc", f"not recorded, dc_bus_voltage = {link:g} V stands in; link sag and ripple stay unseen")
+        )
+    currents, voltages = _currents(file, found, notes), _voltages(file, found, notes)
+    if "theta" not in found:
+        raise BadInput(
+            f"{file}: column 'theta' is missing; map the encoder, or give a locked rotor's angle as "
+            "theta = {value = ...}"
+        )
+    kept = {n: found[n] for n in ("t", "theta", "u_dc", *OPTIONAL) if n in found}
+    return {**kept, **voltages, **currents}, notes
+
+
+def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: float, notes: list[Finding]) -> Array:
+    """Return one column in the contract's unit: unwrapped, times unit, scale and pole pairs, plus offset."""
+    if entry.value is not None:
+        return np.full(length, entry.value)
+    if entry.column not in table.columns:
+        raise BadInput(f"{file}: {unknown('column', entry.column, table.columns)} (for '{entry.name}')")
+    raw = table.columns[entry.column]
+    _refuse_gaps(file, table, entry.column, raw)
+    stated = table.units.get(entry.column)
+    where = f"{file}: column '{entry.column}'"
+    if stated is not None and stated not in UNITS[KIND[entry.name]] and entry.unit is None:
+        _factor(entry.name, stated, where)
+    if (
+        entry.unit
+        and stated in UNITS[KIND[entry.name]]
+        and _factor(entry.name, stated, where) != _factor(entry.name, entry.unit, where)
+    ):
+        raise BadInput(f"{where} says its unit is {stated}, [columns] says {entry.unit}; correct one of them")
+    unit = entry.unit or stated
+    factor, shift = _factor(entry.name, unit, where) if unit else (1.0, 0.0)
+    if KIND[entry.name] == "angle":
+        raw = unwrapped(file, entry.column, raw, 2.0 * math.pi / abs(factor * entry.scale), notes)
+        factor *= pole_pairs if entry.mechanical else 1.0
+    return np.asarray(entry.scale * (factor * raw + shift) + entry.offset)
+
+
+def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
+    bad = np.flatnonzero(~(np.abs(raw) <= LARGEST))
+    if bad.size:
+        k = int(bad[0])
+        cell = table.odd.get((column, k))
+        shown = f"{raw[k]}" if cell is None else f"'{cell[:20]}'" if cell else "empty"
+        raise BadInput(
+            f"{file}: row {k} of column '{column}' is {shown}, no number that was measured; record every sample "
+            "and export it again"
+        )
+
+
+def unwrapped(file: str, column: str, raw: Array, turn: float, notes: list[Finding]) -> Array:
+    """Return an angle without its jumps of one `turn`, noting that it was wrapped."""
+    jumps = np.flatnonzero(np.abs(np.diff(raw)) > 0.5 * turn)
+    if not jumps.size or np.ptp(raw) > WRAP * turn:
+        return raw
+    text = (
+        f"{file}: row {jumps[0] + 1} of column '{column}' jumps by a turn ({jumps.size} jumps); the angle was wrapped "
+        "and is unwrapped here"
+    )
+    notes.append(Finding(file, column, int(jumps[0]) + 1, text))
+    return np.asarray(np.unwrap(raw, period=turn))
+
+
+def _lost(file: str, column: str, text: str) -> Finding:
+    return Finding(file, column, None, f"{file}: column '{column}': {text}")
+
+
+def _currents(file: str, found: Mapping[str, Array], notes: list[Finding]) -> dict[str, Array]:
+    """Return three phase currents from what there is, noting what they cannot show."""
+    have = [n for n in ("i_a", "i_b", "i_c") if n in found]
+    if len(have) == 3:
+        return {n: found[n] for n in have}
+    if len(have) == 2:
+        third = ({"i_a", "i_b", "i_c"} - set(have)).pop()
+        text = f"not recorded, minus the sum of {' and '.join(have)} stands in; faults of a third sensor stay unseen"
+        notes.append(_lost(file, third, text))
+        return {**{n: found[n] for n in have}, third: -found[have[0]] - found[have[1]]}
+    for x, y in (("i_alpha", "i_beta"), ("i_d", "i_q")):
+        if x in found and y in found:
+            a, b = _stationary(file, found, x, y) if x == "i_d" else (found[x], found[y])
+            seen = "gain and offset of single sensors cannot be told apart" + (
+                "; the angle used for dq is taken to be theta" if x == "i_d" else ""
+            )
+            notes.append(_lost(file, "i_a", f"phase currents are made from {x} and {y}; {seen}"))
+            return dict(zip(("i_a", "i_b", "i_c"), (np.asarray(p) for p in phases.py_func(a, b)), strict=True))
+    raise BadInput(
+        f"{file}: no currents; map i_a and i_b (with i_c where there are three), or i_alpha and i_beta, or i_d and i_q"
+    )
+
+
+def _voltages(file: str, found: Mapping[str, Array], notes: list[Finding]) -> dict[str, Array]:
+    """Return the commanded voltage in the stator frame from what there is."""
+    if "u_alpha" in found and "u_beta" in found:
+        return {n: found[n] for n in ("u_alpha", "u_beta")}
+    if all(n in found for n in ("u_d", "u_q")):
+        a, b = _stationary(file, found, "u_d", "u_q")
+        text = "made from u_d and u_q at theta; an angle that the drive advanced for its delay is not undone"
+        notes.append(_lost(file, "u_alpha", text))
+        return {"u_alpha": a, "u_beta": b}
+    for names, link in ((("u_a", "u_b", "u_c"), 1.0), (("d_a", "d_b", "d_c"), found["u_dc"])):
+        if all(n in found for n in names):
+            a, b, c = (link * found[n] for n in names)
+            if names[0] == "d_a":
+                _check_duties(file, {n: found[n] for n in names})
+                notes.append(
+                    _lost(file, "u_alpha", "made from duties times u_dc; what u_dc misreads enters the command")
+                )
+            return {"u_alpha": (2.0 * a - b - c) / 3.0, "u_beta": (b - c) / math.sqrt(3.0)}
+    raise BadInput(
+        f"{file}: no commanded voltages; map u_alpha and u_beta, or u_a, u_b and u_c, or u_d and u_q, or duties d_a, "
+        "d_b and d_c"
+    )
+
+
+def _check_duties(file: str, duties: Mapping[str, Array]) -> None:
+    for name, d in duties.items():
+        bad = np.flatnonzero((d < -0.01) | (d > 1.01))
+        if bad.size:
+            k = int(bad[0])
+            raise BadInput(
+                f"{file}: row {k} of column '{name}' is {d[k]:g}, a duty lies in [0, 1]; give it as a share, or map "
+                "it with "
+                'unit = "%"'
+            )
+
+
+def _stationary(file: str, found: Mapping[str, Array], x: str, y: str) -> tuple[Array, Array]:
+    if "theta" not in found:
+        raise BadInput(f"{file}: {x} and {y} need theta to be turned into the stator frame; map theta")
+    c, s = np.cos(found["theta"]), np.sin(found["theta"])
+    return c * found[x] - s * found[y], s * found[x] + c * found[y]

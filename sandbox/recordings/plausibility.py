@@ -1,0 +1,244 @@
+"""What cannot be right in a recording, and what is suspicious, each one sentence with column, row, value and remedy.
+
+Units, signs and orders that the voltage equation contradicts are in `sandbox.recordings.mistakes`; here is what a
+column shows by itself.  BadInput for the impossible, a `Finding` for the rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput
+from model.parameters import Drive
+from sandbox.recordings.campaign import CampaignRecording, Finding
+from sandbox.recordings.mistakes import PHASES, contradictions
+from sandbox.recordings.staircase import LARGEST_TURN, check_sensors
+
+Array = NDArray[np.float64]
+LONG = 32  # samples without any change, of a signal that should move
+BEFORE = 16  # samples over which it is seen moving
+HEXAGON = 2.0 / 3.0  # of u_dc: largest phase voltage an inverter can give
+UNITS_OFF = ((1e-3, "k"), (1e3, "m"))  # u_dc / nominal, prefix that explains it
+
+
+def check(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
+    """Return what is suspicious in recordings; BadInput for the first thing that cannot be right."""
+    findings: list[Finding] = []
+    for r in recordings:
+        findings += link_voltage(r, drive)
+        findings += current_sensors(r, drive)
+    findings += contradictions(recordings, drive)
+    for r in recordings:
+        findings += voltage_limit(r)
+        findings += angle(r, drive)
+        findings += other_columns(r, drive)
+    return findings
+
+
+def link_voltage(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Return a finding where u_dc is far from nominal; BadInput where it is not positive or in another unit."""
+    low = np.flatnonzero(r.u_dc <= 0.0)
+    nominal, middle = r.dc_bus_voltage or drive.converter.dc_bus_voltage, float(np.median(r.u_dc))
+    if low.size:
+        k = int(low[0])
+        raise BadInput(
+            f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V ({low.size} of {len(r.u_dc)} rows are not "
+            "positive); "
+            "the controller divides by it: record the link voltage, or map u_dc = {value = ...}"
+        )
+    for factor, prefix in UNITS_OFF:
+        if 0.5 < middle / nominal / factor < 2.0:
+            raise BadInput(
+                f"{r.file}: row 0 of column 'u_dc' is {r.u_dc[0]:.6g}, [drive] dc_bus_voltage is {nominal:g} V; is "
+                "u_dc in "
+                f'{prefix}V? convert it to V or map it with unit = "{prefix}V"'
+            )
+    if not 0.5 < middle / nominal < 2.0:
+        text = (
+            f"{r.file}: column 'u_dc' is {middle:.6g} V in the middle, [drive] dc_bus_voltage is {nominal:g} V (a "
+            "factor "
+            "of 2 at most is usual); correct one of them"
+        )
+        return [Finding(r.file, "u_dc", None, text)]
+    return []
+
+
+def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Return findings on flat currents; BadInput for a phase of another unit or sign, a stuck or saturated sensor."""
+    phase = {n: r.columns[n] for n in PHASES}
+    _odd_one_out(r, phase)
+    total = sum(phase.values(), np.zeros(len(r.t)))
+    largest = max(float(np.max(np.abs(x))) for x in phase.values())
+    bound = 10.0 * (drive.converter.current_noise + drive.converter.current_resolution) + 0.02 * largest
+    findings = []
+    for name, x in phase.items():
+        for begin, end in runs(x):
+            others = max(float(np.ptp(y[begin:end])) for n, y in phase.items() if n != name)
+            if others <= bound:
+                continue
+            top = abs(x[begin]) >= np.max(np.abs(x)) * (1.0 - 1e-9)
+            what = "at its own largest value" if top else "stuck"
+            said = (
+                f"{r.file}: row {begin} of column '{name}' is {x[begin]:.6g} A and does not change for {end - begin} "
+                "rows "
+                f"while another phase moves by {others:.3g} A"
+            )
+            if np.mean(np.abs(total[begin:end]) > bound) > 0.5:
+                cause = (
+                    "its sensor is saturated: lower the current or widen the range"
+                    if top
+                    else ("its sensor is stuck: repair it or leave the recording out")
+                )
+                raise BadInput(f"{said}, and the three no longer sum to zero (bound {bound:.2g} A); {cause}")
+            if x[begin] != 0.0:
+                findings.append(Finding(r.file, name, begin, f"{said}: {what}; check the sensor"))
+            break
+    check_sensors(r, drive)
+    return findings
+
+
+def _odd_one_out(r: CampaignRecording, phase: dict[str, Array]) -> None:
+    """Raise BadInput for a phase that is minus the sum of the others but for its sign or a factor of 1000."""
+    best: tuple[float, str, float] | None = None
+    for name, x in phase.items():
+        others = -sum((y for n, y in phase.items() if n != name), np.zeros(len(x)))
+        energy = float(others @ others)
+        ratio = float(x @ others) / energy if energy > 0.0 else 1.0
+        for wrong in (-1.0, 1e-3, 1e3):
+            if abs(ratio / wrong - 1.0) < 0.1:
+                rest = float(np.sum((x - ratio * others) ** 2)) / max(float(x @ x), 1e-300)
+                if rest < 0.05 and (best is None or rest < best[0]):
+                    best = (rest, name, wrong)
+    if best is not None:
+        _, name, wrong = best
+        k = int(np.argmax(np.abs(phase[name])))
+        total = sum(float(y[k]) for y in phase.values())
+        cause = {-1.0: "its sign is wrong: map it with scale = -1", 1e-3: "is it in kA?", 1e3: "is it in mA?"}[wrong]
+        raise BadInput(
+            f"{r.file}: row {k} of column '{name}' is {phase[name][k]:.6g} A and the three phases sum to {total:.4g} A "
+            f"instead of 0; {cause}{'' if wrong < 0 else ' give all three in A'}"
+        )
+
+
+def runs(x: Array) -> list[tuple[int, int]]:
+    """Return [begin, end) of the stretches of at least LONG equal samples."""
+    edges = np.flatnonzero(np.diff(x) != 0.0) + 1
+    bounds = np.concatenate([[0], edges, [len(x)]])
+    long = np.flatnonzero(np.diff(bounds) >= LONG)
+    return [(int(bounds[k]), int(bounds[k + 1])) for k in long]
+
+
+def voltage_limit(r: CampaignRecording) -> list[Finding]:
+    """Return a finding where commands leave the circle u_dc / sqrt(3); BadInput beyond u_dc itself."""
+    size = np.hypot(r.u_alpha, r.u_beta)
+    beyond = np.flatnonzero(size > 1.02 / math.sqrt(3.0) * r.u_dc)
+    if not beyond.size:
+        return []
+    k = int(beyond[np.argmax(size[beyond] / r.u_dc[beyond])])
+    said = f"{r.file}: row {k} of column 'u_alpha': the command is {size[k]:.4g} V"
+    if size[k] > 1.02 * r.u_dc[k]:
+        raise BadInput(
+            f"{said}, u_dc only {r.u_dc[k]:.4g} V (an inverter gives {HEXAGON * r.u_dc[k]:.4g} V at most); check the "
+            "units of "
+            "voltages and of u_dc"
+        )
+    text = (
+        f"{said}, beyond u_dc / sqrt(3) = {r.u_dc[k] / math.sqrt(3.0):.4g} V ({beyond.size} rows from {beyond[0]}); "
+        "the "
+        "inverter may not have given it: record the limited command, phase (not line) voltage, peak"
+    )
+    return [Finding(r.file, "u_alpha", k, text)]
+
+
+def angle(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Return findings on the angle; BadInput for a locked rotor that turns, jumps, or a stuck encoder."""
+    theta, span = r.theta, float(np.ptp(r.theta))
+    if r.rotor == "locked":
+        if span > LARGEST_TURN:
+            raise BadInput(
+                f"{r.file}: theta spans {span:.3g} while rotor = 'locked' (at most {LARGEST_TURN} rad); lock the "
+                "rotor, "
+                "correct 'rotor', or convert theta from degrees to electrical rad"
+            )
+        return []
+    if span == 0.0:
+        text = f"{r.file}: row 0 of column 'theta' is {theta[0]:.6g} and never changes while rotor = '{r.rotor}'"
+        return [Finding(r.file, "theta", 0, f"{text}; correct 'rotor' if it stood, else check the encoder")]
+    counts = drive.converter.encoder_counts
+    count = math.tau * drive.motor.pole_pairs / counts if counts else 1e-3
+    _stuck_encoder(r, count)
+    step = np.diff(theta)
+    wild = np.flatnonzero(np.abs(step) > math.pi)
+    if wild.size:
+        k = int(wild[0])
+        raise BadInput(
+            f"{r.file}: row {k + 1} of column 'theta' jumps by {step[k]:.4g} rad from the row before (at most pi can "
+            "be "
+            "followed); give the angle unwrapped, electrical, in rad"
+        )
+    return _lost_sample(r, step, count)
+
+
+def _stuck_encoder(r: CampaignRecording, count: float) -> None:
+    for begin, end in runs(r.theta):
+        before = abs(r.theta[begin] - r.theta[max(begin - BEFORE, 0)])
+        after = abs(r.theta[min(end - 1 + BEFORE, len(r.theta) - 1)] - r.theta[end - 1])
+        moved = max(float(before), float(after))
+        if moved > 0.1 + BEFORE * count:
+            raise BadInput(
+                f"{r.file}: row {begin} of column 'theta' is {r.theta[begin]:.6g} rad and does not change for "
+                f"{end - begin} "
+                f"rows, though it moved by {moved:.3g} rad within {BEFORE} rows beside them; the encoder is stuck: "
+                "repair it "
+                "or leave the recording out"
+            )
+
+
+def _lost_sample(r: CampaignRecording, step: Array, count: float) -> list[Finding]:
+    """Return a finding where the angle moves on by two steps between two rows: a row that was dropped."""
+    if len(step) < 5:
+        return []
+    beside = np.stack([step[:-4], step[1:-3], step[3:-1], step[4:]])
+    usual, here = beside.mean(axis=0), step[2:-2]
+    even = np.ptp(beside, axis=0) <= 0.2 * np.abs(usual) + 3.0 * count
+    odd = np.flatnonzero(even & (np.abs(usual) > 5.0 * count) & (np.abs(here - usual) > 0.6 * np.abs(usual)))
+    if not odd.size:
+        return []
+    k = int(odd[0]) + 3
+    text = (
+        f"{r.file}: row {k} of column 'theta' is {here[odd[0]]:.4g} rad on from the row before, beside it a row is "
+        f"{usual[odd[0]]:.4g} rad ({odd.size} such rows); samples seem lost or doubled: export every sample"
+    )
+    return [Finding(r.file, "theta", k, text)]
+
+
+def other_columns(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Return findings on load torque and temperature of another unit."""
+    findings = []
+    motor = drive.motor
+    saliency = abs(motor.inductance_d - motor.inductance_q)
+    current = float(np.max(np.hypot(*r.current)))
+    able = 1.5 * motor.pole_pairs * (motor.magnet_flux + saliency * current) * current
+    for name in ("load_torque", "torque"):
+        x = r.columns.get(name, np.zeros(1))
+        k = int(np.argmax(np.abs(x)))
+        if able > 0.0 and abs(x[k]) > 50.0 * able:
+            text = (
+                f"{r.file}: row {k} of column '{name}' is {x[k]:.6g} N m, the currents give {able:.3g} N m at most; "
+                "is it in "
+                'mN m? map it with unit = "mNm"'
+            )
+            findings.append(Finding(r.file, name, k, text))
+    warm = r.columns.get("temperature", np.zeros(1))
+    k = int(np.argmax(warm))
+    if warm[k] > 200.0:
+        text = (
+            f"{r.file}: row {k} of column 'temperature' is {warm[k]:.4g}; a winding over 200 °C? "
+            'map kelvin with unit = "K"'
+        )
+        findings.append(Finding(r.file, "temperature", k, text))
+    return findings

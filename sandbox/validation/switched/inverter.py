@@ -1,0 +1,355 @@
+"""The inverter leg by leg: centred pulses with exact edge times, dead time by the current's sign at the edge.
+
+State is one float array (names below); `advance` moves it by one PWM period without allocating.  Between edges
+the machine is integrated by the classic Runge-Kutta method.  A commanded edge is *taken* when its time comes (the
+current's sign there fixes how late it acts) and *acts* at that later time; a pulse that ends before it begins
+vanishes.  A late edge may act in the following period.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from model.compiled import kernel
+from sandbox.validation.switched.leg import soft_sign
+from sandbox.validation.switched.link import link_step, settled_link, stage
+from sandbox.validation.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
+
+PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
+THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s mechanical; rad mechanical
+FILTER_ALPHA, FILTER_BETA, I_ALPHA, I_BETA = range(10, 14)  # lagged and true terminal current, A
+TIME = 14  # s, start of the coming period
+OFFSET, SAMPLE_ALPHA, SAMPLE_BETA = 15, 16, 17  # instant of the next sample less t_k, and the sample if before t_k
+INPUT, LOSS, OUTPUT = 18, 19, 20  # audited energies, J
+LAST_DUTY, LEVEL, WANTED, CARRIED = (
+    21,
+    24,
+    27,
+    30,
+)  # three legs each: duty, level that acts, level commanded, late edges
+HELD_ALPHA, HELD_BETA, LOOP = 33, 34, 35  # flux that hysteresis holds, current of short-circuited turns
+EDGES = 36  # three legs of ROOM edge times relative to t_k
+ROOM = 8
+SUNK = EDGES + 3 * ROOM  # V, by which the link sags in this period
+DEVICES, COMMANDED = SUNK + 1, SUNK + 2  # audited, too: lost in the devices, from the link without dead time (J)
+SHIFT, LAST_SHIFT = SUNK + 3, SUNK + 6  # three legs each: s by which this period's pulse is late, and the last one's
+LINK_DIP, LINK_FEED = SUNK + 9, SUNK + 10  # V: the link's resonance, see `link`
+READINGS = SUNK + 11  # number of readings inside a period, then the current vector of each (see `readings`)
+MOST_READINGS = 32
+SIZE = READINGS + 1 + 2 * MOST_READINGS
+NEVER = np.inf
+TIE = 1e-13  # s: closer events are one
+
+
+@kernel
+def lag(b, f, start, middle, end, h):
+    """Return the first-order lag f after h (s), its input the parabola through three values.
+
+    Exact for any time constant; where the step is short against it, by Simpson's rule (the exact form cancels).
+    """
+    x = h / b.filter_time
+    decay = math.exp(-x)
+    if x < 0.1:
+        return f * decay + x / 6.0 * (start * decay + 4.0 * middle * math.exp(-0.5 * x) + end)
+    bend = 2.0 * (start - 2.0 * middle + end) / (x * x)  # input = start + slope s + bend s^2, s = t / time constant
+    slope = (4.0 * middle - 3.0 * start - end) / x
+    a = start - slope + 2.0 * bend  # the particular solution at s = 0
+    return a + (slope - 2.0 * bend) * x + bend * x * x + (f - a) * decay
+
+
+@kernel
+def integrate(state, b, mode, legs, begin, end, tau, acc):
+    """Advance machine and current filter from begin to end (s after t_k) with the legs as they are.
+
+    legs: vector of the legs' levels; tau: load torque, N m; acc: imposed acceleration, rad/s^2.
+    """
+    steps = math.ceil((end - begin - TIE) / link_step(b))
+    if steps < 1:
+        return
+    h = (end - begin) / steps
+    k, sixth = 0.5 * h, (end - begin) / steps / 6.0
+    psi = complex(state[PSI_ALPHA], state[PSI_BETA])
+    core = complex(state[CORE_ALPHA], state[CORE_BETA])
+    skin = complex(state[SKIN_ALPHA], state[SKIN_BETA])
+    f = complex(state[FILTER_ALPHA], state[FILTER_BETA])
+    th, w, wl, tw = state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST]
+    held, sh = complex(state[HELD_ALPHA], state[HELD_BETA]), state[LOOP]
+    t = state[TIME] + begin
+    sunk, link = state[SUNK], complex(state[LINK_DIP], state[LINK_FEED])
+    p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(
+        b, mode, legs, t, sunk + link.real, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
+    )
+    for _ in range(steps):
+        psi2, core2, skin2 = psi + k * p1, core + k * c1, skin + k * s1
+        x2, y2, z2, link2 = th + k * th1, w + k * w1, wl + k * wl1, stage(b, legs, i1, link, link, k)
+        p2, c2, s2, th2, w2, wl2, tw2, l2, i2 = slopes(
+            b, mode, legs, t + k, sunk + link2.real, tau, acc, psi2, core2, skin2, x2, y2, z2, tw + k * tw1, held,
+            sh + k * l1,
+        )  # fmt: skip
+        psi3, core3, skin3 = psi + k * p2, core + k * c2, skin + k * s2
+        x3, y3, z3, link3 = th + k * th2, w + k * w2, wl + k * wl2, stage(b, legs, i2, link2, link, k)
+        p3, c3, s3, th3, w3, wl3, tw3, l3, i3 = slopes(
+            b, mode, legs, t + k, sunk + link3.real, tau, acc, psi3, core3, skin3, x3, y3, z3, tw + k * tw2, held,
+            sh + k * l2,
+        )  # fmt: skip
+        psi4, core4, skin4 = psi + h * p3, core + h * c3, skin + h * s3
+        x4, y4, z4, link4 = th + h * th3, w + h * w3, wl + h * wl3, stage(b, legs, i3, link3, link, h)
+        p4, c4, s4, th4, w4, wl4, tw4, l4, i4 = slopes(
+            b, mode, legs, t + h, sunk + link4.real, tau, acc, psi4, core4, skin4, x4, y4, z4, tw + h * tw3, held,
+            sh + h * l3,
+        )  # fmt: skip
+        if b.audit != 0.0:
+            audit(state, b, legs, t, sunk + link.real, sixth, tau, psi, core, skin, th, w, wl)
+            audit(state, b, legs, t + k, sunk + link2.real, 2.0 * sixth, tau, psi2, core2, skin2, x2, y2, z2)
+            audit(state, b, legs, t + k, sunk + link3.real, 2.0 * sixth, tau, psi3, core3, skin3, x3, y3, z3)
+            audit(state, b, legs, t + h, sunk + link4.real, sixth, tau, psi4, core4, skin4, x4, y4, z4)
+        psi += sixth * (p1 + 2.0 * (p2 + p3) + p4)
+        core += sixth * (c1 + 2.0 * (c2 + c3) + c4)
+        skin += sixth * (s1 + 2.0 * (s2 + s3) + s4)
+        th += sixth * (th1 + 2.0 * (th2 + th3) + th4)
+        w += sixth * (w1 + 2.0 * (w2 + w3) + w4)
+        wl += sixth * (wl1 + 2.0 * (wl2 + wl3) + wl4)
+        tw += sixth * (tw1 + 2.0 * (tw2 + tw3) + tw4)
+        sh += sixth * (l1 + 2.0 * (l2 + l3) + l4)
+        link = settled_link(b, legs, i4, link, (link2, link3, link4), h)
+        if b.grip != 0.0:
+            held = psi - pull(b, psi, held)
+        t += h
+        before = i1
+        p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(
+            b, mode, legs, t, sunk + link.real, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
+        )
+        if b.filter_time > 0.0:
+            f = lag(b, f, before, 0.5 * (i2 + i3), i1, h)
+    state[PSI_ALPHA], state[PSI_BETA] = psi.real, psi.imag
+    state[CORE_ALPHA], state[CORE_BETA] = core.real, core.imag
+    state[SKIN_ALPHA], state[SKIN_BETA] = skin.real, skin.imag
+    state[FILTER_ALPHA], state[FILTER_BETA] = f.real, f.imag
+    state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST] = th, w, wl, tw
+    state[HELD_ALPHA], state[HELD_BETA], state[LOOP] = held.real, held.imag, sh
+    state[I_ALPHA], state[I_BETA] = i1.real, i1.imag
+    state[LINK_DIP], state[LINK_FEED] = link.real, link.imag
+
+
+@kernel
+def audit(state, b, legs, t, sunk, weight, tau, psi, core, skin, theta, speed, load_speed):
+    """Add the powers at one Runge-Kutta stage to the audited energies."""
+    wanted = vector(state[WANTED], state[WANTED + 1], state[WANTED + 2])
+    supply, loss, out, devices, commanded = powers(
+        b, legs, wanted, t, sunk, tau, psi, core, skin, theta, speed, load_speed
+    )
+    state[INPUT] += weight * supply
+    state[LOSS] += weight * loss
+    state[OUTPUT] += weight * out
+    state[DEVICES] += weight * devices
+    state[COMMANDED] += weight * commanded
+
+
+@kernel
+def duties(u_alpha, u_beta, u_dc):
+    """Return the legs' duties D = 1/2 + (v_leg + v_0)/u_dc, v_0 = -(max + min)/2, limited to what a leg can do."""
+    side = 0.5 * math.sqrt(3.0) * u_beta
+    v_a, v_b, v_c = u_alpha, -0.5 * u_alpha + side, -0.5 * u_alpha - side
+    v_0 = -0.5 * (max(v_a, v_b, v_c) + min(v_a, v_b, v_c))
+    d_a, d_b, d_c = 0.5 + (v_a + v_0) / u_dc, 0.5 + (v_b + v_0) / u_dc, 0.5 + (v_c + v_0) / u_dc
+    return min(max(d_a, 0.0), 1.0), min(max(d_b, 0.0), 1.0), min(max(d_c, 0.0), 1.0)
+
+
+@kernel
+def kept(b, duty):
+    """Return a leg's duty after its driver: a pulse, or the gap that its period leaves, below least_pulse is dropped.
+
+    The gap's two halves lie at either end of the period; a dropped gap joins the pulse with its neighbours.
+    """
+    on = duty * b.period
+    if on < b.least_pulse:
+        return 0.0
+    return 1.0 if b.period - on < b.least_pulse else duty
+
+
+@kernel
+def together(b, d_a, d_b, d_c):
+    """Return the legs' duties after a driver that drops active vectors shorter than least_vector.
+
+    Legs whose edges would follow each other faster switch together, at the mean of their duties; both active vectors of
+    a half period may go, which leaves no voltage.
+    """
+    if b.least_vector == 0.0:
+        return d_a, d_b, d_c
+    least = 2.0 * b.least_vector / b.period
+    low, middle, high = min(d_a, d_b, d_c), max(min(d_a, d_b), min(max(d_a, d_b), d_c)), max(d_a, d_b, d_c)
+    first, second = high - middle < least, middle - low < least
+    if first and second:
+        mean = (d_a + d_b + d_c) / 3.0
+        return mean, mean, mean
+    if first:
+        mean = 0.5 * (high + middle)
+        return d_a if d_a < middle else mean, d_b if d_b < middle else mean, d_c if d_c < middle else mean
+    if second:
+        mean = 0.5 * (middle + low)
+        return d_a if d_a > middle else mean, d_b if d_b > middle else mean, d_c if d_c > middle else mean
+    return d_a, d_b, d_c
+
+
+@kernel
+def pulse(b, duty, shift):
+    """Return a leg's commanded rising and falling edge (s after the start of its period); NEVER without a pulse.
+
+    shift: s by which it is late, as far as it stays within its period.
+    """
+    if duty <= 0.0:
+        return NEVER, NEVER
+    late = b.pwm_delay + within(0.5 * (1.0 - duty) * b.period, shift)
+    return 0.5 * (1.0 - duty) * b.period + late, 0.5 * (1.0 + duty) * b.period + late
+
+
+@kernel
+def within(room, shift):
+    """Return a pulse's shift (s), limited to the room on either side of it."""
+    return min(max(shift, -room), room)
+
+
+@kernel
+def append(state, leg, n, edge):
+    """Add a commanded edge to a leg's list, cancelling it with a last commanded one at the same instant."""
+    base = EDGES + ROOM * leg
+    if n > int(state[CARRIED + leg]) and abs(state[base + n - 1] - edge) < TIE:
+        return n - 1
+    state[base + n] = edge
+    return n + 1
+
+
+@kernel
+def schedule(state, b, leg, duty):
+    """Write a leg's commanded edges of the coming period, delayed ones of the last pulse first; return their number."""
+    n = int(state[CARRIED + leg])
+    rise, fall = pulse(b, state[LAST_DUTY + leg], state[LAST_SHIFT + leg])
+    if rise != NEVER and rise - b.period >= 0.0:
+        n = append(state, leg, n, rise - b.period)
+    if fall != NEVER and fall - b.period >= 0.0:
+        n = append(state, leg, n, fall - b.period)
+    rise, fall = pulse(b, duty, state[SHIFT + leg])
+    if rise < b.period:
+        n = append(state, leg, n, rise)
+    if fall < b.period:
+        n = append(state, leg, n, fall)
+    state[LAST_DUTY + leg], state[LAST_SHIFT + leg] = duty, state[SHIFT + leg]
+    return n
+
+
+@kernel
+def settle(state, b, leg, acted, taken, n, t, current):
+    """Take and let act every edge of a leg that is due at t; return the new acted, taken, n.
+
+    Edges [acted, taken) of the list are late ones that have not acted yet, [taken, n) not yet commanded.
+    """
+    base = EDGES + ROOM * leg
+    while True:
+        if acted < taken and state[base + acted] <= t + TIE:
+            state[LEVEL + leg] = 1.0 - state[LEVEL + leg]
+            acted += 1
+        elif taken < n and state[base + taken] <= t + TIE:
+            rising = state[WANTED + leg] == 0.0
+            state[WANTED + leg] = 1.0 - state[WANTED + leg]
+            if b.dead_time != 0.0:
+                sign = soft_sign(b, current)
+                late = b.dead_time * (sign if rising else -sign)
+                state[base + taken] += 0.5 * (abs(b.dead_time) + late)
+            if acted < taken and state[base + taken] <= state[base + taken - 1]:  # the pulse vanishes
+                for j in range(taken + 1, n):
+                    state[base + j - 2] = state[base + j]
+                n -= 2
+                taken -= 1
+            else:
+                taken += 1
+        else:
+            return acted, taken, n
+
+
+@kernel
+def due(state, leg, acted, taken, n):
+    """Return the time of a leg's next event."""
+    base = EDGES + ROOM * leg
+    late = state[base + acted] if acted < taken else NEVER
+    return min(late, state[base + taken] if taken < n else NEVER)
+
+
+@kernel
+def carry(state, b, leg, acted, taken):
+    """Keep a leg's late edges that act after the period; return their number."""
+    base = EDGES + ROOM * leg
+    for j in range(acted, taken):
+        state[base + j - acted] = state[base + j] - b.period
+    state[CARRIED + leg] = taken - acted
+
+
+@kernel
+def switch_vector(state):
+    """Return the vector of the legs' levels (0/1): zero in both zero vectors."""
+    a, b, c = state[LEVEL], state[LEVEL + 1], state[LEVEL + 2]
+    return (2.0 / 3.0) * (a + b * A + c * A.conjugate())
+
+
+@kernel
+def reading_due(state, b, j):
+    """Return when (s after t_k) the j-th reading inside the period is taken; NEVER after the last."""
+    n = state[READINGS]
+    return min(max((j + 0.5) * b.period / n + b.sampling_delay, 0.0), b.period) if j < n else NEVER
+
+
+@kernel
+def hold(state, b, first):
+    """Write the current vector that a sensor sees now to two slots."""
+    state[first], state[first + 1] = state[I_ALPHA], state[I_BETA]
+    if b.filter_time > 0.0:
+        state[first], state[first + 1] = state[FILTER_ALPHA], state[FILTER_BETA]
+
+
+@kernel
+def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end):
+    """Switch and integrate from t_k to t_k + end; edges beyond stay undone (see `advance`, `simulate.measure`)."""
+    d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
+    d_a, d_b, d_c = together(b, kept(b, d_a), kept(b, d_b), kept(b, d_c))
+    if b.sag != 0.0:
+        i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+        state[SUNK] = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c)
+    t_a, t_b, t_c = int(state[CARRIED]), int(state[CARRIED + 1]), int(state[CARRIED + 2])
+    n_a, n_b, n_c = schedule(state, b, 0, d_a), schedule(state, b, 1, d_b), schedule(state, b, 2, d_c)
+    a_a = a_b = a_c = 0
+    early = b.period + state[OFFSET] if state[OFFSET] < 0.0 else NEVER
+    j, inside = 0, reading_due(state, b, 0)
+    t = 0.0
+    while True:
+        i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+        a_a, t_a, n_a = settle(state, b, 0, a_a, t_a, n_a, t, i_a)
+        a_b, t_b, n_b = settle(state, b, 1, a_b, t_b, n_b, t, i_b)
+        a_c, t_c, n_c = settle(state, b, 2, a_c, t_c, n_c, t, i_c)
+        if t >= early:
+            hold(state, b, SAMPLE_ALPHA)
+            early = NEVER
+        while t >= inside:
+            hold(state, b, READINGS + 1 + 2 * j)
+            j += 1
+            inside = reading_due(state, b, j)
+        if t >= end:
+            break
+        until = min(due(state, 0, a_a, t_a, n_a), due(state, 1, a_b, t_b, n_b), due(state, 2, a_c, t_c, n_c))
+        until = min(until, early, inside, end)
+        integrate(state, b, mode, switch_vector(state), t, until, load_torque, acceleration)
+        t = until
+    carry(state, b, 0, a_a, t_a)
+    carry(state, b, 1, a_b, t_b)
+    carry(state, b, 2, a_c, t_c)
+
+
+@kernel
+def advance(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration):
+    """Advance the bench by one PWM period in place, from t_k to t_k+1.
+
+    u_alpha, u_beta: commanded voltage (V); u_dc: link voltage as read (V), by which the controller divides;
+    load_torque: N m (FREE); acceleration: mechanical rad/s^2 (DRIVEN).  mode: LOCKED, DRIVEN or FREE.
+    """
+    travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, b.period)
+    state[TIME] += b.period

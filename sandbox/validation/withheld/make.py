@@ -1,0 +1,152 @@
+"""Withheld campaigns: drawn, sealed, then recorded on the switched bench.
+
+The truth is written and hashed before the first sample is recorded.  Truths follow from the seed, and with as many
+digits as are sealed they are the same on every machine; recordings follow from the seed on one machine (elsewhere their
+last digits may differ).  A call that was interrupted goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from model.errors import BadInput
+from model.parameters import Drive
+from sandbox.output.files import plain
+from sandbox.recordings.campaign import Campaign, CampaignRecording, write_campaign
+from sandbox.validation.switched.bench_numbers import Bench, bench
+from sandbox.validation.withheld.cycle_styles import cycles
+from sandbox.validation.withheld.cycles import Cycle, scale_of
+from sandbox.validation.withheld.cycles_narrow import all_cycles as narrow
+from sandbox.validation.withheld.draw import Drawn, cases, draw, outside_names, uncertainty
+from sandbox.validation.withheld.drives import LINK_NOISE
+from sandbox.validation.withheld.ladder import DRIFT_TIME
+from sandbox.validation.withheld.processes import spread
+from sandbox.validation.withheld.rig import COLUMNS, record, tuned
+
+SEAL, HASH, CAMPAIGNS = "truth.sealed", "SHA256", "campaigns"
+CONTROL_SHARE = 0.6  # of the usual length, for checks of controls only
+
+
+@dataclass(frozen=True)
+class Made:
+    """A made check: its folder, the seal's SHA-256, the campaigns recorded in this call."""
+
+    folder: Path
+    sha256: str
+    recorded: int
+
+
+def make(
+    folder: Path,
+    count: int,
+    seed: int,
+    *,
+    kind: str = "mixed",
+    style: str = "scored",
+    sizes: str = "published",
+    jobs: int = 1,
+    announce: Callable[[str], None] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Made:
+    """Make a check in `folder`; announce gets the seal's hash before anything is recorded.
+
+    kind: 'mixed', 'controls' (shorter, without a gap) or 'pairs' (one operating point, where two effects look alike);
+    style of the cycles: 'practice' or 'scored'; sizes: 'published' (ranges with sources; ordinary deviations 0.5 to 2
+    times the stated ones; other shapes of a current's sign) or 'ladder'; jobs: processes.
+    BadInput where the folder holds another check.
+    """
+    outside = outside_names()
+    drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside, sizes)]
+    header = {"seed": seed, "kind": kind, "style": style, "sizes": sizes, "outside": outside}
+    digest = seal(folder, header, drawn)
+    if announce is not None:
+        announce(digest)
+    share = CONTROL_SHARE if kind == "controls" else 1.0
+    left = [d for d in drawn if not (folder / CAMPAIGNS / d.case.name).exists()]
+    work = [(folder / CAMPAIGNS / d.case.name, d, share) for d in left]
+    for done, _ in enumerate(spread(_write, work, jobs), 1):
+        if progress is not None:
+            progress(done / len(work))
+    return Made(folder, digest, len(left))
+
+
+def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
+    """Write all truths into one file and its SHA-256 beside it; return the hash.  BadInput where another is there."""
+    content = {"schema": 1, **header, "campaigns": {d.case.name: d.sealed() for d in drawn}}
+    text = (json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode()
+    digest = hashlib.sha256(text).hexdigest()
+    path = folder / SEAL
+    if path.exists() and path.read_bytes() != text:
+        raise BadInput(
+            f"'{folder}' holds another withheld check; give a new folder, or its own count, seed, kind and data"
+        )
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, data in ((SEAL, text), (HASH, f"{digest}  {SEAL}\n".encode())):
+        aside = folder / f".{name}.{os.getpid()}.part"
+        aside.write_bytes(data)
+        aside.replace(folder / name)
+    return digest
+
+
+def _write(item: tuple[Path, Drawn, float]) -> None:
+    folder, drawn, share = item
+    write_campaign(folder, campaign_of(drawn, share))
+
+
+def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
+    """Record a drawn case; the campaign states what its engineer knows, nothing of the truth."""
+    rng = np.random.default_rng([drawn.seed, 3])
+    drive = drawn.true
+    pair, style = drawn.case.pair, drawn.case.style
+    plans = cycles(style, drive, rng, share) if pair is None else narrow(pair, scale_of(drive, share), rng)
+    b = switched(drawn)
+    recordings = []
+    for k, plan in enumerate(plans):
+        recordings.append(recording(drawn, drifted(drawn, b, k), plan, rng))
+    stated = replace(drawn.stated, name=drawn.case.name, description="")
+    nominal = Drive(stated, drive.converter, drive.injection, {})
+    unrated = drawn.case.pair is None  # so few operating points show no rated values; a nameplate states them
+    return Campaign(drawn.case.name, nominal, tuple(recordings), uncertainty(), drawn.bench.background, unrated)
+
+
+def switched(drawn: Drawn) -> Bench:
+    """Return the switched bench of a drawn case."""
+    b = bench(drawn.true.motor, drawn.true.converter, drawn.plant)
+    own: dict[str, Any] = {**drawn.own, **drawn.sign}
+    return b._replace(common_offset=float(np.mean(drawn.bench.offsets)), **own)
+
+
+def drifted(drawn: Drawn, b: Bench, k: int) -> Bench:
+    """Return the bench at the campaign's recording k."""
+    warm = 1.0 + drawn.drift * (1.0 - float(np.exp(-k / DRIFT_TIME)))
+    return b._replace(resistance=warm * b.resistance)
+
+
+def recording(
+    drawn: Drawn, b: Bench, plan: Cycle, rng: np.random.Generator, link: float | None = None
+) -> CampaignRecording:
+    """Record one cycle; link: nominal DC-link voltage (V) where it is not the drive's."""
+    n, converter = len(plan.plan), drawn.true.converter
+    drive = drawn.true
+    if link is not None:
+        b = b._replace(link_voltage=b.link_voltage * link / converter.dc_bus_voltage)
+        converter = replace(converter, dc_bus_voltage=link)
+        drive = replace(drive, converter=converter)
+    asked = np.array(plan.plan[:, 3])
+    noise = 1.0 + drawn.bench.background["load_torque_gain"] * rng.standard_normal(n)
+    acting = asked * noise + drawn.bench.load_torque_offset
+    u_dc = converter.dc_bus_voltage + LINK_NOISE * rng.standard_normal(n)
+    tuning = tuned(drive, drawn.stated, plan.injection_axis, rng)
+    table = record(b, plan, tuning, drawn.theta, acting, u_dc, int(rng.integers(2**31)))
+    columns = {"t": np.arange(n, dtype=np.float64) * converter.sampling_period}
+    columns |= {name: table[:, j].copy() for j, name in enumerate(COLUMNS)}
+    columns |= {"u_dc": u_dc, "load_torque": asked}
+    return CampaignRecording(f"{plan.file}.parquet", plan.rotor, plan.injection_axis, columns, link)

@@ -1,0 +1,150 @@
+"""Designed loops: margins recomputed with python-control's own transfer functions, and closed-loop poles."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from importlib import import_module
+
+import control
+import numpy as np
+import pytest
+
+from estimators.registry import load_estimator
+from model.drive_files import load_drive, motor_names
+from model.errors import BadInput
+from model.mapped import ALPHAS
+from sandbox.drive import design as ds
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
+
+H, N = 250e-6, 8
+
+
+def window():
+    return control.tf([1.0 / N] * N, [1.0] + [0.0] * (N - 1), H)
+
+
+@pytest.mark.parametrize("name", motor_names())
+def test_current_loop_margin_at_its_worst_point_and_better_elsewhere(name):
+    motor = load_drive(name).motor
+    loop = ds.design(load_drive(name)).loops["current"]
+    z = control.tf("z")
+    z.dt = H
+    low, high = ds.extreme_inductances(motor.energy, ds.OVERLOAD * motor.rated_current)
+    margins = []
+    for inductance in (low, motor.inductance_d, motor.inductance_q, high):
+        winding = control.sample_system(control.tf([1], [inductance, motor.resistance]), H, "zoh")
+        controller = control.tf([loop.kp, loop.ki * H - loop.kp], [1, -1], H)
+        whole = controller * winding * control.tf([1], [1, 0], H) * window()
+        assert np.abs(control.feedback(whole, 1).poles()).max() < 1.0
+        margins.append(control.stability_margins(whole, method="frd")[1])
+    assert margins[0] == pytest.approx(loop.phase_margin_deg, abs=0.5)
+    assert loop.crossover <= 2 * np.pi * 500.0 / ds.INJECTION_RATIO * 1.001
+    assert min(margins) > 59.9
+
+
+@pytest.mark.parametrize("name", motor_names())
+def test_tracking_loop_by_transfer_function(name):
+    """Poles inside the circle, and the phase at the crossover, from polynomials over (z-1)^2 z^12 by hand."""
+    drive = load_drive(name)
+    loop = ds.design(drive).loops["tracking"]
+    motor, d, ki = drive.motor, 0.75 * N - 0.5, H * H * loop.ki
+    share = motor.inductance_q / (motor.inductance_q - motor.inductance_d)
+    axis = np.array([H * loop.kp + ki, -H * loop.kp])
+    taps = np.repeat([0.5, 1.0, 0.5], N // 2) / N
+    through, shift = np.polymul(axis, taps), np.eye(13)[0]  # z^12
+    frame = np.polymul(through, [1, 0]) if share < 0 else np.polymul(np.polysub(axis, [ki * d, -ki * d]), shift)
+    whole = control.tf(np.polyadd(share * frame, (1 - share) * through), np.polymul([1, -2, 1], shift), H)
+    assert np.abs(control.feedback(whole, 1).poles()).max() < 1.0 - 1e-6
+    at = complex(whole(np.exp(1j * loop.crossover * H)))
+    assert abs(at) == pytest.approx(1.0, rel=2e-3)
+    assert np.degrees(np.angle(-at)) % 360 == pytest.approx(loop.phase_margin_deg, abs=0.3)
+    assert loop.phase_margin_deg >= ds.TRACKING_MARGIN - 0.1
+    assert loop.crossover <= 2 * np.pi * 500.0 / ds.INJECTION_RATIO * 1.001
+
+
+def test_tracking_model_tells_where_the_loop_rings():
+    """For the IPM as printed (share -1) the model's phase margin vanishes between 230 and 400 rad/s: so it rings."""
+    drive = load_drive("ipm")
+    grid = ds._grid(H)
+    assert ds._crossing(ds.tracking_loop(N, H, -0.993, grid, 230.0)[0], grid)[0] > 15.0
+    assert ds._crossing(ds.tracking_loop(N, H, -0.993, grid, 400.0)[0], grid)[0] < -5.0
+    assert spread(drive, 230.0) < 1.0
+    assert spread(drive, 400.0) > 5.0
+
+
+def spread(drive, w0):
+    """Return the standard deviation of the error (degrees) at standstill with tracking bandwidth w0."""
+    sim = import_module("sandbox.drive.simulate")  # the name in `sandbox` is the function
+    gains = ds.design(drive)
+    tuned = dataclasses.replace(gains, tuning=gains.tuning._replace(kp=2 * w0, ki=w0**2))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sim, "design", lambda *_: tuned)
+        run = sim.simulate(drive, Scenario("still", (Segment(0.5),)), load_estimator("qnull"), seed=1)
+    return float(np.degrees(run.recording.between(run.start_time + 0.3, 9.0).error).std())
+
+
+def test_disk_margin_is_python_controls():
+    """Balanced disk margin of the current loop as a transfer function."""
+    motor = load_drive("ipm_exchanged").motor
+    loop = ds.design(load_drive("ipm_exchanged")).loops["current"]
+    low, _ = ds.extreme_inductances(motor.energy, ds.OVERLOAD * motor.rated_current)
+    winding = control.sample_system(control.tf([1], [low, motor.resistance]), H, "zoh")
+    whole = control.tf([loop.kp, loop.ki * H - loop.kp], [1, -1], H) * winding * control.tf([1], [1, 0], H) * window()
+    omega = np.geomspace(1.0, 0.999 * np.pi / H, 4000)
+    assert loop.disk_margin == pytest.approx(control.disk_margins(whole, omega)[0], rel=2e-3)
+
+
+def test_speed_loop_by_simulation():
+    """A step of the designed loop: crossover sets the rise, 60 degrees of phase margin keep the overshoot small.
+
+    (The SPM's assumed magnet is so strong that the feed-forward's kick alone carries most of a step.)
+    """
+    drive = load_drive("ipm_exchanged")
+    loop = ds.design(drive).loops["speed"]
+    wait = 12.0 / loop.crossover
+    scenario = Scenario("s", (Segment(0.2), Segment(wait, 0.0, 0.01)), rotor="free", reference="speed")
+    r = simulate(drive, scenario, load_estimator("ekf"), closed_loop=False).recording
+    t, w = r.t - (r.t[-1] - wait), r.omega / (0.01 * drive.motor.rated_omega)
+    reached = t[np.argmax((t > 0) & (w > 0.63))]
+    assert 0.5 / loop.crossover < reached < 1.8 / loop.crossover  # first order with that crossover: 1/crossover
+    assert w.max() < 1.35
+
+
+def test_design_is_remembered(tmp_path, monkeypatch):
+    monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path))
+    first = ds.design(load_drive("ipm"))
+    files = list((tmp_path / "designs").glob("*.kept"))
+    assert len(files) == 1
+    monkeypatch.setattr(ds, "design_loops", lambda *a: pytest.fail("designed again"))
+    assert ds.design(load_drive("ipm")) == first
+    monkeypatch.undo()
+    monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path))
+    text = files[0].read_text()
+    for damage in (
+        "{ broken",
+        text.replace("1", "2", 1),
+        re.sub(r"(\"kp\": \d)", r"\g<1>7", text),
+    ):  # a number changed, too
+        files[0].write_text(damage)
+        assert ds.design(load_drive("ipm")) == first
+        assert files[0].read_text() == text
+
+
+def test_gains_scale_with_the_motor():
+    """Twice the inertia halves the torque gain: the speed controller's gain doubles, its bandwidth stays."""
+    drive = load_drive("ipm_exchanged")
+    heavy = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, inertia=2 * drive.motor.inertia))
+    a, b = ds.design(drive).loops["speed"], ds.design(heavy).loops["speed"]
+    assert b.bandwidth == pytest.approx(a.bandwidth, rel=1e-4)
+    assert b.kp == pytest.approx(2 * a.kp, rel=1e-4)
+
+
+def test_a_winding_far_faster_than_sampling_is_refused_at_once():
+    """L/R = 1 ns: a tenth of it a step (LARGEST_DECAY), so 250 us take 2 500 000 steps, 3 s (12 000 samples) hours."""
+    drive = load_drive("ipm_exchanged")
+    quick = {"resistance": 1e3, "inductance_d": 1e-6, "inductance_q": 2e-6} | dict.fromkeys(ALPHAS, 0.0)
+    drive = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, **quick))
+    with pytest.raises(BadInput, match=r"12000 samples of 2500000 plant steps of 1e-10 s are more than 4e\+09 steps"):
+        simulate(drive, Scenario("s", (Segment(3.0),), start_up=False), load_estimator("qnull"))

@@ -1,0 +1,126 @@
+"""The comparison figure shows each mean, bar, theory line and lost lock, and is written whole."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from sandbox.output import plots
+
+LOADS = (0.0, 0.5, 1.0, 1.8)
+
+
+def _row(belief, closed, load, speed, lost):
+    mean = -6.0 * load if belief == "linear" else 0.1
+    error = SimpleNamespace(mean=mean, rms=abs(mean), p95=abs(mean) + 1.0, max=abs(mean) + 2.0)
+    return SimpleNamespace(
+        estimator="qnull",
+        belief=belief,
+        closed_loop=closed,
+        load=load,
+        speed_rpm=speed,
+        error_deg=error,
+        predicted_mean_deg=mean if belief == "linear" else None,
+        lost_lock=lost,
+    )
+
+
+def _run(estimator, belief, closed, loads=LOADS, speeds=(60.0,) * 4, lost=()):
+    rows = tuple(
+        _row(belief, closed, load, speed, k in lost) for k, (load, speed) in enumerate(zip(loads, speeds, strict=True))
+    )
+    return SimpleNamespace(estimator=estimator, belief=belief, closed_loop=closed, rows=rows)
+
+
+def _comparison(**changes):
+    runs = tuple(
+        _run(estimator, belief, closed, **changes)
+        for estimator in ("qnull", "ekf")
+        for closed in (True, False)
+        for belief in ("saturated", "linear")
+    )
+    named = SimpleNamespace(name="ipm_exchanged"), SimpleNamespace(name="staircase")
+    return SimpleNamespace(drive=named[0], scenario=named[1], runs=runs)
+
+
+def _panel(runs):
+    axes = Figure().subplots()
+    plots._draw_panel(axes, runs, plots._load_varies(runs))
+    return axes
+
+
+@pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml")])
+def test_figure_is_written_whole(tmp_path, suffix, magic):
+    path = tmp_path / f"comparison{suffix}"
+    plots.comparison_figure(_comparison(), path)
+    assert path.read_bytes().startswith(magic)
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_means_bars_and_theory_are_the_rows(tmp_path):
+    run = _run("qnull", "linear", closed=True)
+    axes = _panel([run])
+    means = [float(bar.lines[0].get_ydata()[0]) for bar in axes.containers]
+    assert means == [row.error_deg.mean for row in run.rows]
+    ends = [bar.lines[2][0].get_segments()[0][:, 1] for bar in axes.containers]
+    outer = [max(abs(np.array(end))) for end in ends]
+    np.testing.assert_allclose(outer, [row.error_deg.p95 for row in run.rows])
+    dashed = next(line for line in axes.lines if line.get_linestyle() == "--")
+    np.testing.assert_array_equal(dashed.get_xdata(), 100.0 * np.array(LOADS))
+    np.testing.assert_array_equal(dashed.get_ydata(), [row.predicted_mean_deg for row in run.rows])
+
+
+def test_lost_lock_is_a_cross_on_the_edge_without_a_mean():
+    axes = _panel([_run("qnull", "linear", closed=True, lost=(3,))])
+    assert len(axes.containers) == 3
+    crosses = [line for line in axes.lines if line.get_marker() == "x"]
+    assert [float(y) for line in crosses for y in line.get_ydata()] == [0.0]
+    assert "lost lock" in [text.get_text() for text in axes.texts]
+
+
+def test_segments_are_named_where_load_does_not_vary():
+    runs = [_run("qnull", "linear", closed=True, loads=(1.0,) * 4, speeds=(30.0, 5.0, -5.0, -30.0))]
+    axes = _panel(runs)
+    assert [label.get_text() for label in axes.get_xticklabels()] == [
+        "100\n30",
+        "100\n5",
+        "100\n-5",
+        "100\n-30",
+    ]
+
+
+def test_all_lost_and_missing_errors_can_be_drawn(tmp_path):
+    comparison = _comparison(lost=(0, 1, 2, 3))
+    none = SimpleNamespace(mean=None, rms=None, p95=None, max=None)
+    for run in comparison.runs:
+        for row in run.rows:
+            row.error_deg = none
+    comparison.runs = comparison.runs[:-2]
+    plots.comparison_figure(comparison, tmp_path / "lost.png")
+    assert (tmp_path / "lost.png").stat().st_size > 10_000
+
+
+def test_unknown_suffix_and_no_runs_are_errors(tmp_path):
+    with pytest.raises(ValueError, match=r"\.png, \.svg or \.pdf"):
+        plots.comparison_figure(_comparison(), tmp_path / "figure.doc")
+    empty = _comparison()
+    empty.runs = ()
+    with pytest.raises(ValueError, match="at least one run"):
+        plots.comparison_figure(empty, tmp_path / "figure.png")
+    assert not list(tmp_path.iterdir())
+
+
+def test_figures_of_a_report_need_one_font_only(caplog, monkeypatch, request):
+    """A machine without the fonts of powers and Greek letters gets the same figures, and no warning about fonts."""
+    from matplotlib import font_manager
+
+    manager = font_manager.fontManager
+    monkeypatch.setattr(manager, "ttflist", [f for f in manager.ttflist if f.fname.endswith("DejaVuSans.ttf")])
+    manager._findfont_cached.cache_clear()
+    request.addfinalizer(manager._findfont_cached.cache_clear)
+    svg = plots.bars_svg(["run_a ●", "b"], {"before": [20.0, 3.0], "after": [1.0, 1.1]}, "residual", log_from=0.5)
+    wide = plots.bars_svg(["a"], {"before": [2e4]}, "residual", log_from=0.5)
+    lines = plots.lines_svg([("i_a", {"before": ([0.0, 1.0], [2.0, 1.0])})], "t (s)")
+    assert all(s.startswith("<svg") for s in (svg, wide, lines))
+    assert not caplog.records

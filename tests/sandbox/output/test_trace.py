@@ -1,0 +1,235 @@
+"""The trace holds the runs' own numbers, says how it was made, and appears whole or not at all."""
+
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from model.errors import BadInput
+from sandbox import view
+from sandbox.output import trace
+from sandbox.output.tables import comparison_text
+
+SAMPLES = 800
+RATE = 4000.0
+
+
+def _recording(seed, samples=SAMPLES):
+    """Return a recording with one and a half turns, a noisy error and 500 Hz ripple on the currents."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(samples) / RATE
+    theta = 0.3 + 3 * np.pi * t / t[-1]
+    theta_hat = theta + 0.1 * rng.standard_normal(samples)
+    channels = ("omega", "omega_hat", "ripple_d", "ripple_q", "omega_ref", "load_torque", "i_q_ref")
+    noise = {name: rng.standard_normal(samples) for name in channels}
+    square = np.where(np.arange(samples) % 8 < 4, 0.2, -0.2)
+    return SimpleNamespace(
+        t=t,
+        theta=theta,
+        theta_hat=theta_hat,
+        error=np.angle(np.exp(1j * (theta - theta_hat))),
+        i_d=square,
+        i_q=1.2 + square,
+        load=np.where(t < 0.1, 0.5, 1.0),
+        tracking=(t > 0.02).astype(float),
+        **noise,
+    )
+
+
+def _row(belief, closed, load, start, predicted, lost=False):
+    error = SimpleNamespace(mean=-3.0, rms=3.1, p95=4.0, max=5.0)
+    none = SimpleNamespace(mean=None, rms=None, p95=None, max=None)
+    return SimpleNamespace(
+        estimator="qnull",
+        belief=belief,
+        closed_loop=closed,
+        load=load,
+        speed_rpm=30.0,
+        error_deg=none if lost else error,
+        predicted_mean_deg=predicted,
+        lost_lock=lost,
+        reference_held=True,
+        t_start=start,
+        t_end=start + 0.04,
+    )
+
+
+def _run(belief, closed, seed, samples=SAMPLES):
+    predicted = -3.0 if belief == "linear" else None
+    rows = (
+        _row(belief, closed, 0.5, 0.05, predicted),
+        _row(belief, closed, 1.0, 0.15, predicted, not closed),
+    )
+    loop = "closed" if closed else "open"
+    return SimpleNamespace(
+        estimator="qnull",
+        belief=belief,
+        closed_loop=closed,
+        recording=_recording(seed, samples),
+        rows=rows,
+        name=f"qnull/{loop}/{belief}",
+    )
+
+
+def _comparison(samples=SAMPLES):
+    kinds = [(belief, closed) for closed in (True, False) for belief in ("saturated", "linear")]
+    return SimpleNamespace(
+        drive=SimpleNamespace(name="ipm_exchanged"),
+        scenario=SimpleNamespace(name="staircase"),
+        runs=tuple(_run(*kind, seed, samples) for seed, kind in enumerate(kinds)),
+        properties={"version": "0.1.0", "seed": 7, "inductance_d": 0.0113, "note": "synthetic"},
+    )
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    comparison = _comparison()
+    path = tmp_path_factory.mktemp("trace") / "comparison.rrd"
+    trace.write_trace(path, comparison)
+    return comparison, path
+
+
+def test_error_and_angles_are_the_recorded_samples(written):
+    comparison, path = written
+    found = trace.read_trace(path)
+    for run in comparison.runs:
+        times, error = found[f"{run.name}/error"]
+        np.testing.assert_array_equal(error[:, 0], np.rad2deg(run.recording.error))
+        _, angles = found[f"{run.name}/angle"]
+        np.testing.assert_array_equal(angles, np.column_stack([run.recording.theta, run.recording.theta_hat]))
+        np.testing.assert_allclose(times, run.recording.t, rtol=0.0, atol=1e-9)
+
+
+def test_currents_are_means_without_the_injected_ripple(written):
+    comparison, path = written
+    _, current = trace.read_trace(path)[f"{comparison.runs[0].name}/current_q"]
+    assert current.shape == (SAMPLES // trace.SLOW, 1)
+    np.testing.assert_allclose(current, 1.2, atol=1e-12)
+
+
+def test_slow_channels_are_recorded_samples(written):
+    comparison, path = written
+    found, run = trace.read_trace(path), comparison.runs[1]
+    np.testing.assert_array_equal(found[f"{run.name}/ripple_q"][1][:, 0], run.recording.ripple_q[:: trace.SLOW])
+    np.testing.assert_array_equal(found[f"{run.name}/speed"][1][:, 1], run.recording.omega_hat[:: trace.SLOW])
+    np.testing.assert_array_equal(found["scenario/load"][1][:, 0], 100.0 * run.recording.load[:: trace.SLOW])
+
+
+def test_prediction_is_there_only_where_theory_is(written):
+    found = trace.read_trace(written[1])
+    assert "qnull/closed/saturated/predicted" not in found
+    times, values = found["qnull/closed/linear/predicted"]
+    np.testing.assert_allclose(times[:2], [0.05, 0.09])
+    np.testing.assert_array_equal(values[:, 0], [-3.0, -3.0, np.nan] * 2)
+
+
+def test_properties_say_how_it_was_made(written):
+    made = trace.read_properties(written[1])
+    expected = {"motor": "ipm_exchanged", "scenario": "staircase", "sample_stride": "1", "version": "0.1.0"}
+    assert made == expected | {"seed": "7", "inductance_d": "0.0113", "note": "synthetic"}
+
+
+def test_a_property_may_change_its_type_between_traces(tmp_path):
+    comparison = _comparison(samples=64)
+    for seed in (7, "none", 2.5):
+        comparison.properties = {"seed": seed}
+        trace.write_trace(tmp_path / "comparison.rrd", comparison)
+        assert trace.read_properties(tmp_path / "comparison.rrd")["seed"] == str(seed)
+
+
+def test_rerun_verifies_the_file(written):
+    rerun = Path(sys.executable).with_name("rerun")
+    done = subprocess.run([rerun, "rrd", "verify", written[1]], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_summary_holds_the_table_and_how_much_was_kept():
+    text = comparison_text(_comparison(), {"seed": "7"}, 3, 48)
+    assert "| +100 | +30 | -3.00 | lost lock |" in text
+    assert "one recorded sample in 3" in text
+
+
+def test_a_real_comparison_survives_the_round_trip(small_comparison, tmp_path):
+    """The numbers of the run are found again in the file: mean error of each row from the trace alone."""
+    trace.write_trace(tmp_path / "real.rrd", small_comparison)
+    found = trace.read_trace(tmp_path / "real.rrd")
+    for run in small_comparison.runs:
+        t, error = found[f"{run.name}/error"]
+        for row in run.rows:
+            window = (t >= row.t_start - 1e-9) & (t < row.t_end - 1e-9)
+            assert error[window].mean() == pytest.approx(row.error_deg.mean, rel=1e-12)
+
+
+def test_long_runs_are_thinned_and_say_so(tmp_path, monkeypatch):
+    monkeypatch.setattr(trace, "FULL_RATE_SAMPLES", SAMPLES * 3 // 2)
+    comparison, path = _comparison(), tmp_path / "long.rrd"
+    trace.write_trace(path, comparison)
+    run = comparison.runs[0]
+    found = trace.read_trace(path)[f"{run.name}/error"][1]
+    np.testing.assert_array_equal(found[:, 0], np.rad2deg(run.recording.error)[::3])
+    assert trace.read_properties(path)["sample_stride"] == "3"
+
+
+def test_chunks_are_joined_in_order(tmp_path, monkeypatch):
+    monkeypatch.setattr(trace, "CHUNK", 100)
+    comparison = _comparison()
+    trace.write_trace(tmp_path / "chunks.rrd", comparison)
+    error = trace.read_trace(tmp_path / "chunks.rrd")["qnull/closed/saturated/error"][1]
+    np.testing.assert_array_equal(error[:, 0], np.rad2deg(comparison.runs[0].recording.error))
+
+
+def test_a_failed_write_leaves_the_old_file_alone(tmp_path):
+    path = tmp_path / "comparison.rrd"
+    path.write_bytes(b"old")
+    broken = _comparison(samples=64)
+    broken.runs[-1].recording.theta_hat = np.zeros(3)
+    with pytest.raises(ValueError, match="dimensions"):
+        trace.write_trace(path, broken)
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_no_runs_is_an_error(tmp_path):
+    comparison = _comparison(samples=64)
+    comparison.runs = ()
+    with pytest.raises(ValueError, match="at least one run"):
+        trace.write_trace(tmp_path / "none.rrd", comparison)
+
+
+def test_view_names_what_is_missing(tmp_path):
+    with pytest.raises(BadInput, match=r"no trace at .*none\.rrd"):
+        view(tmp_path / "none.rrd")
+
+
+def test_view_starts_the_viewer_of_this_environment(written, monkeypatch):
+    """In a window, in a browser here, and served to a browser elsewhere where there is no display."""
+    calls = []
+    code = iter((0, 101, 0, 0))
+
+    def run(command, **_):
+        calls.append(command)
+        return SimpleNamespace(returncode=next(code))
+
+    monkeypatch.setattr(subprocess, "run", run)
+    monkeypatch.setenv("DISPLAY", ":7")
+    viewer = str(Path(sys.executable).with_name("rerun"))
+    view(written[1])
+    assert calls == [[viewer, str(written[1])]]
+    with pytest.raises(BadInput, match="exit code 101"):
+        view(written[1])
+    view(written[1], web=True)
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    view(written[1], web=True)
+    assert [call[1:-1] for call in calls[2:]] == [["--web-viewer"], ["--serve-web"]]
+
+
+def test_import_does_not_load_rerun():
+    code = "import sys, sandbox.output.trace, sandbox.output.plots; print({'rerun', 'matplotlib'} & set(sys.modules))"
+    root = Path(trace.__file__).parents[1]
+    done = subprocess.run([sys.executable, "-c", code], check=True, cwd=root, capture_output=True, text=True)
+    assert done.stdout.strip() == "set()"

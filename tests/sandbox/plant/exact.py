@@ -1,0 +1,69 @@
+"""The exact plant under told voltages, and the switched bench under the same: samples of motors with closed forms."""
+
+import numpy as np
+
+from model.effects.library import complete
+from sandbox.drive.closed import closed_bench, longest_step
+from sandbox.drive.loop import INSTANT, LINK, MEMORY, SPAN, U_ALPHA, U_BETA, Rig, encoder, progress, read_phases, rotor
+from sandbox.plant.sets import features_of
+from sandbox.validation.switched.advance import replay
+from sandbox.validation.switched.bench_numbers import bench, quiet
+from tests.sandbox.plant.effect_motors import CONVERTER, LINEAR, U, vector
+
+
+class Exact:
+    """The plant of a closed loop, moved period by period by hand; its batch `w`, sensors without noise."""
+
+    def __init__(self, effects=None, motor=LINEAR, rotor="locked", theta=0.0, speed=0.0, converter=CONVERTER):
+        values = complete(motor, converter, effects)
+        step = longest_step(motor, values, features_of(motor, values), motor.pole_pairs * abs(speed))
+        ahead = motor.pole_pairs * speed * values["pwm_delay.delay"]  # the plant's periods begin with their pattern
+        self.bench = closed_bench(motor, converter, values, rotor, theta + ahead, step)
+        self.w, self.pairs = self.bench.w, motor.pole_pairs
+        self.w["speed"][0] = self.pairs * speed
+        jitter = values["current_sampling.jitter"]
+        self.rig = Rig(*5 * (0,), converter.sampling_period, 0.0, 0.0, 0.0, U, 0.0, jitter, 0.0)
+        self.memory = np.zeros(MEMORY)
+        self.memory[LINK], self.memory[INSTANT] = 1.0, self.w["sample"][0]
+        self.looks, self.seen, self.k = np.full(2, -1.0), np.zeros((2, 2)), 0
+        self.rng = np.random.default_rng(0)
+
+    def advance(self, u, load=0.0):
+        """Return the current vector (A) read for t_k; the voltage u (complex, V) acts for a period from there."""
+        self.memory[U_ALPHA], self.memory[U_BETA] = u.real, u.imag
+        progress(self.k, self.bench, self.rig, load, 0.0, self.memory, self.looks, self.seen, self.rng)
+        self.k += 1
+        return vector(dict(zip(("i_a", "i_b", "i_c"), read_phases(self.w, self.rig, self.rng), strict=True)))
+
+    @property
+    def motion(self):
+        """Angle (rad) and speed (rad/s) of the rotor, mechanical."""
+        theta, omega, _ = rotor(self.w)
+        return theta / self.pairs, omega / self.pairs
+
+    @property
+    def flux(self):
+        """Flux vector (Wb) at the end of the last period."""
+        w, span = self.w, self.memory[SPAN]
+        return complex(*(w[f"psi_{x}"][0] + w[f"volt_{x}"][0] - span * w[f"fall_{x}"][0] for x in "ab"))
+
+    @property
+    def encoder(self):
+        """Angle (rad, electrical) that the encoder reads, and its slope (rad/s)."""
+        theta, omega, _ = rotor(self.w)
+        return encoder(self.w, self.bench.features, theta, omega, 0.0)
+
+
+def exact(effects, u, motor=LINEAR, theta=0.0, speed=None):
+    """Return the exact plant's samples (n,) under voltages u: rotor locked, or driven at a constant speed (rad/s)."""
+    plant = Exact(effects, motor, "locked" if speed is None else "driven", theta, speed or 0.0)
+    return np.array([plant.advance(v) for v in np.asarray(u, complex)])
+
+
+def switched(effects, u, motor=LINEAR, theta=0.0, speed=None):
+    """Return the switched bench's samples under the same."""
+    u, how = np.asarray(u, complex), {"theta": theta}
+    b = quiet(bench(motor, CONVERTER, effects))
+    if speed is not None:
+        how = {"theta": theta + motor.pole_pairs * speed * b.period * np.arange(len(u)), "speed": speed}
+    return vector(replay(b, "locked" if speed is None else "driven", u.real.copy(), u.imag.copy(), U, **how))

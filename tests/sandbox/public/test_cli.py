@@ -1,0 +1,341 @@
+"""The command line: contract of the JSON files, exit codes, one sentence for every wrong call, nothing half-written."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from model.drive_files import MOTORS
+from sandbox.cli import build_parser, main
+from sandbox.output.files import results
+
+SHORT = """
+[scenario]
+settle = 0.1
+[[segment]]
+duration = 0.2
+[[segment]]
+duration = 0.3
+load = 1.0
+ramp = 0.05
+settle = 0.2
+"""
+
+
+@pytest.fixture
+def short(tmp_path):
+    path = tmp_path / "short.toml"
+    path.write_text(SHORT)
+    return path
+
+
+def content(folder, command):
+    document = json.loads((folder / f"{command}.json").read_text())
+    assert (document["schema"], document["command"]) == (1, command)
+    assert document["version"]
+    return document
+
+
+def test_compare(short, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["compare", "--scenario", str(short), "--estimators", "qnull,inversion", "--out", str(out)]) == 0
+    found = content(out, "compare")
+    assert (found["motor"], found["scenario"], found["trace"]) == ("ipm_exchanged", "short", "compare.rrd")
+    assert sorted(p.name for p in out.iterdir()) == ["compare.json", "compare.parquet", "compare.png", "compare.rrd"]
+    assert len(found["rows"]) == 2 * 2 * 2 * 2
+    for row in found["rows"]:
+        assert {"estimator", "belief", "closed_loop", "load", "speed_rpm", "error_deg", "predicted_mean_deg"} <= set(
+            row
+        )
+        assert set(row["error_deg"]) == {"mean", "rms", "p95", "max"}
+        assert row["lost_lock"] is False
+    said = capsys.readouterr().out
+    assert "theory" in said
+    assert "-5.89" in said  # the self-consistent angle at rated load
+
+
+def test_quiet_says_nothing_and_seed_repeats(short, tmp_path, capsys):
+    for k in (1, 2):
+        call = [
+            "compare",
+            "--scenario",
+            str(short),
+            "--estimators",
+            "ekf",
+            "--seed",
+            "9",
+            "--jobs",
+            str(k),
+            "--no-trace",
+        ]
+        assert main([*call, "--quiet", "--out", str(tmp_path / str(k))]) == 0
+    assert capsys.readouterr().out == ""
+    one, two = (content(tmp_path / k, "compare") for k in "12")
+    assert one["rows"] == two["rows"]
+    assert one["trace"] is None
+
+
+def test_simulate(short, tmp_path, capsys):
+    call = [
+        "simulate",
+        "--scenario",
+        str(short),
+        "--estimator",
+        "inversion",
+        "--belief",
+        "linear",
+        "--out",
+        str(tmp_path),
+    ]
+    assert main(call) == 0
+    found = content(tmp_path, "simulate")
+    assert found["rows"][1]["error_deg"]["mean"] == pytest.approx(-5.89, abs=0.2)
+    assert found["loops"]["current"]["phase_margin_deg"] > 59
+    assert (tmp_path / found["trace"]).is_file()
+    assert "phase margin" in capsys.readouterr().out
+
+
+def test_audit(tmp_path, capsys):
+    assert main(["audit", "spm", "--out", str(tmp_path)]) == 0
+    found = content(tmp_path, "audit")
+    assert found["passed"] is False
+    assert found["valid_radius"] == pytest.approx(0.786, abs=1e-3)
+    assert found["violations"][0]["i_d"] == pytest.approx(-0.786, abs=1e-3)
+    assert found["error_per_10mA_deg"][18] == pytest.approx(2.7, abs=0.05)  # the notes' value for the SPM at 40 V
+    assert "NOT valid" in capsys.readouterr().out
+    assert main(["audit", "ipm_exchanged", "--out", str(tmp_path)]) == 0
+    assert content(tmp_path, "audit")["valid_radius"] == pytest.approx(1.8 * 1.2)
+    # 10 mA of ripple error, IPM at 30 V: the notes' 3.5 degrees
+    assert content(tmp_path, "audit")["error_per_10mA_deg"][18] == pytest.approx(3.5, abs=0.05)
+
+
+def test_list_and_version(capsys):
+    for kind, name in (("motors", "spm_exchanged"), ("estimators", "ekf_filterpy"), ("scenarios", "creep_reversal")):
+        assert main(["list", kind]) == 0
+        assert name in capsys.readouterr().out
+
+
+def motor_file(tmp_path, old, new):
+    path = tmp_path / "m.toml"
+    path.write_text((MOTORS / "ipm_exchanged.toml").read_text().replace(old, new))
+    return str(path)
+
+
+WRONG = {
+    "unknown motor": (["compare", "--motor", "ipm_exchange"], 2, ["unknown motor", "did you mean 'ipm_exchanged'"]),
+    "unknown scenario": (["compare", "--scenario", "stairs"], 2, ["unknown scenario 'stairs'", "staircase"]),
+    "unknown estimator": (["compare", "--estimators", "qnul"], 2, ["unknown estimator 'qnul'", "mean 'qnull'"]),
+    "no estimator": (["compare", "--estimators", ","], 2, ["no estimator"]),
+    "missing file": (["compare", "--motor", "nowhere.toml"], 2, ["nowhere.toml", "does not exist"]),
+    "outside the domain": (["compare", "--motor", "spm"], 3, ["convex", "-0.786 A", "eigenvalue"]),
+    "duration too long": (["simulate", "--duration", "1e9"], 2, ["1000000000.0 s", "staircase"]),
+    "duration nan": (["simulate", "--duration", "nan"], 2, ["duration nan"]),
+    "radius": (["audit", "ipm", "--radius", "-1"], 2, ["radius -1.0 A", "24] A"]),
+    "duration tiny": (["simulate", "--duration", "1e-12"], 2, ["[0.001, "]),
+    "jobs of an audit": (["audit", "nothing", "--jobs", "2", "--seed", "1"], 2, ["unknown motor 'nothing'"]),
+    "unknown command": (["comparee"], 2, ["comparee"]),
+    "wrong kind": (["list", "motor"], 2, ["motor", "motors"]),
+    "wrong belief": (["simulate", "--belief", "quartic"], 2, ["quartic", "saturated"]),
+    "jobs": (["compare", "--jobs", "0"], 2, ["'0'", "at least 1"]),
+    "seed": (["compare", "--seed", "-1"], 2, ["'-1'"]),
+    "no trace to view": (["view", "nowhere.rrd"], 2, ["nowhere.rrd"]),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_wrong_calls(case, tmp_path, capsys, monkeypatch):
+    call, code, words = WRONG[case]
+    monkeypatch.chdir(tmp_path)
+    try:
+        found = main(call)
+    except SystemExit as stop:
+        found = stop.code
+    said = capsys.readouterr()
+    assert found == code
+    assert said.out == ""
+    assert said.err.count("\n") == 1
+    for word in words:
+        assert word in said.err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "code", "words"),
+    [
+        ("resistance = 12.15", "resistance = -12.15", 2, ["resistance = -12.15", "ohm"]),
+        ("resistance = 12.15", "resistance = nan", 2, ["resistance = nan", "ohm"]),
+        ("frequency = 500.0", "frequency = 3000.0", 2, ["3000 Hz", "4000 Hz", "inject at 2000 Hz"]),
+        ("dc_bus_voltage = 400.0", "dc_bus_voltage = 80.0", 3, ["80 V", "raise dc_bus_voltage"]),
+        ("dc_bus_voltage = 400.0", "dc_bus_voltage = 20.0", 3, ["injection of 30 V exceeds", "11.55 V"]),
+        ("magnet_flux = 0.0981", "magnet_flux = 0.0", 2, ["magnet_flux = 0", "> 0 Wb"]),
+        ("resistance = 12.15", "resistance = 900.0", 3, ["starting up holds 1.2 A", "1080 V"]),
+        ("inductance_q = 0.0919", "inductance_q = 0.0458", 2, ["no saliency"]),
+        ("alpha_04 = 6.62", "alpha_04 = -66.2", 3, ["convex", "eigenvalue"]),
+    ],
+)
+def test_wrong_motors(old, new, code, words, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert main(["compare", "--motor", motor_file(tmp_path, old, new), "--out", str(out)]) == code
+    said = capsys.readouterr()
+    for word in words:
+        assert word in said.err
+    assert said.err.count("\n") == 1
+    assert not out.exists()
+
+
+def test_out_that_cannot_be_written(short, tmp_path, capsys):
+    (tmp_path / "file").write_text("")
+    call = ["compare", "--scenario", str(short), "--estimators", "qnull", "--out", str(tmp_path / "file" / "below")]
+    assert main(call) == 2
+    assert "cannot write" in capsys.readouterr().err
+
+
+@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    st.lists(
+        st.one_of(
+            st.sampled_from(["compare", "simulate", "audit", "--motor", "--jobs", "--seed"]), st.text(max_size=6)
+        ),
+        max_size=4,
+    )
+)
+def test_any_arguments_parse_or_are_refused(arguments):
+    try:
+        build_parser().parse_args(arguments)
+    except SystemExit as stop:
+        assert stop.code in (0, 2)
+
+
+def test_as_a_program(tmp_path):
+    root = Path(__file__).resolve().parents[3]
+    call = [sys.executable, "-m", "sandbox.cli", "audit", "nothing"]
+    done = subprocess.run(call, cwd=root, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+
+
+def test_interrupt_leaves_nothing_half_written(tmp_path):
+    """Ctrl-C in the middle of an hour of simulated time is answered at once, with 130."""
+    scenario = tmp_path / "long.toml"
+    scenario.write_text("[[segment]]\nduration = 1200.0\n")
+    root, out = Path(__file__).resolve().parents[3], tmp_path / "out"
+    call = [sys.executable, "-m", "sandbox.cli", "simulate", "--scenario", str(scenario), "--out", str(out)]
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a background shell would ignore it
+    process = subprocess.Popen(call, cwd=root, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
+    time.sleep(2.0)
+    begun = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=30)
+    assert process.returncode == 130
+    assert "interrupted" in said
+    assert time.monotonic() - begun < 3.0
+    assert not out.exists()
+
+
+def test_files_come_together_or_not_at_all(tmp_path):
+    """Stopped when all is written but the last step, no folder is left on the way; done, only the files are."""
+    out = tmp_path / "not" / "there" / "yet"
+
+    def stopped():
+        with results(out, "audit") as folder:
+            (folder / "audit.json").write_text("{}")
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        stopped()
+    assert list(tmp_path.iterdir()) == []
+    for text in ("{}", "[]"):  # into a new folder, then into the same again
+        with results(out, "audit") as folder:
+            (folder / "audit.json").write_text(text)
+            assert not (out / "audit.json").exists() or text == "[]"
+        assert [p.relative_to(out).as_posix() for p in out.rglob("*")] == ["audit.json"]
+        assert (out / "audit.json").read_text() == text
+        assert list(tmp_path.iterdir()) == [tmp_path / "not"]
+
+
+def test_a_folder_made_by_another_in_the_meantime_takes_the_files(tmp_path):
+    out = tmp_path / "shared" / "audit"
+    with results(out, "audit") as folder:
+        (folder / "audit.json").write_text("{}")
+        (tmp_path / "shared" / "maps").mkdir(parents=True)
+    assert sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*")) == [
+        "shared", "shared/audit", "shared/audit/audit.json", "shared/maps"
+    ]  # fmt: skip
+
+
+def test_stale_files_go_and_strangers_stay(short, tmp_path):
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "compare.rrd").write_text("old")
+    (out / "compare.notes").write_text("mine")
+    call = ["compare", "--scenario", str(short), "--estimators", "qnull", "--no-trace", "--quiet", "--out", str(out)]
+    assert main(call) == 0
+    assert sorted(p.name for p in out.iterdir()) == ["compare.json", "compare.notes", "compare.parquet", "compare.png"]
+
+
+def test_names_with_markup_are_names(short, tmp_path, capsys):
+    motor = motor_file(tmp_path, 'name = "ipm_exchanged"', 'name = "[bold] $_{$ <b>"')
+    call = [
+        "compare",
+        "--motor",
+        motor,
+        "--scenario",
+        str(short),
+        "--estimators",
+        "qnull",
+        "--out",
+        str(tmp_path / "o"),
+    ]
+    assert main(call) == 0
+    assert "[bold] $_{$ <b>" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("plant", ["exact", "switched"])
+def test_simulate_with_effects_on_both_plants_records_a_campaign(short, tmp_path, plant):
+    from sandbox.recordings.campaign import read_campaign
+
+    out, folder = tmp_path / "out", tmp_path / "recorded"
+    call = ["simulate", "--scenario", str(short), "--no-trace", "--plant", plant, "--out", str(out)]
+    effects = "encoder_offset.offset=0.05,current_offset.offset_a=0.2"
+    assert main([*call, "--effects", effects, "--record", str(folder)]) == 0
+    found = content(out, "simulate")
+    assert found["plant"] == plant
+    assert found["effects"] == {"encoder_offset.offset": 0.05, "current_offset.offset_a": 0.2}
+    campaign = read_campaign(folder)
+    recording = campaign.recordings[0]
+    assert recording.rotor == "locked"
+    half = 0.5 * 2 * np.pi * campaign.drive.motor.pole_pairs / 4096
+    assert campaign.drive.converter.encoder_counts == 4096
+    assert recording.theta[0] == pytest.approx(1.05, abs=half)  # the encoder's reading, not the true 1.0 rad
+    assert recording.i_a[:2] == pytest.approx([0.2] * 2, abs=0.02)  # nothing acts in the first period
+    assert recording.u_dc.mean() == pytest.approx(400.0, abs=0.1)
+    assert recording.u_dc.std() == pytest.approx(0.3, rel=0.2)
+    assert (campaign.uncertainty["resistance"], campaign.background["current_gain"]) == (0.01, 0.0015)
+    assert recording.injection_axis == "d"
+    assert main([*call, "--record", str(folder)]) == 2
+
+
+def test_list_effects_prints_all_and_one_card(capsys):
+    assert main(["list", "effects"]) == 0
+    assert len(capsys.readouterr().out.splitlines()) >= 26
+    assert main(["list", "effects", "dead_time"]) == 0
+    said = capsys.readouterr().out
+    assert all(word in said for word in ("equation", "source", "confused with", "separated by", "dead_time.time"))
+    assert main(["list", "effects", "dead_tme"]) == 2
+    assert "did you mean 'dead_time'" in capsys.readouterr().err
+    assert main(["list", "motors", "ipm"]) == 2
+
+
+def test_simulate_refuses_wrong_effects(capsys, tmp_path):
+    assert main(["simulate", "--effects", "dead_time.time=1", "--out", str(tmp_path)]) == 2
+    assert "give a number in [-5e-06, 5e-05] s" in capsys.readouterr().err

@@ -1,0 +1,96 @@
+"""The motion of a free rotor: the smoother against dense least squares, and against a motion that is known."""
+
+import numpy as np
+import pytest
+
+from sandbox.replay.replay import prepare
+from sandbox.replay.smoothing import ANYWHERE, CONSTANT, filtered, free_motion, smoothed
+from tests.sandbox.replay.test_replay import DRIVE, campaign
+
+COUNT = 2.0 * np.pi * 2 / 4096
+
+
+def test_the_smoother_solves_the_least_squares_problem_it_stands_for():
+    """Every equation of motion as a row over its standard deviation, solved whole by numpy.
+
+    Angles follow their mean speed exactly: a row of 1e-9 rad stands for that, 1e-6 of a reading's deviation.
+    """
+    rng = np.random.default_rng(0)
+    n, period, variance, start, q = 40, 1e-3, 1e-6, 4.0, 1e3
+    read = np.cumsum(rng.normal(size=n)) * 1e-3
+    acceleration, noise = 50.0 * rng.normal(size=n), rng.uniform(1.0, 5.0, n)
+    work = np.empty((n, 12))
+    filtered(read, acceleration, noise**2, period, variance, start, q, work)
+    smoothed(work, period, variance)
+
+    unit, rows, right = np.eye(3 * n), [], []
+
+    def told(row, value, deviation):
+        rows.append(row / deviation)
+        right.append(value / deviation)
+
+    told(unit[0], read[0], np.sqrt(ANYWHERE * variance))
+    told(unit[1], 0.0, np.sqrt(start))
+    told(unit[2], 0.0, CONSTANT)
+    for k in range(n):
+        told(unit[3 * k], read[k], np.sqrt(variance))
+    for k in range(1, n):
+        angle, speed, rest = (unit[3 * k + i] - unit[3 * k - 3 + i] for i in range(3))
+        mean = 0.5 * (unit[3 * k - 2] + unit[3 * k + 1])
+        told(speed - period * unit[3 * k - 1], period * acceleration[k - 1], period * noise[k - 1])
+        told(angle - period * mean, 0.0, 1e-9)
+        told(rest, 0.0, np.sqrt(q * period))
+    x = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0].reshape(n, 3)
+    for j in range(3):
+        assert np.max(np.abs(work[:, j] - x[:, j])) < 1e-6 * np.max(np.abs(x[:, j]))
+
+
+def test_likelihood_is_that_of_the_readings_distribution():
+    """Two readings, by hand: the second is the first, moved by what speed and acceleration at the start allow."""
+    period, variance, start, q = 1e-2, 1e-4, 2.0, 0.0
+    read = np.array([0.0, 0.05])
+    told = filtered(read, np.zeros(2), np.zeros(2), period, variance, start, q, np.empty((0, 0)))
+    first = -0.5 * np.log((ANYWHERE + 1.0) * variance)
+    known = variance * ANYWHERE / (ANYWHERE + 1.0)  # of the first angle, once read
+    second = known + period**2 * start + (0.5 * period**2 * CONSTANT) ** 2 + variance
+    assert told == pytest.approx(first - 0.5 * (0.05**2 / second + np.log(second)), rel=1e-12)
+
+
+@pytest.mark.parametrize("torque_known", [True, False])
+def test_a_known_motion_is_found_far_below_a_count(torque_known):
+    """A rotor swinging at 3 Hz, read in counts of 3 mrad; told its torque, or not.
+
+    Unexplained, the best strength q is the mean square rate of change of the acceleration over the rate of readings
+    at most; error of the speed by the least-squares bandwidth (variance / (q / period))^(1/6), a few counts a second.
+    """
+    rng = np.random.default_rng(1)
+    n, period = 4000, 2.5e-4
+    t = period * np.arange(n)
+    w = 2.0 * np.pi * 3.0
+    theta, speed, acceleration = 2.0 * np.sin(w * t), 2.0 * w * np.cos(w * t), -2.0 * w * w * np.sin(w * t)
+    read = np.round(theta / COUNT + rng.uniform()) * COUNT
+    read -= np.mean(read - theta)
+    told = 0.5 * (acceleration + np.roll(acceleration, -1)) if torque_known else np.zeros(n)
+    motion = free_motion(read, told, period, COUNT, np.full(n, 1.0))
+    inner = slice(n // 10, -n // 10)
+    angle_error = np.sqrt(np.mean((motion.angle - theta)[inner] ** 2))
+    speed_error = np.sqrt(np.mean((motion.speed - speed)[inner] ** 2))
+    window = 0.1 if torque_known else 0.01  # s over which readings of variance COUNT^2 / 12 are averaged
+    readings = window / period
+    assert angle_error < 3.0 * COUNT / np.sqrt(12.0 * readings)
+    assert speed_error < 3.0 * COUNT / np.sqrt(readings) / window
+
+
+def test_a_step_of_load_acts_from_the_sample_it_is_asked_at():
+    """Speed of the switched bench's free rotor about its step of load, by fourth-order differences of its angle.
+
+    Taken half a sample wrong, the speed would miss by up to half of what the step changes in a sample; two hundredths
+    of it are left by readings in counts (65536 a turn) and by torque inside a sample.
+    """
+    recorded = campaign({}, cases=(("free", 0.0),))
+    (told,) = prepare(recorded, {}, steps=1).recordings
+    theta, period, motor = recorded.recordings[0].theta, DRIVE.converter.sampling_period, DRIVE.motor
+    k = np.concatenate([np.arange(280, 298), np.arange(304, 320)])  # the step comes at 301; differences reach over two
+    differences = (theta[k - 2] - 8.0 * theta[k - 1] + 8.0 * theta[k + 1] - theta[k + 2]) / (12.0 * period)
+    change = motor.pole_pairs * 0.2 / motor.inertia * period
+    assert np.max(np.abs(told.motion.speed[k] - differences)) < 0.02 * change

@@ -1,0 +1,3 @@
+"""Campaigns that the diagnosis' tests make."""
+
+from tests.sandbox.gap.conftest import quiet_folder  # noqa: F401 - a fixture
