@@ -21,7 +21,7 @@ from sandbox.gap.evidence.discrepancy import Remainder, remainder
 from sandbox.gap.evidence.fit import Fit, Weights, fit
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
-from sandbox.gap.evidence.noise import noise_caution
+from sandbox.gap.evidence.noise import floor_of, noise_caution
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.search.estimates import Estimate, estimates
 from sandbox.gap.search.forward import Search, search
@@ -95,6 +95,7 @@ def diagnose(
     report("reading")
     caution = noise_caution(own)
     prepared = prepare(own)
+    prepared = replace(prepared, floor=floor_of(own, prepared.floor))
     motor, converter = own.drive.motor, own.drive.converter
     start = Point(prepared, complete(motor, converter))
     nominal = normal(start, (), workers=workers)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,6 +31,7 @@ DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
 STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken
 CHORDS = 4  # steps on the same slopes: more of them would only creep
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
+NEARLY = 0.98  # of the way to where an effect's prior ends: the value leans on it
 SMOOTHINGS = 2  # of a free rotor's motion
 
 
@@ -67,9 +68,11 @@ def fit(
     weights: Weights,
     *,
     workers: int = 1,
+    widenings: int = 1,
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
+    widenings: how often the end of a prior, which is no bound of physics, gives way to a value that leans on it.
     Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
     """
     coordinates = coordinates_of(start, effects)
@@ -102,7 +105,17 @@ def fit(
         n = normal(point, coordinates, workers=workers)
         value, cost = objective(n, prior, weights), cost + n.simulations
         taken, own = taken + 1, 0
-    return Fit(tuple(effects), point, n.bare(), value, cost)
+    found = Fit(tuple(effects), point, n.bare(), value, cost)
+    if widenings and at_reach(found):
+        more = fit(point, effects, weights, workers=workers, widenings=widenings - 1)
+        return replace(more, simulations=more.simulations + cost)
+    return found
+
+
+def at_reach(f: Fit) -> bool:
+    """Return whether a value of an effect stands where its prior ends, not at a bound of physics."""
+    claimed = [(c, x) for c, x in zip(f.coordinates, f.normal.x, strict=True) if c.effect in f.effects]
+    return any(abs(x - c.mean) > NEARLY * c.within * c.deviation for c, x in claimed if math.isfinite(c.within))
 
 
 def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:

@@ -20,6 +20,7 @@ from sandbox.replay.sensitivity import mechanical_only
 
 Set = Mapping[str, float]
 WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
+WIDENS = 2.0  # times as far as it stands that an effect may go further
 FARTHEST = 4.0  # standard deviations that an effect may move
 ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
 SOFT_SPREAD = 0.5  # standard deviation of the logarithm of the width in which the sign of a current goes through zero
@@ -162,7 +163,15 @@ def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:
         else:
             own, away = p.same_as or name, p.reach_for(drive.motor, drive.converter)
             out.append(Coordinate(own, neutral, WIDE * away, "linear", (own,)))
-    return [replace(c, within=FARTHEST) for c in out]
+    return [replace(c, within=reach_of(c, start)) for c in out]
+
+
+def reach_of(c: Coordinate, start: Set) -> float:
+    """Return how many deviations an effect may go from its mean: twice as far as it stands, where that is far.
+
+    So this bound, which follows from no physics, gives way where the data pushes a value against it.
+    """
+    return max(FARTHEST, WIDENS * abs(c.value(start) - c.mean) / c.deviation) if math.isfinite(c.mean) else FARTHEST
 
 
 def amplitudes(card: Effect) -> dict[str, str]:

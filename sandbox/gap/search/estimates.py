@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from sandbox.gap.evidence.algebra import algebra, between_segments, prior_of, sandwich
+from sandbox.gap.evidence.algebra import Prior, algebra, between_segments, prior_of, sandwich
 from sandbox.gap.search.judged import Judged
 
 Array = NDArray[np.float64]
@@ -21,12 +21,13 @@ TRACES = 0.5  # of the move that traces of other effects bring, taken as one sta
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter by its public name: value, 95 % interval, unit; deviation in its coordinate."""
+    """A parameter by its public name: value, 95 % interval, unit; whether the value is held at a bound."""
 
     value: float
     low: float
     high: float
     unit: str
+    at_bound: bool = False
 
 
 def estimates(j: Judged) -> dict[str, Estimate]:
@@ -36,7 +37,7 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     would move them by.  Where a value is held at its bound, the interval reaches from there as far as its tail.
     """
     own, prior = algebra(j.fit.normal), prior_of(j.fit.coordinates)
-    x, _, _ = own.most_probable(prior)
+    x, free, _ = own.most_probable(prior)
     plain = own.covariance(prior)
     robust = sandwich(j.fit.normal, x, plain)
     apart = between_segments(j.fit.normal, x, plain)
@@ -45,18 +46,31 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     there = {c.label: float(y) for c, y in zip(j.normal.coordinates, beside, strict=True)}
     traces = np.array([there.get(c.label, y) - y for c, y in zip(j.fit.coordinates, x, strict=True)])
     variance = np.max([np.diag(c) for c in (plain, robust, apart)], axis=0)
+    held = (prior.deviation > 0.0) & ~free  # as uncertain as if they were free: a bound is no measurement
+    variance = np.where(held, np.diag(own.covariance(unbounded(prior))), variance)
     wider = np.sqrt(SPREAD**2 * variance + (TRACES * traces) ** 2)
     tails = own.tails(prior)
     below = np.where(x > prior.low, tails, 0.0) + Z * wider
     above = np.where(x < prior.high, tails, 0.0) + Z * wider
     out: dict[str, Estimate] = {}
     for effect in j.effects:
-        out |= _of_effect(effect, j, x, wider, (x - below, x + above), place)
+        out |= _of_effect(effect, j, x, wider, (x - below, x + above), place, held)
     return out
 
 
+def unbounded(prior: Prior) -> Prior:
+    """Return a prior without bounds."""
+    return Prior(prior.mean, prior.deviation, np.full_like(prior.low, -np.inf), np.full_like(prior.high, np.inf))
+
+
 def _of_effect(
-    effect: str, j: Judged, x: Array, sd: Array, reach: tuple[Array, Array], place: Mapping[str, int]
+    effect: str,
+    j: Judged,
+    x: Array,
+    sd: Array,
+    reach: tuple[Array, Array],
+    place: Mapping[str, int],
+    held: NDArray[np.bool_],
 ) -> dict[str, Estimate]:
     card = library.load_effect(effect)
     out: dict[str, Estimate] = {}
@@ -77,7 +91,7 @@ def _of_effect(
             k = place[own]
             ends = (j.fit.coordinates[k].bounded(float(to[k])) for to in (x, *reach))
             value, low, high = (public(p.fit, y) for y in ends)
-            out[name] = Estimate(value, min(low, high), max(low, high), p.unit)
+            out[name] = Estimate(value, min(low, high), max(low, high), p.unit, bool(held[k]))
         elif p.scan and name in j.fit.point.values and p.fit == "fixed":
             value = j.fit.point.values[name]
             out[name] = Estimate(value, value, value, p.unit)

@@ -213,6 +213,7 @@ def excess(f: Fit) -> float:
 
 
 def rms_of(f: Fit) -> float:
+    """Return the normalised rms of a fit over all segments."""
     return float(np.sqrt(sum(s.rr.sum() for s in f.normal.segments) / sum(s.n.sum() for s in f.normal.segments)))
 
 
