@@ -16,7 +16,8 @@ from model.errors import BadInput, unknown
 if TYPE_CHECKING:
     from estimators.contract import Estimator
 
-AnyEstimator: TypeAlias = "str | Path | Estimator"  # a name, a Python file that defines ESTIMATOR, or the object
+AnyEstimator: TypeAlias = "str | Path | Estimator"  # a name, a Python file or a shared library, or the object
+LIBRARIES = (".so", ".dylib", ".dll")
 MODULES = {
     "qnull": "estimators.qnull",
     "inversion": "estimators.inversion",
@@ -43,7 +44,7 @@ def estimator_names() -> list[str]:
 
 
 def load_estimator(which: AnyEstimator) -> Estimator:
-    """Return an estimator by name, from a Python file that defines ESTIMATOR, or as it is given.
+    """Return an estimator by name, from a Python file that defines ESTIMATOR, from a shared library, or as it is given.
 
     BadInput for an unknown name (with the nearest one), a file without an estimator, and an estimator of one's own
     that bears the name of a built-in one.
@@ -52,12 +53,21 @@ def load_estimator(which: AnyEstimator) -> Estimator:
 
     if isinstance(which, Estimator):
         return _apart(which)
+    if Path(which).suffix in LIBRARIES:
+        return load_estimator_library(which)
     if Path(which).suffix == ".py" or len(Path(which).parts) > 1:
         return _apart(_from_file(Path(which)))
     if which not in MODULES:
         raise unknown("estimator", which, MODULES)
     found: Estimator = import_module(MODULES[str(which)]).ESTIMATOR
     return found
+
+
+def load_estimator_library(path: str | Path) -> Estimator:
+    """Return the estimator of a shared library (`c/sensorless_estimator.h`); BadInput where it does not fit."""
+    from estimators.shared_library import load_library
+
+    return _apart(load_library(path))
 
 
 def summaries() -> dict[str, str]:

@@ -15,7 +15,8 @@ from pathlib import Path
 from typing import Any
 
 from experiments.drawing import RESULTS
-from sandbox.recordings.campaign import Campaign, write_campaign
+from sandbox.recordings.campaign import Campaign
+from sandbox.recordings.writing import write_campaign
 from sandbox.validation.withheld.draw import Case, draw
 from sandbox.validation.withheld.make import campaign_of
 

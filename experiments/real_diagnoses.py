@@ -25,8 +25,8 @@ from experiments.drawing import COLOURS, RESULTS, new_figure, save, shared
 from experiments.thor_bench import CASES, bench
 from model.drives import laas, thor
 from sandbox.cli import main as command
-from sandbox.recordings.campaign import write_campaign
 from sandbox.recordings.real_campaigns import real_drives
+from sandbox.recordings.writing import write_campaign
 
 HEADS = ("Where?", "Which?", "How far?", "Left?", "note:")
 LAAS_MAP = """[columns]

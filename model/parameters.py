@@ -19,6 +19,8 @@ from model.names import check_name
 
 LARGEST = 1e300
 WAVEFORMS = ("square", "sine", "random")
+LINKS = ("steady", "measured")  # what the true link voltage does, beside effects
+COMMANDS = ("volts", "duties", "nominal")  # what recorded commands are
 
 
 def quantity(unit: str, low: float, high: float, *, default: Any = dataclasses.MISSING) -> Any:
@@ -41,8 +43,8 @@ def check(thing: Any, table: str) -> None:
         if not low <= value <= high:  # NaN lands here too
             bound = f"[{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
             raise BadInput(f"[{table}] {f.name} = {brief(value)} is out of range; give a finite value in {bound}")
-    for name in ("description", "waveform", "transformation", "rotor", "reference"):
-        if not isinstance(getattr(thing, name, ""), str):
+    for name in ("description", "waveform", "transformation", "rotor", "reference", "dc_link", "command"):
+        if not isinstance(getattr(thing, name, "") or "", str):
             raise BadInput(f"[{table}] {name} = {brief(getattr(thing, name))} is not a text; put it in quotes")
     if hasattr(thing, "name"):
         check_name(thing.name, f"[{table}] name")
@@ -108,6 +110,11 @@ class Motor:
 class Converter:
     """The inverter and the current sensors: one sample and one voltage update each sampling period.
 
+    pwm_frequency: one sample a PWM period, or two (double update: half of 1 / sampling_period).  Of recordings only:
+    dc_link: `steady` (nominal but for effects; u_dc is noise about it) or `measured` (as u_dc reads; None: what
+    recordings show); command: u is in `volts` that the drive divides by u_dc, in `duties` (of the link), or divided by
+    the `nominal` voltage; pwm_counts: of the counter in half a PWM period, to which duties are rounded.
+
     readings, pulse_shift: for estimators that read inside the PWM period (usual values where None), not used by others.
     """
 
@@ -119,6 +126,9 @@ class Converter:
     transformation: str = "amplitude-invariant"
     encoder_counts: int | None = quantity("counts per revolution", 1, 1e9, default=None)
     link_noise: float = quantity("V rms of the DC-link reading", 0, 1e4, default=0.0)
+    dc_link: str | None = None
+    command: str = "volts"
+    pwm_counts: int | None = quantity("counts of half a PWM period", 16, 1e9, default=None)
     readings: int | None = quantity("current readings inside a PWM period", 4, 32, default=None)
     pulse_shift: float | None = quantity("of a period, the legs' pulses against each other", 0.01, 0.25, default=None)
 
@@ -126,11 +136,18 @@ class Converter:
         check(self, "drive")
         if self.transformation != "amplitude-invariant":
             raise BadInput(f"[drive] transformation = '{self.transformation}' is not known; only 'amplitude-invariant'")
-        if self.pwm_frequency is not None and not abs(self.pwm_frequency * self.sampling_period - 1.0) < 1e-6:
+        if not any(abs(self.samples_a_period - n) < 1e-6 for n in (1.0, 2.0)):
             raise BadInput(
                 f"[drive] pwm_frequency = {self.pwm_frequency} Hz and sampling_period = {self.sampling_period} s do "
-                "not belong together; one sample a PWM period is simulated: give pwm_frequency = 1 / sampling_period"
+                "not belong together; one or two samples a PWM period are simulated: give 1 / sampling_period, or half "
+                "of it (double update)"
             )
+        if self.dc_link is not None and self.dc_link not in LINKS:
+            raise unknown("[drive] dc_link", self.dc_link, LINKS)
+        if self.command not in COMMANDS:
+            raise unknown("[drive] command", self.command, COMMANDS)
+        if self.pwm_counts is not None and self.pwm_counts != int(self.pwm_counts):
+            raise BadInput(f"[drive] pwm_counts = {self.pwm_counts} is not whole; give the counter's counts")
         if self.readings is not None and self.readings != int(self.readings):
             raise BadInput(f"[drive] readings = {self.readings} is not whole; give a number of readings a period")
         if not self.link_noise <= 0.1 * self.dc_bus_voltage:
@@ -138,6 +155,16 @@ class Converter:
                 f"[drive] link_noise = {self.link_noise:g} V is out of range; duties are formed with that reading: "
                 f"give at most a tenth of dc_bus_voltage = {self.dc_bus_voltage:g} V"
             )
+
+    @property
+    def samples_a_period(self) -> float:
+        """Samples and updates a PWM period: 1, or 2 with double update."""
+        return 1.0 if self.pwm_frequency is None else 1.0 / (self.pwm_frequency * self.sampling_period)
+
+    @property
+    def double(self) -> bool:
+        """Whether duties are updated twice a PWM period: legs rise in one sampling period and fall in the next."""
+        return self.samples_a_period > 1.5
 
     @property
     def voltage_limit(self) -> float:

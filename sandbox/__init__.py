@@ -30,7 +30,9 @@ if TYPE_CHECKING:
     from sandbox.public.catalogue import list_estimators as list_estimators
     from sandbox.public.catalogue import list_motors as list_motors
     from sandbox.public.catalogue import list_scenarios as list_scenarios
+    from sandbox.public.exported import export_estimator as export_estimator
     from sandbox.public.loading import load_estimator as load_estimator
+    from sandbox.public.loading import load_estimator_library as load_estimator_library
     from sandbox.public.loading import load_motor as load_motor
     from sandbox.public.loading import load_scenario as load_scenario
     from sandbox.public.loading import read_campaign as read_campaign
@@ -48,10 +50,10 @@ if TYPE_CHECKING:
     from sandbox.public.showing import view as view
 
 __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
-    "load_motor", "load_scenario", "load_estimator", "read_campaign",
+    "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign",
     "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe", "use_effects",
     "simulate", "compare", "protocol", "bench", "audit", "maps", "identify", "diagnose", "replay",
-    "show", "view",
+    "export_estimator", "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "BadInput", "PhysicsError",
 ]  # fmt: skip
 
@@ -59,7 +61,10 @@ _HOMES = {
     "estimators.contract": ("Estimator", "Belief", "Tuning", "Sample", "Estimate"),
     "model.errors": ("BadInput", "PhysicsError"),
     "sandbox.drive.scenario": ("Scenario", "Segment"),
-    "sandbox.public.loading": ("load_motor", "load_scenario", "load_estimator", "read_campaign", "use_effects"),
+    "sandbox.public.loading": (
+        "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign", "use_effects",
+    ),
+    "sandbox.public.exported": ("export_estimator",),
     "sandbox.public.catalogue": (
         "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe",
     ),

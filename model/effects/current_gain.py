@@ -27,7 +27,7 @@ CARD = Effect(
     parameters=(
         Parameter("gain_a", "", 1.0, 0.2, 5.0, 1.02, ordinary=Ordinary("current_gain", 0.002)),
         Parameter("gain_b", "", 1.0, 0.2, 5.0, 0.99, ordinary=Ordinary("current_gain", 0.002)),
-        Parameter("gain_c", "", 1.0, 0.2, 5.0, 1.0, fit="fixed", change=0.01, ordinary=Ordinary("current_gain", 0.002)),
+        Parameter("gain_c", "", 1.0, 0.2, 5.0, 1.0, change=0.013, ordinary=Ordinary("current_gain", 0.002)),
     ),
     axis="both",
     order="0 (common) and 2 (mismatch)",

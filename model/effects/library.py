@@ -32,6 +32,7 @@ OF_MOTOR = {  # parameters that replace a value of the motor
     **{f"saturation.alpha_{n}": f"alpha_{n}" for n in ("30", "12", "40", "22", "04")},
 }
 FASTEST_FRICTION = 1e6  # 1/s
+LATEST = 3.0  # sampling periods: the latest that a recorded voltage may act
 BEGIN, END = "<!-- table: python -m model.effects.library -->\n", "<!-- end of table -->\n"
 
 
@@ -186,11 +187,32 @@ def _check_sizes(motor: Motor, converter: Converter, v: Mapping[str, float], giv
 
 def _check_timing(converter: Converter, values: Mapping[str, float]) -> None:
     period = converter.sampling_period
-    timing = abs(values["current_sampling.delay"]), values["pwm_delay.delay"] + abs(values["dead_time.time"])
-    if max(timing) >= 0.5 * period:
+    timing = max(abs(values["current_sampling.delay"]), abs(values["dead_time.time"]))
+    if timing >= 0.5 * period:
         raise BadInput(
-            f"current_sampling.delay, or pwm_delay.delay + dead_time.time, = {max(timing):g} s is out of range; "
-            f"give less than half the PWM period of {period:g} s"
+            f"current_sampling.delay or dead_time.time = {timing:g} s is out of range; "
+            f"give less than half the sampling period of {period:g} s"
+        )
+    if values["pwm_delay.delay"] >= LATEST * period:
+        raise BadInput(
+            f"pwm_delay.delay = {values['pwm_delay.delay']:g} s is out of range; give less than {LATEST:g} sampling "
+            f"periods of {period:g} s"
+        )
+
+
+def check_inside(converter: Converter, values: Mapping[str, float]) -> None:
+    """Raise BadInput for completed values that a simulated drive cannot have, though a recorded one may: a voltage that
+    comes so late that its control would know nothing of it."""
+    late, period = values["pwm_delay.delay"] + abs(values["dead_time.time"]), converter.sampling_period
+    if late >= 0.5 * period:
+        raise BadInput(
+            f"pwm_delay.delay + dead_time.time = {late:g} s is out of range; a simulated drive takes less than half "
+            f"the PWM period of {period:g} s"
+        )
+    if converter.double:
+        raise BadInput(
+            f"[drive] pwm_frequency = {converter.pwm_frequency:g} Hz is double update, which only recordings may have; "
+            "give 1 / sampling_period"
         )
 
 

@@ -22,6 +22,7 @@ PARALLEL = ("compare", "protocol", "diagnose")  # use threads
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 
 
+LIBRARY = "an estimator of your own in C, as a shared library (see estimators/c/README.md)"
 OFFLINE = "SENSORLESS_OFFLINE"  # as model.datasets reads it
 
 
@@ -120,7 +121,9 @@ def build_parser() -> Parser:
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
     c = add("simulate", commands.run_simulate, "one run of one estimator")
     _which(c)
-    c.add_argument("--estimator", default="qnull", metavar="NAME or FILE.py", help="(qnull)")
+    one = c.add_mutually_exclusive_group()
+    one.add_argument("--estimator", default="qnull", metavar="NAME or FILE.py", help="(qnull)")
+    one.add_argument("--estimator-library", type=Path, metavar="FILE.so", help=LIBRARY)
     c.add_argument("--belief", default="saturated", choices=("saturated", "linear"), help="(saturated)")
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
     c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
@@ -158,6 +161,10 @@ def build_parser() -> Parser:
     )
     c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
     _peers(c)
+    c = add("export-estimator", commands.run_export, "an estimator as C99 for a target, with a motor's constants")
+    c.add_argument("name", metavar="NAME", help="qnull, inversion or ekf")
+    c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="(ipm_exchanged)")
+    c.add_argument("--belief", default="saturated", choices=("saturated", "linear"), help="(saturated)")
     c = add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second")
     _peers(c)
     c = add("list", commands.run_list, "what there is", writes=False)
@@ -186,6 +193,9 @@ def _which(command: Parser) -> None:
 def _own(command: Parser) -> None:
     text = "an estimator of your own, beside those of --estimators (may be repeated)"
     command.add_argument("--estimator", action="append", default=[], metavar="FILE.py", help=text)
+    command.add_argument(
+        "--estimator-library", action="append", default=[], type=Path, metavar="FILE.so", help=f"{LIBRARY} (repeated)"
+    )
 
 
 def _own_effects(command: Parser) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 import sandbox
 from sandbox.output.files import check_output
@@ -21,6 +22,11 @@ def names_of(text: str | None, usual: Iterable[str] = ()) -> list[str]:
     return list(usual) if text is None else [name.strip() for name in text.split(",") if name.strip()]
 
 
+def own_estimators(options: argparse.Namespace) -> list[Any]:
+    """Return estimators of the user's own: Python files by name, libraries as objects."""
+    return [*options.estimator, *map(sandbox.load_estimator_library, options.estimator_library)]
+
+
 def run_compare(options: argparse.Namespace) -> None:
     """Compare beliefs; write compare.json, .png, .parquet and .rrd."""
     from sandbox.public.printed import print_comparison
@@ -28,7 +34,7 @@ def run_compare(options: argparse.Namespace) -> None:
     check_output(folder_of(options))
     with progress_bar("comparing", options.quiet) as progress:
         result = sandbox.compare(
-            options.motor, options.scenario, names_of(options.estimators) + options.estimator,
+            options.motor, options.scenario, names_of(options.estimators) + own_estimators(options),
             effects=options.effects, seed=options.seed, jobs=options.jobs, progress=progress,
         )  # fmt: skip
     folder = result.save(folder_of(options), csv=options.csv, trace=not options.no_trace)
@@ -48,8 +54,10 @@ def run_simulate(options: argparse.Namespace) -> None:
     check_output(folder)
     if options.record is not None:
         check_new_folder(options.record, folder)
+    library = options.estimator_library
     result = sandbox.simulate(
-        options.motor, options.scenario, options.estimator, belief=options.belief, closed_loop=not options.open,
+        options.motor, options.scenario, sandbox.load_estimator_library(library) if library else options.estimator,
+        belief=options.belief, closed_loop=not options.open,
         duration=options.duration, effects=options.effects, plant=options.plant, seed=options.seed,
         record=options.record,
     )  # fmt: skip
@@ -106,7 +114,7 @@ def run_protocol(options: argparse.Namespace) -> None:
     check_output(folder)
     with progress_bar("protocol", options.quiet) as progress:
         result = sandbox.protocol(
-            names_of(options.estimators, ESTIMATORS) + options.estimator,
+            names_of(options.estimators, ESTIMATORS) + own_estimators(options),
             names_of(options.motors, () if options.motors else usual_motors()), names_of(options.tests, TESTS),
             seed=options.seed, jobs=options.jobs, keep=folder, progress=progress,
         )  # fmt: skip
@@ -116,6 +124,15 @@ def run_protocol(options: argparse.Namespace) -> None:
     if not options.quiet:
         show(result.protocol)
         print(f"results in {folder}")
+
+
+def run_export(options: argparse.Namespace) -> None:
+    """Write an estimator in C with a motor's constants, golden vectors to check it by, and export-estimator.json."""
+    result, folder = sandbox.export_estimator(options.name, options.motor, options.belief), folder_of(options)
+    result.save(folder)
+    if not options.quiet:
+        print(f"{result.name} for {result.motor}: {result.operations.said()}; {result.state_bytes} bytes of state")
+        print(f"{', '.join(result.files)} in {folder}; check them: cc -std=c99 -O2 *.c -lm && ./a.out")
 
 
 def run_bench(options: argparse.Namespace) -> None:

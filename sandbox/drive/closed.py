@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from model.effects.library import friction_rate
+from model.effects.library import check_inside, friction_rate
 from model.energy import AnyEnergy
 from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
@@ -53,6 +53,7 @@ def closed_bench(
     truth: another magnetic model than the motor's.
     """
     values = complete(motor, converter, dict(effects))
+    check_inside(converter, values)
     features = features_of(motor, values) | add.MOVED
     w = batch_of(motor, converter, [values], 1)
     if rotor == "free":

@@ -17,15 +17,14 @@ import numpy as np
 
 from model.effects import library
 from model.errors import PhysicsError
-from sandbox.gap.evidence.discrepancy import Remainder, remainder
+from sandbox.gap.evidence.discrepancy import Remainder, remainder, unlogged_counts
 from sandbox.gap.evidence.fit import Fit, Weights, fit
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
 from sandbox.gap.evidence.noise import floor_of, noise_caution
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.search.estimates import Estimate, estimates
-from sandbox.gap.search.forward import Search, search
-from sandbox.gap.search.judged import Judged
+from sandbox.gap.search.forward import Judged, Search, search
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.search.selection import widened
 from sandbox.gap.search.unfitted import slight
@@ -115,7 +114,7 @@ def diagnose(
     before = fit(start, (), fitted, workers=workers)
     after = fit(_with_effects(before.point, best), best.effects, fitted, workers=workers) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in prepared.recordings])
-    rest = remainder(found.null, best.fit)
+    rest = remainder(found.null, best.fit, unlogged_counts(prepared))
     hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained))
     cost += nominal.simulations + before.simulations + (after.simulations if best.effects else 0)
     return Diagnosis(

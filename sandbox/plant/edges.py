@@ -1,4 +1,4 @@
-"""The edges of one PWM period in order of time: centred pulses, as commanded.
+"""The edges of one PWM period in order of time: centred pulses, as commanded; or of half a period, at double update.
 
 Time runs from the start of the pattern, which is later than the sample t_k by the pattern's delay.
 """
@@ -49,12 +49,28 @@ def pulse(room, n, leg, period):
     return put(room, n, period - side + late, leg, -1.0, 0.0 if duty >= 1.0 else on)
 
 
+@inlined
+def half_pulse(room, n, leg, period, half):
+    """Sort in a leg's edge of half a PWM period (s): it rises (half 1) or falls (-1); an edge that is none is last."""
+    duty = room.duty[leg]
+    time = (1.0 - duty) * period if half > 0 else duty * period
+    if half > 0:
+        real = 0.0 if duty <= 0.0 or (duty >= 1.0 and room.before[leg] >= 1.0) else 1.0
+    else:
+        real = 0.0 if duty >= 1.0 or (duty <= 0.0 and room.before[leg] <= 0.0) else 1.0
+    n = put(room, n, time, leg, float(half), real)
+    return put(room, n, period, leg, 0.0, 0.0)
+
+
 @kernel
 def write_edges(room, period):
-    """Write the edges of a period (s) from its duties, the last period's, and how late pulses are moved."""
-    n = pulse(room, 0, 0, period)
-    n = pulse(room, n, 1, period)
-    pulse(room, n, 2, period)
+    """Write the edges of a period (s) from its duties, the last period's, and how late pulses are moved.
+
+    room.half: 0, or with double update 1 (legs rise, all are on at the end) and -1 (all are on at first, they fall).
+    """
+    n, half = 0, room.half
+    for leg in range(3):
+        n = pulse(room, n, leg, period) if half == 0 else half_pulse(room, n, leg, period, half)
     for g in range(EDGES):
         leg = room.leg[g]
         room.x[g] = 1.0 if leg == 0 else -0.5

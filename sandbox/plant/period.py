@@ -70,16 +70,22 @@ def facing_at(course, t):
 
 @kernel
 def open_period(w, room):
-    """Begin a period: legs that were on to the end fall now, late by what the current says."""
+    """Begin a period: legs that were on to the end fall now, late by what the current says; with double update those
+    rise that were off to the end of the half before."""
     for leg in range(3):
-        if room.before[leg] >= 1.0 and room.duty[leg] < 1.0:
+        side = -1.0
+        if room.half < 0:
+            side = 1.0 if room.before[leg] <= 0.0 and room.duty[leg] > 0.0 else 0.0
+        elif not (room.before[leg] >= 1.0 and room.duty[leg] < 1.0):
+            side = 0.0
+        if side != 0.0:
             x, y, acts = LEG_X[leg], LEG_Y[leg], room.acts[EDGES + leg]
             latest = 0.0
             for j in range(w.psi_a.size):
                 sign = min(max((x * w.i_a[j] + y * w.i_b[j]) * w.soft[j], -1.0), 1.0)
-                acts[j] = ports.edge(w, j, sign, -1.0)
+                acts[j] = ports.edge(w, j, sign, side)
                 latest = max(latest, acts[j])
-            wait(room, EDGES + leg, latest, x, y, -1.0)
+            wait(room, EDGES + leg, latest, x, y, side)
 
 
 @inlined
@@ -98,6 +104,10 @@ def take_turn(w, room, g, t, tardy):
         before = room.acts[mate]
         for j in range(w.psi_a.size):
             w.late[j] = max(w.late[j], before[j] - t)
+    elif room.half < 0 and room.until[EDGES + leg] > t:  # its rise, in the half before, still waits
+        left = room.acts[EDGES + leg]
+        for j in range(w.psi_a.size):
+            w.late[j] = max(w.late[j], left[j] - t)
     for j in range(w.psi_a.size):
         own[j] = t + w.late[j]
     if room.side[g] > 0.0 and room.until[EDGES + leg] > t:
@@ -217,8 +227,11 @@ def first_instant(w, features, timing, room):
     """Do what belongs to the pattern's start, its current known: sag of the link, legs that fall now, sampling."""
     if features & add.DRAWN:
         add.draw(w, room.duty[0], room.duty[1], room.duty[2])
-    if timing.tardy > 0.0 and max(room.before[0], room.before[1], room.before[2]) >= 1.0:
-        open_period(w, room)
+    if timing.tardy > 0.0:
+        least = min(room.before[0], room.before[1], room.before[2])
+        most = max(room.before[0], room.before[1], room.before[2])
+        if (least <= 0.0) if room.half < 0 else (most >= 1.0):
+            open_period(w, room)
     if timing.first == 0.0 and timing.last == 0.0:
         hold_start(w, features)
     for j in range(w.psi_a.size):

@@ -106,6 +106,16 @@ def rows_of(motor: Motor, converter: Converter, v: Set) -> dict[str, float]:
     return rows
 
 
+def whole_periods(v: Set, period: float) -> int:
+    """Return by how many whole periods (s) a completed set's voltage comes later than its sample is taken."""
+    return max(0, math.floor((v["pwm_delay.delay"] - v["current_sampling.delay"]) / period))
+
+
+def earlier(v: Set, periods: int, period: float) -> dict[str, float]:
+    """Return a completed set whose voltage comes earlier by so many whole periods (s)."""
+    return {**v, "pwm_delay.delay": v["pwm_delay.delay"] - periods * period}
+
+
 def features_of(motor: Motor, v: Set) -> int:
     """Return what a completed set needs beside the bare plant (bits of `sandbox.plant.additions`)."""
     neutral, out = library.neutral(motor), 0

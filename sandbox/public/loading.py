@@ -116,8 +116,9 @@ def load_estimator(estimator: AnyEstimator = "qnull") -> Estimator:
     Parameters
     ----------
     estimator : str, Path or Estimator
-        A name of `list_estimators`, a Python file that defines `ESTIMATOR`, or an estimator, which is returned as
-        it is. A file is run: only take one that you trust.
+        A name of `list_estimators`, a Python file that defines `ESTIMATOR`, a shared library (see
+        `load_estimator_library`), or an estimator, which is returned as it is. A file is run: only take one that you
+        trust.
 
     Returns
     -------
@@ -142,6 +143,37 @@ def load_estimator(estimator: AnyEstimator = "qnull") -> Estimator:
         if not isinstance(estimator, Estimator):
             _text(estimator, "estimator", "an Estimator")
     return registry.load_estimator(estimator)
+
+
+def load_estimator_library(path: str | Path) -> Estimator:
+    """Return an estimator written in C (or anything that calls like it), run in the compiled loop at full speed.
+
+    Parameters
+    ----------
+    path : str or Path
+        A shared library with the functions of `estimators/c/sensorless_estimator.h`, in float or double
+        (estimators/c/README.md). Its code is run: only take one that you trust.
+
+    Returns
+    -------
+    Estimator
+        For `simulate`, `compare` and `protocol`; the same object again while the file is the same.
+
+    Raises
+    ------
+    BadInput
+        For a file that does not exist or is no library, a function that is missing, another ABI, or a state of an
+        impossible size.
+
+    Examples
+    --------
+    >>> from sandbox import load_estimator_library, simulate
+    >>> simulate("ipm_exchanged", "staircase", load_estimator_library("mine.so"))  # doctest: +SKIP
+    <SimulationResult: mine saturated, ipm_exchanged, staircase, ...>
+    """
+    if not isinstance(path, (str, Path)):
+        _text(path, "estimator library", "a library")
+    return registry.load_estimator_library(path)
 
 
 def read_campaign(

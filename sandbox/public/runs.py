@@ -284,7 +284,7 @@ def simulate(
     result, gains = single(drive, scene, own, belief, closed_loop, seed, added, plant)
     if record is not None:
         from sandbox.drive.record import campaign_of
-        from sandbox.recordings.campaign import write_campaign
+        from sandbox.recordings.writing import write_campaign
 
         name = fitting(Path(record).name, "campaign")
         write_campaign(record, campaign_of(drive, scene, result.runs[0].recording, name))

@@ -7,11 +7,7 @@ transformation amplitude-invariant).  Only this module imports pyarrow, lazily.
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-import os
-import shutil
-import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, brief, shown, unknown
-from model.mapped import without_map
 from model.names import check_file, check_name, fitting
 from model.parameters import Converter, Drive, Injection, Motor, build, finite, read_toml, texts
 
@@ -198,11 +193,22 @@ def assemble(
         raise BadInput(f"{source}: {error}") from None
     for r in recordings:
         _check_period(r, converter.sampling_period)
+    recordings = tuple(in_volts(r, converter) for r in recordings)
+    converter = dataclasses.replace(converter, command="volts")
     provenance = texts(table_of(data, "provenance"))
     return Campaign(
         own_name, Drive(motor, converter, injection, provenance), recordings,
         uncertainty, background, from_data,
     )  # fmt: skip
+
+
+def in_volts(r: CampaignRecording, converter: Converter) -> CampaignRecording:
+    """Return a recording whose commands are volts that a drive divides by u_dc of the row (`Converter.command`)."""
+    if converter.command == "volts":
+        return r
+    factor = r.u_dc if converter.command == "duties" else r.u_dc / (r.dc_bus_voltage or converter.dc_bus_voltage)
+    volts = {name: factor * r[name] for name in ("u_alpha", "u_beta")}
+    return dataclasses.replace(r, columns={**r.columns, **volts})
 
 
 def table_of(data: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -341,55 +347,3 @@ def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:
         if (finite(value) or 0.0) < 0.0 or finite(value) is None:
             raise BadInput(f"[{table}] {key} = {brief(value)} is no standard deviation; give a finite number >= 0")
     return {k: float(v) for k, v in values.items()}
-
-
-def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
-    """Write a campaign as a new folder, whole or not at all; returns it.  BadInput where it exists already."""
-    import pyarrow
-    from pyarrow import parquet
-
-    folder = Path(folder)
-    if folder.exists():
-        raise BadInput(f"folder '{folder}' exists already; give a new one or remove it first")
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    try:
-        (partial / "campaign.toml").write_text(_toml(campaign), encoding="utf-8")
-        for r in campaign.recordings:
-            (partial / r.file).parent.mkdir(parents=True, exist_ok=True)
-            parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file)
-        partial.chmod(0o755)
-        os.replace(partial, folder)
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
-    return folder
-
-
-def _toml(c: Campaign) -> str:
-    motor = {k: v for k, v in dataclasses.asdict(without_map(c.drive.motor)).items() if k != "name" and v != ""}
-    if c.rated_from_data:
-        motor = {k: v for k, v in motor.items() if k not in RATED}
-    tables: list[tuple[str, Mapping[str, Any]]] = [
-        ("[campaign]", {"name": c.name}),
-        ("[drive]", dataclasses.asdict(c.drive.converter)),
-        ("[motor]", motor),
-        ("[uncertainty]", c.uncertainty),
-        ("[background]", c.background),
-        ("[injection]", dataclasses.asdict(c.drive.injection)),
-        ("[provenance]", c.drive.provenance),
-    ]
-    for r in c.recordings:
-        tables.append(("[[recording]]", {key: getattr(r, key) for key in OF_RECORDING}))
-    return "\n".join(
-        head
-        + "\n"
-        + "".join(f"{_key(k)} = {json.dumps(v, ensure_ascii=False)}\n" for k, v in t.items() if v is not None)
-        for head, t in tables
-        if t
-    )
-
-
-def _key(name: str) -> str:
-    """Return a TOML key, in quotes where a bare one could not hold it."""
-    bare = name.replace("_", "").replace("-", "")
-    return name if bare.isascii() and bare.isalnum() else json.dumps(name, ensure_ascii=False)

@@ -27,6 +27,7 @@ from sandbox.recordings.campaign import (
     table_of,
 )
 from sandbox.recordings.column_map import KIND, Column, contract, parse_columns
+from sandbox.recordings.conventions import with_link
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.plausibility import check
 
@@ -70,7 +71,8 @@ def read_recordings(path: str | Path, columns: Path | None = None, rotors: Seque
         recordings.append(CampaignRecording(file, rotor, axis, values, link))
         findings += notes + moved
     campaign = assemble(data, tuple(recordings), folder.resolve().name, source, folder)
-    return dataclasses.replace(campaign, findings=(*findings, *check(recordings, campaign.drive)))
+    found = dataclasses.replace(campaign, findings=(*findings, *check(campaign.recordings, campaign.drive)))
+    return with_link(found)
 
 
 def _tables(folder: Path, columns: Path | None) -> tuple[dict[str, Any], dict[str, Column], str]:

@@ -75,8 +75,9 @@ class Balance:
         return float(np.sum(np.abs(self.rest) ** 2)) / total if total > 0.0 else 0.0
 
 
-def balance(columns: Columns, drive: Drive) -> Balance:
-    """Return the flux balance of a recording's columns with the nominal linear model."""
+def balance(columns: Columns, drive: Drive, window: int | None = None) -> Balance:
+    """Return the flux balance of a recording's columns with the nominal linear model, over windows of so many samples
+    (None: as many as keep the voltage)."""
     m, h = drive.motor, drive.converter.sampling_period
     u = columns["u_alpha"] + 1j * columns["u_beta"]
     a, b, c = (columns[n] for n in PHASES)
@@ -84,7 +85,7 @@ def balance(columns: Columns, drive: Drive) -> Balance:
     turn = np.exp(1j * columns["theta"])
     half_sum, half_gap = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
     psi = half_sum * i + half_gap * turn**2 * np.conj(i) + m.magnet_flux * turn
-    size = _window(u)
+    size = window or _window(u)
     ends = np.arange(0, len(u), size)
     flux = np.concatenate([[0j], np.cumsum(h * u[:-1])])
     drop = np.concatenate([[0j], np.cumsum(0.5 * h * m.resistance * (i[:-1] + i[1:]))])

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording, Finding
+from sandbox.recordings.conventions import shifted
 from sandbox.recordings.mistakes import PHASES, contradictions
 from sandbox.recordings.staircase import LARGEST_TURN, check_sensors
 
@@ -31,7 +32,7 @@ def check(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding
     for r in recordings:
         findings += link_voltage(r, drive)
         findings += current_sensors(r, drive)
-    findings += contradictions(recordings, drive)
+    findings += contradictions(recordings, drive) + shifted(recordings, drive)
     for r in recordings:
         findings += voltage_limit(r)
         findings += angle(r, drive)

@@ -44,7 +44,6 @@ class Inputs:
     angle_floor: float  # rad rms of one encoder reading
     pole_pairs: float
     loaded: bool  # current flows at the first sample
-    link: float = 1.0  # nominal link voltage over the drive's
 
     @property
     def samples(self) -> int:
@@ -118,7 +117,7 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
         raise BadInput(f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V; duties need a positive link voltage")
     count = math.tau * motor.pole_pairs / converter.encoder_counts if converter.encoder_counts else 1e-4
     variance = max(count, 1e-9) ** 2 / 12.0
-    duty = np.ascontiguousarray(duties(r.u_alpha, r.u_beta, r.u_dc).T)
+    duty = np.ascontiguousarray(counted(duties(r.u_alpha, r.u_beta, r.u_dc), converter.pwm_counts).T)
     load = np.array(r.columns.get("load_torque", np.zeros(n)), dtype=float)
     motion = _motion(campaign, r, base, load, count)
     gains = np.zeros((n, 3))
@@ -129,6 +128,8 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
     course = course_of(motion, motor.pole_pairs, period)
     read = np.array(r.theta, dtype=float)
     columns = {f"d_{x}": d for x, d in zip("abc", duty, strict=True)} | course
+    half = 1.0 - 2.0 * (np.arange(n) % 2) if converter.double else np.zeros(n)
+    columns |= {"half": half, "link": link_of(r, converter)}
     columns |= {"load": load, "read": read, "gain_angle": gains[:, 0], "gain_speed": gains[:, 1], "scale": gains[:, 2]}
     track = with_columns(np.zeros(n, TRACK), columns)
     read_currents = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
@@ -137,8 +138,23 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
     return Inputs(
         r.file, r.rotor, track, read_currents, motion, math.sqrt(variance), float(motor.pole_pairs),
         current > AT_REST * motor.rated_current,
-        (r.dc_bus_voltage or converter.dc_bus_voltage) / converter.dc_bus_voltage,
     )  # fmt: skip
+
+
+def link_of(r: CampaignRecording, converter: Converter) -> Array:
+    """Return the link's voltage over [drive]'s nominal one, mean over the period from each sample on (n,).
+
+    A `measured` link goes straight from reading to reading; a steady one is what the recording says it is.
+    """
+    if converter.dc_link == "measured":
+        after = np.append(r.u_dc[1:], r.u_dc[-1])
+        return np.asarray(0.5 * (r.u_dc + after) / converter.dc_bus_voltage)
+    return np.full(len(r.t), (r.dc_bus_voltage or converter.dc_bus_voltage) / converter.dc_bus_voltage)
+
+
+def counted(duty: Array, counts: int | None) -> Array:
+    """Return duties as a PWM counter of so many counts in half a period has them (None: no rounding known)."""
+    return duty if counts is None else np.round(duty * counts) / counts
 
 
 def load_share(campaign: Campaign) -> float:

@@ -13,6 +13,8 @@ from sandbox.plant.sampling import deviate, hold_start, read
 
 TRACK = np.dtype([(name, np.float64) for name in (
     "d_a", "d_b", "d_c",  # duties
+    "half",  # of a PWM period, at double update: 1 legs rise, -1 they fall; else 0
+    "link",  # the link's mean voltage over the period, in nominal ones
     "cos", "sin", "rate", "bend", "jerk",  # the encoder's angle over the period, about its middle (`Course`)
     "speed", "turn",  # its speed (rad/s electrical) and mechanical angle (rad) at the sample
     "load",  # asked for, N m
@@ -76,7 +78,7 @@ def run(w, flux_map, timing, features, room, track, eccentric, out, moved, first
     track: (n,) of TRACK; eccentric: the angle handed in still holds what encoders are off."""
     n, lanes, period = len(track), w.psi_a.size, timing.period
     looks, seen = np.empty(0), np.empty((0, 2))
-    span, wobbling = 0.0, features & add.WOBBLE != 0 and eccentric
+    span, wobbling, supply = 0.0, features & add.WOBBLE != 0 and eccentric, w.supply.copy()
     if wobbling:
         deviate(w, track[0].turn)
         deviate(w, track[0].turn)
@@ -94,7 +96,11 @@ def run(w, flux_map, timing, features, room, track, eccentric, out, moved, first
         for m in range(3):
             room.before[m] = room.duty[m]
         room.duty[0], room.duty[1], room.duty[2] = row.d_a, row.d_b, row.d_c
+        room.half = int(row.half)
         write_edges(room, period)
+        for j in range(lanes):
+            w.supply[j] = row.link * supply[j]
+            w.link[j] = w.supply[j] - w.sunk[j]
         course = Course(row.cos, row.sin, 0.5 * period, 0.0, row.rate, row.bend, row.jerk, row.speed, 0.0, 0.0)
         span = travel(w, flux_map, timing, features, room, course, k * period, span, looks, seen)
         read(w)

@@ -32,9 +32,9 @@ from model.frames import stationary
 from model.spline import SplineEnergy
 from sandbox.plant import additions, ports
 from sandbox.plant.batch import FEW, LANES, blank_room
-from sandbox.plant.sets import batch_of, complete, features_of, timing_of
+from sandbox.plant.sets import batch_of, complete, earlier, features_of, timing_of, whole_periods
 from sandbox.recordings.campaign import Campaign
-from sandbox.replay.inputs import Inputs, inputs_of, noise_floor, readings_off
+from sandbox.replay.inputs import Inputs, inputs_of, noise_floor, readings_off, with_columns
 from sandbox.replay.kernel import run
 
 Array = NDArray[np.float64]
@@ -182,12 +182,14 @@ def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
 
 @dataclass(frozen=True)
 class Block:
-    """Up to LANES sets that run together: their places, the batch, lock angles, common features."""
+    """Up to LANES sets that run together: their places, the batch, lock angles, common features; late: whole periods
+    by which the voltage of all of them comes later."""
 
     members: tuple[int, ...]
     batch: Any
     lock: Array
     features: int
+    late: int = 0
 
     @property
     def lanes(self) -> int:
@@ -200,30 +202,34 @@ def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
     drive = prepared.campaign.drive
     complete_sets = [complete(drive.motor, drive.converter, s) for s in sets]
     needs = [features_of(drive.motor, v) for v in complete_sets]
-    order = sorted(range(len(sets)), key=lambda k: (needs[k].bit_count(), needs[k]))
-    if len(order) <= LANES:
-        order = list(range(len(sets)))
-    return [block_of(prepared, order[k : k + LANES], complete_sets) for k in range(0, len(order), LANES)]
+    period, out = drive.converter.sampling_period, []
+    late = [whole_periods(v, period) for v in complete_sets]
+    for periods in sorted(set(late)):
+        order = [k for k in range(len(sets)) if late[k] == periods]
+        if len(order) > LANES:
+            order.sort(key=lambda k: (needs[k].bit_count(), needs[k]))
+        out += [block_of(prepared, order[k : k + LANES], complete_sets) for k in range(0, len(order), LANES)]
+    return out
 
 
 def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence[Set]) -> Block:
-    """Return one block; free lanes repeat its first set."""
+    """Return one block of sets, as many whole periods late as the first of them; free lanes repeat that one."""
     drive = prepared.campaign.drive
-    own = [complete_sets[k] for k in members]
+    period = drive.converter.sampling_period
+    late = whole_periods(complete_sets[members[0]], period)
+    own = [earlier(complete_sets[k], late, period) for k in members]
     features = 0
     for v in own:
         features |= features_of(drive.motor, v)
     lanes = FEW if len(own) <= FEW else LANES
     own += [own[0]] * (lanes - len(own))
     lock = np.array([v["bench.lock_angle"] for v in own])
-    return Block(tuple(members), batch_of(drive.motor, drive.converter, own, lanes), lock, features)
+    return Block(tuple(members), batch_of(drive.motor, drive.converter, own, lanes), lock, features, late)
 
 
 def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Array, first: int) -> None:
     """Replay one recording through one block into columns first ... of out (n, 3, ...) and moved (n, ...)."""
     w, drive = block.batch.copy(), prepared.campaign.drive
-    w["supply"] *= r.link
-    w["link"] *= r.link
     if r.rotor == "locked":
         w["offset"] -= block.lock
         w["off_c"], w["off_s"] = np.cos(w["offset"]), np.sin(w["offset"])
@@ -232,7 +238,18 @@ def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Ar
     features = block.features | (additions.MOTION if r.rotor == "free" else 0)
     _start(w, r, flux_map)
     timing = timing_of(w, drive.converter.sampling_period, prepared.steps)
-    run(w, flux_map, timing, features, blank_room(block.lanes), r.track, r.motion.eccentric, out, moved, first)
+    track = later(r.track, block.late)
+    run(w, flux_map, timing, features, blank_room(block.lanes), track, r.motion.eccentric, out, moved, first)
+
+
+def later(track: Any, periods: int) -> Any:
+    """Return a track whose commands act so many whole periods later; before them, none."""
+    if not periods:
+        return track
+    columns = {}
+    for name in ("d_a", "d_b", "d_c"):
+        columns[name] = np.concatenate([np.full(periods, 0.5), track[name]])[: len(track)]
+    return with_columns(track, columns)
 
 
 def _start(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:

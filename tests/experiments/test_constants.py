@@ -22,7 +22,7 @@ from experiments.constants import (
 from model.errors import BadInput
 from sandbox.gap.evidence import priors
 from sandbox.gap.search import multistart, posterior
-from sandbox.recordings.campaign import write_campaign
+from sandbox.recordings.writing import write_campaign
 from sandbox.validation.scoring.running import code_digest
 from tests.sandbox.gap.conftest import CASES, small_campaign
 

@@ -18,8 +18,9 @@ from sandbox.drive.design import design
 from sandbox.drive.locked_test import Bench, paper_campaign
 from sandbox.drive.scenario import SCENARIOS, load_scenario
 from sandbox.output.files import plain
-from sandbox.recordings.campaign import read_campaign, write_campaign
+from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.importing import read_recordings
+from sandbox.recordings.writing import write_campaign
 from sandbox.validation.scoring.blind import score
 from sandbox.validation.scoring.tables_of_rows import Scores, table
 from tests.fuzz.doors import Door, Outcome, called

@@ -10,6 +10,7 @@ Gaussian of STRETCH standard deviations rather than one.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 
@@ -17,10 +18,13 @@ import numpy as np
 
 from sandbox.gap.evidence.fit import Fit, stray
 from sandbox.gap.evidence.gap_size import rms
+from sandbox.replay.inputs import counted, with_columns
+from sandbox.replay.replay import Prepared, replay
 
 FLOOR = 0.012  # of J^2: what the simulator misses of a bench without a gap
 SHARE = 3e-4  # of the gap before: what it misses of an effect it knows
 IMITATED = (0.0, 0.002, 0.005, 0.1)  # odds that so many named effects only imitate what is missing
+COUNTS = 4096  # of half a PWM period: usual, and seldom logged
 STRETCH = 4.0  # standard deviations of a deviation that imitation stretches
 WEIGHTS = (-3.3, 4.0)  # logistic: constant, slope against the logarithm of the remainder over what it misses
 
@@ -35,12 +39,31 @@ class Remainder:
     unknown: float
 
 
-def remainder(before: Fit, after: Fit) -> Remainder:
+def unlogged_counts(prepared: Prepared) -> float:
+    """Return the excess J^2 that a PWM counter of COUNTS leaves by rounding duties; none where the campaign states one.
+
+    Rounding is replayed as a voltage that comes beside the commands; it depends on link, period and inductance alone.
+    """
+    if prepared.campaign.drive.converter.pwm_counts is not None:
+        return 0.0
+    rounded = []
+    for r in prepared.recordings:
+        duty = {name: counted(r.track[name], COUNTS) for name in ("d_a", "d_b", "d_c")}
+        rounded.append(dataclasses.replace(r, track=with_columns(r.track, duty)))
+    one, other = (
+        replay(p, [{}]).currents for p in (prepared, dataclasses.replace(prepared, recordings=tuple(rounded)))
+    )
+    squares = sum(float(np.sum((a - b) ** 2)) for a, b in zip(one, other, strict=True))
+    excess = squares / prepared.floor**2 / (3.0 * prepared.samples)
+    return excess if math.isfinite(excess) else 0.0
+
+
+def remainder(before: Fit, after: Fit, unlogged: float = 0.0) -> Remainder:
     """Return what remains of the gap, on all recordings; before, after: fits to all of them, without and with the best
-    hypothesis."""
+    hypothesis; unlogged: excess J^2 that ordinary rounding may leave."""
     every = range(1 + max(s.recording for s in before.normal.segments))
     j0, j1 = rms(before.normal, every) ** 2 - 1.0, rms(after.normal, every) ** 2 - 1.0
-    ratio = max(j1, 1e-4) / (FLOOR + SHARE * max(j0, 0.0))
+    ratio = max(j1, 1e-4) / (FLOOR + unlogged + SHARE * max(j0, 0.0))
     odds = math.exp(WEIGHTS[0] + WEIGHTS[1] * math.log(ratio))
     if after.effects:
         odds += IMITATED[min(len(after.effects), len(IMITATED) - 1)] * stretched(after)

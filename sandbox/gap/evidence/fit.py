@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
-from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
+from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
 
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
@@ -31,8 +31,9 @@ DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
 STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken
 CHORDS = 4  # steps on the same slopes: more of them would only creep
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
-NEARLY = 0.98  # of the way to where an effect's prior ends: the value leans on it
 SMOOTHINGS = 2  # of a free rotor's motion
+SMOOTHER = 3.0  # of the objective that smoothing again must gain
+WIDENED = 4  # times that bounds of the search double, or the motion is smoothed again
 
 
 @dataclass(frozen=True)
@@ -51,12 +52,16 @@ class Fit:
         return self.normal.coordinates
 
 
-def coordinates_of(point: Point, effects: Sequence[str]) -> list[Coordinate]:
-    """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others."""
+def coordinates_of(point: Point, effects: Sequence[str], begun: Point | None = None) -> list[Coordinate]:
+    """Return the ordinary coordinates, those that an effect widens replaced, then the effects' others.
+
+    begun: where the fit began, if not at the point.
+    """
     campaign = point.prepared.campaign
     wide: dict[str, Coordinate] = {}
     for effect in effects:
-        wide |= {c.label: c for c in of_effect(effect, campaign.drive, point.values)}
+        start = (begun or point).values
+        wide |= {c.label: c for c in of_effect(effect, campaign.drive, start, point.values)}
     own = ordinary(campaign)
     known = {c.label for c in own}
     return [wide.get(c.label, c) for c in own] + [c for c in wide.values() if c.label not in known]
@@ -68,14 +73,34 @@ def fit(
     weights: Weights,
     *,
     workers: int = 1,
-    widenings: int = 1,
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
-    widenings: how often the end of a prior, which is no bound of physics, gives way to a value that leans on it.
+    Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free
+    rotors' motion, smoothed again at the point that was found, fits better.
+    """
+    found, smoother = _within_bounds(start, start, effects, weights, workers)
+    for _ in range(WIDENED):
+        claimed = [c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)]
+        if all(reach(c, found.point.values) <= FARTHEST for c in claimed) and smoother < SMOOTHER:
+            break
+        at = found.point.resmoothed() if smoother >= SMOOTHER else found.point
+        further, smoother = _within_bounds(at, start, effects, weights, workers)
+        cost = found.simulations + further.simulations
+        if not further.objective < found.objective - TOLERANCE:
+            return replace(found, simulations=cost)
+        found = replace(further, simulations=cost)
+    return found
+
+
+def _within_bounds(
+    start: Point, begun: Point, effects: Sequence[str], weights: Weights, workers: int
+) -> tuple[Fit, float]:
+    """Return the same within the bounds of the search as they are at the start, and what smoothing again would gain.
+
     Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
     """
-    coordinates = coordinates_of(start, effects)
+    coordinates = coordinates_of(start, effects, begun)
     point, n = start, normal(start, coordinates, workers=workers)
     prior = prior_of(n.coordinates)
     value, cost = objective(n, prior, weights), n.simulations
@@ -105,17 +130,10 @@ def fit(
         n = normal(point, coordinates, workers=workers)
         value, cost = objective(n, prior, weights), cost + n.simulations
         taken, own = taken + 1, 0
-    found = Fit(tuple(effects), point, n.bare(), value, cost)
-    if widenings and at_reach(found):
-        more = fit(point, effects, weights, workers=workers, widenings=widenings - 1)
-        return replace(more, simulations=more.simulations + cost)
-    return found
-
-
-def at_reach(f: Fit) -> bool:
-    """Return whether a value of an effect stands where its prior ends, not at a bound of physics."""
-    claimed = [(c, x) for c, x in zip(f.coordinates, f.normal.x, strict=True) if c.effect in f.effects]
-    return any(abs(x - c.mean) > NEARLY * c.within * c.deviation for c, x in claimed if math.isfinite(c.within))
+    smoother = 0.0
+    if effects and any(r.rotor == "free" for r in point.prepared.recordings):
+        smoother, cost = value - tried(n, point.resmoothed(), prior, weights, workers)[0], cost + 1.0
+    return Fit(tuple(effects), point, n.bare(), value, cost), smoother
 
 
 def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:

@@ -20,8 +20,8 @@ from sandbox.replay.sensitivity import mechanical_only
 
 Set = Mapping[str, float]
 WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
-WIDENS = 2.0  # times as far as it stands that an effect may go further
-FARTHEST = 4.0  # standard deviations that an effect may move
+FARTHEST = 4.0  # standard deviations that an effect may move before its bounds widen
+REACHED = 0.99  # of them: a value there is at its bound
 ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
 SOFT_SPREAD = 0.5  # standard deviation of the logarithm of the width in which the sign of a current goes through zero
 
@@ -139,10 +139,11 @@ def seen(deviation: float) -> float:
     return deviation / (1.0 - min(3.0 * deviation, 0.6))
 
 
-def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:
+def of_effect(effect: str, drive: Drive, start: Set, at: Set | None = None) -> list[Coordinate]:
     """Return an effect's coordinates with their wide priors: about neutral, or about where a search starts.
 
-    start: completed set with the effect's companions (time constants, frequencies, ...) at the values to start from.
+    start: completed set with the effect's companions (time constants, frequencies, ...) at the values to start from;
+    at: where a fit stands, if not there: bounds that it has reached widen.
     """
     card = library.load_effect(effect)
     out: list[Coordinate] = []
@@ -163,15 +164,15 @@ def of_effect(effect: str, drive: Drive, start: Set) -> list[Coordinate]:
         else:
             own, away = p.same_as or name, p.reach_for(drive.motor, drive.converter)
             out.append(Coordinate(own, neutral, WIDE * away, "linear", (own,)))
-    return [replace(c, within=reach_of(c, start)) for c in out]
+    return [replace(c, within=reach(c, at or start)) for c in out]
 
 
-def reach_of(c: Coordinate, start: Set) -> float:
-    """Return how many deviations an effect may go from its mean: twice as far as it stands, where that is far.
-
-    So this bound, which follows from no physics, gives way where the data pushes a value against it.
-    """
-    return max(FARTHEST, WIDENS * abs(c.value(start) - c.mean) / c.deviation) if math.isfinite(c.mean) else FARTHEST
+def reach(c: Coordinate, values: Set) -> float:
+    """Return how many deviations an effect's coordinate may move: FARTHEST, twice as far as a point that is there."""
+    if c.form in ("share", "cosine", "sine"):
+        return FARTHEST
+    at = abs(c.value(values) - c.mean) / c.deviation
+    return 2.0 * at if math.isfinite(at) and at >= REACHED * FARTHEST else FARTHEST
 
 
 def amplitudes(card: Effect) -> dict[str, str]:

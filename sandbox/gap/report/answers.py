@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
@@ -45,6 +47,7 @@ class Answers:
         return verdict(self.diagnosis)
 
 
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of absurd sets: nothing is probable there
 def answer(
     campaign: Campaign,
     *,
@@ -111,8 +114,8 @@ def which_text(a: Answers) -> str:
         chance = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
         if not named:
             return f"None in the library: that something it does not hold is at work is {likely(chance)}."
-        besides = f"something outside the library is at work, {likely(chance)}"
-        return f"{capital(names(named))}, but not alone: {besides}."
+        besides = f"Something outside the library is at work, {likely(chance)}"
+        return f"{besides}; beside it, and less surely the more there is of it: {names(named)}."
     if a.verdict == "ambiguous":
         told = "; or ".join(f"{names(h.effects)} ({percent(h.probability)})" for h in d.ambiguity_set)
         return f"These recordings cannot tell apart: {told}."

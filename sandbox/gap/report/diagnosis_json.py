@@ -74,7 +74,7 @@ def contract(
 
 def parameter(e: Estimate) -> dict[str, Any]:
     """Return one parameter as the contract has it."""
-    return {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit, **({"at_bound": True} if e.at_bound else {})}
+    return {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} | ({"at_bound": True} if e.at_bound else {})
 
 
 def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:

@@ -66,7 +66,7 @@ def quantity(e: Estimate) -> str:
     value, low, high = (_digits(x / scale, (e.high - e.low) / scale) for x in (e.value, e.low, e.high))
     unit = prefix + SIGNS.get(e.unit, e.unit)
     fixed = "" if e.low == e.high else f" [{low}, {high}]"
-    return f"{value}{' ' + unit if unit else ''}{fixed}{' (at its bound)' if e.at_bound else ''}"
+    return f"{value}{' ' + unit if unit else ''}{fixed}{' (at the bound of the search)' if e.at_bound else ''}"
 
 
 def _digits(x: float, width: float) -> str:

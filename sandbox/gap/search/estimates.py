@@ -21,7 +21,7 @@ TRACES = 0.5  # of the move that traces of other effects bring, taken as one sta
 
 @dataclass(frozen=True)
 class Estimate:
-    """A parameter by its public name: value, 95 % interval, unit; whether the value is held at a bound."""
+    """A parameter by its public name: value, 95 % interval, unit; whether it is held at a bound of the search."""
 
     value: float
     low: float
@@ -54,7 +54,7 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     above = np.where(x < prior.high, tails, 0.0) + Z * wider
     out: dict[str, Estimate] = {}
     for effect in j.effects:
-        out |= _of_effect(effect, j, x, wider, (x - below, x + above), place, held)
+        out |= _of_effect(effect, j, x, wider, (x - below, x + above), place, free)
     return out
 
 
@@ -70,7 +70,7 @@ def _of_effect(
     sd: Array,
     reach: tuple[Array, Array],
     place: Mapping[str, int],
-    held: NDArray[np.bool_],
+    free: NDArray[np.bool_],
 ) -> dict[str, Estimate]:
     card = library.load_effect(effect)
     out: dict[str, Estimate] = {}
@@ -91,7 +91,7 @@ def _of_effect(
             k = place[own]
             ends = (j.fit.coordinates[k].bounded(float(to[k])) for to in (x, *reach))
             value, low, high = (public(p.fit, y) for y in ends)
-            out[name] = Estimate(value, min(low, high), max(low, high), p.unit, bool(held[k]))
+            out[name] = Estimate(value, min(low, high), max(low, high), p.unit, not free[k])
         elif p.scan and name in j.fit.point.values and p.fit == "fixed":
             value = j.fit.point.values[name]
             out[name] = Estimate(value, value, value, p.unit)

@@ -37,6 +37,7 @@ PROMISING = 0.2  # of the excess over noise: a set that leaves less has explaine
 LAST = 1500  # simulations after which no effect is exchanged
 LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
 CLOSE, EXCHANGED = 60.0, 2  # log evidence within which another effect may stand in one's place; most of them tried
+BETTER = 1.0  # of the objective: a fit from another start that is better by less is the same
 POINTS = 3.3  # standard deviations (one in a thousand) beyond which an ordinary deviation points to its effect
 NEAR = 10.0  # times the best set's excess over noise, up to which another set grows on, too
 SETTLES = 0.01  # share of the excess: a set that leaves less ends the fitting of sets that promise less
@@ -122,10 +123,12 @@ def search(
         exchange = EXCHANGED if cost + sum(j.simulations for j in judged) < LAST else 0
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
         others = _neighbours(best, fits, known, chosen, exchange, weights, workers)
+        others += left_out_again(best, {j.effects: j.fit for j in judged}, null, chosen, weights, workers)
         if not turn and excess(best.fit) < PROMISING * excess(null):
             others += _pointed(best, fits, known | {f.effects for f in others}, chosen, weights, workers)
-        cost += sum(f.simulations for f in others if f.effects not in fits)
+        cost += sum(f.simulations for f in others if fits.get(f.effects) is not f)
         fits |= {f.effects: f for f in others}
+        judged = [j for j in judged if j.effects not in {f.effects for f in others}]
         judged += [judge(f, chosen, share, weights, workers) for f in others]
     cost += sum(j.simulations for j in judged)
     return Search(null, tuple(judged), cost, frozenset(fits), tuple(chosen), share)
@@ -154,6 +157,28 @@ def _neighbours(
             if key not in known:
                 with suppress(BadInput):  # none a drive can have
                     out.append(fits.get(key) or fit(_towards(best, key, chosen), key, weights, workers=workers))
+    return out
+
+
+def left_out_again(
+    best: Judged, fits: Mapping[tuple[str, ...], Fit], null: Fit, chosen: Sequence[Probe], weights: Weights,
+    workers: int,
+) -> list[Fit]:  # fmt: skip
+    """Return better fits of sets that were fitted and lack one effect of the best: from its point, and from ordinary
+    deviations alone.  A rival that is left out is not dismissed for the minimum that its first fit ended in."""
+    out = []
+    for effect in best.effects if len(best.effects) > 1 else ():
+        rest = tuple(e for e in best.effects if e != effect)
+        old = fits.get(rest)
+        if old is None:
+            continue
+        for start in (_towards(best, rest, chosen), starting(null.point, rest, chosen)):
+            with suppress(BadInput):  # none a drive can have
+                found = fit(start, rest, weights, workers=workers)
+                if found.objective < old.objective - BETTER:
+                    old = found
+        if old is not fits[rest]:
+            out.append(old)
     return out
 
 

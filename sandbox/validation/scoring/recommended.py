@@ -15,7 +15,8 @@ import numpy as np
 
 from model.errors import BadInput, unknown
 from sandbox.gap.report.menu import Entry, menu
-from sandbox.recordings.campaign import Campaign, read_campaign, write_campaign
+from sandbox.recordings.campaign import Campaign, read_campaign
+from sandbox.recordings.writing import write_campaign
 from sandbox.validation.withheld.cycles import CURRENT, Cycle, cycle
 from sandbox.validation.withheld.draw import Drawn, cases, draw
 from sandbox.validation.withheld.make import drifted, recording, switched

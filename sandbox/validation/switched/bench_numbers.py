@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from model.effects.library import complete, friction_rate
+from model.effects.library import check_inside, complete, friction_rate
 from model.parameters import Converter, Motor
 from sandbox.validation.switched.flux_map import FluxMap, flux_map_of
 from sandbox.validation.switched.harmonics import Harmonics
@@ -128,6 +128,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     m_motor = v["inertia.inertia"] - m_load  # total inertia unchanged
     stiffness = v["shaft_compliance.stiffness"] if m_load else 0.0
     reduced = m_motor * m_load / (m_motor + m_load)
+    check_inside(converter, v)
     period = converter.sampling_period
     flux_map = flux_map_of(motor.energy)
     values: dict[str, Any] = {

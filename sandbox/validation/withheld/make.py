@@ -20,7 +20,8 @@ import numpy as np
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.output.files import plain
-from sandbox.recordings.campaign import Campaign, CampaignRecording, write_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.recordings.writing import write_campaign
 from sandbox.validation.switched.bench_numbers import Bench, bench
 from sandbox.validation.withheld.cycle_styles import cycles
 from sandbox.validation.withheld.cycles import Cycle, scale_of

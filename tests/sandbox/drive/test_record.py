@@ -12,7 +12,8 @@ from model.frames import wrapped
 from sandbox.drive.record import COUNTS, bench_of, campaign_of, injection_axis
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
-from sandbox.recordings.campaign import read_campaign, write_campaign
+from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare, replay, residuals
 
 DRIVE = bench_of(load_drive("ipm_exchanged"))

@@ -7,7 +7,8 @@ import pytest
 
 from model.drive_files import load_drive
 from sandbox.gap.report.answers import answer
-from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign, write_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.writing import write_campaign
 from sandbox.validation.switched.advance import replay as switched
 from sandbox.validation.switched.bench_numbers import bench, quiet
 

@@ -22,7 +22,7 @@ from sandbox.gap.report.where import held_at_neutral
 from sandbox.gap.search.forward import _pointed, search
 from sandbox.gap.search.judged import judge
 from sandbox.gap.search.multistart import with_sizes
-from sandbox.recordings.campaign import write_campaign
+from sandbox.recordings.writing import write_campaign
 from tests.sandbox.gap.conftest import DRIVE, small_campaign
 from tests.sandbox.gap.test_evidence import start
 

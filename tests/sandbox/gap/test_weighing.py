@@ -17,7 +17,7 @@ from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.posterior import tempered
 from sandbox.gap.search.unfitted import part_of, slight
-from sandbox.recordings.campaign import write_campaign
+from sandbox.recordings.writing import write_campaign
 from tests.sandbox.gap.conftest import small_campaign
 from tests.sandbox.gap.test_evidence import start
 

@@ -16,7 +16,8 @@ from sandbox.drive.record import campaign_of
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.evaluation.compare import compare
-from sandbox.recordings.campaign import read_campaign, write_campaign
+from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.writing import write_campaign
 from tests.data import real_data
 
 # Winding time constants reach 0.2 s (Baldor's q axis): each load gets 0.8 s to settle.

@@ -254,6 +254,20 @@ def test_wrong_estimator_files(text, sentence, tmp_path):
         sandbox.load_estimator(tmp_path / "nowhere.py")
 
 
+@of("load_estimator_library", "export_estimator")
+def test_estimators_in_c_from_the_page(tmp_path):
+    """What they do: tests/estimators/test_library.py and test_c.py."""
+    with pytest.raises(sandbox.BadInput, match="does not exist"):
+        sandbox.load_estimator_library(tmp_path / "none.so")
+    with pytest.raises(sandbox.BadInput, match="is neither a name nor a file nor a library"):
+        sandbox.load_estimator_library(3)
+    export = sandbox.export_estimator("qnull", "ipm_exchanged")
+    assert repr(export) == "<Export: qnull for ipm_exchanged, sensorless_estimator.h, qnull.c, motor.h, check.c>"
+    assert {p.name for p in export.save(tmp_path / "out").iterdir()} == {*export.files, "export-estimator.json"}
+    with pytest.raises(sandbox.BadInput, match="unknown estimator in C"):
+        sandbox.export_estimator("ukf")
+
+
 def test_two_estimators_of_one_name_are_refused():
     one = dataclasses.replace(sandbox.load_estimator("qnull"), name="same")
     other = dataclasses.replace(one, summary="another")

@@ -8,7 +8,8 @@ import pytest
 from model.drive_files import load_drive
 from model.errors import BadInput
 from sandbox.cli import main
-from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign, write_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
 
 N = 40

@@ -12,9 +12,10 @@ from model.errors import BadInput
 from model.levels import NAMES, UNITS
 from model.parameters import Drive
 from sandbox.drive.locked_test import Bench, paper_campaign, staircase
-from sandbox.recordings.campaign import CampaignRecording, read_campaign, write_campaign
+from sandbox.recordings.campaign import CampaignRecording, read_campaign
 from sandbox.recordings.identify import identify
 from sandbox.recordings.staircase import _rest_of_transient
+from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
 
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")

@@ -15,9 +15,10 @@ from model.drive_files import load_drive
 from model.errors import BadInput
 from sandbox.cli import main
 from sandbox.drive.locked_test import Bench, paper_campaign
-from sandbox.recordings.campaign import read_campaign, write_campaign
+from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.column_map import KIND
 from sandbox.recordings.importing import read_recordings, regular
+from sandbox.recordings.writing import write_campaign
 
 DRIVE = load_drive("ipm_exchanged")
 H = DRIVE.converter.sampling_period

@@ -5,8 +5,9 @@ import pytest
 
 from model.drives import laas
 from model.errors import BadInput
-from sandbox.recordings.campaign import read_campaign, write_campaign
+from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.real_campaigns import real_drives, residual_of_motion
+from sandbox.recordings.writing import write_campaign
 from tests.data import real_data
 
 

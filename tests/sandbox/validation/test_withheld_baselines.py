@@ -9,7 +9,8 @@ from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Prior
 from sandbox.gap.evidence.normal import turns
 from sandbox.gap.evidence.priors import ordinary
-from sandbox.recordings.campaign import read_campaign, write_campaign
+from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.writing import write_campaign
 from sandbox.validation.scoring import refit as fit
 from sandbox.validation.scoring.baselines import BASELINES, REFINED, nuisances
 from sandbox.validation.scoring.judge import judge

@@ -8,7 +8,8 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.gap.report.menu import menu
-from sandbox.recordings.campaign import read_campaign, write_campaign
+from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.validation.scoring.recommended import cycle_of, drawn_again, entry_of, grow, recommended
 from sandbox.validation.withheld.draw import Case, cases, draw

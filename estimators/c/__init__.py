@@ -1,0 +1,1 @@
+"""Estimators in C99: the header of foreign ones, and our own, translated from their Python sources."""

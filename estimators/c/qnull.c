@@ -1,0 +1,482 @@
+/* qnull: pulsating injection, null of the ripple across it, phase-locked loop, in C99.
+ * Translated from estimators/qnull.py by estimators/c/generate.py: do not edit, write it anew.
+ *
+ * q-null: inject along an axis, turn it until the ripple across it vanishes.
+ *
+ * At the null the axis stands at the cross-saturation angle from the magnet.  The linear belief takes it for the
+ * magnet; the saturated belief adds the angle its Hessian predicts at the measured current, which makes axis and
+ * offset consistent with each other (the self-consistent offset).
+ *
+ * At speed the resistance turns the null by lag R omega (Gamma_dd + Gamma_qq) Gamma_qq / (Gamma_dd - Gamma_qq) rad (0.1
+ * degree at 5 % of rated speed for `ipm_exchanged`, 0.25 for `ipm`), which either belief adds.
+ *
+ * Source: Jebai, Malrait, Martin, Rouchon, IEMDC 2011, section III; Linke, Kennel, Holtz, IEMDC 2003 (offset).
+ * Cost of a step, tracking: 650 mul, 399 add, 10 div, 15 sqrt, 7 trig, 19 compare (mean of 120 steps at
+ * rated load, 8 samples a period).
+ * Memory: 500 numbers of state, and the setup.  Of libm it calls sin, cos, sqrt and atan2, in float or double. */
+#include "sensorless_estimator.h"
+
+#include <math.h>
+
+typedef sensorless_real real;
+
+#ifdef SENSORLESS_FLOAT64
+#define R(x) x
+#define EITHER(wide, narrow) wide
+#define COS(x) cos(x)
+#define SIN(x) sin(x)
+#define SQRT(x) sqrt(x)
+#define ATAN2(y, x) atan2(y, x)
+#define NEARLY_NOTHING 1e-290
+#else
+#define R(x) x##f
+#define EITHER(wide, narrow) R(narrow)
+#define COS(x) cosf(x)
+#define SIN(x) sinf(x)
+#define SQRT(x) sqrtf(x)
+#define ATAN2(y, x) atan2f(y, x)
+#define NEARLY_NOTHING 1e-37f
+#endif
+
+#define PI R(3.141592653589793)
+
+/* Places in the state, and other whole numbers. */
+enum {
+    ALONG_ALPHA = 0,
+    COUNT = 0,
+    SOLVED = 0,
+    ALONG_BETA = 1,
+    OUTSIDE = 1,
+    PHASE = 1,
+    AXIS = 2,
+    BIAS_PLUS = 2,
+    BIAS_MINUS = 3,
+    OMEGA = 3,
+    OFFSET = 4,
+    TRACKING = 4,
+    FLUX_D = 5,
+    TOLD = 5,
+    FLUX_Q = 6,
+    CURSOR = 7,
+    SUM_D = 8,
+    SUM_Q = 9,
+    M_11 = 10,
+    M_21 = 11,
+    RISE = 12,
+    BELIEVED_OUTSIDE = 13,
+    SLOW_OMEGA = 16,
+    RING_A = 20,
+    NEWTON_STEPS = 60,
+    RING_B = 116,
+    RING_F = 212,
+    RING_C = 308,
+    RING_S = 404
+};
+
+#define SLOW R(0.05)
+#define TOLERANCE EITHER(4e-15, 2e-6)
+#define LARGEST_ERROR R(0.5)
+#define UNCERTAIN R(2.0)
+#define TRACKED R(1.0)
+
+static real square(real x) { return x * x; }
+static real smaller(real a, real b) { return b < a ? b : a; }
+static real larger(real a, real b) { return b > a ? b : a; }
+static real magnitude(real x) { return x < R(0.0) ? -x : x; }
+static real length(real x, real y) { return SQRT(x * x + y * y); }
+static real down(real x) { return (real)(int32_t)x - ((real)(int32_t)x > x ? R(1.0) : R(0.0)); }
+
+/* Advance the angle to t_k with the last speed; return it.  SLOW_OMEGA is that speed without its noise. */
+static real predict(real *state, const sensorless_tuning *tuning) {
+    state[SLOW_OMEGA] += SLOW * tuning->sampling_period * tuning->kp * (state[OMEGA] - state[SLOW_OMEGA]);
+    state[AXIS] += tuning->sampling_period * state[OMEGA];
+    return state[AXIS];
+}
+
+/* Take one sample; return mean_d, mean_q (A) and ripple y_d, y_q (1/H) in the axis' frame.
+ *
+ * The mean is looked at from one frame, the present axis turned back at the estimated speed, and taken off
+ * first: in frames that carry the tracking loop's jitter, mean current times jitter would come out as ripple.
+ * The ripple is then looked at from the present frame or from the axis of its own time (`tuning.present`). */
+static void demodulate(real *state, const sensorless_sample *sample, real axis, real omega,
+    const sensorless_tuning *tuning, real *out_0, real *out_1, real *out_2, real *out_3) {
+    real weight;
+    int32_t half = tuning->period / 2;
+    int32_t n = 3 * half;
+    int32_t newest = (int32_t)state[CURSOR];
+    state[RING_A + newest] = sample->i_alpha;
+    state[RING_B + newest] = sample->i_beta;
+    state[RING_F + newest] = sample->carrier;
+    state[RING_C + newest] = COS(axis);
+    state[RING_S + newest] = SIN(axis);
+    state[CURSOR] = (real)((newest + 1) % n);
+    real dc = COS(tuning->sampling_period * omega);
+    real ds = SIN(tuning->sampling_period * omega);
+    real c = state[RING_C + newest];
+    real s = state[RING_S + newest];
+    int32_t j = newest;
+    real mean_d = R(0.0);
+    real mean_q = R(0.0);
+    real y_d = R(0.0);
+    real y_q = R(0.0);
+    /* from the newest sample back */
+    for (int32_t k = 0; k < n; k++) {
+        weight = (half <= k && k < 2 * half) ? R(1.0) : R(0.5);
+        mean_d += weight * (c * state[RING_A + j] + s * state[RING_B + j]);
+        mean_q += weight * (c * state[RING_B + j] - s * state[RING_A + j]);
+        const real got_1 = c * dc + s * ds;
+        const real got_2 = s * dc - c * ds;
+        c = got_1;
+        s = got_2;
+        j = j > 0 ? j - 1 : n - 1;
+    }
+    mean_d = mean_d / (real)(2 * half);
+    mean_q = mean_q / (real)(2 * half);
+    c = state[RING_C + newest];
+    s = state[RING_S + newest];
+    j = newest;
+    for (int32_t k = 0; k < n; k++) {
+        weight = (half <= k && k < 2 * half) ? state[RING_F + j] : R(0.5) * state[RING_F + j];
+        real r_alpha = weight * (state[RING_A + j] - (c * mean_d - s * mean_q));
+        real r_beta = weight * (state[RING_B + j] - (s * mean_d + c * mean_q));
+        real v_c = tuning->present ? c : state[RING_C + j];
+        real v_s = tuning->present ? s : state[RING_S + j];
+        y_d += v_c * r_alpha + v_s * r_beta;
+        y_q += v_c * r_beta - v_s * r_alpha;
+        const real got_1 = c * dc + s * ds;
+        const real got_2 = s * dc - c * ds;
+        c = got_1;
+        s = got_2;
+        j = j > 0 ? j - 1 : n - 1;
+    }
+    real scale = R(1.0) / (tuning->amplitude * tuning->power);
+    *out_0 = mean_d;
+    *out_1 = mean_q;
+    *out_2 = y_d * scale;
+    *out_3 = y_q * scale;
+}
+
+/* Return the vector (x, y) turned by `angle` rad: dq to alpha-beta with +theta, back with -theta. */
+static void rotate(real x, real y, real angle, real *out_0, real *out_1) {
+    real c = COS(angle);
+    real s = SIN(angle);
+    *out_0 = c * x - s * y;
+    *out_1 = s * x + c * y;
+}
+
+/* Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H: the inverse of the incremental inductance matrix. */
+static void hessian(const sensorless_energy *m, real d, real q, real *out_0, real *out_1, real *out_2) {
+    real dd = m->gamma_d + d * (R(6.0) * m->alpha_30 + R(12.0) * m->alpha_40 * d) + R(2.0) * m->alpha_22 * q * q;
+    real dq = R(2.0) * q * (m->alpha_12 + R(2.0) * m->alpha_22 * d);
+    real qq = m->gamma_q + R(2.0) * d * (m->alpha_12 + m->alpha_22 * d) + R(12.0) * m->alpha_04 * q * q;
+    *out_0 = dd;
+    *out_1 = dq;
+    *out_2 = qq;
+}
+
+/* Return i_d, i_q in A, eqs. (id), (iq). */
+static void currents(const sensorless_energy *m, real d, real q, real *out_0, real *out_1) {
+    real qq = q * q;
+    real i_d = d * (m->gamma_d + d * (R(3.0) * m->alpha_30 + R(4.0) * m->alpha_40 * d)) + qq * (m->alpha_12 + R(2.0) *
+        m->alpha_22 * d);
+    real i_q = q * (m->gamma_q + R(2.0) * d * (m->alpha_12 + m->alpha_22 * d) + R(4.0) * m->alpha_04 * qq);
+    *out_0 = i_d;
+    *out_1 = i_q;
+}
+
+/* Return the smaller eigenvalue of a symmetric 2x2 matrix. */
+static real min_eigenvalue(real dd, real dq, real qq) {
+    return R(0.5) * (dd + qq) - SQRT(R(0.25) * square(dd - qq) + dq * dq);
+}
+
+/* Tell whether H is strictly convex at the quarter points between two fluxes: no step jumps over a gap. */
+static int32_t convex_between(const sensorless_energy *m, real d, real q, real n_d, real n_q) {
+    static const real k_of[3] = {R(0.25), R(0.5), R(0.75)};
+    for (int32_t at = 0; at < 3; at++) {
+        const real k = k_of[at];
+        real dd, dq, qq;
+        hessian(m, d + k * (n_d - d), q + k * (n_q - q), &dd, &dq, &qq);
+        if (!(min_eigenvalue(dd, dq, qq) > R(0.0))) {
+            return 0;
+        }
+    }
+    return 1;
+}
+
+/* Solve grad H = i by Newton's method from (d, q), staying where H is strictly convex.
+ *
+ * Returns phi_d, phi_q, status.  Full steps wherever they reduce the residual (so the rate is quadratic),
+ * halved otherwise; OUTSIDE when no step inside the convex region reduces it. */
+static void flux_newton(const sensorless_energy *m, real i_d, real i_q, real d, real q, real *out_0, real *out_1,
+    int32_t *out_2) {
+    real dd, dq, qq;
+    hessian(m, d, q, &dd, &dq, &qq);
+    /* also catches NaN */
+    if (!(min_eigenvalue(dd, dq, qq) > R(0.0))) {
+        d = R(0.0);
+        q = R(0.0);
+        hessian(m, d, q, &dd, &dq, &qq);
+    }
+    real c_d, c_q;
+    currents(m, d, q, &c_d, &c_q);
+    real r_d = i_d - c_d;
+    real r_q = i_q - c_q;
+    real residual = length(r_d, r_q);
+    /* 0 is a current, too */
+    real goal = TOLERANCE * (length(i_d, i_q) + magnitude(m->gamma_d * d) + magnitude(m->gamma_q * q)) + NEARLY_NOTHING;
+    for (int32_t round = 0; round < NEWTON_STEPS; round++) {
+        real n_d, n_q, trial;
+        if (residual <= goal) {
+            *out_0 = d;
+            *out_1 = q;
+            *out_2 = SOLVED;
+            return;
+        }
+        real det = dd * qq - dq * dq;
+        real s_d = (qq * r_d - dq * r_q) / det;
+        real s_q = (dd * r_q - dq * r_d) / det;
+        real t = R(1.0);
+        for (;;) {
+            n_d = d + t * s_d;
+            n_q = q + t * s_q;
+            hessian(m, n_d, n_q, &dd, &dq, &qq);
+            currents(m, n_d, n_q, &c_d, &c_q);
+            r_d = i_d - c_d;
+            r_q = i_q - c_q;
+            trial = length(r_d, r_q);
+            if (trial < residual && convex_between(m, d, q, n_d, n_q) && min_eigenvalue(dd, dq, qq) > R(0.0)) {
+                break;
+            }
+            /* stalled at rounding level */
+            if (trial <= R(16.0) * goal && trial >= residual) {
+                *out_0 = d;
+                *out_1 = q;
+                *out_2 = SOLVED;
+                return;
+            }
+            t *= R(0.5);
+            if (t < R(1e-09)) {
+                *out_0 = d;
+                *out_1 = q;
+                *out_2 = OUTSIDE;
+                return;
+            }
+        }
+        d = n_d;
+        q = n_q;
+        residual = trial;
+    }
+    *out_0 = d;
+    *out_1 = q;
+    *out_2 = OUTSIDE;
+}
+
+/* Return phi_d, phi_q (Wb) at a current (A) of the rotor frame, the last one where the belief has none.
+ *
+ * state[OUTSIDE] says which of both; a second try from zero flux catches a start that had gone astray. */
+static void believed_flux(real *state, const sensorless_energy *energy, real i_d, real i_q, real *out_0,
+    real *out_1) {
+    real d, q;
+    int32_t status;
+    flux_newton(energy, i_d, i_q, state[FLUX_D], state[FLUX_Q], &d, &q, &status);
+    if (status != SOLVED) {
+        flux_newton(energy, i_d, i_q, R(0.0), R(0.0), &d, &q, &status);
+    }
+    state[BELIEVED_OUTSIDE] = status == SOLVED ? R(0.0) : R(1.0);
+    if (status == SOLVED) {
+        state[FLUX_D] = d;
+        state[FLUX_Q] = q;
+    }
+    *out_0 = state[FLUX_D];
+    *out_1 = state[FLUX_Q];
+}
+
+/* Return Gamma_dd, Gamma_dq, Gamma_qq (1/H) there. */
+static void believed_hessian(real *state, const sensorless_energy *energy, real i_d, real i_q, real *out_0,
+    real *out_1, real *out_2) {
+    real d, q;
+    believed_flux(state, energy, i_d, i_q, &d, &q);
+    hessian(energy, d, q, out_0, out_1, out_2);
+}
+
+/* Return the error e (rad) at which the q ripple vanishes with a slope of the given sign (+1 or -1). */
+static real null_angle(real dd, real dq, real qq, real sign) {
+    return R(0.5) * ATAN2(-R(2.0) * sign * dq, sign * (dd - qq));
+}
+
+/* Return null angle (rad) and ripple slope (1/H) that the belief gives at the mean current of the axis frame. */
+static void believed_null(real *state, real mean_d, real mean_q, const sensorless_belief *belief,
+    const sensorless_tuning *tuning, real *out_0, real *out_1) {
+    const sensorless_energy *e = &belief->energy;
+    real sign = e->gamma_d >= e->gamma_q ? R(1.0) : -R(1.0);
+    /* into the estimated rotor frame */
+    real i_d, i_q;
+    rotate(mean_d, mean_q, -state[OFFSET], &i_d, &i_q);
+    real dd, dq, qq;
+    believed_hessian(state, e, i_d, i_q, &dd, &dq, &qq);
+    real slope = sign * length(dd - qq, R(2.0) * dq);
+    real turned = tuning->lag * belief->resistance * state[SLOW_OMEGA] * (dd + qq) * qq / slope;
+    *out_0 = null_angle(dd, dq, qq, sign) + turned;
+    *out_1 = slope;
+}
+
+/* Type-2 phase-locked loop: proportional and integral action on the error signal (rad). */
+static void correct(real *state, real error, const sensorless_tuning *tuning) {
+    error = smaller(larger(error, -LARGEST_ERROR), LARGEST_ERROR);
+    state[AXIS] += tuning->sampling_period * tuning->kp * error;
+    state[OMEGA] += tuning->sampling_period * tuning->ki * error;
+}
+
+/* Return what Estimate.tracking says: TRACKED, or UNCERTAIN while the belief has no answer. */
+static real trust(real *state) {
+    return state[BELIEVED_OUTSIDE] != R(0.0) ? UNCERTAIN : TRACKED;
+}
+
+/* Return the estimate of a tracking loop: an angle (rad), injected along its axis, and the ripple y (1/H) seen.
+ *
+ * injection: how much of it is wanted, 0 to 1. */
+static sensorless_estimate tracked(real *state, real theta, real y_d, real y_q, const sensorless_tuning *tuning,
+    real injection) {
+    real size = tuning->amplitude * tuning->peak;
+    return (sensorless_estimate){theta, state[OMEGA], state[AXIS], R(0.0), trust(state), y_d * size, y_q * size,
+        injection};
+}
+
+/* Return the angle brought into [-pi, pi). */
+static real wrap(real angle) {
+    return angle - R(2.0) * PI * down((angle + PI) / (R(2.0) * PI));
+}
+
+/* Return Gamma_dd (1/H) at +bias less that at -bias (A) on the d axis: how much larger the ripple is there. */
+static real polarity_rise(const sensorless_energy *energy, real bias) {
+    int32_t unused_i;
+    real d_plus, q_plus;
+    flux_newton(energy, bias, R(0.0), R(0.0), R(0.0), &d_plus, &q_plus, &unused_i);
+    real d_minus, q_minus;
+    flux_newton(energy, -bias, R(0.0), R(0.0), R(0.0), &d_minus, &q_minus, &unused_i);
+    real got_1, got_2, got_3;
+    hessian(energy, d_plus, q_plus, &got_1, &got_2, &got_3);
+    real got_4, got_5, got_6;
+    hessian(energy, d_minus, q_minus, &got_4, &got_5, &got_6);
+    return got_1 - got_4;
+}
+
+/* Move on to the next measurement, y being the averaged ripple of the one that ends. */
+static void next_phase(real *state, const sensorless_belief *belief, const sensorless_tuning *tuning, real y_d,
+    real y_q) {
+    int32_t phase = (int32_t)state[PHASE];
+    if (phase == ALONG_ALPHA) {
+        state[M_11] = y_d;
+        state[M_21] = y_q;
+        state[AXIS] = R(0.5) * PI;
+    } else if (phase == ALONG_BETA) {
+        /* here d is beta and q is minus alpha */
+        real sign = belief->energy.gamma_d >= belief->energy.gamma_q ? R(1.0) : -R(1.0);
+        state[AXIS] = R(0.5) * ATAN2(sign * (state[M_21] - y_q), sign * (state[M_11] - y_d));
+    } else if (phase == BIAS_PLUS) {
+        state[RISE] = y_d;
+    } else {
+        real expected = polarity_rise(&belief->energy, tuning->bias) < R(0.0) ? -R(1.0) : R(1.0);
+        if ((state[RISE] - y_d) * expected < R(0.0)) {
+            state[AXIS] = wrap(state[AXIS] + PI);
+        }
+        state[OMEGA] = R(0.0);
+    }
+    state[PHASE] = (real)(phase + 1);
+    state[COUNT] = R(0.0);
+    state[SUM_D] = R(0.0);
+    state[SUM_Q] = R(0.0);
+}
+
+/* Take one sample while starting up; state[PHASE] reaches TRACKING when position and polarity are known. */
+static sensorless_estimate start(real *state, const sensorless_sample *sample, const sensorless_belief *belief,
+    const sensorless_tuning *tuning) {
+    real unused_r;
+    real axis = state[AXIS];
+    if (state[PHASE] == TOLD) {
+        state[PHASE] = (real)TRACKING;
+        return (sensorless_estimate){axis, R(0.0), axis, R(0.0), R(0.0), R(0.0), R(0.0), R(1.0)};
+    }
+    real y_d, y_q;
+    demodulate(state, sample, axis, R(0.0), tuning, &unused_r, &unused_r, &y_d, &y_q);
+    real bias = R(0.0);
+    if (state[PHASE] == BIAS_PLUS) {
+        bias = tuning->bias;
+    } else if (state[PHASE] == BIAS_MINUS) {
+        bias = -tuning->bias;
+    }
+    state[COUNT] += R(1.0);
+    if (state[COUNT] > tuning->settle * tuning->period) {
+        state[SUM_D] += y_d;
+        state[SUM_Q] += y_q;
+    }
+    if (state[COUNT] >= (tuning->settle + tuning->average) * tuning->period) {
+        int32_t n = tuning->average * tuning->period;
+        next_phase(state, belief, tuning, state[SUM_D] / (real)n, state[SUM_Q] / (real)n);
+        if (state[PHASE] != TRACKING) {
+            bias = R(0.0);
+        }
+    }
+    real amplitude = tuning->amplitude * tuning->peak;
+    return (sensorless_estimate){state[AXIS], R(0.0), state[AXIS], bias, R(0.0), y_d * amplitude, y_q * amplitude,
+        R(1.0)};
+}
+
+/* Take one sample; see the module's text. */
+static sensorless_estimate step(real *state, const sensorless_sample *sample, const sensorless_belief *belief,
+    const sensorless_tuning *tuning) {
+    if (state[PHASE] != TRACKING) {
+        return start(state, sample, belief, tuning);
+    }
+    real axis = predict(state, tuning);
+    real mean_d, mean_q, y_d, y_q;
+    demodulate(state, sample, axis, state[OMEGA], tuning, &mean_d, &mean_q, &y_d, &y_q);
+    real got_1, slope;
+    believed_null(state, mean_d, mean_q, belief, tuning, &got_1, &slope);
+    state[OFFSET] = got_1;
+    correct(state, y_q / slope, tuning);
+    return tracked(state, state[AXIS] + state[OFFSET], y_d, y_q, tuning, R(1.0));
+}
+
+typedef struct {
+    sensorless_belief belief;
+    sensorless_tuning tuning;
+    real state[500];
+} qnull;
+
+/* Return the angle (rad) within a turn: a float keeps its digits. */
+static real within_a_turn(real angle) {
+    if (angle > PI) {
+        return angle - R(2.0) * PI;
+    }
+    return angle < -PI ? angle + R(2.0) * PI : angle;
+}
+
+int32_t sensorless_init(void *state, const sensorless_setup *setup) {
+    qnull *own = state;
+    const sensorless_tuning *tuning = &setup->tuning;
+    if (tuning->period < 2 || tuning->period > 64 || !(tuning->power > R(0.0))) {
+        return 1; /* no injection that fits the rings */
+    }
+    if (!(setup->belief.energy.gamma_d > R(0.0)) || !(setup->belief.energy.gamma_q > R(0.0))) {
+        return 2; /* no motor */
+    }
+    own->belief = setup->belief;
+    own->tuning = setup->tuning;
+    for (int32_t k = 0; k < 500; k++) {
+        own->state[k] = R(0.0);
+    }
+    if (setup->angle_known) {
+        own->state[PHASE] = TOLD;
+        own->state[AXIS] = setup->angle;
+    }
+    return 0;
+}
+
+void sensorless_step(void *state, const sensorless_sample *sample, sensorless_estimate *estimate) {
+    qnull *own = state;
+    *estimate = step(own->state, sample, &own->belief, &own->tuning);
+    own->state[AXIS] = within_a_turn(own->state[AXIS]);
+}
+
+SENSORLESS_ESTIMATOR("qnull_c", qnull, SENSORLESS_PULSATING);

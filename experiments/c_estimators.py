@@ -1,0 +1,243 @@
+"""Estimators in C against their Python twins: the whole protocol in float, the same samples in float and double, cost.
+
+python -m experiments.c_estimators [--golden]     writes results/c_estimators.{json,md}; --golden: golden.json and
+                                                  the C files anew, nothing else
+An observer of another project's family (estimators/c/examples/flux_observer.c) runs beside them.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import math
+import tempfile
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimators.c import generate
+from estimators.c.build import build
+from estimators.c.golden import FILE
+from estimators.contract import Estimator
+from estimators.registry import load_estimator
+from experiments.drawing import RESULTS, save
+from model.drive_files import load_drive
+from model.frames import wrapped
+from model.parameters import Drive
+from sandbox.drive.design import belief_of
+from sandbox.drive.scenario import load_scenario
+from sandbox.drive.simulate import simulate
+from sandbox.evaluation.protocol import MOTORS, TESTS, Row, cell, protocol
+from sandbox.evaluation.protocol_tests import GOAL_LOAD
+from sandbox.evaluation.step_cost import step_ns
+from sandbox.public.exporting import golden_of, samples_of, told
+
+NAMES = generate.NAMES
+FOREIGN = generate.HERE / "examples" / "flux_observer.c"
+TESTED = [test for test in TESTS if test not in ("start", "cost")]
+COUNTED = ("static_map", "load_step", "creep", "hand_over")  # once more with counts of the readings
+OTHER = ("bandwidth_hz", "peak_gain", "back", "reversed", "elsewhere")
+ROUNDS = 5
+
+
+def same_samples(twin: Estimator, library: Estimator, motor: str) -> float:
+    """Return the largest difference (degrees) of the angles told for the samples of a whole run, start-up included."""
+    drive = load_drive(motor)
+    run = simulate(drive, load_scenario("creep_reversal"), twin)
+    samples, belief = samples_of(drive, run.recording), belief_of(drive, "saturated")
+    a, b = (told(e, belief, run.design.tuning, samples, None)[:, 0] for e in (twin, library))
+    return float(np.degrees(np.max(np.abs(wrapped(a - b)))))
+
+
+def apart(ours: Row, theirs: Row) -> dict[str, Any]:
+    """Return how far two rows of the protocol are apart: stretches in lock (degrees), other figures, verdicts."""
+    pairs = list(zip(ours.outcome.points, theirs.outcome.points, strict=True))
+    judged = [(a, b) for a, b in pairs if a.informative and math.hypot(a.load, a.load_d) <= GOAL_LOAD + 1e-9]
+    said, metrics = (ours.outcome.passed, theirs.outcome.passed), (ours.outcome.metrics, theirs.outcome.metrics)
+    found: dict[str, Any] = {
+        "stretches": len(judged), "lost_by_one": sum(a.lost_lock != b.lost_lock for a, b in judged),
+        "same_verdict": None in said or said[0] == said[1],  # theory goes by the name: none for a library
+        "beyond_deg": worst((a.mean_deg, b.mean_deg) for a, b in pairs if (a, b) not in judged),
+        "other": {k: worst([(metrics[0].get(k), metrics[1].get(k))]) for k in OTHER if metrics[0].get(k) is not None},
+    }  # fmt: skip
+    for key in ("mean_deg", "p95_deg"):
+        values = [(getattr(a, key), getattr(b, key)) for a, b in judged]
+        found[key] = worst(values if values else [(metrics[0].get(key), metrics[1].get(key))])
+    return found
+
+
+def worst(pairs: Iterable[tuple[float | None, float | None]]) -> float | None:
+    """Return the largest difference of two figures, where there are both."""
+    return max((abs(a - b) for a, b in pairs if a is not None and b is not None), default=None)
+
+
+def whole_protocol(libraries: dict[str, Estimator], drives: list[Drive], tests: Iterable[str]) -> list[dict[str, Any]]:
+    """Return a row for each test, motor, estimator and belief: a library beside its twin."""
+    rows = []
+    for name in NAMES:
+        found = protocol([name, libraries[name]], drives, tests)
+        by = {(r.unit.motor, r.unit.test, r.unit.belief, r.unit.estimator): r for r in found.rows}
+        for (motor, test, belief, estimator), row in by.items():
+            if estimator == name:
+                twin = by[motor, test, belief, libraries[name].name]
+                head = {"estimator": name, "motor": motor, "test": test, "belief": belief}
+                rows.append({**head, **apart(row, twin), "python": cell(row), "c": cell(twin)})
+    return rows
+
+
+def foreign(library: Estimator) -> dict[str, str]:
+    """Return what the other family's observer comes to, by motor and test."""
+    rows = protocol([library], MOTORS, ["hand_over", "bandwidth", "reversal"]).rows
+    return {
+        f"{r.unit.motor}, {r.unit.test}": cell(r) for r in rows if r.unit.belief == "saturated"
+    }  # it knows no other
+
+
+def unquantised(motor: str) -> Drive:
+    """Return a motor whose current readings have noise, but no counts."""
+    drive = load_drive(motor)
+    return dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, current_resolution=0.0))
+
+
+def starts(libraries: dict[str, Estimator]) -> dict[str, str]:
+    """Return the start test's verdicts of every library: 3024 starts on one motor, saturated belief."""
+    found = {}
+    for name in NAMES:
+        for which in (name, libraries[name]):
+            row = protocol([which], ["ipm_exchanged"], ["start"]).rows[0]
+            found[row.unit.estimator] = cell(row)
+    return found
+
+
+def costs(libraries: dict[str, Estimator]) -> dict[str, dict[str, float]]:
+    """Return ns a step and CPU ms of a closed-loop second, of both, measured in turns; the fastest of each counts."""
+    drive, scene = load_drive("ipm_exchanged"), load_scenario("creep_reversal")
+    belief, found = belief_of(drive, "saturated"), {}
+    for name in NAMES:
+        samples = np.ascontiguousarray(samples_of(drive, simulate(drive, scene, load_estimator(name)).recording))
+        best: dict[str, float] = {}
+        for _ in range(ROUNDS):
+            for key, which in (("python", load_estimator(name)), ("c", libraries[name])):
+                run = simulate(drive, scene, which)
+                loop = run.cpu_seconds / run.recording.t[-1] * 1e3
+                for kind, value in (
+                    (f"{key}_step_ns", step_ns(drive, which, belief, samples)),
+                    (f"{key}_loop_ms_s", loop),
+                ):
+                    best[kind] = min(best.get(kind, np.inf), value)
+        found[name] = best
+    return found
+
+
+def markdown(found: dict[str, Any]) -> str:
+    """Return the result page."""
+    lines = [
+        "# Estimators in C against their Python twins", "",
+        f"`python -m experiments.c_estimators`, {found['date']}, {found['compiler']}, float, seed 0.  Python: the "
+        "kernels compiled by numba, in double.  The same samples: a run of `creep_reversal` on `ipm_exchanged` with "
+        "start-up, recorded once and handed to both.", "",
+        "| estimator | same samples, float | double | mul | add | div | sqrt | trig | compare | step: Python, C (ns) | "
+        "loop: C over Python |", "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
+    ]  # fmt: skip
+    for name in NAMES:
+        e, c = found["estimators"][name], found["costs"][name]
+        counts = " | ".join(f"{e['operations'][k]:.0f}" for k in ("mul", "add", "div", "sqrt", "trig", "compare"))
+        lines.append(
+            f"| `{name}` | {e['float_deg']:.1e}° | {e['double_deg']:.1e}° | {counts} | {c['python_step_ns']:.0f}, "
+            f"{c['c_step_ns']:.0f} | {c['c_loop_ms_s'] / c['python_loop_ms_s']:.2f} |"
+        )
+    lines += [
+        "", "Operations of one step while tracking, mean over golden vectors (rated load, 8 samples a period).", "",
+        "## The protocol in float", "",
+        "Largest difference of a stretch's mean and 95th percentile (degrees), where both kept lock, up to 180 % load "
+        "where the ripple carries information; beyond: of the means elsewhere. Both beliefs, current readings with "
+        "noise and without counts, three motors. A count of the readings turns a difference of the last digit into one "
+        "of a count, and from there on the noise is another one: with counts (last tables) double differs as float "
+        "does.", "",
+        *table(found["rows"]), "",
+        "## With counts, `ipm_exchanged`", "", "In float:", "", *table(found["counts_float"]), "", "In double:", "",
+        *table(found["counts_double"]), "",
+    ]  # fmt: skip
+    lines += [
+        "",
+        "Polarity of 3024 starts (`ipm_exchanged`): "
+        + ", ".join(f"`{k}` {v}" for k, v in found["starts"].items())
+        + ".",
+        "",
+    ]
+    lines += ["## The flux observer of another family", ""]
+    lines += [f"- {where}: {text}" for where, text in found["foreign"].items()]
+    return "\n".join(lines) + "\n"
+
+
+def table(rows: list[dict[str, Any]]) -> list[str]:
+    """Return the lines of a table, estimator by test."""
+    lines = [
+        "| estimator | test | stretches | mean | p95 | other figures | lost by one | other verdict | beyond: mean |",
+        "|---|---|--:|--:|--:|---|--:|--:|--:|",
+    ]
+    for name, test in dict.fromkeys((r["estimator"], r["test"]) for r in rows):
+        mine = [r for r in rows if (r["estimator"], r["test"]) == (name, test)]
+        keys = ("mean_deg", "p95_deg", "beyond_deg")
+        most = [max((r[k] for r in mine if r[k] is not None), default=None) for k in keys]
+        cells = ["–" if v is None else f"{v:.4f}" for v in most]
+        every = {k: max(r["other"].get(k) or 0.0 for r in mine) for k in mine[0]["other"]}
+        other = ", ".join(f"{k} {v:.2g}" for k, v in every.items()) or "–"
+        lines.append(
+            f"| `{name}` | {test} | {sum(r['stretches'] for r in mine)} | {cells[0]} | {cells[1]} | {other} | "
+            f"{sum(r['lost_by_one'] for r in mine)} | {sum(not r['same_verdict'] for r in mine)} | {cells[2]} |"
+        )
+    return lines
+
+
+def libraries_in(folder: Path) -> tuple[dict[str, Estimator], dict[str, Estimator]]:
+    """Return the libraries in float (the foreign one, too) and in double."""
+    files = {name: generate.HERE / f"{name}.c" for name in NAMES}
+    single = {name: load_estimator(build(file, folder)) for name, file in {**files, "foreign": FOREIGN}.items()}
+    doubles = {
+        name: dataclasses.replace(load_estimator(build(file, folder, double=True)), name=f"{name}_double")
+        for name, file in files.items()
+    }
+    return single, doubles
+
+
+def main() -> None:
+    """Build, run, write."""
+    arguments = argparse.ArgumentParser(description=__doc__)
+    arguments.add_argument("--golden", action="store_true")
+    if arguments.parse_args().golden:
+        FILE.write_text(golden_of(load_drive("ipm_exchanged"), NAMES).text(), encoding="utf-8")
+        generate.main()
+        return
+    with tempfile.TemporaryDirectory() as folder:
+        single, doubles = libraries_in(Path(folder))
+        estimators = {
+            name: {
+                "float_deg": same_samples(load_estimator(name), single[name], "ipm_exchanged"),
+                "double_deg": same_samples(load_estimator(name), doubles[name], "ipm_exchanged"),
+                "operations": generate.counted(name).mean,
+            }
+            for name in NAMES
+        }
+        print(estimators, flush=True)
+        found = {"date": time.strftime("%Y-%m-%d"), "compiler": "cc -O2", "estimators": estimators}
+        found["costs"] = costs(single)
+        print(found["costs"], flush=True)
+        found["foreign"] = foreign(single["foreign"])
+        usual = [load_drive("ipm_exchanged")]
+        found["counts_float"] = whole_protocol(single, usual, COUNTED)
+        found["counts_double"] = whole_protocol(doubles, usual, COUNTED)
+        print("\n".join(table(found["counts_float"]) + table(found["counts_double"])), flush=True)
+        found["rows"] = whole_protocol(single, [unquantised(motor) for motor in MOTORS], TESTED)
+        found["starts"] = starts(single)
+    text = markdown(found)
+    (RESULTS / "c_estimators.md").write_text(text, encoding="utf-8")
+    save("c_estimators", found)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""Estimators in C for a motor: its constants, a short run's samples, what the Python twins make of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from estimators.c.counting import Operations
+from estimators.c.generate import HEADER, HERE, NAMES, counted, slots
+from estimators.c.golden import WINDOW, Golden
+from estimators.c.target import HEAD_WORDS, check_program, motor_header
+from estimators.contract import Belief, Estimator, Sample, Tuning
+from estimators.registry import load_estimator
+from model.energy import Energy
+from model.errors import BadInput, unknown
+from model.frames import stationary
+from model.parameters import Drive
+from sandbox.drive.design import belief_of, design
+from sandbox.drive.recording import Recording
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import simulate
+from sandbox.output.files import results, write_json
+from sandbox.recordings.injection import carrier
+
+COMMAND = "export-estimator"
+MOST_WINDOWS = 6
+LOADED = Scenario("golden", (Segment(0.06, 1.0, 0.05, ramp=0.03),), "driven", start_up=False, start_angle=0.4)
+
+
+@dataclass(frozen=True)
+class Export:
+    """Files (name and text) of an estimator with a motor's constants, and what a step costs."""
+
+    name: str
+    motor: str
+    belief: str
+    files: dict[str, str]
+    state_bytes: int  # float
+    operations: Operations  # of a step, on the golden vectors
+
+    def __repr__(self) -> str:
+        return f"<Export: {self.name} for {self.motor}, {', '.join(self.files)}>"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `export-estimator.json` holds beyond its header."""
+        kept = {"estimator": self.name, "motor": self.motor, "belief": self.belief, "state_bytes": self.state_bytes}
+        return {**kept, "operations": asdict(self.operations), "files": list(self.files)}
+
+    def save(self, folder: str | Path) -> Path:
+        """Write every file and export-estimator.json into a folder, together; return it."""
+        with results(Path(folder), COMMAND) as out:
+            for name, text in self.files.items():
+                (out / name).write_text(text, encoding="utf-8")
+            write_json(out, COMMAND, self.as_json())
+        return Path(folder)
+
+
+def samples_of(drive: Drive, recording: Recording) -> np.ndarray:
+    """Return what an estimator was given in a run, (n, 5): i_alpha, i_beta (A), u_alpha, u_beta (V), carrier (s)."""
+    read = np.column_stack(stationary.py_func(recording.i_a, recording.i_b, recording.i_c))
+    commanded = np.column_stack([recording.u_alpha, recording.u_beta])
+    primitive = np.resize(carrier(drive.injection, drive.converter).primitive, len(read))
+    return np.column_stack([read, np.vstack([[0.0, 0.0], commanded[:-1]]), primitive])
+
+
+def golden_of(drive: Drive, names: Iterable[str], belief: str = "saturated") -> Golden:
+    """Return golden vectors of a motor that turns and takes up its load, in windows all along; a float holds them."""
+    run = simulate(drive, LOADED, load_estimator("qnull"), belief)
+    every = samples_of(drive, run.recording).astype(np.float32).astype(float)
+    whole = len(every) // WINDOW
+    starts = WINDOW * np.unique(np.linspace(0, whole - 1, MOST_WINDOWS).astype(int))
+    samples = np.vstack([every[k : k + WINDOW] for k in starts])
+    believed, tuning = belief_of(drive, belief), design(drive).tuning
+    angles = tuple(float(f"{angle:.6g}") for angle in run.recording.theta[starts])
+    bare = Golden(drive.name, believed, tuning, angles, samples, {})
+    return replace(bare, told={name: in_windows(load_estimator(name), bare) for name in names})
+
+
+def in_windows(estimator: Estimator, golden: Golden) -> np.ndarray:
+    """Return what an estimator tells for golden samples, begun anew in each window."""
+    parts = np.split(golden.samples, range(WINDOW, len(golden.samples), WINDOW))
+    begun = zip(parts, golden.angles, strict=True)
+    return np.vstack([told(estimator, golden.belief, golden.tuning, part, angle) for part, angle in begun])
+
+
+def told(estimator: Estimator, belief: Belief, tuning: Tuning, samples: np.ndarray, angle: float | None) -> np.ndarray:
+    """Return what an estimator tells for samples (n, 5): theta (rad), omega (rad/s), axis (rad), (n, 3)."""
+    state, step = estimator.init(belief, tuning, angle), estimator.step_for(belief)
+    return np.array([step(state, Sample(*row), belief, tuning)[:3] for row in samples.tolist()])
+
+
+def exported(name: str, drive: Drive, belief: str) -> Export:
+    """Return an estimator's files for a motor; BadInput where it or the motor has none."""
+    if name not in NAMES:
+        raise unknown("estimator in C", name, NAMES)
+    if belief not in ("saturated", "linear"):
+        raise BadInput(f"belief '{belief}' is neither 'saturated' nor 'linear'")
+    if not isinstance(belief_of(drive, belief).energy, Energy):
+        raise BadInput(
+            f"'{drive.name}' has a flux map, and an estimator in C takes the quartic energy; export its linear belief "
+            "or a motor with alphas"
+        )
+    golden = golden_of(drive, (name,), belief)
+    files = {
+        HEADER.name: HEADER.read_text(encoding="utf-8"),
+        f"{name}.c": HERE.joinpath(f"{name}.c").read_text(encoding="utf-8"),
+        "motor.h": motor_header(golden, name, belief),
+        "check.c": check_program(golden, name),
+    }
+    words = slots(name) + HEAD_WORDS
+    return Export(name, drive.name, belief, files, 4 * words, counted(name, golden))

@@ -1,0 +1,68 @@
+"""A campaign as a folder: `campaign.toml` and one Parquet table a recording, written together."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from model.errors import BadInput
+from model.mapped import without_map
+from sandbox.recordings.campaign import OF_RECORDING, RATED, Campaign
+
+
+def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
+    """Write a campaign as a new folder, whole or not at all; returns it.  BadInput where it exists already."""
+    import pyarrow
+    from pyarrow import parquet
+
+    folder = Path(folder)
+    if folder.exists():
+        raise BadInput(f"folder '{folder}' exists already; give a new one or remove it first")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    try:
+        (partial / "campaign.toml").write_text(_toml(campaign), encoding="utf-8")
+        for r in campaign.recordings:
+            (partial / r.file).parent.mkdir(parents=True, exist_ok=True)
+            parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file)
+        partial.chmod(0o755)
+        os.replace(partial, folder)
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+    return folder
+
+
+def _toml(c: Campaign) -> str:
+    motor = {k: v for k, v in dataclasses.asdict(without_map(c.drive.motor)).items() if k != "name" and v != ""}
+    if c.rated_from_data:
+        motor = {k: v for k, v in motor.items() if k not in RATED}
+    tables: list[tuple[str, Mapping[str, Any]]] = [
+        ("[campaign]", {"name": c.name}),
+        ("[drive]", dataclasses.asdict(c.drive.converter)),
+        ("[motor]", motor),
+        ("[uncertainty]", c.uncertainty),
+        ("[background]", c.background),
+        ("[injection]", dataclasses.asdict(c.drive.injection)),
+        ("[provenance]", c.drive.provenance),
+    ]
+    for r in c.recordings:
+        tables.append(("[[recording]]", {key: getattr(r, key) for key in OF_RECORDING}))
+    return "\n".join(
+        head
+        + "\n"
+        + "".join(f"{_key(k)} = {json.dumps(v, ensure_ascii=False)}\n" for k, v in t.items() if v is not None)
+        for head, t in tables
+        if t
+    )
+
+
+def _key(name: str) -> str:
+    """Return a TOML key, in quotes where a bare one could not hold it."""
+    bare = name.replace("_", "").replace("-", "")
+    return name if bare.isascii() and bare.isalnum() else json.dumps(name, ensure_ascii=False)
