@@ -14,6 +14,7 @@ from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 from sandbox.gap.search.subsets import Set, Subsets
 
 APART = 0.2  # of the less probable of two effects: chance of both together, below which they stand for each other
+SURE = 0.9  # chance that one of a group is there: less, and they are no group but each a doubt of its own
 OPEN = (0.05, 0.95)  # chances between which an effect may be one of a group
 
 
@@ -62,7 +63,8 @@ def summed(sets: Mapping[Set, float], names: Sequence[str] | Mapping[str, object
             continue
         both = {f: sum(p for s, p in sets.items() if e in s and f in s) / total for f in open_ if f != e}
         alike = [f for f, p in both.items() if p < APART * min(chance[e], chance[f])]
-        if alike:
-            group = (e, *alike)
-            groups.append((group, sum(p for s, p in sets.items() if set(group) & set(s)) / total))
+        group = (e, *alike)
+        either = sum(p for s, p in sets.items() if set(group) & set(s)) / total
+        if alike and either > SURE:
+            groups.append((group, either))
     return Inclusion(dict(sorted(chance.items(), key=lambda x: -x[1])), tuple(groups))

@@ -20,7 +20,7 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import ordinary
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, table
-from sandbox.gap.search.forward import FAR, Search, choose, excess, rms_of, starting
+from sandbox.gap.search.forward import FAR, MOST, Search, choose, excess, rms_of, starting
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.subsets import Subsets, log_prior
 
@@ -33,7 +33,8 @@ ALONE = 2  # effects that a rival with shapes to find may have to be fitted from
 RIVALS, TURNS = 3, 2  # rivals fitted at a time; times that they are looked for
 HOPELESS = 15.0  # tempered log evidence behind which a fit is not weighed
 LEAST, OPEN = 2, 0.2  # effects and chance of `unknown` from which a search goes on
-CLOSES = 0.5  # of what few effects leave: more effects have to leave less
+CLOSES = (0.5, 0.8)  # of what few effects leave: more have to leave less, where the search of few ended / was cut off
+SPENT = 900  # simulations after which no further point is looked at
 NEAR, DOUBTED = 5.0, 30.0  # tempered log evidence behind the best: of any set, of one with an effect left out
 Key = tuple[str, ...]
 
@@ -98,7 +99,7 @@ def widened(
 ) -> Search:  # fmt: skip
     """Return a search of few effects continued where these leave much of a gap, the sets that stand a chance judged.
 
-    Nothing is added where many more effects close little more: that is how a cause outside the library looks.
+    Nothing is added where more effects close little more and leave a gap: that is how a cause outside the library looks.
     raw: normalised rms of the nominal model.
     """
     few = max(found.judged, key=lambda j: j.log_evidence)
@@ -109,7 +110,8 @@ def widened(
     s = Selection(few.fit, own, found.share, weights, workers, raw, found.simulations, fits, tuple(exclude))
     s.looked = rms_of(few.fit)
     select(s, few.table, report)
-    if excess(s.best) > CLOSES * excess(few.fit):
+    closes = CLOSES[len(few.effects) >= MOST]
+    if s.best is few.fit or (rms_of(s.best) > FAR and excess(s.best) > closes * excess(few.fit)):
         return replace(found, simulations=s.cost)
     report("weighing hypotheses")
     judged = {j.effects: j for j in found.judged} | {s.best.effects: judged_of(s, s.best)}
@@ -129,7 +131,10 @@ def widened(
 
 def select(s: Selection, here: Table, report: Callable[[str], None] = lambda _: None) -> None:
     """Move a search to the best set it finds; here: the equations of all effects at its start."""
+    limit = s.cost + SPENT
     for turn in range(ROUNDS):
+        if s.cost > limit:
+            return
         at, moved = here if not turn else s.table(), False
         for key in proposals(s, at):
             report(f"fitting {' + '.join(key)}")
