@@ -99,7 +99,7 @@ def widened(
 ) -> Search:  # fmt: skip
     """Return a search of few effects continued where these leave much of a gap, the sets that stand a chance judged.
 
-    Nothing is added where more effects close little more and leave a gap: that is how a cause outside the library looks.
+    Nothing is added where more effects close little more and leave a gap: so a cause outside the library looks.
     raw: normalised rms of the nominal model.
     """
     few = max(found.judged, key=lambda j: j.log_evidence)
