@@ -36,21 +36,27 @@ PAIRS = (
     ("dead_time", "pwm_delay"), ("dead_time", "iron_loss"), ("dead_time", "device_drop"),
     ("dead_time", "current_filter"), ("iron_loss", "current_filter"), ("pwm_delay", "current_filter"),
     ("flux_harmonics", "inductance_harmonics"), ("skin_effect", "current_sampling"),
-    ("dc_link_error", "dc_link_ripple"), ("encoder_eccentricity", "cogging_torque"),
+    ("dc_link_error", "dc_link_ripple"), ("dc_link_error", "pwm_delay"), ("encoder_eccentricity", "cogging_torque"),
 )  # fmt: skip
+SEVERAL = {
+    "flux_harmonics.2": ("psi_d", "psi_q"),
+    "inductance_harmonics.2": ("gamma",),
+    "cogging_torque.2": ("amplitude",),
+}
+ZONE = 0.1  # of rated current, half-width of dead time's own zone, a tanh: about what is measured on a small drive
 LARGEST = 2e-5
 SAMPLES, SETTLED, COUNTS = 700, 100, 1 << 20
 OUT = Path(__file__).parent / "results" / "plant"
 EQUATIONS = """
 What each reason is, S the length of a segment, e the change of current to its middle:
 
-- plant's step, lags (iron loss, skin effect, filter): their input and the current go on as a straight line or parabola
-  through start and middle; left is the lag's own second order, R S^2/tau^2 of the lagging part.
-- plant's step, device drop: the mean of the soft sign along a straight line from start through middle; the current's
-  curvature moves the instant of the crossing, V_th S^2 i''/(8 w) while |i| is below the half width w.
+- plant's step, lags (iron loss, skin effect, filter): their input and the current go on as a parabola through start and
+  middle; left is what the lag bends that parabola, R S^3/tau^3 of the lagging part.
+- plant's step, device drop: the mean of the soft sign along two straight pieces, start to middle to end, the middle put
+  right once for what the drop took on the way; left is the next order of that, (V_th S G/(4 w))^2 of the change of drop
+  while |i| is below the half width w, G the inverse inductance; behind late edges the current's bend inside a segment.
 - plant's step, flux maps: mean current = i(mean flux) + H'''[S z', S z']/24, which is left out for maps.
-- bench's own step: classic Runge-Kutta over a kink of sign(i) is of first order, V_th h/2 of volt-seconds a crossing.
-- link's sag under late pulses: sag (i(t_k + delay) - i(t_k)); the plant takes the current at the pattern's start.
+- bench's own step: it ends at the corners of sign(i) (over them it would be of first order), late edges aside.
 """
 Told = list[tuple[CampaignRecording, Motion]]
 
@@ -72,6 +78,16 @@ def cases(drive: Drive) -> Iterator[tuple[str, dict[str, float]]]:
     for name in library.effect_names():
         for times in (1.0, 2.0):
             yield f"{name} x {times:g}", sizes(name, drive, times)
+    second = {f"{part}.{n}" for part, names in SEVERAL.items() for n in names}
+    motor, known = drive.motor, library.parameters()
+    more = {name: known[name].typical_for(motor, drive.converter) for name in sorted(second)}
+    firsts = {k: v for part in SEVERAL for k, v in sizes(part.partition(".")[0], drive, 1.0).items()}
+    yield "sixth and twelfth orders", firsts | more | {"cogging_torque.2.order_mech": 2.0 * motor.pole_pairs}
+    yield (
+        "dead_time x 1 in its own zone",
+        sizes("dead_time", drive, 1.0)
+        | {"dead_time.zone_width": ZONE * motor.rated_current, "dead_time.zone_shape": 1.0},
+    )
     for pair in PAIRS:
         yield " + ".join(pair), {k: v for name in pair for k, v in sizes(name, drive, 1.0).items()}
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput, unknown
+from model.inverter_table import with_points
 from model.mapped import mapped_motor, stand_in
 from model.names import fitting
 from model.parameters import Converter, Drive, Injection, Motor, build, read_toml, table_of, texts
@@ -69,7 +70,8 @@ def load_drive(name: str | Path) -> Drive:
             raise _in_file(path, unknown("table", table, ["motor", "flux_map", "drive", "injection", "provenance"]))
     try:
         for motor in _motors(path, data):
-            converter = build(Converter, {**_converter_defaults(motor), **table_of(data, "drive")}, "drive")
+            stated = with_points(table_of(data, "drive"), path.parent)
+            converter = build(Converter, {**_converter_defaults(motor), **stated}, "drive")
             injection = build(
                 Injection, {**_injection_defaults(motor, converter), **table_of(data, "injection")}, "injection"
             )

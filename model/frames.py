@@ -42,6 +42,20 @@ def sixth(c, s):
     return c_4 * c_2 - s_4 * s_2, s_4 * c_2 + c_4 * s_2
 
 
+@inlined
+def multiple(c, s, order):
+    """Return cos and sin of a whole multiple of the angle of cos c, sin s; |order| below 64, no branch."""
+    n, b = abs(order), (s if order >= 0.0 else -s)
+    a, x, y = c, 1.0, 0.0
+    for _ in range(6):
+        half = math.floor(0.5 * n)
+        odd = n - 2.0 * half > 0.5
+        x, y = (x * a - y * b if odd else x), (x * b + y * a if odd else y)
+        a, b = a * a - b * b, 2.0 * a * b
+        n = half
+    return x, y
+
+
 @kernel
 def wrap(angle):
     """Return the angle brought into [-pi, pi)."""

@@ -11,9 +11,11 @@ from pathlib import Path
 
 from model import compiled
 from model.effects import library
-from model.effects.card import PORTS, Effect
+from model.effects.card import PORTS, REPEATED, Effect, Part
 from model.effects.own import FILES, PLANT, VARIABLE
 from model.errors import BadInput
+
+MOST_PARTS = 12
 
 
 def adopt(path: str | Path) -> tuple[Effect, ...]:
@@ -66,10 +68,20 @@ def _check(card: Effect, file: Path) -> None:
         raise BadInput(f"{file}: '{card.name[:60]}' is no name of an effect; use small letters, digits and _")
     if card.name in library.effect_names():
         raise BadInput(f"{file}: there is an effect '{card.name}' already; give yours another name")
-    if not card.at:
+    if not 1 <= card.repeats <= MOST_PARTS:
+        raise BadInput(f"{file}: '{card.name}' has repeats = {card.repeats}; give 1 ... {MOST_PARTS}")
+    for k in (1, 2) if card.repeats > 1 else (1,):
+        _check_equations(card, card.part(k), file)
+    for at in card.part(2).at if card.repeats > 1 else ():
+        if at.port not in REPEATED:
+            raise BadInput(f"{file}: '{card.name}' repeats at the port '{at.port}'; it can at {', '.join(REPEATED)}")
+
+
+def _check_equations(card: Effect, part: Part, file: Path) -> None:
+    if not part.at:
         raise BadInput(f"{file}: effect '{card.name}' has no equation at a port; give at=(At(port, equation, ...),)")
-    own = [p.name for p in card.parameters]
-    for at in card.at:
+    own = [p.name for p in part.parameters]
+    for at in part.at:
         if at.port not in PORTS:
             raise BadInput(f"{file}: '{card.name}' names the port '{at.port}'; ports are {', '.join(PORTS)}")
         for number in at.numbers:
@@ -84,7 +96,7 @@ def _check(card: Effect, file: Path) -> None:
 
 def _forget() -> None:
     """Let the library look again."""
-    for function in (library.effect_names, library.load_effect, library.parameters):
+    for function in (library.effect_names, library.load_effect, library.parameters, library._neutral):
         function.cache_clear()
 
 

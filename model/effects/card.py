@@ -108,6 +108,11 @@ PORTS = {
     "edge": Port(
         ("sign", "side"), 1, "s by which an edge (side 1 rises, -1 falls) acts late; sign of the leg's current"
     ),
+    "sign": Port(
+        ("current", "soft", "sign"),
+        1,
+        "what is added where an edge is taken to the soft sign, clip(current x soft), of its leg's current (A)",
+    ),
     "leg": Port(
         ("before", "after"), 1, "V a leg loses on average while its current over the width of its sign changes"
     ),
@@ -132,12 +137,34 @@ class At:
 
 
 @dataclass(frozen=True)
+class Part:
+    """One of the like parts of which an effect can have several at once, such as orders of a harmonic.
+
+    parameters; at: its equations at ports; switches: it is off while these are neutral (default: all parameters);
+    polar: amplitude and phase that are fitted as cosine and sine.
+    """
+
+    parameters: tuple[Parameter, ...]
+    at: tuple[At, ...] = ()
+    switches: tuple[str, ...] = ()
+    polar: tuple[str, str] | None = None
+
+
+REPEATED = ("magnets", "energy", "torque")  # ports at which parts beyond the first can enter
+
+
+@dataclass(frozen=True)
 class Effect:
     """One effect; equation and source as text, signature as axis, order and region of the residual it leaves.
 
     at: its equations at ports of the plant; rows: numbers of the plant itself that it changes (fields of
     `sandbox.plant.batch.PLANT`), added to the motor's, as a function of the completed parameters of all effects and the
     motor; switches: the effect is off while these parameters are neutral (default: all of its parameters).
+
+    repeats: how many parts like its first it can have at once, that one included; they add up.  Parameters of the first
+    are `effect.parameter`, of the k-th (k from 2 on) `effect.k.parameter`, neutral unless given; further: what parts
+    from the second on are made of (None: of the same as the first).  A search that found one part looks for the next by
+    `part(k)` and `public(k, parameter)`; in which of the places 2 ... repeats a part stands is all the same.
     """
 
     name: str
@@ -156,11 +183,24 @@ class Effect:
     at: tuple[At, ...] = ()
     rows: Callable[[Mapping[str, float], Motor], dict[str, float]] | None = None
     switches: tuple[str, ...] = ()
+    repeats: int = 1
+    further: Part | None = None
 
-    def switched_off(self, values: Mapping[str, float], neutral: Mapping[str, float]) -> bool:
-        """Return whether completed values leave the effect off."""
-        names = self.switches or tuple(p.name for p in self.parameters)
-        return all(values[f"{self.name}.{n}"] == neutral[f"{self.name}.{n}"] for n in names)
+    def part(self, k: int) -> Part:
+        """Return the k-th part (1 ... repeats)."""
+        if k > 1 and self.further:
+            return self.further
+        return Part(self.parameters, self.at, self.switches, self.polar)
+
+    def public(self, k: int, parameter: str) -> str:
+        """Return the public name of a parameter of the k-th part (1 ... repeats)."""
+        return f"{self.name}.{parameter}" if k == 1 else f"{self.name}.{k}.{parameter}"
+
+    def switched_off(self, values: Mapping[str, float], neutral: Mapping[str, float], k: int = 1) -> bool:
+        """Return whether completed values leave the effect's k-th part off."""
+        part = self.part(k)
+        names = [self.public(k, n) for n in part.switches or tuple(p.name for p in part.parameters)]
+        return all(values[n] == neutral[n] for n in names)
 
 
 def saturation_size(motor: Motor, alpha: str) -> float:

@@ -18,7 +18,9 @@ CARD = Effect(
     name="cogging_torque",
     summary="torque of the magnets against the slots",
     subsystem="mechanics",
-    equation="torque A sin(n theta_mech + phase), from the potential A/n cos(n theta_mech + phase)",
+    equation=(
+        "torque A sin(n theta_mech + phase), from the potential A/n cos(n theta_mech + phase); further orders add up"
+    ),
     source=(
         "Zhu, Howe, Influence of design parameters on cogging torque in permanent magnet machines, IEEE "
         "Trans. Energy Conversion 15 (2000) 407"
@@ -38,4 +40,5 @@ CARD = Effect(
     polar=("amplitude", "phase"),
     at=(At("torque", helping, ("amplitude", "order_mech", "phase")),),
     switches=("amplitude",),
+    repeats=6,
 )

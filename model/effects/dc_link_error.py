@@ -26,8 +26,8 @@ CARD = Effect(
     subsystem="inverter",
     equation=(
         "delivered = command x [(1 + gain_error) V_nominal + ripple - sag i_dc] / u_dc as read; i_dc = sum of duty x "
-        "phase current at t_k, the mean current drawn in the period: the link's capacitor holds within it, a supply "
-        "of resistance `sag` feeds it (i_dc < 0: it rises)"
+        "phase current at the pattern's start (t_k and its delay), the mean current drawn while it lasts: the link's "
+        "capacitor holds within it, a supply of resistance `sag` feeds it (i_dc < 0: it rises)"
     ),
     source=(
         "derivation: duties are formed with the measured link voltage; mean link current of a PWM inverter: power "

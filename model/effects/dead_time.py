@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Ordinary, Parameter
+from model.lanes import fading
 
 SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
 
@@ -14,6 +15,17 @@ def late(time, sign, side):
     return 0.5 * (abs(time) + side * time * sign)
 
 
+@inlined
+def around_zero(zone_width, zone_shape, current, soft, sign):
+    """Return what a zone of its own adds to the soft sign of a current (A); 1/soft: the zone's half-width (A) if 0."""
+    given = zone_width > 0.0
+    x = current / (zone_width if given else 1.0) if given else current * soft
+    e = fading(-2.0 * abs(x))
+    tanh = (1.0 - e) / (1.0 + e)
+    own = (1.0 - zone_shape) * min(max(x, -1.0), 1.0) + zone_shape * (tanh if x >= 0.0 else -tanh)
+    return own - sign
+
+
 CARD = Effect(
     name="dead_time",
     summary="blanking time of the legs: late edges, chosen by the current's sign",
@@ -21,17 +33,23 @@ CARD = Effect(
     equation=(
         "current out of the leg: its rising edge is late by t_d; into the leg: its falling edge; mean "
         "loss u_dc t_d/T_s times the vector of signs (fundamental 4/pi, lines 6k); sign linear within "
-        "+-1.5 % of rated current; the pattern is late by t_d/2 on average"
+        "+-1.5 % of rated current, or (1 - shape) clip(i/width) + shape tanh(i/width) in a zone of its own width; the "
+        "pattern is late by t_d/2 on average"
     ),
     source=(
         "Jeong, Park, The analysis and compensation of dead-time effects in PWM inverters, IEEE Trans. "
         "Ind. Electron. 38 (1991) 108; current at the edge: AVERAGING 5"
     ),
-    parameters=(Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6, ordinary=Ordinary("dead_time", 5e-8)),),
+    parameters=(
+        Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6, ordinary=Ordinary("dead_time", 5e-8)),
+        Parameter("zone_width", "A", 0.0, 0.0, 1e5, 0.0, "rated current", fit="fixed", change=0.1),
+        Parameter("zone_shape", "", 0.0, 0.0, 1.0, 0.0, fit="fixed", change=1.0),
+    ),
     axis="against the current",
     order="1 and 6k (5, 7 in phases)",
     region="steps where a phase current crosses zero; size independent of current and speed",
     confused_with=("device_drop", "flux_harmonics", "stator_resistance"),
     separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",
-    at=(At("edge", late, ("time",)),),
+    at=(At("edge", late, ("time",)), At("sign", around_zero, ("zone_width", "zone_shape"))),
+    switches=("time",),
 )

@@ -1,10 +1,11 @@
-"""Sixth harmonic of the magnet flux in the rotor frame (5th and 7th of the back-EMF)."""
+"""Harmonics of the magnet flux in the rotor frame: the sixth (5th and 7th of the back-EMF), and any others."""
 
 from __future__ import annotations
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
-from model.frames import sixth
+from model.effects.card import INF, At, Effect, Parameter, Part
+from model.frames import multiple, sixth
+from model.lanes import sine_cosine
 
 
 @inlined
@@ -28,11 +29,23 @@ def slope(psi_d6, psi_q6, cos_6, sin_6):
     return -6.0 * psi_d6 * sin_6, 6.0 * psi_q6 * cos_6
 
 
+@inlined
+def of_order(psi_d, psi_q, order, phase, c, s):
+    """Return the same of any whole order: psi_d cos(order theta + phase), psi_q sin(order theta + phase)."""
+    c_n, s_n = multiple(c, s, order)
+    sine, cosine = sine_cosine(phase)
+    x, y = c_n * cosine - s_n * sine, s_n * cosine + c_n * sine
+    return psi_d * x, psi_q * y, -order * psi_d * y, order * psi_q * x
+
+
 CARD = Effect(
     name="flux_harmonics",
-    summary="sixth harmonic of the magnet flux in the rotor frame (5th and 7th of the back-EMF)",
+    summary="harmonics of the magnet flux in the rotor frame: the sixth (5th and 7th of the back-EMF), and any others",
     subsystem="machine",
-    equation=("psi_d = phi_m + psi_d6 cos 6 theta, psi_q = psi_q6 sin 6 theta; torque -3/2 p dH/dtheta included"),
+    equation=(
+        "psi_d = phi_m + psi_d6 cos 6 theta, psi_q = psi_q6 sin 6 theta; further orders: + psi_d cos(n theta + phase), "
+        "+ psi_q sin(n theta + phase); torque -3/2 p dH/dtheta included"
+    ),
     source=(
         "Chapman, Sudhoff, Whitcomb, Multiple reference frame analysis of non-sinusoidal brushless DC "
         "drives, IEEE Trans. Energy Conversion 14 (1999) 440; torque from the energy H(phi, theta)"
@@ -47,4 +60,15 @@ CARD = Effect(
     confused_with=("inductance_harmonics", "dead_time", "cogging_torque"),
     separated_by="driven rotor at zero current: 5th and 7th of the back-EMF proportional to speed",
     at=(At("magnets", harmonic, ("psi_d6", "psi_q6")),),
+    repeats=6,
+    further=Part(
+        parameters=(
+            Parameter("psi_d", "Wb", 0.0, -1e2, 1e2, 0.005, "magnet flux"),
+            Parameter("psi_q", "Wb", 0.0, -1e2, 1e2, 0.003, "magnet flux"),
+            Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(6.0, 60.0, 6.0)),
+            Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0),
+        ),
+        at=(At("magnets", of_order, ("psi_d", "psi_q", "order", "phase")),),
+        switches=("psi_d", "psi_q"),
+    ),
 )

@@ -1,10 +1,11 @@
-"""Sixth harmonic of the inductances, with the torque that energy demands."""
+"""Harmonics of the inductances, the sixth and any others, with the torque that energy demands."""
 
 from __future__ import annotations
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
-from model.frames import sixth
+from model.effects.card import INF, At, Effect, Parameter, Part
+from model.frames import multiple, sixth
+from model.lanes import sine_cosine
 
 
 @inlined
@@ -27,12 +28,24 @@ def slope(gamma_6, cos_6, sin_6, d, q):
     return 3.0 * gamma_6 * (2.0 * cos_6 * d * q - sin_6 * (d * d - q * q))
 
 
+@inlined
+def of_order(gamma, pulse, order, phase, c, s, d, q):
+    """Return the same of any whole order: an ellipse that turns, gamma, and one that breathes, pulse."""
+    c_n, s_n = multiple(c, s, order)
+    sine, cosine = sine_cosine(phase)
+    x, y = c_n * cosine - s_n * sine, s_n * cosine + c_n * sine
+    i_d, i_q = current(gamma, x, y, d, q)
+    bent = gamma * (2.0 * x * d * q - y * (d * d - q * q)) - pulse * y * (d * d + q * q)
+    return i_d + pulse * x * d, i_q + pulse * x * q, 0.5 * order * bent
+
+
 CARD = Effect(
     name="inductance_harmonics",
-    summary="sixth harmonic of the inductances, with the torque that energy demands",
+    summary="harmonics of the inductances, the sixth and any others, with the torque that energy demands",
     subsystem="machine",
     equation=(
-        "H += gamma/2 [cos 6 theta (d^2 - q^2) + 2 sin 6 theta d q]; current its gradient, torque -3/2 p dH/dtheta"
+        "H += gamma/2 [cos 6 theta (d^2 - q^2) + 2 sin 6 theta d q]; further orders: n theta + phase for 6 theta, and "
+        "+ pulse/2 cos(n theta + phase) (d^2 + q^2); current its gradient, torque -3/2 p dH/dtheta"
     ),
     source=(
         "derivation: lowest slotting term of an energy H(phi, theta) with three-phase symmetry; angle-"
@@ -45,4 +58,15 @@ CARD = Effect(
     confused_with=("flux_harmonics", "cross_saturation", "winding_asymmetry"),
     separated_by="locked rotor at several angles with injection; or slow driven rotor under current",
     at=(At("energy", further, ("gamma_6",)),),
+    repeats=6,
+    further=Part(
+        parameters=(
+            Parameter("gamma", "1/H", 0.0, -1e4, 1e4, 0.005, "1 / L_d"),
+            Parameter("pulse", "1/H", 0.0, -1e4, 1e4, 0.005, "1 / L_d"),
+            Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(6.0, 60.0, 6.0)),
+            Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0),
+        ),
+        at=(At("energy", of_order, ("gamma", "pulse", "order", "phase")),),
+        switches=("gamma", "pulse"),
+    ),
 )

@@ -10,7 +10,7 @@ import dataclasses
 import math
 import textwrap
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,9 @@ OF_MOTOR = {  # parameters that replace a value of the motor
     "inertia.inertia": "inertia",
     **{f"saturation.alpha_{n}": f"alpha_{n}" for n in ("30", "12", "40", "22", "04")},
 }
+WHOLE = tuple(
+    f"{effect}.{k}.order" for effect in ("flux_harmonics", "inductance_harmonics") for k in range(2, 7)
+)  # electrical orders: windings of all pole pairs in series see no others
 FASTEST_FRICTION = 1e6  # 1/s
 LATEST = 3.0  # sampling periods: the latest that a recorded voltage may act
 BEGIN, END = "<!-- table: python -m model.effects.library -->\n", "<!-- end of table -->\n"
@@ -58,8 +61,14 @@ def load_effect(name: str) -> Effect:
 
 @cache
 def parameters() -> dict[str, Parameter]:
-    """Return every parameter by its public name `effect.parameter`."""
-    return {f"{name}.{p.name}": p for name in effect_names() for p in load_effect(name).parameters}
+    """Return every parameter by its public name: `effect.parameter`, or `effect.k.parameter` of a k-th part."""
+    cards = [load_effect(name) for name in effect_names()]
+    return {c.public(k, p.name): p for c in cards for k in range(1, c.repeats + 1) for p in c.part(k).parameters}
+
+
+def is_further(name: str) -> bool:
+    """Return whether a public name is that of an effect's second or later part."""
+    return name.count(".") > 1
 
 
 @cache
@@ -115,6 +124,11 @@ def checked(name: str, value: float) -> float:
 
 def neutral(motor: Motor) -> dict[str, float]:
     """Return every parameter's neutral value for a motor."""
+    return dict(_neutral(motor))
+
+
+@lru_cache(maxsize=64)
+def _neutral(motor: Motor) -> dict[str, float]:
     return {name: p.neutral_for(motor) for name, p in parameters().items()}
 
 
@@ -127,7 +141,8 @@ def complete(motor: Motor, converter: Converter, effects: Mapping[str, float] | 
     given = dict(effects or {})
     values = neutral(motor)
     for name, value in given.items():
-        values[name] = checked(name, value)
+        if not (type(value) is float and value == values.get(name)):  # a neutral one is right as it is
+            values[name] = checked(name, value)
     for alpha in SHARED:
         one, other = f"saturation.{alpha}", f"cross_saturation.{alpha}"
         if one in given and other in given and values[one] != values[other]:
@@ -172,17 +187,30 @@ def _check_sizes(motor: Motor, converter: Converter, v: Mapping[str, float], giv
         ("dc_link_ripple.amplitude", abs(v["dc_link_ripple.amplitude"]), converter.dc_bus_voltage, "V, the DC link"),
         ("current_sampling.jitter", 6.0 * v["current_sampling.jitter"], 0.5 * converter.sampling_period,
          "s in six sigma, half the PWM period"),
-        ("inductance_harmonics.gamma_6", abs(v["inductance_harmonics.gamma_6"]), least, "1/H, where H is not convex"),
-        ("flux_harmonics.psi_d6", abs(v["flux_harmonics.psi_d6"]), motor.magnet_flux, "Wb, the magnet flux"),
-        ("flux_harmonics.psi_q6", abs(v["flux_harmonics.psi_q6"]), motor.magnet_flux, "Wb, the magnet flux"),
+        ("inductance_harmonics.gamma_6", _together(v, "inductance_harmonics", ("gamma_6", "gamma", "pulse")), least,
+         "1/H in all orders together, where H is not convex"),
+        ("flux_harmonics.psi_d6", _together(v, "flux_harmonics", ("psi_d6", "psi_d")), motor.magnet_flux,
+         "Wb in all orders together, the magnet flux"),
+        ("flux_harmonics.psi_q6", _together(v, "flux_harmonics", ("psi_q6", "psi_q")), motor.magnet_flux,
+         "Wb in all orders together, the magnet flux"),
         ("shaft_compliance resonance", rate, math.pi / converter.sampling_period,
          "rad/s, half the sampling frequency (give stiffness = inf for a rigid shaft)"),
     )  # fmt: skip
+    for name in WHOLE:
+        if v[name] != round(v[name]) or v[name] == 0.0:
+            raise BadInput(f"{name} = {v[name]:g} is no whole order; give 1, 2, ..., 60, or a negative one")
     for name, size, bound, what in bounds:
         if size > 0.0 and not size < bound:
             raise BadInput(f"{name}: {size:g} is out of range; it must stay below {bound:g} {what}")
     if resistance < 0.0:
         raise BadInput(f"winding_asymmetry leaves a phase {resistance:g} ohm; give more than minus the resistance")
+
+
+def _together(v: Mapping[str, float], effect: str, names: tuple[str, ...]) -> float:
+    """Return the sum of sizes of all parts of an effect."""
+    card = load_effect(effect)
+    parts = range(1, card.repeats + 1)
+    return sum(abs(v[card.public(k, p.name)]) for k in parts for p in card.part(k).parameters if p.name in names)
 
 
 def _check_timing(converter: Converter, values: Mapping[str, float]) -> None:
@@ -238,6 +266,9 @@ def typical(name: str, motor: Motor, converter: Converter) -> dict[str, float]:
 def card_text(card: Effect) -> str:
     """Return a card as lines a person can read."""
     sizes = [f"  {card.name}.{p.name:<18} {_parameter(p)}" for p in card.parameters]
+    if card.repeats > 1:
+        sizes.append(f"further ones, k = 2 ... {card.repeats}:")
+        sizes += [f"  {card.name}.k.{p.name:<16} {_parameter(p)}" for p in card.part(2).parameters]
     lines = [f"{card.name} ({card.subsystem}): {card.summary}", "", _entry("equation", card.equation)]
     lines += [_entry("source", card.source), "", "parameters: neutral; bounds; typical", *sizes, ""]
     lines += [_entry("axis", card.axis), _entry("order", card.order), _entry("region", card.region)]
@@ -269,13 +300,18 @@ def table() -> str:
 
 
 def _row(card: Effect) -> str:
-    sizes = []
-    for p in card.parameters:
-        relative = f"{p.typical:g} × {p.relative_to}" if p.relative_to else f"{p.typical:g}"
-        sizes.append(f"`.{p.name}` ({', '.join(filter(None, (p.unit, relative)))})")
+    sizes = [f"`.{p.name}` ({_typical(p)})" for p in card.parameters]
+    if card.repeats > 1:
+        sizes.append(f"further orders, k = 2 … {card.repeats}:")
+        sizes += [f"`.k.{p.name}` ({_typical(p)})" for p in card.part(2).parameters]
     confused = ", ".join(f"`{c}`" for c in card.confused_with)
     cells = [f"[`{card.name}`]({card.name}.py)", " ".join(sizes), card.equation, card.order, confused]
     return f"| {' | '.join([*cells, card.separated_by])} |"
+
+
+def _typical(p: Parameter) -> str:
+    relative = f"{p.typical:g} × {p.relative_to}" if p.relative_to else f"{p.typical:g}"
+    return ", ".join(filter(None, (p.unit, relative)))
 
 
 def readme() -> str:

@@ -43,6 +43,10 @@ def run_compare(options: argparse.Namespace) -> None:
         simulated = sum(run.recording.t[-1] for run in result.runs)
         cpu = sum(run.cpu_seconds for run in result.runs)
         print(f"{simulated:.0f} s simulated in {cpu:.1f} s of CPU; results in {folder}")
+    if options.tolerances is not None:
+        from sandbox.cli.sweeping import run_tolerances
+
+        run_tolerances(options, folder, names_of(options.estimators) + options.estimator)
 
 
 def run_simulate(options: argparse.Namespace) -> None:
@@ -116,7 +120,7 @@ def run_protocol(options: argparse.Namespace) -> None:
         result = sandbox.protocol(
             names_of(options.estimators, ESTIMATORS) + own_estimators(options),
             names_of(options.motors, () if options.motors else usual_motors()), names_of(options.tests, TESTS),
-            seed=options.seed, jobs=options.jobs, keep=folder, progress=progress,
+            seed=options.seed, jobs=options.jobs, keep=folder, cluster=options.dask, progress=progress,
         )  # fmt: skip
     if options.peer:
         result = ProtocolResult(with_motulator(result.protocol, options.anchors, options.peer_python))

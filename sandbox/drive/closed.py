@@ -15,14 +15,13 @@ from model.spline import SplineEnergy
 from sandbox.drive.loop import Bench
 from sandbox.plant import additions as add
 from sandbox.plant.batch import blank_room
-from sandbox.plant.sets import batch_of, complete, features_of, timing_of
+from sandbox.plant.sets import batch_of, complete, features_of, highest_order, timing_of
 from sandbox.replay.replay import at_rest
 
 LARGEST_TURN = 0.1  # rad of the rotor, and of a harmonic of its angle thrice that, in one step
 LARGEST_DECAY = 0.1  # of the winding's time constant at zero current, in one step
 LARGEST_RUB = 0.5  # of the time in which dry friction brings the rotor to rest within its width
-LARGEST_LAG, BEHIND_FILTER = 0.5, 0.2  # of the iron's time constant: its current is no parabola over a longer segment
-HARMONIC = 6.0
+LARGEST_LAG = 0.5  # of the iron's time constant: its current is no parabola over a longer segment
 
 
 def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_omega: float) -> float:
@@ -34,10 +33,9 @@ def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_o
     decay = (motor.resistance + values["skin_effect.resistance"]) * max(energy.gamma_d, energy.gamma_q)
     step = min(LARGEST_DECAY / decay, LARGEST_TURN / max(top_omega, 1.0))
     if features & add.ANGULAR:
-        step = min(step, 3.0 * LARGEST_TURN / (HARMONIC * max(top_omega, 1.0)))
+        step = min(step, 3.0 * LARGEST_TURN / (highest_order(motor, values) * max(top_omega, 1.0)))
     if features & add.IRON:
-        largest = BEHIND_FILTER if features & add.FILTER else LARGEST_LAG
-        step = min(step, largest * values["iron_loss.time_constant"])
+        step = min(step, LARGEST_LAG * values["iron_loss.time_constant"])
     if friction_rate(values) > 0.0:
         step = min(step, LARGEST_RUB / friction_rate(values))
     return step
@@ -72,7 +70,8 @@ def closed_bench(
 
 def turned_to(bench: Bench, theta: float) -> Bench:
     """Return a plant like a fresh one at rest without current at another electrical angle (rad)."""
-    w, rest = bench.w.copy(), np.zeros((2, 1))
+    w = np.frombuffer(bytearray(bench.w.tobytes()), bench.w.dtype)[0]  # a copy, twenty times as fast as .copy()
+    rest = np.zeros((2, 1))
     c, s = np.array([math.cos(theta)]), np.array([math.sin(theta)])
     at_rest(w, c, s, rest)
     d, q = w["magnet"] + rest[0], rest[1]

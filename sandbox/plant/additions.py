@@ -7,6 +7,8 @@ then continuous, whatever the voltage does.
 
 from __future__ import annotations
 
+import math
+
 from model.compiled import inlined, kernel
 from model.lanes import lag_moments, lag_weights, sine_cosine
 from sandbox.plant import ports
@@ -14,7 +16,7 @@ from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD, facing, finis
 
 # what a batch may need beside the bare plant (bits)
 LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
-SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB = (1 << k for k in range(7, 15))
+SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, ZONE = (1 << k for k in range(7, 16))
 LAGS = IRON | SKIN | FILTER
 ANGULAR = MAGNETS | ENERGY
 
@@ -52,22 +54,37 @@ def magnets(w, c_0, s_0):
     for j in range(w.psi_a.size):
         c, s = facing(w, j, c_0, s_0)
         w.rest_d[j], w.rest_q[j], _, _ = ports.magnets(w, j, c, s)
+    for k in range(w.more_magnets):
+        for j in range(w.psi_a.size):
+            c, s = facing(w, j, c_0, s_0)
+            d, q, _, _ = ports.further_magnets(w, k, j, c, s)
+            w.rest_d[j], w.rest_q[j] = w.rest_d[j] + d, w.rest_q[j] + q
 
 
-@inlined
-def further(w, j, c_0, s_0, a, b):
-    """Return the current (A), stationary frame, of the energy's further terms at a flux (Wb)."""
-    c, s = facing(w, j, c_0, s_0)
-    d, q = seen(w, j, c, s, a, b)
-    i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
-    return c * i_d - s * i_q, s * i_d + c * i_q
+@kernel
+def further(w, c_0, s_0):
+    """Write the current (A), stationary frame, of the energy's further terms at the fluxes z_d, z_q (Wb)."""
+    for j in range(w.psi_a.size):
+        c, s = facing(w, j, c_0, s_0)
+        i_d, i_q, _ = ports.energy(w, j, c, s, w.z_d[j], w.z_q[j])
+        w.extra_a[j], w.extra_b[j] = c * i_d - s * i_q, s * i_d + c * i_q
+    for k in range(w.more_energy):
+        for j in range(w.psi_a.size):
+            c, s = facing(w, j, c_0, s_0)
+            i_d, i_q, _ = ports.further_energy(w, k, j, c, s, w.z_d[j], w.z_q[j])
+            w.extra_a[j] += c * i_d - s * i_q
+            w.extra_b[j] += s * i_d + c * i_q
 
 
 @kernel
 def energy_at_start(w, c_0, s_0, x, y, side, real):
     """Add to the current at the segment's start what the energy's further terms say; drop and lateness follow."""
     for j in range(w.psi_a.size):
-        w.more_a[j], w.more_b[j] = further(w, j, c_0, s_0, w.psi_a[j], w.psi_b[j])
+        c, s = facing(w, j, c_0, s_0)
+        w.z_d[j], w.z_q[j] = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
+    further(w, c_0, s_0)
+    for j in range(w.psi_a.size):
+        w.more_a[j], w.more_b[j] = w.extra_a[j], w.extra_b[j]
         i_a, i_b = w.i_a[j] + w.more_a[j], w.i_b[j] + w.more_b[j]
         w.i_a[j], w.i_b[j] = i_a, i_b
         w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
@@ -76,12 +93,30 @@ def energy_at_start(w, c_0, s_0, x, y, side, real):
 
 
 @kernel
+def late_by_zone(w, x, y, side, real):
+    """Write anew how late the edge of leg (x, y) acts, by a sign with a zone of its own; see `electrical.take`."""
+    for j in range(w.psi_a.size):
+        w.late[j] = real * ports.edge(w, j, sign_of(w, j, x * w.i_a[j] + y * w.i_b[j]), side)
+
+
+@inlined
+def sign_of(w, j, current):
+    """Return the sign of a leg's current (A) with all that effects add to the soft one."""
+    sign = min(max(current * w.soft[j], -1.0), 1.0)
+    return sign + ports.sign(w, j, current, w.soft[j], sign)
+
+
+@kernel
 def energy_in_middle(w, c_0, s_0, span, turned):
     """Add the same in the segment's middle, and what it changes in the drop's terms of `electrical.settle`: the way to
     the middle has all of the current's change, the line that turns by `turned` (rad) none of these terms'."""
     across = turned * (1.0 / 6.0)
     for j in range(w.psi_a.size):
-        i_a, i_b = further(w, j, c_0, s_0, w.mid_a[j], w.mid_b[j])
+        c, s = facing(w, j, c_0, s_0)
+        w.z_d[j], w.z_q[j] = seen(w, j, c, s, w.mid_a[j], w.mid_b[j])
+    further(w, c_0, s_0)
+    for j in range(w.psi_a.size):
+        i_a, i_b = w.extra_a[j], w.extra_b[j]
         k = 0.25 * span * (w.resistance[j] + w.skin_r[j])
         x, y = k * (w.stiff_aa[j] * i_a + w.stiff_ab[j] * i_b), k * (w.stiff_ab[j] * i_a + w.stiff_bb[j] * i_b)
         w.j_a[j], w.j_b[j] = w.j_a[j] + i_a - x, w.j_b[j] + i_b - y
@@ -96,11 +131,14 @@ def energy_at(w, c_0, s_0, share):
     Harmonics turn many times as fast as the rotor: their mean is taken at two places (Gauss), the flux on its line.
     """
     for j in range(w.psi_a.size):
+        c, s = facing(w, j, c_0, s_0)
         a = w.mid_a[j] + share * (w.mid_a[j] - w.psi_a[j])
         b = w.mid_b[j] + share * (w.mid_b[j] - w.psi_b[j])
-        i_a, i_b = further(w, j, c_0, s_0, a, b)
-        w.fall_a[j] += 0.5 * w.resistance[j] * i_a
-        w.fall_b[j] += 0.5 * w.resistance[j] * i_b
+        w.z_d[j], w.z_q[j] = seen(w, j, c, s, a, b)
+    further(w, c_0, s_0)
+    for j in range(w.psi_a.size):
+        w.fall_a[j] += 0.5 * w.resistance[j] * w.extra_a[j]
+        w.fall_b[j] += 0.5 * w.resistance[j] * w.extra_b[j]
 
 
 @kernel
@@ -119,15 +157,25 @@ def remember(w, span):
 
 @kernel
 def close_iron(w, span):
-    """Move the flux behind the iron's lag on by a segment (s) and write the iron-loss current at its end."""
+    """Move the flux behind the iron's lag on by a segment (s) and write the iron-loss current at its end.
+
+    The flux in the middle is less than predicted by what the drop grew on the way, S/4 (mean less start).  With the end
+    the middle's current is known, too: of a parabola with this start, mean and end.
+    """
+    quarter = 0.25 * span
     for j in range(w.psi_a.size):
         a, b = finished(w, j, span)
         decay, w_0, w_m, w_1 = lag_weights(span * w.core_rate[j])
-        y_a = decay * w.eddy_a[j] + w_0 * w.psi_a[j] + w_m * (w.mid_a[j] + w.bend_a[j]) + w_1 * a
-        y_b = decay * w.eddy_b[j] + w_0 * w.psi_b[j] + w_m * (w.mid_b[j] + w.bend_b[j]) + w_1 * b
+        m_a = w.mid_a[j] + w.bend_a[j] - quarter * (w.fall_a[j] - w.drop_a[j])
+        m_b = w.mid_b[j] + w.bend_b[j] - quarter * (w.fall_b[j] - w.drop_b[j])
+        y_a = decay * w.eddy_a[j] + w_0 * w.psi_a[j] + w_m * m_a + w_1 * a
+        y_b = decay * w.eddy_b[j] + w_0 * w.psi_b[j] + w_m * m_b + w_1 * b
         w.eddy_a[j], w.eddy_b[j] = y_a, y_b
         g = w.core_g[j] * w.core_rate[j]
-        w.core_a[j], w.core_b[j] = g * (a - y_a), g * (b - y_b)
+        c_a, c_b = g * (a - y_a), g * (b - y_b)
+        w.j_a[j] += 0.5 * w.core_a[j] - 0.25 * (w.begun_a[j] + c_a)
+        w.j_b[j] += 0.5 * w.core_b[j] - 0.25 * (w.begun_b[j] + c_b)
+        w.core_a[j], w.core_b[j] = c_a, c_b
 
 
 @kernel
@@ -137,10 +185,27 @@ def iron_in_middle(w, span, u_a, u_b, x, y):
     inverse = 1.0 / span
     for j in range(w.psi_a.size):
         a, b = halfway(w, j, span, inverse, u_a, u_b, x, y)
-        decay, zeroth, first, _ = lag_moments(span * w.core_rate[j])
+        decay, zeroth, first, second = lag_moments(span * w.core_rate[j])
         p, q, g = w.psi_a[j], w.psi_b[j], w.core_g[j] * inverse
+        w.core_less[j] = w.core_g[j] * second
+        w.begun_a[j], w.begun_b[j] = w.core_a[j], w.core_b[j]
         w.core_a[j] = g * ((decay - 1.0) * w.eddy_a[j] + zeroth * p + 2.0 * first * (a - p))
         w.core_b[j] = g * ((decay - 1.0) * w.eddy_b[j] + zeroth * q + 2.0 * first * (b - q))
+
+
+@kernel
+def iron_bends(w, turned):
+    """Take from the mean iron-loss current what the drop's growth over the segment, known by now, bends the flux, and
+    from the drop what `electrical.settled` gave it for turning with the rotor (by `turned`, rad), which it does not."""
+    square, across = turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
+    for j in range(w.psi_a.size):
+        r, e_a, e_b = w.resistance[j], w.core_a[j] - w.begun_a[j], w.core_b[j] - w.begun_b[j]
+        w.fall_a[j] -= r * (square * w.core_a[j] - across * e_b)
+        w.fall_b[j] -= r * (square * w.core_b[j] + across * e_a)
+        a, b = w.core_less[j] * (w.fall_a[j] - w.drop_a[j]), w.core_less[j] * (w.fall_b[j] - w.drop_b[j])
+        w.core_a[j], w.core_b[j] = w.core_a[j] - a, w.core_b[j] - b
+        w.j_a[j], w.j_b[j] = w.j_a[j] - a, w.j_b[j] - b
+        w.fall_a[j], w.fall_b[j] = w.fall_a[j] - r * a, w.fall_b[j] - r * b
 
 
 @inlined
@@ -174,17 +239,36 @@ def close_skin(w, span):
 
 
 @kernel
+def swelling(w):
+    """Write by how much the mean current exceeds that in the middle (A): the parabola through start and middle is the
+    line through them plus 12 times this times s (s - 1/2), s the share of the segment."""
+    for j in range(w.psi_a.size):
+        inverse = 1.0 / max(w.resistance[j], 1e-9)
+        w.swell_a[j] = (w.fall_a[j] - w.resistance[j] * w.j_a[j]) * inverse
+        w.swell_b[j] = (w.fall_b[j] - w.resistance[j] * w.j_b[j]) * inverse
+
+
+@kernel
 def skin_in_middle(w, span):
-    """Add the skin effect's mean drop: R_1 tau/S times what its lag moves by, the current going on as it began."""
+    """Add the skin effect's mean drop: R_1 tau/S times what its lag moves by, the current a parabola.
+
+    The way to the middle was taken as if this drop grew with the current alone (e: the rest).
+    """
     for j in range(w.psi_a.size):
         x = span * w.skin_rate[j]
-        decay, zeroth, first, _ = lag_moments(x)
-        i_a, i_b = w.i_a[j], w.i_b[j]
-        moved_a = (decay - 1.0) * w.slow_a[j] + zeroth * i_a + 2.0 * first * (w.j_a[j] - i_a)
-        moved_b = (decay - 1.0) * w.slow_b[j] + zeroth * i_b + 2.0 * first * (w.j_b[j] - i_b)
+        decay, zeroth, first, second = lag_moments(x)
+        i_a, i_b, square = w.i_a[j], w.i_b[j], 12.0 * (second - 0.5 * first)
+        moved_a = (decay - 1.0) * w.slow_a[j] + zeroth * i_a + 2.0 * first * (w.j_a[j] - i_a) + square * w.swell_a[j]
+        moved_b = (decay - 1.0) * w.slow_b[j] + zeroth * i_b + 2.0 * first * (w.j_b[j] - i_b) + square * w.swell_b[j]
         r = w.skin_r[j] / x
-        w.fall_a[j] += r * moved_a
-        w.fall_b[j] += r * moved_b
+        v_a, v_b = r * moved_a, r * moved_b
+        d_a = 0.25 * span * (w.skin_r[j] * (w.j_a[j] - w.slow_a[j]) - v_a)
+        d_b = 0.25 * span * (w.skin_r[j] * (w.j_b[j] - w.slow_b[j]) - v_b)
+        e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
+        e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
+        w.j_a[j], w.j_b[j] = w.j_a[j] + e_a, w.j_b[j] + e_b
+        w.fall_a[j] += v_a + w.resistance[j] * (4.0 / 3.0) * e_a
+        w.fall_b[j] += v_b + w.resistance[j] * (4.0 / 3.0) * e_b
 
 
 @kernel
@@ -203,31 +287,110 @@ def winding_in_middle(w):
         w.fall_a[j], w.fall_b[j] = w.fall_a[j] + v_a, w.fall_b[j] + v_b
 
 
+@inlined
+def legs_lose(w, j, x, y, p, q):
+    """Return what legs lose on average (V, stationary frame) while the current (A) goes straight from x, y to p, q."""
+    k = w.soft[j]
+    half, side, ahead, beside = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
+    v_a = ports.leg(w, j, k * x, k * p)
+    v_b = ports.leg(w, j, k * (half + side), k * (ahead + beside))
+    v_c = ports.leg(w, j, k * (half - side), k * (ahead - beside))
+    return (2.0 * v_a - v_b - v_c) * THIRD, (v_b - v_c) * ROOT_THIRD
+
+
 @kernel
 def legs_at_start(w):
     """Add to the drop what the legs lose for their currents at the segment's start."""
     for j in range(w.psi_a.size):
-        k = w.soft[j]
-        half, side = -0.5 * w.i_a[j], HALF_ROOT * w.i_b[j]
-        a, b, c = k * w.i_a[j], k * (half + side), k * (half - side)
-        v_a, v_b, v_c = ports.leg(w, j, a, a), ports.leg(w, j, b, b), ports.leg(w, j, c, c)
-        w.drop_a[j] += (2.0 * v_a - v_b - v_c) * THIRD
-        w.drop_b[j] += (v_b - v_c) * ROOT_THIRD
+        v_a, v_b = legs_lose(w, j, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
+        w.leg_a[j], w.leg_b[j] = v_a, v_b
+        w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
 
 
 @kernel
-def legs_in_middle(w):
-    """Add their mean over the segment, currents going on as they began."""
+def legs_in_middle(w, span):
+    """Add their mean over the segment, the current's parabola as two straight pieces.
+
+    Around zero a leg is a resistance of threshold over half-width, many times the winding's: what it loses more on the
+    way to the middle takes as much from the flux there, and from the current (e); at the end it is four times as much.
+    """
+    half = 0.5 * span
     for j in range(w.psi_a.size):
-        k = w.soft[j]
-        x, y = w.i_a[j], w.i_b[j]
-        p, q = 2.0 * w.j_a[j] - x, 2.0 * w.j_b[j] - y
-        half, side, ahead, beside = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
-        v_a = ports.leg(w, j, k * x, k * p)
-        v_b = ports.leg(w, j, k * (half + side), k * (ahead + beside))
-        v_c = ports.leg(w, j, k * (half - side), k * (ahead - beside))
-        w.fall_a[j] += (2.0 * v_a - v_b - v_c) * THIRD
-        w.fall_b[j] += (v_b - v_c) * ROOT_THIRD
+        x, y, r = w.i_a[j], w.i_b[j], w.resistance[j]
+        v_a, v_b = legs_lose(w, j, x, y, w.j_a[j], w.j_b[j])
+        d_a, d_b = half * (w.leg_a[j] - v_a), half * (w.leg_b[j] - v_b)
+        e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
+        e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
+        m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
+        w.j_a[j], w.j_b[j] = m_a, m_b
+        p, q = 2.0 * (m_a + e_a) - x + 6.0 * w.swell_a[j], 2.0 * (m_b + e_b) - y + 6.0 * w.swell_b[j]
+        v_a, v_b = legs_lose(w, j, x, y, m_a, m_b)
+        z_a, z_b = legs_lose(w, j, m_a, m_b, p, q)
+        w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
+        w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
+
+
+@inlined
+def table_says(w, current):
+    """Return what a leg loses (V) at a current (A) by the measured table, and the integral of it from 0 on (A V)."""
+    size, low, high = abs(current), 0, w.table_points - 1
+    while high - low > 1:
+        half = (low + high) // 2
+        if w.table_current[half] <= size:
+            low = half
+        else:
+            high = half
+    over = max(size - w.table_current[high], 0.0)
+    on = min(size, w.table_current[high]) - w.table_current[low]
+    first, last = w.table_volts[low], w.table_volts[high]
+    slope = (last - first) / (w.table_current[high] - w.table_current[low])
+    volts = first + slope * on
+    return math.copysign(volts, current), w.table_sum[low] + on * (first + 0.5 * slope * on) + over * volts
+
+
+@inlined
+def table_mean(w, before, after):
+    """Return what a leg loses on average (V) while its current (A) goes straight from before to after."""
+    step = after - before
+    if abs(step) < 1e-6 * w.table_current[w.table_points - 1]:
+        return table_says(w, 0.5 * (before + after))[0]
+    return (table_says(w, after)[1] - table_says(w, before)[1]) / step
+
+
+@inlined
+def table_loses(w, x, y, p, q):
+    """Return the same as `legs_lose` by the measured table."""
+    half, side, ahead, beside = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
+    a, b = table_mean(w, x, p), table_mean(w, half + side, ahead + beside)
+    c = table_mean(w, half - side, ahead - beside)
+    return (2.0 * a - b - c) * THIRD, (b - c) * ROOT_THIRD
+
+
+@kernel
+def table_at_start(w):
+    """Add to the drop what legs lose by their measured table at a segment's start."""
+    for j in range(w.psi_a.size):
+        v_a, v_b = table_loses(w, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
+        w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+
+
+@kernel
+def table_in_middle(w, span):
+    """Add their mean over the segment, as `legs_in_middle` does."""
+    half = 0.5 * span
+    for j in range(w.psi_a.size):
+        x, y, r = w.i_a[j], w.i_b[j], w.resistance[j]
+        o_a, o_b = table_loses(w, x, y, x, y)
+        v_a, v_b = table_loses(w, x, y, w.j_a[j], w.j_b[j])
+        d_a, d_b = half * (o_a - v_a), half * (o_b - v_b)
+        e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
+        e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
+        m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
+        w.j_a[j], w.j_b[j] = m_a, m_b
+        v_a, v_b = table_loses(w, x, y, m_a, m_b)
+        z_a, z_b = table_loses(w, m_a, m_b, 2.0 * (m_a + e_a) - x, 2.0 * (m_b + e_b) - y)
+        w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
+        w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
 
 
 @kernel
@@ -240,6 +403,18 @@ def turning(w, c_0, s_0):
         _, _, t_d, t_q = ports.magnets(w, j, c, s)
         m_a, m_b = w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j]
         w.turning[j] = bent - t_d * (c * m_a + s * m_b) - t_q * (c * m_b - s * m_a)
+    for k in range(w.more_energy):
+        for j in range(w.psi_a.size):
+            c, s = facing(w, j, c_0, s_0)
+            d, q = seen(w, j, c, s, w.mid_a[j], w.mid_b[j])
+            _, _, bent = ports.further_energy(w, k, j, c, s, d, q)
+            w.turning[j] += bent
+    for k in range(w.more_magnets):
+        for j in range(w.psi_a.size):
+            c, s = facing(w, j, c_0, s_0)
+            _, _, t_d, t_q = ports.further_magnets(w, k, j, c, s)
+            m_a, m_b = w.j_a[j] - w.core_a[j], w.j_b[j] - w.core_b[j]
+            w.turning[j] -= t_d * (c * m_a + s * m_b) + t_q * (c * m_b - s * m_a)
 
 
 @kernel

@@ -12,8 +12,10 @@ from typing import Any
 import numba
 import numpy as np
 
+from model.effects.card import REPEATED
+from model.inverter_table import MOST_POINTS
 from sandbox.plant.edges import EDGES
-from sandbox.plant.ports import NUMBERS
+from sandbox.plant.ports import FURTHER, NUMBERS
 
 NEVER = -1.0  # s: no edge waits
 
@@ -39,7 +41,12 @@ SCRATCH = {  # within a period
     "j_a": "terminal current in its middle, A", "j_b": "terminal current in its middle, A",
     "last_a": "terminal current at the last segment's start, A", "last_b": "terminal current there, A",
     "more_a": "of it what the energy's further terms say, A", "more_b": "likewise, A",
+    "extra_a": "the same where it was last asked for, A", "extra_b": "likewise, A",
     "bend_a": "half of what late edges add to the segment's mean flux, Wb", "bend_b": "likewise, Wb",
+    "begun_a": "iron-loss current at the segment's start, A", "begun_b": "likewise, A",
+    "core_less": "what a growing drop takes from the mean iron-loss current, A/V",
+    "swell_a": "mean current less that in the middle, A", "swell_b": "likewise, A",
+    "leg_a": "lost in the legs at the start, V", "leg_b": "likewise, V",
     "drop_a": "resistive voltage at the start, V", "drop_b": "resistive voltage at the start, V",
     "fall_a": "resistive voltage, mean of the segment, V", "fall_b": "resistive voltage, mean of the segment, V",
     "volt_a": "volt-seconds of the segment, V s", "volt_b": "volt-seconds of the segment, V s",
@@ -55,6 +62,7 @@ SCRATCH = {  # within a period
     "stiff_aa": "inverse incremental inductance, 1/H", "stiff_ab": "1/H", "stiff_bb": "1/H",
     "span_inv": "1/s of the segment", "turn": "rotor, rad mechanical", "omega": "rad/s mechanical",
     "surge": "half the rotor's last acceleration, rad/s^2 electrical",
+    "bound": "torque bound to the rotor's position, N m",
     "net": "torque on the rotor's side, N m", "taken": "by the load, N m",
 }  # fmt: skip
 PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; a mapped motor adds them to its map
@@ -74,9 +82,21 @@ PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; 
 
 @cache
 def batch_type(lanes: int) -> np.dtype[Any]:
-    """Return the record's type for so many lanes."""
-    names = (*STATES, *SCRATCH, *PLANT, *NUMBERS)
-    return np.dtype([(name, np.float64, (lanes,)) for name in names], align=True)
+    """Return the record's type for so many lanes.
+
+    Beside the rows: those of effects' further parts (parts, lanes), how many of them any lane has at a port, and the
+    inverter's measured table, the same for all lanes: points (A, V) and the integral up to each (A V).
+    """
+    rows = [(name, np.float64, (lanes,)) for name in (*STATES, *SCRATCH, *PLANT, *NUMBERS)]
+    parts = [(name, np.float64, (count, lanes)) for name, count in FURTHER.items()]
+    counts = [(name, np.int64) for name in (*map(more, REPEATED), "table_points")]
+    table = [(f"table_{name}", np.float64, (MOST_POINTS,)) for name in ("current", "volts", "sum")]
+    return np.dtype([*rows, *parts, *counts, *table], align=True)
+
+
+def more(port: str) -> str:
+    """Return the name of the number of further parts at a port."""
+    return f"more_{port}"
 
 
 @cache

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from model import compiled
 from model.effects import own
-from model.effects.card import PORTS, Effect
+from model.effects.card import PORTS, REPEATED, At, Effect
 from model.effects.library import effect_names, load_effect
 
 HEAD = '''"""Where effects enter the plant: what their equations add at each port, for lane j of a batch.
@@ -27,7 +27,7 @@ from model.compiled import inlined
 {imports}
 from model.spline import currents as map_currents
 
-__all__ = ["NUMBERS", "map_currents"]
+__all__ = ["FURTHER", "NUMBERS", "map_currents"]
 '''
 RESULTS = ("x", "y", "z", "t")
 LIBRARY = "model.effects"
@@ -38,17 +38,27 @@ def field(effect: str, number: str) -> str:
     return f"{effect}_{number}"
 
 
+def further_field(effect: str, number: str) -> str:
+    """Return the name of the batch's rows that hold a number of an effect's second part, third part, ..."""
+    return f"{effect}_further_{number}"
+
+
 def source(cards: Iterable[Effect], modules: dict[str, str]) -> str:
     """Return the module's text; modules: where each effect's equations are imported from."""
     chosen = [c for c in cards if c.at]
     imports = _imports({c.name: modules[c.name] for c in sorted(chosen, key=lambda c: c.name)})
-    numbers = {field(c.name, n): _unit(c, n) for c in chosen for at in c.at for n in at.numbers}
+    numbers = {field(c.name, n): _unit(c, 1, n) for c in chosen for at in c.at for n in at.numbers}
     rows = "\n".join(f'    "{name}": "{unit}",' for name, unit in numbers.items())
+    several = [c for c in chosen if c.repeats > 1]
+    more = {further_field(c.name, n): c.repeats - 1 for c in several for at in c.part(2).at for n in at.numbers}
+    counts = "\n".join(f'    "{name}": {count},' for name, count in more.items())
     parts = [
         HEAD.format(imports=imports),
-        f"NUMBERS = {{  # rows of the batch that hold effects' parameters\n{rows}\n}}",
+        f"NUMBERS = {{  # rows of the batch that hold effects' parameters\n{rows}\n}}\n"
+        f"FURTHER = {{  # those of further parts, so many rows each\n{counts}\n}}",
     ]
-    return "\n\n".join([*parts, *(_port(name, chosen) for name in PORTS)]) + "\n"
+    ports = [_port(name, chosen) for name in PORTS] + [_further(name, several) for name in REPEATED]
+    return "\n\n".join([*parts, *ports]) + "\n"
 
 
 def _imports(modules: dict[str, str]) -> str:
@@ -58,22 +68,35 @@ def _imports(modules: dict[str, str]) -> str:
     return "\n".join([*others, f"from {LIBRARY} import (\n{library})"])
 
 
-def _unit(card: Effect, number: str) -> str:
-    return next(p.unit for p in card.parameters if p.name == number)
+def _unit(card: Effect, part: int, number: str) -> str:
+    return next(p.unit for p in card.part(part).parameters if p.name == number)
 
 
 def _port(name: str, cards: list[Effect]) -> str:
     port = PORTS[name]
     args = ", ".join(("w", "j", *port.quantities))
     calls = [
-        _call(c, at.equation.__name__, at.numbers, port.quantities) for c in cards for at in c.at if at.port == name
-    ]
+        _call(c, at, [f"w.{field(c.name, n)}[j]" for n in at.numbers], port.quantities)
+        for c in cards for at in c.at if at.port == name
+    ]  # fmt: skip
     return f'\n@inlined\ndef {name}({args}):\n    """Return {port.what}."""\n' + _body(name, calls)
 
 
-def _call(card: Effect, function: str, numbers: tuple[str, ...], quantities: tuple[str, ...]) -> str:
-    own = ", ".join([*(f"w.{field(card.name, n)}[j]" for n in numbers), *quantities])
-    return f"{card.name}.{function}({own})"
+def _further(name: str, cards: list[Effect]) -> str:
+    port = PORTS[name]
+    calls = [
+        _call(c, at, [f"w.{further_field(c.name, n)}[k, j]" for n in at.numbers], port.quantities)
+        for c in cards for at in c.part(2).at if at.port == name
+    ]  # fmt: skip
+    args = ", ".join(("w", "k", "j", *port.quantities))
+    head = (
+        f'\n@inlined\ndef further_{name}({args}):\n    """Return the same of the k-th further part of each effect."""\n'
+    )
+    return head + _body(name, calls)
+
+
+def _call(card: Effect, at: At, numbers: list[str], quantities: tuple[str, ...]) -> str:
+    return f"{card.name}.{at.equation.__name__}({', '.join([*numbers, *quantities])})"
 
 
 def _body(name: str, calls: list[str]) -> str:

@@ -20,12 +20,18 @@ def step_shaft(w, features, h, load, imposed):
     w.turn, w.omega: mechanical angle (rad) and speed (rad/s) of the rotor in the middle of the step, for friction and
     torques bound to position; imposed: rad/s^2 electrical.
     """
+    if features & add.RUB:
+        for j in range(w.psi_a.size):
+            w.bound[j] = ports.torque(w, j, w.turn[j], w.omega[j])
+        for k in range(w.more_torque):
+            for j in range(w.psi_a.size):
+                w.bound[j] += ports.further_torque(w, k, j, w.turn[j], w.omega[j])
     for j in range(w.psi_a.size):
         pairs = w.pairs[j]
         taken, net = load * (1.0 + w.load_gain[j]) + w.load_offset[j], w.torque[j]
         if features & add.RUB:
             taken += ports.load(w, j, w.omega[j] - w.slip[j])
-            net += ports.torque(w, j, w.turn[j], w.omega[j]) - ports.friction(w, j, w.omega[j])
+            net += w.bound[j] - ports.friction(w, j, w.omega[j])
         a = pairs * w.inertia_inv[j] * (net - taken) + imposed
         w.angle[j] += h * (w.speed[j] + 0.5 * h * a)
         w.speed[j] += h * a

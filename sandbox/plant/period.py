@@ -82,8 +82,7 @@ def open_period(w, room):
             x, y, acts = LEG_X[leg], LEG_Y[leg], room.acts[EDGES + leg]
             latest = 0.0
             for j in range(w.psi_a.size):
-                sign = min(max((x * w.i_a[j] + y * w.i_b[j]) * w.soft[j], -1.0), 1.0)
-                acts[j] = ports.edge(w, j, sign, side)
+                acts[j] = ports.edge(w, j, add.sign_of(w, j, x * w.i_a[j] + y * w.i_b[j]), side)
                 latest = max(latest, acts[j])
             wait(room, EDGES + leg, latest, x, y, side)
 
@@ -164,6 +163,8 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
     begin(w, flux_map, c, s, span, x, y, side, real)
     if features & add.ENERGY:
         add.energy_at_start(w, c, s, x, y, side, real)
+    if features & add.ZONE:
+        add.late_by_zone(w, x, y, side, real)
     if features & add.FILTER and span > 0.0:
         add.close_filter(w, span)
     if features & add.SKIN:
@@ -172,6 +173,8 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
         add.winding_at_start(w)
     if features & add.LEG:
         add.legs_at_start(w)
+    if w.table_points > 0:
+        add.table_at_start(w)
 
 
 @inlined
@@ -191,12 +194,18 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
         for share in (-GAUSS, GAUSS):
             c_0, s_0 = turned(c, s, 0.5 * share * span * course.rate)
             add.energy_at(w, c_0, s_0, share)
-    if features & add.WINDING:
-        add.winding_in_middle(w)
+    if features & add.IRON:
+        add.iron_bends(w, span * course.rate)
+    if features & (add.SKIN | add.LEG):
+        add.swelling(w)
     if features & add.SKIN:
         add.skin_in_middle(w, span)
+    if features & add.WINDING:
+        add.winding_in_middle(w)
     if features & add.LEG:
-        add.legs_in_middle(w)
+        add.legs_in_middle(w, span)
+    if w.table_points > 0:
+        add.table_in_middle(w, span)
     if features & add.MOTION:
         if features & add.ANGULAR:
             add.turning(w, c, s)
@@ -272,7 +281,7 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
     period = timing.period
     t, u_a, u_b, begun = 0.0, 0.0, 0.0, False
     peeking = timing.first != 0.0 or timing.last != 0.0
-    plain = flux_map is None and features & ADDED == 0 and not peeking
+    plain = flux_map is None and features & ADDED == 0 and not peeking and w.table_points == 0
     for g in range(EDGES + 1):
         x = y = side = real = 0.0
         if g > 0:

@@ -23,7 +23,7 @@ from model.effects import (
 )
 from model.spline import currents as map_currents
 
-__all__ = ["NUMBERS", "map_currents"]
+__all__ = ["FURTHER", "NUMBERS", "map_currents"]
 
 
 NUMBERS = {  # rows of the batch that hold effects' parameters
@@ -37,6 +37,8 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "dc_link_ripple_frequency": "Hz",
     "dc_link_ripple_phase": "rad",
     "dead_time_time": "s",
+    "dead_time_zone_width": "A",
+    "dead_time_zone_shape": "",
     "device_drop_threshold": "V",
     "current_gain_gain_a": "",
     "current_gain_gain_b": "",
@@ -53,6 +55,19 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "coulomb_friction_stribeck_torque": "N m",
     "coulomb_friction_stribeck_speed": "rad/s",
     "viscous_friction_coefficient": "N m s/rad",
+}
+FURTHER = {  # those of further parts, so many rows each
+    "flux_harmonics_further_psi_d": 5,
+    "flux_harmonics_further_psi_q": 5,
+    "flux_harmonics_further_order": 5,
+    "flux_harmonics_further_phase": 5,
+    "inductance_harmonics_further_gamma": 5,
+    "inductance_harmonics_further_pulse": 5,
+    "inductance_harmonics_further_order": 5,
+    "inductance_harmonics_further_phase": 5,
+    "cogging_torque_further_amplitude": 5,
+    "cogging_torque_further_order_mech": 5,
+    "cogging_torque_further_phase": 5,
 }
 
 
@@ -74,6 +89,12 @@ def drawn(w, j, d_a, d_b, d_c, i_a, i_b):
 def edge(w, j, sign, side):
     """Return s by which an edge (side 1 rises, -1 falls) acts late; sign of the leg's current."""
     return dead_time.late(w.dead_time_time[j], sign, side)
+
+
+@inlined
+def sign(w, j, current, soft, sign):
+    """Return what is added where an edge is taken to the soft sign, clip(current x soft), of its leg's current (A)."""
+    return dead_time.around_zero(w.dead_time_zone_width[j], w.dead_time_zone_shape[j], current, soft, sign)
 
 
 @inlined
@@ -139,4 +160,44 @@ def angle(w, j, turn, pairs):
     """Return rad electrical that the angle's reading is off at a mechanical angle (rad)."""
     return encoder_eccentricity.off(
         w.encoder_eccentricity_amplitude_mech[j], w.encoder_eccentricity_phase[j], turn, pairs
+    )
+
+
+@inlined
+def further_magnets(w, k, j, c, s):
+    """Return the same of the k-th further part of each effect."""
+    return flux_harmonics.of_order(
+        w.flux_harmonics_further_psi_d[k, j],
+        w.flux_harmonics_further_psi_q[k, j],
+        w.flux_harmonics_further_order[k, j],
+        w.flux_harmonics_further_phase[k, j],
+        c,
+        s,
+    )
+
+
+@inlined
+def further_energy(w, k, j, c, s, d, q):
+    """Return the same of the k-th further part of each effect."""
+    return inductance_harmonics.of_order(
+        w.inductance_harmonics_further_gamma[k, j],
+        w.inductance_harmonics_further_pulse[k, j],
+        w.inductance_harmonics_further_order[k, j],
+        w.inductance_harmonics_further_phase[k, j],
+        c,
+        s,
+        d,
+        q,
+    )
+
+
+@inlined
+def further_torque(w, k, j, turn, omega):
+    """Return the same of the k-th further part of each effect."""
+    return cogging_torque.helping(
+        w.cogging_torque_further_amplitude[k, j],
+        w.cogging_torque_further_order_mech[k, j],
+        w.cogging_torque_further_phase[k, j],
+        turn,
+        omega,
     )

@@ -2,9 +2,10 @@
 
 Same physics as `sandbox.plant.period` and none of its code; space vectors are complex numbers alpha + j beta.
 
-    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m,  m = phi_m + psi_d6 cos 6 theta + j psi_q6 sin 6 theta
+    i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m,  m = phi_m + sum psi_d cos x + j psi_q sin x
     dpsi/dt = u - R i - R_1 (i - x) - phases(i),  tau_c di_c/dt = (dpsi/dt)/R_c - i_c,  tau_x dx/dt = i - x
     tau_f df/dt = i - f,  torque = 3/2 p [Im(psi* (i - i_c)) + (i - i_c) . dm/dtheta - dH/dtheta]
+    x = n theta + phase of every order,  H += sum gamma/2 Re(z^2 exp(-j x)) + pulse/2 |z|^2 cos x
 
 A commanded edge is taken at its instant; how late it acts, the current says there.  What is sampled is f, or i where
 there is no filter, handed to the sensors.  Slow (about 10 ms a period): for tests, and to be read.
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
+from model.inverter_table import Points
 from model.parameters import Motor
 from model.spline import SplineEnergy
 
@@ -37,7 +39,7 @@ class Reference:
     """A motor with completed effects `v` (public names, `bench.*` too) on an inverter of given period (s) and link (V).
 
     course: rotor angle (rad electrical) and speed (rad/s electrical) by time; None: the rotor moves by its torque.
-    load: N m asked of the load machine, by time.
+    load: N m asked of the load machine, by time; table: a leg's voltage error (V) against its current (A), measured.
     """
 
     motor: Motor
@@ -46,6 +48,7 @@ class Reference:
     link: float
     course: Callable[[float], tuple[float, float]] | None = None
     load: Callable[[float], float] = lambda t: 0.0
+    table: Points | None = None
     levels: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     sunk: float = 0.0  # V that the link sags by
 
@@ -61,15 +64,30 @@ class Reference:
 
     def machine(self, psi: complex, theta: float) -> tuple[complex, float]:
         """Return the magnetising current (A) and the air-gap torque (N m)."""
-        v, e, e_6 = self.v, cmath.exp(1j * theta), cmath.exp(6j * theta)
-        h_d, h_q, g = v["flux_harmonics.psi_d6"], v["flux_harmonics.psi_q6"], v["inductance_harmonics.gamma_6"]
-        m = complex(v["magnet_flux.magnet_flux"] + h_d * e_6.real, h_q * e_6.imag)
-        slope = complex(-6.0 * h_d * e_6.imag, 6.0 * h_q * e_6.real)
+        v, e, slope, turning = self.v, cmath.exp(1j * theta), 0j, 0.0
+        m = complex(v["magnet_flux.magnet_flux"])
+        for n, phase, psi_d, psi_q in self.orders("flux_harmonics", "psi_d", "psi_q"):
+            x = n * theta + phase
+            m += complex(psi_d * math.cos(x), psi_q * math.sin(x))
+            slope += n * complex(-psi_d * math.sin(x), psi_q * math.cos(x))
         z = psi / e - m
-        i = self.gradient(z) + g * e_6 * z.conjugate()  # H += g/2 Re(z^2 exp(-6j theta))
-        turning = 3.0 * g * (z * z / e_6).imag
+        i = self.gradient(z)
+        for n, phase, gamma, pulse in self.orders("inductance_harmonics", "gamma", "pulse"):
+            u = cmath.exp(1j * (n * theta + phase))
+            i += gamma * u * z.conjugate() + pulse * u.real * z
+            turning += 0.5 * n * (gamma * (z * z / u).imag - pulse * u.imag * abs(z) ** 2)
         torque = ((psi / e).conjugate() * i).imag + (i.conjugate() * slope).real - turning
         return i * e, 1.5 * self.motor.pole_pairs * torque
+
+    def orders(self, effect: str, first: str, second: str) -> list[tuple[float, ...]]:
+        """Return order, phase (rad) and two amplitudes of all harmonics of an effect."""
+        v = self.v
+        found = [tuple(v[f"{effect}.{k}.{n}"] for n in ("order", "phase", first, second)) for k in range(2, 7)]
+        if effect == "flux_harmonics":
+            found.append((6.0, 0.0, v["flux_harmonics.psi_d6"], v["flux_harmonics.psi_q6"]))
+        else:
+            found.append((6.0, 0.0, v["inductance_harmonics.gamma_6"], 0.0))
+        return [one for one in found if one[2] or one[3]]
 
     def phases(self, i: complex) -> complex:
         """Return the vector of what the phases lose one by one (V)."""
@@ -77,12 +95,22 @@ class Reference:
         for k, own in enumerate((v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"], 0.0)):
             x = (i * A ** (-k)).real
             r = v["device_drop.on_resistance"] + own
-            lost += (2.0 / 3.0) * A**k * (v["device_drop.threshold"] * self.sign(x) + r * x)
+            own_volts = v["device_drop.threshold"] * self.sign(x) + r * x
+            if self.table:
+                amps, volts = np.array(self.table).T
+                own_volts += math.copysign(float(np.interp(abs(x), amps, volts)), x)
+            lost += (2.0 / 3.0) * A**k * own_volts
         return lost
 
     def sign(self, current: float) -> float:
         """Return the soft sign of a leg's current (A)."""
         return min(max(current / self.v["bench.soft_current"], -1.0), 1.0)
+
+    def edge_sign(self, current: float) -> float:
+        """Return the sign of a leg's current (A) where an edge is taken: dead time's own zone around zero."""
+        x = current / (self.v["dead_time.zone_width"] or self.v["bench.soft_current"])
+        shape = self.v["dead_time.zone_shape"]
+        return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * math.tanh(x)
 
     def voltage(self, t: float) -> complex:
         """Return the vector of the legs' voltages (V)."""
@@ -124,12 +152,14 @@ class Reference:
     def shaft(self, t: float, y: Array, torque: float) -> tuple[float, float, float]:
         """Return accelerations of motor and load (rad/s^2) and the slope of the twist, all mechanical."""
         v, omega, load_omega = self.v, y[OMEGA], y[LOAD_OMEGA]
-        angle = v["cogging_torque.order_mech"] * y[THETA] / self.motor.pole_pairs + v["cogging_torque.phase"]
         level = v["coulomb_friction.torque"]
         level += v["coulomb_friction.stribeck_torque"] * math.exp(
             -((omega / v["coulomb_friction.stribeck_speed"]) ** 2)
         )
-        net = torque + v["cogging_torque.amplitude"] * math.sin(angle)
+        net = torque
+        for place in ("", "2.", "3.", "4.", "5.", "6."):
+            size, n, phase = (v[f"cogging_torque.{place}{x}"] for x in ("amplitude", "order_mech", "phase"))
+            net += size * math.sin(n * y[THETA] / self.motor.pole_pairs + phase)
         net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(omega / v["coulomb_friction.width"])
         load = self.load(t) * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]
         j, j_l, k = v["inertia.inertia"], v["shaft_compliance.load_inertia"], v["shaft_compliance.stiffness"]
@@ -220,7 +250,7 @@ class Legs:
     def taken(self, t: float, leg: int, kind: str, current: float) -> Any:
         """Return the event of an edge that is commanded now, at which it acts; what it overtakes acts no more."""
         v, rises = self.plant.v, kind == "rise"
-        blank, sign = v["dead_time.time"], self.plant.sign(current)
+        blank, sign = v["dead_time.time"], self.plant.edge_sign(current)
         act = t + 0.5 * (abs(blank) + (1.0 if rises else -1.0) * blank * sign)
         waiting, number, _ = self.last[leg]
         overtaken = waiting > t and act <= waiting

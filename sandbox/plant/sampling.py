@@ -32,6 +32,9 @@ def glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y):
     if features & add.MAGNETS:
         rest_d, rest_q, _, _ = ports.magnets(w, j, c, s)
         d, q = d - rest_d, q - rest_q
+        for k in range(w.more_magnets):
+            rest_d, rest_q, _, _ = ports.further_magnets(w, k, j, c, s)
+            d, q = d - rest_d, q - rest_q
     i_d, i_q = quartic(w, j, d, q)
     if flux_map is not None:
         m_d, m_q = ports.map_currents(flux_map, d, q)
@@ -39,6 +42,9 @@ def glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y):
     if features & add.ENERGY:
         e_d, e_q, _ = ports.energy(w, j, c, s, d, q)
         i_d, i_q = i_d + e_d, i_q + e_q
+        for k in range(w.more_energy):
+            e_d, e_q, _ = ports.further_energy(w, k, j, c, s, d, q)
+            i_d, i_q = i_d + e_d, i_q + e_q
     i_a, i_b = c * i_d - s * i_q, s * i_d + c * i_q
     if features & add.IRON:
         decay, zeroth, first, _ = lag_moments(h * w.core_rate[j])

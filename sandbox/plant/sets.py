@@ -20,17 +20,18 @@ from model.effects.dead_time import SOFT_SIGN
 from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor
 from sandbox.plant import additions as add
-from sandbox.plant.batch import PLANT, batch_type
-from sandbox.plant.compose import field
+from sandbox.plant.batch import PLANT, batch_type, more
+from sandbox.plant.compose import field, further_field
 from sandbox.plant.edge import latest
 from sandbox.plant.period import Timing
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
+SIXTH = 6.0  # the order of harmonics that have none to give
 RUBBING = ("torque", "friction", "load")  # a motor's own friction is neutral, but there
 PORT_BITS = {
     "link": add.LINK, "drawn": add.DRAWN, "leg": add.LEG, "winding": add.WINDING, "magnets": add.MAGNETS,
-    "energy": add.ENERGY, "angle": add.WOBBLE,
+    "energy": add.ENERGY, "angle": add.WOBBLE, "sign": add.ZONE,
 }  # fmt: skip
 
 
@@ -87,10 +88,10 @@ def complete(motor: Motor, converter: Converter, values: Set | None = None) -> d
     return out
 
 
-def rows_of(motor: Motor, converter: Converter, v: Set) -> dict[str, float]:
-    """Return the batch's rows (fields of `PLANT` and of the ports' NUMBERS) of one completed set."""
-    rows = dict.fromkeys(PLANT, 0.0)
-    link_gain = 0.0
+def rows_of(motor: Motor, converter: Converter, v: Set) -> dict[str, Any]:
+    """Return the batch's rows (fields of `PLANT` and of the ports' NUMBERS and FURTHER) of one completed set."""
+    rows: dict[str, Any] = dict.fromkeys(PLANT, 0.0)
+    link_gain, neutral = 0.0, library.neutral(motor)
     for card in map(library.load_effect, library.effect_names()):
         for name, value in (card.rows(v, motor) if card.rows else {}).items():
             if name == "link_gain":
@@ -99,11 +100,27 @@ def rows_of(motor: Motor, converter: Converter, v: Set) -> dict[str, float]:
                 rows[name] += value
         for at in card.at:
             rows |= {field(card.name, n): v[f"{card.name}.{n}"] for n in at.numbers}
+        rows |= further_rows(card, v, neutral)
     rows["pairs"], rows["soft"] = float(motor.pole_pairs), 1.0 / v["bench.soft_current"]
     rows["supply"] = (1.0 + link_gain) * converter.dc_bus_voltage
     rows["common"] = v["bench.common_offset"]
     rows["load_gain"], rows["load_offset"] = v["bench.load_torque_gain"], v["bench.load_torque_offset"]
     return rows
+
+
+def further_parts(card: Effect, v: Set, neutral: Set) -> list[int]:
+    """Return which parts of an effect from the second on are there."""
+    return [k for k in range(2, card.repeats + 1) if not card.switched_off(v, neutral, k)]
+
+
+def further_rows(card: Effect, v: Set, neutral: Set) -> dict[str, list[float]]:
+    """Return the rows of an effect's further parts: those that are there first, neutral ones behind."""
+    if card.repeats == 1:
+        return {}
+    there = further_parts(card, v, neutral)
+    order = [*there, *(k for k in range(2, card.repeats + 1) if k not in there)]
+    names = {n for at in card.part(2).at for n in at.numbers}
+    return {further_field(card.name, n): [v[card.public(k, n)] for k in order] for n in names}
 
 
 def whole_periods(v: Set, period: float) -> int:
@@ -125,6 +142,9 @@ def features_of(motor: Motor, v: Set) -> int:
                 out |= PORT_BITS[at.port]
             if at.port in RUBBING and any(v[f"{card.name}.{n}"] != 0.0 for n in card.switches or at.numbers):
                 out |= add.RUB
+        if card.repeats > 1 and further_parts(card, v, neutral):
+            for at in card.part(2).at:
+                out |= PORT_BITS.get(at.port, add.RUB)
     iron, filtered = math.isfinite(v["iron_loss.core_resistance"]), v["current_filter.time_constant"] > 0.0
     twisting = math.isfinite(v["shaft_compliance.stiffness"]) and v["shaft_compliance.load_inertia"] > 0.0
     out |= (add.IRON if iron else 0) | (add.FILTER if filtered else 0) | (add.TWIST if twisting else 0)
@@ -138,13 +158,32 @@ def is_on(card: Effect, at: At, v: Set, neutral: Set) -> bool:
     return any(v[f"{card.name}.{n}"] != neutral[f"{card.name}.{n}"] for n in names)
 
 
+def highest_order(motor: Motor, v: Set) -> float:
+    """Return the highest electrical order in which a completed set's machine changes with the angle."""
+    out, neutral = SIXTH, library.neutral(motor)
+    for card in map(library.load_effect, library.effect_names()):
+        if card.repeats > 1 and any(at.port in ("magnets", "energy") for at in card.part(2).at):
+            out = max([out, *(abs(v.get(card.public(k, "order"), SIXTH)) for k in further_parts(card, v, neutral))])
+    return out
+
+
 def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int) -> Any:
     """Return the batch of completed sets at rest without flux; lanes beyond them repeat the first."""
     w = np.zeros(1, batch_type(lanes))[0]
     compiled = [rows_of(motor, converter, v) for v in sets]
     compiled += [compiled[0]] * (lanes - len(compiled))
     for name in compiled[0]:
-        w[name][:] = [rows[name] for rows in compiled]
+        w[name][:] = np.array([rows[name] for rows in compiled]).T
+    neutral = library.neutral(motor)
+    for card in map(library.load_effect, library.effect_names()):
+        count = max(len(further_parts(card, v, neutral)) for v in sets) if card.repeats > 1 else 0
+        for at in card.part(2).at if count else ():
+            w[more(at.port)] = max(w[more(at.port)], count)
+    if converter.inverter_table:
+        i, u = np.array(converter.inverter_table).T
+        w["table_points"], area = len(i), np.append(0.0, np.cumsum(0.5 * (u[1:] + u[:-1]) * np.diff(i)))
+        for name, values in (("current", i), ("volts", u), ("sum", area)):
+            w[f"table_{name}"][: len(i)] = values
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
     w["when"][:] = np.where(w["sample"] >= 0.0, w["sample"], converter.sampling_period + w["sample"])

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, brief, shown, unknown
+from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
 from model.parameters import Converter, Drive, Injection, Motor, build, finite, read_toml, texts
 
@@ -186,7 +187,7 @@ def assemble(
     """
     try:
         own_name, (motor, from_data) = _name(data, name), _motor(data, recordings, folder)
-        converter = converter_of(data)
+        converter = converter_of(data, folder)
         injection = build(Injection, dict(table_of(data, "injection")), "injection")
         uncertainty, background = _numbers(data, "uncertainty"), _numbers(data, "background")
     except BadInput as error:
@@ -224,9 +225,9 @@ def _name(data: Mapping[str, Any], usual: str) -> str:
     return check_name(stated["name"], "[campaign] name") if "name" in stated else fitting(usual, "campaign")
 
 
-def converter_of(data: Mapping[str, Any]) -> Converter:
-    """Return [drive] of a campaign's tables, sensors ideal where it does not state them."""
-    values = {"current_resolution": 0.0, "current_noise": 0.0, **table_of(data, "drive")}
+def converter_of(data: Mapping[str, Any], folder: Path = Path()) -> Converter:
+    """Return [drive] of a campaign's tables, sensors ideal where it does not state them; folder: of files it names."""
+    values = {"current_resolution": 0.0, "current_noise": 0.0, **with_points(table_of(data, "drive"), folder)}
     return cast(Converter, build(Converter, values, "drive"))
 
 

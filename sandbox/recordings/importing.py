@@ -56,7 +56,7 @@ def read_recordings(path: str | Path, columns: Path | None = None, rotors: Seque
                 f'{source}: no [[recording]] with file = "{path.name}"; add one with its rotor and injection_axis'
             )
     try:
-        converter = converter_of(data)
+        converter = converter_of(data, folder)
     except BadInput as error:
         raise BadInput(f"{source}: {error}") from None
     pairs = _pole_pairs(data, mapped, source)

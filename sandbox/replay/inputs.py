@@ -243,6 +243,8 @@ def of_shaft(w, turn, omega):
     out = np.empty(len(turn))
     for k in range(len(turn)):
         out[k] = ports.torque(w, 0, turn[k], omega[k]) - ports.friction(w, 0, omega[k]) - ports.load(w, 0, omega[k])
+        for m in range(w.more_torque):
+            out[k] += ports.further_torque(w, m, 0, turn[k], omega[k])
     return out
 
 

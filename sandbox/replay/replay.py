@@ -279,6 +279,9 @@ def at_rest(w, c, s, rest):
     """Write the magnets' harmonics (2, lanes) in Wb at angles of cos c, sin s (lanes,)."""
     for j in range(w.psi_a.size):
         rest[0, j], rest[1, j], _, _ = ports.magnets(w, j, c[j], s[j])
+        for k in range(w.more_magnets):
+            d, q, _, _ = ports.further_magnets(w, k, j, c[j], s[j])
+            rest[0, j], rest[1, j] = rest[0, j] + d, rest[1, j] + q
 
 
 def _flux_as_read(w: Any, j: int, r: Inputs, c: float, s: float, flux_map: SplineEnergy | None) -> tuple[float, float]:

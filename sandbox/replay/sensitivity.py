@@ -50,9 +50,11 @@ class Sensitivity:
 
 
 def all_parameters() -> tuple[str, ...]:
-    """Return every parameter that moves a prediction: all but pure noise and doubles of one number."""
-    silent = {n for n, p in library.parameters().items() if not p.predicted or p.same_as}
-    return tuple(n for n in parameter_names() if n not in silent)
+    """Return every parameter that moves a prediction: all but pure noise, doubles of one number, what neither fits nor
+    has a size, and further parts of effects."""
+    known = library.parameters()
+    silent = {n for n, p in known.items() if not p.predicted or p.same_as or (p.fit == "fixed" and not p.typical)}
+    return tuple(n for n in parameter_names() if n not in silent and not library.is_further(n))
 
 
 def base_set(prepared: Prepared, base: Set | None = None) -> dict[str, float]:

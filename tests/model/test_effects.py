@@ -117,6 +117,16 @@ def test_contradictions_are_refused(effects, words):
         library.complete(MOTOR, CONVERTER, effects)
 
 
+def test_parts_of_an_effect_have_names_of_their_own():
+    card = library.load_effect("cogging_torque")
+    assert [card.public(k, "amplitude") for k in (1, 2)] == ["cogging_torque.amplitude", "cogging_torque.2.amplitude"]
+    assert f"cogging_torque.{card.repeats}.amplitude" in library.parameters()
+    assert f"cogging_torque.{card.repeats + 1}.amplitude" not in library.parameters()
+    values = library.complete(MOTOR, CONVERTER, {"cogging_torque.2.amplitude": 0.1})
+    assert [card.switched_off(values, library.neutral(MOTOR), k) for k in (1, 2, 3)] == [True, False, True]
+    assert "cogging_torque.k.phase" in library.card_text(card)
+
+
 def test_cross_saturation_is_a_part_of_saturation():
     values = library.complete(MOTOR, CONVERTER, {"cross_saturation.alpha_12": 3.0})
     assert values["saturation.alpha_12"] == 3.0
@@ -149,6 +159,9 @@ def test_every_file_says_what_its_kernels_return():
         ({"current_sampling.jitter": 1e-3}, "half the PWM period"),
         ({"winding_asymmetry.delta_a": -100.0}, "leaves a phase"),
         ({"flux_harmonics.psi_d6": 10.0}, "the magnet flux"),
+        ({"flux_harmonics.2.order": 6.5}, "no whole order"),
+        ({"inductance_harmonics.3.order": 0.0}, "no whole order"),
+        ({f"inductance_harmonics.{k}.gamma": 4.0 for k in range(2, 7)}, "gamma_6: 20 .*together"),
     ],
 )
 def test_sizes_that_no_drive_can_have_are_refused(effects, words):

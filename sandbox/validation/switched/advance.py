@@ -65,7 +65,7 @@ def flux_for(b: Bench, i: complex, theta: float) -> complex:
 
 def start(b: Bench, theta: float = 0.0, speed: float = 0.0, i_alpha: float = 0.0, i_beta: float = 0.0) -> Vector:
     """Return a state at rest electrically: theta (rad, electrical), speed (rad/s, mechanical), terminal current (A)."""
-    state = np.zeros(2 * SIZE)  # the second half is scratch for looking ahead
+    state = np.zeros(3 * SIZE)  # scratch behind it: for looking ahead, and for steps that are taken again
     psi = flux_for(b, complex(i_alpha, i_beta), theta)
     state[PSI_ALPHA], state[PSI_BETA] = psi.real, psi.imag
     state[HELD_ALPHA], state[HELD_BETA] = psi.real, psi.imag

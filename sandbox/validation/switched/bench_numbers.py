@@ -14,8 +14,14 @@ from typing import Any, NamedTuple
 from model.effects.library import check_inside, complete, friction_rate
 from model.parameters import Converter, Motor
 from sandbox.validation.switched.flux_map import FluxMap, flux_map_of
-from sandbox.validation.switched.harmonics import Harmonics
-from sandbox.validation.switched.leg import LINEAR
+from sandbox.validation.switched.harmonics import (
+    CoggingHarmonic,
+    FluxHarmonic,
+    Harmonics,
+    InductanceHarmonic,
+    harmonics,
+)
+from sandbox.validation.switched.leg import LINEAR, leg_table
 
 SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
 SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
@@ -102,6 +108,8 @@ class Bench(NamedTuple):
     link_damping: float = 0.0
     one_sided: float = 0.0  # devices that lose more for currents out of the leg
     sign_shape: float = LINEAR  # how the sign of a current goes through zero, soft_current its half-width
+    zone_width: float = 0.0  # A, of the sign by which edges are late: half-width of its own, and share of a tanh in it
+    zone_tanh: float = 0.0
     leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
     harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
     flux_map: FluxMap | None = None  # in place of the harmonic series of the energy, which is 0 then
@@ -146,6 +154,8 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
         "period": period,
         "soft_current": SOFT_SIGN * motor.rated_current,
         "dead_time": v["dead_time.time"],
+        "zone_width": v["dead_time.zone_width"],
+        "zone_tanh": v["dead_time.zone_shape"],
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
         "sag": v["dc_link_error.sag"],
         "ripple_amplitude": v["dc_link_ripple.amplitude"],
@@ -179,7 +189,25 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
     values |= {key: v[name] for name in v for effect, _, key in [name.partition(".")] if effect in same_name}
     rate = math.sqrt(stiffness / reduced) if m_load else 0.0
-    return Bench(**values, step=_longest_step(period, v, rate), flux_map=flux_map)
+    table = leg_table(*zip(*converter.inverter_table, strict=True)) if converter.inverter_table else None
+    step = _longest_step(period, v, rate)
+    return Bench(**values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map)
+
+
+def _orders(motor: Motor, v: Mapping[str, float]) -> Harmonics | None:
+    """Return the library's further orders as lists; None where there are none."""
+
+    def given(effect: str, *sizes: str) -> list[dict[str, float]]:
+        """Return the parameters of an effect's further parts that have a size."""
+        found = [{n.split(".")[2]: x for n, x in v.items() if n.startswith(f"{effect}.{k}.")} for k in range(2, 10)]
+        return [f for f in found if any(f.get(s) for s in sizes)]
+
+    flux = [FluxHarmonic(**f) for f in given("flux_harmonics", "psi_d", "psi_q")]
+    inductance = [InductanceHarmonic(**f) for f in given("inductance_harmonics", "gamma", "pulse")]
+    cogging = [
+        CoggingHarmonic(f["order_mech"], f["amplitude"], f["phase"]) for f in given("cogging_torque", "amplitude")
+    ]
+    return harmonics(motor, flux, inductance, cogging) if flux or inductance or cogging else None
 
 
 def _energy(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:

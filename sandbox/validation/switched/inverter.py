@@ -12,8 +12,8 @@ import math
 
 import numpy as np
 
-from model.compiled import kernel
-from sandbox.validation.switched.leg import soft_sign
+from model.compiled import inlined, kernel
+from sandbox.validation.switched.leg import HARD, TANH, edge_sign
 from sandbox.validation.switched.link import link_step, settled_link, stage
 from sandbox.validation.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
 
@@ -40,6 +40,7 @@ READINGS = SUNK + 11  # number of readings inside a period, then the current vec
 MOST_READINGS = 32
 SIZE = READINGS + 1 + 2 * MOST_READINGS
 NEVER = np.inf
+NEAR = 1e-3  # of a step: a corner as near to either end is met as well as it can be
 TIE = 1e-13  # s: closer events are one
 
 
@@ -59,17 +60,55 @@ def lag(b, f, start, middle, end, h):
     return a + (slope - 2.0 * bend) * x + bend * x * x + (f - a) * decay
 
 
+@inlined
+def corner(b, before, after):
+    """Return the share of a step at which the first leg's current reaches a corner of its sign; 1 where none does."""
+    share, w = 1.0, 0.0 if b.sign_shape == HARD else b.soft_current
+    p_a, p_b, p_c = phase_currents(before)
+    q_a, q_b, q_c = phase_currents(after)
+    for p, q in ((p_a, q_a), (p_b, q_b), (p_c, q_c)):
+        for at in (-w, w):
+            if (p - at) * (q - at) < 0.0:
+                share = min(share, (at - p) / (q - p))
+    return share
+
+
 @kernel
 def integrate(state, b, mode, legs, begin, end, tau, acc):
     """Advance machine and current filter from begin to end (s after t_k) with the legs as they are.
 
+    Runge-Kutta steps end where the sign of a leg's current has a corner, if devices have a drop: going over one is of
+    first order.  A step that met one is taken again, up to there.  See `steps`.
+    """
+    if b.threshold == 0.0 or b.sign_shape == TANH:
+        steps(state, b, mode, legs, begin, end, tau, acc)
+        return
+    kept, t = state[len(state) - SIZE :], begin
+    while end - t > TIE:
+        before, until = complex(state[I_ALPHA], state[I_BETA]), min(t + link_step(b), end)
+        for k in range(SIZE):
+            kept[k] = state[k]
+        steps(state, b, mode, legs, t, until, tau, acc)
+        share = corner(b, before, complex(state[I_ALPHA], state[I_BETA]))
+        if NEAR < share < 1.0 - NEAR:
+            for k in range(SIZE):
+                state[k] = kept[k]
+            until = t + share * (until - t)
+            steps(state, b, mode, legs, t, until, tau, acc)
+        t = until
+
+
+@kernel
+def steps(state, b, mode, legs, begin, end, tau, acc):
+    """Advance machine and current filter from begin to end (s after t_k) with the legs as they are.
+
     legs: vector of the legs' levels; tau: load torque, N m; acc: imposed acceleration, rad/s^2.
     """
-    steps = math.ceil((end - begin - TIE) / link_step(b))
-    if steps < 1:
+    count = math.ceil((end - begin - TIE) / link_step(b))
+    if count < 1:
         return
-    h = (end - begin) / steps
-    k, sixth = 0.5 * h, (end - begin) / steps / 6.0
+    h = (end - begin) / count
+    k, sixth = 0.5 * h, (end - begin) / count / 6.0
     psi = complex(state[PSI_ALPHA], state[PSI_BETA])
     core = complex(state[CORE_ALPHA], state[CORE_BETA])
     skin = complex(state[SKIN_ALPHA], state[SKIN_BETA])
@@ -81,7 +120,7 @@ def integrate(state, b, mode, legs, begin, end, tau, acc):
     p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(
         b, mode, legs, t, sunk + link.real, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
     )
-    for _ in range(steps):
+    for _ in range(count):
         psi2, core2, skin2 = psi + k * p1, core + k * c1, skin + k * s1
         x2, y2, z2, link2 = th + k * th1, w + k * w1, wl + k * wl1, stage(b, legs, i1, link, link, k)
         p2, c2, s2, th2, w2, wl2, tw2, l2, i2 = slopes(
@@ -254,7 +293,7 @@ def settle(state, b, leg, acted, taken, n, t, current):
             rising = state[WANTED + leg] == 0.0
             state[WANTED + leg] = 1.0 - state[WANTED + leg]
             if b.dead_time != 0.0:
-                sign = soft_sign(b, current)
+                sign = edge_sign(b, current)
                 late = b.dead_time * (sign if rising else -sign)
                 state[base + taken] += 0.5 * (abs(b.dead_time) + late)
             if acted < taken and state[base + taken] <= state[base + taken - 1]:  # the pulse vanishes
@@ -312,9 +351,7 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
     """Switch and integrate from t_k to t_k + end; edges beyond stay undone (see `advance`, `simulate.measure`)."""
     d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
     d_a, d_b, d_c = together(b, kept(b, d_a), kept(b, d_b), kept(b, d_c))
-    if b.sag != 0.0:
-        i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
-        state[SUNK] = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c)
+    pattern = b.pwm_delay if b.sag != 0.0 else NEVER  # from then on these duties draw from the link
     t_a, t_b, t_c = int(state[CARRIED]), int(state[CARRIED + 1]), int(state[CARRIED + 2])
     n_a, n_b, n_c = schedule(state, b, 0, d_a), schedule(state, b, 1, d_b), schedule(state, b, 2, d_c)
     a_a = a_b = a_c = 0
@@ -323,6 +360,8 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
     t = 0.0
     while True:
         i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+        if t >= pattern - TIE:
+            state[SUNK], pattern = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c), NEVER
         a_a, t_a, n_a = settle(state, b, 0, a_a, t_a, n_a, t, i_a)
         a_b, t_b, n_b = settle(state, b, 1, a_b, t_b, n_b, t, i_b)
         a_c, t_c, n_c = settle(state, b, 2, a_c, t_c, n_c, t, i_c)
@@ -336,7 +375,7 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
         if t >= end:
             break
         until = min(due(state, 0, a_a, t_a, n_a), due(state, 1, a_b, t_b, n_b), due(state, 2, a_c, t_c, n_c))
-        until = min(until, early, inside, end)
+        until = min(until, early, inside, pattern, end)
         integrate(state, b, mode, switch_vector(state), t, until, load_torque, acceleration)
         t = until
     carry(state, b, 0, a_a, t_a)

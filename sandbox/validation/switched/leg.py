@@ -59,6 +59,15 @@ def soft_sign(b, current):
     return clip(x) if b.sign_shape == LINEAR else other_sign(b.sign_shape, x)
 
 
+@kernel
+def edge_sign(b, current):
+    """Return the sign of a leg's current where an edge is commanded: by dead time's own zone, if it has one."""
+    if b.zone_width == 0.0 and b.zone_tanh == 0.0:
+        return soft_sign(b, current)
+    x = current / (b.zone_width if b.zone_width > 0.0 else b.soft_current)
+    return clip(x) + b.zone_tanh * (math.tanh(x) - clip(x))
+
+
 @inlined
 def soft_signs(b, i_a, i_b, i_c):
     """Return the three legs' signs: one question about the shape instead of three."""

@@ -29,7 +29,10 @@ SHAFT = {"shaft_compliance.stiffness": 300.0, "shaft_compliance.load_inertia": 4
 FRICTION = {
     "coulomb_friction.torque": 0.03, "coulomb_friction.stribeck_torque": 0.01, "viscous_friction.coefficient": 5e-4,
 }  # fmt: skip
-COGGING = {"cogging_torque.amplitude": 0.05, "cogging_torque.order_mech": 12.0}
+COGGING = {
+    "cogging_torque.amplitude": 0.05, "cogging_torque.order_mech": 12.0,
+    "cogging_torque.2.amplitude": 0.02, "cogging_torque.2.order_mech": 24.0, "cogging_torque.2.phase": 1.0,
+}  # fmt: skip
 CASES = {  # scenario, effects; the motor's quartic as a flux map where the name says so
     "bare": (LOCKED, {}),
     "driven": (DRIVEN, {}),
@@ -38,7 +41,8 @@ CASES = {  # scenario, effects; the motor's quartic as a flux map where the name
     "late samples": (DRIVEN, {"current_sampling.delay": 5e-6}),
     "iron loss": (DRIVEN, {"iron_loss.core_resistance": 2e3, "iron_loss.time_constant": 1e-4}),
     "harmonics": (DRIVEN, {
-        "flux_harmonics.psi_d6": 2e-3, "flux_harmonics.psi_q6": -1e-3, "inductance_harmonics.gamma_6": 0.5}),
+        "flux_harmonics.psi_d6": 2e-3, "flux_harmonics.psi_q6": -1e-3, "inductance_harmonics.gamma_6": 0.5,
+        "flux_harmonics.2.psi_d": 1e-3, "inductance_harmonics.2.gamma": 0.2, "inductance_harmonics.2.phase": 0.5}),
     "free": (FREE, {}),
     "mechanics": (FREE, COGGING | FRICTION | SHAFT),
     "map": (DRIVEN, {}),

@@ -36,7 +36,7 @@ def full():
     return table(OTHERS)
 
 
-@pytest.mark.parametrize("name", list(library.parameters()))
+@pytest.mark.parametrize("name", [n for n in library.parameters() if n.count(".") == 1 or ".2." in n])
 def test_neutral_value_changes_nothing(name, bare, full):
     value = {name: library.neutral(DRIVE.motor)[name]}
     assert np.array_equal(table(value), bare)

@@ -89,10 +89,11 @@ def test_a_file_that_holds_no_effects_is_refused_in_a_sentence(tmp_path, text, s
     assert "\n" not in str(refusal.value)
 
 
-def card(name="mine", at=(), numbers=("size",)):
+def card(name="mine", at=(), numbers=("size",), repeats=1):
     """Return a card."""
     return Effect(
-        name=name, summary="", subsystem="mechanics", equation="", source="", at=at, axis="", order="", region="",
+        name=name, repeats=repeats, summary="", subsystem="mechanics", equation="", source="", at=at, axis="",
+        order="", region="",
         parameters=tuple(Parameter(n, "", 0.0, -1.0, 1.0, 0.1) for n in numbers), confused_with=(), separated_by="",
     )  # fmt: skip
 
@@ -110,6 +111,8 @@ DRAG = load_effect("viscous_friction").at[0].equation  # takes (coefficient, ome
         (card(at=(At("friction", DRAG, ("length",)),)), "none of its parameters"),
         (card(at=(At("winding", DRAG, ("size",)),)), "must be @inlined"),
         (card(at=(At("friction", abs, ("size",)),)), "must be @inlined"),
+        (card(at=(At("friction", DRAG, ("size",)),), repeats=3), "repeats at the port 'friction'"),
+        (card(at=(At("friction", DRAG, ("size",)),), repeats=0), "give 1 ..."),
     ],
 )
 def test_a_card_that_the_plant_cannot_take_is_refused(wrong, said):
