@@ -14,8 +14,8 @@ from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
+from sandbox.gap.planning.next_recording import Next, recommend
 from sandbox.gap.report.distinguishability import Alike, alike
-from sandbox.gap.report.next_recording import Next, recommend
 from sandbox.gap.report.position import PositionError, position_error
 from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.report.where import Finding, percent, summary, where
