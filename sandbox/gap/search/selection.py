@@ -20,7 +20,7 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import ordinary
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, table
-from sandbox.gap.search.forward import FAR, MOST, Search, choose, excess, rms_of, starting
+from sandbox.gap.search.forward import FAR, MOST, WORTH, Search, choose, excess, rms_of, starting
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.subsets import Subsets, log_prior
 
@@ -195,14 +195,17 @@ def told(s: Selection, f: Fit) -> float:
 
 def rivals(s: Selection, best: Judged) -> list[Key]:
     """Return the sets near the best one by the equations at its point, the most probable first: any set a little
-    behind, and those that leave one effect out unless the recordings are clear about it."""
+    behind, and those that leave one effect out unless the recordings are clear about it; never one with more effects
+    of which the recordings say nothing."""
     near = Subsets(best.table, s.temperature())
     level = near.weigh(best.effects)
     near.climb(best.effects)
     for effect in best.effects:
         near.weigh(e for e in best.effects if e != effect)
     reach = {k: DOUBTED if set(k) < set(best.effects) and len(k) == len(best.effects) - 1 else NEAR for k in near.known}
-    found = [k for k in near.known if near.known[k] > level - reach[k] and k != best.effects]
+    told = {k: x - log_prior(k) for k, x in near.known.items()}
+    unseen = {k for k in told if set(k) > set(best.effects) and told[k] < told[best.effects] + WORTH}
+    found = [k for k in near.known if near.known[k] > level - reach[k] and k != best.effects and k not in unseen]
     return sorted(found, key=lambda k: -near.known[k])
 
 
