@@ -107,8 +107,8 @@ def test_parse_refuses_with_advice(text, words):
         ({"saturation.alpha_12": 1.0, "cross_saturation.alpha_12": 2.0}, "contradict each other"),
         ({"shaft_compliance.load_inertia": 0.0011}, "less than the total inertia of 0.0011"),
         ({"shaft_compliance.load_inertia": 0.001, "inertia.inertia": 0.0009}, "less than the total inertia of 0.0009"),
-        ({"pwm_delay.delay": 1.24e-4, "dead_time.time": 2e-6}, "less than half the PWM period"),
-        ({"current_sampling.delay": -1.3e-4}, "less than half the PWM period"),
+        ({"pwm_delay.delay": 7.6e-4}, "less than 3 sampling periods"),
+        ({"current_sampling.delay": -1.3e-4}, "less than half the sampling period"),
         ({"dead_time.time": True}, "out of range"),
     ],
 )
