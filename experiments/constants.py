@@ -25,13 +25,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from model.errors import BadInput
+from sandbox.engine.processes import spread
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.gap.report.where import where
 from sandbox.output.files import plain, rounded
 from sandbox.recordings.campaign import read_campaign
 from sandbox.validation.scoring.running import ROOT, code_digest
-from sandbox.validation.withheld.processes import spread
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 LIST = Path(__file__).with_suffix(".toml")

@@ -11,12 +11,11 @@ from __future__ import annotations
 import json
 import sys
 import tomllib
-from concurrent.futures import ProcessPoolExecutor
 from datetime import date
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from sandbox.engine.processes import spread
 from sandbox.gap.report.answers import answer
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.output.files import plain
@@ -37,6 +36,10 @@ def one(folder: Path) -> dict[str, Any]:
     return answered
 
 
+def _named(folder: Path) -> tuple[Path, dict[str, Any]]:
+    return folder, one(folder)
+
+
 def row(folder: Path, d: dict[str, Any]) -> str:
     """Return one line of the table."""
     truth = folder.parent / f"{folder.name}.truth.toml"
@@ -53,8 +56,8 @@ def row(folder: Path, d: dict[str, Any]) -> str:
 def main(folder: Path) -> None:
     """Diagnose all campaigns of a folder and write the table."""
     campaigns = sorted(p for p in folder.iterdir() if (p / "campaign.toml").exists())
-    with ProcessPoolExecutor(2, mp_context=get_context("spawn")) as pool:
-        found = list(pool.map(one, campaigns))
+    answers = dict(spread(_named, campaigns, 2))
+    found = [answers[c] for c in campaigns]
     lines = [f"Diagnoses of `{folder.name}/`, {date.today()}, by `python -m experiments.diagnose_recordings`.", ""]
     lines += [
         "| campaign | put in | verdict | best hypothesis | probability | J raw → before → after | closed | cost |"

@@ -12,6 +12,7 @@ from importlib import import_module
 from importlib.machinery import ModuleSpec
 from importlib.util import find_spec
 from pathlib import Path
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -48,12 +49,14 @@ if TYPE_CHECKING:
     from sandbox.public.runs import simulate as simulate
     from sandbox.public.showing import show as show
     from sandbox.public.showing import view as view
+    from sandbox.public.sweeps import sweep as sweep
+    from sandbox.public.sweeps import tolerances as tolerances
 
 __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign",
     "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe", "use_effects",
-    "simulate", "compare", "protocol", "bench", "audit", "maps", "identify", "diagnose", "replay",
-    "export_estimator", "show", "view",
+    "simulate", "compare", "tolerances", "sweep", "protocol", "bench", "audit", "maps", "identify", "diagnose",
+    "replay", "export_estimator", "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "BadInput", "PhysicsError",
 ]  # fmt: skip
 
@@ -70,6 +73,7 @@ _HOMES = {
     ),
     "sandbox.public.runs": ("simulate", "compare"),
     "sandbox.public.protocols": ("protocol", "bench"),
+    "sandbox.public.sweeps": ("sweep", "tolerances"),
     "sandbox.public.motor": ("audit", "maps"),
     "sandbox.public.recorded": ("identify", "diagnose", "replay"),
     "sandbox.public.showing": ("show", "view"),
@@ -93,6 +97,17 @@ for _name in _TOGETHER:
             f"'{_file}' hides the package '{_name}' that sensorless-sandbox is installed with; rename that file or "
             f"folder, for example to my_{_name}{Path(_file).suffix if Path(_file).stem == _name else ''}"
         )
+
+
+class _Page(ModuleType):
+    """This package: importing the rooms `sandbox.sweep` and `sandbox.replay` leaves those names to functions."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Page
 
 
 def __getattr__(name: str) -> Any:

@@ -6,16 +6,13 @@ Numbers, tuples, loops and calls are all that kernels use; what else turns up en
 from __future__ import annotations
 
 import ast
-import re
-import textwrap
 from collections.abc import Iterable, Iterator
 
 from estimators.c.collect import Function, Program
 from estimators.c.expressions import INT, REAL, REALS, STRUCTURES, Expressions, Text, as_real
+from estimators.c.layout import folded, places_of, together
 
 STEP_TYPES = (REALS, "Sample", "Belief", "Tuning")
-HOLD = "\x00"
-PASSES = 8  # more than the depth of calls: types have then come down from the step and results up to it
 Kinds = str | tuple[str, ...]
 
 
@@ -23,8 +20,9 @@ def translated(program: Program, step: str) -> list[str]:
     """Return every function of a program in C, callees first."""
     given: dict[str, list[str]] = {step: list(STEP_TYPES)}
     returns: dict[str, Kinds] = {name: _shape(program, name) for name in program.functions}
-    texts: dict[str, str] = {}
-    for _ in range(PASSES):
+    texts, before = dict.fromkeys(program.functions, ""), {"": ""}
+    while texts != before:  # until types have come down from the step, and kinds of results up to it
+        before = dict(texts)
         for name, function in reversed(program.functions.items()):
             texts[name] = _Writer(program, function, given, returns).text()
     return [texts[name] for name in program.functions]
@@ -66,7 +64,7 @@ class _Writer:
         self.names = [a.arg for a in function.tree.args.args]
         kinds = given.get(function.name, [REAL] * len(self.names))
         self.types: dict[str, str] = dict(zip(self.names, kinds, strict=True))
-        self.blocks = _blocks(function.tree)
+        self.blocks = places_of(function.tree)
         self.at: tuple[int, ...] = ()
         self.done: set[str] = set(self.names)
         self.lengths: dict[str, int] = {}
@@ -86,7 +84,7 @@ class _Writer:
         result = "void" if isinstance(kind, tuple) else STRUCTURES.get(kind, (kind,))[0]
         head = f"static {result} {self.function.name}({', '.join(parameters)}) {{"
         spare = [f"    {k} unused_{'i' if k == INT else 'r'};" for k in sorted(self.unused)]
-        return "\n".join([self._said(), *_folded(head), *spare, *idle, *body, "}"])
+        return "\n".join([self._said(), *folded(head), *spare, *idle, *body, "}"])
 
     def _body(self) -> list[ast.stmt]:
         body = self.function.tree.body
@@ -113,7 +111,7 @@ class _Writer:
             if comment:
                 lines.append(f"/* {comment} */")
             lines += [*e.before, *written]
-        return [f"    {part}" for line in _together(lines) for part in _folded(line)]
+        return [f"    {part}" for line in together(lines) for part in folded(line)]
 
     def _heard(self, name: str, arguments: list[Text]) -> None:
         """Take the types of a call's arguments for the parameters of the function called."""
@@ -287,46 +285,6 @@ class _Place:
         self.block, self.at_once = block, at_once
 
 
-def _together(lines: list[str]) -> list[str]:
-    """Return lines with declarations of one type, one after another, in one."""
-    found: list[str] = []
-    for line in lines:
-        before, kind = found[-1] if found else "", line.split(" ")[0]
-        if kind in (REAL, INT) and line.endswith(";") and "=" not in line + before and before.startswith(f"{kind} "):
-            found[-1] = f"{before[:-1]}, {line[len(kind) + 1 :]}"
-        else:
-            found.append(line)
-    return found
-
-
-def _blocks(tree: ast.FunctionDef) -> dict[str, _Place]:
-    """Return the place of every variable of a function."""
-    seen: dict[str, list[tuple[tuple[int, ...], bool]]] = {}
-
-    def visit(statements: list[ast.stmt], block: tuple[int, ...]) -> None:
-        """Note every name of a block and of those inside."""
-        for s in statements:
-            inner = [(b, k) for k, b in enumerate((getattr(s, "body", []), getattr(s, "orelse", []))) if b]
-            skipped = {id(n) for b, _ in inner for part in b for n in ast.walk(part)}
-            plain = isinstance(s, ast.Assign)
-            for n in ast.walk(s):
-                if isinstance(n, ast.Name) and id(n) not in skipped:
-                    seen.setdefault(n.id, []).append((block, plain and isinstance(n.ctx, ast.Store)))
-            for b, k in inner:
-                visit(b, (*block, s.lineno, k))
-
-    visit(tree.body, ())
-    loops = {n.target.id for n in ast.walk(tree) if isinstance(n, ast.For) and isinstance(n.target, ast.Name)}
-    places = {}
-    for name, uses in ((name, uses) for name, uses in seen.items() if name not in loops):
-        common = uses[0][0]
-        for block, _ in uses:
-            while block[: len(common)] != common:
-                common = common[:-2]
-        places[name] = _Place(common, any(b == common and stored for b, stored in uses[:2]) and uses[0][0] == common)
-    return places
-
-
 def _touched(target: ast.expr) -> set[str]:
     return {
         n.id
@@ -337,15 +295,3 @@ def _touched(target: ast.expr) -> set[str]:
 
 def _read(value: ast.expr) -> set[str]:
     return {n.id for n in ast.walk(value) if isinstance(n, ast.Name)}
-
-
-def _folded(line: str, width: int = 116) -> list[str]:
-    """Return a long line in several."""
-    if len(line) <= width or "/*" in line:
-        return [line]
-    indent = " " * (len(line) - len(line.lstrip()))
-    held = re.sub(r"(?<=\w) (?=\*?\w)", HOLD, line.lstrip())  # a type stays with its name
-    parts = textwrap.wrap(
-        indent + held, width, subsequent_indent=indent + "    ", break_long_words=False, break_on_hyphens=False
-    )
-    return [part.replace(HOLD, " ") for part in parts]

@@ -96,7 +96,7 @@ def _check_equations(card: Effect, part: Part, file: Path) -> None:
 
 def _forget() -> None:
     """Let the library look again."""
-    for function in (library.effect_names, library.load_effect, library.parameters):
+    for function in (library.effect_names, library.load_effect, library.parameters, library._neutral):
         function.cache_clear()
 
 

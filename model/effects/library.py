@@ -10,7 +10,7 @@ import dataclasses
 import math
 import textwrap
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -124,6 +124,11 @@ def checked(name: str, value: float) -> float:
 
 def neutral(motor: Motor) -> dict[str, float]:
     """Return every parameter's neutral value for a motor."""
+    return dict(_neutral(motor))
+
+
+@lru_cache(maxsize=64)
+def _neutral(motor: Motor) -> dict[str, float]:
     return {name: p.neutral_for(motor) for name, p in parameters().items()}
 
 
@@ -136,7 +141,8 @@ def complete(motor: Motor, converter: Converter, effects: Mapping[str, float] | 
     given = dict(effects or {})
     values = neutral(motor)
     for name, value in given.items():
-        values[name] = checked(name, value)
+        if not (type(value) is float and value == values.get(name)):  # a neutral one is right as it is
+            values[name] = checked(name, value)
     for alpha in SHARED:
         one, other = f"saturation.{alpha}", f"cross_saturation.{alpha}"
         if one in given and other in given and values[one] != values[other]:

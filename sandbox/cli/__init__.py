@@ -15,10 +15,11 @@ from model.errors import BadInput, PhysicsError, sentence
 from sandbox.cli import commands
 from sandbox.cli.arguments import Parser, number, positive_int, seed_number
 from sandbox.cli.diagnosing import add_diagnose
+from sandbox.cli.sweeping import add_sweep, add_tolerances, on_dask
 from sandbox.cli.withholding import add_withheld
 from sandbox.output.files import discard, version
 
-PARALLEL = ("compare", "protocol", "diagnose")  # use threads
+PARALLEL = ("compare", "protocol", "diagnose", "sweep")  # use threads, or processes
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 
 
@@ -97,7 +98,7 @@ def build_parser() -> Parser:
         if writes:
             seed, jobs = (
                 "of the sensors' noise (0)",
-                "threads (all cores)",
+                "threads or processes (all cores)",
             )  # taken by all, told where they do something
             command.add_argument("--out", type=Path, help=f"folder for results (./sensorless-out/{name})")
             command.add_argument("--jobs", type=positive_int, help=jobs if name in PARALLEL else argparse.SUPPRESS)
@@ -119,6 +120,7 @@ def build_parser() -> Parser:
     _own_effects(c)
     text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
+    add_tolerances(c, positive_int)
     c = add("simulate", commands.run_simulate, "one run of one estimator")
     _which(c)
     one = c.add_mutually_exclusive_group()
@@ -160,11 +162,13 @@ def build_parser() -> Parser:
         help="names or files, separated by commas (three, and `baldor_pmsyrm` where its map is at hand)",
     )
     c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
+    on_dask(c)
     _peers(c)
     c = add("export-estimator", commands.run_export, "an estimator as C99 for a target, with a motor's constants")
     c.add_argument("name", metavar="NAME", help="qnull, inversion or ekf")
     c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="(ipm_exchanged)")
     c.add_argument("--belief", default="saturated", choices=("saturated", "linear"), help="(saturated)")
+    _own_effects(add_sweep(add))
     c = add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second")
     _peers(c)
     c = add("list", commands.run_list, "what there is", writes=False)

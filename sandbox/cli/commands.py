@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import sandbox
+from sandbox.cli.sweeping import check_tolerances, run_tolerances
 from sandbox.output.files import check_output
 from sandbox.output.tables import print_list, print_table, progress_bar
 
@@ -32,6 +33,7 @@ def run_compare(options: argparse.Namespace) -> None:
     from sandbox.public.printed import print_comparison
 
     check_output(folder_of(options))
+    check_tolerances(options)
     with progress_bar("comparing", options.quiet) as progress:
         result = sandbox.compare(
             options.motor, options.scenario, names_of(options.estimators) + own_estimators(options),
@@ -43,6 +45,8 @@ def run_compare(options: argparse.Namespace) -> None:
         simulated = sum(run.recording.t[-1] for run in result.runs)
         cpu = sum(run.cpu_seconds for run in result.runs)
         print(f"{simulated:.0f} s simulated in {cpu:.1f} s of CPU; results in {folder}")
+    if options.tolerances is not None:
+        run_tolerances(options, folder, names_of(options.estimators) + options.estimator)
 
 
 def run_simulate(options: argparse.Namespace) -> None:
@@ -116,7 +120,7 @@ def run_protocol(options: argparse.Namespace) -> None:
         result = sandbox.protocol(
             names_of(options.estimators, ESTIMATORS) + own_estimators(options),
             names_of(options.motors, () if options.motors else usual_motors()), names_of(options.tests, TESTS),
-            seed=options.seed, jobs=options.jobs, keep=folder, progress=progress,
+            seed=options.seed, jobs=options.jobs, keep=folder, cluster=options.dask, progress=progress,
         )  # fmt: skip
     if options.peer:
         result = ProtocolResult(with_motulator(result.protocol, options.anchors, options.peer_python))

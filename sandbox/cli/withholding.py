@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import results, write_json
 from sandbox.output.tables import print_table, progress_bar
 
@@ -58,6 +59,7 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
 
 def _common(command: Any, positive: Number) -> None:
     command.add_argument("--jobs", type=positive, help="processes (all cores)")
+    on_dask(command)
     command.add_argument("--quiet", action="store_true", help="print nothing but errors")
 
 
@@ -76,7 +78,7 @@ def run_make(options: argparse.Namespace) -> None:
     with progress_bar("recording", options.quiet) as progress:
         made = make(
             options.folder, options.count, options.seed, kind=options.kind, style=options.cycles, sizes=options.sizes,
-            jobs=options.jobs or os.cpu_count() or 1, announce=announce, progress=progress,
+            jobs=options.jobs or os.cpu_count() or 1, cluster=options.dask, announce=announce, progress=progress,
         )  # fmt: skip
     if not options.quiet:
         print(f"{options.count} campaigns in {made.folder / 'campaigns'}, {made.recorded} recorded now")
@@ -97,7 +99,8 @@ def run_score(options: argparse.Namespace) -> None:
             result = score(
                 options.folder, diagnose, method=method, jobs=options.jobs or os.cpu_count() or 1,
                 limit=options.limit, leave_out=options.leave_out if method == "diagnosis" else 0.0,
-                again=options.again, finished=options.finished, allow_mixed=options.allow_mixed, progress=progress,
+                again=options.again, finished=options.finished, allow_mixed=options.allow_mixed, cluster=options.dask,
+                progress=progress,
             )  # fmt: skip
         scored.append(result)
     content = {**content_of(scored), "figure": "withheld.png", "rows": ROWS}

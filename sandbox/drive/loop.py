@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numba import types
 
-from estimators.contract import BELIEF, ESTIMATE, SAMPLE, STATE, TUNING, Belief, Sample
+from estimators.contract import BELIEF, ESTIMATE, SAMPLE, STATE, TUNING, Belief, Sample, is_usual
 from model.compiled import compiled_as, kernel, kernel_as
 from model.energy import min_eigenvalue
 from model.frames import rotate, stationary
@@ -297,5 +297,7 @@ run_python = run_compiled.py_func  # the same loop, interpreted, around an estim
 
 def run_for(flux_map: Any, belief: Belief) -> Any:
     """Return the compiled loop for these kinds of energy: `run_compiled`, or another compiled when first asked for."""
+    if flux_map is None and is_usual(belief):
+        return run_compiled
     kinds = numba.typeof(flux_map), numba.typeof(belief)
     return run_compiled if kinds == (types.none, BELIEF) else compiled_as(run_signature(*kinds), run_python)

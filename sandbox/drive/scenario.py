@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from model.drive_files import is_file_name
 from model.errors import BadInput, brief, unknown
@@ -124,17 +125,21 @@ def load_scenario(name: str | Path) -> Scenario:
         path = SCENARIOS / f"{name}.toml"
     data = read_toml(path)
     try:
-        for table in data:
-            if table not in ("scenario", "segment"):
-                raise unknown("table", table, ("scenario", "segment"))
-        head, rows = data.get("scenario", {}), data.get("segment", [])
-        if not isinstance(head, dict) or not isinstance(rows, list) or not all(isinstance(r, dict) for r in rows):
-            raise BadInput("a scenario is one [scenario] table and one [[segment]] table for each stretch")
-        if "segments" in head:
-            raise unknown("key in [scenario]", "segments", ("settle", "rotor", "reference"))
-        segments = tuple(build(Segment, dict(r), "segment") for r in rows)
-        own = {"name": fitting(path.stem, "scenario"), **head, "segments": segments}
-        scenario: Scenario = build(Scenario, own, "scenario")
+        return scenario_of(data, fitting(path.stem, "scenario"))
     except BadInput as error:
         raise BadInput(f"{path.name}: {error}") from None
+
+
+def scenario_of(data: dict[str, Any], name: str) -> Scenario:
+    """Return the scenario of a file's tables, named so where it gives no name; BadInput says what is wrong."""
+    for table in data:
+        if table not in ("scenario", "segment"):
+            raise unknown("table", table, ("scenario", "segment"))
+    head, rows = data.get("scenario", {}), data.get("segment", [])
+    if not isinstance(head, dict) or not isinstance(rows, list) or not all(isinstance(r, dict) for r in rows):
+        raise BadInput("a scenario is one [scenario] table and one [[segment]] table for each stretch")
+    if "segments" in head:
+        raise unknown("key in [scenario]", "segments", ("settle", "rotor", "reference"))
+    segments = tuple(build(Segment, dict(r), "segment") for r in rows)
+    scenario: Scenario = build(Scenario, {"name": name, **head, "segments": segments}, "scenario")
     return scenario

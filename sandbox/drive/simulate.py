@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,7 @@ from sandbox.drive.feasible import check_call, check_feasible, check_injection, 
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario
 from sandbox.plant.sets import features_of
-from sandbox.recordings.injection import carrier
+from sandbox.recordings.injection import Carrier, carrier
 
 MOST_SAMPLES = 5_000_000  # recorded: 0.8 GB
 PLANTS = ("exact", "switched")
@@ -81,6 +81,26 @@ def _breakpoint(drive: Drive, scenario: Scenario, t: float, load: float, speed: 
     ]
 
 
+@dataclass(frozen=True)
+class Setup:
+    """What runs have in common that differ only in the plant's values, the belief's and the noise."""
+
+    drive: Drive
+    scenario: Scenario
+    estimator: Estimator
+    plant: str
+    design: Design
+    believed: Belief
+    carrier: Carrier
+    samples: int
+    start_time: float  # s of starting up
+
+    @cached_property
+    def profile(self) -> NDArray[np.float64]:
+        """The breakpoints of load and speed, see `profile_of`; asked for once the run is known to be feasible."""
+        return profile_of(self.drive, self.scenario)
+
+
 def simulate(
     drive: Drive,
     scenario: Scenario,
@@ -105,37 +125,64 @@ def simulate(
     """
     check_call(estimator, belief, seed, stride, plant_step)
     plant = plant_for(estimator, plant)
-    values = complete(drive.motor, drive.converter, effects)
+    complete(drive.motor, drive.converter, effects)  # before the design, which takes longer
+    return run_once(
+        set_up(drive, scenario, estimator, belief, plant), effects,
+        closed_loop=closed_loop, seed=seed, stride=stride, plant_step=plant_step, truth=truth,
+    )  # fmt: skip
+
+
+def set_up(drive: Drive, scenario: Scenario, estimator: Estimator, belief: str, plant: str | None = None) -> Setup:
+    """Return a run made ready: gains designed, the belief formed; arguments and errors as `simulate`."""
     check_injection(estimator, drive)
     gains = design(drive, scenario.start_up)
+    tuning = gains.tuning
+    start_time = start_periods(tuning.settle, tuning.average) * tuning.period * tuning.sampling_period
+    return Setup(
+        drive, scenario, estimator, plant_for(estimator, plant), gains, belief_of(drive, belief),
+        carrier(drive.injection, drive.converter),
+        round((start_time + scenario.duration) / tuning.sampling_period), start_time,
+    )  # fmt: skip
+
+
+def run_once(
+    setup: Setup,
+    effects: Mapping[str, float] | None = None,
+    *,
+    closed_loop: bool = True,
+    seed: int = 0,
+    stride: int = 1,
+    plant_step: float = LONGEST,
+    truth: AnyEnergy | None = None,
+) -> Simulation:
+    """Run what was made ready on a plant with effects; arguments and errors as `simulate`."""
+    drive, scenario, estimator, believed = setup.drive, setup.scenario, setup.estimator, setup.believed
+    gains, samples = setup.design, setup.samples
+    values = complete(drive.motor, drive.converter, effects)
     check_feasible(dataclasses.replace(drive, motor=true_motor(drive.motor, values)), scenario, gains)
-    tuning, believed = gains.tuning, belief_of(drive, belief)
-    h = tuning.sampling_period
-    start_time = start_periods(tuning.settle, tuning.average) * tuning.period * h
-    samples = round((start_time + scenario.duration) / h)
+    tuning, h = gains.tuning, gains.tuning.sampling_period
     if samples // stride > MOST_SAMPLES:
         raise BadInput(
             f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
         )
-    wave = carrier(drive.injection, drive.converter)
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle + scenario.start_error)
     table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
-    on = partial(_switched, inside=estimator.inside) if plant == "switched" else exact_bench
+    on = partial(_switched, inside=estimator.inside) if setup.plant == "switched" else exact_bench
     run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
-    rig = rig_of(drive, scenario, values, closed_loop, samples, stride, start_time)
-    if plant == "exact":
+    rig = rig_of(drive, scenario, values, closed_loop, samples, stride, setup.start_time)
+    if setup.plant == "exact":
         check_length(samples, max(1, math.ceil(h / bench[0].timing.longest)), h)
     step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
-    profile = profile_of(drive, scenario)
+    profile = setup.profile
     begun = time.thread_time()
     status, at = run(
         step, state, *bench, rig, gains.control, believed, tuning, profile,
-        wave.waveform, wave.primitive, np.random.default_rng(seed), table,
+        setup.carrier.waveform, setup.carrier.primitive, np.random.default_rng(seed), table,
     )  # fmt: skip
     spent = time.thread_time() - begun
     if status != loop.DONE:
-        raise _failure(status, at * h, _flux(plant, bench), drive)
-    return Simulation(Recording(table), gains, start_time, spent)
+        raise _failure(status, at * h, _flux(setup.plant, bench), drive)
+    return Simulation(Recording(table), gains, setup.start_time, spent)
 
 
 def plant_for(estimator: Estimator, plant: str | None) -> str:

@@ -16,12 +16,13 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
-from estimators.registry import MODULES, AnyEstimator
+from estimators.registry import MODULES, AnyEstimator, load_estimator
 from model.datasets import locate
 from model.drive_files import fetched, load_drive
 from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
 from model.sources import ROOT, source_key
+from sandbox.engine.processes import Cluster, spread
 from sandbox.evaluation.compare import distinct
 from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
 from sandbox.evaluation.protocol_tests import (
@@ -188,9 +189,11 @@ def protocol(
     seed: int = 0,
     jobs: int = 2,
     keep: Path | None = None,
+    cluster: Cluster | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Protocol:
-    """Run every unit on up to `jobs` threads; `keep` is a folder in which finished units wait for the rest.
+    """Run every unit on up to `jobs` threads, or on a dask cluster where one is given (estimators by name or file);
+    `keep` is a folder in which finished units wait for the rest.
 
     Estimators and motors are names, files or objects; units of objects and of estimators from files are not kept, as
     nobody knows whether they are still the same later.  Raises BadInput for what cannot be run (before anything runs,
@@ -205,7 +208,8 @@ def protocol(
         name = motor.name if isinstance(motor, Drive) else str(motor)
         if drives.setdefault(name, motor) is not motor and isinstance(motor, Drive):
             raise BadInput(f"two motors are called '{name}'; give one of them another name")
-    own = distinct(estimators)
+    asked = list(estimators)
+    own = distinct(asked)
     todo = units(drives, own, tests)
     files = sorted((m for m in drives.values() if not isinstance(m, Drive)), key=lambda m: fetched(str(m)))
     read = {str(m): load_drive(m) for m in files}  # last: what is to be downloaded comes after all else is read
@@ -215,19 +219,36 @@ def protocol(
     missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
     lock, done = threading.Lock(), len(todo) - len(missing)
 
-    def one(unit: Unit) -> None:
-        """Run a unit and keep its row."""
+    def keep_row(row: Row) -> None:
+        """Keep a finished row."""
         nonlocal done
-        row = run_unit(unit, loaded[unit.motor], own[unit.estimator], seed)
+        unit = row.unit
         with lock:
             kept.add(row, lasting=unit.estimator in MODULES and not isinstance(drives.get(unit.motor), Drive))
             done += 1
             if progress:
                 progress(done / len(todo))
 
-    with ThreadPoolExecutor(jobs) as pool:
-        list(pool.map(one, missing))
+    if cluster is not None:
+        places = {name: place_of(which) for which in asked if (name := load_estimator(which).name)}
+        tasks = [(u, loaded[u.motor], places[u.estimator], seed) for u in missing]
+        for row in spread(_run_task, tasks, jobs, cluster=cluster):
+            keep_row(row)
+    else:
+        with ThreadPoolExecutor(jobs) as pool:
+            list(pool.map(lambda u: keep_row(run_unit(u, loaded[u.motor], own[u.estimator], seed)), missing))
     return Protocol(tuple(kept.rows[u] for u in todo), seed)
+
+
+def _run_task(task: tuple[Unit, Drive, AnyEstimator, int]) -> Row:
+    return run_unit(*task)
+
+
+def place_of(which: AnyEstimator) -> str:
+    """Return an estimator's name or full path; BadInput for an object, which other processes cannot be told of."""
+    if not isinstance(which, (str, Path)):
+        raise BadInput("a cluster's workers are told estimators by name or file; keep yours in a file")
+    return str(which) if which in MODULES else str(Path(which).resolve())
 
 
 class Kept:

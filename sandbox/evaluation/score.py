@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from model.errors import PhysicsError
 from model.parameters import Drive, Motor
@@ -68,11 +69,25 @@ def is_lost(recording: Recording) -> bool:
 
 def error_of(recording: Recording, lost: bool = False) -> ErrorDeg:
     """Return the error statistics of a recording; p95 and max are of the error's size."""
-    e = np.degrees(recording.error)
+    return statistics(np.degrees(recording.error), lost)
+
+
+def statistics(e: NDArray[np.float64], lost: bool = False) -> ErrorDeg:
+    """Return the statistics of position errors (degrees)."""
     if lost or e.size == 0:
         return ErrorDeg(None, None, None, None)
     size = np.abs(e)
-    return ErrorDeg(float(e.mean()), float(np.sqrt(np.mean(e**2))), float(np.percentile(size, 95)), float(size.max()))
+    return ErrorDeg(float(e.mean()), float(np.sqrt(np.mean(e**2))), _p95(size), float(size.max()))
+
+
+def _p95(size: NDArray[np.float64]) -> float:
+    """Return np.percentile(size, 95), which takes ten times as long for a short run's samples."""
+    whole, part = divmod(0.95 * (size.size - 1), 1.0)
+    k = int(whole)
+    if part == 0.0:
+        return float(np.partition(size, k)[k])
+    a, b = (float(x) for x in np.partition(size, (k, k + 1))[k : k + 2])
+    return b - (b - a) * (1.0 - part) if part >= 0.5 else a + (b - a) * part
 
 
 def speed_held(drive: Drive, recording: Recording) -> bool:

@@ -33,6 +33,32 @@ def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | 
 
 
 @contextmanager
+def rate_bar(title: str, quiet: bool, what: str = "runs") -> Iterator[Callable[[int, int], None] | None]:
+    """Give a function that shows how many of how many are done, their rate and the time left; None as above."""
+    if quiet or not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn(f"{title} {{task.completed:,.0f}} of {{task.total:,.0f}} {what}"), BarColumn(),
+        TextColumn("{task.fields[rate]}"), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0) as bar:
+        task = bar.add_task(title, total=None, rate="")
+
+        def told(done: int, total: int) -> None:
+            """Show it; what was there before the first call is not counted into the rate."""
+            if bar.tasks[0].total is None:
+                bar.reset(task, total=total, completed=done, rate="")
+            speed = bar.tasks[0].speed
+            bar.update(task, completed=done, rate=f"{speed:.3g}/s" if speed else "")
+
+        yield told
+
+
+@contextmanager
 def stage_bar(title: str, quiet: bool) -> Iterator[Callable[[str], None]]:
     """Give a function that shows what is being done, where nobody knows how many stages there will be."""
     if quiet or not sys.stderr.isatty():

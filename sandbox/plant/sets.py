@@ -123,16 +123,6 @@ def further_rows(card: Effect, v: Set, neutral: Set) -> dict[str, list[float]]:
     return {further_field(card.name, n): [v[card.public(k, n)] for k in order] for n in names}
 
 
-def whole_periods(v: Set, period: float) -> int:
-    """Return by how many whole periods (s) a completed set's voltage comes later than its sample is taken."""
-    return max(0, math.floor((v["pwm_delay.delay"] - v["current_sampling.delay"]) / period))
-
-
-def earlier(v: Set, periods: int, period: float) -> dict[str, float]:
-    """Return a completed set whose voltage comes earlier by so many whole periods (s)."""
-    return {**v, "pwm_delay.delay": v["pwm_delay.delay"] - periods * period}
-
-
 def features_of(motor: Motor, v: Set) -> int:
     """Return what a completed set needs beside the bare plant (bits of `sandbox.plant.additions`)."""
     neutral, out = library.neutral(motor), 0
@@ -186,9 +176,14 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
             w[f"table_{name}"][: len(i)] = values
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
-    w["when"][:] = np.where(w["sample"] >= 0.0, w["sample"], converter.sampling_period + w["sample"])
+    w["when"][:] = readings_at(w["sample"], converter.sampling_period)
     w["filter_rate"][w["filter_rate"] == 0.0] = FASTEST
     return w
+
+
+def readings_at(sample: Array, period: float) -> Array:
+    """Return at which instants of a pattern (s) samples lie that are taken so much later than it begins."""
+    return np.where(sample >= 0.0, sample, period + sample)
 
 
 def timing_of(w: Any, period: float, parts: int) -> Timing:

@@ -16,6 +16,7 @@ from sandbox.public.loading import several
 from sandbox.public.result import Result
 
 if TYPE_CHECKING:
+    from sandbox.engine.processes import Cluster
     from sandbox.evaluation.protocol import Protocol
     from sandbox.output.plots import Figure
 
@@ -118,6 +119,7 @@ def protocol(
     seed: int = 0,
     jobs: int | None = None,
     keep: str | Path | None = None,
+    cluster: Cluster | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ProtocolResult:
     """Run the standard evaluation: every test of every estimator with both beliefs on every motor.
@@ -136,6 +138,8 @@ def protocol(
         Threads; all cores by default.
     keep : str or Path, optional
         A folder in which finished tests wait for the rest, so that an interrupted call goes on.
+    cluster : str or dask.distributed.Client, optional
+        A dask scheduler's address, or a client: its workers run the tests, estimators are names or files.
     progress : callable, optional
         Is told the fraction that is done.
 
@@ -164,7 +168,8 @@ def protocol(
             list(ESTIMATORS) if estimators is None else several(estimators),
             None if motors is None else several(motors),
             list(TESTS) if tests is None else several(tests),
-            seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep), progress=progress,
+            seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep), cluster=cluster,
+            progress=progress,
         )
     )  # fmt: skip
 

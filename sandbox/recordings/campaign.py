@@ -20,6 +20,7 @@ from model.errors import BadInput, brief, shown, unknown
 from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
 from model.parameters import Converter, Drive, Injection, Motor, build, finite, read_toml, texts
+from sandbox.recordings.volts import with_volts
 
 if TYPE_CHECKING:
     import pandas
@@ -194,22 +195,13 @@ def assemble(
         raise BadInput(f"{source}: {error}") from None
     for r in recordings:
         _check_period(r, converter.sampling_period)
-    recordings = tuple(in_volts(r, converter) for r in recordings)
+    recordings = tuple(with_volts(r, converter) for r in recordings)
     converter = dataclasses.replace(converter, command="volts")
     provenance = texts(table_of(data, "provenance"))
     return Campaign(
         own_name, Drive(motor, converter, injection, provenance), recordings,
         uncertainty, background, from_data,
     )  # fmt: skip
-
-
-def in_volts(r: CampaignRecording, converter: Converter) -> CampaignRecording:
-    """Return a recording whose commands are volts that a drive divides by u_dc of the row (`Converter.command`)."""
-    if converter.command == "volts":
-        return r
-    factor = r.u_dc if converter.command == "duties" else r.u_dc / (r.dc_bus_voltage or converter.dc_bus_voltage)
-    volts = {name: factor * r[name] for name in ("u_alpha", "u_beta")}
-    return dataclasses.replace(r, columns={**r.columns, **volts})
 
 
 def table_of(data: Mapping[str, Any], name: str) -> dict[str, Any]:

@@ -7,9 +7,9 @@ What commands u become at the motor is u (1 + p x), x the link's reading over no
     p = -1  the drive divides by a reading, the link itself is steady                      dc_link = "steady"
     p = 1   the link varies as read, and the drive divides by the nominal voltage          command = "nominal"
 
-p is a least-squares estimate from the flux balance (`sandbox.recordings.mistakes`) beside errors of all that the
-nominal model states, recording by recording.  A log shifted by one row leaves the balance of single samples open, and
-closes it once it is shifted back; where commands hardly change from row to row it cannot be seen.
+p is a least-squares estimate from the flux balance (`sandbox.recordings.mistakes`) beside errors of what the nominal
+model states, recording by recording.  A log shifted by one row leaves the balance of single samples open, and closes it
+once it is shifted back; where commands hardly change from row to row it cannot be seen.
 """
 
 from __future__ import annotations
@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters import Drive
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding, in_volts
+from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
 from sandbox.recordings.mistakes import PHASES, VOLTAGES, balance
+from sandbox.recordings.volts import with_volts
 
 Array = NDArray[np.float64]
 SURE, NEAR = 0.2, 0.4  # standard deviation of p, and distance from a whole number, up to which it is one
@@ -117,7 +118,7 @@ def _taken(campaign: Campaign, found: int) -> Campaign:
     recordings = campaign.recordings
     if found == 1:
         nominal = dataclasses.replace(converter, command="nominal")
-        recordings = tuple(in_volts(r, nominal) for r in recordings)
+        recordings = tuple(with_volts(r, nominal) for r in recordings)
     drive = dataclasses.replace(campaign.drive, converter=converter)
     return dataclasses.replace(campaign, drive=drive, recordings=recordings)
 

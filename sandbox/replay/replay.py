@@ -29,10 +29,11 @@ from model.compiled import kernel
 from model.energy import SOLVED, AnyEnergy, Energy, flux_newton
 from model.errors import BadInput
 from model.frames import stationary
+from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 from sandbox.plant import additions, ports
 from sandbox.plant.batch import FEW, LANES, blank_room
-from sandbox.plant.sets import batch_of, complete, earlier, features_of, timing_of, whole_periods
+from sandbox.plant.sets import batch_of, complete, features_of, readings_at, rows_of, timing_of
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor, readings_off, with_columns
 from sandbox.replay.kernel import run
@@ -202,8 +203,8 @@ def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
     drive = prepared.campaign.drive
     complete_sets = [complete(drive.motor, drive.converter, s) for s in sets]
     needs = [features_of(drive.motor, v) for v in complete_sets]
-    period, out = drive.converter.sampling_period, []
-    late = [whole_periods(v, period) for v in complete_sets]
+    out = []
+    late = [whole_periods(drive.motor, drive.converter, v) for v in complete_sets]
     for periods in sorted(set(late)):
         order = [k for k in range(len(sets)) if late[k] == periods]
         if len(order) > LANES:
@@ -212,19 +213,28 @@ def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
     return out
 
 
+def whole_periods(motor: Motor, converter: Converter, v: Set) -> int:
+    """Return by how many whole periods a completed set's voltage comes later than its sample is taken."""
+    return max(0, math.floor(-rows_of(motor, converter, v)["sample"] / converter.sampling_period))
+
+
 def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence[Set]) -> Block:
     """Return one block of sets, as many whole periods late as the first of them; free lanes repeat that one."""
     drive = prepared.campaign.drive
-    period = drive.converter.sampling_period
-    late = whole_periods(complete_sets[members[0]], period)
-    own = [earlier(complete_sets[k], late, period) for k in members]
+    motor, converter = drive.motor, drive.converter
+    own = [complete_sets[k] for k in members]
     features = 0
     for v in own:
-        features |= features_of(drive.motor, v)
+        features |= features_of(motor, v)
     lanes = FEW if len(own) <= FEW else LANES
     own += [own[0]] * (lanes - len(own))
     lock = np.array([v["bench.lock_angle"] for v in own])
-    return Block(tuple(members), batch_of(drive.motor, drive.converter, own, lanes), lock, features, late)
+    batch, late = batch_of(motor, converter, own, lanes), whole_periods(motor, converter, own[0])
+    if late:
+        batch["delay"] -= late * converter.sampling_period
+        batch["sample"] += late * converter.sampling_period
+        batch["when"] = readings_at(batch["sample"], converter.sampling_period)
+    return Block(tuple(members), batch, lock, features, late)
 
 
 def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Array, first: int) -> None:

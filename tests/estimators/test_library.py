@@ -147,6 +147,15 @@ def test_refused_when_it_begins(tmp_path):
 
 
 @needs_compiler
+def test_what_is_not_finite_ends_the_run(tmp_path):
+    """In the plant or in the estimate, as the sentence says; nothing of it is recorded."""
+    wrong = SPY.replace("e->omega = x->i_alpha", "e->omega = (sensorless_real)(0.0 / (double)(s->n < 0))")
+    scene = sandbox.Scenario("short", (sandbox.Segment(0.05),), start_up=False)
+    with pytest.raises(sandbox.PhysicsError, match="in the plant or in the estimate"):
+        sandbox.simulate("ipm_exchanged", scene, sandbox.load_estimator_library(built(tmp_path, wrong)))
+
+
+@needs_compiler
 def test_a_library_built_anew_is_loaded_anew(tmp_path):
     library = built(tmp_path)
     first = load_library(library)

@@ -6,6 +6,7 @@ import hashlib
 import io
 import json
 import random
+from pathlib import Path
 from unittest import mock
 
 import numpy as np
@@ -21,6 +22,8 @@ from sandbox.output.files import plain
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.writing import write_campaign
+from sandbox.sweep.plan import read_sweep
+from sandbox.sweep.sweep import check_size
 from sandbox.validation.scoring.blind import score
 from sandbox.validation.scoring.tables_of_rows import Scores, table
 from tests.fuzz.doors import Door, Outcome, called
@@ -136,6 +139,16 @@ def make_motor(folder):
 def make_scenario(folder):
     """Write a scenario."""
     (folder / "s.toml").write_text((SCENARIOS / "staircase.toml").read_text())
+
+
+def make_sweep(folder):
+    """Write a sweep's file."""
+    (folder / "s.toml").write_text((Path(__file__).parents[2] / "experiments" / "yield_curve.toml").read_text())
+
+
+def read_and_size(folder):
+    """Read a sweep's file as the command does before anything runs."""
+    check_size(read_sweep(folder / "s.toml"), False)
 
 
 def make_check(folder):
@@ -282,6 +295,7 @@ DOORS = (
     Door("motor", make_motor, ("m.toml",), of_text(damaged_toml), lambda folder: load_drive(folder / "m.toml")),
     Door("design", make_motor, ("m.toml",), of_text(damaged_toml), lambda f: design(load_drive(f / "m.toml"))),
     Door("scenario", make_scenario, ("s.toml",), of_text(damaged_toml), lambda f: load_scenario(f / "s.toml")),
+    Door("sweep", make_sweep, ("s.toml",), of_text(damaged_toml), read_and_size),
     Door("report", make_check, REPORTS, of_text(damaged_json), read_check),
     Door("seal", make_check, ("truth.sealed",), of_text(damaged_json), read_check),
 )  # fmt: skip

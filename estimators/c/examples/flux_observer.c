@@ -1,6 +1,7 @@
 /* The flux observer of VESC and ODrive, from its published equations, behind the sandbox's start-up.
  *
- * Lee, Hong, Nam, Ortega, Praly, Astolfi, IEEE Trans. Power Electron. 25 (2010) 290-297, for a surface-magnet motor:
+ * Lee, Hong, Nam, Ortega, Praly, Astolfi, IEEE Trans. Power Electron. 25 (2010) 290-297, equations (4), (6), (8) (so
+ * numbered in ODrive's source, which cites them), for a surface-magnet motor:
  *     d x / dt = u - R i + g/2 eta (psi_m^2 - |eta|^2),    eta = x - L i,    theta = angle of eta.
  * x is the stator flux linkage (Wb, alpha beta), eta the magnet's part of it, which the last term draws to its known
  * length.  Here L is L_q and psi_m is psi_m + (L_d - L_q) i_d: then eta is the active flux of Boldea, Paicu, Andreescu

@@ -123,7 +123,7 @@ def search(
         exchange = EXCHANGED if cost + sum(j.simulations for j in judged) < LAST else 0
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
         others = _neighbours(best, fits, known, chosen, exchange, weights, workers)
-        others += left_out_again(best, {j.effects: j.fit for j in judged}, null, chosen, weights, workers)
+        others += fitted_again(best, {j.effects: j.fit for j in judged}, null, chosen, weights, workers)
         if not turn and _excess(best.fit) < PROMISING * _excess(null):
             others += _pointed(best, fits, known | {f.effects for f in others}, chosen, weights, workers)
         cost += sum(f.simulations for f in others if fits.get(f.effects) is not f)
@@ -160,7 +160,7 @@ def _neighbours(
     return out
 
 
-def left_out_again(
+def fitted_again(
     best: Judged, fits: Mapping[tuple[str, ...], Fit], null: Fit, chosen: Sequence[Probe], weights: Weights,
     workers: int,
 ) -> list[Fit]:  # fmt: skip

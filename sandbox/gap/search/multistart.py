@@ -24,15 +24,15 @@ TRIED_SIZES = (-4.0, -2.0, 2.0, 4.0)  # typical sizes; nearer to neutral slopes 
 MOST = 2  # sizes an effect may have: more are many small ones, for which slopes do
 
 
-def trials(point: Point, probe: Probe) -> list[dict[str, float]]:
+def trials(point: Point, probe: Probe, sizes: Sequence[float] = TRIED_SIZES) -> list[dict[str, float]]:
     """Return the effect's values with one size at a multiple of its typical one, as far as a drive can have them."""
     drive = point.prepared.campaign.drive
     values = {**point.values, **probe.start}
     own = [c for c in of_effect(probe.effect, drive, values) if is_size(c, probe)]
     out = []
     for c in own if len(own) <= MOST else []:
-        low, high = c.bounds()
-        for to in (c.mean + s * c.deviation / WIDE for s in TRIED_SIZES):
+        low, high = replace(c, within=math.inf).bounds()
+        for to in (c.mean + s * c.deviation / WIDE for s in sizes):
             if low <= to <= high and to != c.mean:
                 moved = {**probe.start, **c.changes(values, to)}
                 try:
@@ -93,4 +93,28 @@ def with_sizes(
     for probe, own in zip(probes, moves, strict=True):
         gain, k = max(((next(gains), j) for j in range(len(own))), default=(0.0, 0))
         out.append(replace(probe, sized=own[k], gain=gain) if gain > 0.0 else probe)
-    return out, float(len(flat))
+    farther = [_farther(found, p, n, prior, level, weights, workers) for p in out]
+    return [p for p, _ in farther], len(flat) + sum(cost for _, cost in farther)
+
+
+def _farther(
+    found: Fit, probe: Probe, n: Normal, prior: Prior, level: float, weights: Weights, workers: int
+) -> tuple[Probe, float]:
+    """Return a probe whose best size was the farthest one that was tried with one still farther, as long as that gains;
+    and simulations."""
+    cost, far = 0.0, max(TRIED_SIZES)
+    while probe.sized in trials(found.point, probe, (-far, far)):
+        far *= 2.0
+        moves = trials(found.point, probe, (-far, far))
+        points = [replace(found.point, values={**found.point.values, **m}) for m in moves]
+        reached = _replayed(n, points, workers) if points else []
+        cost += len(points)
+        for x, move in zip(reached, moves, strict=True):
+            gain = (
+                -np.inf
+                if x is None
+                else 0.5 * (level - algebra(x, weights).most_probable(held(prior, x, set(move)))[2])
+            )
+            if gain > probe.gain:
+                probe = replace(probe, sized=move, gain=float(gain))
+    return probe, cost

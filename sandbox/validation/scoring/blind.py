@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from model.errors import BadInput
+from sandbox.engine.processes import Cluster
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.report.answers import next_recording
 from sandbox.gap.report.diagnosis_json import contract
@@ -50,18 +51,21 @@ def score(
     again: bool = False,
     finished: bool = False,
     allow_mixed: bool = False,
+    cluster: Cluster | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Scores:
     """Diagnose a check's campaigns (those without a report yet) and judge them.
 
     limit: the first so many campaigns; leave_out: share of the single effects of medium size or more diagnosed once
     more without the true effect in the library; again: forget earlier reports; finished: run nothing, judge what has
-    a report; allow_mixed: reports may come from several states of the code, whose figures are then told apart.
+    a report; allow_mixed: reports may come from several states of the code, whose figures are then told apart;
+    cluster: a dask scheduler whose workers find the folder at the same place.
     Where a diagnosis is ambiguous, the recording that it recommends is made and all is diagnosed again.
     BadInput where the folder is no check, its seal is not the one that was hashed, or states of the code are mixed.
     """
     if not 0.0 <= leave_out <= 1.0:
         raise BadInput(f"leave_out = {leave_out} is no share; give a number in [0, 1]")
+    folder = folder if cluster is None else folder.resolve()
     names = campaign_names(folder, limit)
     sealed(folder)  # an hour of diagnosing is not spent on a check whose truth was changed
     reports = folder / DIAGNOSES if method == "diagnosis" else folder / DIAGNOSES / method
@@ -75,7 +79,7 @@ def score(
         if not allow_mixed:  # nor on reports that cannot be judged beside older ones
             places = (reports, reports / LEFT_OUT, reports / RESOLVED)
             one_code([r for p in places for r in _rows(method, BLIND, p, names, {})], f"'{reports}'", [code_digest()])
-        run_all(folder, dict.fromkeys(names, ()), diagnose, reports, jobs, progress)
+        run_all(folder, dict.fromkeys(names, ()), diagnose, reports, jobs, progress, cluster)
     content = opened(folder)
     truth = content["campaigns"]
     _complete(folder, truth)
@@ -84,8 +88,8 @@ def score(
     found = {n: read_report(reports, n) for n in names}
     asked = {n: entry for n, d in found.items() if "failed" not in d and (entry := recommended(d)) is not None}
     if not finished:
-        run_all(folder, without, diagnose, reports / LEFT_OUT, jobs, progress)
-        follow_all(folder, asked, content, diagnose, reports / RESOLVED, jobs, progress)
+        run_all(folder, without, diagnose, reports / LEFT_OUT, jobs, progress, cluster)
+        follow_all(folder, asked, content, diagnose, reports / RESOLVED, jobs, progress, cluster)
     parts = ((BLIND, reports, names), (LEFT_OUT, reports / LEFT_OUT, without), (RESOLVED, reports / RESOLVED, asked))
     rows = [r for part, place, chosen in parts for r in _rows(method, part, place, chosen, truth)]
     if not allow_mixed:

@@ -17,11 +17,11 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+from sandbox.engine.processes import Cluster, spread
 from sandbox.output.files import plain
 from sandbox.validation.scoring.recommended import drawn_again, grow
 from sandbox.validation.withheld.draw import Drawn
 from sandbox.validation.withheld.make import CAMPAIGNS
-from sandbox.validation.withheld.processes import spread
 
 ROOT = Path(__file__).parents[3]
 Diagnose = Callable[[Path, tuple[str, ...]], Any]
@@ -33,10 +33,13 @@ CODE = (  # what a diagnosis depends on, and what records where a recommended re
 
 def run_all(
     folder: Path, work: dict[str, tuple[str, ...]], diagnose: Diagnose, reports: Path, jobs: int,
-    progress: Callable[[float], None] | None = None,
+    progress: Callable[[float], None] | None = None, cluster: Cluster | None = None,
 ) -> None:  # fmt: skip
-    """Diagnose campaigns, each with effects excluded, that have no report yet; every finished one is kept."""
-    _spread(diagnose, [_Task(folder / CAMPAIGNS / n, x, reports) for n, x in work.items()], jobs, progress)
+    """Diagnose campaigns, each with effects excluded, that have no report yet; every finished one is kept.
+
+    A cluster's workers read and write the same folder, at the same place.
+    """
+    _spread(diagnose, [_Task(folder / CAMPAIGNS / n, x, reports) for n, x in work.items()], jobs, progress, cluster)
 
 
 def follow_all(
@@ -47,6 +50,7 @@ def follow_all(
     reports: Path,
     jobs: int,
     progress: Callable[[float], None] | None = None,
+    cluster: Cluster | None = None,
 ) -> None:
     """Make the recording asked for (entry, seconds) of each campaign that has no report here yet, and diagnose it with
     the rest."""
@@ -54,7 +58,7 @@ def follow_all(
     for name in left:
         (reports / f"{name}.json").unlink(missing_ok=True)
     tasks = [_Task(folder / CAMPAIGNS / n, (), reports, asked[n], drawn_again(content, n)) for n in left]
-    _spread(diagnose, tasks, jobs, progress)
+    _spread(diagnose, tasks, jobs, progress, cluster)
 
 
 def reported(reports: Path, name: str) -> bool:
@@ -88,10 +92,11 @@ class _Task:
 
 
 def _spread(
-    diagnose: Diagnose, tasks: Sequence[_Task], jobs: int, progress: Callable[[float], None] | None
+    diagnose: Diagnose, tasks: Sequence[_Task], jobs: int, progress: Callable[[float], None] | None,
+    cluster: Cluster | None = None,
 ) -> None:  # fmt: skip
     left = [t for t in tasks if not reported(t.reports, t.name)]
-    for done, _ in enumerate(spread(partial(_one, diagnose), left, jobs, _lost), 1):
+    for done, _ in enumerate(spread(partial(_one, diagnose), left, jobs, _lost, cluster), 1):
         if progress is not None:
             progress(done / len(left))
 

@@ -19,6 +19,7 @@ import numpy as np
 
 from model.errors import BadInput
 from model.parameters import Drive
+from sandbox.engine.processes import Cluster, spread
 from sandbox.output.files import plain
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
@@ -29,7 +30,6 @@ from sandbox.validation.withheld.cycles_narrow import all_cycles as narrow
 from sandbox.validation.withheld.draw import Drawn, cases, draw, outside_names, uncertainty
 from sandbox.validation.withheld.drives import LINK_NOISE
 from sandbox.validation.withheld.ladder import DRIFT_TIME
-from sandbox.validation.withheld.processes import spread
 from sandbox.validation.withheld.rig import COLUMNS, record, tuned
 
 SEAL, HASH, CAMPAIGNS = "truth.sealed", "SHA256", "campaigns"
@@ -54,6 +54,7 @@ def make(
     style: str = "scored",
     sizes: str = "published",
     jobs: int = 1,
+    cluster: Cluster | None = None,
     announce: Callable[[str], None] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Made:
@@ -61,9 +62,11 @@ def make(
 
     kind: 'mixed', 'controls' (shorter, without a gap) or 'pairs' (one operating point, where two effects look alike);
     style of the cycles: 'practice' or 'scored'; sizes: 'published' (ranges with sources; ordinary deviations 0.5 to 2
-    times the stated ones; other shapes of a current's sign) or 'ladder'; jobs: processes.
+    times the stated ones; other shapes of a current's sign) or 'ladder'; jobs: processes;
+    cluster: a dask scheduler instead, whose workers find the folder at the same place.
     BadInput where the folder holds another check.
     """
+    folder = folder if cluster is None else folder.resolve()
     outside = outside_names()
     drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside, sizes)]
     header = {"seed": seed, "kind": kind, "style": style, "sizes": sizes, "outside": outside}
@@ -73,7 +76,7 @@ def make(
     share = CONTROL_SHARE if kind == "controls" else 1.0
     left = [d for d in drawn if not (folder / CAMPAIGNS / d.case.name).exists()]
     work = [(folder / CAMPAIGNS / d.case.name, d, share) for d in left]
-    for done, _ in enumerate(spread(_write, work, jobs), 1):
+    for done, _ in enumerate(spread(_write, work, jobs, cluster=cluster), 1):
         if progress is not None:
             progress(done / len(work))
     return Made(folder, digest, len(left))

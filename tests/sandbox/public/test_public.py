@@ -61,9 +61,9 @@ def test_examples_run(name):
 
 
 def test_a_module_of_the_same_name_leaves_the_function():
-    for name in ("simulate", "compare", "protocol", "identify", "maps", "bench"):
-        module = import_module(f"sandbox.{name}")
-        assert inspect.ismodule(module)
+    """The rooms `sandbox.replay` and `sandbox.sweep` bear names of the page's functions."""
+    for name in ("replay", "sweep"):
+        import_module(f"sandbox.{name}")
         assert inspect.isfunction(getattr(sandbox, name))
 
 
@@ -461,6 +461,7 @@ CALLS = {
     "diagnose": ["diagnose", "folder"], "list_motors": ["list", "motors"], "list_effects": ["list", "effects"],
     "list_estimators": ["list", "estimators"], "list_scenarios": ["list", "scenarios"],
     "list_datasets": ["list", "datasets"], "view": ["view", "x.rrd"], "show": ["show", "x"],
+    "sweep": ["sweep", "x.toml"],
 }  # fmt: skip
 
 
@@ -485,6 +486,7 @@ def test_seed_and_jobs_are_told_where_they_do_something(capsys):
     for command, seed, jobs in (
         ("compare", True, True), ("simulate", True, False), ("protocol", True, True), ("audit", False, False),
         ("maps", False, False), ("identify", False, False), ("bench", False, False), ("diagnose", False, True),
+        ("sweep", False, True),
     ):  # fmt: skip
         with pytest.raises(SystemExit):
             main([command, "--help"])
@@ -531,6 +533,27 @@ def test_results_of_long_work_are_results(tmp_path):
         sandbox.diagnose("nowhere")
     with pytest.raises(sandbox.BadInput, match="unknown nominal model"):
         sandbox.diagnose("nowhere", nominal="quartic")
+
+
+@of("sweep", "tolerances")
+def test_results_of_many_runs(tmp_path):
+    """What they hold: tests/sandbox/sweep."""
+    scene = {"scenario": {"start_up": False}, "segment": [{"duration": 0.02, "load": 1.0, "settle": 0.01}]}
+    done = sandbox.sweep(scene | {"grid": {"belief": ["linear", "saturated"]}}, tmp_path / "sweep", jobs=1)
+    assert repr(done).startswith("<SweepResult: sweep, 2 runs, ")
+    assert done.save(csv=True) == tmp_path / "sweep"
+    names = {"manifest.json", "runs", "schema.json", "sweep.csv", "sweep.json", "sweep.png"}
+    assert {p.name for p in (tmp_path / "sweep").iterdir()} == names
+    assert done.to_dataframe().attrs["units"]["mean_deg"] == "deg"
+    assert json.loads((tmp_path / "sweep" / "sweep.json").read_text())["status"] == {"ok": 2}
+    short = sandbox.Scenario("short", (sandbox.Segment(0.02, 1.0, settle=0.01),), start_up=False)
+    found = sandbox.tolerances("ipm_exchanged", short, "qnull", percent=[5], draws=2, jobs=1)
+    assert [(r.belief, r.tolerance) for r in found.rows] == [(b, t) for t in (0, 0.05) for b in ("linear", "saturated")]
+    found.save(tmp_path / "tolerances")
+    names = {"tolerances.json", "tolerances.parquet", "tolerances.png"}
+    assert {p.name for p in (tmp_path / "tolerances").iterdir()} == names
+    with pytest.raises(sandbox.BadInput, match="no name or file"):
+        sandbox.tolerances(sandbox.load_motor("ipm_exchanged"))
 
 
 def test_every_name_is_there_and_has_a_test():

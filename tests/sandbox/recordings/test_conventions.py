@@ -5,9 +5,9 @@ import dataclasses
 import numpy as np
 import pytest
 
-from sandbox.recordings.campaign import in_volts
 from sandbox.recordings.conventions import link_exponent, shifted, with_link
 from sandbox.recordings.importing import read_recordings
+from sandbox.recordings.volts import with_volts
 from sandbox.recordings.writing import write_campaign
 from tests.sandbox.validation.other_plant import Other
 from tests.sandbox.validation.test_other_plant import NOMINAL, N, missed, plant, recorded, waves
@@ -76,13 +76,13 @@ def test_what_is_stated_wrongly_is_contradicted():
     assert agreed.findings == ()
 
 
-def test_duties_in_volts():
+def test_duties_with_volts():
     """Duties and commands against nominal become volts that the drive divides by the row's reading: written out."""
     campaign = recorded(plant(), {}, link=waves(), divide=waves())
     r, c = campaign.recordings[0], campaign.drive.converter
-    by_duty = in_volts(r, dataclasses.replace(c, command="duties"))
+    by_duty = with_volts(r, dataclasses.replace(c, command="duties"))
     np.testing.assert_allclose(by_duty.u_alpha, r.u_alpha * r.u_dc, rtol=1e-14)
-    by_nominal = in_volts(r, dataclasses.replace(c, command="nominal"))
+    by_nominal = with_volts(r, dataclasses.replace(c, command="nominal"))
     np.testing.assert_allclose(by_nominal.u_beta, r.u_beta * r.u_dc / 540.0, rtol=1e-14)
 
 

@@ -19,13 +19,14 @@ NOMINAL, N, SOFT = 540.0, 800, 0.015 * 6.1
 CLOSE = 2e-5 * 6.1  # A rms: what the replay is told to be from an independent bench (CHANGELOG, plant_against_bench)
 
 
-def commands(period: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return a turning rotor's angle (rad) and commands (V) that drive a current of some ampere through it."""
+def commands(period: float, rate: float = 40.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the angle (rad) of a rotor that turns at rate (Hz, electrical) and commands (V) for a current of some
+    ampere."""
     t = period * np.arange(N)
-    theta = 40.0 * math.tau * t + 0.3
+    theta = rate * math.tau * t + 0.3
     ripple = 60.0 * np.sign(np.sin(math.tau * (t / (8.0 * period) + 1e-3)))
     turn = np.exp(1j * theta)
-    u = (ripple + 10.0 * np.sin(30.0 * t) + 1j * (0.545 * 40.0 * math.tau + 18.0 * np.cos(23.0 * t))) * turn
+    u = (ripple + 10.0 * np.sin(30.0 * t) + 1j * (0.545 * rate * math.tau + 18.0 * np.cos(23.0 * t))) * turn
     return theta, u.real, u.imag
 
 
@@ -36,10 +37,10 @@ def duties(u_alpha, u_beta, link) -> np.ndarray:
     return 0.5 + (legs - middle[:, None]) / np.asarray(link)[:, None]
 
 
-def recorded(plant: Other, says: dict, *, link=None, read=None, divide=None, columns=None, **keys) -> Campaign:
+def recorded(plant: Other, says: dict, *, link=None, read=None, divide=None, columns=None, rate=40.0) -> Campaign:
     """Return a campaign of one driven recording: link: V, true (n,); read: as u_dc has it; divide: by what the drive
-    divides its commands; columns: others than commanded volts."""
-    theta, u_alpha, u_beta = commands(plant.period)
+    divides its commands; columns: others than commanded volts; rate: Hz."""
+    theta, u_alpha, u_beta = commands(plant.period, rate)
     link = np.full(N, NOMINAL) if link is None else link
     read = link if read is None else read
     divide = read if divide is None else divide

@@ -13,12 +13,12 @@ from types import SimpleNamespace
 import pytest
 
 from model.errors import BadInput
+from sandbox.engine.processes import spread
 from sandbox.validation.scoring import running
 from sandbox.validation.scoring.blind import score
 from sandbox.validation.scoring.running import code_digest
 from sandbox.validation.withheld import make as maker
 from sandbox.validation.withheld.make import campaign_of, make
-from sandbox.validation.withheld.processes import spread
 from tests.sandbox.validation.test_withheld_score import diagnosis_of
 
 
@@ -60,7 +60,7 @@ def blind(folder, exclude):
 @pytest.fixture
 def check(tmp_path, monkeypatch):
     """Two short campaigns, diagnosed in this process, where a test's own functions are."""
-    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost: map(task, work))
+    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost, cluster: map(task, work))
     monkeypatch.setattr(maker, "campaign_of", lambda drawn, share: campaign_of(drawn, 0.02))
     make(tmp_path, 2, 5)
     return tmp_path
@@ -208,7 +208,7 @@ def test_processes_end_with_the_one_that_started_them(tmp_path):
     script = tmp_path / "leaves.py"
     script.write_text(
         "import os, pathlib, sys, threading, time\n"
-        "from sandbox.validation.withheld.processes import spread\n"
+        "from sandbox.engine.processes import spread\n"
         "def wait(x):\n"
         "    pathlib.Path(sys.argv[1], str(os.getpid())).touch()\n"
         "    time.sleep(60)\n"

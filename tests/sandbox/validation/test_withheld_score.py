@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
+from sandbox.engine.processes import spread
 from sandbox.validation.scoring import running
 from sandbox.validation.scoring.blind import read_report, score
 from sandbox.validation.scoring.check_figure import withheld_figure
@@ -16,13 +17,12 @@ from sandbox.validation.scoring.judge import alike, closed, covered, f1, judge, 
 from sandbox.validation.scoring.limits import area, auroc, mean, mean_share, quantile, ratio, share
 from sandbox.validation.scoring.metrics import figures, left_out
 from sandbox.validation.scoring.tables_of_rows import table
-from sandbox.validation.withheld.processes import spread
 
 
 @pytest.fixture(autouse=True)
 def here(monkeypatch):
     """Diagnose in this process, where a test's own functions are."""
-    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost: map(task, work))
+    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost, cluster: map(task, work))
 
 
 def truth_of(effects=("dead_time",), kind="one", sizes=(1.0,), parameters=None):

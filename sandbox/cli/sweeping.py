@@ -1,0 +1,99 @@
+"""The command `sweep`, and `compare --tolerances`: arguments, progress, files."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from model.errors import BadInput
+from sandbox.cli.arguments import number
+from sandbox.output.files import check_output
+from sandbox.output.tables import print_table, rate_bar
+
+MOST_PERCENT = 50.0  # of a belief's parameters
+
+
+def on_dask(command: Any) -> None:
+    """Add the option that hands a command's work to a cluster."""
+    text = "address of a dask scheduler, tcp://...: its workers do the work (extra `dask`)"
+    command.add_argument("--dask", metavar="ADDRESS", help=text)
+
+
+def add_sweep(add: Callable[..., Any]) -> Any:
+    """Add the command to the command line by its own `add`; return its parser."""
+    c = add(
+        "sweep", run_sweep, "many runs: grids and random designs, kept block by block (see sandbox/sweep/README.md)"
+    )
+    c.add_argument("sweep", type=Path, metavar="SWEEP.toml", help="what is the same, what is combined, what is drawn")
+    on_dask(c)
+    c.add_argument("--yes", action="store_true", help="run it, however many runs it has")
+    c.add_argument("--again", action="store_true", help="forget what an earlier call has finished in the folder")
+    return c
+
+
+def run_sweep(options: argparse.Namespace) -> None:
+    """Run a sweep, or what is left of it; write its runs, sweep.json and sweep.png."""
+    import sandbox
+    from sandbox.sweep.summary import lines
+
+    folder = options.out or Path("sensorless-out") / options.command
+    check_output(folder)
+    with rate_bar("sweep", options.quiet) as progress:
+        result = sandbox.sweep(
+            options.sweep, folder, jobs=options.jobs, cluster=options.dask, yes=options.yes, again=options.again,
+            progress=progress,
+        )  # fmt: skip
+    result.save(csv=options.csv)
+    if not options.quiet:
+        print_table(f"{result.plan.name}: size of the mean position error", *lines(result.groups))
+        for why in result.as_json()["sentences"][:3]:
+            print(f"{why['runs']} runs have no result: {why['sentence']}")
+        print(f"{result.summary()}; results in {folder}")
+
+
+def add_tolerances(command: Any, positive: Callable[[str], int]) -> None:
+    """Add the options of `compare` that ask how well the model has to be known; positive: how counts are read."""
+    text = "also with belief parameters off by up to so many percent, by commas (5,10,20 where none are given)"
+    command.add_argument("--tolerances", nargs="?", const="5,10,20", metavar="PERCENT,...", help=text)
+    command.add_argument("--draws", type=positive, help="of belief parameters at each tolerance (64)")
+    on_dask(command)
+
+
+def check_tolerances(options: argparse.Namespace) -> None:
+    """Raise BadInput, before anything runs, for tolerances that cannot be drawn."""
+    if options.tolerances is None:
+        return
+    percents(options.tolerances)
+    if options.estimator_library:
+        raise BadInput("--tolerances runs in processes that are told names and Python files; leave the library away")
+
+
+def run_tolerances(options: argparse.Namespace, folder: Path, estimators: list[str]) -> None:
+    """Draw belief parameters; write tolerances.json, .png and .parquet."""
+    import sandbox
+    from sandbox.sweep.tolerances import DRAWS, lines
+
+    with rate_bar("tolerances", options.quiet) as progress:
+        result = sandbox.tolerances(
+            options.motor, options.scenario, estimators, percent=percents(options.tolerances),
+            draws=options.draws or DRAWS, effects=options.effects, seed=options.seed, jobs=options.jobs,
+            cluster=options.dask, progress=progress,
+        )  # fmt: skip
+    result.save(folder, csv=options.csv)
+    if not options.quiet:
+        title = f"{result.motor}, {result.scenario}: position error when the belief is known to ± so much"
+        print_table(title, *lines(result.rows))
+        print(f"results in {folder}")
+
+
+def percents(text: str) -> list[float]:
+    """Return numbers separated by commas; BadInput for anything else."""
+    try:
+        found = [number(part.strip()) for part in text.split(",") if part.strip()]
+    except argparse.ArgumentTypeError:
+        found = []
+    if not found or not all(0.0 <= x <= MOST_PERCENT for x in found):
+        raise BadInput(f"--tolerances {text[:40]} are no percentages from 0 to {MOST_PERCENT:g}; write them as 5,10,20")
+    return found

@@ -1,0 +1,1 @@
+"""Many tasks on several processes or on a cluster: what sweeps, the withheld check and the protocol run on."""

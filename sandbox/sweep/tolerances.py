@@ -1,0 +1,176 @@
+"""How much of the saturated belief's gain is left when the model is known to some percent only.
+
+Belief parameters are drawn, each on its own and evenly, within +- a tolerance of the motor's; the motor and the design
+stay.  A draw's figure is the rms, over all scored stretches of the scenario, of the position error's mean.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput
+from sandbox.engine.processes import Cluster
+from sandbox.sweep.plan import Sweep, sweep_of
+from sandbox.sweep.summary import below
+from sandbox.sweep.sweep import Progress, rows_of
+
+LEVELS = (0.0, 0.05, 0.1, 0.2)
+DRAWS = 64
+OFF = ("magnet_flux", "inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
+BELIEFS = ("linear", "saturated")
+
+
+@dataclass(frozen=True)
+class ToleranceRow:
+    """One estimator and belief at one tolerance (a share); degrees: rms of the stretches' mean errors, of which half
+    and 95 % of the draws stay below; None where more lost lock than that.  gain_left, gain_left_p95: how much nearer
+    to zero than the exactly known linear belief, over the same with everything known; None without a gain.
+    """
+
+    estimator: str
+    belief: str
+    tolerance: float
+    draws: int
+    lost: int
+    median_deg: float | None
+    p95_deg: float | None
+    gain_left: float | None = None
+    gain_left_p95: float | None = None
+
+
+def sweep_at(
+    motor: str, scenario: Any, estimators: Sequence[str], tolerance: float, draws: int, seed: int,
+    effects: dict[str, float],
+) -> Sweep:  # fmt: skip
+    """Return the sweep of one tolerance; scenario: a name or file, or the tables of one."""
+    factors = {name: {"uniform": [1.0 - tolerance, 1.0 + tolerance]} for name in OFF}
+    tables: dict[str, Any] = {
+        "sweep": {"name": "tolerances"},
+        "run": {"motor": motor, "seed": seed, "effects": effects},
+        "grid": {"estimator": list(estimators), "belief": list(BELIEFS)},
+        "random": {"points": draws, "seed": seed, "draw": {"believed_factor": factors}} if tolerance else {},
+    }
+    if isinstance(scenario, dict):
+        tables |= scenario
+    else:
+        tables["run"]["scenario"] = scenario
+    return sweep_of(tables)
+
+
+def tolerances(
+    motor: str,
+    scenario: Any,
+    estimators: Sequence[str],
+    *,
+    levels: Iterable[float] = LEVELS,
+    draws: int = DRAWS,
+    seed: int = 0,
+    effects: dict[str, float] | None = None,
+    jobs: int = 1,
+    cluster: Cluster | None = None,
+    progress: Progress | None = None,
+) -> tuple[ToleranceRow, ...]:
+    """Return a row for each tolerance, estimator and belief; the first tolerance is always 0: everything known.
+
+    motor: a name or file; scenario: a name or file, or a scenario's tables.  Raises BadInput.
+    """
+    wanted = sorted({0.0, *levels})
+    for level in wanted:
+        if not 0.0 <= level <= 0.5:
+            raise BadInput(f"a tolerance of {100 * level:g} % is out of range; give 0 to 50 %")
+    sweeps = {x: sweep_at(motor, scenario, estimators, x, draws, seed, effects or {}) for x in wanted}
+    check_quartic(motor)
+    whole, rows = sum(s.runs for s in sweeps.values()), []
+    done = 0
+
+    def tell(runs: int, _: int) -> None:
+        """Say how many of all runs are done."""
+        if progress is not None:
+            progress(done + runs, whole)
+
+    for level, sweep in sweeps.items():
+        rows += _rows(sweep, rows_of(sweep, jobs=jobs, cluster=cluster, progress=tell), level)
+        done += sweep.runs
+    return with_gains(rows)
+
+
+def check_quartic(motor: str) -> None:
+    """Raise BadInput for a motor with a flux map, whose belief has no parameters to be off."""
+    from model.drive_files import load_drive
+    from model.spline import SplineEnergy
+
+    if isinstance(load_drive(motor).motor.energy, SplineEnergy):
+        raise BadInput(f"'{motor}' has a flux map, no inductances and alphas to be off; take a motor that has them")
+
+
+def _rows(sweep: Sweep, table: Any, level: float) -> list[ToleranceRow]:
+    cell, errors = table["run"].to_numpy() % sweep.cells, _errors(table)
+    found = []
+    for k in range(sweep.cells):
+        own, case = errors[cell == k], sweep.case(k)
+        lost = int(np.sum(~np.isfinite(own)))
+        found.append(
+            ToleranceRow(str(case["estimator"]), str(case["belief"]), level, own.size, lost, below(own, 0.5),
+                         below(own, 0.95))
+        )  # fmt: skip
+    return found
+
+
+def _errors(table: Any) -> NDArray[np.float64]:
+    found = table["rms_mean_deg"].to_numpy(zero_copy_only=False)
+    return np.where(np.isfinite(found), found, math.inf)
+
+
+def with_gains(rows: Sequence[ToleranceRow]) -> tuple[ToleranceRow, ...]:
+    """Return the rows with how much is left of the gain that the exactly known saturated belief brings."""
+    exact = {(r.estimator, r.belief): r.median_deg for r in rows if r.tolerance == 0.0}
+
+    def left(row: ToleranceRow, error: float | None) -> float | None:
+        """Return the gain at an error over the whole gain."""
+        worst, best = exact[row.estimator, "linear"], exact[row.estimator, "saturated"]
+        if row.belief != "saturated" or error is None or worst is None or best is None or worst <= best:
+            return None
+        return (worst - error) / (worst - best)
+
+    return tuple(replace(r, gain_left=left(r, r.median_deg), gain_left_p95=left(r, r.p95_deg)) for r in rows)
+
+
+def lines(rows: Iterable[ToleranceRow]) -> tuple[list[str], list[list[str]]]:
+    """Return heads and cells of the printed table: a line an estimator and tolerance."""
+    heads = [
+        "estimator, known to",
+        "linear °",
+        "saturated °",
+        "95 % of draws °",
+        "gain left %",
+        "95 % of draws %",
+        "lost",
+    ]
+    by = {(r.estimator, r.tolerance, r.belief): r for r in rows}
+    cells = []
+    for estimator, tolerance in dict.fromkeys((e, t) for e, t, _ in by):
+        linear, own = by[estimator, tolerance, "linear"], by[estimator, tolerance, "saturated"]
+        cells.append(
+            [f"{estimator} ±{100 * tolerance:g} %", _text(linear.median_deg), _text(own.median_deg), _text(own.p95_deg),
+             _percent(own.gain_left), _percent(own.gain_left_p95), str(own.lost)]
+        )  # fmt: skip
+    return heads, cells
+
+
+def _text(value: float | None) -> str:
+    return "–" if value is None else f"{value:.2f}"
+
+
+def _percent(value: float | None) -> str:
+    return "–" if value is None else f"{100 * value:.0f}"
+
+
+def as_json(rows: Iterable[ToleranceRow]) -> list[dict[str, Any]]:
+    """Return the rows as JSON holds them."""
+    return [asdict(r) for r in rows]
