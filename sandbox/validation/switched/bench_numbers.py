@@ -26,6 +26,7 @@ from sandbox.validation.switched.leg import LINEAR, leg_table
 SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
 SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
 STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
+STEPS_WITH_CORNERS = 16.0  # a current that reaches a corner of its sign and turns back inside a step is not seen
 
 
 class Bench(NamedTuple):
@@ -229,6 +230,8 @@ def _energy(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
 def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float) -> float:
     """A quarter of the period, less where an effect has a shorter time constant (Runge-Kutta must resolve it)."""
     step = period / STEPS_A_PERIOD
+    if v["device_drop.threshold"] > 0.0:
+        step = period / STEPS_WITH_CORNERS
     if math.isfinite(v["iron_loss.core_resistance"]):
         step = min(step, 0.25 * v["iron_loss.time_constant"])
     if v["skin_effect.resistance"] > 0.0:
