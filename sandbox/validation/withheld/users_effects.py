@@ -48,7 +48,7 @@ def users_planted(card: Effect, motor: Motor, converter: Converter, size: float,
     """Return what the bench gets for an effect of a multiple of its card's typical size; phases are drawn."""
     bench = dict[str, float]()
     for k, (p, number) in enumerate(zip(card.parameters, numbers(card).values(), strict=True)):
-        if p.name in card.polar[1:]:
+        if p.name in (card.polar or ())[1:]:
             bench[number] = rng.uniform(0.0, math.tau)
         else:
             bench[number] = (size if k == 0 else 1.0) * p.typical_for(motor, converter)
