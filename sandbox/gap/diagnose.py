@@ -21,11 +21,12 @@ from sandbox.gap.evidence.discrepancy import Remainder, remainder, unlogged_coun
 from sandbox.gap.evidence.fit import Fit, Weights, fit
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
-from sandbox.gap.evidence.noise import noise_caution
+from sandbox.gap.evidence.noise import floor_of, noise_caution
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.search.estimates import Estimate, estimates
 from sandbox.gap.search.forward import Judged, Search, search
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
+from sandbox.gap.search.selection import widened
 from sandbox.gap.search.unfitted import slight
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_campaign
@@ -93,6 +94,7 @@ def diagnose(
     report("reading")
     caution = noise_caution(own)
     prepared = prepare(own)
+    prepared = replace(prepared, floor=floor_of(own, prepared.floor))
     motor, converter = own.drive.motor, own.drive.converter
     start = Point(prepared, complete(motor, converter))
     nominal = normal(start, (), workers=workers)
@@ -105,6 +107,7 @@ def diagnose(
     count = len(prepared.recordings)
     fitted, everything = weights_of(count, left), weights_of(count)
     found = search(start, everything, exclude=exclude, workers=workers, report=report)
+    found = widened(found, rms(nominal, range(count)), everything, exclude=exclude, workers=workers, report=report)
     report("measuring the gap")
     judged, ranked, temperature, cost = _ranked(found, rms(nominal, range(count)), everything, workers)
     best = ranked[0][1]

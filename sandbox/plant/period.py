@@ -14,7 +14,7 @@ from typing import NamedTuple
 from model.compiled import inlined, kernel
 from model.lanes import SHORT_TURN, turned, turned_a_little
 from sandbox.plant import additions as add
-from sandbox.plant import ports
+from sandbox.plant import lags, losses, ports
 from sandbox.plant.batch import NEVER
 from sandbox.plant.edges import EDGES, LEG_X, LEG_Y
 from sandbox.plant.electrical import begin, bend, dropped, lose, middle, nothing_lost, plain_step, stiffen
@@ -157,24 +157,24 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
     if features & add.MAGNETS:
         add.magnets(w, c, s)
     if features & add.LAGS:
-        add.remember(w, span)
+        lags.remember(w, span)
         if features & add.IRON and span > 0.0:
-            add.close_iron(w, span)
+            lags.close_iron(w, span)
     begin(w, flux_map, c, s, span, x, y, side, real)
     if features & add.ENERGY:
         add.energy_at_start(w, c, s, x, y, side, real)
     if features & add.ZONE:
         add.late_by_zone(w, x, y, side, real)
     if features & add.FILTER and span > 0.0:
-        add.close_filter(w, span)
+        lags.close_filter(w, span)
     if features & add.SKIN:
-        add.close_skin(w, span)
+        lags.close_skin(w, span)
     if features & add.WINDING:
-        add.winding_at_start(w)
+        losses.winding_at_start(w)
     if features & add.LEG:
-        add.legs_at_start(w)
+        losses.legs_at_start(w)
     if w.table_points > 0:
-        add.table_at_start(w)
+        losses.table_at_start(w)
 
 
 @inlined
@@ -185,7 +185,7 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
     if features & add.MAGNETS:
         add.magnets(w, c, s)
     if features & add.IRON:
-        add.iron_in_middle(w, span, u_a, u_b, x, y)
+        lags.iron_in_middle(w, span, u_a, u_b, x, y)
     middle(w, flux_map, c, s, span, span * course.rate, u_a, u_b, x, y)
     if flux_map is None and long:
         bend(w, c, s, span * course.rate)
@@ -195,17 +195,17 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
             c_0, s_0 = turned(c, s, 0.5 * share * span * course.rate)
             add.energy_at(w, c_0, s_0, share)
     if features & add.IRON:
-        add.iron_bends(w, span * course.rate)
+        lags.iron_bends(w, span * course.rate)
     if features & (add.SKIN | add.LEG):
-        add.swelling(w)
+        lags.swelling(w)
     if features & add.SKIN:
-        add.skin_in_middle(w, span)
+        lags.skin_in_middle(w, span)
     if features & add.WINDING:
-        add.winding_in_middle(w)
+        losses.winding_in_middle(w)
     if features & add.LEG:
-        add.legs_in_middle(w, span)
+        losses.legs_in_middle(w, span)
     if w.table_points > 0:
-        add.table_in_middle(w, span)
+        losses.table_in_middle(w, span)
     if features & add.MOTION:
         if features & add.ANGULAR:
             add.turning(w, c, s)

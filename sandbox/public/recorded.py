@@ -82,7 +82,7 @@ class DiagnosisResult(Result):
         from sandbox.gap.report.diagnosis_json import contract
 
         a = self.answers
-        return contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike)
+        return contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike, a.ranking)
 
     def columns(self) -> dict[str, Column]:
         """Return one row a hypothesis and parameter: effects, probability, share of the gap closed, value."""

@@ -66,7 +66,7 @@ def remainder(before: Fit, after: Fit, unlogged: float = 0.0) -> Remainder:
     ratio = max(j1, 1e-4) / (FLOOR + unlogged + SHARE * max(j0, 0.0))
     odds = math.exp(WEIGHTS[0] + WEIGHTS[1] * math.log(ratio))
     if after.effects:
-        odds += IMITATED[len(after.effects)] * stretched(after)
+        odds += IMITATED[min(len(after.effects), len(IMITATED) - 1)] * stretched(after)
     unknown = odds / (1.0 + odds)
     explained = min(1.0, max(0.0, 1.0 - j1 / j0)) if j0 > 0.0 else 0.0
     return Remainder(j0, j1, explained, unknown)

@@ -14,9 +14,10 @@ from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
+from sandbox.gap.planning.next_recording import Next, recommend
 from sandbox.gap.report.distinguishability import Alike, alike
-from sandbox.gap.report.next_recording import Next, recommend
 from sandbox.gap.report.position import PositionError, position_error
+from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.report.where import Finding, percent, summary, where
 from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
 from sandbox.gap.search.posterior import UNKNOWN
@@ -38,6 +39,7 @@ class Answers:
     following: Next | None
     remains: Remains | None
     alike: Alike | None = None
+    ranking: Ranking | None = None
 
     @property
     def verdict(self) -> str:
@@ -65,7 +67,7 @@ def answer(
     following = next_recording(d, workers)
     report("what remains")
     left = remains(d.after.point, d.held_out, d.size.before)
-    return Answers(d, found, position, following, left, alike(d))
+    return Answers(d, found, position, following, left, alike(d), ranking(d))
 
 
 def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:

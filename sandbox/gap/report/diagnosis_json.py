@@ -14,9 +14,10 @@ from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.gap_size import rms, share_closed
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.regression import Remains
+from sandbox.gap.planning.next_recording import Next, as_json
 from sandbox.gap.report.distinguishability import Alike
-from sandbox.gap.report.next_recording import Next, as_json
 from sandbox.gap.report.position import PositionError
+from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.report.where import Finding
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
@@ -29,8 +30,12 @@ def contract(
     following: Next | None = None,
     remains: Remains | None = None,
     alike: Alike | None = None,
+    whole: Ranking | None = None,
 ) -> dict[str, Any]:
-    """Return what `diagnosis.json` holds beyond its header; alike and gap.remains are more than the contract."""
+    """Return what `diagnosis.json` holds beyond its header; alike and gap.remains are more than the contract.
+
+    whole: the list of all effects; worked out here where it is not given.
+    """
     named = verdict(d)
     size = d.size
     closed = None if named == "no_gap" else size.closed
@@ -58,6 +63,7 @@ def contract(
             }
             for h, own in zip(d.hypotheses, d.parameters, strict=True)
         ],
+        **(whole or ranking(d)).as_json(),
         "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
         "alike": None if alike is None else asdict(alike),
         "next_recording": as_json(following),

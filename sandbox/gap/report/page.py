@@ -11,7 +11,7 @@ import numpy as np
 from model.effects import library
 from model.names import html_text
 from sandbox.gap.evidence.spectrum import shown
-from sandbox.gap.report import answers
+from sandbox.gap.report import answers, listed
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.decompose import Decomposition, decompose
 from sandbox.gap.report.diagnosis_json import closed_by
@@ -32,6 +32,7 @@ TITLES = {
     "unknown": "Not in the library",
     "no_gap": "No gap",
 }
+FLAT = 3.0  # log likelihood: a fall of less is none that decides
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
 <title>{title}</title><style>
@@ -114,6 +115,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     yield "<h2>Hypotheses</h2>" + _hypotheses(a, [h for h in d.hypotheses if h.probability >= FEWEST])
     told = ", or ".join(names(h.effects) for h in d.ambiguity_set)
     yield f'<p class="soft">With at least 95 % probability it is {_html(told)}.</p>'
+    yield from _listed(a)
     if a.alike is not None:
         yield from _why_alike(a.alike)
     for h, own in zip(d.hypotheses, d.parameters, strict=True):
@@ -147,6 +149,25 @@ def _hypotheses(a: Answers, chosen: Sequence) -> str:
     return f"<div class='wide'><table>{head}{''.join(rows)}</table></div>"
 
 
+def _listed(a: Answers) -> Iterator[str]:
+    """Yield the whole list of effects, what cannot be parted, and how the gap shrinks from effect to effect."""
+    r = a.ranking
+    own = [] if r is None else listed.rows(r)
+    if r is None or not own:
+        return
+    yield "<h2>All effects that may be there</h2>"
+    yield table(["effect", "probability", "share of the gap [95 %]", "size [95 % interval]"], own)
+    told = list(listed.group_sentences(r))
+    if told:
+        yield "<ul>" + "".join(f"<li>{_html(t)}</li>" for t in told) + "</ul>"
+    labels, levels = listed.waterfall(a)
+    if len(labels) > 3:
+        yield _figure(
+            bars_svg(labels, {"residual / noise floor": levels}, "residual / noise floor", log_from=0.5),
+            "Residual on the recordings held out (or all) as effects are added one after the other, the largest first.",
+        )
+
+
 def _why_alike(x: Alike) -> Iterator[str]:
     """Yield why an ambiguity is one: how alike its effects look, and how flat the likelihood is between both."""
     yield "<h2>Why it cannot be told</h2><ul>"
@@ -156,7 +177,12 @@ def _why_alike(x: Alike) -> Iterator[str]:
         others = names(rival) if rival else "what ordinary deviations can do"
         text = f"On these recordings {words(effect)} looks like {others}: cosine {cosine:.4f}."
         yield f"<li>{_html(text)}</li>"
-    what = f"0: {names(x.second)}, 1: {names(x.first)}. Flat: the recordings cannot choose."
+    fall = max(x.log_likelihood) - min(x.log_likelihood)
+    what = f"0: {names(x.second)}, 1: {names(x.first)}. "
+    if fall < FLAT:
+        what += "Flat: the recordings cannot choose."
+    else:
+        what += f"It falls by {fall:.0f} on the straight way: recordings choose there, priors between its ends."
     line = (list(x.share), list(x.log_likelihood))
     panels = [("log likelihood", {"all parameters going along": line})]
     yield "</ul>" + _figure(lines_svg(panels, "share of the way between both fits"), what)

@@ -12,6 +12,7 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.report import answers
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.decompose import MECHANICAL, ORDERS, Decomposition, decompose
+from sandbox.gap.report.listed import waterfall
 from sandbox.output.trace import COLOURS, GREY, Plot, write_series
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Prediction, Residual, replay, residuals
@@ -50,6 +51,13 @@ def _whole(a: Answers, parts: dict[str, Decomposition]) -> Iterator[tuple[str, P
         "recordings",
         Plot("Residual over floor, by recording (in the summary's order)", place, columns, [BEFORE, AFTER], bars=True),
     )
+    labels, levels = waterfall(a)
+    if labels:
+        yield (
+            "waterfall",
+            Plot(f"Residual over floor: {', '.join(labels)}", np.arange(1.0, len(levels) + 1.0) - HALF,
+                 {"residual": np.array(levels)}, [AFTER], bars=True),
+        )  # fmt: skip
     scale = {"before": 1.0, "after": parts["after"].excess / parts["before"].excess}
     for title, field, orders in (
         ("Electrical orders of the currents, rotor frame (% of the gap)", "electrical", ORDERS),

@@ -124,13 +124,14 @@ def _losses(j: Judged, effects: Sequence[str]) -> dict[str, float]:
         groups.setdefault(library.load_effect(effect).subsystem, []).append(effect)
     if len(groups) <= 1:
         return dict.fromkeys(groups, 1.0)
-    best = j.equations.most_probable(_held(j, []))[2]
-    lost = {name: max(0.0, j.equations.most_probable(_held(j, own))[2] - best) for name, own in groups.items()}
+    best = j.equations.most_probable(held_at_neutral(j, []))[2]
+    left = {name: j.equations.most_probable(held_at_neutral(j, own))[2] for name, own in groups.items()}
+    lost = {name: max(0.0, x - best) for name, x in left.items()}
     total = sum(lost.values())
     return {name: x / total if total else 1.0 / len(lost) for name, x in lost.items()}
 
 
-def _held(j: Judged, effects: Sequence[str]) -> Prior:
+def held_at_neutral(j: Judged, effects: Sequence[str]) -> Prior:
     """Return a hypothesis' prior with effects, and traces of all others, at neutral; ordinary ones stay in reach."""
     campaign = j.fit.point.prepared.campaign
     usual = {c.label: c for c in ordinary(campaign)}
@@ -166,7 +167,7 @@ def without(d: Diagnosis, subsystem: str, *, alone: bool) -> Point:
     if alone or not own:
         return d.before.point
     j, drive = d.best.judged, d.campaign.drive
-    x = j.equations.most_probable(_held(j, own))[0]
+    x = j.equations.most_probable(held_at_neutral(j, own))[0]
     moved = [(c, to) for c, to in zip(j.normal.coordinates, x, strict=True) if c.form != "share"]
     point = j.table.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
     with suppress(BadInput):  # extrapolated: none that a drive can have

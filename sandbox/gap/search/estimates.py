@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from sandbox.gap.evidence.algebra import algebra, between_segments, prior_of, sandwich
+from sandbox.gap.evidence.algebra import Prior, algebra, between_segments, prior_of, sandwich
 from sandbox.gap.search.judged import Judged
 
 Array = NDArray[np.float64]
@@ -46,6 +46,8 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     there = {c.label: float(y) for c, y in zip(j.normal.coordinates, beside, strict=True)}
     traces = np.array([there.get(c.label, y) - y for c, y in zip(j.fit.coordinates, x, strict=True)])
     variance = np.max([np.diag(c) for c in (plain, robust, apart)], axis=0)
+    held = (prior.deviation > 0.0) & ~free  # as uncertain as if they were free: a bound is no measurement
+    variance = np.where(held, np.diag(own.covariance(unbounded(prior))), variance)
     wider = np.sqrt(SPREAD**2 * variance + (TRACES * traces) ** 2)
     tails = own.tails(prior)
     below = np.where(x > prior.low, tails, 0.0) + Z * wider
@@ -54,6 +56,11 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     for effect in j.effects:
         out |= _of_effect(effect, j, x, wider, (x - below, x + above), place, free)
     return out
+
+
+def unbounded(prior: Prior) -> Prior:
+    """Return a prior without bounds."""
+    return Prior(prior.mean, prior.deviation, np.full_like(prior.low, -np.inf), np.full_like(prior.high, np.inf))
 
 
 def _of_effect(

@@ -77,9 +77,9 @@ def search(
     fits: dict[tuple[str, ...], Fit] = {(): null}
     chosen, cost = choose(null, exclude, weights, workers)
     cost += null.simulations
-    parents, share = [null], ordinary_share(_rms(null))
+    parents, share = [null], ordinary_share(rms_of(null))
     for depth in range(MOST):
-        budget = FURTHER if min(map(_excess, fits.values())) < PROMISING * _excess(null) else BUDGET
+        budget = FURTHER if min(map(excess, fits.values())) < PROMISING * excess(null) else BUDGET
         if cost > budget:
             break
         ranked, spent = _candidates(parents, set(fits), chosen, share, weights, workers)
@@ -105,9 +105,9 @@ def search(
         before = min(f.objective for k, f in fits.items() if len(k) <= depth)
         if before - least.objective < 2.0 * WORTH and depth:
             break
-        others = [f for f in new if f is not least and _excess(f) < NEAR * _excess(least)]
+        others = [f for f in new if f is not least and excess(f) < NEAR * excess(least)]
         parents = [least, *others][:PARENTS]
-        if depth < MOST - 1 and _rms(least) > FAR:
+        if depth < MOST - 1 and rms_of(least) > FAR:
             again, spent = choose(least, exclude, weights, workers)
             kept = [p for p in chosen if p.effect in least.effects]
             chosen = kept + [p for p in again if p.effect not in least.effects]
@@ -124,7 +124,7 @@ def search(
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
         others = _neighbours(best, fits, known, chosen, exchange, weights, workers)
         others += fitted_again(best, {j.effects: j.fit for j in judged}, null, chosen, weights, workers)
-        if not turn and _excess(best.fit) < PROMISING * _excess(null):
+        if not turn and excess(best.fit) < PROMISING * excess(null):
             others += _pointed(best, fits, known | {f.effects for f in others}, chosen, weights, workers)
         cost += sum(f.simulations for f in others if fits.get(f.effects) is not f)
         fits |= {f.effects: f for f in others}
@@ -228,16 +228,17 @@ def _settles(new: Sequence[Fit], null: Fit, promised: float) -> bool:
     """Return whether a fit explains nearly all, more than slopes promise of the next."""
     least = min(new, key=lambda f: f.objective)
     gained = 0.5 * (null.objective - least.objective)
-    return _excess(least) < SETTLES * _excess(null) and promised < gained - CLOSE
+    return excess(least) < SETTLES * excess(null) and promised < gained - CLOSE
 
 
-def _excess(f: Fit) -> float:
+def excess(f: Fit) -> float:
     """Return the objective above what noise alone makes of it, at least its standard deviation."""
     count = float(sum(s.n.sum() for s in f.normal.segments))
     return float(max(f.objective - count, np.sqrt(2.0 * count)))
 
 
-def _rms(f: Fit) -> float:
+def rms_of(f: Fit) -> float:
+    """Return the normalised rms of a fit over all segments."""
     return float(np.sqrt(sum(s.rr.sum() for s in f.normal.segments) / sum(s.n.sum() for s in f.normal.segments)))
 
 
@@ -252,7 +253,7 @@ def choose(found: Fit, exclude: Sequence[str], weights: Weights, workers: int) -
         if probe.effect not in best or gain > best[probe.effect][0]:
             best[probe.effect] = (gain, probe)
     chosen, spent = [p for _, p in best.values()], 0.0
-    if _rms(found) > FAR:
+    if rms_of(found) > FAR:
         wider = [p for p in chosen if p.effect not in found.effects]
         sized, spent = with_sizes(found, wider, n, prior, weights, workers)
         chosen = [p for p in chosen if p.effect in found.effects] + sized
@@ -274,7 +275,7 @@ def _candidates(
     for parent in parents:
         own = table(parent.point, chosen, parent.effects, share, weights, workers)
         cost += own.normal.simulations
-        for alone in (False, True) if _rms(parent) > FAR else (False,):
+        for alone in (False, True) if rms_of(parent) > FAR else (False,):
             level = own.log_evidence(parent.effects, alone=alone)
             gains = {
                 e: own.log_evidence((*parent.effects, e), alone=alone) - level

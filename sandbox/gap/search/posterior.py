@@ -15,14 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior, sandwich
 from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.search.judged import Judged
+from sandbox.gap.search.subsets import log_prior
 
 Array = NDArray[np.float64]
-NUMBER = (0.6, 0.27, 0.1, 0.03)  # prior probability of 0, 1, 2, 3 effects
 UNKNOWN = "unknown"
 ACCURATE = 10.0  # floors of residual up to which the simulator's own error stays below them
 
@@ -44,12 +43,6 @@ def misfit(n: Normal, equations: Algebra, prior: Prior) -> float:
     told = np.diag(equations.a) * np.where(free, prior.deviation, 1.0) ** 2 > 1.0
     own = np.flatnonzero(free & told)
     return max(1.0, float(np.mean(np.diag(robust)[own] / np.diag(plain)[own]))) if own.size else 1.0
-
-
-def log_prior(effects: Sequence[str]) -> float:
-    """Return the log prior of a set of effects: all sets of one size alike."""
-    n = len(effects)
-    return math.log(NUMBER[n] / math.comb(len(library.effect_names()), n))
 
 
 def tempered(judged: Sequence[Judged], raw: float) -> tuple[list[tuple[float, Judged]], float]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from model.errors import BadInput, unknown
-from sandbox.gap.report.menu import Entry, menu
+from sandbox.gap.planning.menu import Entry, menu
 from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.validation.withheld.cycles import CURRENT, Cycle, cycle

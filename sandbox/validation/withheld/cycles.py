@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters import Drive
-from sandbox.gap.report.menu import FULL_RATE
+from sandbox.gap.planning.menu import FULL_RATE
 
 Array = NDArray[np.float64]
 VOLTAGE, CURRENT, SPEED = 0.0, 1.0, 2.0  # what `plan` asks for: u_d, u_q; i_d, i_q; electrical speed, -

@@ -155,6 +155,27 @@ def _fan(drive: Drive, size: float, rng: Generator) -> Planted:
     return Planted(bench={"fan": 0.1 * size * motor.rated_torque / speed**2})
 
 
+def _resolver(drive: Drive, size: float, rng: Generator) -> Planted:
+    """Windings of a resolver that are not square: 0.4 degrees mechanical, twice a turn."""
+    return Planted(bench={"resolver": math.radians(0.4) * size, "resolver_phase": rng.uniform(0.0, math.tau)})
+
+
+def _least_vector(drive: Drive, size: float, rng: Generator) -> Planted:
+    """Active vectors shorter than 0.5 % of the PWM period are left out, as a drive does that reads a single shunt."""
+    return Planted(bench={"least_vector": 0.005 * size * drive.converter.sampling_period})
+
+
+def _link_resonance(drive: Drive, size: float, rng: Generator) -> Planted:
+    """The link's capacitors and its supply's inductance resonate at 600 Hz, damped by 0.05: three windings' R."""
+    impedance = 3.0 * size * drive.motor.resistance
+    return Planted(bench={"link_rate": math.tau * 600.0, "link_impedance": impedance, "link_damping": 0.05})
+
+
+def _one_sided(drive: Drive, size: float, rng: Generator) -> Planted:
+    """Upper devices of another kind than the lower: 5 % of the winding's resistance more while a current flows out."""
+    return Planted(bench={"one_sided": 0.05 * size * drive.motor.resistance})
+
+
 def _temperature_drift(drive: Drive, size: float, rng: Generator) -> Planted:
     """The winding warms up: resistance 15 % (40 K) higher at the campaign's end than at its beginning."""
     return Planted(drift=0.15 * size)
@@ -175,6 +196,10 @@ OUTSIDE = {
     "temperature_drift": Outside("machine", _temperature_drift),
     "sensor_curvature": Outside("sensor", _sensor_curvature),
     "fan": Outside("mechanics", _fan),
+    "resolver": Outside("sensor", _resolver),
+    "least_vector": Outside("inverter", _least_vector),
+    "link_resonance": Outside("inverter", _link_resonance),
+    "one_sided": Outside("inverter", _one_sided),
 }
 
 

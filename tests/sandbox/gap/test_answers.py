@@ -19,12 +19,12 @@ from sandbox.drive.record import campaign_of
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.planning.menu import menu, settings
+from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.report import where as places
 from sandbox.gap.report.answers import answer, caveats, far_text, linear, next_text, which_text
 from sandbox.gap.report.decompose import decompose
 from sandbox.gap.report.diagnosis_json import contract
-from sandbox.gap.report.menu import menu, settings
-from sandbox.gap.report.next_recording import Next
 from sandbox.gap.report.page import write_report
 from sandbox.gap.report.position import carrier_at, errors
 from sandbox.gap.report.where import subsystems

@@ -14,9 +14,9 @@ from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.evidence.probes import probes_at_typical
 from sandbox.gap.evidence.spike_slab import ordinary_share
-from sandbox.gap.report import next_recording as discriminate
-from sandbox.gap.report.menu import FULL, Entry, menu, recording_of, usual_seconds
-from sandbox.gap.report.next_recording import (
+from sandbox.gap.planning import next_recording as discriminate
+from sandbox.gap.planning.menu import FULL, Entry, menu, recording_of, usual_seconds
+from sandbox.gap.planning.next_recording import (
     LEANS,
     SURE,
     Tried,

@@ -9,7 +9,7 @@ import pytest
 from model.errors import BadInput, PhysicsError
 from sandbox.cli import main
 from sandbox.gap.diagnose import diagnose
-from sandbox.gap.evidence.noise import noise_caution, seen
+from sandbox.gap.evidence.noise import floor_of, noise_caution, seen
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.inputs import noise_floor
 
@@ -146,3 +146,23 @@ def test_a_place_that_cannot_be_written_is_refused_before_the_run(small_folder, 
         assert f"cannot write to '{out}"[:200] in error  # a long one is cut
         assert error.count("\n") == 1
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+@pytest.mark.parametrize("wrong", [1.0, 0.975, 1.2, 1.0 / 1.2])
+def test_the_floor_is_what_stated_and_seen_noise_agree_on(small_folder, wrong):
+    """A stated floor that is wrong by up to a fifth moves the floor by less than 1.5 %, which is what the seen one errs
+    (VOTE); a right one by less than what the seen one errs, too.  20 mA of white noise are the truth."""
+    campaign, rng = read_campaign(small_folder), np.random.default_rng(0)
+    noisy = with_currents(campaign, lambda i: i + 0.02 * rng.standard_normal(len(i)))
+    true = np.hypot(0.02, noise_floor(campaign.drive.converter))
+    assert floor_of(noisy, wrong * true) == pytest.approx(true, rel=0.02)
+
+
+def test_noise_that_cannot_be_seen_is_the_stated_one(small_folder):
+    """Two sensors: the third reading is made of theirs, so their sum shows nothing; ten times the noise is no vote."""
+    campaign = read_campaign(small_folder)
+    both = [dataclasses.replace(r, columns={**r.columns, "i_c": -r.i_a - r.i_b}) for r in campaign.recordings]
+    assert floor_of(dataclasses.replace(campaign, recordings=tuple(both)), 0.01) == 0.01
+    assert floor_of(campaign, 10.0 * noise_floor(campaign.drive.converter)) == 10.0 * noise_floor(
+        campaign.drive.converter
+    )

@@ -18,7 +18,7 @@ from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import normal
 from sandbox.gap.evidence.probes import Probe, probes_at_typical
 from sandbox.gap.evidence.spike_slab import SIZES, ordinary_share, settled, table
-from sandbox.gap.report.where import _held
+from sandbox.gap.report.where import held_at_neutral
 from sandbox.gap.search.forward import _pointed, search
 from sandbox.gap.search.judged import judge
 from sandbox.gap.search.multistart import with_sizes
@@ -106,7 +106,7 @@ def test_angles_of_recordings_stay_in_reach_where_effects_are_held(with_dead_tim
     weights = weights_of(len(with_dead_time.prepared.recordings))
     found = fit(with_dead_time, ("dead_time",), weights)
     j = judge(found, probes_at_typical(with_dead_time), ordinary_share(1.0), weights, 1)
-    prior = _held(j, ["dead_time"])
+    prior = held_at_neutral(j, ["dead_time"])
     turns = [k for k, c in enumerate(j.normal.coordinates) if c.form == "turn"]
     assert len(turns) == len(with_dead_time.prepared.recordings)
     assert np.all(prior.deviation[turns] > 0.0)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from sandbox.gap.report.menu import menu
+from sandbox.gap.planning.menu import menu
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare, replay, residuals

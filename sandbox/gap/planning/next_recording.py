@@ -26,7 +26,7 @@ from model.errors import BadInput, PhysicsError
 from sandbox.gap.diagnose import CREDIBLE
 from sandbox.gap.evidence.discrepancy import FLOOR, SHARE
 from sandbox.gap.evidence.normal import Point, normal
-from sandbox.gap.report.menu import Entry, menu, recording_of, settings, shaft, usual_seconds
+from sandbox.gap.planning.menu import Entry, menu, recording_of, settings, shaft, usual_seconds
 from sandbox.gap.search.judged import Judged
 from sandbox.plant.sets import batch_of, complete
 from sandbox.recordings.campaign import Campaign

@@ -1,0 +1,49 @@
+"""The whole list on the page: effects with their chances and shares, the waterfall, groups that cannot be parted."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+from model.effects import library
+from sandbox.gap.report.answers import Answers
+from sandbox.gap.report.ranking import Ranking
+from sandbox.gap.report.words import names, quantity, words
+
+SHOWN = 0.01  # chance below which an effect is not listed
+
+
+def rows(r: Ranking) -> list[list[str]]:
+    """Return rows of effect, chance, share of the gap, size, for effects that may be there."""
+    out = []
+    for effect, chance in r.inclusion.chances.items():
+        if chance >= SHOWN:
+            share = r.shares.of.get(effect)
+            told = "–" if share is None else f"{percent(share[0])} [{percent(share[1])}, {percent(share[2])}]"
+            own = r.parameters.get(effect, {})
+            size = ", ".join(f"{k.partition('.')[2]} {quantity(e)}" for k, e in own.items())
+            out.append([words(effect), f"{100.0 * chance:.1f} %", told, size or "–"])
+    if r.unknown >= SHOWN:
+        out.append(["something outside the library", f"{100.0 * r.unknown:.1f} %", percent(r.unexplained), "–"])
+    return out
+
+
+def percent(x: float) -> str:
+    """Return a share as a number of percent."""
+    return "–" if not math.isfinite(x) else f"{100.0 * x:.1f} %"
+
+
+def group_sentences(r: Ranking) -> Iterator[str]:
+    """Yield which effects cannot be parted here, and the recording that parts them."""
+    for group, chance in r.inclusion.groups:
+        how = "; ".join(f"for {words(e)}: {library.load_effect(e).separated_by}" for e in group)
+        yield f"One of {names(group).replace(' + ', ' or ')} is there ({100.0 * chance:.0f} %). To part them, {how}."
+
+
+def waterfall(a: Answers) -> tuple[list[str], list[float]]:
+    """Return labels and normalised rms on the recordings held out: before, after each effect, and noise."""
+    r, size = a.ranking, a.diagnosis.size
+    if r is None or not r.shares.waterfall:
+        return [], []
+    steps = [(f"+ {words(e)}", j) for e, j in r.shares.waterfall if math.isfinite(j)]
+    return ["before", *(s for s, _ in steps), "noise"], [size.before, *(j for _, j in steps), 1.0]

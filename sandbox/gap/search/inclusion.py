@@ -1,0 +1,70 @@
+"""Every effect's chance of being there: the posterior over all sets near the best one, summed over those that hold it.
+
+Fitted sets have the probabilities of their hypotheses.  Sets that were not fitted stand to the best one as the
+equations at its point say: all with one effect more, one fewer, one exchanged that came near on the way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
+from sandbox.gap.search.subsets import Set, Subsets
+
+APART = 0.2  # of the less probable of two effects: chance of both together, below which they stand for each other
+SURE = 0.9  # chance that one of a group is there: less, and they are no group but each a doubt of its own
+OPEN = (0.05, 0.95)  # chances between which an effect may be one of a group
+
+
+@dataclass(frozen=True)
+class Inclusion:
+    """Chance of each effect, and the groups of effects that cannot be parted: (effects, chance that one is there)."""
+
+    chances: Mapping[str, float]
+    groups: tuple[tuple[tuple[str, ...], float], ...]
+
+    def group_of(self, effect: str) -> tuple[str, ...] | None:
+        """Return the group an effect belongs to."""
+        return next((names for names, _ in self.groups if effect in names), None)
+
+
+def inclusion(hypotheses: Sequence[Hypothesis], temperature: float) -> Inclusion:
+    """Return the chances of all effects of the library that were candidates."""
+    fitted: dict[Set, float] = {}
+    for h in hypotheses:
+        if h.effects != (UNKNOWN,):
+            key = tuple(sorted(e for e in h.effects if e != UNKNOWN))
+            fitted[key] = fitted.get(key, 0.0) + h.probability
+    best = next(h for h in hypotheses if h.effects != (UNKNOWN,))
+    own = tuple(sorted(e for e in best.effects if e != UNKNOWN))
+    near = Subsets(best.judged.table, temperature)
+    level = near.weigh(own)
+    near.climb(own)
+    for effect in best.judged.table.members:
+        if effect not in own:
+            near.weigh((*own, effect))
+    chances = dict(fitted)
+    for key, told in near.known.items():
+        if key not in chances:
+            chances[key] = max(fitted[own], 1e-9) * math.exp(min(0.0, told - level))
+    return summed(chances, best.judged.table.members)
+
+
+def summed(sets: Mapping[Set, float], names: Sequence[str] | Mapping[str, object]) -> Inclusion:
+    """Return the chances of effects from those of sets (which need not sum to 1), and the groups among them."""
+    total = sum(sets.values())
+    chance = {e: sum(p for s, p in sets.items() if e in s) / total for e in names}
+    open_ = sorted((e for e in names if OPEN[0] < chance[e] < OPEN[1]), key=lambda e: -chance[e])
+    groups: list[tuple[tuple[str, ...], float]] = []
+    for e in open_:
+        if any(e in g for g, _ in groups):
+            continue
+        both = {f: sum(p for s, p in sets.items() if e in s and f in s) / total for f in open_ if f != e}
+        alike = [f for f, p in both.items() if p < APART * min(chance[e], chance[f])]
+        group = (e, *alike)
+        either = sum(p for s, p in sets.items() if set(group) & set(s)) / total
+        if alike and either > SURE:
+            groups.append((group, either))
+    return Inclusion(dict(sorted(chance.items(), key=lambda x: -x[1])), tuple(groups))

@@ -1,0 +1,131 @@
+"""What windings and the inverter's legs lose beside the resistance: at a segment's start, and on average over it."""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import inlined, kernel
+from sandbox.plant import ports
+from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD
+
+
+@kernel
+def winding_at_start(w):
+    """Add to the drop at the segment's start what windings lose beside their resistance."""
+    for j in range(w.psi_a.size):
+        v_a, v_b = ports.winding(w, j, w.i_a[j], w.i_b[j])
+        w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+
+
+@kernel
+def winding_in_middle(w):
+    """Add the same in its middle."""
+    for j in range(w.psi_a.size):
+        v_a, v_b = ports.winding(w, j, w.j_a[j], w.j_b[j])
+        w.fall_a[j], w.fall_b[j] = w.fall_a[j] + v_a, w.fall_b[j] + v_b
+
+
+@inlined
+def legs_lose(w, j, x, y, p, q):
+    """Return what legs lose on average (V, stationary frame) while the current (A) goes straight from x, y to p, q."""
+    k = w.soft[j]
+    half, side, ahead, beside = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
+    v_a = ports.leg(w, j, k * x, k * p)
+    v_b = ports.leg(w, j, k * (half + side), k * (ahead + beside))
+    v_c = ports.leg(w, j, k * (half - side), k * (ahead - beside))
+    return (2.0 * v_a - v_b - v_c) * THIRD, (v_b - v_c) * ROOT_THIRD
+
+
+@kernel
+def legs_at_start(w):
+    """Add to the drop what the legs lose for their currents at the segment's start."""
+    for j in range(w.psi_a.size):
+        v_a, v_b = legs_lose(w, j, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
+        w.leg_a[j], w.leg_b[j] = v_a, v_b
+        w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+
+
+@kernel
+def legs_in_middle(w, span):
+    """Add their mean over the segment, the current's parabola as two straight pieces.
+
+    Around zero a leg is a resistance of threshold over half-width, many times the winding's: what it loses more on the
+    way to the middle takes as much from the flux there, and from the current (e); at the end it is four times as much.
+    """
+    half = 0.5 * span
+    for j in range(w.psi_a.size):
+        x, y, r = w.i_a[j], w.i_b[j], w.resistance[j]
+        v_a, v_b = legs_lose(w, j, x, y, w.j_a[j], w.j_b[j])
+        d_a, d_b = half * (w.leg_a[j] - v_a), half * (w.leg_b[j] - v_b)
+        e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
+        e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
+        m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
+        w.j_a[j], w.j_b[j] = m_a, m_b
+        p, q = 2.0 * (m_a + e_a) - x + 6.0 * w.swell_a[j], 2.0 * (m_b + e_b) - y + 6.0 * w.swell_b[j]
+        v_a, v_b = legs_lose(w, j, x, y, m_a, m_b)
+        z_a, z_b = legs_lose(w, j, m_a, m_b, p, q)
+        w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
+        w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
+
+
+@inlined
+def table_says(w, current):
+    """Return what a leg loses (V) at a current (A) by the measured table, and the integral of it from 0 on (A V)."""
+    size, low, high = abs(current), 0, w.table_points - 1
+    while high - low > 1:
+        half = (low + high) // 2
+        if w.table_current[half] <= size:
+            low = half
+        else:
+            high = half
+    over = max(size - w.table_current[high], 0.0)
+    on = min(size, w.table_current[high]) - w.table_current[low]
+    first, last = w.table_volts[low], w.table_volts[high]
+    slope = (last - first) / (w.table_current[high] - w.table_current[low])
+    volts = first + slope * on
+    return math.copysign(volts, current), w.table_sum[low] + on * (first + 0.5 * slope * on) + over * volts
+
+
+@inlined
+def table_mean(w, before, after):
+    """Return what a leg loses on average (V) while its current (A) goes straight from before to after."""
+    step = after - before
+    if abs(step) < 1e-6 * w.table_current[w.table_points - 1]:
+        return table_says(w, 0.5 * (before + after))[0]
+    return (table_says(w, after)[1] - table_says(w, before)[1]) / step
+
+
+@inlined
+def table_loses(w, x, y, p, q):
+    """Return the same as `legs_lose` by the measured table."""
+    half, side, ahead, beside = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
+    a, b = table_mean(w, x, p), table_mean(w, half + side, ahead + beside)
+    c = table_mean(w, half - side, ahead - beside)
+    return (2.0 * a - b - c) * THIRD, (b - c) * ROOT_THIRD
+
+
+@kernel
+def table_at_start(w):
+    """Add to the drop what legs lose by their measured table at a segment's start."""
+    for j in range(w.psi_a.size):
+        v_a, v_b = table_loses(w, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
+        w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+
+
+@kernel
+def table_in_middle(w, span):
+    """Add their mean over the segment, as `legs_in_middle` does."""
+    half = 0.5 * span
+    for j in range(w.psi_a.size):
+        x, y, r = w.i_a[j], w.i_b[j], w.resistance[j]
+        o_a, o_b = table_loses(w, x, y, x, y)
+        v_a, v_b = table_loses(w, x, y, w.j_a[j], w.j_b[j])
+        d_a, d_b = half * (o_a - v_a), half * (o_b - v_b)
+        e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
+        e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
+        m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
+        w.j_a[j], w.j_b[j] = m_a, m_b
+        v_a, v_b = table_loses(w, x, y, m_a, m_b)
+        z_a, z_b = table_loses(w, m_a, m_b, 2.0 * (m_a + e_a) - x, 2.0 * (m_b + e_b) - y)
+        w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
+        w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
