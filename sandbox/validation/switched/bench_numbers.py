@@ -192,6 +192,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     rate = math.sqrt(stiffness / reduced) if m_load else 0.0
     table = leg_table(*zip(*converter.inverter_table, strict=True)) if converter.inverter_table else None
     step = _longest_step(period, v, rate)
+    step = step if table is None else min(step, period / STEPS_WITH_CORNERS)
     return Bench(**values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map)
 
 

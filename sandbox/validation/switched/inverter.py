@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from model.compiled import inlined, kernel
-from sandbox.validation.switched.leg import HARD, TANH, edge_sign
+from sandbox.validation.switched.leg import HARD, TANH, edge_sign, given, reached, table_corner
 from sandbox.validation.switched.link import link_step, settled_link, stage
 from sandbox.validation.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
 
@@ -62,14 +62,14 @@ def lag(b, f, start, middle, end, h):
 
 @inlined
 def corner(b, before, after):
-    """Return the share of a step at which the first leg's current reaches a corner of its sign; 1 where none does."""
+    """Return the share of a step at which the first leg's current reaches a corner of what it loses; 1: none does."""
     share, w = 1.0, 0.0 if b.sign_shape == HARD else b.soft_current
     p_a, p_b, p_c = phase_currents(before)
     q_a, q_b, q_c = phase_currents(after)
     for p, q in ((p_a, q_a), (p_b, q_b), (p_c, q_c)):
-        for at in (-w, w):
-            if (p - at) * (q - at) < 0.0:
-                share = min(share, (at - p) / (q - p))
+        if b.threshold != 0.0 and b.sign_shape != TANH:
+            share = min(share, reached(p, q, -w), reached(p, q, w))
+        share = min(share, table_corner(b.leg_table, p, q))
     return share
 
 
@@ -77,10 +77,10 @@ def corner(b, before, after):
 def integrate(state, b, mode, legs, begin, end, tau, acc):
     """Advance machine and current filter from begin to end (s after t_k) with the legs as they are.
 
-    Runge-Kutta steps end where the sign of a leg's current has a corner, if devices have a drop: going over one is of
-    first order.  A step that met one is taken again, up to there.  See `steps`.
+    Runge-Kutta steps end where what a leg loses has a corner (sign of its current, points of its table): going over one
+    is of first order.  A step that met one is taken again, up to there.  See `steps`.
     """
-    if b.threshold == 0.0 or b.sign_shape == TANH:
+    if (b.threshold == 0.0 or b.sign_shape == TANH) and not given(b.leg_table):
         steps(state, b, mode, legs, begin, end, tau, acc)
         return
     kept, t = state[len(state) - SIZE :], begin

@@ -92,6 +92,23 @@ def given(table):
 
 
 @inlined
+def reached(p, q, at):
+    """Return the share of the way from p to q at which `at` is met; 1 where it is not."""
+    return (at - p) / (q - p) if (p - at) * (q - at) < 0.0 else 1.0
+
+
+@inlined
+def table_corner(table, p, q):
+    """Return the share of the way from current p to q (A) at which the first point of a table is met; 1: none."""
+    share = 1.0
+    if table is None:
+        return share
+    for k in range(table.shape[0]):
+        share = min(share, reached(p, q, -table[k].current), reached(p, q, table[k].current))
+    return share
+
+
+@inlined
 def table_volts(table, current):
     """Return what a leg loses (V) at a current (A) by its measured table."""
     if table is None:

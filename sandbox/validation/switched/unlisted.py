@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from model.errors import BadInput, unknown
-from sandbox.validation.switched.bench_numbers import Bench
+from sandbox.validation.switched.bench_numbers import STEPS_WITH_CORNERS, Bench
 from sandbox.validation.switched.leg import SHAPES, leg_table
 
 
@@ -92,4 +92,5 @@ def with_leg_table(b: Bench, current: ArrayLike, volts: ArrayLike) -> Bench:
         raise BadInput(
             "an inverter table holds what dead time and devices lose; leave dead_time and device_drop away beside it"
         )
-    return b._replace(leg_table=leg_table(current, volts))
+    step = min(b.step, b.period / STEPS_WITH_CORNERS)
+    return b._replace(leg_table=leg_table(current, volts), step=step)

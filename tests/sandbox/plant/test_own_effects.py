@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import sandbox.plant.electrical  # noqa: F401 - from here on an effect comes too late
-from model.effects import own
+from model.effects import adopt
 from model.effects.card import At, Effect, Parameter
 from model.effects.library import load_effect
 from model.errors import BadInput
@@ -69,7 +69,7 @@ def test_the_examples_fan_and_resolver_enter_the_plant(tmp_path):
 
 def test_effects_after_the_plant_come_too_late():
     with pytest.raises(BadInput, match="compiled already"):
-        own.adopt(EXAMPLE)
+        adopt.adopt(EXAMPLE)
 
 
 @pytest.mark.parametrize(
@@ -85,7 +85,7 @@ def test_a_file_that_holds_no_effects_is_refused_in_a_sentence(tmp_path, text, s
     file = tmp_path / "mine.py"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(BadInput, match=said) as refusal:
-        own._cards(file, "sensorless_effects_test")
+        adopt._cards(file, "sensorless_effects_test")
     assert "\n" not in str(refusal.value)
 
 
@@ -117,4 +117,4 @@ DRAG = load_effect("viscous_friction").at[0].equation  # takes (coefficient, ome
 )
 def test_a_card_that_the_plant_cannot_take_is_refused(wrong, said):
     with pytest.raises(BadInput, match=said):
-        own._check(wrong, Path("mine.py"))
+        adopt._check(wrong, Path("mine.py"))
