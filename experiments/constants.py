@@ -62,7 +62,7 @@ class Constant(NamedTuple):
         """Return the constant so many times as large; whole numbers stay whole."""
         if self.odds:
             raw = [x * factor**k for k, x in enumerate(value)]
-            return tuple(x / sum(raw) for x in raw)
+            return tuple(x * sum(value) / sum(raw) for x in raw)
         if isinstance(value, tuple):
             chosen = range(len(value)) if self.place is None else (self.place,)
             return tuple(_times(x, factor) if k in chosen else x for k, x in enumerate(value))
@@ -152,7 +152,7 @@ def answered(trial: Trial, how: Callable[[Path], Mapping[str, Any]] = diagnosed)
         "verdict": d["verdict"], "effects": sorted(best["effects"]), "probability": best["probability"],
         "ambiguity_set": [sorted(m) for m in d["ambiguity_set"]], "simulations": d["cost"]["simulations"],
     }  # fmt: skip
-    return {**head, **rounded(told)}
+    return {**head, **rounded(told, DIGITS)}
 
 
 def run(trials: Sequence[Trial], kept: Path, jobs: int, how: Callable[[Path], Mapping[str, Any]] = diagnosed) -> int:

@@ -3,7 +3,7 @@
 Named effects can imitate a missing one until nothing remains.  Of 24 single effects taken out of the library on an
 opened check three were imitated by three others, none by one or two (but for twins, `withheld.judge`): with something
 outside the library at work in one campaign of forty, half a case where none was seen, and the priors of
-`posterior.NUMBER` that makes odds of 0.025 (1/48, 1/48, 1/8)/(0.27, 0.1, 0.03), rounded in IMITATED.  Ordinary
+`subsets.NUMBER` that makes odds of 0.025 (1/48, 1/48, 1/8)/(0.27, 0.1, 0.03), rounded in IMITATED.  Ordinary
 deviations then often have to help, further than they usually go: one of them, it is not known which, is drawn from a
 Gaussian of STRETCH standard deviations rather than one.
 """

@@ -60,7 +60,7 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
     c = content_of(small_answers)
     assert set(c) == {
         "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "alike", "next_recording", "excluded",
-        "cost",
+        "cost", "effects", "groups", "unknown", "waterfall",
     }  # fmt: skip
     assert set(c["gap"]) == {
         "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg", "remains"

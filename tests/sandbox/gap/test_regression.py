@@ -144,12 +144,12 @@ def test_response_of_a_linear_motor_is_the_textbooks():
 
 
 def test_white_noise_leaves_nothing(quiet):
-    """40 seeds of white noise: at a level of 1 % three or more alarms have a chance of 0.7 % (binomial)."""
+    """10 seeds of white noise: at a level of 1 % two or more alarms have a chance of 0.4 % (binomial)."""
     point, currents = quiet
     parts = regressors(point, currents)
     samples, columns = 4 * sum(len(currents[k]) for k in HELD), parts[0].x.shape[2]
     alarms, taken, alike = 0, [], []
-    for seed in range(40):
+    for seed in range(10):
         rng = np.random.default_rng(seed)
         noise = [
             Residual(r.file, r.rotor, rng.standard_normal((r.samples, 3, 1)), None, rng.standard_normal((r.samples, 1)))
@@ -160,9 +160,9 @@ def test_white_noise_leaves_nothing(quiet):
         taken.append(r.of_gap)
         alike.append(r.alike)
     print(alarms, max(taken), np.mean(alike))
-    assert alarms <= 2
+    assert alarms <= 1
     assert max(taken) < columns / samples  # less than fitting the noise held out itself would give
-    assert np.mean(alike) == pytest.approx(1.0, abs=0.05)  # some 100 block sums a seed: 3 sqrt(2 / 100 / 40) = 0.07
+    assert np.mean(alike) == pytest.approx(1.0, abs=0.13)  # some 100 block sums a seed: 3 sqrt(2 / 100 / 10) = 0.13
 
 
 def test_nothing_held_out_is_no_bound(quiet):

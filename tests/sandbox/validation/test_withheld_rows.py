@@ -11,7 +11,7 @@ from sandbox.output.files import rounded
 from sandbox.validation.scoring import running
 from sandbox.validation.scoring.blind import score
 from sandbox.validation.scoring.metrics import by_size, rung
-from sandbox.validation.scoring.rows import (
+from sandbox.validation.scoring.rows import DIGITS(
     BLIND,
     LEFT_OUT,
     RESOLVED,
@@ -113,9 +113,9 @@ def test_a_row_is_short_and_keeps_what_counts():
 
 
 def test_rounding_keeps_whole_numbers_and_what_is_no_number():
-    found = rounded({"a": [1.23456789e-9, None, "x", True], "n": 123456789, "open": -0.0})
+    found = rounded({"a": [1.23456789e-9, None, "x", True], "n": 123456789, "open": -0.0}, DIGITS)
     assert found == {"a": [1.23457e-9, None, "x", True], "n": 123456789, "open": 0.0}
-    assert math.isinf(rounded(math.inf))
+    assert math.isinf(rounded(math.inf, DIGITS))
 
 
 def test_a_truth_that_is_not_the_sealed_one_is_named():
