@@ -13,7 +13,7 @@ from pathlib import Path
 
 from model.errors import BadInput, PhysicsError, sentence
 from sandbox.cli import commands
-from sandbox.cli.arguments import Parser, number, positive_int, seed_number
+from sandbox.cli.arguments import Parser, add_own_effects, number, positive_int, seed_number
 from sandbox.cli.diagnosing import add_diagnose
 from sandbox.cli.sweeping import add_sweep, add_tolerances, on_dask
 from sandbox.cli.withholding import add_withheld
@@ -117,7 +117,7 @@ def build_parser() -> Parser:
     )
     _own(c)
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
-    _own_effects(c)
+    add_own_effects(c)
     text = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
     add_tolerances(c, positive_int)
@@ -132,7 +132,7 @@ def build_parser() -> Parser:
     c.add_argument("--no-trace", action="store_true", help="write no .rrd")
     c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=text)
     c.add_argument("--plant", choices=("exact", "switched", "averaged"), help="(exact, or what the estimator needs)")
-    _own_effects(c)
+    add_own_effects(c)
     c.add_argument("--json-only", action="store_true", help="write simulate.json alone: no trace, figure or table")
     c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
     c = add("audit", commands.run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
@@ -146,7 +146,7 @@ def build_parser() -> Parser:
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     text = "names and units of recordings from elsewhere (see sandbox/IMPORTING.md)"
     c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
-    _own_effects(add_diagnose(add))
+    add_own_effects(add_diagnose(add))
     c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
@@ -168,13 +168,13 @@ def build_parser() -> Parser:
     c.add_argument("name", metavar="NAME", help="qnull, inversion or ekf")
     c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="(ipm_exchanged)")
     c.add_argument("--belief", default="saturated", choices=("saturated", "linear"), help="(saturated)")
-    _own_effects(add_sweep(add))
+    add_own_effects(add_sweep(add))
     c = add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second")
     _peers(c)
     c = add("list", commands.run_list, "what there is", writes=False)
     c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets"))
     c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")
-    _own_effects(c)
+    add_own_effects(c)
     c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")
     c.add_argument("--web", action="store_true", help="in a browser, on this machine or another")
@@ -200,11 +200,6 @@ def _own(command: Parser) -> None:
     command.add_argument(
         "--estimator-library", action="append", default=[], type=Path, metavar="FILE.so", help=f"{LIBRARY} (repeated)"
     )
-
-
-def _own_effects(command: Parser) -> None:
-    text = "a Python file with effects of your own (may be repeated), beside those of the library"
-    command.add_argument("--effects-from", action="append", default=[], type=Path, metavar="FILE.py", help=text)
 
 
 def _peers(command: Parser) -> None:

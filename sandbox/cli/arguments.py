@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import NoReturn
+from pathlib import Path
+from typing import Any, NoReturn
 
 from model.errors import brief, sentence
 
@@ -46,3 +47,9 @@ def seed_number(text: str) -> int:
 
 def _whole(text: str) -> bool:
     return text.isascii() and text.isdecimal() and len(text) <= 18
+
+
+def add_own_effects(command: Any) -> None:
+    """Let a command take effects of the user's own."""
+    text = "a Python file with effects of your own (may be repeated), beside those of the library"
+    command.add_argument("--effects-from", action="append", default=[], type=Path, metavar="FILE.py", help=text)

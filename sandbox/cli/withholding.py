@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from sandbox.cli.arguments import add_own_effects
 from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import results, write_json
 from sandbox.output.tables import print_table, progress_bar
@@ -58,6 +59,7 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
 
 
 def _common(command: Any, positive: Number) -> None:
+    add_own_effects(command)
     command.add_argument("--jobs", type=positive, help="processes (all cores)")
     on_dask(command)
     command.add_argument("--quiet", action="store_true", help="print nothing but errors")

@@ -36,6 +36,7 @@ from sandbox.validation.withheld.drives import (
 from sandbox.validation.withheld.ladder import LADDER, OUTSIDE, changed, plant, truth_of
 from sandbox.validation.withheld.mapped_drive import FLUX_MAP, SUBSYSTEM, identified, missing
 from sandbox.validation.withheld.published import multiple, planted
+from sandbox.validation.withheld.users_effects import size_at, users_cards, users_planted, users_truth
 
 SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
 KINDS = ("mixed", "controls", "pairs", "many")
@@ -98,7 +99,8 @@ class Drawn:
             "outside_subsystem": outside_subsystem(case.outside),
             "sizes": self.sizes,
             **({"places": case.sizes} if case.table == "published" and case.names else {}),
-            "parameters": truth_of(list(case.names), self.true.motor, self.stated, self.plant),
+            "parameters": truth_of(list(case.names), self.true.motor, self.stated, self.plant)
+            | users_truth(case.names, self.own),
             "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
             "true_motor": dataclasses.asdict(without_map(self.true.motor)),
             "plant": self.plant,
@@ -249,20 +251,24 @@ def _once(case: Case, rng: Generator) -> Drawn | None:
     by_range = case.table == "published"
     bench = draw_bench(drive, rng, by_range)
     base = drive.motor
-    multiples = list(case.sizes)
+    multiples, users = list(case.sizes), users_cards()
     believed = identified(base) if case.outside == FLUX_MAP else base
     true, values, own, drift = base, dict[str, float](), dict[str, float](), 0.0
     for k, name in enumerate(case.names):
-        if by_range:
+        if name in users:
+            multiples[k] = size_at(case.sizes[k]) if by_range else case.sizes[k]
+            p = users_planted(users[name], base, drive.converter, multiples[k], rng)
+        elif by_range:
             p = planted(name, base, drive.converter, case.sizes[k], rng)
             multiples[k] = multiple(name, base, drive.converter, p)
         else:
             p = plant(name, base, drive.converter, case.sizes[k], rng)
         true, believed = changed(true, p.true), changed(believed, p.believed)
         values |= p.plant
+        own |= p.bench
     if case.outside in OUTSIDE:
         p = OUTSIDE[case.outside].planted(drive, case.sizes[0], rng)
-        own, drift = dict(p.bench), p.drift
+        own, drift = own | dict(p.bench), p.drift
     values = with_deviations(values, bench)
     stated = misjudge(believed, rng, by_range)
     sign = sign_of(base, rng) if by_range else {}

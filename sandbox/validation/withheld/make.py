@@ -31,6 +31,7 @@ from sandbox.validation.withheld.draw import Drawn, cases, draw, outside_names, 
 from sandbox.validation.withheld.drives import LINK_NOISE
 from sandbox.validation.withheld.ladder import DRIFT_TIME
 from sandbox.validation.withheld.rig import COLUMNS, record, tuned
+from sandbox.validation.withheld.users_effects import users_cards
 
 SEAL, HASH, CAMPAIGNS = "truth.sealed", "SHA256", "campaigns"
 CONTROL_SHARE = 0.6  # of the usual length, for checks of controls only
@@ -63,13 +64,16 @@ def make(
     kind: 'mixed', 'controls' (shorter, without a gap) or 'pairs' (one operating point, where two effects look alike);
     style of the cycles: 'practice' or 'scored'; sizes: 'published' (ranges with sources; ordinary deviations 0.5 to 2
     times the stated ones; other shapes of a current's sign) or 'ladder'; jobs: processes;
+    Effects of the user that were taken over (`model.effects.adopt`) are drawn beside the library's.
     cluster: a dask scheduler instead, whose workers find the folder at the same place.
     BadInput where the folder holds another check.
     """
     folder = folder if cluster is None else folder.resolve()
-    outside = outside_names()
+    outside, users = outside_names(), list(users_cards())
     drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside, sizes)]
     header = {"seed": seed, "kind": kind, "style": style, "sizes": sizes, "outside": outside}
+    if users:
+        header["users_effects"] = users
     digest = seal(folder, header, drawn)
     if announce is not None:
         announce(digest)
