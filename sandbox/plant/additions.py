@@ -57,35 +57,57 @@ def magnets(w, c_0, s_0):
             w.rest_d[j], w.rest_q[j] = w.rest_d[j] + d, w.rest_q[j] + q
 
 
+@inlined
+def looked_at(w, j, c_0, s_0, a, b):
+    """Return the current (A), stationary frame, of the energy's terms beside the motor's own at a flux (Wb), first
+    parts of effects.  The flux stays in z_d, z_q for `further`."""
+    c, s = facing(w, j, c_0, s_0)
+    d, q = seen(w, j, c, s, a, b)
+    w.z_d[j], w.z_q[j] = d, q
+    i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
+    return c * i_d - s * i_q, s * i_d + c * i_q
+
+
 @kernel
 def further(w, c_0, s_0):
-    """Write the current (A), stationary frame, of the energy's further terms at the fluxes z_d, z_q (Wb)."""
+    """Write the same (extra_a, extra_b) of effects' further parts at the fluxes z_d, z_q; return whether there are any.
+
+    What is done with these currents is linear in them, so they come in a second pass that mostly is none.
+    """
+    if w.more_energy == 0:
+        return False
     for j in range(w.psi_a.size):
-        c, s = facing(w, j, c_0, s_0)
-        i_d, i_q, _ = ports.energy(w, j, c, s, w.z_d[j], w.z_q[j])
-        w.extra_a[j], w.extra_b[j] = c * i_d - s * i_q, s * i_d + c * i_q
+        w.extra_a[j] = w.extra_b[j] = 0.0
     for k in range(w.more_energy):
         for j in range(w.psi_a.size):
             c, s = facing(w, j, c_0, s_0)
             i_d, i_q, _ = ports.further_energy(w, k, j, c, s, w.z_d[j], w.z_q[j])
             w.extra_a[j] += c * i_d - s * i_q
             w.extra_b[j] += s * i_d + c * i_q
+    return True
+
+
+@inlined
+def entered(w, j, i_a, i_b, x, y, side, real):
+    """Add a current (A) to that at the segment's start; its drop and the edge's lateness follow."""
+    w.more_a[j], w.more_b[j] = w.more_a[j] + i_a, w.more_b[j] + i_b
+    i_a, i_b = w.i_a[j] + i_a, w.i_b[j] + i_b
+    w.i_a[j], w.i_b[j] = i_a, i_b
+    w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
+    sign = min(max((x * i_a + y * i_b) * w.soft[j], -1.0), 1.0)
+    w.late[j] = real * ports.edge(w, j, sign, side)
 
 
 @kernel
 def energy_at_start(w, c_0, s_0, x, y, side, real):
     """Add to the current at the segment's start what the energy's further terms say; drop and lateness follow."""
     for j in range(w.psi_a.size):
-        c, s = facing(w, j, c_0, s_0)
-        w.z_d[j], w.z_q[j] = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
-    further(w, c_0, s_0)
-    for j in range(w.psi_a.size):
-        w.more_a[j], w.more_b[j] = w.extra_a[j], w.extra_b[j]
-        i_a, i_b = w.i_a[j] + w.more_a[j], w.i_b[j] + w.more_b[j]
-        w.i_a[j], w.i_b[j] = i_a, i_b
-        w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
-        sign = min(max((x * i_a + y * i_b) * w.soft[j], -1.0), 1.0)
-        w.late[j] = real * ports.edge(w, j, sign, side)
+        w.more_a[j] = w.more_b[j] = 0.0
+        i_a, i_b = looked_at(w, j, c_0, s_0, w.psi_a[j], w.psi_b[j])
+        entered(w, j, i_a, i_b, x, y, side, real)
+    if further(w, c_0, s_0):
+        for j in range(w.psi_a.size):
+            entered(w, j, w.extra_a[j], w.extra_b[j], x, y, side, real)
 
 
 @kernel
@@ -102,22 +124,29 @@ def sign_of(w, j, current):
     return sign + ports.sign(w, j, current, w.soft[j], sign)
 
 
+@inlined
+def passed(w, j, i_a, i_b, span):
+    """Add a current (A) to that in the segment's middle, and what it changes in the terms of `electrical.settle`: the
+    way to the middle has all of the current's change."""
+    k = 0.25 * span * (w.resistance[j] + w.skin_r[j])
+    x, y = k * (w.stiff_aa[j] * i_a + w.stiff_ab[j] * i_b), k * (w.stiff_ab[j] * i_a + w.stiff_bb[j] * i_b)
+    w.j_a[j], w.j_b[j] = w.j_a[j] + i_a - x, w.j_b[j] + i_b - y
+    w.fall_a[j] -= w.resistance[j] * (x * (4.0 / 3.0))
+    w.fall_b[j] -= w.resistance[j] * (y * (4.0 / 3.0))
+
+
 @kernel
 def energy_in_middle(w, c_0, s_0, span, turned):
-    """Add the same in the segment's middle, and what it changes in the drop's terms of `electrical.settle`: the way to
-    the middle has all of the current's change, the line that turns by `turned` (rad) none of these terms'."""
+    """Add the same in the segment's middle; the line that turns by `turned` (rad) has none of these terms' change."""
     across = turned * (1.0 / 6.0)
     for j in range(w.psi_a.size):
-        c, s = facing(w, j, c_0, s_0)
-        w.z_d[j], w.z_q[j] = seen(w, j, c, s, w.mid_a[j], w.mid_b[j])
-    further(w, c_0, s_0)
-    for j in range(w.psi_a.size):
-        i_a, i_b = w.extra_a[j], w.extra_b[j]
-        k = 0.25 * span * (w.resistance[j] + w.skin_r[j])
-        x, y = k * (w.stiff_aa[j] * i_a + w.stiff_ab[j] * i_b), k * (w.stiff_ab[j] * i_a + w.stiff_bb[j] * i_b)
-        w.j_a[j], w.j_b[j] = w.j_a[j] + i_a - x, w.j_b[j] + i_b - y
-        w.fall_a[j] -= w.resistance[j] * (x * (4.0 / 3.0) + across * w.more_b[j])
-        w.fall_b[j] -= w.resistance[j] * (y * (4.0 / 3.0) - across * w.more_a[j])
+        i_a, i_b = looked_at(w, j, c_0, s_0, w.mid_a[j], w.mid_b[j])
+        passed(w, j, i_a, i_b, span)
+        w.fall_a[j] -= w.resistance[j] * across * w.more_b[j]
+        w.fall_b[j] += w.resistance[j] * across * w.more_a[j]
+    if further(w, c_0, s_0):
+        for j in range(w.psi_a.size):
+            passed(w, j, w.extra_a[j], w.extra_b[j], span)
 
 
 @kernel
@@ -127,14 +156,15 @@ def energy_at(w, c_0, s_0, share):
     Harmonics turn many times as fast as the rotor: their mean is taken at two places (Gauss), the flux on its line.
     """
     for j in range(w.psi_a.size):
-        c, s = facing(w, j, c_0, s_0)
         a = w.mid_a[j] + share * (w.mid_a[j] - w.psi_a[j])
         b = w.mid_b[j] + share * (w.mid_b[j] - w.psi_b[j])
-        w.z_d[j], w.z_q[j] = seen(w, j, c, s, a, b)
-    further(w, c_0, s_0)
-    for j in range(w.psi_a.size):
-        w.fall_a[j] += 0.5 * w.resistance[j] * w.extra_a[j]
-        w.fall_b[j] += 0.5 * w.resistance[j] * w.extra_b[j]
+        i_a, i_b = looked_at(w, j, c_0, s_0, a, b)
+        w.fall_a[j] += 0.5 * w.resistance[j] * i_a
+        w.fall_b[j] += 0.5 * w.resistance[j] * i_b
+    if further(w, c_0, s_0):
+        for j in range(w.psi_a.size):
+            w.fall_a[j] += 0.5 * w.resistance[j] * w.extra_a[j]
+            w.fall_b[j] += 0.5 * w.resistance[j] * w.extra_b[j]
 
 
 @kernel
