@@ -31,6 +31,7 @@ from sandbox.gap.report.diagnosis_json import contract
 from sandbox.gap.report.where import where
 from sandbox.output.files import plain, rounded
 from sandbox.recordings.campaign import read_campaign
+from sandbox.validation.scoring.rows import DIGITS
 from sandbox.validation.scoring.running import ROOT, code_digest
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"

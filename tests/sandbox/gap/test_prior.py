@@ -17,8 +17,8 @@ from sandbox.validation.scoring.judge import located
 
 
 def test_the_prior_over_sets_by_value():
-    """0.95 for up to three: of it 0.6 for none, 0.27, 0.1 and 0.03 for one, two, three, each shared evenly by 26, 325 and
-    2600 sets."""
+    """0.95 for up to three: of it 0.6 for none, 0.27, 0.1 and 0.03 for one, two, three, each shared evenly by 26, 325
+    and 2600 sets."""
     assert len(effect_names()) == 26
     for effects, p in ((0, 0.6), (1, 0.27 / 26), (2, 0.1 / 325), (3, 0.03 / 2600)):
         assert math.exp(log_prior(effect_names()[:effects])) == pytest.approx(0.95 * p)

@@ -26,7 +26,9 @@ def test_make_and_score(tmp_path, monkeypatch, capsys):
     digest = hashlib.sha256((folder / "truth.sealed").read_bytes()).hexdigest()
     assert capsys.readouterr().out.startswith(f"truth sealed, SHA-256 {digest}")
 
-    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost: map(task, work))  # sees the diagnosis below
+    monkeypatch.setattr(
+        running, "spread", lambda task, work, jobs, lost, cluster: map(task, work)
+    )  # sees the diagnosis below
     monkeypatch.setattr(scorer, "diagnose", lambda campaign, **how: None)
     monkeypatch.setattr(scorer, "where", lambda found: ())
     monkeypatch.setattr(scorer, "next_recording", lambda found: None)

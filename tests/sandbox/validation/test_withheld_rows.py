@@ -11,8 +11,9 @@ from sandbox.output.files import rounded
 from sandbox.validation.scoring import running
 from sandbox.validation.scoring.blind import score
 from sandbox.validation.scoring.metrics import by_size, rung
-from sandbox.validation.scoring.rows import DIGITS(
+from sandbox.validation.scoring.rows import (
     BLIND,
+    DIGITS,
     LEFT_OUT,
     RESOLVED,
     check_seal,
