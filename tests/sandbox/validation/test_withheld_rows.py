@@ -30,7 +30,7 @@ from tests.sandbox.validation.test_withheld_score import Oracle, check, diagnosi
 @pytest.fixture(autouse=True)
 def here(monkeypatch):
     """Diagnose in this process, where a test's own functions are."""
-    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost: map(task, work))
+    monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost, cluster: map(task, work))
 
 
 def twelve():
