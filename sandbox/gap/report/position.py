@@ -122,7 +122,7 @@ def errors(drive: Drive, r: CampaignRecording, current: Array | None, estimator:
     u[1:] = np.stack([r.u_alpha, r.u_beta], axis=1)[:-1]
     state = own.init(belief, tuning, float(r.theta[0]))
     found = np.empty(len(i))
-    follow(own.step, state, np.column_stack([i, u, primitive]), belief, tuning, found)
+    follow(own, state, np.column_stack([i, u, primitive]), belief, tuning, found)
     first = round(SETTLE / drive.converter.sampling_period)
     return np.asarray(wrapped(r.theta[first:] - found[first:]))
 
