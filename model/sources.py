@@ -27,7 +27,7 @@ def depends_on(path: Path) -> frozenset[Path]:
         file = left.pop()
         if file not in found:
             found.add(file)
-            left.extend(_direct(file))
+            left.extend(imports_of(file))
     return frozenset(found)
 
 
@@ -46,7 +46,8 @@ def _body(path: Path) -> bytes:
 
 
 @cache
-def _direct(path: Path) -> tuple[Path, ...]:
+def imports_of(path: Path) -> tuple[Path, ...]:
+    """Return the files of the rooms that a file imports, anywhere in it but for a type checker alone."""
     text = _TYPES_ONLY.sub("", _body(path).decode("utf-8", "replace"))
     return tuple(file for name in _names(text) if (file := _file_of(name)) is not None)
 

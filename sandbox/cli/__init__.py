@@ -144,7 +144,7 @@ def build_parser() -> Parser:
         "the motor from a campaign's locked recordings: paper's least squares and exact fit",
     )
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
-    text = "names and units of recordings from elsewhere (see sandbox/IMPORTING.md)"
+    text = "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)"
     c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
     add_own_effects(add_diagnose(add))
     c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")

@@ -187,7 +187,7 @@ def read_campaign(
         A folder with `campaign.toml` and its tables (Parquet, CSV, MAT, MDF4), one table in it, or a campaign,
         which is returned as it is.
     columns : str or Path, optional
-        A TOML file that maps names and units of another program (sandbox/IMPORTING.md).
+        A TOML file that maps names and units of another program (sandbox/recordings/IMPORTING.md).
     rotors : sequence of str
         Which recordings to read: 'locked', 'driven', 'free'.
 

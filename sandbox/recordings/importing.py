@@ -81,7 +81,7 @@ def _tables(folder: Path, columns: Path | None) -> tuple[dict[str, Any], dict[st
     if columns is None and not own.is_file():
         raise BadInput(
             f"'{folder}' holds no campaign.toml, so its drive, motor and recordings are unknown; write one, or give "
-            "--columns FILE.toml for tables of other programs (sandbox/IMPORTING.md)"
+            "--columns FILE.toml for tables of other programs (sandbox/recordings/IMPORTING.md)"
         )
     data = read_toml(own) if own.is_file() or columns is None else {}
     if columns is None:
