@@ -156,7 +156,7 @@ def _neighbours(
         for key in keys:
             if key not in known:
                 with suppress(BadInput):  # none a drive can have
-                    out.append(fits.get(key) or fit(_towards(best, key, chosen), key, weights, workers=workers))
+                    out.append(fits.get(key) or fit(towards(best.fit, key, chosen), key, weights, workers=workers))
     return out
 
 
@@ -172,7 +172,7 @@ def fitted_again(
         old = fits.get(rest)
         if old is None:
             continue
-        for start in (_towards(best, rest, chosen), starting(null.point, rest, chosen)):
+        for start in (towards(best.fit, rest, chosen), starting(null.point, rest, chosen)):
             with suppress(BadInput):  # none a drive can have
                 found = fit(start, rest, weights, workers=workers)
                 if found.objective < old.objective - BETTER:
@@ -202,19 +202,19 @@ def _pointed(
         return []
     key = max(told, key=lambda k: told[k])
     try:
-        return [fits.get(key) or fit(_towards(best, key, chosen), key, weights, workers=workers)]
+        return [fits.get(key) or fit(towards(best.fit, key, chosen), key, weights, workers=workers)]
     except BadInput:  # none a drive can have
         return []
 
 
-def _towards(best: Judged, key: Sequence[str], chosen: Sequence[Probe]) -> Point:
-    """Return the best set's point with the effects that another set lacks at neutral, and those it has more begun."""
-    campaign = best.fit.point.prepared.campaign
+def towards(best: Fit, key: Sequence[str], chosen: Sequence[Probe]) -> Point:
+    """Return a fit's point with the effects that another set lacks at neutral, and those it has more begun."""
+    campaign = best.point.prepared.campaign
     neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
     gone = tuple(f"{e}." for e in best.effects if e not in key)
     own = [k for k in neutral if k.startswith(gone) and k not in kept]
     off = {k: neutral[k] for k in own if k.partition(".")[2] not in library.SHARED}
-    start = replace(best.fit.point, values={**best.fit.point.values, **off})
+    start = replace(best.point, values={**best.point.values, **off})
     return starting(start, [e for e in key if e not in best.effects], chosen)
 
 

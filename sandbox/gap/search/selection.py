@@ -12,22 +12,19 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
-from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.evidence.discrepancy import remainder
 from sandbox.gap.evidence.fit import Fit, Weights, fit
-from sandbox.gap.evidence.normal import Point
-from sandbox.gap.evidence.priors import ordinary
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, table
-from sandbox.gap.search.forward import FAR, MOST, WORTH, Search, choose, excess, rms_of, starting
+from sandbox.gap.search.forward import FAR, MOST, WORTH, Search, choose, excess, rms_of, starting, towards
 from sandbox.gap.search.judged import Judged, judge
+from sandbox.gap.search.posterior import ACCURATE
 from sandbox.gap.search.subsets import Subsets, log_prior
 
 PROMISED = 2  # sets fitted at a point that algebra holds more probable than the one there
 ROUNDS = 7  # points at which all effects' equations are taken
 AGAIN = 3.0  # times that the residual has to fall before effects' starts are looked for anew
-ACCURATE = 10.0  # floors of residual up to which the simulator's own error stays below them
 PRICE = 5.0  # log evidence that one more effect costs, about: its prior and the width it gives up
 ALONE = 2  # effects that a rival with shapes to find may have to be fitted from ordinary deviations, too
 RIVALS, TURNS = 3, 2  # rivals fitted at a time; times that they are looked for
@@ -168,17 +165,6 @@ def better(s: Selection, new: Fit) -> bool:
     t = s.temperature()
     gained = 0.5 * (s.best.objective - new.objective) / t
     return gained > PRICE * (len(new.effects) - len(s.best.effects))
-
-
-def towards(best: Fit, key: Sequence[str], chosen: Sequence[Probe]) -> Point:
-    """Return the best set's point with the effects that another set lacks at neutral, and those it has more begun."""
-    campaign = best.point.prepared.campaign
-    neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
-    gone = tuple(f"{e}." for e in best.effects if e not in key)
-    own = [k for k in neutral if k.startswith(gone) and k not in kept] if gone else []
-    off = {k: neutral[k] for k in own if k.partition(".")[2] not in library.SHARED}
-    start = replace(best.point, values={**best.point.values, **off})
-    return starting(start, [e for e in key if e not in best.effects], chosen)
 
 
 def judged_of(s: Selection, found: Fit) -> Judged:
