@@ -111,10 +111,12 @@ PORTS = {
     "sign": Port(
         ("current", "soft", "sign"),
         1,
-        "what is added where an edge is taken to the soft sign, clip(current x soft), of its leg's current (A)",
+        "what is added where an edge is taken to the soft sign of its leg's current (A); soft: 1/half-width",
     ),
     "leg": Port(
-        ("before", "after"), 1, "V a leg loses on average while its current over the width of its sign changes"
+        ("before", "after", "shape"),
+        1,
+        "V a leg loses on average while its current over its sign's width changes; shape: 0 linear, 1 tanh",
     ),
     "winding": Port(("i_a", "i_b"), 2, "V lost in the windings, stationary frame, at a current (A)"),
     "magnets": Port(("c", "s"), 4, "harmonic flux d, q (Wb) and its slope (Wb/rad) at cos, sin of the rotor's angle"),

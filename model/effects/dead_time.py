@@ -10,6 +10,14 @@ SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes thro
 
 
 @inlined
+def soft_sign(x, shape):
+    """Return the sign of a current over its half-width as it goes through zero: linear (shape 0) to tanh (1)."""
+    e = fading(-2.0 * abs(x))
+    tanh = (1.0 - e) / (1.0 + e)
+    return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * (tanh if x >= 0.0 else -tanh)
+
+
+@inlined
 def late(time, sign, side):
     """Return how late (s) an edge acts for the soft sign of its leg's current; side: 1 rises, -1 falls."""
     return 0.5 * (abs(time) + side * time * sign)
@@ -20,10 +28,7 @@ def around_zero(zone_width, zone_shape, current, soft, sign):
     """Return what a zone of its own adds to the soft sign of a current (A); 1/soft: the zone's half-width (A) if 0."""
     given = zone_width > 0.0
     x = current / (zone_width if given else 1.0) if given else current * soft
-    e = fading(-2.0 * abs(x))
-    tanh = (1.0 - e) / (1.0 + e)
-    own = (1.0 - zone_shape) * min(max(x, -1.0), 1.0) + zone_shape * (tanh if x >= 0.0 else -tanh)
-    return own - sign
+    return soft_sign(x, zone_shape) - sign if given or zone_shape > 0.0 else 0.0
 
 
 CARD = Effect(

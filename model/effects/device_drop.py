@@ -22,9 +22,27 @@ def mean_sign(x, y):
 
 
 @inlined
-def lost(threshold, before, after):
-    """Return what a leg loses on average (V), its current over the soft width going from before to after."""
-    return threshold * mean_sign(before, after)
+def mean_of_tanh(x, y):
+    """Return the mean of tanh while its argument goes linearly from x to y, within 0.017.
+
+    tanh as three soft signs, whose means have no logarithm: widths and shares are the minimax fit for x >= 0
+    (tests/model/effects/test_device_drop.py fits them again).
+    """
+    narrow = 0.277034 * mean_sign(1.609714 * x, 1.609714 * y)
+    middle = 0.441430 * mean_sign(0.797139 * x, 0.797139 * y)
+    return narrow + middle + 0.281536 * mean_sign(0.418666 * x, 0.418666 * y)
+
+
+@inlined
+def lost(threshold, before, after, shape):
+    """Return what a leg loses on average (V), its current over the soft width going from before to after.
+
+    shape: of the soft sign, from 0 (linear) to 1 (tanh).
+    """
+    linear = mean_sign(before, after)
+    if shape == 0.0:
+        return threshold * linear
+    return threshold * (linear + shape * (mean_of_tanh(before, after) - linear))
 
 
 CARD = Effect(

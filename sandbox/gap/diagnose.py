@@ -24,7 +24,7 @@ from sandbox.gap.evidence.holdout import held_out, weights_of
 from sandbox.gap.evidence.noise import floor_of, noise_caution
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.search.estimates import Estimate, estimates
-from sandbox.gap.search.forward import Judged, Search, search
+from sandbox.gap.search.forward import Judged, Search, search, unbent
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.search.selection import widened
 from sandbox.gap.search.unfitted import slight
@@ -145,12 +145,13 @@ def _ranked(
 
 
 def _with_effects(point: Point, best: Judged) -> Point:
-    """Return a point with the effects' own values of a fit to all recordings, for another fit to start from."""
+    """Return a point without effects with the values of a fit to all recordings, for another fit to start from."""
     found = best.fit.point.values
     own = {k: v for k, v in found.items() if k.partition(".")[0] in best.effects}
     shared = {k.partition(".")[2] for k in own} & set(library.SHARED)
     own |= {k: v for k, v in found.items() if k.partition(".")[2] in shared}  # one number under two names
-    return replace(point, values={**point.values, **own}).resmoothed()
+    begun = unbent(point)
+    return replace(begun, values={**begun.values, **own}).resmoothed()
 
 
 def verdict(d: Diagnosis) -> str:

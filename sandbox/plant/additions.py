@@ -6,13 +6,14 @@ Lags stand in `lags`, what windings and legs lose in `losses`.
 from __future__ import annotations
 
 from model.compiled import inlined, kernel
+from model.effects.dead_time import soft_sign
 from model.lanes import sine_cosine
 from sandbox.plant import ports
 from sandbox.plant.electrical import THIRD, facing, pull, seen
 
 # what a batch may need beside the bare plant (bits)
 LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
-SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, ZONE = (1 << k for k in range(7, 16))
+SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, ZONE, ROUND = (1 << k for k in range(7, 17))
 LAGS = IRON | SKIN | FILTER
 ANGULAR = MAGNETS | ENERGY
 
@@ -119,8 +120,8 @@ def late_by_zone(w, x, y, side, real):
 
 @inlined
 def sign_of(w, j, current):
-    """Return the sign of a leg's current (A) with all that effects add to the soft one."""
-    sign = min(max(current * w.soft[j], -1.0), 1.0)
+    """Return the sign of a leg's current (A): of the bench's shape, with all that effects add."""
+    sign = soft_sign(current * w.soft[j], w.shape[j])
     return sign + ports.sign(w, j, current, w.soft[j], sign)
 
 

@@ -70,7 +70,7 @@ PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; 
     "quartic_d": "4 alpha_40, A/Wb^3", "quartic_dq": "alpha_22, A/Wb^3", "quartic_q": "4 alpha_04, A/Wb^3",
     "magnet": "magnet flux, Wb", "resistance": "of winding and devices, ohm", "pairs": "pole pairs",
     "supply": "mean voltage of the DC link, V", "common": "offset of all readings alike, A",
-    "soft": "1/A: over half the width of sign(i) through zero",
+    "soft": "1/A: over half the width of sign(i) through zero", "shape": "of it: 0 linear, 1 tanh",
     "delay": "of the pattern, s", "sample": "instant of sampling less t_k and less the pattern's delay, s",
     "core_g": "conductance across the flux slope, 1/ohm", "core_rate": "1/s of the iron's lag",
     "skin_r": "ohm", "skin_rate": "1/s", "filter_rate": "1/s", "offset": "of the angle's reading, rad electrical",

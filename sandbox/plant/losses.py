@@ -26,27 +26,31 @@ def winding_in_middle(w):
 
 
 @inlined
-def legs_lose(w, j, x, y, p, q):
-    """Return what legs lose on average (V, stationary frame) while the current (A) goes straight from x, y to p, q."""
+def legs_lose(w, j, shape, x, y, p, q):
+    """Return what legs lose on average (V, stationary frame) while the current (A) goes straight from x, y to p, q.
+
+    shape: of the soft sign, from 0 (linear) to 1 (tanh).
+    """
     k = w.soft[j]
     half, side, ahead, beside = -0.5 * x, HALF_ROOT * y, -0.5 * p, HALF_ROOT * q
-    v_a = ports.leg(w, j, k * x, k * p)
-    v_b = ports.leg(w, j, k * (half + side), k * (ahead + beside))
-    v_c = ports.leg(w, j, k * (half - side), k * (ahead - beside))
+    v_a = ports.leg(w, j, k * x, k * p, shape)
+    v_b = ports.leg(w, j, k * (half + side), k * (ahead + beside), shape)
+    v_c = ports.leg(w, j, k * (half - side), k * (ahead - beside), shape)
     return (2.0 * v_a - v_b - v_c) * THIRD, (v_b - v_c) * ROOT_THIRD
 
 
 @kernel
-def legs_at_start(w):
-    """Add to the drop what the legs lose for their currents at the segment's start."""
+def legs_at_start(w, rounded):
+    """Add to the drop what the legs lose for their currents at the segment's start; rounded: some lane's soft sign."""
     for j in range(w.psi_a.size):
-        v_a, v_b = legs_lose(w, j, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
+        shape = w.shape[j] if rounded else 0.0
+        v_a, v_b = legs_lose(w, j, shape, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
         w.leg_a[j], w.leg_b[j] = v_a, v_b
         w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
 
 
 @kernel
-def legs_in_middle(w, span):
+def legs_in_middle(w, span, rounded):
     """Add their mean over the segment, the current's parabola as two straight pieces.
 
     Around zero a leg is a resistance of threshold over half-width, many times the winding's: what it loses more on the
@@ -55,14 +59,15 @@ def legs_in_middle(w, span):
     half = 0.5 * span
     for j in range(w.psi_a.size):
         x, y, r = w.i_a[j], w.i_b[j], w.resistance[j]
-        v_a, v_b = legs_lose(w, j, x, y, w.j_a[j], w.j_b[j])
+        shape = w.shape[j] if rounded else 0.0
+        v_a, v_b = legs_lose(w, j, shape, x, y, w.j_a[j], w.j_b[j])
         d_a, d_b = half * (w.leg_a[j] - v_a), half * (w.leg_b[j] - v_b)
         e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
         e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
         m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
         w.j_a[j], w.j_b[j] = m_a, m_b
         p, q = 2.0 * (m_a + e_a) - x + 6.0 * w.swell_a[j], 2.0 * (m_b + e_b) - y + 6.0 * w.swell_b[j]
-        z_a, z_b = legs_lose(w, j, m_a, m_b, p, q)
+        z_a, z_b = legs_lose(w, j, shape, m_a, m_b, p, q)
         w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
         w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
 

@@ -42,17 +42,21 @@ def step_shaft(w, features, h, load, imposed):
 
 @kernel
 def swing(w, h):
-    """Move twist and slip (difference of both speeds) on by h: a damped swing about the twist at rest."""
+    """Move twist and slip (difference of both speeds) on by h: a damped swing about the twist at rest.
+
+    A lane whose shaft is rigid (swing_rate 0) has neither.
+    """
     for j in range(w.psi_a.size):
-        rate, ratio = max(w.swing_rate[j], 1e-9), w.swing_ratio[j]
+        there = 1.0 if w.swing_rate[j] > 0.0 else 0.0
+        rate, ratio = w.swing_rate[j] + (1.0 - there), w.swing_ratio[j]
         root = math.sqrt(1.0 - ratio * ratio)
         decay = fading(-ratio * rate * h)
         s, c = sine_cosine(rate * root * h)
         s /= rate * root
         rest = (w.net[j] * w.motor_inv[j] + w.taken[j] * w.load_inv[j]) / (rate * rate)
         x, v = w.twist[j] - rest, w.slip[j]
-        w.twist[j] = rest + decay * ((c + ratio * rate * s) * x + s * v)
-        w.slip[j] = decay * ((c - ratio * rate * s) * v - rate * rate * s * x)
+        w.twist[j] = there * (rest + decay * ((c + ratio * rate * s) * x + s * v))
+        w.slip[j] = there * (decay * ((c - ratio * rate * s) * v - rate * rate * s * x))
 
 
 @kernel

@@ -172,7 +172,7 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
     if features & add.WINDING:
         losses.winding_at_start(w)
     if features & add.LEG:
-        losses.legs_at_start(w)
+        losses.legs_at_start(w, features & add.ROUND != 0)
     if w.table_points > 0:
         losses.table_at_start(w)
 
@@ -203,7 +203,7 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
     if features & add.WINDING:
         losses.winding_in_middle(w)
     if features & add.LEG:
-        losses.legs_in_middle(w, span)
+        losses.legs_in_middle(w, span, features & add.ROUND != 0)
     if w.table_points > 0:
         losses.table_in_middle(w, span)
     if features & add.MOTION:

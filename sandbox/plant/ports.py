@@ -93,14 +93,14 @@ def edge(w, j, sign, side):
 
 @inlined
 def sign(w, j, current, soft, sign):
-    """Return what is added where an edge is taken to the soft sign, clip(current x soft), of its leg's current (A)."""
+    """Return what is added where an edge is taken to the soft sign of its leg's current (A); soft: 1/half-width."""
     return dead_time.around_zero(w.dead_time_zone_width[j], w.dead_time_zone_shape[j], current, soft, sign)
 
 
 @inlined
-def leg(w, j, before, after):
-    """Return V a leg loses on average while its current over the width of its sign changes."""
-    return device_drop.lost(w.device_drop_threshold[j], before, after)
+def leg(w, j, before, after, shape):
+    """Return V a leg loses on average while its current over its sign's width changes; shape: 0 linear, 1 tanh."""
+    return device_drop.lost(w.device_drop_threshold[j], before, after, shape)
 
 
 @inlined

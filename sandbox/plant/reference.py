@@ -104,12 +104,15 @@ class Reference:
 
     def sign(self, current: float) -> float:
         """Return the soft sign of a leg's current (A)."""
-        return min(max(current / self.v["bench.soft_current"], -1.0), 1.0)
+        x, shape = current / self.v["bench.soft_current"], self.v["bench.soft_shape"]
+        return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * math.tanh(x)
 
     def edge_sign(self, current: float) -> float:
         """Return the sign of a leg's current (A) where an edge is taken: dead time's own zone around zero."""
-        x = current / (self.v["dead_time.zone_width"] or self.v["bench.soft_current"])
-        shape = self.v["dead_time.zone_shape"]
+        width, shape = self.v["dead_time.zone_width"], self.v["dead_time.zone_shape"]
+        if not (width or shape):
+            return self.sign(current)
+        x = current / (width or self.v["bench.soft_current"])
         return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * math.tanh(x)
 
     def voltage(self, t: float) -> complex:

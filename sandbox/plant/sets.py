@@ -57,6 +57,7 @@ BENCH = {
         "A", 0.0, -1e4, 1e4, Ordinary("current_offset", 0.001, "rated current", math.sqrt(1.0 / 3.0))
     ),
     "bench.soft_current": BenchParameter("A", None, 1e-9, 1e5),  # half the width in which sign(i) goes through zero
+    "bench.soft_shape": BenchParameter("", 0.0, 0.0, 1.0),  # of it there: 0 linear, 1 tanh
 }
 
 
@@ -102,6 +103,7 @@ def rows_of(motor: Motor, converter: Converter, v: Set) -> dict[str, Any]:
             rows |= {field(card.name, n): v[f"{card.name}.{n}"] for n in at.numbers}
         rows |= further_rows(card, v, neutral)
     rows["pairs"], rows["soft"] = float(motor.pole_pairs), 1.0 / v["bench.soft_current"]
+    rows["shape"] = v["bench.soft_shape"]
     rows["supply"] = (1.0 + link_gain) * converter.dc_bus_voltage
     rows["common"] = v["bench.common_offset"]
     rows["load_gain"], rows["load_offset"] = v["bench.load_torque_gain"], v["bench.load_torque_offset"]
@@ -139,6 +141,7 @@ def features_of(motor: Motor, v: Set) -> int:
     twisting = math.isfinite(v["shaft_compliance.stiffness"]) and v["shaft_compliance.load_inertia"] > 0.0
     out |= (add.IRON if iron else 0) | (add.FILTER if filtered else 0) | (add.TWIST if twisting else 0)
     out |= add.SKIN if v["skin_effect.resistance"] else 0
+    out |= add.ZONE | add.ROUND if v["bench.soft_shape"] else 0
     return out | (add.DELAYED if v["pwm_delay.delay"] else 0)
 
 

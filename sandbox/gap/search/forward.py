@@ -19,7 +19,7 @@ from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.evidence.fit import Fit, Weights, fit, stray
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.evidence.priors import ordinary
+from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.evidence.probes import Probe, probes
 from sandbox.gap.evidence.spike_slab import gains_of, ordinary_share, table
 from sandbox.gap.search.judged import Judged, judge
@@ -60,7 +60,8 @@ class Search:
     def judge_also(self, effects: tuple[str, ...], weights: Weights, workers: int) -> Judged | None:
         """Return one more set, fitted from ordinary deviations alone and weighed; None where no drive can have it."""
         try:
-            found = fit(starting(self.null.point, effects, self.chosen), effects, weights, workers=workers)
+            start = starting(unbent(self.null.point), effects, self.chosen)
+            found = fit(start, effects, weights, workers=workers)
         except BadInput:
             return None
         own = judge(found, self.chosen, self.share, weights, workers)
@@ -89,7 +90,8 @@ def search(
             if new and (cost > budget or _settles(new, null, promised)):
                 break
             report(f"fitting {' + '.join(key)}")
-            at = replace(parent.point, values={**parent.point.values, **begin})
+            before = parent.point.values if parent.effects else unbent(parent.point).values
+            at = replace(parent.point, values={**before, **begin})
             try:
                 new.append(fit(at.resmoothed() if begin else at, key, weights, workers=workers))
             except BadInput:
@@ -172,7 +174,7 @@ def fitted_again(
         old = fits.get(rest)
         if old is None:
             continue
-        for start in (towards(best.fit, rest, chosen), starting(null.point, rest, chosen)):
+        for start in (towards(best.fit, rest, chosen), starting(unbent(null.point), rest, chosen)):
             with suppress(BadInput):  # none a drive can have
                 found = fit(start, rest, weights, workers=workers)
                 if found.objective < old.objective - BETTER:
@@ -222,6 +224,11 @@ def starting(point: Point, effects: Sequence[str], chosen: Sequence[Probe]) -> P
     """Return a point with the companions of effects where their probes start."""
     begun = {k: v for p in chosen if p.effect in effects for k, v in p.start.items()}
     return replace(point, values={**point.values, **begun})
+
+
+def unbent(point: Point) -> Point:
+    """Return a point without effects whose currents' signs are the usual ones: where a fit with effects begins."""
+    return replace(point, values=with_usual_sign(point.values, point.prepared.campaign.drive.motor))
 
 
 def _settles(new: Sequence[Fit], null: Fit, promised: float) -> bool:

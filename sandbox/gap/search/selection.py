@@ -17,7 +17,7 @@ from sandbox.gap.evidence.discrepancy import remainder
 from sandbox.gap.evidence.fit import Fit, Weights, fit
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, table
-from sandbox.gap.search.forward import FAR, MOST, WORTH, Search, choose, excess, rms_of, starting, towards
+from sandbox.gap.search.forward import FAR, MOST, WORTH, Search, choose, excess, rms_of, starting, towards, unbent
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.posterior import ACCURATE
 from sandbox.gap.search.subsets import Subsets, log_prior
@@ -202,7 +202,7 @@ def from_starts(s: Selection, key: Key, null: Fit) -> Fit | None:
     if not several & set(key) or len(key) > ALONE or not set(key) < set(s.best.effects):
         return first
     try:
-        other = fit(starting(null.point, key, s.chosen), key, s.weights, workers=s.workers)
+        other = fit(starting(unbent(null.point), key, s.chosen), key, s.weights, workers=s.workers)
     except BadInput:
         return first
     s.cost += other.simulations

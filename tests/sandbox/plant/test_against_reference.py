@@ -58,6 +58,7 @@ CASES |= {
     "fast filter": {"current_filter.time_constant": 1e-7},
     "dead time": {"dead_time.time": 2e-5, "bench.soft_current": 0.6},
     "dead time's own zone": {"dead_time.time": 4e-6, "dead_time.zone_width": 0.5, "dead_time.zone_shape": 0.7},
+    "dead time, round sign": {"dead_time.time": 4e-6, "bench.soft_current": 0.5, "bench.soft_shape": 0.7},
     "early edges": {"dead_time.time": -3e-6},
     "large drop": {"device_drop.threshold": 5.0},
 }
