@@ -20,9 +20,9 @@ from threading import Lock
 from typing import Any
 
 import numba
-from numba.core.dispatcher import Dispatcher
 from numba.core.typeinfer import register_dispatcher
 
+from model.callees import Kernel
 from model.compiling import watch
 from model.kernel_cache import KernelCache
 from model.sources import source_key
@@ -99,11 +99,14 @@ def kernel_as(signature: Any, **more: Any) -> Callable[[Callable[..., Any]], Any
     def compile_(function: Callable[..., Any]) -> Any:
         """Return the dispatcher of a function, its machine code kept in the rooms' own folder."""
         options: dict[str, Any] = {"nogil": True, "error_model": "numpy", **more}
-        compiled: Any = numba.njit(**options)(function)
-        if not isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT
-            return compiled
+        if numba.config.DISABLE_JIT:
+            return function
+        compiled: Any = Kernel(function, targetoptions={"nopython": True, "boundscheck": None, **options})
+        twin = compiled.with_twin() if signature is None else None
         if (folder := _folder_of(function)) is not None:
-            compiled._cache = KernelCache(function, folder)  # type: ignore[attr-defined]
+            compiled._cache = KernelCache(function, folder)
+            if twin is not None:
+                twin._cache = KernelCache(function, folder, "linked")
         if signature is not None:
             with register_dispatcher(compiled):
                 compiled.compile(signature)

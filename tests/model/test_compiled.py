@@ -21,7 +21,7 @@ def answer(folder: Path, callee: str, cache: Path) -> str:
     room = folder / "model"
     room.mkdir(parents=True, exist_ok=True)
     (room / "__init__.py").write_text("")
-    for name in ("compiled.py", "compiling.py", "kernel_cache.py", "kept.py", "sources.py"):
+    for name in ("callees.py", "compiled.py", "compiling.py", "kernel_cache.py", "kept.py", "sources.py"):
         (room / name).write_text((ROOT / "model" / name).read_text())
     (room / "callee.py").write_text(f"from model.compiled import kernel\n\n\n@kernel\ndef f(x):\n    return {callee}\n")
     caller = """

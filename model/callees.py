@@ -1,0 +1,109 @@
+"""Kernels as other kernels see them: code to link in, with no way in from Python and no machine code of their own.
+
+numba compiles every function that a kernel calls as if Python would call it, too: two wrappers that take its arguments
+apart, and machine code that nobody runs, since the caller holds all it needs.  Together that is a third of the time.
+Here a function has two dispatchers: its own, for Python, and a twin that only kernels see.
+"""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import llvmlite.binding as llvm
+from numba.core import types
+from numba.core.codegen import JITCodeLibrary
+from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
+from numba.core.registry import CPUDispatcher
+
+
+class Linked(JITCodeLibrary):
+    """Optimised code that callers link in; the engine that makes machine code never sees it."""
+
+    codegen = SimpleNamespace(set_env=lambda name, env: None)  # the caller's code holds the place (`Kernel`)
+
+    def _optimize_final_module(self) -> None:
+        """Optimise as far as is cheap; the rest is done once, in the outermost caller."""
+        cheap, builder = self._codegen._module_pass_manager(
+            loop_vectorize=False, slp_vectorize=False, opt=self._codegen._opt_level, cost="cheap"
+        )
+        cheap.run(self._final_module, builder)
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: there is no machine code."""
+        return 0
+
+    def serialize_using_object_code(self) -> tuple[str, str, bytes]:
+        """Return what is kept on disk: the code that callers link in, no machine code."""
+        return self.name, "linked", self._get_module_for_linking().as_bitcode()
+
+    @classmethod
+    def kept(cls, codegen: Any, name: str, code: bytes) -> Linked:
+        """Return the library again that was kept on disk."""
+        library = cls(codegen, name)
+        library._final_module = llvm.parse_bitcode(code)
+        library._finalize_final_module()
+        return library
+
+
+class LinkedCompiler(CompilerBase):
+    """numba's usual passes into a library that is linked only."""
+
+    def define_pipelines(self) -> list[Any]:
+        """Return the passes."""
+        self.state.library = Linked(self.state.targetctx.codegen(), self.state.func_id.func_qualname)
+        return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
+
+
+class Kernel(CPUDispatcher):
+    """A compiled function; kernels that call it get its twin."""
+
+    twin: CPUDispatcher | None = None
+
+    def with_twin(self) -> CPUDispatcher:
+        """Give this function a twin for callers and return it."""
+        options = {**self.targetoptions, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+        self.twin = CPUDispatcher(self.py_func, targetoptions=options, pipeline_class=LinkedCompiler)
+        return self.twin
+
+    @property
+    def _numba_type_(self) -> Any:
+        return types.Dispatcher(self if self.twin is None else self.twin)
+
+    def add_overload(self, cres: CompileResult) -> None:
+        """Take a compiled signature; the environments of callees lie in this machine code alone."""
+        for env in cres._find_referenced_environments():
+            cres.codegen.set_env(env.env_name, env)
+        super().add_overload(cres)
+
+
+def rebuilt(target_context: Any, parts: tuple[Any, ...]) -> CompileResult:
+    """Return a compiled function from what `CompileResult._reduce` made of it."""
+    (name, kind, code), fndesc, env, signature, objectmode, lifted, annotation, reload_init, environments = parts
+    if kind != "linked":
+        return CompileResult._rebuild(target_context, *parts)
+    library = Linked.kept(target_context.codegen(), name, code)
+    for again in reload_init:
+        again()
+    return CompileResult(
+        typing_context=target_context.typing_context,
+        target_context=target_context,
+        entry_point=target_context.get_executable(library, fndesc, env),
+        typing_error=None,
+        type_annotation=annotation,
+        signature=signature,
+        objectmode=objectmode,
+        lifted=lifted,
+        fndesc=fndesc,
+        library=library,
+        call_helper=None,
+        environment=env,
+        metadata=None,
+        reload_init=reload_init,
+        referenced_envs=environments,
+    )
