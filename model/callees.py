@@ -13,8 +13,9 @@ from typing import Any
 import llvmlite.binding as llvm
 from numba.core import types
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, CompileResult, DefaultPassBuilder
+from numba.core.compiler import Compiler, CompileResult, DefaultPassBuilder, Flags
 from numba.core.registry import CPUDispatcher
+from numba.core.targetconfig import TargetConfig
 
 
 class Linked(JITCodeLibrary):
@@ -51,8 +52,30 @@ class Linked(JITCodeLibrary):
         return library
 
 
-class LinkedCompiler(CompilerBase):
-    """numba's usual passes into a library that is linked only."""
+class Options(Flags):
+    """numba's flags of one compilation, which it compares ten thousand times: what is set first, then all fifty."""
+
+    __slots__ = ()
+    _HASH = hash(Flags())  # numba's, too, is the same for all
+
+    def __eq__(self, other: object) -> bool:
+        same = isinstance(other, TargetConfig) and self._values == other._values
+        return True if same else super().__eq__(other)
+
+    def __hash__(self) -> int:
+        return self._HASH
+
+
+class KernelCompiler(Compiler):
+    """numba's usual passes."""
+
+    def __init__(self, *given: Any) -> None:
+        typing, target, library, args, return_type, flags, local = given
+        super().__init__(typing, target, library, args, return_type, Options(flags), local)
+
+
+class LinkedCompiler(KernelCompiler):
+    """The same into a library that is linked only."""
 
     def define_pipelines(self) -> list[Any]:
         """Return the passes."""
@@ -60,15 +83,26 @@ class LinkedCompiler(CompilerBase):
         return [DefaultPassBuilder.define_nopython_pipeline(self.state)]
 
 
+class Twin(CPUDispatcher):
+    """A function for callers: compiled once for integers, not once more for each that a caller writes as a constant."""
+
+    def get_call_template(self, args: Any, kws: Any) -> Any:
+        """Return what numba's type inference asks for, with constants taken as integers."""
+        plain = [types.unliteral(a) for a in args], {name: types.unliteral(a) for name, a in kws.items()}
+        return super().get_call_template(*plain)
+
+
 class Kernel(CPUDispatcher):
     """A compiled function; kernels that call it get its twin."""
 
-    twin: CPUDispatcher | None = None
+    def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None) -> None:
+        self.twin: Any = None
+        super().__init__(py_func, locals, {"nopython": True, **(targetoptions or {})}, KernelCompiler)
 
-    def with_twin(self) -> CPUDispatcher:
+    def with_twin(self) -> Any:
         """Give this function a twin for callers and return it."""
         options = {**self.targetoptions, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-        self.twin = CPUDispatcher(self.py_func, targetoptions=options, pipeline_class=LinkedCompiler)
+        self.twin = Twin(self.py_func, targetoptions=options, pipeline_class=LinkedCompiler)
         return self.twin
 
     @property
@@ -90,7 +124,8 @@ def rebuilt(target_context: Any, parts: tuple[Any, ...]) -> CompileResult:
     library = Linked.kept(target_context.codegen(), name, code)
     for again in reload_init:
         again()
-    return CompileResult(
+    result: Any = CompileResult  # its fields are put together at run time
+    return result(
         typing_context=target_context.typing_context,
         target_context=target_context,
         entry_point=target_context.get_executable(library, fndesc, env),
