@@ -7,8 +7,12 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from tests import balance
+
+settings.register_profile("suite", deadline=None)  # the first call of a kernel compiles it
+settings.load_profile("suite")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 for variable, folder in (("SENSORLESS_DATA", "realdata"), ("SENSORLESS_RECORDINGS", "recordings")):
