@@ -5,8 +5,6 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
-import numpy as np
-
 LONG = (  # files that take long, most of it for kernels that no other file needs: in turn to the workers, first
     "plant/test_against_reference", "plant/test_own_effects", "gap/test_map_nominal", "plant/test_both_plants",
     "public/test_cli", "gap/test_answers", "public/test_public", "validation/test_withheld_running",
@@ -26,22 +24,13 @@ def compile_replays() -> None:
         replay(prepared, [{}] * count)
 
 
-def compile_bench() -> None:
-    """Have the switched bench."""
-    from model.drive_files import load_drive
-    from sandbox.validation.switched.advance import replay
-    from sandbox.validation.switched.bench_numbers import bench
-
-    drive = load_drive("ipm")
-    replay(bench(drive.motor, drive.converter), "locked", np.zeros(4), np.zeros(4), 400.0)
+def compile_loops() -> None:
+    """Have the closed loops on both plants, which are compiled when they are imported."""
+    for name in ("loop", "switched_loop"):
+        importlib.import_module(f"sandbox.drive.{name}")
 
 
-def compile_loop() -> None:
-    """Have the closed loop, which is compiled when it is imported."""
-    importlib.import_module("sandbox.drive.loop")
-
-
-FIRST = (compile_replays, compile_loop, compile_bench)  # about half of it each for two workers
+FIRST = (compile_replays, compile_loops)  # about as long as each other
 
 
 def compile_share(worker: int, workers: int) -> None:
