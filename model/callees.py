@@ -23,13 +23,6 @@ class Linked(JITCodeLibrary):
 
     codegen = SimpleNamespace(set_env=lambda name, env: None)  # the caller's code holds the place (`Kernel`)
 
-    def _optimize_final_module(self) -> None:
-        """Optimise as far as is cheap; the rest is done once, in the outermost caller."""
-        cheap, builder = self._codegen._module_pass_manager(
-            loop_vectorize=False, slp_vectorize=False, opt=self._codegen._opt_level, cost="cheap"
-        )
-        cheap.run(self._final_module, builder)
-
     def _finalize_final_module(self) -> None:
         self._finalize_dynamic_globals()
         self._verify_declare_only_symbols()
