@@ -20,21 +20,21 @@ from threading import Lock
 from typing import Any
 
 import numba
-from numba.core.dispatcher import Dispatcher
 from numba.core.typeinfer import register_dispatcher
 
+from model.callees import Kernel
 from model.compiling import watch
 from model.kernel_cache import KernelCache
-from model.sources import source_key
+from model.sources import depends_on, source_key
 
 KEPT_DAYS = 30
 _COMPILING = Lock()
-_MORE: list[str] = []  # what kernels depend on beside the rooms' files
+_MORE: list[tuple[str, Path]] = []  # what kernels depend on beside the rooms' files: those that import a file
 
 
-def depend_on(key: str) -> None:
-    """Keep kernels decorated from now on apart from those that do not depend on what `key` stands for."""
-    _MORE.append(key)
+def depend_on(key: str, through: Path) -> None:
+    """Keep kernels decorated from now on, where they depend on a file, apart from those without `key`."""
+    _MORE.append((key, through))
 
 
 def cache_home() -> Path:
@@ -75,12 +75,17 @@ def _own_folder() -> Path | None:
 def _folder_of(function: Callable[..., Any]) -> Path | None:
     """Return the folder that keeps a function's machine code; None for one that no file holds."""
     file = Path(inspect.getfile(function))
-    return _folder("-".join([numba.__version__, source_key(file.resolve()), *_MORE])) if file.is_file() else None
+    if not file.is_file():
+        return None
+    file = file.resolve()
+    more = [key for key, through in _MORE if through in depends_on(file)]
+    return _folder("-".join([numba.__version__, source_key(file), *more]))
 
 
 def kernel_folder() -> Path:
     """Return the folder for sources written for kernels decorated now, or one of this process alone."""
-    return _folder("-".join(["ports", *_MORE])) or Path(tempfile.mkdtemp(prefix="sensorless-kernels-"))
+    name = "-".join(["ports", *(key for key, _ in _MORE)])
+    return _folder(name) or Path(tempfile.mkdtemp(prefix="sensorless-kernels-"))
 
 
 def kernel(function: Callable[..., Any]) -> Any:
@@ -99,11 +104,14 @@ def kernel_as(signature: Any, **more: Any) -> Callable[[Callable[..., Any]], Any
     def compile_(function: Callable[..., Any]) -> Any:
         """Return the dispatcher of a function, its machine code kept in the rooms' own folder."""
         options: dict[str, Any] = {"nogil": True, "error_model": "numpy", **more}
-        compiled: Any = numba.njit(**options)(function)
-        if not isinstance(compiled, Dispatcher):  # NUMBA_DISABLE_JIT
-            return compiled
+        if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+            return function
+        compiled: Any = Kernel(function, targetoptions=options)
+        twin = compiled.with_twin() if signature is None else None
         if (folder := _folder_of(function)) is not None:
-            compiled._cache = KernelCache(function, folder)  # type: ignore[attr-defined]
+            compiled._cache = KernelCache(function, folder)
+            if twin is not None:
+                twin._cache = KernelCache(function, folder, "linked")
         if signature is not None:
             with register_dispatcher(compiled):
                 compiled.compile(signature)

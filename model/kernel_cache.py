@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 from numba.core.caching import Cache
-from numba.core.compiler import CompileResult
 from numba.core.serialize import dumps
 
 from model import kept
+from model.callees import rebuilt
 
 DIGITS = 32  # of the SHA-256 in a file's name
 
@@ -26,14 +26,14 @@ DIGITS = 32  # of the SHA-256 in a file's name
 class KernelCache(Cache):
     """One function's entries in a folder: an index `<function>.nbi`, a data file for each signature."""
 
-    def __init__(self, function: Any, folder: Path) -> None:
+    def __init__(self, function: Any, folder: Path, kind: str = "") -> None:
         source = Path(inspect.getfile(function)).resolve()
         name = f"{source.stem}.{function.__qualname__}".replace("<", "").replace(">", "")
         self._py_func = function
         self._name = repr(function)
         self._folder = folder / f"{source.parent.name}_{kept.digest(os.fsencode(source.parent))[:DIGITS]}"
         line = function.__code__.co_firstlineno
-        self._base = f"{name[:120]}-{line}.py{sys.version_info[0]}{sys.version_info[1]}"
+        self._base = f"{name[:120]}-{line}{kind and '-'}{kind}.py{sys.version_info[0]}{sys.version_info[1]}"
         self._stamp = kept.digest(source.read_bytes())
         self.enable()
 
@@ -63,7 +63,7 @@ class KernelCache(Cache):
             kept.note_damage(path)
             return None
         try:
-            return CompileResult._rebuild(target_context, *pickle.loads(body))
+            return rebuilt(target_context, pickle.loads(body))
         except Exception:  # whole, but not of this numba or this machine
             kept.note_damage(path)
             return None

@@ -7,10 +7,12 @@ from collections import Counter, defaultdict
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
-from model.drive_files import load_drive
-from sandbox.drive.scenario import Scenario, Segment
-from sandbox.evaluation.compare import compare
+from tests import balance
+
+settings.register_profile("suite", deadline=None)  # the first call of a kernel compiles it
+settings.load_profile("suite")
 
 SHARED = Path(__file__).resolve().parents[2] / "shared"
 for variable, folder in (("SENSORLESS_DATA", "realdata"), ("SENSORLESS_RECORDINGS", "recordings")):
@@ -18,9 +20,25 @@ for variable, folder in (("SENSORLESS_DATA", "realdata"), ("SENSORLESS_RECORDING
         os.environ.setdefault(variable, str(SHARED / folder))
 
 
+def pytest_sessionstart(session):
+    """Compile, on several workers, what all of them need: each another part."""
+    worker = getattr(session.config, "workerinput", None)
+    if worker is not None and balance.is_whole(session.config.args):
+        balance.compile_share(int(worker["workerid"].removeprefix("gw")), worker["workercount"])
+
+
+def pytest_collection_modifyitems(items):
+    """Long files first, so that no worker is left with one at the end."""
+    items.sort(key=lambda item: balance.rank(item.path))
+
+
 @pytest.fixture(scope="session")
 def small_comparison():
     """Two estimators on a two-step staircase, both beliefs, closed and open."""
+    from model.drive_files import load_drive  # here: importing these compiles the closed loop
+    from sandbox.drive.scenario import Scenario, Segment
+    from sandbox.evaluation.compare import compare
+
     segments = (Segment(0.2), Segment(0.3, 1.0, ramp=0.05))
     scenario = Scenario("two_steps", segments, settle=0.15)
     return compare(load_drive("ipm_exchanged"), scenario, ("qnull", "ekf"), seed=3)

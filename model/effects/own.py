@@ -11,9 +11,11 @@ from __future__ import annotations
 import sys
 
 from model.effects.card import Effect
+from model.sources import ROOT
 
 VARIABLE = "SENSORLESS_EFFECTS_FROM"  # by which processes started from this one are told
 PLANT = "sandbox.plant.electrical"  # the first of the plant's kernels
+EQUATIONS = ROOT / "sandbox" / "plant" / "ports.py"  # kernels that depend on it hold the effects taken over
 FILES: dict[str, str] = {}  # module of each file taken over so far, by the file
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from numba import types
 
-from model.compiled import compiled_as
+from model.compiled import compiled_as, kernel
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -21,7 +21,7 @@ def answer(folder: Path, callee: str, cache: Path) -> str:
     room = folder / "model"
     room.mkdir(parents=True, exist_ok=True)
     (room / "__init__.py").write_text("")
-    for name in ("compiled.py", "compiling.py", "kernel_cache.py", "kept.py", "sources.py"):
+    for name in ("callees.py", "compiled.py", "compiling.py", "kernel_cache.py", "kept.py", "sources.py"):
         (room / name).write_text((ROOT / "model" / name).read_text())
     (room / "callee.py").write_text(f"from model.compiled import kernel\n\n\n@kernel\ndef f(x):\n    return {callee}\n")
     caller = """
@@ -83,3 +83,23 @@ def test_a_signature_is_compiled_once_whichever_thread_asks():
     whole = compiled_as(types.int64(types.int64), double)
     assert whole is not found[0]
     assert whole(3) == 6
+
+
+@kernel
+def scaled(k, x):
+    return k * x
+
+
+@kernel
+def both(x):
+    return scaled(2, x) + scaled(3, x)
+
+
+def test_callers_share_one_callee_and_python_has_its_own():
+    """5 x 1.5: constants are integers to the callee, which is made ready for Python when Python calls it."""
+    assert both(1.5) == 7.5
+    integer_and_real = (types.int64, types.float64)
+    assert scaled.twin.signatures == [integer_and_real]
+    assert scaled.signatures == []
+    assert scaled(2, 1.5) == 3.0
+    assert scaled.signatures == [integer_and_real]

@@ -106,6 +106,7 @@ def test_lags_behind_late_edges():
     assert apart(DRIVE, kernel(values, duty, 4, 20.0), told_by_reference) < CURVED
 
 
+STEP = 50  # periods until a load comes
 MOVED = {name: typical(name) for name in library.effect_names() if name != "encoder_offset"}
 MOVED |= {
     "nothing": {},
@@ -123,12 +124,12 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
     slope of the acceleration a period, T^2/12 times its change in all; friction is taken at the middle of the period.
     A delayed pattern sees the angle at the period's mean speed: the sample then reads off by G psi a d T/2.
     """
-    n, pairs, values = 240, DRIVE.motor.pole_pairs, MOVED[name]
+    n, pairs, values = 120, DRIVE.motor.pole_pairs, MOVED[name]
     u = 0.06 * np.exp(1j * (1.9 + 0.5 * np.sin(np.arange(n) / 40.0)))
     legs = np.stack([u.real, u.imag], axis=1) @ LEGS.T
     duty = 0.5 + legs - 0.5 * (legs.max(axis=1) + legs.min(axis=1))[:, None]
-    load = np.where(np.arange(n) >= 100, 0.1, 0.0)
-    readings, states = reference(DRIVE, values, duty, None, load=lambda t: 0.1 if t >= 100 * PERIOD - 1e-9 else 0.0)
+    load = np.where(np.arange(n) >= STEP, 0.1, 0.0)
+    readings, states = reference(DRIVE, values, duty, None, load=lambda t: 0.1 if t >= STEP * PERIOD - 1e-9 else 0.0)
     v, theta, speed = complete(DRIVE.motor, DRIVE.converter, values), states[:, 8], pairs * states[:, 9]
     size, phase = pairs * v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
     read = theta + size * np.sin(theta / pairs + phase)

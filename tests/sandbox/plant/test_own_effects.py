@@ -11,11 +11,14 @@ from pathlib import Path
 
 import pytest
 
-import sandbox.plant.electrical  # noqa: F401 - from here on an effect comes too late
+import sandbox.plant.electrical as electrical  # from here on an effect comes too late
+from model import compiled
 from model.effects import adopt
 from model.effects.card import At, Effect, Parameter
 from model.effects.library import load_effect
+from model.effects.own import EQUATIONS
 from model.errors import BadInput
+from sandbox.validation.switched import inverter
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "experiments" / "my_effects.py"
@@ -65,6 +68,16 @@ def test_the_examples_fan_and_resolver_enter_the_plant(tmp_path):
     assert float(with_it) < 0.1
     assert float(without) > 10.0 * float(with_it)
     assert float(error) < 1e-14
+
+
+def test_kernels_that_hold_no_effect_are_not_compiled_again(monkeypatch):
+    """The plant imports the ports, the switched bench shares no code with it."""
+    monkeypatch.setattr(compiled, "_folder", lambda key: key)
+    monkeypatch.setattr(compiled, "_MORE", [])
+    plant, bench = (compiled._folder_of(f.py_func) for f in (electrical.begin, inverter.settle))
+    monkeypatch.setattr(compiled, "_MORE", [("mine", EQUATIONS)])
+    assert compiled._folder_of(electrical.begin.py_func) == f"{plant}-mine"
+    assert compiled._folder_of(inverter.settle.py_func) == bench
 
 
 def test_effects_after_the_plant_come_too_late():

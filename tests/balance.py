@@ -1,0 +1,50 @@
+"""A whole run on several workers: which compiles what to begin with, and which files come first."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+LONG = (  # files that take long, most of it for kernels that no other file needs: in turn to the workers, first
+    "plant/test_against_reference", "plant/test_own_effects", "gap/test_map_nominal", "plant/test_both_plants",
+    "public/test_cli", "gap/test_answers", "public/test_public", "validation/test_withheld_running",
+    "validation/test_withheld_make", "validation/test_withheld_published", "plant/test_mapped_drive",
+    "evaluation/test_protocol", "estimators/test_families", "sweep/test_sweep", "gap/test_real",
+    "gap/test_discriminate",
+)  # fmt: skip
+
+
+def compile_replays() -> None:
+    """Have the replay's two kernels: for few sets and for many."""
+    from sandbox.replay.replay import replay
+    from tests.sandbox.plant.told import DRIVE, duties, told, turning
+
+    prepared = told(DRIVE, duties(4), *turning(4))
+    for count in (1, 5):
+        replay(prepared, [{}] * count)
+
+
+def compile_loops() -> None:
+    """Have the closed loops on both plants, which are compiled when they are imported."""
+    for name in ("loop", "switched_loop"):
+        importlib.import_module(f"sandbox.drive.{name}")
+
+
+FIRST = (compile_replays, compile_loops)  # about as long as each other
+
+
+def compile_share(worker: int, workers: int) -> None:
+    """Compile one worker's share of what every worker needs, so that two do not compile the same side by side."""
+    for task in FIRST[worker::workers]:
+        task()
+
+
+def is_whole(arguments: list[str]) -> bool:
+    """Return whether pytest was asked for all tests: a part of them may need no kernel at all."""
+    return [Path(a).resolve() for a in arguments] == [Path(__file__).resolve().parent]
+
+
+def rank(path: Path) -> int:
+    """Return a file's place in the order: long ones first, the others after them as they stand."""
+    name = f"{path.parent.name}/{path.stem}"
+    return LONG.index(name) if name in LONG else len(LONG)
