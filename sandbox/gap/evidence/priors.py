@@ -93,7 +93,7 @@ class Coordinate:
             return 0.0, math.inf
         if self.form == "share":
             return 0.0, 1.5
-        p = {**BENCH, **library.parameters()}.get(self.names[0])
+        p = BENCH.get(self.names[0]) or library.parameters().get(self.names[0])
         if self.form not in ("linear", "log") or p is None:
             return -math.inf, math.inf
         if self.form == "log":

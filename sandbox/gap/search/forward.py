@@ -90,8 +90,8 @@ def search(
             if new and (cost > budget or _settles(new, null, promised)):
                 break
             report(f"fitting {' + '.join(key)}")
-            before = parent.point.values if parent.effects else unbent(parent.point).values
-            at = replace(parent.point, values={**before, **begin})
+            from_here = parent.point if parent.effects else unbent(parent.point)
+            at = replace(from_here, values={**from_here.values, **begin})
             try:
                 new.append(fit(at.resmoothed() if begin else at, key, weights, workers=workers))
             except BadInput:
