@@ -26,7 +26,7 @@ ON_AXIS = 0.08  # of the largest current: how far a level may lie from an axis t
 AT_ZERO = 0.02  # of the largest current: how far from zero to count as at zero
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Levels:
     """Steady levels, n of them, in the rotor frame the encoder gives; arrays lead with n, second axis d, q."""
 
@@ -40,6 +40,9 @@ class Levels:
     waveform: Array  # (n, N, 2) V, command over one injection period less its mean
     theta: Array  # (n,) rad, lock angle
     source: tuple[str, ...] = field(default=())  # (n,) recording
+
+    def __repr__(self) -> str:
+        return f"<Levels: {self.axis.size} levels, {len(set(self.source))} recordings>"
 
     @property
     def flux(self) -> Array:

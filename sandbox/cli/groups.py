@@ -60,7 +60,9 @@ def add_runs(add: Add) -> None:
     c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
     _plant(c)
     c.add_argument("--plant", choices=("exact", "switched", "averaged"), help="(exact, or what the estimator needs)")
-    c.add_argument("--json-only", action="store_true", help="write simulate.json alone: no trace, figure or table")
+    c.add_argument(
+        "--json-only", action="store_true", help="write simulate.json alone, no trace, page, figure or table"
+    )
     c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
 
 

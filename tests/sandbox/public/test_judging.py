@@ -24,6 +24,11 @@ def test_protocol_takes_objects_and_shows_goals(own_file, tmp_path, capsys):
     assert result.to_table().column("motor").to_pylist()[0] == "ipm_exchanged"
     with pytest.raises(sandbox.BadInput, match="no trace"):
         result.to_rerun(tmp_path / "x.rrd")
+    assert repr(result.protocol) == "<Protocol: 2 rows, seed 0>"
+    result.save(tmp_path / "out")
+    names = [f"protocol.{kind}" for kind in ("html", "json", "parquet", "png")]
+    assert sorted(p.name for p in (tmp_path / "out").iterdir()) == names
+    assert json.loads((tmp_path / "out" / "protocol.json").read_text())["page"] == "protocol.html"
 
 
 def test_goal_beside_every_verdict():

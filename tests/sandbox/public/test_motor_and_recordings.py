@@ -20,6 +20,7 @@ def test_machine_results(tmp_path):
     assert audit.passed
     assert audit.to_table().column("load").to_pylist()[18] == 0.0
     assert "valid up to 2.16 A" in repr(audit)
+    assert max(len(repr(audit.audit)), len(repr(maps.maps))) < 200
     table = maps.to_table()
     at_zero = [row for row in table.to_pylist() if row["i_d"] == row["i_q"] == 0.0]
     assert at_zero[0]["l_dd"] == pytest.approx(0.0458)  # inductance_d as printed
@@ -70,6 +71,7 @@ def test_a_campaign_is_looked_into_by_name(campaign):
 @of("identify")
 def test_identification_draws_what_was_measured(campaign, tmp_path):
     found = sandbox.identify(campaign)
+    assert max(len(repr(found.identification)), len(repr(found.identification.levels))) < 200
     rows = found.to_table().to_pylist()
     resistance = next(r for r in rows if (r["method"], r["parameter"]) == ("exact", "resistance"))
     assert resistance["value"] == pytest.approx(12.15, rel=1e-3)  # planted

@@ -40,8 +40,9 @@ def test_simulate_takes_names_files_and_objects(run, tmp_path):
 
 @of("Scenario", "Segment")
 def test_a_run_as_table_frame_figure_trace_and_folder(run, tmp_path):
-    assert len(repr(run)) < 200
-    assert "\n" not in repr(run)
+    for seen in (run, run.comparison, run.recording):
+        assert len(repr(seen)) < 200
+        assert "\n" not in repr(seen)
     table = run.to_table()
     assert table.num_rows == run.recording.t.size == len(run.recording)
     assert table.schema.field("i_d").metadata == {b"unit": b"A"}
@@ -53,14 +54,14 @@ def test_a_run_as_table_frame_figure_trace_and_folder(run, tmp_path):
     assert {"i_d", "theta_hat", "between"} <= set(dir(run.recording))
     assert len(run.plot().axes) == 4
     run.save(tmp_path / "out", csv=True)
-    names = ["simulate.csv", "simulate.json", "simulate.parquet", "simulate.png", "simulate.rrd"]
+    names = [f"simulate.{kind}" for kind in ("csv", "html", "json", "parquet", "png", "rrd")]
     assert sorted(p.name for p in (tmp_path / "out").iterdir()) == names
     kept = pq.read_table(tmp_path / "out" / "simulate.parquet")
     assert kept.schema.field("i_d").metadata[b"unit"] == b"A"
     assert (tmp_path / "out" / "simulate.csv").read_text().startswith('"t (s)","i_a (A)"')
     content = json.loads((tmp_path / "out" / "simulate.json").read_text())
-    assert (content["figure"], content["table"], content["trace"]) == tuple(
-        f"simulate.{kind}" for kind in ("png", "parquet", "rrd")
+    assert tuple(content[key] for key in ("page", "figure", "table", "trace")) == tuple(
+        f"simulate.{kind}" for kind in ("html", "png", "parquet", "rrd")
     )
     assert run.to_rerun(str(tmp_path / "alone.rrd")).is_file()
 

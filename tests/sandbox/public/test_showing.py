@@ -42,7 +42,7 @@ def test_show_with_a_display_opens_page_and_trace(run, tmp_path, monkeypatch):
     monkeypatch.setattr(showing, "view", lambda path, web=False: opened.append(str(path)))
     run.save(tmp_path, table=False)
     assert "opened" in sandbox.show(tmp_path)
-    assert opened == [(tmp_path / "simulate.png").as_uri(), str(tmp_path / "simulate.rrd")]
+    assert opened == [(tmp_path / "simulate.html").as_uri(), str(tmp_path / "simulate.rrd")]
 
 
 def test_tables_fit_eighty_columns(small_comparison, capsys):
