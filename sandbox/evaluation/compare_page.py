@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sandbox.drive.recording import Recording
 from sandbox.evaluation.choice import Standing, best, far_off, gained, standings, theory_held, which
 from sandbox.evaluation.compare import Comparison, Run
+from sandbox.evaluation.compare_sheets import most_current, over_angle, spectra, working
 from sandbox.output import looks
 from sandbox.output.document import answer, figure, fold, pairs, prose, table, write_page
 from sandbox.output.loci import angle_svg, estimator_svg, hodograph_svg, loci_svg
@@ -118,15 +118,10 @@ def looked(c: Comparison, runs: Sequence[Run]) -> Iterator[str]:
 
 def _error(run: Run) -> tuple[list[float], list[float]]:
     """Return the error (degrees) over time from the first evaluated stretch on; NaN where it would hide all else."""
-    r = _working(run)
+    r = working(run)
     seen = [row.transient_max_deg for row in run.rows if row.transient_max_deg is not None]
     t, e = looks.thinned(r.t, np.degrees(r.error), DRAWN)
     return t.tolist(), np.where(np.abs(e) <= 1.1 * max(seen, default=45.0), e, np.nan).tolist()
-
-
-def _working(run: Run) -> Recording:
-    """Return the samples after starting up and settling first."""
-    return run.recording.between(run.rows[0].t_start, run.rows[-1].t_end) if run.rows else run.recording
 
 
 def _line(run: Run, name: str) -> tuple[list[float], list[float]]:
@@ -136,19 +131,17 @@ def _line(run: Run, name: str) -> tuple[list[float], list[float]]:
 
 def _planes(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
     """Yield the paths of currents and fluxes."""
-    paths = {name: looks.currents(c.drive, _working(run)) for name, run in kept.items()}
-    rated = c.drive.motor.rated_current
-    most = max(float(np.max(np.hypot(*way), initial=rated)) for way in paths.values())
-    plane = looks.plane(c.drive, 1.1 * most)
+    paths = {name: looks.currents(c.drive, working(run)) for name, run in kept.items()}
+    plane = looks.plane(c.drive, most_current(c, paths.values()))
     if plane is not None:
         yield figure(
-            loci_svg(plane, paths, rated),
+            loci_svg(plane, paths, c.drive.motor.rated_current),
             "Where the currents go (true ones, ripple averaged out) over what injection sees. Grey: saliency, green: "
             "error of a linear belief in degrees, dotted: rated current.",
         )
     yield figure(
         hodograph_svg(
-            {n: looks.hodograph(c.drive, _working(run), [row.t_end for row in run.rows]) for n, run in kept.items()},
+            {n: looks.hodograph(c.drive, working(run), [row.t_end for row in run.rows]) for n, run in kept.items()},
             c.drive.motor.magnet_flux,
         ),
         "Hodograph: the flux linkage in the stator's frame, by the nominal model at these currents; dotted: the magnet "
@@ -157,34 +150,19 @@ def _planes(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
 
 
 def _spectra(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
-    """Yield spectra of ripple and error over the evaluated stretches, and the error against the angle."""
-    period = c.drive.converter.sampling_period
-    error, ripple, over = {}, {}, {}
-    for name, run in kept.items():
-        rows = [row for row in run.rows if not row.lost_lock]
-        if rows and np.isclose(run.recording.t[1] - run.recording.t[0], period):  # a thinned one would fold lines back
-            long = max(rows, key=lambda row: row.t_end - row.t_start)
-            own = run.recording.between(long.t_start, long.t_end)
-            f, size = looks.spectrum(np.degrees(own.error), period)
-            error[name] = (f.tolist(), size.tolist())
-            f, size = looks.spectrum(np.stack([own.i_d, own.i_q], axis=1), period)
-            ripple[name] = (f.tolist(), size.tolist())
-        if rows:
-            parts = [run.recording.between(row.t_start, row.t_end) for row in rows]
-            off = [np.degrees(p.error - p.error.mean()) for p in parts]
-            over[name] = np.concatenate(off), np.concatenate([p.theta for p in parts])
-    if ripple:
+    """Yield spectra of ripple and error, and the error against the angle."""
+    found = {name: own for name, run in kept.items() if (own := spectra(c, run))}
+    if found:
+        panels = [
+            (title, {name: (own[key][0].tolist(), own[key][1].tolist()) for name, own in found.items()})
+            for key, title in (("current", "i_dq (A)"), ("error", "error (°)"))
+        ]
         yield figure(
-            lines_svg(
-                [("i_dq (A)", ripple), ("error (°)", error)], "frequency (Hz)", log="y",
-                colours=[colour_of(name) for name in ripple],
-            ),
+            lines_svg(panels, "frequency (Hz)", log="y", colours=[colour_of(name) for name in found]),
             f"Spectrum of the true current in the rotor's frame and of the position error, longest evaluated stretch "
             f"in lock; injection at {c.drive.injection.frequency:g} Hz. Height: amplitude of a line there.",
-        )  # fmt: skip
-    drawing = angle_svg(over)
-    if drawing:
-        yield figure(
-            drawing,
-            "Position error less the mean of its stretch, against the rotor's angle: mean, and nine samples in ten.",
         )
+    drawing = angle_svg({name: over for name, run in kept.items() if (over := over_angle(run)) is not None})
+    if drawing:
+        caption = "Position error less its stretch's mean, against the rotor's angle: mean, and nine samples in ten."
+        yield figure(drawing, caption)

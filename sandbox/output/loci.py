@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 Way = tuple[Array, Array]  # x, y
 FAINT = {"color": "0.5", "linewidth": 0.6, "alpha": 0.6}
 LEVELS = 9
+LEAST_ANGLE = 0.1  # degrees; without saturation there is nothing to draw
 
 
 def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
@@ -29,7 +30,7 @@ def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
     filled = axes.contourf(i, i, plane.gain.T, levels=LEVELS, cmap="Greys", alpha=0.4, vmin=0.0)
     bar = drawing.colorbar(filled, ax=axes, shrink=0.75, label="saliency (1: at zero current)")
     bar.ax.patch.set_visible(False)
-    if np.nanmax(np.abs(plane.angle)) > 0.1:  # degrees; without saturation there is nothing to draw
+    if np.nanmax(np.abs(plane.angle)) > LEAST_ANGLE:
         lines = axes.contour(i, i, plane.angle.T, levels=LEVELS, colors="#2a9d5c", linewidths=0.8)
         axes.clabel(lines, fontsize=8, fmt="%g°")
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
@@ -85,3 +86,13 @@ def estimator_svg(runs: Sequence[Run]) -> str:
     axes.set_ylabel("position error (°)")
     axes.set_xlabel("load (% of rated)" if loads else "segment: load (%), speed (rpm)")
     return svg_text(drawing, "".join(run.name for run in runs))
+
+
+def contours(plane: Plane) -> list[tuple[float, Array]]:
+    """Return lines of equal angle over the plane of currents: (degrees, points (n, 2) of i_d and i_q in A)."""
+    if not np.nanmax(np.abs(plane.angle)) > LEAST_ANGLE:
+        return []
+    _, panels = page((PHONE, PHONE), 1, 1, squeeze=False)
+    found = panels[0, 0].contour(plane.current, plane.current, plane.angle.T, levels=LEVELS)
+    levels = zip(found.levels, found.allsegs, strict=True)
+    return [(float(level), line) for level, lines in levels for line in lines if len(line) > 1]

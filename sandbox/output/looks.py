@@ -23,6 +23,7 @@ LONGEST = 4096  # samples of a spectrum's stretches
 SLOWEST_TURN = 2.0  # s: a turn that takes longer is none to draw
 LEAST_TURN = math.radians(350.0)  # electrical: less is no turn to draw an error over
 SECTORS = 72
+BARS = 128  # of a spectrum: more are too thin to see
 MOST = 4000  # points drawn of a line: more than a page has pixels
 
 
@@ -54,7 +55,7 @@ def plane(drive: Drive, reach: float) -> Plane | None:
 def currents(drive: Drive, recording: Recording) -> tuple[Array, Array]:
     """Return a run's way through the plane of currents (i_d, i_q in A), means over whole injection periods."""
     width = _injected(drive) * max(2, math.ceil(len(recording) / (_injected(drive) * POINTS)))
-    return _means(recording.i_d, width), _means(recording.i_q, width)
+    return means(recording.i_d, width), means(recording.i_q, width)
 
 
 def hodograph(drive: Drive, recording: Recording, ends: Sequence[float]) -> tuple[Array, Array]:
@@ -81,8 +82,8 @@ def hodograph(drive: Drive, recording: Recording, ends: Sequence[float]) -> tupl
 
 def _flux(drive: Drive, recording: Recording, width: int) -> tuple[Array, Array]:
     """Return the flux in the stator's frame, block by block."""
-    i_d, i_q = _means(recording.i_d, width), _means(recording.i_q, width)
-    way = _means(np.exp(1j * recording.theta), width)
+    i_d, i_q = means(recording.i_d, width), means(recording.i_q, width)
+    way = means(np.exp(1j * recording.theta), width)
     psi = np.full(i_d.size, np.nan + 0j)
     for k, (x, y) in enumerate(zip(i_d, i_q, strict=True)):
         d, q, outside = flux_newton(drive.motor.energy, float(x), float(y), 0.0, 0.0)
@@ -96,8 +97,8 @@ def _injected(drive: Drive) -> int:
     return max(1, round(1.0 / (drive.injection.frequency * drive.converter.sampling_period)))
 
 
-def _means(values: NDArray, width: int) -> NDArray:
-    """Return means of whole blocks; of fewer samples than one block all are one."""
+def means(values: NDArray, width: int) -> NDArray:
+    """Return the means of whole blocks of `width` values, an incomplete last one left out; fewer are one block."""
     width = min(width, values.size)
     return np.asarray(values[: values.size // width * width].reshape(-1, width).mean(axis=1))
 
@@ -118,6 +119,14 @@ def spectrum(values: Array, period: float) -> tuple[Array, Array]:
     )  # fmt: skip
     amplitude = 2.0 * np.sqrt(power.mean(axis=1)) / window.sum()
     return np.asarray(np.fft.rfftfreq(n, period)[1:], dtype=np.float64), np.asarray(amplitude[1:])
+
+
+def bars(f: Array, size: Array, low: float) -> tuple[Array, Array]:
+    """Return a spectrum as at most BARS bars (Hz, dB over `low`): the largest line of each stretch of frequencies."""
+    width = -(-f.size // BARS)
+    whole = f.size // width * width
+    peaks = size[:whole].reshape(-1, width).max(axis=1)
+    return f[:whole].reshape(-1, width).mean(axis=1), 20.0 * np.log10(np.maximum(peaks / low, 1.0))
 
 
 def over_angle(error: Array, theta: Array) -> tuple[Array, Array, Array, Array] | None:

@@ -119,9 +119,10 @@ class SimulationResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write the run as a trace (`.rrd`); return its path."""
+        from sandbox.evaluation.compare_sheets import sheets
         from sandbox.output.trace import write_trace
 
-        write_trace(Path(path), self.comparison)
+        write_trace(Path(path), self.comparison, sheets(self.comparison))
         return Path(path)
 
     def save(
@@ -184,9 +185,10 @@ class ComparisonResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write all runs as one trace (`.rrd`); return its path."""
+        from sandbox.evaluation.compare_sheets import sheets
         from sandbox.output.trace import write_trace
 
-        write_trace(Path(path), self.comparison)
+        write_trace(Path(path), self.comparison, sheets(self.comparison))
         return Path(path)
 
     def write_page(self, path: str | Path) -> Path:

@@ -6,14 +6,17 @@ import dataclasses
 import re
 from html.parser import HTMLParser
 
+import numpy as np
 import pytest
 
 from sandbox.evaluation import choice, compare_page, protocol_page
 from sandbox.evaluation.compare import Comparison
+from sandbox.evaluation.compare_sheets import sheets
 from sandbox.evaluation.protocol import Protocol, Unit
 from sandbox.evaluation.protocol import Row as Finished
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.evaluation.score import ErrorDeg, Row
+from sandbox.output.trace import write_trace
 
 VOID = {"meta", "br", "wbr", "link", "img"}
 
@@ -167,3 +170,26 @@ def test_a_protocol_on_one_page(tmp_path):
     assert "R +50 %: b lost lock." in page.text.replace("\xa0", " ")
     marked = re.findall(r"<td class='(\w+)'>", page.source)
     assert (marked.count("good"), marked.count("bad")) == (5, 3)  # as marked in ROWS, and both cases of `robustness`
+
+
+def test_a_trace_has_planes_and_spectra(small_comparison, tmp_path):
+    from rerun.chunk import RrdReader
+
+    found = sheets(small_comparison)
+    assert list(found) == ["qnull", "ekf"]
+    assert list(found["ekf"]) == ["currents", "fluxes", "spectrum_current", "spectrum_error"]  # locked: no angle
+    lines, _, labels = found["qnull"]["currents"].strips["map"]
+    assert len(lines) == len(labels) > 3
+    bars = found["qnull"]["spectrum_current"]
+    highest = bars.x[np.argmax(bars.lines["saturated"])]  # its left edge
+    assert highest <= small_comparison.drive.injection.frequency <= highest + bars.width
+    write_trace(tmp_path / "x.rrd", small_comparison, found)
+    entities = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "x.rrd").stream()}
+    assert {
+        f"/{e}/{own}" for e in found for own in ("currents/linear", "fluxes/magnet", "spectrum_error/linear")
+    } <= entities
+
+
+def test_an_open_loop_run_alone_has_its_tab(small_comparison):
+    run = next(run for run in small_comparison.runs if not run.closed_loop)
+    assert list(sheets(dataclasses.replace(small_comparison, runs=(run,)))) == [run.estimator]

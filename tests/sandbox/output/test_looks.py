@@ -12,6 +12,8 @@ from model.drive_files import load_drive
 from model.saliency import local_angle
 from sandbox.drive.recording import CHANNELS, Recording
 from sandbox.output import looks
+from sandbox.output.loci import contours
+from sandbox.output.sheets import upright
 
 DRIVE = load_drive("ipm_exchanged")
 PERIOD = DRIVE.converter.sampling_period
@@ -96,3 +98,32 @@ def test_thinned_lines_keep_their_peaks():
     assert t.size <= 1200
     assert (t[np.argmax(y)], t[np.argmin(y)]) == (777.0, 54_321.0)
     assert np.all(np.diff(t) >= 0.0)
+
+
+def test_bars_keep_the_largest_line_of_each_stretch():
+    f, size = np.arange(1.0, 2049.0), np.full(2048, 1e-9)
+    size[500] = 1e-3
+    at, levels = looks.bars(f, size, 1e-6)
+    assert at.size == looks.BARS
+    k = int(np.argmax(levels))
+    assert abs(at[k] - f[500]) <= 2048 / looks.BARS / 2
+    assert levels[k] == pytest.approx(60.0)  # 1e-3 over 1e-6
+    assert np.delete(levels, k).max() == 0.0  # what lies below `low` is cut
+
+
+def test_a_line_on_a_sheet_points_upwards_and_breaks_at_the_undefined():
+    x = np.array([0.0, 1.0, np.nan, 3.0, 4.0, 5.0, np.nan, 7.0])
+    parts = upright(x, x)
+    assert [part.tolist() for part in parts] == [[[0.0, 0.0], [1.0, -1.0]], [[3.0, -3.0], [4.0, -4.0], [5.0, -5.0]]]
+
+
+def test_lines_of_equal_angle_lie_where_the_theory_has_it():
+    plane = looks.plane(DRIVE, 1.0)
+    # its points lie between two nodes: linear interpolation errs by an eighth of the second difference at the most
+    bound = max(float(np.max(np.abs(np.diff(plane.angle, 2, axis=k)))) for k in (0, 1)) / 8.0
+    for degrees, line in contours(plane):
+        theory = np.degrees(local_angle(DRIVE.motor.energy, line[:, 0], line[:, 1]))
+        np.testing.assert_allclose(theory, degrees, atol=1.1 * bound)
+    assert bound < 0.05  # degrees
+    assert {degrees for degrees, _ in contours(plane)} >= {0.0}
+    assert contours(plane._replace(angle=np.zeros_like(plane.angle))) == []
