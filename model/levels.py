@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +45,7 @@ class Levels:
     def __repr__(self) -> str:
         return f"<Levels: {self.axis.size} levels, {len(set(self.source))} recordings>"
 
-    @property
+    @cached_property
     def flux(self) -> Array:
         """Sampled flux ripple (n, N) along the injected axis, V s."""
         return np.array(
