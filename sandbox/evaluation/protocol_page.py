@@ -31,6 +31,7 @@ class Merit:
     estimator: str
     judged: int
     missed: tuple[Row, ...]
+    slow: tuple[str, ...]  # tests in which a speed was reached too late
     worst_p95: float | None
     step_ns: float | None
 
@@ -50,7 +51,9 @@ def merits(rows: Sequence[Row], motor: str) -> tuple[Merit, ...]:
         cost = next((r.outcome.metrics.get("step_ns") for r in mine if r.unit.test == "cost"), None)
         errors = [r.outcome.metrics.get("p95_deg") for r in mine if r.unit.test in GAINED]
         worst = max((e for e in errors if e is not None), default=None)
-        out.append(Merit(name, len(judged), tuple(r for r in judged if not r.outcome.passed), worst, cost))
+        slow = tuple(r.unit.test for r in mine if r.outcome.metrics.get("speed_missed"))
+        missed = tuple(r for r in judged if not r.outcome.passed)
+        out.append(Merit(name, len(judged), missed, slow, worst, cost))
     return tuple(sorted(out, key=Merit.order))
 
 
@@ -63,7 +66,8 @@ def which(rows: Sequence[Row], motor: str) -> str:
     names = either([m.estimator for m in first])
     if not first[0].missed:
         verb = "meets" if len(first) == 1 else "each meets"
-        return f"{names} with the saturated belief: {verb} {_all(first[0].judged)}.{_cheapest(first)}"
+        text = f"{names} with the saturated belief: {verb} {_all(first[0].judged)}.{_cheapest(first)}"
+        return text + "".join(f" {m.estimator} was slow in {', '.join(m.slow)}." for m in first if m.slow)
     text = f"None meets every goal. Nearest: {names} with the saturated belief"
     text += f", {first[0].judged - len(first[0].missed)} of {first[0].judged}."
     return text + "".join(f" {m.estimator} misses {'; '.join(map(why, m.missed))}." for m in first[:3])

@@ -65,7 +65,7 @@ def hodograph(drive: Drive, recording: Recording, ends: Sequence[float]) -> tupl
     hide each other; else the whole way. NaN outside the model's domain, too.
     """
     turn = 2.0 * math.pi
-    if np.ptp(recording.theta) < turn:
+    if len(recording) == 0 or np.ptp(recording.theta) < turn:
         return _flux(
             drive, recording, _injected(drive) * max(1, math.ceil(len(recording) / (_injected(drive) * POINTS)))
         )
@@ -99,7 +99,7 @@ def _injected(drive: Drive) -> int:
 
 def means(values: NDArray, width: int) -> NDArray:
     """Return the means of whole blocks of `width` values, an incomplete last one left out; fewer are one block."""
-    width = min(width, values.size)
+    width = max(1, min(width, values.size))
     return np.asarray(values[: values.size // width * width].reshape(-1, width).mean(axis=1))
 
 

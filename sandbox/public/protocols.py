@@ -59,7 +59,7 @@ class ProtocolResult(Result):
 
         return protocol_figure(tables(self.protocol), READING, path)
 
-    def write_page(self, path: str | Path) -> Path:
+    def to_html(self, path: str | Path) -> Path:
         """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""
         from sandbox.evaluation.protocol_page import write_protocol
 
@@ -68,7 +68,7 @@ class ProtocolResult(Result):
 
     def _write(self, out: Path, csv: bool) -> dict[str, Any]:
         """Write page, figure and table."""
-        self.write_page(out / "protocol.html")
+        self.to_html(out / "protocol.html")
         return super()._write(out, csv) | {"page": "protocol.html"}
 
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:

@@ -134,7 +134,7 @@ class SimulationResult(Result):
         """
         return save_runs(self, folder, csv=csv, trace=trace, figure=figure, table=table)
 
-    def write_page(self, path: str | Path) -> Path:
+    def to_html(self, path: str | Path) -> Path:
         """Write the run as one page with its figures inside (`.html`): errors, currents, fluxes, spectra; return it."""
         from sandbox.evaluation.compare_page import write_run
 
@@ -191,7 +191,7 @@ class ComparisonResult(Result):
         write_trace(Path(path), self.comparison, sheets(self.comparison))
         return Path(path)
 
-    def write_page(self, path: str | Path) -> Path:
+    def to_html(self, path: str | Path) -> Path:
         """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""
         from sandbox.evaluation.compare_page import write_comparison
 
@@ -217,7 +217,7 @@ def save_runs(
     with results(Path(folder), name) as out:
         if figure:
             result.plot(out / f"{name}.png")
-            result.write_page(out / f"{name}.html")
+            result.to_html(out / f"{name}.html")
         if table or csv:
             found = result.to_table()
             for suffix in [".parquet"] * table + [".csv"] * csv:

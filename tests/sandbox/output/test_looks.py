@@ -86,6 +86,7 @@ def test_a_hodograph_at_no_current_is_the_magnets_circle():
     assert known.sum() == pytest.approx(2 * 0.1 / (8 * PERIOD), abs=2)  # 0.1 s a turn in blocks of eight samples
     x, y = looks.hodograph(DRIVE, recording(n, theta=1.0), [1.0])  # locked: the whole way
     np.testing.assert_allclose(np.arctan2(y, x), 1.0, atol=1e-12)
+    assert looks.hodograph(DRIVE, recording(0), [])[0].size == looks.currents(DRIVE, recording(0))[0].size == 0
     spm = load_drive("spm")  # stops being convex at i_d = -0.786 A (audit)
     far = looks.hodograph(spm, recording(n, theta=1.0, i_d=-1.0), [1.0])
     assert np.isnan(far[0]).all()

@@ -24,6 +24,8 @@ def test_protocol_takes_objects_and_shows_goals(own_file, tmp_path, capsys):
     assert result.to_table().column("motor").to_pylist()[0] == "ipm_exchanged"
     with pytest.raises(sandbox.BadInput, match="no trace"):
         result.to_rerun(tmp_path / "x.rrd")
+    with pytest.raises(sandbox.BadInput, match="no page of its own"):
+        sandbox.maps("ipm", points=3).to_html(tmp_path / "x.html")
     assert repr(result.protocol) == "<Protocol: 2 rows, seed 0>"
     result.save(tmp_path / "out")
     names = [f"protocol.{kind}" for kind in ("html", "json", "parquet", "png")]
