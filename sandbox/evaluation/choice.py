@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from sandbox.evaluation.score import Row
 
 NEAR_DEG, NEAR = 0.2, 0.2  # degrees, share of the best's: nearer is no reason to choose (seeds differ by 0.09 degrees)
+MANY = 4  # names that a sentence holds
 SLIGHT = 0.2  # degrees of the worst mean error: less is no gain to speak of
 
 
@@ -87,7 +88,12 @@ def said(chosen: Sequence[Standing]) -> str:
     groups: dict[str, list[str]] = {}
     for s in chosen:
         groups.setdefault(s.belief, []).append(s.estimator)
-    return either([f"{either(names)} with the {belief} belief" for belief, names in groups.items()])
+    return either([f"{either(_few(names))} with the {belief} belief" for belief, names in groups.items()])
+
+
+def _few(names: Sequence[str]) -> list[str]:
+    """Return names, from the MANY-th on only how many."""
+    return [*names] if len(names) <= MANY else [*names[: MANY - 1], f"{len(names) - MANY + 1} others"]
 
 
 def far_off(s: Standing) -> str:
@@ -117,18 +123,41 @@ def why_out(s: Standing) -> str:
 def gained(found: Sequence[Standing]) -> str:
     """Return what believing the saturated model brings over the linear one, estimator by estimator."""
     own = {(s.estimator, s.belief): s for s in found if s.closed_loop}
-    parts = []
+    pairs = []
     for name in dict.fromkeys(s.estimator for s in found):
         linear, saturated = own.get((name, "linear")), own.get((name, "saturated"))
         if linear is None or saturated is None:
             continue
-        parts.append(f"{name} {_size(linear)}{_lost(linear)} → {_size(saturated)}{_lost(saturated)}")
-    if not parts:
+        pairs.append((linear, saturated))
+    if not pairs:
         return "Only one belief was run."
-    pairs = [(s.worst_mean, own.get((s.estimator, "saturated"))) for s in own.values() if s.belief == "linear"]
-    gains = [a - b.worst_mean for a, b in pairs if a is not None and b is not None and b.worst_mean is not None]
-    head = "Nothing to speak of on this motor here." if gains and max(gains) < SLIGHT else "The worst mean error falls."
+    gains = [a.worst_mean - b.worst_mean for a, b in pairs if a.worst_mean is not None and b.worst_mean is not None]
+    head = _heading(gains)
+    if len(pairs) > MANY:
+        linear_, saturated_ = (_range([pair[k] for pair in pairs]) for k in (0, 1))
+        return f"{head} Linear → saturated belief: {linear_} → {saturated_}."
+    parts = [f"{a.estimator} {_size(a)}{_lost(a)} → {_size(b)}{_lost(b)}" for a, b in pairs]
     return f"{head} Linear → saturated belief: {'; '.join(parts)}."
+
+
+def _heading(gains: Sequence[float]) -> str:
+    """Return whether worst mean errors fall or grow; gains: degrees by which each falls."""
+    falls, grows = any(g > SLIGHT for g in gains), any(g < -SLIGHT for g in gains)
+    if falls and grows:
+        return "The worst mean error falls for some and grows for others."
+    if grows:
+        return "The worst mean error grows."
+    return "The worst mean error falls." if falls or not gains else "Nothing to speak of on this motor here."
+
+
+def _range(found: Sequence[Standing]) -> str:
+    """Return the least and the most of worst mean errors, and whose they are."""
+    known = sorted((s.worst_mean, s.estimator) for s in found if s.worst_mean is not None)
+    if not known:
+        return "no lock"
+    lost = sum(s.lost > 0 for s in found)
+    said_lost = f", {lost} of {len(found)} losing lock" if lost else ""
+    return f"{known[0][0]:.2f}° ({known[0][1]}) to {known[-1][0]:.2f}° ({known[-1][1]}){said_lost}"
 
 
 def _size(s: Standing) -> str:

@@ -58,7 +58,8 @@ def parts(c: Comparison, title: str) -> Iterator[str]:
     yield answer("Which estimator for this motor?", which(found))
     yield answer("What does believing the saturated model bring?", f"{gained(found)} {theory_held(c.rows)}")
     yield answer("What is not in it?", f"{_effects_said(c)} {NOT_IN_IT[1]}")
-    yield "<h2>All estimators</h2>" + _standings(found)
+    yield "<h2>All estimators, the estimate in control</h2>" + _standings([s for s in found if s.closed_loop])
+    yield fold("The same, the encoder in control", _standings([s for s in found if not s.closed_loop]))
     yield "<h2>Position error by estimator, the estimate in control</h2>"
     groups: dict[str, list[Run]] = {}
     for run in c.runs:
@@ -88,15 +89,14 @@ def _made(c: Comparison) -> str:
 
 
 def _standings(found: Sequence[Standing]) -> str:
-    """Return the table of worst figures, both loops."""
+    """Return the table of worst figures."""
     rows = []
-    for s in sorted(found, key=lambda s: not s.closed_loop):
+    for s in found:
         lock = f"{s.lost} of {s.stretches}" if s.lost else "never"
         worst = "–" if s.worst_mean is None else f"{s.worst_mean:.2f}°"
         p95 = "–" if s.worst_p95 is None else f"{s.worst_p95:.2f}°"
-        control = "estimate" if s.closed_loop else "encoder"
-        rows.append([f"{s.estimator}, {s.belief}", control, worst, p95, lock, str(s.missed) if s.missed else "–"])
-    heads = ["estimator, belief", "in control", "worst mean", "worst 95 %", "lock lost", "speed missed"]
+        rows.append([f"{s.estimator}, {s.belief}", worst, p95, lock, str(s.missed) if s.missed else "–"])
+    heads = ["estimator, belief", "worst mean", "worst 95 %", "lock lost", "speed missed"]
     return table(heads, rows)
 
 

@@ -86,6 +86,19 @@ def test_the_best_are_those_near_it_that_keep_lock():
     assert "too near" not in alone
     nothing = choice.standings([row("a", b, 0.1, 0.5) for b in ("linear", "saturated")])
     assert choice.gained(nothing).startswith("Nothing to speak of")
+    worse = choice.standings([row("a", "linear", 0.1, 0.5), row("a", "saturated", 3.0, 3.5)])
+    assert choice.gained(worse).startswith("The worst mean error grows.")
+    better = choice.standings([row("b", "linear", 5.0, 6.0), row("b", "saturated", 1.0, 2.0)])
+    assert choice.gained((*worse, *better)).startswith("The worst mean error falls for some and grows for others.")
+    many = [
+        row(name, b, x, x + 0.3)
+        for k, name in enumerate("abcdef")
+        for b, x in (("linear", 5.0 + k), ("saturated", 0.1))
+    ]
+    assert choice.gained(choice.standings(many)) == (
+        "The worst mean error falls. Linear → saturated belief: 5.00° (a) to 10.00° (f) → 0.10° (a) to 0.10° (f)."
+    )
+    assert choice.which(choice.standings(many)).startswith("a, b, c or 3 others with the saturated belief:")
 
 
 def test_a_comparison_on_one_page(small_comparison, tmp_path):
