@@ -88,10 +88,10 @@ def said(chosen: Sequence[Standing]) -> str:
     groups: dict[str, list[str]] = {}
     for s in chosen:
         groups.setdefault(s.belief, []).append(s.estimator)
-    return either([f"{either(_few(names))} with the {belief} belief" for belief, names in groups.items()])
+    return either([f"{either(few(names))} with the {belief} belief" for belief, names in groups.items()])
 
 
-def _few(names: Sequence[str]) -> list[str]:
+def few(names: Sequence[str]) -> list[str]:
     """Return names, from the MANY-th on only how many."""
     return [*names] if len(names) <= MANY else [*names[: MANY - 1], f"{len(names) - MANY + 1} others"]
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sandbox.evaluation.choice import either
+from sandbox.evaluation.choice import either, few
 from sandbox.evaluation.protocol import PEER, READING, SHARED, Protocol, Row, table, tables
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
 from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
@@ -63,7 +63,7 @@ def which(rows: Sequence[Row], motor: str) -> str:
     if not found:
         return "None of these tests has a goal; run `static_map`, `load_step` or `robustness`."
     first = [m for m in found if (len(m.missed), m.judged) == (len(found[0].missed), found[0].judged)]
-    names = either([m.estimator for m in first])
+    names = either(few([m.estimator for m in first]))
     if not first[0].missed:
         verb = "meets" if len(first) == 1 else "each meets"
         text = f"{names} with the saturated belief: {verb} {_all(first[0].judged)}.{_cheapest(first)}"

@@ -90,11 +90,8 @@ def test_the_best_are_those_near_it_that_keep_lock():
     assert choice.gained(worse).startswith("The worst mean error grows.")
     better = choice.standings([row("b", "linear", 5.0, 6.0), row("b", "saturated", 1.0, 2.0)])
     assert choice.gained((*worse, *better)).startswith("The worst mean error falls for some and grows for others.")
-    many = [
-        row(name, b, x, x + 0.3)
-        for k, name in enumerate("abcdef")
-        for b, x in (("linear", 5.0 + k), ("saturated", 0.1))
-    ]
+    many = [row(name, "linear", 5.0 + k, 5.3 + k) for k, name in enumerate("abcdef")]
+    many += [row(name, "saturated", 0.1, 0.4) for name in "abcdef"]
     assert choice.gained(choice.standings(many)) == (
         "The worst mean error falls. Linear → saturated belief: 5.00° (a) to 10.00° (f) → 0.10° (a) to 0.10° (f)."
     )
