@@ -18,7 +18,7 @@ NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 LIBRARY = "an estimator of your own in C, as a shared library (see estimators/c/README.md)"
 EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
 
-Run = Callable[[argparse.Namespace], None]
+Run = Callable[[argparse.Namespace], int | None]  # an exit code where it is not 0
 
 
 class Add(Protocol):

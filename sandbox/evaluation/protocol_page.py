@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sandbox.evaluation.choice import either, few
+from sandbox.evaluation.choice import MANY, either, few
 from sandbox.evaluation.protocol import PEER, READING, SHARED, Protocol, Row, table, tables
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
 from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
@@ -108,8 +108,11 @@ def gained(rows: Sequence[Row], motor: str) -> str:
     pairs_ = _both(rows, motor)
     if not pairs_:
         return "No test was run with both beliefs."
-    parts = [f"{name} {a:.2g}° → {b:.2g}°" for name, (a, b) in pairs_.items()]
-    return f"Worst mean error, linear → saturated belief: {'; '.join(parts)}."
+    said = "; ".join(f"{name} {a:.2g}° → {b:.2g}°" for name, (a, b) in pairs_.items())
+    if len(pairs_) > MANY:
+        ends = [sorted((pair[k], name) for name, pair in pairs_.items()) for k in (0, 1)]
+        said = " → ".join(f"{e[0][0]:.2g}° ({e[0][1]}) to {e[-1][0]:.2g}° ({e[-1][1]})" for e in ends)
+    return f"Worst mean error, linear → saturated belief: {said}."
 
 
 def _both(rows: Sequence[Row], motor: str) -> dict[str, tuple[float, float]]:

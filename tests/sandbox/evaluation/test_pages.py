@@ -151,6 +151,8 @@ def test_the_protocol_recommends_by_goals_then_cost():
         "b or a with the saturated belief: each meets the one goal there is. "
         "b costs least, 100 ns a step on this machine."
     )
+    more = [unit(n, "creep", True, b, mean_deg=x) for n in "efghi" for b, x in (("linear", 7.0), ("saturated", 0.1))]
+    assert protocol_page.gained([*ROWS, *more], "m").endswith("belief: 7° (e) to 9° (a) → 0.1° (e) to 0.2° (a).")
     late = unit("b", "load_step", True, mean_deg=0.1, p95_deg=0.2, speed_missed=3)
     assert protocol_page.which([*ROWS, late], "m").endswith("all 2 goals. b was slow in load_step.")
     assert protocol_page.gained(ROWS, "m") == "Worst mean error, linear → saturated belief: a 9° → 0.2°."
