@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +27,7 @@ ON_AXIS = 0.08  # of the largest current: how far a level may lie from an axis t
 AT_ZERO = 0.02  # of the largest current: how far from zero to count as at zero
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Levels:
     """Steady levels, n of them, in the rotor frame the encoder gives; arrays lead with n, second axis d, q."""
 
@@ -41,7 +42,10 @@ class Levels:
     theta: Array  # (n,) rad, lock angle
     source: tuple[str, ...] = field(default=())  # (n,) recording
 
-    @property
+    def __repr__(self) -> str:
+        return f"<Levels: {self.axis.size} levels, {len(set(self.source))} recordings>"
+
+    @cached_property
     def flux(self) -> Array:
         """Sampled flux ripple (n, N) along the injected axis, V s."""
         return np.array(

@@ -120,7 +120,7 @@ def current_for_torque(motor: Motor, torque: float, closed_loop: bool, steps: in
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Audit:
     """Where a motor's model may be used; currents A, eigenvalues 1/H, angles rad over `load` (of rated i_q).
 
@@ -143,6 +143,9 @@ class Audit:
     slope: Array
     grid: Array
     grid_eigenvalue: Array
+
+    def __repr__(self) -> str:
+        return f"<Audit: {self.motor}, valid up to {self.valid_radius:.4g} A of {self.radius:.4g} A>"
 
     @property
     def passed(self) -> bool:

@@ -29,7 +29,7 @@ def own_estimators(options: argparse.Namespace) -> list[Any]:
 
 
 def run_compare(options: argparse.Namespace) -> None:
-    """Compare beliefs; write compare.json, .png, .parquet and .rrd."""
+    """Compare beliefs; write compare.json, .html, .png, .parquet and .rrd."""
     from sandbox.public.printed import print_comparison
 
     check_output(folder_of(options))
@@ -50,7 +50,7 @@ def run_compare(options: argparse.Namespace) -> None:
 
 
 def run_simulate(options: argparse.Namespace) -> None:
-    """Run one estimator; write simulate.json, .png, .parquet and .rrd."""
+    """Run one estimator; write simulate.json, .html, .png, .parquet and .rrd."""
     from sandbox.public.printed import print_run
     from sandbox.public.runs import check_new_folder
 
@@ -110,7 +110,7 @@ def run_identify(options: argparse.Namespace) -> None:
 
 
 def run_protocol(options: argparse.Namespace) -> None:
-    """Run the protocol; write protocol.json, .png and .parquet."""
+    """Run the protocol; write protocol.json, .html, .png and .parquet."""
     from sandbox.evaluation.protocol import ESTIMATORS, TESTS, show, usual_motors, with_motulator
     from sandbox.public.protocols import ProtocolResult
 

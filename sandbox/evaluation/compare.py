@@ -43,7 +43,7 @@ class Run:
         return f"{self.estimator}/{'closed' if self.closed_loop else 'open'}/{self.belief}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Comparison:
     """All runs of one scenario on one drive."""
 
@@ -52,10 +52,18 @@ class Comparison:
     runs: tuple[Run, ...]
     properties: dict[str, str | float]
 
+    def __repr__(self) -> str:
+        return f"<Comparison: {self.drive.name}, {self.scenario.name}, {len(self.runs)} runs>"
+
     @property
     def rows(self) -> tuple[Row, ...]:
         """The rows of every run."""
         return tuple(row for run in self.runs for row in run.rows)
+
+    @property
+    def effects(self) -> dict[str, str | float]:
+        """What the plant has beside the model."""
+        return {k: v for k, v in self.properties.items() if k in parameters()}
 
     def as_json(self) -> dict[str, object]:
         """Return what `compare.json` holds beyond its header."""
@@ -63,7 +71,7 @@ class Comparison:
             "motor": self.drive.name,
             "scenario": self.scenario.name,
             "seed": self.properties["seed"],
-            "effects": {k: v for k, v in self.properties.items() if k in parameters()},
+            "effects": self.effects,
             "rows": [asdict(row) for row in self.rows],
             "cpu_seconds": sum(run.cpu_seconds for run in self.runs),
         }

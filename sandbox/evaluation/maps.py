@@ -17,7 +17,7 @@ from model.saliency import tracking_sign
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Maps:
     """Arrays (n, n) over i_d (first axis) and i_q, NaN where the model is not valid.
 
@@ -35,6 +35,9 @@ class Maps:
     angle: Array
     gain: Array
     first_order: dict[str, Array]
+
+    def __repr__(self) -> str:
+        return f"<Maps: {self.motor}, {self.i_d.size} x {self.i_q.size} currents up to {self.i_d[-1]:.4g} A>"
 
     def arrays(self) -> dict[str, Array]:
         """Return everything by name, as written to an .npz; first-order maps carry the prefix `first_`."""

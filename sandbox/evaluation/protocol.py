@@ -109,13 +109,16 @@ class Row:
         }  # fmt: skip
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Protocol:
     """All rows, in the order of motors, estimators, beliefs, tests."""
 
     rows: tuple[Row, ...]
     seed: int
     peer: tuple[float, float] | None = None  # CPU seconds a second and error rms (degrees) of motulator's reversal
+
+    def __repr__(self) -> str:
+        return f"<Protocol: {len(self.rows)} rows, seed {self.seed}>"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` holds beyond its header."""

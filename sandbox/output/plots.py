@@ -22,8 +22,6 @@ if TYPE_CHECKING:
 
 Cells = tuple[Sequence[str], Sequence[Sequence[str]]]  # heads and lines of a table of texts
 DPI = 150
-PHONE = 4.6  # inches: a phone's width at a legible size
-SERIES = ("#de6210", "#2e86de", "#7f7f7f")  # before, after, recorded; as in the trace
 MARKERS = {"saturated": "o", "linear": "s"}
 READING = (
     "error = true − estimated angle;  marker: mean;  outer end of bar: 95th percentile of |error|;  "
@@ -48,33 +46,35 @@ def comparison_figure(comparison: Comparison, path: str | Path | None = None) ->
     size = (1.2 + 3.3 * len(estimators), 1.3 + 2.8 * len(loops))
     figure = Figure(figsize=size, layout="constrained")
     panels = figure.subplots(len(loops), len(estimators), sharex=True, sharey=True, squeeze=False)
-    by_load = _load_varies(comparison.runs)
+    loads = by_load(comparison.runs)
     for axes_row, closed in zip(panels, loops, strict=True):
         for axes, estimator in zip(axes_row, estimators, strict=True):
             runs = [run for run in comparison.runs if (run.estimator, run.closed_loop) == (estimator, closed)]
-            _draw_panel(axes, runs, by_load)
+            draw_panel(axes, runs, loads)
         axes_row[0].set_ylabel(f"{'closed' if closed else 'open'} loop\nposition error (° electrical)")
     for axes, estimator in zip(panels[0], estimators, strict=True):
         axes.set_title(estimator, fontweight="bold")
     figure.suptitle(f"{comparison.drive.name}, {comparison.scenario.name}", parse_math=False)
-    figure.supxlabel(READING, fontsize=9, color="0.25")
+    foretold = any(row.predicted_mean_deg is not None for run in comparison.runs for row in run.rows)
+    reading = READING if foretold else READING.replace("dashed: theory;  ", "")
+    figure.supxlabel(reading, fontsize=9, color="0.25")
     for axes in panels[-1]:
-        axes.set_xlabel("load (% of rated)" if by_load else "segment: load (%), speed (rpm)")
+        axes.set_xlabel("load (% of rated)" if loads else "segment: load (%), speed (rpm)")
     return drawn(figure, path)
 
 
-def _load_varies(runs: Sequence[Run]) -> bool:
+def by_load(runs: Sequence[Run]) -> bool:
     """Return whether load alone tells the segments of a run apart."""
     return all(len({row.load for row in run.rows}) == len(run.rows) > 1 for run in runs)
 
 
-def _draw_panel(axes: Axes, runs: Sequence[Run], by_load: bool) -> None:
-    """Draw all beliefs of one estimator and loop."""
+def draw_panel(axes: Axes, runs: Sequence[Run], loads: bool) -> None:
+    """Draw all beliefs of one estimator and loop; loads: over load, not segment by segment."""
     rows = [list(run.rows) for run in runs]
-    if by_load:
+    if loads:
         rows = [sorted(run_rows, key=lambda row: row.load) for run_rows in rows]
     segments = max(rows, key=len, default=[])
-    places = [100.0 * row.load if by_load else float(k) for k, row in enumerate(segments)]
+    places = [100.0 * row.load if loads else float(k) for k, row in enumerate(segments)]
     if not places:
         axes.set_axis_off()
         return
@@ -88,14 +88,14 @@ def _draw_panel(axes: Axes, runs: Sequence[Run], by_load: bool) -> None:
         _draw_lost(axes, run.belief, lost, max(places), 0.05 + 0.08 * k)
     _label_beliefs(axes, [run.belief for run in runs], rows, places)
     axes.set_xlim(min(places) - 0.07 * reach, max(places) + 0.36 * reach)
-    if by_load:
+    if loads:
         step = 100 if reach > 250 else 50 if reach > 60 else 20
         first = step * math.ceil(min(places) / step)
         axes.set_xticks(range(first, int(max(places)) + 1, step))
     else:
         axes.set_xticks(places, [f"{100 * row.load:.0f}\n{row.speed_rpm:.0f}" for row in segments])
     axes.tick_params(labelsize=9)
-    axes.grid(axis="y", color="0.9", linewidth=0.6)
+    axes.grid(axis="y", color="0.5", alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
 
 
@@ -272,69 +272,32 @@ def page(size: tuple[float, float], rows: int, columns: int, **layout: Any) -> t
     return figure, figure.subplots(rows, columns, **layout)
 
 
-def bars_svg(
-    labels: Sequence[str], series: Mapping[str, Sequence[float]], xlabel: str, *, log_from: float | None = None
-) -> str:
-    """Return horizontal bars as inline SVG, one group a label, one bar a series; log_from: logarithmic from there."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(PHONE, 0.9 + 0.34 * len(labels)), layout="constrained")
-    axes = figure.subplots()
-    height = 0.8 / max(1, len(series))
-    for k, (name, values) in enumerate(series.items()):
-        places = [n + (k - (len(series) - 1) / 2) * height for n in range(len(labels))]
-        left = log_from or 0.0
-        axes.barh(places, [max(v - left, 0.0) for v in values], height, left, color=SERIES[k % len(SERIES)], label=name)
-    if log_from is not None:
-        axes.set_xscale("log")
-        axes.set_xlim(log_from, 1.6 * max([2.0 * log_from, *(v for values in series.values() for v in values)]))
-        _plain_ticks(axes)
-    axes.set_yticks(range(len(labels)), list(labels), parse_math=False)
-    axes.invert_yaxis()
-    axes.set_xlabel(xlabel)
-    axes.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-    axes.spines[["top", "right"]].set_visible(False)
-    return _svg(figure, "".join(labels) + xlabel)
-
-
-def _plain_ticks(axes: Axes) -> None:
-    """Write a logarithmic x axis as 1, 10, 100, without the powers whose letters other fonts hold."""
+def plain_ticks(axes: Axes, which: str = "x") -> None:
+    """Write a logarithmic axis (x or y) as 1, 10, 100, without the powers whose letters other fonts hold."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-    low, high = axes.get_xlim()
-    axes.xaxis.set_major_locator(LogLocator(subs=(1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
-    axes.xaxis.set_minor_formatter(NullFormatter())
+    axis = axes.xaxis if which == "x" else axes.yaxis
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)))
+    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
-def lines_svg(panels: Sequence[tuple[str, Mapping[str, tuple[Sequence[float], Sequence[float]]]]], xlabel: str) -> str:
-    """Return panels of lines over a common axis as inline SVG; a panel: its y label, {name: (x, y)}."""
-    from matplotlib.figure import Figure
+def svg_text(figure: Figure, salt: str) -> str:
+    """Return a figure as SVG that can stand in a page: black takes the page's ink, white its paper.
 
-    figure = Figure(figsize=(PHONE, 0.7 + 1.5 * len(panels)), layout="constrained")
-    for axes, (ylabel, lines) in zip(
-        figure.subplots(len(panels), sharex=True, squeeze=False)[:, 0], panels, strict=True
-    ):
-        for k, (name, (x, y)) in enumerate(lines.items()):
-            axes.plot(x, y, color=SERIES[k % len(SERIES)], linewidth=0.7, label=name)
-        axes.set_ylabel(ylabel)
-        axes.spines[["top", "right"]].set_visible(False)
-    first = figure.axes[0]
-    first.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=3)
-    figure.axes[-1].set_xlabel(xlabel)
-    return _svg(figure, "".join(p[0] for p in panels) + xlabel)
-
-
-def _svg(figure: Figure, salt: str) -> str:
-    """Return a figure as SVG that can stand in a page: letters as paths (fonts differ), names of its parts its own."""
+    Letters are paths, as fonts differ; names of its parts are its own by the salt.
+    """
     from matplotlib import rc_context
     from matplotlib.backends.backend_svg import FigureCanvasSVG
 
+    for patch in (figure.patch, *(axes.patch for axes in figure.axes)):
+        patch.set_visible(False)
     out = io.StringIO()
     with rc_context({"svg.hashsalt": salt}):
         FigureCanvasSVG(figure).print_svg(out, metadata={"Date": None})
     text = out.getvalue()
-    return text[text.index("<svg") :]
+    return text[text.index("<svg") :].replace("#000000", "currentColor")
 
 
 def drawn(figure: Figure, path: str | Path | None) -> Figure:

@@ -183,9 +183,11 @@ def comparison_markdown(c: Comparison) -> str:
 def comparison_text(comparison: Comparison, made: dict[str, str], stride: int, slow: int) -> str:
     """Return the markdown shown first: how to read the trace, the table of errors, how it was made."""
     kept = "every recorded sample" if stride == 1 else f"one recorded sample in {stride}"
+    known = any(row.predicted_mean_deg is not None for run in comparison.runs for row in run.rows)
+    foretold = ", pale lines: theory over the evaluation windows" if known else ""
     reading = (
         "Error = true minus estimated angle, degrees electrical. **Blue**: the estimator believes the "
-        "saturated model, **orange**: the linear one, pale lines: theory over the evaluation windows. Error "
+        f"saturated model, **orange**: the linear one{foretold}. Error "
         "views are cut to what runs in lock need. Angle views open on a quarter turn of the last window in "
         f"lock. Error and angle hold {kept}, currents means over {slow} samples, ripple and speed "
         f"one sample in {slow}."

@@ -6,13 +6,14 @@ import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbox.output.looks import means
+from sandbox.output.sheets import GREY, Colour, Plot, Sheet, pale
 from sandbox.output.tables import comparison_text
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from sandbox.evaluation.compare import Comparison, Row, Run
 
 Array = NDArray[np.float64]
-Colour = tuple[int, int, int]
+Tabs = Mapping[str, Mapping[str, Plot | Sheet]]  # {tab: {name: plot}}
 
 APPLICATION = "sensorless_sandbox"
 TIMELINE = "time"
@@ -33,7 +34,6 @@ FULL_RATE_SAMPLES = 300_000
 SLOW = 16
 # Readable on white paper and on the viewer's dark ground, and apart for colour-blind eyes.
 COLOURS: dict[str, Colour] = {"saturated": (46, 134, 222), "linear": (222, 98, 16)}
-GREY: Colour = (170, 170, 170)
 STATES = {"start-up": (110, 110, 110), "tracking": (50, 70, 70), "lost lock": (200, 0, 120)}
 # Views below the error and the angle: channel, title; two rows of three with the scenario's load.
 SLOW_VIEWS = (
@@ -46,19 +46,8 @@ SLOW_VIEWS = (
 )
 
 
-@dataclass(frozen=True)
-class Plot:
-    """Lines, or bars, over a common x (n,): s of lines, any number of bars; a colour each."""
-
-    title: str
-    x: Array
-    lines: Mapping[str, Array]
-    colours: Sequence[Colour]
-    bars: bool = False
-
-
-def write_trace(path: Path, comparison: Comparison) -> None:
-    """Write all runs of a comparison to one `.rrd` with its blueprint.
+def write_trace(path: Path, comparison: Comparison, looked: Tabs | None = None) -> None:
+    """Write all runs of a comparison to one `.rrd` with its blueprint; looked: tabs of what is seen beside time.
 
     Entities of a run stand under `run.name`: `error` (deg) and `angle` (true, estimated; rad) are recorded
     samples; `current_d`, `current_q`, `ripple_d`, `ripple_q` (A), `speed` (true, estimated; rad/s) are slow.
@@ -68,7 +57,7 @@ def write_trace(path: Path, comparison: Comparison) -> None:
         raise ValueError("a trace needs at least one run, this comparison has none")
     stride = sample_stride(comparison)
     with _written(path) as stream:
-        stream.send_blueprint(_blueprint(comparison))
+        stream.send_blueprint(_blueprint(comparison, _pages(stream, looked or {})))
         _send_properties(stream, comparison, stride)
         _send_scenario(stream, comparison, SLOW * stride)
         for run in comparison.runs:
@@ -90,7 +79,7 @@ def _written(path: Path) -> Iterator[rr.RecordingStream]:
         partial.unlink(missing_ok=True)
 
 
-def write_series(path: Path, title: str, text: str, tabs: Mapping[str, Mapping[str, Plot]]) -> None:
+def write_series(path: Path, title: str, text: str, tabs: Tabs) -> None:
     """Write tabs {tab: {name: Plot}} after a summary in markdown; lines are one entity, bars one each under it."""
     import rerun as rr
     import rerun.blueprint as rrb
@@ -99,23 +88,39 @@ def write_series(path: Path, title: str, text: str, tabs: Mapping[str, Mapping[s
     with _written(path) as stream:
         stream.send_recording_name(title)
         stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True, strict=True)
-        for tab, plots in tabs.items():
-            own = rr.escape_entity_path_part(tab)
-            views = [_send_plot(stream, f"{own}/{name}", plot) for name, plot in plots.items()]
-            pages.append(rrb.Grid(*views, grid_columns=2, name=tab))
-        stream.send_blueprint(_tabs(pages))
+        stream.send_blueprint(_tabs([*pages, *_pages(stream, tabs)]))
 
 
-def _send_plot(stream: rr.RecordingStream, entity: str, plot: Plot) -> rrb.View:
+def _pages(stream: rr.RecordingStream, tabs: Tabs) -> list[rrb.Grid]:
+    """Send all plots; return a grid of views for each tab."""
+    import rerun as rr
+    import rerun.blueprint as rrb
+
+    pages = []
+    for tab, plots in tabs.items():
+        own = rr.escape_entity_path_part(tab)
+        views = [_send_plot(stream, f"{own}/{name}", plot) for name, plot in plots.items()]
+        pages.append(rrb.Grid(*views, grid_columns=2, name=tab))
+    return pages
+
+
+def _send_plot(stream: rr.RecordingStream, entity: str, plot: Plot | Sheet) -> rrb.View:
     """Send one plot; return its view."""
     import rerun as rr
     import rerun.blueprint as rrb
 
+    if isinstance(plot, Sheet):
+        for name, (strips, colour, labels) in plot.strips.items():
+            drawn = rr.LineStrips2D(strips, colors=[colour], labels=labels or None, radii=rr.Radius.ui_points(1.0))
+            stream.log(f"{entity}/{name}", drawn, static=True, strict=True)
+        return rrb.Spatial2DView(name=plot.title, origin=f"/{entity}")
     if not plot.bars:
         _send(stream, entity, plot.x, list(plot.lines.values()), list(plot.lines), list(plot.colours))
         return rrb.TimeSeriesView(name=plot.title, contents=[f"/{entity}"])
-    for (line, values), colour in zip(plot.lines.items(), plot.colours, strict=False):
-        chart = rr.BarChart(values, color=colour, abscissa=plot.x)
+    own = None if plot.width is None else plot.width / len(plot.lines)
+    for k, ((line, values), colour) in enumerate(zip(plot.lines.items(), plot.colours, strict=False)):
+        widths = None if own is None else np.full(len(values), own)
+        chart = rr.BarChart(values, color=colour, abscissa=plot.x + k * (own or 0.0), widths=widths)
         stream.log(f"{entity}/{line}", chart, static=True, strict=True)
     return rrb.BarChartView(name=plot.title, contents=[f"/{entity}/**"])
 
@@ -207,24 +212,11 @@ def _nanoseconds(t: Array) -> NDArray[np.timedelta64]:
     return np.rint(t * 1e9).astype("timedelta64[ns]")
 
 
-def _block_mean(values: Array, width: int) -> Array:
-    """Return the means of whole blocks of `width` samples; an incomplete last block is left out."""
-    blocks = values.size // width
-    means: Array = values[: blocks * width].reshape(blocks, width).mean(axis=1)
-    return means
-
-
-def _pale(colour: Colour) -> Colour:
-    """Return a colour mixed with white, for what belongs to a belief without being its estimate."""
-    red, green, blue = (round(0.35 * c + 0.65 * 255) for c in colour)
-    return red, green, blue
-
-
 def _send_run(stream: rr.RecordingStream, run: Run, stride: int) -> None:
     """Send the channels of one run under its name."""
     rec, name, slow = run.recording, run.name, SLOW * stride
     colour = COLOURS.get(run.belief, GREY)
-    pair, colours = [f"true, {run.belief} run", f"estimated, {run.belief}"], [_pale(colour), colour]
+    pair, colours = [f"true, {run.belief} run", f"estimated, {run.belief}"], [pale(colour), colour]
     thin, thinner = slice(None, None, stride), slice(None, None, slow)
 
     error, angles = np.rad2deg(rec.error[thin]), [rec.theta[thin], rec.theta_hat[thin]]
@@ -233,11 +225,11 @@ def _send_run(stream: rr.RecordingStream, run: Run, stride: int) -> None:
     _send(stream, f"{name}/angle", rec.t[thin], angles, pair, colours, width=2.0)
     _send(stream, f"{name}/speed", rec.t[thinner], speeds, pair, colours)
     # Single samples would meet the injected ripple at one phase only: currents are averaged instead.
-    middle = _block_mean(rec.t, slow)
+    middle = means(rec.t, slow)
     for axis, current, ripple in (("d", rec.i_d, rec.ripple_d), ("q", rec.i_q, rec.ripple_q)):
-        _send(stream, f"{name}/current_{axis}", middle, [_block_mean(current, slow)], [run.belief], [colour])
+        _send(stream, f"{name}/current_{axis}", middle, [means(current, slow)], [run.belief], [colour])
         _send(stream, f"{name}/ripple_{axis}", rec.t[thinner], [ripple[thinner]], [run.belief], [colour])
-    _send_prediction(stream, run, _pale(colour))
+    _send_prediction(stream, run, pale(colour))
     _send_state(stream, run)
 
 
@@ -291,8 +283,8 @@ def _send_properties(stream: rr.RecordingStream, comparison: Comparison, stride:
     stream.log("summary", rr.TextDocument(text, media_type="text/markdown"), static=True, strict=True)
 
 
-def _blueprint(comparison: Comparison) -> rrb.Blueprint:
-    """Lay the trace out: a summary tab with all errors, then one tab per estimator and loop."""
+def _blueprint(comparison: Comparison, looked: Sequence[rrb.Grid]) -> rrb.Blueprint:
+    """Lay the trace out: a summary tab with all errors, one tab per estimator and loop, then what is beside time."""
     import rerun.blueprint as rrb
 
     groups: dict[str, list[Run]] = {}
@@ -304,7 +296,8 @@ def _blueprint(comparison: Comparison) -> rrb.Blueprint:
     overview = rrb.Grid(*errors, grid_columns=len({run.closed_loop for run in comparison.runs}))
     text = rrb.TextDocumentView(origin="summary", name="How to read, errors, provenance")
     front = rrb.Horizontal(text, overview, column_shares=[2, 3], name="Summary")
-    return _tabs([front, *(_tab(title, runs, reach) for title, runs in groups.items())])
+    beside = [rrb.Tabs(*looked, name="Planes and spectra")] if looked else []
+    return _tabs([front, *(_tab(title, runs, reach) for title, runs in groups.items()), *beside])
 
 
 def _reach(row: Row) -> float:

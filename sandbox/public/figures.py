@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.levels import AT_ZERO, D, Q
+from sandbox.output.looks import thinned
 from sandbox.output.plots import colour_of, drawn, page
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
     from sandbox.recordings.identify import Identification
 
 Array = NDArray[np.float64]
-MOST = 4000  # points drawn of a line: more than a page has pixels
 STYLES: dict[str, dict[str, Any]] = {
     "exact": {"color": colour_of("saturated")},
     "first_order": {"color": colour_of("linear"), "linestyle": (0, (4, 2))},
@@ -28,18 +28,6 @@ STAIRCASES = (  # injected axis, biased axis, component of the slope: title, uni
     (D, D, 0, "Γ_dd, bias on d"), (D, Q, 0, "Γ_dd, bias on q"), (D, Q, 1, "Γ_dq, bias on q"),
     (Q, Q, 1, "Γ_qq, bias on q"),
 )  # fmt: skip
-
-
-def thinned(t: Array, values: Array) -> tuple[Array, Array]:
-    """Return a line with at most 2 MOST points that keeps the extremes of every stretch."""
-    if t.size <= 2 * MOST:
-        return t, values
-    width = -(-t.size // MOST)
-    whole = t.size // width * width
-    blocks = values[:whole].reshape(-1, width)
-    pairs = np.sort(np.stack([blocks.argmin(axis=1), blocks.argmax(axis=1)], axis=1), axis=1)
-    index = (pairs + width * np.arange(len(blocks))[:, None]).ravel()
-    return t[index], values[index]
 
 
 def run_figure(run: Run, title: str, path: str | Path | None = None) -> Figure:

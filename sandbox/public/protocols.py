@@ -59,8 +59,20 @@ class ProtocolResult(Result):
 
         return protocol_figure(tables(self.protocol), READING, path)
 
+    def to_html(self, path: str | Path) -> Path:
+        """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""
+        from sandbox.evaluation.protocol_page import write_protocol
+
+        write_protocol(Path(path), self.protocol)
+        return Path(path)
+
+    def _write(self, out: Path, csv: bool) -> dict[str, Any]:
+        """Write page, figure and table."""
+        self.to_html(out / "protocol.html")
+        return super()._write(out, csv) | {"page": "protocol.html"}
+
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write protocol.json, .png and .parquet into a folder, and forget what was kept there for resuming."""
+        """Write protocol.json, .html, .png, .parquet into a folder, and forget what was kept there for resuming."""
         from sandbox.evaluation.protocol import forget
 
         super().save(folder, csv=csv)

@@ -112,12 +112,17 @@ class DiagnosisResult(Result):
         write_traces(Path(path), self.answers)
         return Path(path)
 
-    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write diagnosis.json, report.html and diagnosis.rrd (csv: hypotheses, too) into a folder; return it."""
+    def to_html(self, path: str | Path) -> Path:
+        """Write the report, one page with its figures inside (`.html`); return its path."""
         from sandbox.gap.report.page import write_report
 
+        write_report(Path(path), self.answers)
+        return Path(path)
+
+    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
+        """Write diagnosis.json, report.html and diagnosis.rrd (csv: hypotheses, too) into a folder; return it."""
         with results(Path(folder), self.command) as out:
-            write_report(out / "report.html", self.answers)
+            self.to_html(out / "report.html")
             self.to_rerun(out / "diagnosis.rrd")
             if csv:
                 write_table(out / "diagnosis.csv", self.to_table())

@@ -56,6 +56,10 @@ class Result(ABC):
         """Write the result as a trace for the rerun viewer (`.rrd`); BadInput where nothing in it runs over time."""
         raise BadInput(f"nothing in a result of '{self.command}' runs over time, so it has no trace; take .plot()")
 
+    def to_html(self, path: str | Path) -> Path:
+        """Write the result as one page with its figures inside (`.html`); BadInput where a figure is all there is."""
+        raise BadInput(f"a result of '{self.command}' has no page of its own; take .plot()")
+
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:
         """Write JSON, figure and table (Parquet; csv: as CSV, too) into a folder, together; return it."""
         with results(Path(folder), self.command) as out:

@@ -119,16 +119,27 @@ class SimulationResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write the run as a trace (`.rrd`); return its path."""
+        from sandbox.evaluation.compare_sheets import sheets
         from sandbox.output.trace import write_trace
 
-        write_trace(Path(path), self.comparison)
+        write_trace(Path(path), self.comparison, sheets(self.comparison))
         return Path(path)
 
     def save(
         self, folder: str | Path, *, csv: bool = False, trace: bool = True, figure: bool = True, table: bool = True
     ) -> Path:
-        """Write simulate.json, .png, .parquet (all signals; csv: as CSV, too) and .rrd into a folder; return it."""
+        """Write simulate.json, .html, .png, .parquet (all signals; csv: as CSV, too), .rrd into a folder; return it.
+
+        figure: the page and the figure.
+        """
         return save_runs(self, folder, csv=csv, trace=trace, figure=figure, table=table)
+
+    def to_html(self, path: str | Path) -> Path:
+        """Write the run as one page with its figures inside (`.html`): errors, currents, fluxes, spectra; return it."""
+        from sandbox.evaluation.compare_page import write_run
+
+        write_run(Path(path), self.comparison)
+        return Path(path)
 
 
 @dataclass(frozen=True, repr=False)
@@ -174,13 +185,21 @@ class ComparisonResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write all runs as one trace (`.rrd`); return its path."""
+        from sandbox.evaluation.compare_sheets import sheets
         from sandbox.output.trace import write_trace
 
-        write_trace(Path(path), self.comparison)
+        write_trace(Path(path), self.comparison, sheets(self.comparison))
+        return Path(path)
+
+    def to_html(self, path: str | Path) -> Path:
+        """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""
+        from sandbox.evaluation.compare_page import write_comparison
+
+        write_comparison(Path(path), self.comparison)
         return Path(path)
 
     def save(self, folder: str | Path, *, csv: bool = False, trace: bool = True) -> Path:
-        """Write compare.json, .png, .parquet (the rows; csv: as CSV, too) and .rrd into a folder; return it."""
+        """Write compare.json, .html, .png, .parquet (the rows; csv: as CSV, too), .rrd into a folder; return it."""
         return save_runs(self, folder, csv=csv, trace=trace)
 
 
@@ -192,10 +211,13 @@ def save_runs(
     from sandbox.output.columns import write_table
     from sandbox.output.files import results, write_json
 
-    name, files = result.command, {"figure": figure and "png", "table": table and "parquet", "trace": trace and "rrd"}
+    name = result.command
+    files = {"page": figure and "html", "figure": figure and "png", "table": table and "parquet",
+             "trace": trace and "rrd"}  # fmt: skip
     with results(Path(folder), name) as out:
         if figure:
             result.plot(out / f"{name}.png")
+            result.to_html(out / f"{name}.html")
         if table or csv:
             found = result.to_table()
             for suffix in [".parquet"] * table + [".csv"] * csv:

@@ -76,7 +76,7 @@ def show(result: str | Path) -> str:
     --------
     >>> from sandbox import show
     >>> show("sensorless-out/compare")  # doctest: +SKIP
-    'opened sensorless-out/compare/compare.png and sensorless-out/compare/compare.rrd'
+    'opened sensorless-out/compare/compare.html and sensorless-out/compare/compare.rrd'
     """
     files = shown(Path(result))
     named = " and ".join(str(path) for path in files)

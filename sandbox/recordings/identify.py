@@ -20,7 +20,7 @@ from sandbox.recordings.staircase import levels_of
 LARGE_MISFIT = 5.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Identification:
     """What a campaign's locked recordings say about the motor; `fits` by method name."""
 
@@ -28,6 +28,9 @@ class Identification:
     levels: Levels
     fits: dict[str, Fit]
     remarks: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Identification: {self.campaign.name}, {', '.join(self.fits)}>"
 
     def motor(self, method: str = "exact") -> Motor:
         """Return the nominal motor with the identified values in place, e.g. for `model.saliency.audit`."""

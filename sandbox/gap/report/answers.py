@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -199,7 +199,7 @@ def next_text(a: Answers) -> str:
 
 
 def caveats(a: Answers) -> list[str]:
-    """Return what a reader has to know before believing the rest, one sentence each; where values come from is last."""
+    """Return what a reader has to know before believing the rest, one sentence each; assumed values are last."""
     d = a.diagnosis
     out = [f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}" for f in d.campaign.findings]
     out += [d.caution] if d.caution else []
@@ -236,7 +236,14 @@ def caveats(a: Answers) -> list[str]:
             f"In weighing hypotheses the data counted for {d.temperature:,.3g} times less than its samples: residuals "
             "are alike within blocks of time, and the simulator's own error grows with the gap."
         )
-    return out + [f"{capital(what)}: {text}" for what, text in d.campaign.drive.provenance.items()]
+    return out + _of_the_model(d.campaign.drive.provenance)
+
+
+def _of_the_model(told: Mapping[str, str]) -> list[str]:
+    """Return what of a nominal model's provenance limits the answers; the whole of it stands with the model."""
+    assumed = [what for what, text in told.items() if text.startswith("assumed")]
+    out = [text for what, text in told.items() if what.startswith("cannot show")]
+    return out + ([f"Assumed in the nominal model, known from nowhere: {', '.join(assumed)}."] if assumed else [])
 
 
 def remains_text(a: Answers) -> str:

@@ -13,6 +13,7 @@ from sandbox.gap.report import answers
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.decompose import MECHANICAL, ORDERS, Decomposition, decompose
 from sandbox.gap.report.listed import waterfall
+from sandbox.output import looks
 from sandbox.output.trace import COLOURS, GREY, Plot, write_series
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Prediction, Residual, replay, residuals
@@ -20,6 +21,7 @@ from sandbox.replay.replay import Prediction, Residual, replay, residuals
 Array = NDArray[np.float64]
 BEFORE, AFTER = COLOURS["linear"], COLOURS["saturated"]
 RECORDED = GREY
+FINEST = 1e-3  # noise floors: 0 dB of a spectrum's bars
 HALF = 0.5  # a bar of width 1 is drawn from its place on
 
 
@@ -88,10 +90,21 @@ def _recording(
         "residual_q",
         Plot("Residual of i_q (noise floors)", t, {n: _imaginary(z) for n, z in rest.items()}, colours[1:]),
     )
+    yield "spectrum", _spectrum(period, {name: x.current[:, :, 0] for name, (_, _, x) in shown.items()})
     for field, title in (("motion", "Innovation of the rotor's motion"), ("angle", "Residual of the encoder's angle")):
         own = {name: getattr(x, field) for name, (_, _, x) in shown.items()}
         if all(v is not None for v in own.values()):
             yield field, Plot(f"{title} (noise floors)", t, {n: v[:, 0] for n, v in own.items()}, colours[1:])
+
+
+def _spectrum(period: float, rest: dict[str, Array]) -> Plot:
+    """Return bars of the residuals' spectrum, all phases together, side by side before and after."""
+    found = {name: looks.bars(*looks.spectrum(values, period), FINEST) for name, values in rest.items()}
+    f = found["after"][0]
+    width = float(f[1] - f[0]) if f.size > 1 else 1.0
+    lines = {name: levels for name, (_, levels) in found.items()}
+    title = f"Spectrum of the residuals (Hz; dB over {FINEST:g} noise floors)"
+    return Plot(title, f - 0.5 * width, lines, [BEFORE, AFTER], bars=True, width=width)
 
 
 def _real(z: NDArray[np.complex128]) -> Array:

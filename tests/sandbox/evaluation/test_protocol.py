@@ -148,7 +148,9 @@ def test_command_writes_table_figure_and_parquet(tmp_path):
     assert {r["test"] for r in rows} == {"creep", "cost"}
     assert max(abs(r["mean_deg"]) for r in rows if r["test"] == "creep" and r["belief"] == "saturated") < 1.0
     assert (tmp_path / found["figure"]).stat().st_size > 5000
-    assert sorted(f.name for f in tmp_path.iterdir()) == ["protocol.json", "protocol.parquet", "protocol.png"]
+    assert sorted(f.name for f in tmp_path.iterdir()) == [
+        f"protocol.{kind}" for kind in ("html", "json", "parquet", "png")
+    ]
 
 
 def test_resumes_after_an_interruption(tmp_path, monkeypatch):

@@ -97,6 +97,10 @@ def test_no_gap_is_said_plainly(quiet_answers):
     assert "nothing to close" in far_text(quiet_answers)
     assert "Nothing is needed" in next_text(quiet_answers)
     assert any("held out" in text for text in caveats(quiet_answers))  # a campaign of one recording
+    assert caveats(quiet_answers)[-1].startswith(
+        "Assumed in the nominal model, known from nowhere: magnet_flux, inertia"
+    )
+    assert not any("printed" in text for text in caveats(quiet_answers))  # what is known is no caveat
 
 
 def test_a_recommended_recording_is_told_as_it_is_set(small_answers):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from sandbox.output import plots
+from sandbox.output import plots, vector
 
 LOADS = (0.0, 0.5, 1.0, 1.8)
 
@@ -46,7 +46,7 @@ def _comparison(**changes):
 
 def _panel(runs):
     axes = Figure().subplots()
-    plots._draw_panel(axes, runs, plots._load_varies(runs))
+    plots.draw_panel(axes, runs, plots.by_load(runs))
     return axes
 
 
@@ -119,8 +119,8 @@ def test_figures_of_a_report_need_one_font_only(caplog, monkeypatch, request):
     monkeypatch.setattr(manager, "ttflist", [f for f in manager.ttflist if f.fname.endswith("DejaVuSans.ttf")])
     manager._findfont_cached.cache_clear()
     request.addfinalizer(manager._findfont_cached.cache_clear)
-    svg = plots.bars_svg(["run_a ●", "b"], {"before": [20.0, 3.0], "after": [1.0, 1.1]}, "residual", log_from=0.5)
-    wide = plots.bars_svg(["a"], {"before": [2e4]}, "residual", log_from=0.5)
-    lines = plots.lines_svg([("i_a", {"before": ([0.0, 1.0], [2.0, 1.0])})], "t (s)")
+    svg = vector.bars_svg(["run_a ●", "b"], {"before": [20.0, 3.0], "after": [1.0, 1.1]}, "residual", log_from=0.5)
+    wide = vector.bars_svg(["a"], {"before": [2e4]}, "residual", log_from=0.5)
+    lines = vector.lines_svg([("i_a", {"before": ([0.0, 1.0], [2.0, 1.0])})], "t (s)")
     assert all(s.startswith("<svg") for s in (svg, wide, lines))
     assert not caplog.records

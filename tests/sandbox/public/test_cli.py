@@ -51,7 +51,9 @@ def test_compare(short, tmp_path, capsys):
     assert main(["compare", "--scenario", str(short), "--estimators", "qnull,inversion", "--out", str(out)]) == 0
     found = content(out, "compare")
     assert (found["motor"], found["scenario"], found["trace"]) == ("ipm_exchanged", "short", "compare.rrd")
-    assert sorted(p.name for p in out.iterdir()) == ["compare.json", "compare.parquet", "compare.png", "compare.rrd"]
+    assert sorted(p.name for p in out.iterdir()) == [
+        f"compare.{kind}" for kind in ("html", "json", "parquet", "png", "rrd")
+    ]
     assert len(found["rows"]) == 2 * 2 * 2 * 2
     for row in found["rows"]:
         assert {"estimator", "belief", "closed_loop", "load", "speed_rpm", "error_deg", "predicted_mean_deg"} <= set(
@@ -280,7 +282,9 @@ def test_stale_files_go_and_strangers_stay(short, tmp_path):
     (out / "compare.notes").write_text("mine")
     call = ["compare", "--scenario", str(short), "--estimators", "qnull", "--no-trace", "--quiet", "--out", str(out)]
     assert main(call) == 0
-    assert sorted(p.name for p in out.iterdir()) == ["compare.json", "compare.notes", "compare.parquet", "compare.png"]
+    assert sorted(p.name for p in out.iterdir()) == [
+        f"compare.{kind}" for kind in ("html", "json", "notes", "parquet", "png")
+    ]
 
 
 def test_names_with_markup_are_names(short, tmp_path, capsys):

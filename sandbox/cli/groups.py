@@ -1,0 +1,152 @@
+"""The commands' arguments, group by group: runs, judging, the motor alone, recordings, export, looking at results."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Protocol
+
+from sandbox.cli import commands
+from sandbox.cli.arguments import Parser, add_own_effects, number, positive_int, seed_number
+from sandbox.cli.diagnosing import add_diagnose
+from sandbox.cli.sweeping import add_tolerances, on_dask
+
+PARALLEL = ("compare", "protocol", "diagnose", "sweep")  # use threads, or processes
+NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
+LIBRARY = "an estimator of your own in C, as a shared library (see estimators/c/README.md)"
+EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
+
+Run = Callable[[argparse.Namespace], int | None]  # an exit code where it is not 0
+
+
+class Add(Protocol):
+    """Makes the parser of a new command; writes: whether it writes results."""
+
+    def __call__(self, name: str, run: Run, text: str, writes: bool = True) -> Parser:
+        """Return the parser."""
+
+
+def add_common(command: Parser, name: str) -> None:
+    """Add what every command that writes results takes; seed and jobs are told where they do something."""
+    jobs = "threads or processes (all cores)" if name in PARALLEL else argparse.SUPPRESS
+    seed = "of the sensors' noise (0)" if name in NOISY else argparse.SUPPRESS
+    command.add_argument("--out", type=Path, help=f"folder for results (./sensorless-out/{name})")
+    command.add_argument("--jobs", type=positive_int, help=jobs)
+    command.add_argument("--seed", type=seed_number, default=0, help=seed)
+    command.add_argument("--csv", action="store_true", help="the table as CSV, too")
+    command.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    text = "download nothing: say which file is missing and where to put it (or SENSORLESS_OFFLINE=1)"
+    command.add_argument("--offline", action="store_true", help=text)
+
+
+def add_runs(add: Add) -> None:
+    """Add `compare` and `simulate`."""
+    c = add("compare", commands.run_compare, "position error of a saturated against a linear belief (the main job)")
+    _which(c)
+    text = "names or files, by commas (qnull,inversion,ekf)"
+    c.add_argument("--estimators", default="qnull,inversion,ekf", help=text)
+    _own(c)
+    _plant(c)
+    add_tolerances(c, positive_int)
+    c = add("simulate", commands.run_simulate, "one run of one estimator")
+    _which(c)
+    one = c.add_mutually_exclusive_group()
+    one.add_argument("--estimator", default="qnull", metavar="NAME or FILE.py", help="(qnull)")
+    one.add_argument("--estimator-library", type=Path, metavar="FILE.so", help=LIBRARY)
+    _belief(c)
+    c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
+    c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
+    _plant(c)
+    c.add_argument("--plant", choices=("exact", "switched", "averaged"), help="(exact, or what the estimator needs)")
+    c.add_argument(
+        "--json-only", action="store_true", help="write simulate.json alone, no trace, page, figure or table"
+    )
+    c.add_argument("--record", type=Path, metavar="DIR", help="write the run as a campaign (a new folder)")
+
+
+def add_judging(add: Add) -> None:
+    """Add `protocol` and `bench`."""
+    text = "the standard evaluation of every estimator and belief on several motors"
+    c = add("protocol", commands.run_protocol, text)
+    c.add_argument("--estimators", metavar="A,B", help="names or files, separated by commas (every compiled one)")
+    _own(c)
+    text = "names or files, separated by commas (three, and `baldor_pmsyrm` where its map is at hand)"
+    c.add_argument("--motors", metavar="A,B", help=text)
+    c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
+    on_dask(c)
+    _peers(c)
+    _peers(add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second"))
+
+
+def add_motor(add: Add) -> None:
+    """Add `audit` and `maps`, which need no run."""
+    c = add("audit", commands.run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
+    c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
+    c.add_argument("--radius", type=number, help="A, of the audited disc of currents (180 %% of rated)")
+    c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")
+    c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
+    c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
+
+
+def add_recorded(add: Add) -> None:
+    """Add `identify` and `diagnose`."""
+    text = "the motor from a campaign's locked recordings: paper's least squares and exact fit"
+    c = add("identify", commands.run_identify, text)
+    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    text = "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)"
+    c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
+    add_own_effects(add_diagnose(add))
+
+
+def add_export(add: Add) -> None:
+    """Add `export-estimator`."""
+    c = add("export-estimator", commands.run_export, "an estimator as C99 for a target, with a motor's constants")
+    c.add_argument("name", metavar="NAME", help="qnull, inversion or ekf")
+    c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="(ipm_exchanged)")
+    _belief(c)
+
+
+def add_looking(add: Add) -> None:
+    """Add `list`, `view` and `show`, which write nothing."""
+    c = add("list", commands.run_list, "what there is", writes=False)
+    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets"))
+    c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")
+    add_own_effects(c)
+    c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)
+    c.add_argument("file", type=Path, metavar="FILE.rrd")
+    c.add_argument("--web", action="store_true", help="in a browser, on this machine or another")
+    text = "open what a result holds: its page in the browser, its trace in the viewer"
+    c = add("show", commands.run_show, text, writes=False)
+    c.add_argument("result", type=Path, metavar="RESULT", help="folder that a command has written")
+
+
+def _which(command: Parser) -> None:
+    command.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="(ipm_exchanged)")
+    command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml", help="(staircase)")
+
+
+def _belief(command: Parser) -> None:
+    command.add_argument("--belief", default="saturated", choices=("saturated", "linear"), help="(saturated)")
+
+
+def _plant(command: Parser) -> None:
+    command.add_argument("--no-trace", action="store_true", help="write no .rrd")
+    command.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=EFFECTS)
+    add_own_effects(command)
+
+
+def _own(command: Parser) -> None:
+    text = "an estimator of your own, beside those of --estimators (may be repeated)"
+    command.add_argument("--estimator", action="append", default=[], metavar="FILE.py", help=text)
+    command.add_argument(
+        "--estimator-library", action="append", default=[], type=Path, metavar="FILE.so", help=f"{LIBRARY} (repeated)"
+    )
+
+
+def _peers(command: Parser) -> None:
+    command.add_argument("--peer", action="store_true", help="measure the reference programs in the same run, too")
+    where, text = Path("../shared/anchors"), "folder of the reference programs"
+    command.add_argument("--anchors", type=Path, default=where, help=text)
+    command.add_argument("--peer-python", default=sys.executable, help="Python >= 3.12 that has motulator 0.18")

@@ -1,0 +1,186 @@
+"""Which estimator for this motor: every one's worst figures, which are as good as the best, in sentences."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from sandbox.evaluation.score import Row
+
+NEAR_DEG, NEAR = 0.2, 0.2  # degrees, share of the best's: nearer is no reason to choose (seeds differ by 0.09 degrees)
+MANY = 4  # names that a sentence holds
+SLIGHT = 0.2  # degrees of the worst mean error: less is no gain to speak of
+
+
+@dataclass(frozen=True)
+class Standing:
+    """The worst of one estimator with one belief over its evaluated stretches; degrees electrical.
+
+    worst_mean, worst_p95: None where no stretch was in lock; at: the stretch of the worst mean.
+    """
+
+    estimator: str
+    belief: str
+    closed_loop: bool
+    stretches: int
+    lost: int
+    missed: int  # stretches whose speed was not reached
+    worst_mean: float | None
+    worst_p95: float | None
+    at: Row | None
+
+    @property
+    def kept(self) -> bool:
+        """Whether lock and speed were kept throughout."""
+        return not self.lost and not self.missed and self.worst_p95 is not None
+
+
+def standings(rows: Iterable[Row]) -> tuple[Standing, ...]:
+    """Return the worst figures of each estimator, belief and loop, in the order of the rows."""
+    groups: dict[tuple[str, str, bool], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row.estimator, row.belief, row.closed_loop), []).append(row)
+    return tuple(_standing(*key, own) for key, own in groups.items())
+
+
+def _standing(estimator: str, belief: str, closed: bool, rows: Sequence[Row]) -> Standing:
+    held = [r for r in rows if r.error_deg.mean is not None]
+    at = max(held, key=lambda r: abs(r.error_deg.mean or 0.0), default=None)
+    return Standing(
+        estimator, belief, closed, len(rows), sum(r.lost_lock for r in rows),
+        sum(not r.reference_held and not r.lost_lock for r in rows),
+        None if at is None else abs(at.error_deg.mean or 0.0),
+        max((r.error_deg.p95 or 0.0 for r in held), default=None), at,
+    )  # fmt: skip
+
+
+def best(found: Iterable[Standing]) -> tuple[Standing, ...]:
+    """Return those that keep lock and speed with the estimate in control and err as little as the best does.
+
+    The measure is the worst 95th percentile of the error's size; the best is first, the others are within NEAR_DEG or
+    NEAR of it.
+    """
+    kept = [(s.worst_p95, s) for s in found if s.closed_loop and s.kept and s.worst_p95 is not None]
+    kept.sort(key=lambda pair: pair[0])
+    if not kept:
+        return ()
+    bound = max(kept[0][0] + NEAR_DEG, kept[0][0] * (1.0 + NEAR))
+    return tuple(s for p95, s in kept if p95 <= bound)
+
+
+def which(found: Sequence[Standing]) -> str:
+    """Return which estimator to take, in one or two sentences."""
+    chosen = best(found)
+    if not chosen:
+        return "None of these: no estimator kept lock and speed in all of it with its estimate in control."
+    worst = max(s.worst_p95 or 0.0 for s in chosen)
+    text = f"{said(chosen)}: in every stretch within {worst:.2g}° of the true position 95 % of the time, the estimate "
+    text += "in control."
+    if len(chosen) > 1:
+        text += " They are too near each other to choose by error: take the cheaper or the more robust one, which "
+        text += "`sensorless protocol` measures."
+    out = [s for s in found if s.closed_loop and not s.kept]
+    return text + (f" Out: {'; '.join(f'{said([s])} {why_out(s)}' for s in out)}." if out else "")
+
+
+def said(chosen: Sequence[Standing]) -> str:
+    """Return estimators and what they believe as one clause."""
+    groups: dict[str, list[str]] = {}
+    for s in chosen:
+        groups.setdefault(s.belief, []).append(s.estimator)
+    return either([f"{either(few(names))} with the {belief} belief" for belief, names in groups.items()])
+
+
+def few(names: Sequence[str]) -> list[str]:
+    """Return names, from the MANY-th on only how many."""
+    return [*names] if len(names) <= MANY else [*names[: MANY - 1], f"{len(names) - MANY + 1} others"]
+
+
+def far_off(s: Standing) -> str:
+    """Return how far one estimator is off, in one sentence."""
+    control = "the estimate" if s.closed_loop else "the encoder"
+    if s.worst_p95 is None:
+        return f"It {why_out(s)}, {control} in control."
+    kept = "It kept lock" if not s.lost else f"It {why_out(s)}"
+    return (
+        f"{kept}, {control} in control: the mean error is at most {_size(s)}, and in every stretch in lock 95 % of the "
+        f"time the position is within {s.worst_p95:.2g}°."
+    )
+
+
+def either(texts: Sequence[str]) -> str:
+    """Return alternatives as one clause."""
+    return f"{', '.join(texts[:-1])} or {texts[-1]}" if len(texts) > 1 else texts[0]
+
+
+def why_out(s: Standing) -> str:
+    """Return why an estimator is no choice."""
+    lost = f"lost lock in {s.lost} of {s.stretches} stretches" if s.lost else ""
+    missed = f"missed the speed in {s.missed} of {s.stretches} stretches" if s.missed else ""
+    return ", ".join(text for text in (lost, missed) if text) or "nothing in lock"
+
+
+def gained(found: Sequence[Standing]) -> str:
+    """Return what believing the saturated model brings over the linear one, estimator by estimator."""
+    own = {(s.estimator, s.belief): s for s in found if s.closed_loop}
+    pairs = []
+    for name in dict.fromkeys(s.estimator for s in found):
+        linear, saturated = own.get((name, "linear")), own.get((name, "saturated"))
+        if linear is None or saturated is None:
+            continue
+        pairs.append((linear, saturated))
+    if not pairs:
+        return "Only one belief was run."
+    gains = [a.worst_mean - b.worst_mean for a, b in pairs if a.worst_mean is not None and b.worst_mean is not None]
+    head = _heading(gains)
+    if len(pairs) > MANY:
+        linear_, saturated_ = (_range([pair[k] for pair in pairs]) for k in (0, 1))
+        return f"{head} Linear → saturated belief: {linear_} → {saturated_}."
+    parts = [f"{a.estimator} {_size(a)}{_lost(a)} → {_size(b)}{_lost(b)}" for a, b in pairs]
+    return f"{head} Linear → saturated belief: {'; '.join(parts)}."
+
+
+def _heading(gains: Sequence[float]) -> str:
+    """Return whether worst mean errors fall or grow; gains: degrees by which each falls."""
+    falls, grows = any(g > SLIGHT for g in gains), any(g < -SLIGHT for g in gains)
+    if falls and grows:
+        return "The worst mean error falls for some and grows for others."
+    if grows:
+        return "The worst mean error grows."
+    return "The worst mean error falls." if falls or not gains else "Nothing to speak of on this motor here."
+
+
+def _range(found: Sequence[Standing]) -> str:
+    """Return the least and the most of worst mean errors, and whose they are."""
+    known = sorted((s.worst_mean, s.estimator) for s in found if s.worst_mean is not None)
+    if not known:
+        return "no lock"
+    lost = sum(s.lost > 0 for s in found)
+    said_lost = f", {lost} of {len(found)} losing lock" if lost else ""
+    return f"{known[0][0]:.2f}° ({known[0][1]}) to {known[-1][0]:.2f}° ({known[-1][1]}){said_lost}"
+
+
+def _size(s: Standing) -> str:
+    """Return the worst mean error, and where it is."""
+    if s.worst_mean is None or s.at is None:
+        return "no lock"
+    return f"{s.worst_mean:.2f}°" if s.worst_mean < SLIGHT else f"{s.worst_mean:.2f}° at {place(s.at)}"
+
+
+def _lost(s: Standing) -> str:
+    return f" ({s.lost} lost)" if s.lost and s.at is not None else ""
+
+
+def place(row: Row) -> str:
+    """Return an operating point in words."""
+    speed = "" if abs(row.speed_rpm) < 0.5 else f", {row.speed_rpm:+.4g} rpm"
+    return f"{100.0 * row.load:.0f} % load{speed}"
+
+
+def theory_held(rows: Iterable[Row]) -> str:
+    """Return how near the linear belief's error is to what theory foretells; nothing where there is no theory."""
+    apart = [
+        abs(r.error_deg.mean - r.predicted_mean_deg) for r in rows
+        if r.belief == "linear" and r.error_deg.mean is not None and r.predicted_mean_deg is not None
+    ]  # fmt: skip
+    return f"Where theory foretells the linear belief's error, it is met within {max(apart):.2g}°." if apart else ""

@@ -1,0 +1,168 @@
+"""The page of a comparison: which estimator for this motor, what the saturated belief brings, runs looked at."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from sandbox.evaluation.choice import Standing, best, far_off, gained, standings, theory_held, which
+from sandbox.evaluation.compare import Comparison, Run
+from sandbox.evaluation.compare_sheets import most_current, over_angle, spectra, working
+from sandbox.output import looks
+from sandbox.output.document import answer, figure, fold, pairs, prose, table, write_page
+from sandbox.output.loci import angle_svg, estimator_svg, hodograph_svg, loci_svg
+from sandbox.output.plots import READING, colour_of
+from sandbox.output.tables import comparison_tables
+from sandbox.output.vector import lines_svg
+
+DRAWN = 600  # blocks of a line over time
+NOT_IN_IT = (
+    "It is a simulation: what the drive has beside this model (see `sensorless list effects`) is not in it unless it "
+    "was added by --effects.",
+    "The saturated belief is the plant's own model, so it is as good as a model can be; `sensorless compare "
+    "--tolerances` shows what is left of it when the model is known to some percent only.",
+)
+
+
+def write_comparison(path: Path, c: Comparison) -> None:
+    """Write the page of a comparison."""
+    title = f"{c.drive.name}, {c.scenario.name}: which estimator, which belief"
+    write_page(path, title, parts(c, title))
+
+
+def write_run(path: Path, c: Comparison) -> None:
+    """Write the page of a single run, a comparison of one."""
+    run = c.runs[0]
+    title = f"{c.drive.name}, {c.scenario.name}: {run.estimator}, {run.belief} belief"
+    write_page(path, title, _run_parts(c, run, title))
+
+
+def _run_parts(c: Comparison, run: Run, title: str) -> Iterator[str]:
+    """Yield the parts of a single run's page."""
+    yield f"<h1>{prose(title)}</h1>"
+    yield answer("How far is it off?", far_off(standings(run.rows)[0]))
+    yield answer("What is not in it?", _effects_said(c))
+    yield figure(estimator_svg([run]), READING)
+    yield from looked(c, [run])
+    for heading, heads, rows in comparison_tables(c):
+        yield fold(f"Every stretch: {heading}", table(heads, rows))
+    yield _made(c)
+
+
+def parts(c: Comparison, title: str) -> Iterator[str]:
+    """Yield the page's parts, the answers first."""
+    found = standings(c.rows)
+    yield f"<h1>{prose(title)}</h1>"
+    yield answer("Which estimator for this motor?", which(found))
+    yield answer("What does believing the saturated model bring?", f"{gained(found)} {theory_held(c.rows)}")
+    yield answer("What is not in it?", f"{_effects_said(c)} {NOT_IN_IT[1]}")
+    yield "<h2>All estimators, the estimate in control</h2>" + _standings([s for s in found if s.closed_loop])
+    yield fold("The same, the encoder in control", _standings([s for s in found if not s.closed_loop]))
+    yield "<h2>Position error by estimator, the estimate in control</h2>"
+    groups: dict[str, list[Run]] = {}
+    for run in c.runs:
+        if run.closed_loop:
+            groups.setdefault(run.estimator, []).append(run)
+    drawn = (f"<div><h3>{prose(name)}</h3>{figure(estimator_svg(own), '')}</div>" for name, own in groups.items())
+    yield from pairs(drawn)
+    yield f"<p class='soft'>{prose(READING)}</p>"
+    chosen = next((s.estimator for s in best(found)), next(iter(groups), None))
+    if chosen is not None:
+        yield f"<h2>{prose(chosen)}, looked at</h2>"
+        yield from looked(c, groups[chosen])
+    for heading, heads, rows in comparison_tables(c):
+        yield fold(f"Every stretch: {heading}", table(heads, rows))
+    yield _made(c)
+
+
+def _effects_said(c: Comparison) -> str:
+    """Return what the plant has beside the model."""
+    effects = ", ".join(f"{k} = {v:g}" for k, v in c.effects.items())
+    return f"It is a simulation; in the plant beside the model: {effects}." if effects else NOT_IN_IT[0]
+
+
+def _made(c: Comparison) -> str:
+    """Return how the runs were made, folded."""
+    return fold("How it was made", table(["", ""], [[name, str(value)] for name, value in c.properties.items()]))
+
+
+def _standings(found: Sequence[Standing]) -> str:
+    """Return the table of worst figures."""
+    rows = []
+    for s in found:
+        lock = f"{s.lost} of {s.stretches}" if s.lost else "never"
+        worst = "–" if s.worst_mean is None else f"{s.worst_mean:.2f}°"
+        p95 = "–" if s.worst_p95 is None else f"{s.worst_p95:.2f}°"
+        rows.append([f"{s.estimator}, {s.belief}", worst, p95, lock, str(s.missed) if s.missed else "–"])
+    heads = ["estimator, belief", "worst mean", "worst 95 %", "lock lost", "speed missed"]
+    return table(heads, rows)
+
+
+def looked(c: Comparison, runs: Sequence[Run]) -> Iterator[str]:
+    """Yield drawings of one estimator's runs, a belief each: time, currents, flux, spectra, angle."""
+    names, colours = [run.belief for run in runs], [colour_of(run.belief) for run in runs]
+    kept = dict(zip(names, runs, strict=True))
+    panels = [("error (°)", {n: _error(run) for n, run in kept.items()})]
+    panels.append(("i_q (A)", {n: _line(run, "i_q") for n, run in kept.items()}))
+    if any(np.any(run.recording.omega) for run in runs):
+        panels.append(("speed\n(rad/s el.)", {n: _line(run, "omega") for n, run in kept.items()}))
+    yield figure(
+        lines_svg(panels, "time (s)", colours=colours),
+        "Over time: true minus estimated position (lost lock left out), true current and speed.",
+    )
+    yield from pairs(_planes(c, kept))
+    yield from pairs(_spectra(c, kept))
+
+
+def _error(run: Run) -> tuple[list[float], list[float]]:
+    """Return the error (degrees) over time from the first evaluated stretch on; NaN where it would hide all else."""
+    r = working(run)
+    seen = [row.transient_max_deg for row in run.rows if row.transient_max_deg is not None]
+    t, e = looks.thinned(r.t, np.degrees(r.error), DRAWN)
+    return t.tolist(), np.where(np.abs(e) <= 1.1 * max(seen, default=45.0), e, np.nan).tolist()
+
+
+def _line(run: Run, name: str) -> tuple[list[float], list[float]]:
+    t, values = looks.thinned(run.recording.t, run.recording[name], DRAWN)
+    return t.tolist(), values.tolist()
+
+
+def _planes(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
+    """Yield the paths of currents and fluxes."""
+    paths = {name: looks.currents(c.drive, working(run)) for name, run in kept.items()}
+    plane = looks.plane(c.drive, most_current(c, paths.values()))
+    if plane is not None:
+        yield figure(
+            loci_svg(plane, paths, c.drive.motor.rated_current),
+            "Where the currents go (true ones, ripple averaged out) over what injection sees. Grey: saliency, green: "
+            "error of a linear belief in degrees, dotted: rated current.",
+        )
+    yield figure(
+        hodograph_svg(
+            {n: looks.hodograph(c.drive, working(run), [row.t_end for row in run.rows]) for n, run in kept.items()},
+            c.drive.motor.magnet_flux,
+        ),
+        "Hodograph: the flux linkage in the stator's frame, by the nominal model at these currents; dotted: the magnet "
+        "alone. Of a turning rotor the last turn of each stretch.",
+    )
+
+
+def _spectra(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
+    """Yield spectra of ripple and error, and the error against the angle."""
+    found = {name: own for name, run in kept.items() if (own := spectra(c, run))}
+    if found:
+        panels = [
+            (title, {name: (own[key][0].tolist(), own[key][1].tolist()) for name, own in found.items()})
+            for key, title in (("current", "i_dq (A)"), ("error", "error (°)"))
+        ]
+        yield figure(
+            lines_svg(panels, "frequency (Hz)", log="y", colours=[colour_of(name) for name in found]),
+            f"Spectrum of the true current in the rotor's frame and of the position error, longest evaluated stretch "
+            f"in lock; injection at {c.drive.injection.frequency:g} Hz. Height: amplitude of a line there.",
+        )
+    drawing = angle_svg({name: over for name, run in kept.items() if (over := over_angle(run)) is not None})
+    if drawing:
+        caption = "Position error less its stretch's mean, against the rotor's angle: mean, and nine samples in ten."
+        yield figure(drawing, caption)

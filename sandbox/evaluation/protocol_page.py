@@ -1,0 +1,219 @@
+"""The page of a protocol: which estimator for each motor, what the saturated belief brings, what breaks them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from sandbox.evaluation.choice import MANY, either, few
+from sandbox.evaluation.protocol import PEER, READING, SHARED, Protocol, Row, table, tables
+from sandbox.evaluation.protocol_tests import MEAN_GOAL
+from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
+from sandbox.output.vector import SERIES, bars_svg
+
+DEAREST = 1.25  # times the cheapest's step: dearer is named after it
+GAINED = ("static_map", "load_step", "creep")  # tests whose worst mean error is drawn for both beliefs
+NOT_IN_IT = (
+    "These are simulations in which the saturated belief is the plant's own model; only `robustness` changes the "
+    "plant. Goals are the project's (see the table), not your drive's."
+)
+
+
+@dataclass(frozen=True)
+class Merit:
+    """How an estimator with the saturated belief did on one motor.
+
+    worst_p95: degrees, over the tests of GAINED; step_ns: CPU of a step; None where not measured.
+    """
+
+    estimator: str
+    judged: int
+    missed: tuple[Row, ...]
+    slow: tuple[str, ...]  # tests in which a speed was reached too late
+    worst_p95: float | None
+    step_ns: float | None
+
+    def order(self) -> tuple[int, int, float]:
+        """Return what the best is smallest in: missed goals; then cost or, where any is missed, the error."""
+        then = self.worst_p95 if self.missed else self.step_ns
+        return len(self.missed), -self.judged, math.inf if then is None else then
+
+
+def merits(rows: Sequence[Row], motor: str) -> tuple[Merit, ...]:
+    """Return every estimator's merit on a motor, the best first."""
+    own = [r for r in rows if r.unit.motor == motor and r.unit.belief == "saturated" and r.unit.test not in SHARED]
+    out = []
+    for name in dict.fromkeys(r.unit.estimator for r in own):
+        mine = [r for r in own if r.unit.estimator == name]
+        judged = [r for r in mine if r.outcome.passed is not None]
+        cost = next((r.outcome.metrics.get("step_ns") for r in mine if r.unit.test == "cost"), None)
+        errors = [r.outcome.metrics.get("p95_deg") for r in mine if r.unit.test in GAINED]
+        worst = max((e for e in errors if e is not None), default=None)
+        slow = tuple(r.unit.test for r in mine if r.outcome.metrics.get("speed_missed"))
+        missed = tuple(r for r in judged if not r.outcome.passed)
+        out.append(Merit(name, len(judged), missed, slow, worst, cost))
+    return tuple(sorted(out, key=Merit.order))
+
+
+def which(rows: Sequence[Row], motor: str) -> str:
+    """Return which estimator to take on a motor, in one to three sentences."""
+    found = [m for m in merits(rows, motor) if m.judged]
+    if not found:
+        return "None of these tests has a goal; run `static_map`, `load_step` or `robustness`."
+    first = [m for m in found if (len(m.missed), m.judged) == (len(found[0].missed), found[0].judged)]
+    names = either(few([m.estimator for m in first]))
+    if not first[0].missed:
+        verb = "meets" if len(first) == 1 else "each meets"
+        text = f"{names} with the saturated belief: {verb} {_all(first[0].judged)}.{_cheapest(first)}"
+        return text + "".join(f" {m.estimator} was slow in {', '.join(m.slow)}." for m in first if m.slow)
+    text = f"None meets every goal. Nearest: {names} with the saturated belief"
+    text += f", {first[0].judged - len(first[0].missed)} of {first[0].judged}."
+    return text + "".join(f" {m.estimator} misses {'; '.join(map(why, m.missed))}." for m in first[:3])
+
+
+def _all(judged: int) -> str:
+    return "the one goal there is" if judged == 1 else f"all {judged} goals"
+
+
+def _cheapest(first: Sequence[Merit]) -> str:
+    """Return which of estimators alike in merit costs least, nothing where that is unknown or one is left."""
+    costs = sorted((m.step_ns, m.estimator) for m in first if m.step_ns is not None)
+    if len(costs) < 2:
+        return ""
+    like = [name for ns, name in costs if ns <= DEAREST * costs[0][0]]
+    return f" {either(like)} costs least, {costs[0][0]:.0f} ns a step on this machine."
+
+
+def why(row: Row) -> str:
+    """Return which goal a row missed, and how, in a few words."""
+    m = row.outcome.metrics
+    if row.failure:
+        return f"{row.unit.test} ({row.failure[:120]})"
+    lost = [name.partition(":")[0] for name, value in m.items() if name.endswith(": mean_deg") and value is None]
+    if lost:
+        return f"{row.unit.test} (lock lost with {', '.join(lost)})"
+    if m.get("lost"):
+        return f"{row.unit.test} (lock lost in {m['lost']:.0f} of {m['judged']:.0f} stretches)"
+    if m.get("mean_deg") is not None and m.get("p95_deg") is not None:
+        return f"{row.unit.test} (mean {m['mean_deg']:.2g}°, 95 % within {m['p95_deg']:.2g}°)"
+    if m.get("elsewhere") is not None:
+        return f"{row.unit.test} ({100.0 * (m['elsewhere'] or 0.0):.0f} % of wrong starts end at a third place)"
+    return row.unit.test
+
+
+def gained(rows: Sequence[Row], motor: str) -> str:
+    """Return what the saturated belief brings on a motor: worst mean errors of the tests in GAINED."""
+    pairs_ = _both(rows, motor)
+    if not pairs_:
+        return "No test was run with both beliefs."
+    said = "; ".join(f"{name} {a:.2g}° → {b:.2g}°" for name, (a, b) in pairs_.items())
+    if len(pairs_) > MANY:
+        ends = [sorted((pair[k], name) for name, pair in pairs_.items()) for k in (0, 1)]
+        said = " → ".join(f"{e[0][0]:.2g}° ({e[0][1]}) to {e[-1][0]:.2g}° ({e[-1][1]})" for e in ends)
+    return f"Worst mean error, linear → saturated belief: {said}."
+
+
+def _both(rows: Sequence[Row], motor: str) -> dict[str, tuple[float, float]]:
+    """Return worst mean errors (degrees) by estimator: linear, saturated, over the tests both were in lock in."""
+    own = {(r.unit.estimator, r.unit.belief, r.unit.test): r.outcome.metrics for r in rows if r.unit.motor == motor}
+    out = {}
+    for name in dict.fromkeys(e for e, _, _ in own):
+        seen = []
+        for test in GAINED:
+            values = [own.get((name, belief, test), {}).get("mean_deg") for belief in ("linear", "saturated")]
+            if None not in values:
+                seen.append(values)
+        if seen:
+            out[name] = tuple(max(column) for column in zip(*seen, strict=True))
+    return out
+
+
+def broken(rows: Sequence[Row], motor: str) -> list[str]:
+    """Return one sentence for each change of the plant that costs an estimator its lock, saturated belief."""
+    lost: dict[str, list[str]] = {}
+    for r in rows:
+        if r.unit.motor == motor and r.unit.test == "robustness" and r.unit.belief == "saturated":
+            for name, value in r.outcome.metrics.items():
+                if name.endswith(": mean_deg") and value is None:
+                    lost.setdefault(name.partition(":")[0], []).append(r.unit.estimator)
+    return [f"{case}: {', '.join(names)} lost lock." for case, names in lost.items()]
+
+
+def write_protocol(path: Path, result: Protocol) -> None:
+    """Write the page of a protocol."""
+    title = "Protocol: which estimator for which motor"
+    write_page(path, title, parts(result, title))
+
+
+def parts(result: Protocol, title: str) -> Iterator[str]:
+    """Yield the page's parts, the answers first."""
+    every = tables(result)
+    motors = [motor for motor in every if motor != PEER]
+    yield f"<h1>{prose(title)}</h1>"
+    for motor in motors:
+        yield answer(f"Which estimator for {motor}?", which(result.rows, motor))
+    for motor in motors:
+        yield answer(f"What does believing the saturated model bring on {motor}?", gained(result.rows, motor))
+    yield answer("What is not in it?", NOT_IN_IT)
+    for motor in every:
+        yield f"<h2>{prose(motor)}</h2>" + verdicts(*table(result, motor))
+        yield from pairs(_figures(result.rows, motor))
+        told = broken(result.rows, motor)
+        if told:
+            yield "<h3>What breaks them</h3>" + bullets(told)
+        cases = _cases(result.rows, motor)
+        if cases:
+            yield fold(f"{motor}: one thing at a time other than believed", cases)
+    yield f"<p class='soft'>{prose(READING)}</p>"
+    failed = [f"{r.unit.motor}, {r.unit.test}, {r.unit.estimator} {r.unit.belief}: {r.failure}" for r in result.rows
+              if r.failure]  # fmt: skip
+    if failed:
+        yield fold("Runs that ended early, and why", bullets(failed))
+    yield f"<p class='soft'>Seed {result.seed}; {sum(r.cpu_seconds for r in result.rows):.0f} s of CPU.</p>"
+
+
+def _figures(rows: Sequence[Row], motor: str) -> Iterator[str]:
+    """Yield the worst mean error with both beliefs, and the cost of a step."""
+    both = _both(rows, motor)
+    if both:
+        series = {
+            "linear": [max(a, 1e-3) for a, _ in both.values()],
+            "saturated": [max(b, 1e-3) for _, b in both.values()],
+        }
+        low = min([0.1, *(0.5 * v for values in series.values() for v in values)])
+        yield figure(
+            bars_svg(list(both), series, "worst mean error (°)", log_from=low),
+            f"Worst mean position error over {', '.join(GAINED)}; the goal of the saturated belief is {MEAN_GOAL:g}°.",
+        )
+    costs = {m.estimator: m.step_ns for m in merits(rows, motor) if m.step_ns is not None}
+    if costs:
+        names = [name for name in both if name in costs] or list(costs)
+        blue = [SERIES[1]]
+        yield figure(
+            bars_svg(names, {"saturated": [costs[name] or 0.0 for name in names]}, "CPU of a step (ns)", colours=blue),
+            "What a step of the estimator costs on this machine.",
+        )
+
+
+def _cases(rows: Sequence[Row], motor: str) -> str:
+    """Return the table of worst mean errors (degrees) by change of the plant, saturated belief; lost lock is marked."""
+    own: dict[str, Mapping[str, float | None]] = {
+        r.unit.estimator: r.outcome.metrics
+        for r in rows
+        if (r.unit.motor, r.unit.test, r.unit.belief) == (motor, "robustness", "saturated")
+    }
+    cases = list(dict.fromkeys(k for metrics in own.values() for k in metrics if k.endswith(": mean_deg")))
+    if not cases:
+        return ""
+    lines = [
+        [case.partition(":")[0], *("" if case not in m else _mean(m[case]) for m in own.values())] for case in cases
+    ]
+    return verdicts(["worst mean (°)", *own], lines)
+
+
+def _mean(value: float | None) -> str:
+    return (
+        "lost ✗ lock kept" if value is None else f"{value:.2f}" + (f" ✓ ≤ {MEAN_GOAL:g}" if value <= MEAN_GOAL else "")
+    )

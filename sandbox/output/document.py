@@ -1,0 +1,116 @@
+"""A result as one page: HTML with its figures inside, light and dark, on a telephone's width and on paper."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+from model.names import html_text
+
+PAGE = """<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<title>{title}</title><style>
+:root {{ color-scheme: light dark; --ink: #1d2430; --paper: #fff; --soft: #5b6573; --line: #d9dee5; --mark: #1f6fbf;
+  --bar: #2e86de; --warm: #c2540c; --good: #d5ecda; --bad: #f6d6d1; --none: #eef0f3; }}
+@media (prefers-color-scheme: dark) {{ :root {{ --ink: #e3e7ed; --paper: #14181f; --soft: #9fabba; --line: #343c48;
+  --mark: #6db3f2; --warm: #e8853f; --good: #1d4429; --bad: #582a25; --none: #232933; }} }}
+@media print {{ :root {{ color-scheme: light; --ink: #1d2430; --paper: #fff; --soft: #5b6573; --line: #d9dee5;
+  --mark: #1f6fbf; --warm: #c2540c; --good: #d5ecda; --bad: #f6d6d1; --none: #eef0f3; }} }}
+* {{ box-sizing: border-box; }}
+body {{ margin: 0 auto; padding: 1rem; max-width: 62rem; color: var(--ink); background: var(--paper);
+  font: 16px/1.45 system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; overflow-wrap: anywhere; }}
+h1 {{ font-size: 1.3rem; margin: 0 0 .6rem; }} h2 {{ font-size: 1.1rem; margin: 1.6rem 0 .4rem; }}
+h3 {{ font-size: 1rem; margin: 1rem 0 .3rem; }}
+.badge {{ display: inline-block; padding: .1rem .6rem; border-radius: 1rem; color: var(--paper);
+  background: var(--mark); font-size: .9rem; vertical-align: middle; }}
+.unknown, .ambiguous {{ background: var(--warm); }}
+.answer {{ border-left: .3rem solid var(--mark); padding: .1rem .8rem; margin: .7rem 0; break-inside: avoid; }}
+.answer b {{ display: block; color: var(--soft); font-size: .85rem; font-weight: 600; }}
+.wide {{ overflow-x: auto; }} .soft {{ color: var(--soft); }}
+table {{ border-collapse: collapse; width: 100%; font-size: .92rem; }}
+th, td {{ text-align: left; padding: .3rem .5rem .3rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }}
+th {{ color: var(--soft); font-weight: 600; }} td.n, th.n {{ text-align: right; white-space: nowrap; }}
+td.file {{ overflow-wrap: anywhere; }} .wide td:first-child {{ min-width: 8rem; }}
+td.good, td.bad, td.none {{ padding: .3rem .5rem; border: 2px solid var(--paper); white-space: nowrap; }}
+td.good {{ background: var(--good); }} td.bad {{ background: var(--bad); }} td.none {{ background: var(--none); }}
+td small {{ display: block; color: var(--soft); }}
+.marks td:first-child, .marks th:first-child {{ position: sticky; left: 0; background: var(--paper);
+  white-space: nowrap; }} .marks th {{ padding-left: .5rem; white-space: nowrap; }}
+.bar {{ background: var(--bar); height: .55rem; border-radius: .2rem; min-width: 1px; }}
+pre {{ white-space: pre-wrap; font-size: .85rem; }}
+figure {{ margin: .6rem 0; break-inside: avoid; }}
+figure svg {{ width: 100%; height: auto; max-width: 34rem; color: var(--ink); fill: var(--ink); }}
+@media (min-width: 50rem) {{ .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
+figcaption {{ color: var(--soft); font-size: .9rem; }}
+details {{ margin: .8rem 0; }} summary {{ cursor: pointer; color: var(--mark); }}
+@media print {{ body {{ font-size: 10pt; max-width: none; padding: 0; }} h2 {{ break-after: avoid; }}
+  tr {{ break-inside: avoid; }} figure svg {{ max-height: 10.5cm; }} figure {{ margin: .3rem 0; }}
+  .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
+</style></head><body>
+{body}
+<script>
+addEventListener("beforeprint", () => document.querySelectorAll("details").forEach(d => d.open = true));
+</script>
+</body></html>
+"""
+MARKS = {"✓": "good", "✗": "bad"}
+
+
+def write_page(path: Path, title: str, parts: Iterable[str]) -> None:
+    """Write parts (HTML) as one self-contained page; the title is plain text."""
+    path.write_text(PAGE.format(title=html_text(title), body="\n".join(parts)), encoding="utf-8")
+
+
+def prose(text: str) -> str:
+    """Return text for a page: percentages kept together, names with underscores free to break."""
+    return html_text(text).replace(" %", "&nbsp;%").replace("_", "_<wbr>")
+
+
+def answer(question: str, text: str) -> str:
+    """Return a question with its answer, set off from the rest."""
+    return f'<div class="answer"><b>{prose(question)}</b>{prose(text)}</div>'
+
+
+def bullets(texts: Iterable[str]) -> str:
+    """Return sentences as a list, nothing where there is none."""
+    items = "".join(f"<li>{prose(text)}</li>" for text in texts)
+    return f"<ul>{items}</ul>" if items else ""
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table; the first column is text, the others numbers where there are more than two."""
+    kind = " class='n'" if len(heads) > 2 else ""
+    head = "".join(f"<th{kind if k else ''}>{prose(h)}</th>" for k, h in enumerate(heads))
+    body = "".join(
+        "<tr>" + "".join(f"<td{kind if k else ''}>{prose(x)}</td>" for k, x in enumerate(row)) + "</tr>" for row in rows
+    )
+    return f"<div class='wide'><table><tr>{head}</tr>{body}</table></div>"
+
+
+def verdicts(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Return a table of texts with a verdict in them, such as '0.1 (0.4) ✓ ≤ 1': coloured, the goal below."""
+    head = "".join(f"<th>{prose(h)}</th>" for h in heads)
+    body = "".join(f"<tr><td>{prose(row[0])}</td>{''.join(map(_verdict, row[1:]))}</tr>" for row in rows)
+    return f"<div class='wide marks'><table><tr>{head}</tr>{body}</table></div>"
+
+
+def _verdict(text: str) -> str:
+    mark = next((m for m in MARKS if f" {m}" in text), "")
+    seen, _, goal = text.partition(f" {mark} ") if mark else (text, "", "")
+    below = f"<small>{mark} {prose(goal)}</small>" if mark else ""
+    return f"<td class='{MARKS.get(mark, 'none')}'>{prose(seen) or '–'}{below}</td>"
+
+
+def fold(head: str, content: str) -> str:
+    """Return a part that opens on demand (and when printed)."""
+    return f"<details><summary>{prose(head)}</summary>{content}</details>"
+
+
+def figure(svg: str, caption: str) -> str:
+    """Return a drawing (SVG) with a caption in plain text."""
+    return f"<figure role='img'>{svg}<figcaption>{prose(caption)}</figcaption></figure>"
+
+
+def pairs(figures: Iterable[str]) -> Iterator[str]:
+    """Yield figures side by side where the screen is wide enough."""
+    yield f"<div class='pair'>{''.join(figures)}</div>"

@@ -1,0 +1,51 @@
+"""What a trace shows beside the runs themselves: lines over time, bars, lines in a plane."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Colour = tuple[int, int, int]
+Strips = tuple[Sequence[Array], Colour, Sequence[str]]  # lines (n, 2), their colour, a label each or none
+GREY: Colour = (170, 170, 170)
+
+
+@dataclass(frozen=True)
+class Plot:
+    """Lines, or bars, over a common x (n,): s of lines, any number of bars; a colour each.
+
+    width: of bars that stand side by side from x on; without it all have width 1, one before the other.
+    """
+
+    title: str
+    x: Array
+    lines: Mapping[str, Array]
+    colours: Sequence[Colour]
+    bars: bool = False
+    width: float | None = None
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """Lines in a plane, seen from above: x to the right, y downwards as a viewer of pictures has it."""
+
+    title: str
+    strips: Mapping[str, Strips]
+
+
+def pale(colour: Colour) -> Colour:
+    """Return a colour mixed with white, for what belongs to a belief without being its estimate."""
+    red, green, blue = (round(0.35 * c + 0.65 * 255) for c in colour)
+    return red, green, blue
+
+
+def upright(x: Array, y: Array) -> list[Array]:
+    """Return a line (n, 2) for a sheet on which y points upwards, broken where a point is undefined."""
+    points = np.column_stack([x, -y])
+    known = np.isfinite(points).all(axis=1)
+    parts = np.split(points, np.flatnonzero(np.diff(known)) + 1)
+    return [part for part in parts if len(part) > 1 and np.isfinite(part).all()]

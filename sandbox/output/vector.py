@@ -1,0 +1,70 @@
+"""Drawings for pages: SVG that takes the page's colours, so that it is read on a light and on a dark ground."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from sandbox.output.plots import page, plain_ticks, svg_text
+
+if TYPE_CHECKING:
+    from sandbox.output.plots import Axes
+
+PHONE = 4.6  # inches: a phone's width at a legible size
+SERIES = ("#de6210", "#2e86de", "#7f7f7f")  # before, after, recorded; as in the trace
+Line = tuple[Sequence[float], Sequence[float]]  # x, y
+
+
+def bars_svg(
+    labels: Sequence[str], series: Mapping[str, Sequence[float]], xlabel: str, *, log_from: float | None = None,
+    colours: Sequence[Any] = SERIES,
+) -> str:  # fmt: skip
+    """Return horizontal bars as inline SVG, one group a label, one bar a series; log_from: logarithmic from there."""
+    drawing, panels = page((PHONE, 0.9 + 0.34 * len(labels)), 1, 1, squeeze=False)
+    axes = panels[0, 0]
+    height = 0.8 / max(1, len(series))
+    for k, (name, values) in enumerate(series.items()):
+        places = [n + (k - (len(series) - 1) / 2) * height for n in range(len(labels))]
+        left = log_from or 0.0
+        axes.barh(
+            places, [max(v - left, 0.0) for v in values], height, left, color=colours[k % len(colours)], label=name
+        )
+    if log_from is not None:
+        axes.set_xscale("log")
+        axes.set_xlim(log_from, 1.6 * max([2.0 * log_from, *(v for values in series.values() for v in values)]))
+        plain_ticks(axes)
+    axes.set_yticks(range(len(labels)), list(labels), parse_math=False)
+    axes.invert_yaxis()
+    axes.set_xlabel(xlabel)
+    named(axes)
+    return svg_text(drawing, "".join(labels) + xlabel)
+
+
+def lines_svg(
+    panels: Sequence[tuple[str, Mapping[str, Line]]], xlabel: str, *, log: str = "", colours: Sequence[Any] = SERIES
+) -> str:
+    """Return panels of lines over a common axis as inline SVG; a panel: its y label, {name: (x, y)}.
+
+    log: the logarithmic axes, such as "y" or "xy".
+    """
+    drawing, places = page((PHONE, 0.7 + 1.5 * len(panels)), len(panels), 1, sharex=True, squeeze=False)
+    for axes, (ylabel, lines) in zip(places[:, 0], panels, strict=True):
+        for k, (name, (x, y)) in enumerate(lines.items()):
+            axes.plot(x, y, color=colours[k % len(colours)], linewidth=0.7, label=name)
+        axes.set_ylabel(ylabel)
+        axes.spines[["top", "right"]].set_visible(False)
+        if "y" in log:
+            axes.set_yscale("log")
+            plain_ticks(axes, "y")
+    if "x" in log:
+        places[-1, 0].set_xscale("log")
+        plain_ticks(places[-1, 0])
+    named(places[0, 0])
+    places[-1, 0].set_xlabel(xlabel)
+    return svg_text(drawing, "".join(p[0] for p in panels) + xlabel + "".join(n for p in panels for n in p[1]))
+
+
+def named(axes: Axes, columns: int = 3) -> None:
+    """Name a panel's lines above it, and leave out the frame's upper and right edge."""
+    axes.legend(frameon=False, fontsize=9, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=columns)
+    axes.spines[["top", "right"]].set_visible(False)

@@ -1,0 +1,209 @@
+"""Which estimator for this motor, in sentences; the pages of comparison, single run and protocol."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from sandbox.evaluation import choice, compare_page, protocol_page
+from sandbox.evaluation.compare import Comparison
+from sandbox.evaluation.compare_sheets import sheets
+from sandbox.evaluation.protocol import Protocol, Unit
+from sandbox.evaluation.protocol import Row as Finished
+from sandbox.evaluation.protocol_tests import Outcome
+from sandbox.evaluation.score import ErrorDeg, Row
+from sandbox.output.trace import write_trace
+
+VOID = {"meta", "br", "wbr", "link", "img"}
+
+
+def row(estimator, belief, mean, p95, *, load=1.0, held=True, closed=True):
+    lost = mean is None
+    error = ErrorDeg(mean, None if lost else abs(mean), p95, p95)
+    return Row(estimator, belief, closed, load, 0.0, error, p95, None, lost, held, 0.0, 1.0)
+
+
+class Page(HTMLParser):
+    """A page's text and drawings; every element must be closed in turn."""
+
+    def __init__(self, path):
+        super().__init__()
+        self.open, self.drawings, self.words, self.links = [], 0, [], []
+        self.source = path.read_text(encoding="utf-8")
+        self.feed(self.source)
+        self.close()
+        assert self.open == []
+
+    def handle_starttag(self, tag, attributes):
+        if tag not in VOID:
+            self.open.append(tag)
+        self.drawings += tag == "svg"
+        self.links += [v for k, v in attributes if k in ("src", "href", "xlink:href") and not v.startswith("#")]
+
+    def handle_startendtag(self, tag, attributes):
+        self.links += [v for k, v in attributes if k in ("src", "href", "xlink:href") and not v.startswith("#")]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        if not {"style", "script"} & set(self.open):
+            self.words.append(data)
+
+    @property
+    def text(self):
+        return re.sub(r"\s+", " ", "".join(self.words))
+
+
+def check_self_contained(page):
+    """Nothing is fetched; black and white are the page's own, light or dark."""
+    assert page.links == []
+    assert "url(http" not in page.source
+    assert "#000000" not in page.source
+    assert "prefers-color-scheme: dark" in page.source
+
+
+def test_the_best_are_those_near_it_that_keep_lock():
+    rows = [
+        row("a", "saturated", 0.1, 0.5), row("a", "linear", -9.0, 9.5), row("b", "saturated", 0.2, 0.6),
+        row("c", "saturated", 0.0, 0.9), row("d", "saturated", 0.0, 0.3, held=False),
+        row("e", "saturated", None, None), row("e", "saturated", 0.0, 0.2),
+        row("f", "saturated", 0.0, 0.1, closed=False),
+    ]  # fmt: skip
+    found = choice.standings(rows)
+    assert [s.estimator for s in choice.best(found)] == ["a", "b"]  # c is 0.4 worse than a, more than NEAR_DEG
+    text = choice.which(found)
+    assert text.startswith("a or b with the saturated belief: in every stretch within 0.6°")
+    assert "d with the saturated belief missed the speed in 1 of 1 stretches" in text
+    assert "e with the saturated belief lost lock in 1 of 2 stretches" in text
+    assert "a 9.00° at 100 % load → 0.10°" in choice.gained(found)
+    assert choice.which(choice.standings([row("e", "linear", None, None)])).startswith("None of these")
+    alone = choice.which(choice.standings([row("a", "saturated", 0.1, 0.5)]))
+    assert "too near" not in alone
+    nothing = choice.standings([row("a", b, 0.1, 0.5) for b in ("linear", "saturated")])
+    assert choice.gained(nothing).startswith("Nothing to speak of")
+    worse = choice.standings([row("a", "linear", 0.1, 0.5), row("a", "saturated", 3.0, 3.5)])
+    assert choice.gained(worse).startswith("The worst mean error grows.")
+    better = choice.standings([row("b", "linear", 5.0, 6.0), row("b", "saturated", 1.0, 2.0)])
+    assert choice.gained((*worse, *better)).startswith("The worst mean error falls for some and grows for others.")
+    many = [row(name, "linear", 5.0 + k, 5.3 + k) for k, name in enumerate("abcdef")]
+    many += [row(name, "saturated", 0.1, 0.4) for name in "abcdef"]
+    assert choice.gained(choice.standings(many)) == (
+        "The worst mean error falls. Linear → saturated belief: 5.00° (a) to 10.00° (f) → 0.10° (a) to 0.10° (f)."
+    )
+    assert choice.which(choice.standings(many)).startswith("a, b, c or 3 others with the saturated belief:")
+
+
+def test_a_comparison_on_one_page(small_comparison, tmp_path):
+    path = tmp_path / "compare.html"
+    compare_page.write_comparison(path, small_comparison)
+    page = Page(path)
+    check_self_contained(page)
+    first = page.text.index("Which estimator for this motor?")
+    assert first < page.text.index("What does believing") < page.text.index("All estimators")
+    assert "with the saturated belief: in every stretch within" in page.text
+    # two estimators over load; of the best: time, currents, flux, spectra; the rotor is locked, so no angle
+    assert page.drawings == 6
+    assert "against the rotor's angle" not in page.text
+    assert path.stat().st_size < 1_000_000
+
+
+def test_runs_without_lock_and_strange_names_have_a_page(small_comparison, tmp_path):
+    """All lost: no mean to draw, no best; a motor called like a tag is no tag."""
+    lost = ErrorDeg(None, None, None, None)
+    none = {"error_deg": lost, "lost_lock": True, "transient_max_deg": None}
+    runs = tuple(
+        dataclasses.replace(run, rows=tuple(dataclasses.replace(r, **none) for r in run.rows))
+        for run in small_comparison.runs
+    )
+    motor = dataclasses.replace(small_comparison.drive.motor, name="<svg onload=x>")
+    drive = dataclasses.replace(small_comparison.drive, motor=motor)
+    c = Comparison(drive, small_comparison.scenario, runs, small_comparison.properties | {"dead_time.time": 1e-6})
+    compare_page.write_comparison(tmp_path / "lost.html", c)
+    page = Page(tmp_path / "lost.html")
+    assert "None of these: no estimator kept lock" in page.text
+    assert "in the plant beside the model: dead_time.time = 1e-06" in page.text
+    assert "<svg onload" not in page.source
+    compare_page.write_run(tmp_path / "run.html", Comparison(drive, c.scenario, c.runs[:1], c.properties))
+    assert "It lost lock in 2 of 2 stretches" in Page(tmp_path / "run.html").text
+
+
+def unit(estimator, test, passed, belief="saturated", **metrics):
+    return Finished(Unit("m", test, estimator, belief), Outcome((), metrics, passed), 0.1)
+
+
+ROWS = (
+    unit("start", "start", True, polarity_right=1.0),
+    unit("a", "creep", True, mean_deg=0.2, p95_deg=0.4),
+    unit("a", "creep", True, "linear", mean_deg=9.0, p95_deg=9.5),
+    unit("a", "cost", None, step_ns=300.0),
+    unit("b", "creep", True, mean_deg=0.3, p95_deg=0.6), unit("b", "cost", None, step_ns=100.0),
+    unit("c", "creep", False, mean_deg=2.0, p95_deg=4.0), unit("c", "cost", None, step_ns=10.0),
+)  # fmt: skip
+
+
+def test_the_protocol_recommends_by_goals_then_cost():
+    assert protocol_page.which(ROWS, "m") == (
+        "b or a with the saturated belief: each meets the one goal there is. "
+        "b costs least, 100 ns a step on this machine."
+    )
+    more = [unit(n, "creep", True, b, mean_deg=x) for n in "efghi" for b, x in (("linear", 7.0), ("saturated", 0.1))]
+    assert protocol_page.gained([*ROWS, *more], "m").endswith("belief: 7° (e) to 9° (a) → 0.1° (e) to 0.2° (a).")
+    late = unit("b", "load_step", True, mean_deg=0.1, p95_deg=0.2, speed_missed=3)
+    assert protocol_page.which([*ROWS, late], "m").endswith("all 2 goals. b was slow in load_step.")
+    assert protocol_page.gained(ROWS, "m") == "Worst mean error, linear → saturated belief: a 9° → 0.2°."
+
+
+@pytest.mark.parametrize(
+    ("metrics", "said"),
+    [
+        ({"mean_deg": 2.0, "p95_deg": 4.0}, "(mean 2°, 95 % within 4°)"),
+        ({"lost": 1, "judged": 7, "mean_deg": 2.0, "p95_deg": 4.0}, "(lock lost in 1 of 7 stretches)"),
+        ({"R +50 %: mean_deg": None, "nominal: mean_deg": 0.1}, "(lock lost with R +50 %)"),
+        ({"elsewhere": 0.25}, "(25 % of wrong starts end at a third place)"),
+    ],
+)
+def test_where_none_meets_every_goal_it_says_why(metrics, said):
+    rows = [unit("c", "creep", False, **metrics)]
+    assert protocol_page.which(rows, "m") == (
+        f"None meets every goal. Nearest: c with the saturated belief, 0 of 1. c misses creep {said}."
+    )
+
+
+def test_a_protocol_on_one_page(tmp_path):
+    broken = unit("b", "robustness", False, lost=2, judged=65, **{"R +50 %: mean_deg": None, "nominal: mean_deg": 0.1})
+    protocol_page.write_protocol(tmp_path / "protocol.html", Protocol((*ROWS, broken), 0))
+    page = Page(tmp_path / "protocol.html")
+    check_self_contained(page)
+    assert page.text.index("Which estimator for m?") < page.text.index("What is not in it?")
+    assert page.drawings == 2  # worst mean error, cost
+    assert "R +50 %: b lost lock." in page.text.replace("\xa0", " ")
+    marked = re.findall(r"<td class='(\w+)'>", page.source)
+    assert (marked.count("good"), marked.count("bad")) == (5, 3)  # as marked in ROWS, and both cases of `robustness`
+
+
+def test_a_trace_has_planes_and_spectra(small_comparison, tmp_path):
+    from rerun.chunk import RrdReader
+
+    found = sheets(small_comparison)
+    assert list(found) == ["qnull", "ekf"]
+    assert list(found["ekf"]) == ["currents", "fluxes", "spectrum_current", "spectrum_error"]  # locked: no angle
+    lines, _, labels = found["qnull"]["currents"].strips["map"]
+    assert len(lines) == len(labels) > 3
+    bars = found["qnull"]["spectrum_current"]
+    highest = bars.x[np.argmax(bars.lines["saturated"])]  # its left edge
+    assert highest <= small_comparison.drive.injection.frequency <= highest + bars.width
+    write_trace(tmp_path / "x.rrd", small_comparison, found)
+    entities = {str(chunk.entity_path) for chunk in RrdReader(tmp_path / "x.rrd").stream()}
+    assert {
+        f"/{e}/{own}" for e in found for own in ("currents/linear", "fluxes/magnet", "spectrum_error/linear")
+    } <= entities
+
+
+def test_an_open_loop_run_alone_has_its_tab(small_comparison):
+    run = next(run for run in small_comparison.runs if not run.closed_loop)
+    assert list(sheets(dataclasses.replace(small_comparison, runs=(run,)))) == [run.estimator]

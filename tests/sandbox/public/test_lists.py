@@ -1,0 +1,43 @@
+"""What there is, listed: nothing is compiled for it, and compiling is said once."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+import sandbox
+from tests.sandbox.public.naming import of, python
+
+
+@of("list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets")
+@pytest.mark.parametrize("kind", ["estimators", "effects", "motors", "scenarios", "datasets"])
+def test_lists_compile_nothing(kind, tmp_path):
+    """With an empty cache, too; estimators do not even bring in numba."""
+    code = f"import sys\nfrom sandbox.cli import main\nassert main(['list', '{kind}']) == 0\n"
+    code += "assert 'numba' not in sys.modules\n" * (kind == "estimators")
+    done = python(code, tmp_path, SENSORLESS_CACHE=str(tmp_path / "cache"))
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert not list((tmp_path / "cache").rglob("*.nb?"))  # numba's files of compiled code
+    listed = getattr(sandbox, f"list_{kind}")()
+    assert list(listed) == [line.split()[0] for line in done.stdout.splitlines()]
+
+
+def test_listed_estimators_say_what_their_objects_say():
+    assert sandbox.list_estimators() == {
+        name: sandbox.load_estimator(name).summary for name in sandbox.list_estimators()
+    }
+
+
+def test_compiling_is_said_once_and_only_when_it_happens(tmp_path):
+    """A kernel of our own in an empty cache: one line on stderr; from the cache: none."""
+    code = "from model.frames import wrapped\nfrom model.energy import Energy, hessian\n"
+    code += "print(hessian(Energy(1.0, 2.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.1, 0.2))\n"
+    cache = {"SENSORLESS_CACHE": str(tmp_path / "cache")}
+    first, second = python(code, tmp_path, **cache), python(code, tmp_path, **cache)
+    assert first.stdout == second.stdout != ""
+    assert first.stderr == "compiling once, about 30 s\n"
+    assert second.stderr == ""
+    known = json.loads((tmp_path / "cache" / "compile-seconds.json").read_text())
+    assert all(0.0 < seconds < 60.0 for seconds in known.values())

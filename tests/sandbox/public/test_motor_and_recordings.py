@@ -1,0 +1,105 @@
+"""Results without a closed loop: audit, maps, campaigns, identification, replay."""
+
+from __future__ import annotations
+
+import json
+from importlib import import_module
+
+import numpy as np
+import pytest
+
+import sandbox
+from sandbox.cli import main
+from sandbox.drive.locked_test import paper_campaign
+from tests.sandbox.public.naming import SHORT, of
+
+
+@of("audit", "maps")
+def test_machine_results(tmp_path):
+    audit, maps = sandbox.audit("ipm_exchanged"), sandbox.maps("ipm_exchanged", points=5)
+    assert audit.passed
+    assert audit.to_table().column("load").to_pylist()[18] == 0.0
+    assert "valid up to 2.16 A" in repr(audit)
+    assert max(len(repr(audit.audit)), len(repr(maps.maps))) < 200
+    table = maps.to_table()
+    at_zero = [row for row in table.to_pylist() if row["i_d"] == row["i_q"] == 0.0]
+    assert at_zero[0]["l_dd"] == pytest.approx(0.0458)  # inductance_d as printed
+    assert table.schema.field("l_dd").metadata == {b"unit": b"H"}
+    assert len(maps.plot().axes) == 12  # six maps, six colour bars
+    maps.save(tmp_path)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["maps.json", "maps.npz", "maps.png"]
+
+
+def test_another_motor_does_not_overwrite(tmp_path, capsys):
+    for motor in ("spm", "ipm", "ipm"):
+        assert main(["audit", motor, "--out", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert said.count("the earlier result of 'spm' is kept as audit-spm.json") == 1
+    latest, earlier = (json.loads((tmp_path / f"{name}.json").read_text()) for name in ("audit", "audit-spm"))
+    assert (latest["motor"], earlier["motor"]) == ("ipm", "spm")
+    assert (earlier["command"], earlier["figure"]) == ("audit", "audit-spm.png")
+    assert (tmp_path / earlier["figure"]).is_file()
+    assert main(["audit", "spm", "--quiet", "--out", str(tmp_path)]) == 0
+    names = sorted(p.name for p in tmp_path.iterdir())
+    assert names == [f"audit{of}.{kind}" for of in ("-ipm", "") for kind in ("json", "parquet", "png")]
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    return paper_campaign(sandbox.load_motor("ipm_exchanged"))
+
+
+@of("read_campaign")
+def test_a_campaign_is_looked_into_by_name(campaign):
+    file = campaign.recordings[0].file
+    recording = campaign[file]
+    assert sandbox.read_campaign(campaign) is campaign
+    assert [r.file for r in campaign] == [r.file for r in campaign.recordings]
+    np.testing.assert_array_equal(recording["i_a"], recording.columns["i_a"])
+    assert {"i_a", "theta", "u_dc"} <= set(dir(recording))
+    assert {"recordings", "drive", "to_pandas"} <= set(dir(campaign))
+    with pytest.raises(sandbox.BadInput, match=r"unknown column of .*did you mean 'i_"):
+        recording["i_A"]
+    frame = campaign.to_pandas()
+    assert len(frame) == sum(r.t.size for r in campaign)
+    assert frame.columns[0] == "file"
+    assert frame.attrs["units"]["u_alpha"] == "V"
+    assert recording.to_pandas().shape == (recording.t.size, len(recording.columns))
+    assert max(len(repr(campaign)), len(repr(recording))) < 300
+
+
+@of("identify")
+def test_identification_draws_what_was_measured(campaign, tmp_path):
+    found = sandbox.identify(campaign)
+    assert max(len(repr(found.identification)), len(repr(found.identification.levels))) < 200
+    rows = found.to_table().to_pylist()
+    resistance = next(r for r in rows if (r["method"], r["parameter"]) == ("exact", "resistance"))
+    assert resistance["value"] == pytest.approx(12.15, rel=1e-3)  # planted
+    assert resistance["unit"] == "ohm"
+    figure = found.plot(tmp_path / "identify.png")
+    levels, first = found.identification.levels, figure.axes[0]
+    lines = {line.get_label(): line for line in first.get_lines()}
+    measured = first.containers[0].lines[0]
+    assert {"exact", "first_order"} <= set(lines)
+    picked = import_module("sandbox.public.figures").staircase(levels, 0, 0)
+    assert sorted(measured.get_xdata()) == pytest.approx(sorted(levels.current[picked, 0]))
+    # the plant has no effect the exact model lacks: its line runs through the points, 1 % of the slope at the most
+    np.testing.assert_allclose(lines["exact"].get_ydata(), measured.get_ydata(), rtol=0.01)
+
+
+@of("replay")
+def test_replay_meets_its_own_simulation(tmp_path):
+    """A simulated bench replayed by the same effects lies at its noise floor, without them it does not."""
+    effects = {"current_offset.offset_a": 0.05}
+    folder = tmp_path / "bench"
+    sandbox.simulate("ipm_exchanged", SHORT, effects=effects, record=folder)
+    own = sandbox.replay(folder, effects)
+    nominal = sandbox.replay(str(folder))
+    assert own.rms["short.parquet"] == pytest.approx(1.0, abs=0.1)
+    assert nominal.rms["short.parquet"] > 5.0  # 0.05 A of offset over a floor of some 2 mA
+    table = own.to_table()
+    assert {"file", "t", "i_a", "i_a_simulated"} <= set(table.column_names)
+    assert own.to_rerun(tmp_path / "replay.rrd").is_file()
+    assert "noise floors" in repr(own)
+    nominal.save(tmp_path / "out")
+    assert json.loads((tmp_path / "out" / "replay.json").read_text())["recordings"][0]["rms"] > 5.0

@@ -1,0 +1,116 @@
+"""Looking at results: `show`, `view`, tables within eighty columns, commands that call the page."""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+
+import pytest
+
+import sandbox
+from sandbox.cli import build_parser, main
+from sandbox.output.tables import folded, print_table
+from tests.sandbox.public.naming import of
+
+
+@of("show", "view")
+def test_show_and_view_without_a_display(run, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "platform", "linux")
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    run.save(tmp_path, table=False)
+    (tmp_path / "report.html").write_text("<html></html>")
+    assert main(["show", str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert said.count("\n") == 1
+    assert "report.html" in said
+    assert f"sensorless view {tmp_path / 'simulate.rrd'} --web" in said
+    with pytest.raises(sandbox.BadInput, match="--web` shows it in a browser"):
+        sandbox.view(tmp_path / "simulate.rrd")
+    with pytest.raises(sandbox.BadInput, match="no result at"):
+        sandbox.show(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(sandbox.BadInput, match="nothing to show"):
+        sandbox.show(tmp_path / "empty")
+
+
+def test_show_with_a_display_opens_page_and_trace(run, tmp_path, monkeypatch):
+    opened = []
+    showing = import_module("sandbox.public.showing")
+    monkeypatch.setenv("DISPLAY", ":7")
+    monkeypatch.setattr(showing.webbrowser, "open", opened.append)
+    monkeypatch.setattr(showing, "view", lambda path, web=False: opened.append(str(path)))
+    run.save(tmp_path, table=False)
+    assert "opened" in sandbox.show(tmp_path)
+    assert opened == [(tmp_path / "simulate.html").as_uri(), str(tmp_path / "simulate.rrd")]
+
+
+def test_tables_fit_eighty_columns(small_comparison, capsys):
+    """Folded, every cell kept; the columns that tell rows apart stand in each part."""
+    from sandbox.output.tables import comparison_tables
+    from sandbox.public.printed import print_comparison
+
+    print_comparison(small_comparison)
+    said = capsys.readouterr().out
+    drawn = [line for line in said.splitlines() if line[:1] in "┏┃┡│└"]
+    assert drawn
+    assert max(map(len, drawn)) <= 80
+    for _, heads, rows in comparison_tables(small_comparison):
+        for cell in [*heads, *(c for row in rows for c in row)]:
+            assert cell in said
+    assert said.count("load %") == 2 * len(folded(heads, rows, 3, 80))
+    assert folded(["k", *(10 * ["x" * 17])], [], 1, 80) == [[0, 1, 2, 3], [0, 4, 5, 6], [0, 7, 8, 9], [0, 10]]
+
+
+def test_a_long_first_column_is_broken_and_numbers_are_not(capsys):
+    print_table("files", ["recording", "before", "after"], [["x" * 90, "123456.78", "1.25"]])
+    said = capsys.readouterr().out.splitlines()
+    assert max(map(len, said)) == 80
+    assert "123456.78" in said[4]
+    assert sum(line.count("x") for line in said) == 90
+
+
+@pytest.mark.parametrize("call", [["audit", "spm"], ["maps", "spm"], ["list", "estimators"]])
+def test_commands_print_within_eighty_columns(call, tmp_path, capsys):
+    assert main([*call, *(["--out", str(tmp_path)] if call[0] != "list" else [])]) == 0
+    drawn = [line for line in capsys.readouterr().out.splitlines() if line[:1] in "┏┃┡│└"]
+    assert max(map(len, drawn), default=0) <= 80
+
+
+CALLS = {
+    "simulate": ["simulate"], "compare": ["compare"], "protocol": ["protocol", "--motors", "ipm"], "bench": ["bench"],
+    "audit": ["audit", "ipm"], "maps": ["maps", "ipm"], "identify": ["identify", "folder"],
+    "diagnose": ["diagnose", "folder"], "list_motors": ["list", "motors"], "list_effects": ["list", "effects"],
+    "list_estimators": ["list", "estimators"], "list_scenarios": ["list", "scenarios"],
+    "list_datasets": ["list", "datasets"], "view": ["view", "x.rrd"], "show": ["show", "x"],
+    "sweep": ["sweep", "x.toml"],
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_commands_call_the_page(name, monkeypatch, tmp_path):
+    """Every command of the command line but `withheld`, which is no function of the page."""
+
+    class Called(Exception):
+        """Raised where the page's function is called."""
+
+    def called(*_, **__):
+        raise Called
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sandbox, name, called)
+    options = build_parser().parse_args(CALLS[name])
+    with pytest.raises(Called):
+        options.run(options)
+
+
+def test_seed_and_jobs_are_told_where_they_do_something(capsys):
+    for command, seed, jobs in (
+        ("compare", True, True), ("simulate", True, False), ("protocol", True, True), ("audit", False, False),
+        ("maps", False, False), ("identify", False, False), ("bench", False, False), ("diagnose", False, True),
+        ("sweep", False, True),
+    ):  # fmt: skip
+        with pytest.raises(SystemExit):
+            main([command, "--help"])
+        said = capsys.readouterr().out
+        assert ("--seed" in said, "--jobs" in said) == (seed, jobs), command
