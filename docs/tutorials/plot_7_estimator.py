@@ -1,0 +1,131 @@
+"""
+7. Write your own estimator
+===========================
+
+An estimator is two functions. This page writes one in Python, compiles the same one with numba, and shows where the C version goes.
+"""
+
+# %%
+# The two functions
+# -----------------
+# ``init(belief, tuning, angle)`` returns a state; ``angle`` is the rotor's first angle, or ``None`` where the estimator has to find it.
+# ``step(state, sample, belief, tuning)`` is called once in every sampling period. It is given the measured currents and the commanded voltages (never the
+# true angle), and returns an ``Estimate``. :doc:`/reference/made/fields` lists all fields with units.
+#
+# This estimator integrates the voltage to get the flux, takes off what the current causes, and looks in which direction the magnet's flux points. It has to be
+# told the first angle.
+
+import math
+import tempfile
+from pathlib import Path
+
+from matplotlib import pyplot as plt
+
+from sandbox import Estimate, Estimator, Scenario, Segment, load_estimator, simulate
+
+
+def init(belief, tuning, angle=None):
+    first = angle or 0.0
+    flux = (belief.magnet_flux * math.cos(first), belief.magnet_flux * math.sin(first))
+    return {"theta": first, "omega": 0.0, "flux": flux, "current": (0.0, 0.0)}
+
+
+def step(state, sample, belief, tuning):
+    h, current = tuning.sampling_period, (sample.i_alpha, sample.i_beta)
+    voltage = (sample.u_alpha, sample.u_beta)
+    state["flux"] = tuple(
+        f + h * (u - belief.resistance * 0.5 * (new + old))
+        for f, u, new, old in zip(state["flux"], voltage, current, state["current"], strict=True)
+    )
+    state["current"] = current
+    l_q = 1.0 / belief.energy.gamma_q
+    seen = math.atan2(state["flux"][1] - l_q * current[1], state["flux"][0] - l_q * current[0])
+    state["theta"] += h * state["omega"]  # predict, then correct
+    error = math.remainder(seen - state["theta"], math.tau)
+    state["omega"] += h * tuning.ki * error
+    state["theta"] += h * tuning.kp * error
+    return Estimate(state["theta"], state["omega"], state["theta"], 0.0, 1.0, 0.0, 0.0, injection=0.0)
+
+
+mine = Estimator("mine", "flux of the voltage less that of the current", init, step, compiled=False, injection="none")
+
+# %%
+# Run it
+# ------
+# The scenario turns the rotor and tells the first angle (``start_up=False``).
+
+turning = Scenario(
+    "turning", (Segment(0.5, speed=0.2, ramp=0.2, settle=0.3), Segment(0.5, load=0.8, speed=0.2, ramp=0.1, settle=0.3)),
+    rotor="driven", start_up=False,
+)  # fmt: skip
+run = simulate("ipm_exchanged", turning, mine, belief="linear")
+for row in run.rows:
+    print(f"load {row.load:.0%}: mean error {row.error_deg.mean:+.2f}°")
+run.plot()
+
+# %%
+# Without load it is right; with load it errs by many degrees, because it believes that one constant inductance tells the flux. Compare it with
+# an estimator that comes with the package:
+
+ours = simulate("ipm_exchanged", turning, "active_flux", belief="saturated")
+print(ours)
+
+# %%
+# In a file, for the command line
+# -------------------------------
+# Keep both functions in a file that defines ``ESTIMATOR``. Then every command takes it: ``sensorless compare --estimator my_estimator.py``, ``sensorless
+# protocol --estimators my_estimator.py``. Below is the compiled form. The state is an array of numbers, and ``@kernel_as(STEP)`` compiles the step for the
+# loop. It then runs about as fast as those of the package.
+
+source = '''
+import math
+
+import numpy as np
+
+from estimators.contract import NONE, STEP, Estimate, Estimator
+from model.compiled import kernel_as
+
+THETA, OMEGA, FLUX_A, FLUX_B, I_A, I_B = range(6)
+
+
+def init(belief, tuning, angle=None):
+    state = np.zeros(6)
+    state[THETA] = angle or 0.0
+    state[FLUX_A] = belief.magnet_flux * math.cos(state[THETA])
+    state[FLUX_B] = belief.magnet_flux * math.sin(state[THETA])
+    return state
+
+
+@kernel_as(STEP)
+def step(state, sample, belief, tuning):
+    h, r, l_q = tuning.sampling_period, belief.resistance, 1.0 / belief.energy.gamma_q
+    state[FLUX_A] += h * (sample.u_alpha - 0.5 * r * (sample.i_alpha + state[I_A]))
+    state[FLUX_B] += h * (sample.u_beta - 0.5 * r * (sample.i_beta + state[I_B]))
+    state[I_A], state[I_B] = sample.i_alpha, sample.i_beta
+    seen = math.atan2(state[FLUX_B] - l_q * sample.i_beta, state[FLUX_A] - l_q * sample.i_alpha)
+    state[THETA] += h * state[OMEGA]
+    error = seen - state[THETA]
+    error -= 2.0 * math.pi * math.floor(error / (2.0 * math.pi) + 0.5)
+    state[OMEGA] += h * tuning.ki * error
+    state[THETA] += h * tuning.kp * error
+    return Estimate(state[THETA], state[OMEGA], state[THETA], 0.0, 1.0, 0.0, 0.0, 0.0)
+
+
+ESTIMATOR = Estimator("mine_compiled", "flux of the voltage less that of the current", init, step, injection=NONE)
+'''
+path = Path(tempfile.mkdtemp()) / "my_estimator.py"
+path.write_text(source)
+compiled = simulate("ipm_exchanged", turning, load_estimator(path), belief="linear")
+for slow, fast in zip(run.rows, compiled.rows, strict=True):
+    print(f"Python {slow.error_deg.mean:+.6f}°, compiled {fast.error_deg.mean:+.6f}°")
+
+# %%
+# In C
+# ----
+# The same two functions in C, with one header, become a shared library that runs in the compiled loop::
+#
+#     cc -std=c99 -O2 -fPIC -shared -I estimators/c -o mine.so mine.c -lm
+#     sensorless compare --estimators ekf --estimator-library mine.so
+#
+# The whole C file of this very estimator, what is refused, and how ``sensorless export-estimator`` writes ours for a
+# firmware: :doc:`/reference/made/estimators_in_c`.
