@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 from importlib import metadata
 from pathlib import Path
@@ -25,8 +26,10 @@ extensions = [
     "generated",
 ]
 exclude_patterns = ["_build", "extensions", "tutorials/*", "README.md"]
-nitpicky = False
-keep_warnings = True
+smartquotes = False  # options begin with two dashes
+default_role = "literal"
+highlight_language = "text"  # of a block that names none
+logging.getLogger("sensorless").setLevel(logging.ERROR)  # pages do not say that something was compiled
 
 myst_enable_extensions = ["dollarmath", "colon_fence", "deflist", "attrs_inline"]
 myst_heading_anchors = 3
@@ -47,12 +50,10 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "min_reported_time": 10_000,
     "write_computation_times": False,
-    "capture_repr": ("_repr_html_", "__repr__"),
-    "remove_config_comments": True,
-    "matplotlib_animations": False,
-    "run_stale_examples": False,
+    "capture_repr": ("__repr__",),
+    "ignore_repr_types": ".*",  # only what is printed
+    "image_scrapers": ("matplotlib", "returned_figures.scraper"),
     "nested_sections": False,
-    "reset_modules": (),
 }
 
 html_theme = "furo"

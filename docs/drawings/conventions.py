@@ -19,7 +19,10 @@ def at(centre: Point, radius: float, degrees: float) -> Point:
 def axis(centre: Point, degrees: float, name: str, colour: str, radius: float = 165, dashed: bool = False) -> list[str]:
     """Return an axis with its name at the tip."""
     x, y = at(centre, radius + 26, degrees)
-    return [arrow(centre, at(centre, radius, degrees), colour, dashed=dashed), words(x, y + 5, name, colour, "middle", 15)]
+    return [
+        arrow(centre, at(centre, radius, degrees), colour, dashed=dashed),
+        words(x, y + 5, name, colour, "middle", 15),
+    ]
 
 
 def frames() -> str:
@@ -30,7 +33,10 @@ def frames() -> str:
     parts += axis(c, true, "d (true: north pole)", BLUE, 165)[:1] + axis(c, true + 90, "q", BLUE)
     parts += [words(*at(c, 172, true), "d: the magnet's north pole", BLUE)]
     parts += axis(c, estimated, "", RED, 165, True)[:1] + axis(c, estimated + 90, "", RED, 165, True)[:1]
-    parts += [words(*at(c, 172, estimated), "d̂: the estimate", RED), words(*at(c, 180, estimated + 90), "q̂", RED, "middle")]
+    parts += [
+        words(*at(c, 172, estimated), "d̂: the estimate", RED),
+        words(*at(c, 180, estimated + 90), "q̂", RED, "middle"),
+    ]
     parts += [arc(c, 62, 0, true, BLUE), words(*at(c, 80, 9), "θ", BLUE, "middle", 16)]
     parts += [arc(c, 120, estimated, true, GREEN), words(*at(c, 137, 32), "e", GREEN, "middle", 16)]
     parts += [words(300, 330, "e = θ − θ̂", GREEN, size=17), words(300, 354, "Here the estimate lags: e > 0.", INK)]
@@ -65,7 +71,10 @@ def period() -> str:
     middle = left + wide / 2
     parts += [arrow((middle, 62), (left + 3, 62), GREY, 1.2), arrow((middle, 62), (left + wide - 3, 62), GREY, 1.2)]
     parts += [words(middle, 54, "the command u_k acts: one PWM period (single update)", INK, "middle")]
-    parts += [words(left + 20, 265, "zero vector", GREY, size=12), words(left + wide - 20, 265, "zero vector", GREY, "end", 12)]
+    parts += [
+        words(left + 20, 265, "zero vector", GREY, size=12),
+        words(left + wide - 20, 265, "zero vector", GREY, "end", 12),
+    ]
     parts += [words(middle, 265, "zero vector", GREY, "middle", 12)]
     said = (
         "Duty of a leg: D = 1/2 + (u_leg + u_0)/u_dc, u_0 = −(largest + smallest)/2 of the three phase commands.",

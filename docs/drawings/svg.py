@@ -33,10 +33,13 @@ def arc(centre: Point, radius: float, begin: float, end: float, colour: str = IN
     """Return an arc with a head; angles in degrees, anticlockwise from the right."""
     steps = [math.radians(begin + (end - begin) * k / 40) for k in range(41)]
     points = [(centre[0] + radius * math.cos(a), centre[1] - radius * math.sin(a)) for a in steps]
-    return line([(round(x, 1), round(y, 1)) for x, y in points[:-2]], colour) + arrow(points[-6], points[-1], colour, 0.01)
+    return line([(round(x, 1), round(y, 1)) for x, y in points[:-2]], colour) + arrow(
+        points[-6], points[-1], colour, 0.01
+    )
 
 
 def whole(width: int, height: int, parts: list[str]) -> str:
     """Return a drawing on white."""
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" width="{width}" font-family="sans-serif">'
+    size = f'viewBox="0 0 {width} {height}" width="{width}"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="sans-serif">'
     return "\n".join([head, '<rect width="100%" height="100%" fill="white"/>', *parts, "</svg>"]) + "\n"

@@ -23,8 +23,8 @@ An effect of your own: [tutorial](../../gallery/plot_8_effect.rst).
 """
 ESTIMATORS = """# Estimators
 
-An estimator turns commanded voltages and measured currents into position and speed. Every estimator *believes* a model of
-the motor, saturated or linear; it never knows the truth. Which one suits which motor, with the figures of the
+An estimator turns commanded voltages and measured currents into position and speed. Every estimator *believes* a model
+of the motor, saturated or linear; it never knows the truth. Which one suits which motor, with the figures of the
 [protocol](../../results/estimators.md), is a page of its own; an estimator of your own:
 [tutorial](../../gallery/plot_7_estimator.rst).
 
@@ -59,7 +59,8 @@ def effect(card: Effect) -> str:
         text += f"Up to {card.repeats} at once; the second one's parameters are {further}.\n\n"
     alike = ", ".join(f"[`{n}`](#{n.replace('_', '-')})" for n in card.confused_with) or "nothing"
     lines = (
-        ("Equation", cell(card.equation)), ("Shows", f"{cell(card.axis)}; order {cell(card.order)}; {cell(card.region)}"),
+        ("Equation", cell(card.equation)),
+        ("Shows", f"{cell(card.axis)}; order {cell(card.order)}; {cell(card.region)}"),
         ("Confused with", alike), ("Told apart by", cell(card.separated_by)), ("Source", cell(card.source)),
     )  # fmt: skip
     return text + "\n".join(f"**{head}**\n: {said}\n" for head, said in lines) + "\n"

@@ -12,8 +12,9 @@ from sandbox.cli import build_parser
 HEAD = """# Commands
 
 Each command prints a table, and writes `<command>.json`, figures and tables into its folder for results. What the JSON
-files hold: [JSON files](json.md). The exit code is 0 where the command has done its work, 2 for wrong input, 3 where the
-physics has no answer, 130 after Ctrl-C; for 2 and 3 the command prints one sentence that says what to change.
+files hold: [JSON files](json.md). The exit code is 0 where the command has done its work, 2 for wrong input, 3 where
+the physics has no answer, 130 after Ctrl-C; for 2 and 3 the command prints one sentence that says what to change. A
+value in parentheses is what a command takes if the argument is left out.
 
 """
 
@@ -29,7 +30,7 @@ def subcommands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentP
 def usage(parser: argparse.ArgumentParser) -> str:
     """Return how a command is called, folded."""
     words = " ".join(parser.format_usage().removeprefix("usage: ").split())
-    return "\n".join(textwrap.wrap(words, 96, subsequent_indent="    ", break_on_hyphens=False, break_long_words=False))
+    return "\n".join(textwrap.wrap(words, 80, subsequent_indent="    ", break_on_hyphens=False, break_long_words=False))
 
 
 def option(parser: argparse.ArgumentParser, action: argparse.Action) -> tuple[str, str]:

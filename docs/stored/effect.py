@@ -1,4 +1,4 @@
-"""Make what the tutorial on effects shows: `python docs/stored/effect.py` (compiles the plant anew, one or two minutes)."""
+"""Make what the tutorial on effects shows: `python docs/stored/effect.py` (some minutes: it compiles)."""
 
 from __future__ import annotations
 

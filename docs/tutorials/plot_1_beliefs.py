@@ -20,7 +20,9 @@ from sandbox import Scenario, Segment, audit, compare, maps, simulate
 shown = maps("ipm_exchanged", points=31).maps
 figure, panels = plt.subplots(1, 3, figsize=(10, 3.2), layout="constrained")
 for panel, name in zip(panels, ("l_dd", "l_dq", "l_qq"), strict=True):
-    drawn = panel.contourf(shown.i_d, shown.i_q, 1e3 * getattr(shown, name).T, levels=12)
+    drawn = panel.contourf(
+        shown.i_d, shown.i_q, 1e3 * getattr(shown, name).T, levels=12
+    )
     figure.colorbar(drawn, ax=panel, label="mH")
     panel.set(title=name.replace("l_", "L_"), xlabel="i_d (A)", ylabel="i_q (A)")
 
@@ -32,7 +34,11 @@ for panel, name in zip(panels, ("l_dd", "l_dq", "l_qq"), strict=True):
 
 steps = Scenario(
     "steps",
-    (Segment(0.3), Segment(0.4, load=0.6, ramp=0.1, settle=0.2), Segment(0.4, load=1.2, ramp=0.1, settle=0.2)),
+    (
+        Segment(0.3),
+        Segment(0.4, load=0.6, ramp=0.1, settle=0.2),
+        Segment(0.4, load=1.2, ramp=0.1, settle=0.2),
+    ),
 )
 linear = simulate("ipm_exchanged", steps, "qnull", belief="linear")
 saturated = simulate("ipm_exchanged", steps, "qnull", belief="saturated")
@@ -48,7 +54,13 @@ for run, colour in ((linear, "tab:orange"), (saturated, "tab:blue")):
     recording = run.recording
     error = 180 / 3.14159 * recording.error
     started = recording.t > 0.14
-    panel.plot(recording.t[started], error[started], color=colour, label=run.run.belief, linewidth=0.8)
+    panel.plot(
+        recording.t[started],
+        error[started],
+        color=colour,
+        label=run.run.belief,
+        linewidth=0.8,
+    )
 panel.set(xlabel="time (s)", ylabel="position error (°)")
 panel.legend(title="belief")
 
@@ -59,9 +71,13 @@ panel.legend(title="belief")
 # linear belief stands at this angle.
 
 theory = audit("ipm_exchanged")
-angles = dict(zip(theory.audit.load.round(2), theory.as_json()["angle_closed_deg"], strict=True))
+angles = dict(
+    zip(theory.audit.load.round(2), theory.as_json()["angle_closed_deg"], strict=True)
+)
 for row in linear.rows:
-    print(f"load {row.load:4.0%}: theory {angles[round(row.load, 2)]:+.2f}°, run {row.error_deg.mean:+.2f}°")
+    print(
+        f"load {row.load:4.0%}: theory {angles[round(row.load, 2)]:+.2f}°, run {row.error_deg.mean:+.2f}°"
+    )
 
 # %%
 # Three estimators

@@ -29,19 +29,27 @@ for name, summary in list_estimators().items():
 # **How good is the inverter's voltage?** The Kalman filters rely on the commanded voltage. If dead time is not compensated
 # they err; injection does not mind. This run shows it.
 
-loaded = Scenario("loaded", (Segment(0.2), Segment(0.4, load=1.0, ramp=0.1, settle=0.2)))
+loaded = Scenario(
+    "loaded", (Segment(0.2), Segment(0.4, load=1.0, ramp=0.1, settle=0.2))
+)
 names = ("qnull", "inversion", "rotating", "ekf")
 times = (0.0, 1e-6, 2e-6)
 errors = {
     name: [
-        simulate("ipm_exchanged", loaded, name, effects={"dead_time.time": t}).rows[-1].error_deg.mean for t in times
+        simulate("ipm_exchanged", loaded, name, effects={"dead_time.time": t})
+        .rows[-1]
+        .error_deg.mean
+        for t in times
     ]
     for name in names
 }
 figure, panel = plt.subplots(figsize=(7, 3.4), layout="constrained")
 for name, found in errors.items():
     panel.plot([1e6 * t for t in times], found, marker="o", label=name)
-panel.set(xlabel="dead time that nobody compensates (µs)", ylabel="mean error at rated load (°)")
+panel.set(
+    xlabel="dead time that nobody compensates (µs)",
+    ylabel="mean error at rated load (°)",
+)
 panel.legend()
 
 # %%
@@ -56,10 +64,13 @@ panel.legend()
 done = protocol(["qnull", "ekf"], ["ipm_exchanged"], ["load_step"])
 for row in done.protocol.rows:
     m = row.outcome.metrics
-    print(f"{row.unit.estimator:6} {row.unit.belief:9} mean {m['mean_deg']:5.2f}°  p95 {m['p95_deg']:5.2f}°  goal met: {row.outcome.passed}")
+    print(
+        f"{row.unit.estimator:6} {row.unit.belief:9} mean {m['mean_deg']:5.2f}°  p95 {m['p95_deg']:5.2f}°  goal met: {row.outcome.passed}"
+    )
 
 # %%
-# The linear belief is judged against theory: its goal is to err by the cross-saturation angle, no more and no less.
+# The linear belief is judged against theory: its goal is to err by the cross-saturation angle, no more and no less. For the filter's linear belief there is
+# no theory, so it has no goal (``None``).
 #
 # What to take
 # ------------

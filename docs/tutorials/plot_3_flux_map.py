@@ -24,22 +24,24 @@ from matplotlib import pyplot as plt
 
 from sandbox import Scenario, Segment, audit, compare, load_motor
 
-magnet, l_d, l_q = 0.09, 9e-3, 20e-3  # Wb, H, H
-i_d, i_q = np.meshgrid(np.linspace(-12, 12, 25), np.linspace(-12, 12, 25), indexing="ij")
-bend_d = np.sqrt(1 + ((i_d + 8) / 15) ** 2)  # the magnet saturates the d axis as 8 A would
-bend_q = np.sqrt(1 + (i_q / 8) ** 2)
-psi_d = magnet + l_d * ((i_d + 8) / bend_d - 8 / np.sqrt(1 + (8 / 15) ** 2)) - 0.012 * l_q * 8**2 * (bend_q - 1)
-psi_q = l_q * i_q / bend_q * (1 - 0.012 * i_d)  # current along d saturates the q axis, too
+i_d, i_q = np.meshgrid(np.linspace(-12, 12, 25), np.linspace(-12, 12, 25))
+l_d, l_q, cross = 9e-3, 20e-3, 0.012  # H, H, 1/A
+x = (i_d + 8) / 15  # the magnet saturates the d axis as 8 A would
+bend_d, bend_q = np.sqrt(1 + x**2), np.sqrt(1 + (i_q / 14) ** 2)
+psi_d = 0.05 + l_d * 15 * x / bend_d - cross * l_q * 14**2 * (bend_q - 1)
+psi_q = l_q * i_q / bend_q * (1 - cross * i_d)
 
 folder = Path(tempfile.mkdtemp())
 with open(folder / "my_map.csv", "w", newline="") as file:
     rows = zip(*(x.ravel() for x in (i_d, i_q, psi_d, psi_q)), strict=True)
-    csv.writer(file).writerows([["i_d", "i_q", "psi_d", "psi_q"], *([f"{v:.9g}" for v in row] for row in rows)])
+    csv.writer(file).writerows(
+        [["i_d", "i_q", "psi_d", "psi_q"], *([f"{v:.9g}" for v in row] for row in rows)]
+    )
 
 figure, panels = plt.subplots(1, 2, figsize=(8, 3.2), layout="constrained")
-panels[0].plot(i_q[0], psi_q[::6].T)
+panels[0].plot(i_q[:, 0], psi_q[:, ::6])
 panels[0].set(xlabel="i_q (A)", ylabel="psi_q (Wb)", title="five currents i_d")
-panels[1].plot(i_d[:, 0], psi_d[:, 12::4])
+panels[1].plot(i_d[0], psi_d[12::4].T)
 panels[1].set(xlabel="i_d (A)", ylabel="psi_d (Wb)", title="four currents i_q")
 
 # %%
@@ -94,7 +96,9 @@ found.plot()
 # *Saturated belief* now means the spline that was fitted to the map; *linear belief* means its inductances at zero current.
 
 loaded = Scenario(
-    "loaded", tuple(Segment(0.4, load=x, ramp=0.1, settle=0.2) for x in (0.0, 0.5, 1.0, 1.5)), rotor="locked"
+    "loaded",
+    tuple(Segment(0.4, load=x, ramp=0.1, settle=0.2) for x in (0.0, 0.5, 1.0, 1.5)),
+    rotor="locked",
 )
 both = compare(motor, loaded, ["qnull"])
 print(both)

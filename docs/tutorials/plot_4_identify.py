@@ -25,7 +25,11 @@ print([recording.file for recording in campaign.recordings])
 figure, panel = plt.subplots(figsize=(8, 3), layout="constrained")
 first = campaign.recordings[0]
 panel.plot(first.t, first["i_a"], linewidth=0.6)
-panel.set(xlabel="time (s)", ylabel="i_a (A)", title=f"{first.file}: bias in steps, ripple of the injection on top")
+panel.set(
+    xlabel="time (s)",
+    ylabel="i_a (A)",
+    title=f"{first.file}: bias in steps, ripple of the injection on top",
+)
 
 # %%
 # The fit
@@ -37,7 +41,9 @@ found = identify(campaign)
 print(f"{'parameter':13} {'truth':>9} {'first_order':>12} {'exact':>9}")
 for name, exact in found.identification.fits["exact"].values.items():
     first_order = found.identification.fits["first_order"].values[name]
-    print(f"{name:13} {getattr(truth.motor, name):9.4g} {first_order:12.4g} {exact:9.4g}")
+    print(
+        f"{name:13} {getattr(truth.motor, name):9.4g} {first_order:12.4g} {exact:9.4g}"
+    )
 
 # %%
 # ``exact`` finds the true values. ``first_order`` is right about resistance and inductances and wrong about the alphas, by up to 33 %: its

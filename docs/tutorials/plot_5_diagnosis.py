@@ -53,7 +53,8 @@ for finding in kept["where"]:
 # A *hypothesis* is a set of effects; the probabilities of all hypotheses add up to one.
 
 for hypothesis in kept["hypotheses"]:
-    print(f"{hypothesis['probability']:.3f}  {' + '.join(hypothesis['effects']) or 'no effect'}")
+    effects = " + ".join(hypothesis["effects"]) or "no effect"
+    print(f"{hypothesis['probability']:.3f}  {effects}")
 for name, p in kept["hypotheses"][0]["parameters"].items():
     low, high = p["ci95"]
     print(f"{name:24} {p['value']:10.5g} [{low:.5g}, {high:.5g}] {p['unit']}")
@@ -75,14 +76,17 @@ for effect in kept["effects"][:5]:
 # counts only these.
 
 gap = kept["gap"]
-print(f"before {gap['before']:.2f}, after {gap['after']:.2f}, closed {gap['closed']:.2%} on recordings held out")
-names = [r["file"].removesuffix(".parquet") + (" (held out)" if r["held_out"] else "") for r in gap["recordings"]]
+print(f"before {gap['before']:.2f}, after {gap['after']:.2f}")
+print(f"closed {gap['closed']:.2%} on recordings held out")
+names = [r["file"].removesuffix(".parquet") for r in gap["recordings"]]
+names = [n + " (held out)" * r["held_out"] for n, r in zip(names, gap["recordings"])]
 figure, panel = plt.subplots(figsize=(7, 4), layout="constrained")
-rows = range(len(names))
-panel.barh([k - 0.2 for k in rows], [r["before"] for r in gap["recordings"]], 0.38, color="#de6210", label="before")
-panel.barh([k + 0.2 for k in rows], [r["after"] for r in gap["recordings"]], 0.38, color="#2e86de", label="after")
+for key, colour, shift in (("before", "#de6210", -0.2), ("after", "#2e86de", 0.2)):
+    rows = [k + shift for k in range(len(names))]
+    panel.barh(rows, [r[key] for r in gap["recordings"]], 0.38, color=colour, label=key)
 panel.axvline(1, color="0.3", linewidth=0.8)
-panel.set(yticks=rows, yticklabels=names, xscale="log", xlabel="residual over its noise (J)")
+panel.set(yticks=range(len(names)), yticklabels=names, xscale="log")
+panel.set(xlabel="residual over its noise (J)")
 panel.invert_yaxis()
 panel.legend()
 
@@ -114,10 +118,16 @@ for name, value in gap["position_error_deg"].items():
 
 truth = json.loads((Path("..") / "stored" / "truth.json").read_text())
 found = kept["hypotheses"][0]["parameters"]
-for name, value in truth["parameters"].items():
-    p = found.get(name)
-    inside = "not claimed" if p is None else "inside" if p["ci95"][0] <= value <= p["ci95"][1] else "OUTSIDE"
-    print(f"{name:34} {value:9.5g}   {'' if p is None else format(p['value'], '9.5g')}  {inside} the interval" if p else f"{name:34} {value:9.5g}   not claimed")
+for name, true in truth["parameters"].items():
+    said = "not claimed"
+    if name in found:
+        low, high = found[name]["ci95"]
+        said = (
+            f"in [{low:.5g}, {high:.5g}]"
+            if low <= true <= high
+            else "NOT IN THE INTERVAL"
+        )
+    print(f"{name:34} {true:10.5g}  {said}")
 
 # %%
 # Both effects are right, and so are their sizes. One interval misses the truth: the width of the friction around zero speed. The true friction also has a hump

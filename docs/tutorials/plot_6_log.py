@@ -18,11 +18,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from sandbox import BadInput, Scenario, Segment, read_campaign, simulate
 from model.frames import phases
+from sandbox import BadInput, Scenario, Segment, read_campaign, simulate
 
 folder = Path(tempfile.mkdtemp())
-turning = Scenario("turning", (Segment(0.4, load=0.5, speed=0.3, ramp=0.1),), rotor="driven", start_up=False)
+turning = Scenario(
+    "turning",
+    (Segment(0.4, load=0.5, speed=0.3, ramp=0.1),),
+    rotor="driven",
+    start_up=False,
+)
 run = simulate("ipm_exchanged", turning, "ekf", record=folder / "bench")
 bench = read_campaign(folder / "bench").recordings[0]
 
@@ -89,7 +94,11 @@ columns = folder / "columns.toml"
 columns.write_text(description)
 read = read_campaign(folder / "log", columns)
 print(read)
-print("currents differ by at most", float(np.abs(read["run.csv"]["i_b"] - bench["i_b"]).max()), "A")
+print(
+    "currents differ by at most",
+    float(np.abs(read["run.csv"]["i_b"] - bench["i_b"]).max()),
+    "A",
+)
 for finding in read.findings:
     print("-", finding.text)
 

@@ -12,6 +12,7 @@ the square of speed.
 # Effects of your own are in a Python file that defines ``EFFECTS``:
 #
 # .. literalinclude:: ../stored/my_effects.py
+#    :language: python
 #    :lines: 3-
 #
 # - ``drag`` is the equation, a function of numbers. The decorator ``@inlined`` compiles it into the plant.
@@ -28,7 +29,9 @@ the square of speed.
 #     sensorless simulate --effects-from my_effects.py --effects fan.coefficient=2e-5
 #     sensorless diagnose CAMPAIGN --effects-from my_effects.py
 #
-# In Python, add it before the first run, because the equations are compiled into the plant::
+# In Python, add it before the first run, because the equations are compiled into the plant:
+#
+# .. code-block:: python
 #
 #     from sandbox import simulate, use_effects
 #
@@ -52,12 +55,18 @@ more = np.array(kept["i_q"]["with"]) - np.array(kept["i_q"]["without"])
 
 omega_mech = speed * 1800 * 2 * np.pi / 60
 torque = kept["coefficient"] * omega_mech**2
-expected = torque / (1.5 * 6 * 0.0981)  # A: current along q for this torque, without saturation
+expected = torque / (
+    1.5 * 6 * 0.0981
+)  # A: current along q for this torque, without saturation
 
 figure, panel = plt.subplots(figsize=(6.5, 3.4), layout="constrained")
 panel.plot(100 * speed, 1e3 * more, "o", label="run with the fan less run without")
 panel.plot(100 * speed, 1e3 * expected, "-", label="k ω² over the torque constant")
-panel.set(xlabel="speed (% of rated)", ylabel="more current along q (mA)", title=f"kept on {kept['date']}")
+panel.set(
+    xlabel="speed (% of rated)",
+    ylabel="more current along q (mA)",
+    title=f"kept on {kept['date']}",
+)
 panel.legend()
 
 # %%

@@ -47,13 +47,20 @@ print(done)
 # One row is one run. ``mean_deg`` is the mean position error.
 
 table = done.to_dataframe()
-print(table[["belief", "true_factor.inductance_d", "true_factor.alpha_12", "mean_deg"]].head(4).round(3).to_string())
+print(
+    table[["belief", "true_factor.inductance_d", "true_factor.alpha_12", "mean_deg"]]
+    .head(4)
+    .round(3)
+    .to_string()
+)
 
 # %%
 # Each combination of the grid is a group. ``p95_deg`` is the error that 95 % of the motors stay below.
 
 for group in done.groups:
-    print(f"{group.name}: half below {group.median_deg:.2f}°, 95 % below {group.p95_deg:.2f}°")
+    print(
+        f"{group.name}: half below {group.median_deg:.2f}°, 95 % below {group.p95_deg:.2f}°"
+    )
 done.plot()
 
 # %%
@@ -64,7 +71,9 @@ done.plot()
 
 saturated = table[table["belief"] == "saturated"]
 figure, panels = plt.subplots(1, 3, figsize=(9, 3), sharey=True, layout="constrained")
-for panel, name in zip(panels, ("inductance_d", "inductance_q", "alpha_12"), strict=True):
+for panel, name in zip(
+    panels, ("inductance_d", "inductance_q", "alpha_12"), strict=True
+):
     panel.plot(saturated[f"true_factor.{name}"], saturated["mean_deg"], ".")
     panel.set(xlabel=f"true {name} / believed")
 panels[0].set(ylabel="mean error (°)")

@@ -1,0 +1,53 @@
+"""The documentation builds without a warning, loads nothing from a network, and shows the drawings of its scripts."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+
+
+@pytest.fixture(scope="module")
+def built():
+    """The folder of pages, built as anybody builds it; pages that have not changed are not made anew."""
+    environment = {**os.environ, "MPLBACKEND": "agg"}
+    call = [sys.executable, str(DOCS / "build.py")]
+    done = subprocess.run(call, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr  # every warning is an error
+    return DOCS / "_build" / "html"
+
+
+def test_pages_load_nothing_from_a_network(built):
+    loads = re.compile(r'<(?:script|img|link|iframe)\b[^>]*\b(?:src|href)="(?:https?:)?//[^"]*"')
+    pages = sorted(built.rglob("*.html"))
+    assert len(pages) > 40
+    for page in pages:
+        assert not loads.findall(page.read_text(encoding="utf-8")), page
+
+
+def test_each_tutorial_was_run_and_comes_as_a_notebook(built):
+    for source in sorted((DOCS / "tutorials").glob("plot_*.py")):
+        page = (built / "gallery" / f"{source.stem}.html").read_text(encoding="utf-8")
+        assert f"{source.stem}.ipynb" in page
+        assert "sphx-glr-script-out" in page or "sphx-glr-single-img" in page
+        assert "Traceback" not in page
+
+
+def test_equations_are_drawn_by_the_browser(built):
+    page = (built / "explanation" / "energy.html").read_text(encoding="utf-8")
+    assert page.count("<math") > 20
+
+
+def test_drawings_are_those_of_their_script():
+    code = "import conventions as c; print(c.frames() + c.period(), end='')"
+    call = [sys.executable, "-c", code]
+    done = subprocess.run(call, cwd=DOCS / "drawings", capture_output=True, text=True, check=True, encoding="utf-8")
+    kept = "".join((DOCS / "_static" / f"{name}.svg").read_text(encoding="utf-8") for name in ("frames", "period"))
+    assert done.stdout == kept
