@@ -13,13 +13,14 @@ them all. This page makes the recordings of such a test by simulation and identi
 # It does so along d with injection along d, and along q with injection along d and along q. ``paper_campaign`` simulates these recordings for a motor; on a
 # bench, record the same.
 
+import numpy as np
 from matplotlib import pyplot as plt
 
 from sandbox import identify, load_motor
 from sandbox.drive.locked_test import paper_campaign
 
 truth = load_motor("ipm_exchanged")
-campaign = paper_campaign(truth)
+campaign = paper_campaign(truth, levels=np.linspace(-2.1, 2.1, 9))  # A
 print([recording.file for recording in campaign.recordings])
 
 figure, panel = plt.subplots(figsize=(8, 3), layout="constrained")
@@ -46,7 +47,7 @@ for name, exact in found.identification.fits["exact"].values.items():
     )
 
 # %%
-# ``exact`` finds the true values. ``first_order`` is right about resistance and inductances and wrong about the alphas, by up to 33 %: its
+# ``exact`` finds the true values. ``first_order`` is right about resistance and inductances and wrong about the alphas, by up to a third: its
 # formulas leave out terms that matter at these currents. No amount of averaging removes this error.
 #
 # The figure shows what was measured at each current, and both fits through it.

@@ -11,6 +11,7 @@ from jsonschema import Draft202012Validator
 
 import sandbox
 from model.errors import BadInput
+from sandbox.drive.locked_test import paper_campaign
 from sandbox.output.schema import json_schema, schema_names
 from tests.schemas import misfits
 
@@ -19,7 +20,6 @@ LOADED = sandbox.Scenario("loaded", (sandbox.Segment(0.2, load=1.0, settle=0.15)
 ELSEWHERE = {  # files whose command takes long: checked where a test has run it anyway
     "bench": "experiments/results/bench.json",  # as the command wrote it
     "diagnosis": "docs/stored/diagnosis.json",  # likewise, with a date; a new one: tests/sandbox/gap/test_answers.py
-    "identify": "",  # tests/sandbox/public/test_public.py
     "withheld": "",  # tests/sandbox/validation/test_withheld_commands.py
 }
 SWEEP = {
@@ -29,6 +29,11 @@ SWEEP = {
     "grid": {"belief": ["linear", "saturated"]},
     "random": {"points": 2, "draw": {"true_factor": {"magnet_flux": {"normal": [1.0, 0.02]}}}},
 }
+
+
+def identified(folder):
+    drive = sandbox.load_motor("ipm_exchanged")
+    return sandbox.identify(paper_campaign(drive, levels=(-2.0, -1.0, 0.0, 1.0, 2.0)))
 
 
 def replayed(folder):
@@ -41,6 +46,7 @@ MADE = {
     "compare": lambda folder: sandbox.compare("ipm_exchanged", LOADED, ["qnull"]),
     "audit": lambda folder: sandbox.audit("spm"),  # not valid: violations and nulls
     "maps": lambda folder: sandbox.maps("spm", points=5),
+    "identify": identified,
     "replay": replayed,
     "protocol": lambda folder: sandbox.protocol(["qnull"], ["ipm_exchanged"], ["load_step"]),
     "sweep": lambda folder: sandbox.sweep(SWEEP, folder / "runs", jobs=1),
