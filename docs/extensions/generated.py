@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import api_pages
 import card_pages
 import command_pages
 import field_pages
@@ -14,6 +15,7 @@ import schema_pages
 from sphinx.application import Sphinx
 
 PAGES: dict[str, Callable[[], str]] = {
+    "api.md": api_pages.page,
     "commands.md": command_pages.page,
     "effects.md": card_pages.effects,
     "estimators.md": card_pages.estimators,

@@ -10,6 +10,7 @@ from model.errors import unknown
 
 FOLDER = Path(__file__).parent / "schemas"
 SHARED = "shared"
+OPTIONAL = ("made_by",)  # of the header: earlier versions wrote none
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
@@ -24,5 +25,5 @@ def json_schema(name: str) -> dict[str, Any]:
         raise unknown("JSON file", name, schema_names())
     shared, own = (json.loads((FOLDER / f"{n}.json").read_text(encoding="utf-8")) for n in (SHARED, name))
     own["properties"] = shared["header"] | own["properties"]
-    own["required"] = [*shared["header"], *own["required"]]
+    own["required"] = [*(key for key in shared["header"] if key not in OPTIONAL), *own["required"]]
     return {"$schema": DIALECT, **own, "$defs": shared["$defs"]}
