@@ -33,9 +33,9 @@ RESULTS = {
 }
 HEAD = """# Python
 
-Everything a command does is a function of the module `sandbox`. Each function takes names, files or objects, and returns
-a result that becomes a table, a figure, a trace or a folder of files. Importing `sandbox` is quick: what a function needs
-is loaded when it is first called.
+Everything a command does is a function of the module `sandbox`. Each function takes names, files or objects, and
+returns a result that becomes a table, a figure, a trace or a folder of files. Importing `sandbox` is quick: what a
+function needs is loaded when it is first called.
 
 ```python
 from sandbox import compare, load_motor, simulate

@@ -40,11 +40,18 @@ def comments(module: str, name: str) -> dict[str, tuple[str, str]]:
     return found
 
 
+def like(name: str, found: dict[str, tuple[str, str]]) -> str:
+    """Return the comment of the field that one without a comment goes with: `i_alpha` for `i_beta`, else `Sample`'s."""
+    other = name.replace("_beta", "_alpha").replace("ripple_q", "ripple_d")
+    return found.get(other, ("", ""))[1] or (comments("estimators.contract", "Sample").get(other, ("", ""))[1])
+
+
 def rows(module: str, name: str) -> list[tuple[str, str, str]]:
     """Return a class's fields: name, usual value, and unit, range and meaning as far as its source states them."""
     declared = getattr(getattr(import_module(module), name), "__dataclass_fields__", {})
-    found = []
-    for field, (usual, comment) in comments(module, name).items():
+    found, noted = [], comments(module, name)
+    for field, (usual, comment) in noted.items():
+        comment = comment or like(field, noted)
         stated = declared[field].metadata if field in declared else {}
         if "low" in stated:
             usual = "" if declared[field].default is MISSING else str(declared[field].default)

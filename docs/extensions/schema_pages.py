@@ -8,7 +8,7 @@ from typing import Any
 
 from markdown import cell, code, table
 
-from sandbox.output.schema import json_schema, schema_names
+from sandbox.output.schema import json_schema, schema_names, shared_parts
 
 HEAD = """# JSON files
 
@@ -63,14 +63,21 @@ def entry(path: str, schema: dict[str, Any], whole: dict[str, Any]) -> Iterator[
         yield from keys(items, whole, f"{path}[]")
 
 
+def described(schema: dict[str, Any], whole: dict[str, Any]) -> str:
+    """Return the table of all keys below a schema."""
+    rows = [(code(p), k, cell(u), cell(t)) for p, k, u, t in keys(schema, whole)]
+    return table(("key", "is", "unit", "meaning"), rows) + "\n"
+
+
 def page() -> str:
-    """Return the whole page."""
-    text = HEAD
+    """Return the whole page: what every file begins with, then file by file."""
+    text, header = HEAD, shared_parts()["header"]
+    text += "Every file begins with\n\n" + described({"properties": header}, {})
     for name in schema_names():
         whole = json_schema(name)
-        rows = [(code(p), k, cell(u), cell(t)) for p, k, u, t in keys(whole, whole)]
+        own = {**whole, "properties": {k: v for k, v in whole["properties"].items() if k not in header}}
         text += f"## `{name}.json`\n\n{cell(whole['description'])} [Schema](schemas/{name}.json)\n\n"
-        text += table(("key", "is", "unit", "meaning"), rows) + "\n"
+        text += described(own, whole)
     return text
 
 

@@ -19,11 +19,21 @@ def schema_names() -> list[str]:
     return sorted(path.stem for path in FOLDER.glob("*.json") if path.stem != SHARED)
 
 
+def shared_parts() -> dict[str, Any]:
+    """Return what files share: the `header` that every one begins with, and `$defs` that schemas refer to."""
+    return _read(SHARED)
+
+
 def json_schema(name: str) -> dict[str, Any]:
     """Return the whole schema of `<name>.json`, its header and shared parts included; BadInput for an unknown name."""
     if name not in schema_names():
         raise unknown("JSON file", name, schema_names())
-    shared, own = (json.loads((FOLDER / f"{n}.json").read_text(encoding="utf-8")) for n in (SHARED, name))
+    shared, own = shared_parts(), _read(name)
     own["properties"] = shared["header"] | own["properties"]
     own["required"] = [*(key for key in shared["header"] if key not in OPTIONAL), *own["required"]]
     return {"$schema": DIALECT, **own, "$defs": shared["$defs"]}
+
+
+def _read(name: str) -> dict[str, Any]:
+    found: dict[str, Any] = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+    return found
