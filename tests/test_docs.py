@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from model.effects.card import PORTS
+
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
 
@@ -43,6 +45,12 @@ def test_each_tutorial_was_run_and_comes_as_a_notebook(built):
 def test_equations_are_drawn_by_the_browser(built):
     page = (built / "explanation" / "energy.html").read_text(encoding="utf-8")
     assert page.count("<math") > 20
+
+
+def test_the_page_of_the_plant_lists_every_port():
+    text = (DOCS / "explanation" / "plant.md").read_text(encoding="utf-8")
+    listed = re.findall(r"`(\w+)`", "".join(re.findall(r"^\|([^|]*)\|", text, re.M)))
+    assert set(listed) == set(PORTS)
 
 
 def test_drawings_are_those_of_their_script():
