@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import inspect
+import ast
 import math
-from importlib import import_module
+from pathlib import Path
 
 from markdown import cell, code, table
 
-from estimators.registry import MODULES, load_estimator
+from estimators import contract
+from estimators.registry import MODULES
 from model.effects.card import SUBSYSTEMS, Effect, Parameter
 from model.effects.library import effect_names, load_effect
 
+ROOT = Path(__file__).resolve().parents[2]
 EFFECTS = """# Effects
 
 An effect is something a real drive has and the nominal model lacks. Give it to a run with
@@ -75,14 +77,26 @@ def effects() -> str:
     return text
 
 
+def card_of(tree: ast.Module) -> dict[str, str]:
+    """Return what ESTIMATOR = Estimator(name, summary, ...) of a file says, without compiling the file."""
+    (own,) = (n.value for n in tree.body if isinstance(n, ast.Assign) and ast.unparse(n.targets[0]) == "ESTIMATOR")
+    assert isinstance(own, ast.Call)
+    found = {"summary": ast.literal_eval(own.args[1]), "injection": contract.PULSATING}
+    for word in own.keywords:
+        value = word.value
+        found[str(word.arg)] = getattr(contract, value.id) if isinstance(value, ast.Name) else ast.literal_eval(value)
+    return found
+
+
 def estimators() -> str:
     """Return the page of all estimators; each with the text of its file, which has its equations."""
     text = ESTIMATORS
     for name, module in MODULES.items():
-        e = load_estimator(name)
-        rows = [("Injection", e.injection), ("Delay", e.delay), ("Speeds", e.speeds), ("Source", e.source)]
-        source = inspect.getdoc(import_module(module)) or ""
-        text += f"## `{name}`\n\n{e.summary[:1].upper()}{cell(e.summary)[1:]}.\n\n"
+        path = f"{module.replace('.', '/')}.py"
+        tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
+        card = card_of(tree)
+        rows = [(key.capitalize(), card.get(key, "")) for key in ("injection", "delay", "speeds", "source")]
+        text += f"## `{name}`\n\n{card['summary'][:1].upper()}{cell(card['summary'])[1:]}.\n\n"
         text += "\n".join(f"**{head}**\n: {cell(said)}\n" for head, said in rows if said)
-        text += f"\nWhat its file says ([{module.replace('.', '/')}.py](../index.md)):\n\n```text\n{source}\n```\n\n"
-    return text.replace(" ([", " (`").replace("](../index.md))", "`)")
+        text += f"\nWhat its file says (`{path}`):\n\n```text\n{ast.get_docstring(tree)}\n```\n\n"
+    return text

@@ -11,7 +11,7 @@ inverter. This page lists them, measures four of them on one motor, and says how
 # -------------
 from matplotlib import pyplot as plt
 
-from sandbox import Scenario, Segment, describe, list_estimators, protocol, simulate
+from sandbox import Scenario, Segment, list_estimators, protocol, simulate
 
 for name, summary in list_estimators().items():
     print(f"{name:15} {summary}")
@@ -92,6 +92,5 @@ for row in done.protocol.rows:
 #    * - no injection allowed at standstill
 #      - ``pwm_ripple`` (reads the current inside the PWM period)
 #
-# The card of an estimator names its source and where it may be used:
-
-print(describe("hybrid").partition("\ncost")[0])
+# The card of an estimator names its source and where it may be used: :doc:`/reference/made/estimators`, or ``sensorless list estimators hybrid``. Where each breaks, with
+# figures: :doc:`/results/made/estimators`.
