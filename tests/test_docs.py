@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -11,9 +12,17 @@ from pathlib import Path
 import pytest
 
 from model.effects.card import PORTS
+from sandbox.cli import build_parser
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
+PAGES = [
+    ROOT / "README.md", *sorted(DOCS.glob("*/*.md")), DOCS / "index.md", *sorted((DOCS / "tutorials").glob("*.py")),
+    *(ROOT / name for name in (
+        "estimators/README.md", "estimators/c/README.md", "sandbox/plant/README.md", "sandbox/sweep/README.md",
+        "sandbox/recordings/IMPORTING.md", "sandbox/gap/README.md",
+    )),
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -51,6 +60,29 @@ def test_the_page_of_the_plant_lists_every_port():
     text = (DOCS / "explanation" / "plant.md").read_text(encoding="utf-8")
     listed = re.findall(r"`(\w+)`", "".join(re.findall(r"^\|([^|]*)\|", text, re.M)))
     assert set(listed) == set(PORTS)
+
+
+def calls_of(text):
+    """Return every `sensorless ...` of a page, in sentences (between backticks) and in blocks (at a line's begin)."""
+    inline = re.findall(r"(?<!`)`{1,2}(?:\.venv/bin/)?sensorless ([^`\n]+)`", text)
+    lines = re.findall(r"^(?:# {4,5})?(?:\.venv/bin/)?sensorless (.+)$", text, re.M)
+    calls = [shlex.split(call, comments=True) for call in (*inline, *lines)]
+    return [words for words in calls if len(words) > 1]  # one word alone speaks of a command
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_every_call_on_a_page_is_one_the_command_line_takes(page, capsys):
+    for words in calls_of(page.read_text(encoding="utf-8")):
+        try:
+            build_parser().parse_args(words)
+        except SystemExit as left:
+            assert left.code == 0, f"sensorless {' '.join(words)}: {capsys.readouterr().err}"
+
+
+def test_calls_are_found():
+    sentence = "Type `sensorless bench` or `sensorless bench --peer`:\n"
+    block = "```sh\nsensorless list motors   # names\n```\n#     sensorless view x.rrd\n"
+    assert calls_of(sentence + block) == [["bench", "--peer"], ["list", "motors"], ["view", "x.rrd"]]
 
 
 def test_drawings_are_those_of_their_script():
