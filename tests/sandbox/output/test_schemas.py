@@ -20,6 +20,9 @@ LOADED = sandbox.Scenario("loaded", (sandbox.Segment(0.2, load=1.0, settle=0.15)
 ELSEWHERE = {  # files whose command takes long: checked where a test has run it anyway
     "bench": "experiments/results/bench.json",  # as the command wrote it
     "diagnosis": "docs/stored/diagnosis.json",  # likewise, with a date; a new one: tests/sandbox/gap/test_answers.py
+    "check": "",  # where `check`, `plan` and `verify` are tested: tests/sandbox/recordings, tests/sandbox/public
+    "plan": "",
+    "verify": "",
     "withheld": "",  # tests/sandbox/validation/test_withheld_commands.py
 }
 SWEEP = {
