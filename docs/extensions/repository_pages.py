@@ -55,6 +55,8 @@ def turned(match: re.Match[str], source: Path, page: str) -> str:
     if picture:
         return f"![{said}]({os.path.relpath(file, here)})"
     relative = file.relative_to(ROOT).as_posix() if file.is_relative_to(ROOT) else target
+    if relative.startswith("docs/") and file.suffix == ".md":
+        return f"[{said}]({os.path.relpath(file, here)})"
     for name, own in PAGES.items():
         if own in (relative, f"{relative}/README.md"):
             return f"[{said}]({os.path.relpath(ROOT / 'docs' / name, here)}.md)"
