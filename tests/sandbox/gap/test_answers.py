@@ -37,6 +37,7 @@ from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.injection import carrier
 from tests.data import recordings_folder
 from tests.sandbox.gap.conftest import DEAD_TIME
+from tests.schemas import misfits
 
 
 def content_of(a):
@@ -58,6 +59,7 @@ def test_where_names_the_inverter_in_a_plain_sentence(small_answers):
 def test_contract_has_the_keys_of_the_contract(small_answers):
     """Keys and types as DIAGNOSIS.md lists them."""
     c = content_of(small_answers)
+    assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **c}) == []
     assert set(c) == {
         "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "alike", "next_recording", "excluded",
         "cost", "effects", "groups", "unknown", "waterfall",

@@ -8,6 +8,7 @@ from sandbox.validation.scoring import blind as scorer
 from sandbox.validation.scoring import running
 from sandbox.validation.withheld import make as maker
 from sandbox.validation.withheld.make import campaign_of
+from tests.schemas import misfits
 
 
 class Nothing:
@@ -36,6 +37,7 @@ def test_make_and_score(tmp_path, monkeypatch, capsys):
     assert main(["withheld", "score", str(folder), "--jobs", "1"]) == 0
     content = json.loads((folder / "withheld.json").read_text())
     assert content["command"] == "withheld"
+    assert misfits("withheld", content) == []
     assert content["top1"] == {**content["top1"], "value": 0.0, "n": 6}
     assert content["false_alarm"] == {"value": 0.0, "low": 0.0, "high": 0.95, "n": 1}
     assert content["resolved"] == {"value": None, "low": None, "high": None, "n": 0}

@@ -1,0 +1,66 @@
+"""The page of Python: every public name, by what one does with it."""
+
+from __future__ import annotations
+
+import inspect
+
+import sandbox
+
+GROUPS = {
+    "Load": (
+        "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign", "use_effects",
+    ),
+    "Look up": ("list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe"),
+    "Run": ("simulate", "compare", "tolerances", "sweep", "protocol", "bench"),
+    "Without a run": ("audit", "maps", "export_estimator"),
+    "Recordings": ("identify", "diagnose", "replay"),
+    "Look at results": ("show", "view"),
+}  # fmt: skip
+RESULTS = {
+    "sandbox.public.result.Result": "to_table, to_dataframe, plot, to_rerun, save, as_json, columns, summary",
+    "sandbox.public.runs.SimulationResult": "run, recording, rows, lost_lock, error_deg",
+    "sandbox.public.runs.ComparisonResult": "runs, rows",
+    "sandbox.public.sweeps.SweepResult": "groups, traces",
+    "sandbox.public.sweeps.ToleranceResult": "",
+    "sandbox.public.protocols.ProtocolResult": "",
+    "sandbox.public.protocols.BenchResult": "",
+    "sandbox.public.motor.AuditResult": "passed",
+    "sandbox.public.motor.MapsResult": "",
+    "sandbox.public.recorded.IdentificationResult": "",
+    "sandbox.public.recorded.DiagnosisResult": "verdict",
+    "sandbox.public.recorded.ReplayResult": "",
+    "sandbox.public.exporting.Export": "save",
+}
+HEAD = """# Python
+
+Everything a command does is a function of the module `sandbox`. Each function takes names, files or objects, and
+returns a result that becomes a table, a figure, a trace or a folder of files. Importing `sandbox` is quick: what a
+function needs is loaded when it is first called.
+
+```python
+from sandbox import compare, load_motor, simulate
+```
+
+What a scenario, a motor and an estimator hold, field by field: [objects and their fields](fields.md).
+
+"""
+
+
+def block(lines: list[str]) -> str:
+    """Return directives as MyST takes them."""
+    return "```{eval-rst}\n" + "\n".join(lines) + "\n```\n\n"
+
+
+def page() -> str:
+    """Return the whole page; a new public function that no group names stands under `More`."""
+    named = {name for names in GROUPS.values() for name in names}
+    rest = tuple(n for n in sandbox.__all__ if inspect.isfunction(getattr(sandbox, n)) and n not in named)
+    text = HEAD
+    for title, names in (GROUPS | ({"More": rest} if rest else {})).items():
+        text += f"## {title}\n\n" + block([f".. autofunction:: sandbox.{name}" for name in names])
+    text += "## Results\n\nEvery result can do what the first class lists.\n\n"
+    lines = []
+    for name, members in RESULTS.items():
+        lines += [f".. autoclass:: {name}", *([f"   :members: {members}"] if members else [])]
+    text += block(lines)
+    return text + "## Errors\n\n" + block([f".. autoexception:: sandbox.{n}" for n in ("BadInput", "PhysicsError")])

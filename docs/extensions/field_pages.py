@@ -1,0 +1,74 @@
+"""The page of the objects that one builds or is handed: their fields, from the comments beside them."""
+
+from __future__ import annotations
+
+import ast
+import inspect
+import re
+from dataclasses import MISSING
+from importlib import import_module
+from pathlib import Path
+
+from markdown import cell, code, table
+
+OBJECTS = {
+    "Scenario and segments": [("sandbox.drive.scenario", "Scenario"), ("sandbox.drive.scenario", "Segment")],
+    "What an estimator is given, and gives": [
+        ("estimators.contract", name) for name in ("Sample", "Oversampled", "Belief", "Tuning", "Estimate", "Estimator")
+    ],
+    "What a motor is": [("model.parameters", name) for name in ("Motor", "Converter", "Injection", "Drive")],
+}
+HEAD = """# Objects and their fields
+
+All numbers are in SI units; see [conventions](../../explanation/conventions.md). An empty *usual* means that the field
+has to be given.
+
+"""
+
+
+def comments(module: str, name: str) -> dict[str, tuple[str, str]]:
+    """Return each field's usual value and the comment beside it, in the order of a class's source."""
+    path = Path(inspect.getfile(import_module(module)))
+    lines = path.read_text(encoding="utf-8").splitlines()
+    (own,) = (n for n in ast.parse("\n".join(lines)).body if isinstance(n, ast.ClassDef) and n.name == name)
+    found = {}
+    for node in own.body:
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+            comment = re.search(r"#\s*(.*)$", lines[node.end_lineno - 1][node.end_col_offset :])
+            usual = ast.unparse(node.value) if node.value is not None else ""
+            found[node.target.id] = (usual, comment[1] if comment else "")
+    return found
+
+
+def like(name: str, found: dict[str, tuple[str, str]]) -> str:
+    """Return the comment of the field that one without a comment goes with: `i_alpha` for `i_beta`, else `Sample`'s."""
+    other = name.replace("_beta", "_alpha").replace("ripple_q", "ripple_d")
+    return found.get(other, ("", ""))[1] or (comments("estimators.contract", "Sample").get(other, ("", ""))[1])
+
+
+def rows(module: str, name: str) -> list[tuple[str, str, str]]:
+    """Return a class's fields: name, usual value, and unit, range and meaning as far as its source states them."""
+    declared = getattr(getattr(import_module(module), name), "__dataclass_fields__", {})
+    found, noted = [], comments(module, name)
+    for field, (usual, comment) in noted.items():
+        comment = comment or like(field, noted)
+        stated = declared[field].metadata if field in declared else {}
+        if "low" in stated:
+            usual = "" if declared[field].default is MISSING else str(declared[field].default)
+            comment = f"{stated['unit'] or 'no unit'}; {stated['low']:g} to {stated['high']:g}" + (
+                f"; {comment}" if comment else ""
+            )
+        found.append((code(field), code(usual), cell(comment)))
+    return found
+
+
+def page() -> str:
+    """Return the whole page."""
+    text = HEAD
+    for title, classes in OBJECTS.items():
+        text += f"## {title}\n\n"
+        for module, name in classes:
+            said = inspect.getdoc(getattr(import_module(module), name)) or ""
+            heads = ("field", "usual", "unit, range, meaning")
+            text += f"### `{name}`\n\n{said}\n\n" + table(heads, rows(module, name)) + "\n"
+    return text

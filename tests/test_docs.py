@@ -1,0 +1,93 @@
+"""The documentation builds without a warning, loads nothing from a network, and shows the drawings of its scripts."""
+
+from __future__ import annotations
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from model.effects.card import PORTS
+from sandbox.cli import build_parser
+
+ROOT = Path(__file__).resolve().parents[1]
+DOCS = ROOT / "docs"
+PAGES = [
+    ROOT / "README.md", *sorted(DOCS.glob("*/*.md")), DOCS / "index.md", *sorted((DOCS / "tutorials").glob("*.py")),
+    *(ROOT / name for name in (
+        "estimators/README.md", "estimators/c/README.md", "sandbox/plant/README.md", "sandbox/sweep/README.md",
+        "sandbox/recordings/IMPORTING.md", "sandbox/gap/README.md",
+    )),
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def built():
+    """The folder of pages, built as anybody builds it; pages that have not changed are not made anew."""
+    environment = {**os.environ, "MPLBACKEND": "agg"}
+    call = [sys.executable, str(DOCS / "build.py")]
+    done = subprocess.run(call, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr  # every warning is an error
+    return DOCS / "_build" / "html"
+
+
+def test_pages_load_nothing_from_a_network(built):
+    loads = re.compile(r'<(?:script|img|link|iframe)\b[^>]*\b(?:src|href)="(?:https?:)?//[^"]*"')
+    pages = sorted(built.rglob("*.html"))
+    assert len(pages) > 40
+    for page in pages:
+        assert not loads.findall(page.read_text(encoding="utf-8")), page
+
+
+def test_each_tutorial_was_run_and_comes_as_a_notebook(built):
+    for source in sorted((DOCS / "tutorials").glob("plot_*.py")):
+        page = (built / "gallery" / f"{source.stem}.html").read_text(encoding="utf-8")
+        assert f"{source.stem}.ipynb" in page
+        assert "sphx-glr-script-out" in page or "sphx-glr-single-img" in page
+        assert "Traceback" not in page
+
+
+def test_equations_are_drawn_by_the_browser(built):
+    page = (built / "explanation" / "energy.html").read_text(encoding="utf-8")
+    assert page.count("<math") > 20
+
+
+def test_the_page_of_the_plant_lists_every_port():
+    text = (DOCS / "explanation" / "plant.md").read_text(encoding="utf-8")
+    listed = re.findall(r"`(\w+)`", "".join(re.findall(r"^\|([^|]*)\|", text, re.M)))
+    assert set(listed) == set(PORTS)
+
+
+def calls_of(text):
+    """Return every `sensorless ...` of a page, in sentences (between backticks) and in blocks (at a line's begin)."""
+    inline = re.findall(r"(?<!`)`{1,2}(?:\.venv/bin/)?sensorless ([^`\n]+)`", text)
+    lines = re.findall(r"^(?:# {4,5})?(?:\.venv/bin/)?sensorless (.+)$", text, re.M)
+    calls = [shlex.split(call, comments=True) for call in (*inline, *lines)]
+    return [words for words in calls if len(words) > 1]  # one word alone speaks of a command
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
+def test_every_call_on_a_page_is_one_the_command_line_takes(page, capsys):
+    for words in calls_of(page.read_text(encoding="utf-8")):
+        try:
+            build_parser().parse_args(words)
+        except SystemExit as left:
+            assert left.code == 0, f"sensorless {' '.join(words)}: {capsys.readouterr().err}"
+
+
+def test_calls_are_found():
+    sentence = "Type `sensorless bench` or `sensorless bench --peer`:\n"
+    block = "```sh\nsensorless list motors   # names\n```\n#     sensorless view x.rrd\n"
+    assert calls_of(sentence + block) == [["bench", "--peer"], ["list", "motors"], ["view", "x.rrd"]]
+
+
+def test_drawings_are_those_of_their_script():
+    code = "import conventions as c; print(c.frames() + c.period(), end='')"
+    call = [sys.executable, "-c", code]
+    done = subprocess.run(call, cwd=DOCS / "drawings", capture_output=True, text=True, check=True, encoding="utf-8")
+    kept = "".join((DOCS / "_static" / f"{name}.svg").read_text(encoding="utf-8") for name in ("frames", "period"))
+    assert done.stdout == kept
