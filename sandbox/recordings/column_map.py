@@ -18,7 +18,7 @@ from model.errors import BadInput, brief, unknown
 from model.frames import phases
 from model.parameters import finite
 from sandbox.recordings.campaign import OPTIONAL, Finding, table_of
-from sandbox.recordings.foreign import Table
+from sandbox.recordings.formats.log_table import Table
 
 Array = NDArray[np.float64]
 UNITS: dict[str, dict[str, tuple[float, float]]] = {  # factor and offset to the contract's unit
@@ -124,7 +124,7 @@ def contract(
 
     Names that [columns] does not mention are taken where the table has them; `link` (V) stands in for an absent u_dc.
     """
-    notes: list[Finding] = []
+    notes = [Finding(file, column, None, text) for column, text in table.notes]
     length = max((len(v) for v in table.columns.values()), default=0)
     found: dict[str, Array] = {}
     for name in KIND:
