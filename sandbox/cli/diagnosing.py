@@ -10,6 +10,8 @@ from typing import Any
 from sandbox.output.files import check_output
 from sandbox.output.tables import stage_bar
 
+PRESET = "a program whose column names and units are known: `sensorless list presets`"
+
 
 def add_diagnose(add: Callable[..., Any]) -> Any:
     """Add the command to the command line by its own `add`; return its parser."""
@@ -24,6 +26,7 @@ def add_diagnose(add: Callable[..., Any]) -> Any:
     c.add_argument(
         "--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/recordings/IMPORTING.md)"
     )
+    c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
     return c
 
 
@@ -31,17 +34,21 @@ def run_diagnose(options: argparse.Namespace) -> None:
     """Diagnose a campaign; write diagnosis.json, report.html and diagnosis.rrd."""
     import sandbox
     from sandbox.gap.report.page import print_answers
+    from sandbox.public.moved import MotionResult, print_motion
 
     folder = options.out or Path("sensorless-out") / options.command
     check_output(folder)
     exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]
     with stage_bar("diagnosing", options.quiet) as progress:
         found = sandbox.diagnose(
-            options.campaign, exclude=exclude, nominal=options.nominal, columns=options.columns, jobs=options.jobs,
-            progress=progress,
+            options.campaign, exclude=exclude, nominal=options.nominal, columns=options.columns, preset=options.preset,
+            jobs=options.jobs, progress=progress,
         )  # fmt: skip
         progress("writing")
         found.save(folder, csv=options.csv)
     if not options.quiet:
-        print_answers(found.answers)
+        if isinstance(found, MotionResult):
+            print_motion(found.motion)
+        else:
+            print_answers(found.answers)
         print(f"results in {folder}")

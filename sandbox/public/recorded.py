@@ -13,9 +13,11 @@ import numpy as np
 from model.effects.library import parse
 from sandbox.output.columns import Column, columns_of, write_table
 from sandbox.output.files import results, write_json
-from sandbox.public.loading import read_campaign
+from sandbox.public.loading import motion_only, read_campaign
+from sandbox.public.moved import MotionResult, diagnose_motion
 from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
+from sandbox.recordings.motion_log import motion_of, too_slow
 
 if TYPE_CHECKING:
     from sandbox.gap.report.answers import Answers
@@ -231,9 +233,10 @@ def diagnose(
     exclude: Sequence[str] | str = (),
     nominal: str | None = None,
     columns: str | Path | None = None,
+    preset: str | None = None,
     jobs: int | None = None,
     progress: Callable[[str], None] | None = None,
-) -> DiagnosisResult:
+) -> DiagnosisResult | MotionResult:
     """Return where the gap between a campaign and its simulator lies, which effect causes it, how far it shrinks.
 
     Parameters
@@ -244,7 +247,7 @@ def diagnose(
         Effects that are no candidates (names of `list_effects`).
     nominal : {'linear'}, optional
         Leave the nominal model's saturation out.
-    columns : str or Path, optional
+    columns, preset : optional
         See `read_campaign`.
     jobs : int, optional
         Threads; all cores by default.
@@ -255,6 +258,8 @@ def diagnose(
     -------
     DiagnosisResult
         `.verdict`, `.answers.diagnosis.hypotheses` (effects, probability), `.as_json()` as in DIAGNOSIS.md.
+        A campaign without voltages, or whose samples stand further apart than L/R, is judged by its motion alone:
+        `MotionResult`, of the same `.verdict` and `.as_json()`.
 
     Raises
     ------
@@ -274,9 +279,14 @@ def diagnose(
 
     if nominal not in (None, "linear"):
         raise unknown("nominal model", nominal, ["linear"])
-    own = read_campaign(campaign, columns)
-    own = linear(own) if nominal else own
     names = [exclude] if isinstance(exclude, str) else list(exclude)
+    motion = motion_only(campaign, columns, preset)
+    if motion is not None:
+        return diagnose_motion(motion, names)
+    own = read_campaign(campaign, columns, preset=preset)
+    if slow := too_slow(own):
+        return diagnose_motion(motion_of(own, slow), names)
+    own = linear(own) if nominal else own
     return DiagnosisResult(
         answer(own, exclude=names, workers=jobs or os.cpu_count() or 1, report=progress or (lambda _: None))
     )

@@ -43,6 +43,7 @@ KINDS = {
     "temperature": ("temperature",),
 }
 KIND = {name: kind for kind, names in KINDS.items() for name in names}
+VOLTAGES = (("u_alpha", "u_beta"), ("u_a", "u_b", "u_c"), ("u_d", "u_q"), ("d_a", "d_b", "d_c"))
 KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
 LARGEST = 1e18  # of any cell, nanoseconds included
 SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
@@ -124,6 +125,27 @@ def contract(
 
     Names that [columns] does not mention are taken where the table has them; `link` (V) stands in for an absent u_dc.
     """
+    found, notes = measured(file, table, columns, pole_pairs)
+    length = max((len(v) for v in table.columns.values()), default=0)
+    if "u_dc" not in found:
+        found["u_dc"] = np.full(length, link)
+        notes.append(
+            _lost(file, "u_dc", f"not recorded, dc_bus_voltage = {link:g} V stands in; link sag and ripple stay unseen")
+        )
+    currents, voltages = phase_currents(file, found, notes), _voltages(file, found, notes)
+    if "theta" not in found:
+        raise BadInput(
+            f"{file}: column 'theta' is missing; map the encoder, or give a locked rotor's angle as "
+            "theta = {value = ...}"
+        )
+    kept = {n: found[n] for n in ("t", "theta", "u_dc", *OPTIONAL) if n in found}
+    return {**kept, **voltages, **currents}, notes
+
+
+def measured(
+    file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float
+) -> tuple[dict[str, Array], list[Finding]]:
+    """Return the contract's columns that a table has, in their units, and what was changed on the way."""
     notes = [Finding(file, column, None, text) for column, text in table.notes]
     length = max((len(v) for v in table.columns.values()), default=0)
     found: dict[str, Array] = {}
@@ -133,19 +155,13 @@ def contract(
             entry = Column(name, name)
         if entry is not None:
             found[name] = _values(file, table, entry, length, pole_pairs, notes)
-    if "u_dc" not in found:
-        found["u_dc"] = np.full(length, link)
-        notes.append(
-            _lost(file, "u_dc", f"not recorded, dc_bus_voltage = {link:g} V stands in; link sag and ripple stay unseen")
-        )
-    currents, voltages = _currents(file, found, notes), _voltages(file, found, notes)
-    if "theta" not in found:
-        raise BadInput(
-            f"{file}: column 'theta' is missing; map the encoder, or give a locked rotor's angle as "
-            "theta = {value = ...}"
-        )
-    kept = {n: found[n] for n in ("t", "theta", "u_dc", *OPTIONAL) if n in found}
-    return {**kept, **voltages, **currents}, notes
+    return found, notes
+
+
+def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
+    """Tell whether a table holds anything of which commanded voltages can be made."""
+    names = {*columns, *table.columns}
+    return any(names.issuperset(kind) for kind in VOLTAGES)
 
 
 def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: float, notes: list[Finding]) -> Array:
@@ -203,7 +219,7 @@ def _lost(file: str, column: str, text: str) -> Finding:
     return Finding(file, column, None, f"{file}: column '{column}': {text}")
 
 
-def _currents(file: str, found: Mapping[str, Array], notes: list[Finding]) -> dict[str, Array]:
+def phase_currents(file: str, found: Mapping[str, Array], notes: list[Finding]) -> dict[str, Array]:
     """Return three phase currents from what there is, noting what they cannot show."""
     have = [n for n in ("i_a", "i_b", "i_c") if n in found]
     if len(have) == 3:
