@@ -14,12 +14,12 @@ from pathlib import Path
 from model.errors import BadInput, PhysicsError, sentence
 from sandbox.cli import commands
 from sandbox.cli.arguments import Parser, add_own_effects, number, positive_int, seed_number
-from sandbox.cli.diagnosing import add_diagnose
+from sandbox.cli.diagnosing import PRESET, add_check, add_diagnose
 from sandbox.cli.sweeping import add_sweep, add_tolerances, on_dask
 from sandbox.cli.withholding import add_withheld
 from sandbox.output.files import discard, version
 
-PARALLEL = ("compare", "protocol", "diagnose", "sweep")  # use threads, or processes
+PARALLEL = ("compare", "protocol", "diagnose", "check", "sweep")  # use threads, or processes
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 
 
@@ -146,7 +146,9 @@ def build_parser() -> Parser:
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     text = "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)"
     c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
+    c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
     add_own_effects(add_diagnose(add))
+    add_own_effects(add_check(add))
     c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
@@ -172,7 +174,7 @@ def build_parser() -> Parser:
     c = add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second")
     _peers(c)
     c = add("list", commands.run_list, "what there is", writes=False)
-    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets"))
+    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets", "presets"))
     c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")
     add_own_effects(c)
     c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)

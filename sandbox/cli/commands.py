@@ -102,7 +102,7 @@ def run_identify(options: argparse.Namespace) -> None:
     """Identify a motor from a campaign; write identify.json, .png and .parquet."""
     from sandbox.public.printed import print_identification
 
-    result = sandbox.identify(options.campaign, options.columns)
+    result = sandbox.identify(options.campaign, options.columns, options.preset)
     folder = result.save(folder_of(options), csv=options.csv)
     if not options.quiet:
         print_identification(result.identification)
@@ -159,6 +159,7 @@ def run_list(options: argparse.Namespace) -> None:
     lists = {
         "motors": sandbox.list_motors, "effects": sandbox.list_effects, "estimators": sandbox.list_estimators,
         "scenarios": sandbox.list_scenarios, "datasets": sandbox.list_datasets,
+        "presets": sandbox.list_presets,
     }  # fmt: skip
     print_list(lists[options.kind]())
 

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from model.errors import BadInput
 from sandbox.output.files import check_output
 from sandbox.output.tables import stage_bar
 
@@ -28,6 +29,39 @@ def add_diagnose(add: Callable[..., Any]) -> Any:
     )
     c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
     return c
+
+
+def add_check(add: Callable[..., Any]) -> Any:
+    """Add the command `check` to the command line by its own `add`; return its parser."""
+    c = add("check", run_check, "a campaign before it is diagnosed: mistakes named, which effects it could tell")
+    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    c.add_argument(
+        "--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/recordings/IMPORTING.md)"
+    )
+    c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
+    c.add_argument(
+        "--mistakes-only", action="store_true", help="do not work out which effects the recordings could tell"
+    )
+    return c
+
+
+def run_check(options: argparse.Namespace) -> None:
+    """Check a campaign; write check.json; exit code 2 where something stops it."""
+    import sandbox
+    from sandbox.public.checked import print_check
+
+    folder = options.out or Path("sensorless-out") / options.command
+    check_output(folder)
+    found = sandbox.check(
+        options.campaign, columns=options.columns, preset=options.preset, effects=not options.mistakes_only,
+        jobs=options.jobs or 1,
+    )  # fmt: skip
+    found.save(folder, csv=options.csv)
+    if not options.quiet:
+        print_check(found)
+        print(f"results in {folder}")
+    if not found.ok:
+        raise BadInput(f"{len([n for n in found.noticed if n.level == 'refused'])} findings stop this campaign")
 
 
 def run_diagnose(options: argparse.Namespace) -> None:

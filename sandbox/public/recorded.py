@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from dataclasses import replace as replace_fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -18,6 +19,7 @@ from sandbox.public.moved import MotionResult, diagnose_motion
 from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.motion_log import motion_of, too_slow
+from sandbox.recordings.preflight import further
 
 if TYPE_CHECKING:
     from sandbox.gap.report.answers import Answers
@@ -194,14 +196,16 @@ class ReplayResult(Result):
         return Path(path)
 
 
-def identify(campaign: AnyCampaign, columns: str | Path | None = None) -> IdentificationResult:
+def identify(
+    campaign: AnyCampaign, columns: str | Path | None = None, preset: str | None = None
+) -> IdentificationResult:
     """Identify the motor of a campaign from its locked-rotor recordings with injection.
 
     Parameters
     ----------
     campaign : str, Path or Campaign
         See `read_campaign`; bias staircases at locked rotor, with injection on d and on q.
-    columns : str or Path, optional
+    columns, preset : optional
         See `read_campaign`.
 
     Returns
@@ -224,7 +228,7 @@ def identify(campaign: AnyCampaign, columns: str | Path | None = None) -> Identi
     """
     from sandbox.recordings.identify import identify as fitted
 
-    return IdentificationResult(fitted(read_campaign(campaign, columns, ("locked",))))
+    return IdentificationResult(fitted(read_campaign(campaign, columns, ("locked",), preset=preset)))
 
 
 def diagnose(
@@ -286,6 +290,8 @@ def diagnose(
     own = read_campaign(campaign, columns, preset=preset)
     if slow := too_slow(own):
         return diagnose_motion(motion_of(own, slow), names)
+    if not isinstance(campaign, Campaign):
+        own = replace_fields(own, findings=(*own.findings, *further(own)))
     own = linear(own) if nominal else own
     return DiagnosisResult(
         answer(own, exclude=names, workers=jobs or os.cpu_count() or 1, report=progress or (lambda _: None))
