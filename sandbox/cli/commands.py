@@ -82,6 +82,8 @@ def run_audit(options: argparse.Namespace) -> None:
     result.save(folder, csv=options.csv)
     if not options.quiet:
         print_audit(result.drive, result.audit)
+        for sentence in result.flux_map.sentences() if result.flux_map else ():
+            print(sentence)
         print(f"results in {folder}{f'; {kept}' if kept else ''}")
 
 
