@@ -7,8 +7,8 @@ IMPORTING.md beside this file tells the whole.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -52,7 +52,11 @@ WRAP = 1.01  # turns within which a wrapped angle stays
 
 @dataclass(frozen=True)
 class Column:
-    """How one contract column is read: from a named column or a constant value, unit, then scale and offset."""
+    """How one contract column is read: from a named column or a constant value, unit, then scale and offset.
+
+    others: names that may stand for the column's, and the last parts of names that are paths; with any, the column may
+    be absent (of a preset, which does not know what was logged).
+    """
 
     name: str
     column: str
@@ -61,6 +65,17 @@ class Column:
     offset: float = 0.0
     mechanical: bool = False
     value: float | None = None
+    others: tuple[str, ...] = ()
+
+    def found_in(self, names: Collection[str]) -> str | None:
+        """Return the name under which a table has the column, None where it may be absent and is."""
+        if not self.others:
+            return self.column
+        for wanted in self.others:
+            ends = [n for n in names if n == wanted or n.endswith((f".{wanted}", f"/{wanted}", f"\\{wanted}"))]
+            if len(ends) == 1 or wanted in ends:
+                return wanted if wanted in ends else ends[0]
+        return None
 
 
 def parse_columns(data: Mapping[str, Any], source: str) -> dict[str, Column]:
@@ -149,8 +164,9 @@ def measured(
     notes = [Finding(file, column, None, text) for column, text in table.notes]
     length = max((len(v) for v in table.columns.values()), default=0)
     found: dict[str, Array] = {}
+    mapped = available(table, columns)
     for name in KIND:
-        entry = columns.get(name)
+        entry = mapped.get(name)
         if entry is None and name in table.columns:
             entry = Column(name, name)
         if entry is not None:
@@ -158,9 +174,15 @@ def measured(
     return found, notes
 
 
+def available(table: Table, columns: Mapping[str, Column]) -> dict[str, Column]:
+    """Return the map with names as a table has them, without what it need not have and has not."""
+    found = {name: (c, c.column if c.value is not None else c.found_in(table.columns)) for name, c in columns.items()}
+    return {name: replace(c, column=own) for name, (c, own) in found.items() if own is not None}
+
+
 def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
     """Tell whether a table holds anything of which commanded voltages can be made."""
-    names = {*columns, *table.columns}
+    names = {*available(table, columns), *table.columns}
     return any(names.issuperset(kind) for kind in VOLTAGES)
 
 

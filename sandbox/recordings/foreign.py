@@ -20,7 +20,7 @@ from sandbox.recordings.campaign import read_parquet
 from sandbox.recordings.formats import hdf5, mcap_log, mdf4, tdms
 from sandbox.recordings.formats.log_table import Table
 from sandbox.recordings.formats.matrices import matrices, numpy_arrays
-from sandbox.recordings.formats.preamble import separator_of, table_lines
+from sandbox.recordings.formats.preamble import scope_lines, separator_of, table_lines
 
 Array = NDArray[np.float64]
 SUFFIXES = (".parquet", ".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".mf4", ".tdms", ".mcap")
@@ -56,7 +56,7 @@ def _csv(path: Path) -> Table:
             text = raw.decode("utf-8-sig")
         except UnicodeDecodeError:
             text = raw.decode("latin-1")  # a degree sign of an older program
-        lines = table_lines(text, _is_number)
+        lines = scope_lines(text, _is_number) or table_lines(text, _is_number)
         if not lines:
             raise BadInput(f"{path.name}: no line of data; a table needs a header and rows")
         rows = list(csv.reader(lines, delimiter=separator_of(lines[0])))

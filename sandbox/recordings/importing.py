@@ -30,7 +30,7 @@ from sandbox.recordings.column_map import KIND, Column, contract, parse_columns
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.log_table import Table
-from sandbox.recordings.formats.presets import with_preset
+from sandbox.recordings.formats.presets import preset_notes, with_preset
 from sandbox.recordings.plausibility import check
 from sandbox.recordings.stamps import Log, by_arrival, cut_at_gaps, parse_log, polled, stamp_jitter
 
@@ -51,10 +51,22 @@ class Source:
     entries: Sequence[tuple[str, str, str, float | None]]
     log: Log
     foreign: bool  # columns are mapped: others are passed over
+    notes: tuple[str, ...] = ()  # what a preset says of itself
+
+    @property
+    def wanted(self) -> list[str]:
+        """Return the columns asked for, none where names of a preset have to be looked for among all."""
+        every = self.mapped.values()
+        return [] if any(c.others for c in every) else [c.column for c in every]
+
+    @property
+    def remarks(self) -> list[Finding]:
+        """Return what a preset says of itself as findings."""
+        return [Finding(self.name, "", None, text) for text in self.notes]
 
     def table(self, file: str) -> Table:
         """Return one recording's table as it stands in its file."""
-        table = read_table(self.folder / file, [c.column for c in self.mapped.values()], self.log.matrix)
+        table = read_table(self.folder / file, self.wanted, self.log.matrix)
         stranger = next((n for n in table.columns if n not in KIND), None)
         if not self.foreign and stranger is not None:
             raise BadInput(f"{file}: {unknown('column', stranger, KIND)}; map other names with --columns FILE.toml")
@@ -84,7 +96,8 @@ def source_of(
                 f'{source}: no [[recording]] with file = "{path.name}"; add one with its rotor and injection_axis'
             )
     log = parse_log(table_of(data, "log"), source)
-    return Source(folder, data, mapped, source, entries, log, columns is not None or preset is not None)
+    notes = () if preset is None else preset_notes(preset)
+    return Source(folder, data, mapped, source, entries, log, columns is not None or preset is not None, notes)
 
 
 def read_recordings(
@@ -108,7 +121,7 @@ def unchecked(source: Source) -> Campaign:
     except BadInput as error:
         raise BadInput(f"{source.name}: {error}") from None
     recordings: list[CampaignRecording] = []
-    findings: list[Finding] = []
+    findings = source.remarks
     noises = [0.0]
     for file, rotor, axis, link in source.entries:
         table = source.table(file)

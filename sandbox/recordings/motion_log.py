@@ -20,6 +20,7 @@ from model.names import fitting
 from model.parameters import finite
 from sandbox.recordings.campaign import Campaign, Finding, table_of
 from sandbox.recordings.column_map import has_voltages, measured, phase_currents
+from sandbox.recordings.formats.log_table import Table
 from sandbox.recordings.importing import Source
 from sandbox.recordings.stamps import SHORTEST
 
@@ -68,13 +69,25 @@ def motion_only(source: Source) -> str | None:
     No voltages in its first recording, or samples further apart than the currents take to settle.
     """
     drive, motor = table_of(source.data, "drive"), table_of(source.data, "motor")
-    stated = [finite(drive.get("sampling_period")), *(finite(motor.get(k)) for k in OF_LAG)]
-    period, resistance, *inductances = (x or 0.0 for x in stated)
-    if min(period, resistance, *inductances) > 0.0 and (slow := _too_slow(period, resistance, max(inductances))):
-        return slow
-    if source.entries and not has_voltages(source.table(source.entries[0][0]), source.mapped):
+    if not source.entries:
+        return None
+    file = source.entries[0][0]
+    table = source.table(file)
+    if not has_voltages(table, source.mapped):
         return NO_VOLTAGES
+    period = finite(drive.get("sampling_period")) or _step(file, table, source)
+    resistance, *inductances = (finite(motor.get(k)) or 0.0 for k in OF_LAG)
+    if min(period, resistance, *inductances) > 0.0:
+        return _too_slow(period, resistance, max(inductances))
     return None
+
+
+def _step(file: str, table: Table, source: Source) -> float:
+    """Return the usual step (s) of a table's stamps, 0 where it has none."""
+    if "t" not in source.mapped:
+        return 0.0
+    found, _ = measured(file, table, {"t": source.mapped["t"]}, 1.0)
+    return float(np.median(np.diff(found["t"]))) if "t" in found and len(found["t"]) > 1 else 0.0
 
 
 def read_motion(source: Source, why: str) -> MotionCampaign:
@@ -88,7 +101,7 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
     flux = _stated(motor, "magnet_flux", source.name, 1e-9, 1e2)
     if constant is None and flux is not None and pairs is not None:
         constant = 1.5 * pairs * flux
-    findings: list[Finding] = []
+    findings = source.remarks
     recordings: list[MotionRecording] = []
     for file, rotor, _, _ in source.entries:
         if rotor == "free":

@@ -24,9 +24,11 @@ def read_mdf4(path: Path, wanted: Sequence[str]) -> Table:
     try:
         with MDF(path) as file:
             known = list(file.channels_db)
-            for name in dict.fromkeys(n for n in wanted if n in file.channels_db):
+            for name in dict.fromkeys(n for n in (wanted or known) if n in file.channels_db):
                 every = [file.get(name, group=g, index=k) for g, k in file.channels_db[name]]
                 signal = max(every, key=lambda s: len(s.timestamps))
+                if np.asarray(signal.samples).dtype.kind not in "fiub":
+                    continue
                 stamps = np.asarray(signal.timestamps, dtype=np.float64)
                 signals[name] = (stamps, np.asarray(signal.samples, dtype=np.float64))
                 if signal.unit:

@@ -41,6 +41,24 @@ def table_lines(text: str, is_number: Callable[[str], bool]) -> list[str]:
     return lines[begin:] if begin < data else lines
 
 
+def scope_lines(text: str, is_number: Callable[[str], bool]) -> list[str] | None:
+    """Return a TwinCAT Scope export as a table, None for any other text.
+
+    It begins with a block on the record (Name, File, StartRecord, EndRecord), then has one on the channels, one line an
+    attribute (Name, SymbolName, ...), label and value by turns; then stamp (ms) and value of each channel by turns.
+    """
+    lines = [line for line in text.splitlines() if line.strip() and line.strip() != "EOF"]
+    heads = [line.partition("\t")[0].strip() for line in lines[: 2 * MOST]]
+    if "SymbolName" not in heads or not lines[0].startswith("Name"):
+        return None
+    last = max(k for k, head in enumerate(heads[: heads.index("SymbolName")]) if head == "Name")
+    names = [c.strip() for c in lines[last].split("\t")][1::2]
+    data = [line for line in lines[last:] if is_number(line.partition("\t")[0].strip())]
+    stamps = ["Time", *(f"Time {k}" for k in range(2, len(names) + 1))]
+    header = "\t".join(f"{t}\t{n}" for t, n in zip(stamps, names, strict=True))
+    return [header, *data]
+
+
 def separator_of(line: str) -> str:
     """Return what stands between a line's cells."""
     return next((s for s in SEPARATORS if s in line), ",")

@@ -7,6 +7,7 @@ to the campaign's, key by key.  Each file cites the vendor's documents it was wr
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,12 +28,19 @@ def preset_line(name: str) -> str:
     return str(_read(name)["preset"]["title"])
 
 
+def preset_notes(name: str) -> tuple[str, ...]:
+    """Return what a person who uses a preset should know, each one sentence."""
+    return tuple(f"preset {name}: {text}" for text in _read(name)["preset"].get("notes", ()))
+
+
 def with_preset(
     name: str, data: Mapping[str, Any], mapped: Mapping[str, Column]
 ) -> tuple[dict[str, Any], dict[str, Column]]:
     """Return a campaign's tables and column map with a preset behind them; BadInput for an unknown name."""
     preset = _read(name)
-    columns = parse_columns(preset, f"preset {name}")
+    names = {k: v.pop("names") for k, v in preset["columns"].items() if "names" in v}
+    plain = parse_columns(preset, f"preset {name}")
+    columns = {k: replace(c, others=tuple(names.get(k, (c.column,)))) for k, c in plain.items()}
     tables = {k: v for k, v in preset.items() if k not in ("preset", "columns")}
     behind = {k: {**v, **data[k]} if k in data and isinstance(data[k], dict) else v for k, v in tables.items()}
     return {**data, **behind}, {**columns, **mapped}
