@@ -14,12 +14,12 @@ from pathlib import Path
 from model.errors import BadInput, PhysicsError, sentence
 from sandbox.cli import commands
 from sandbox.cli.arguments import Parser, add_own_effects, number, positive_int, seed_number
-from sandbox.cli.diagnosing import PRESET, add_check, add_diagnose
+from sandbox.cli.diagnosing import PRESET, add_check, add_diagnose, add_plan
 from sandbox.cli.sweeping import add_sweep, add_tolerances, on_dask
 from sandbox.cli.withholding import add_withheld
 from sandbox.output.files import discard, version
 
-PARALLEL = ("compare", "protocol", "diagnose", "check", "sweep")  # use threads, or processes
+PARALLEL = ("compare", "protocol", "diagnose", "check", "plan", "sweep")  # use threads, or processes
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 
 
@@ -149,6 +149,7 @@ def build_parser() -> Parser:
     c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
     add_own_effects(add_diagnose(add))
     add_own_effects(add_check(add))
+    add_own_effects(add_plan(add, number))
     c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")

@@ -45,6 +45,35 @@ def add_check(add: Callable[..., Any]) -> Any:
     return c
 
 
+def add_plan(add: Callable[..., Any], number: Callable[[str], float]) -> Any:
+    """Add the command `plan` to the command line by its own `add`; return its parser."""
+    c = add("plan", run_plan, "what to record on a bench: experiments, setpoints, and which effects they will tell")
+    c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="the nominal model")
+    c.add_argument("--current", type=number, help="A peak, at the most (rated)")
+    c.add_argument("--speed", type=number, help="rpm, at the most (rated)")
+    c.add_argument("--voltage", type=number, help="V of the DC link, at the most (the drive's)")
+    c.add_argument("--can", default="locked,driven,free", help="what the bench can do with the rotor (all three)")
+    return c
+
+
+def run_plan(options: argparse.Namespace) -> None:
+    """Plan recordings; write plan.json and a table of setpoints each."""
+    import sandbox
+    from sandbox.public.checked import print_plan
+
+    folder = options.out or Path("sensorless-out") / options.command
+    check_output(folder)
+    can = tuple(name.strip() for name in options.can.split(",") if name.strip())
+    found = sandbox.plan(
+        options.motor, current=options.current, speed_rpm=options.speed, voltage=options.voltage, can=can,
+        jobs=options.jobs or 1,
+    )  # fmt: skip
+    found.save(folder, csv=options.csv)
+    if not options.quiet:
+        print_plan(found)
+        print(f"results in {folder}")
+
+
 def run_check(options: argparse.Namespace) -> None:
     """Check a campaign; write check.json; exit code 2 where something stops it."""
     import sandbox

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from model.errors import BadInput
-from sandbox.output.columns import Column, columns_of, write_table
+from model.parameters import Drive
+from sandbox.output.columns import Column, columns_of, table_of, write_table
 from sandbox.output.files import results, write_json
+from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
-from sandbox.recordings.campaign import Campaign, Finding
+from sandbox.recordings.campaign import ROTORS, Campaign, Finding
 from sandbox.recordings.preflight import NOTE, REFUSED, Noticed, noticed
 
 if TYPE_CHECKING:
+    from sandbox.gap.planning.bench_plan import Plan
     from sandbox.gap.planning.visible import Visible
     from sandbox.output.plots import Figure
+
+REPEATS = 2  # of each planned recording: one is fitted, one held out
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,7 +101,9 @@ def check(
     ----------
     campaign : str, Path or Campaign
         See `read_campaign`.
-    columns, preset : optional
+    columns : str or Path, optional
+        See `read_campaign`.
+    preset : str, optional
         See `read_campaign`.
     effects : bool
         Whether to work out, by slopes of an excerpt, which effects would be visible at typical size.
@@ -131,6 +139,125 @@ def check(
     except BadInput as error:
         found.append(Noticed(REFUSED, Finding(read.name, "", None, str(error))))
         return CheckResult(read.name, tuple(found), None, str(error))
+
+
+@dataclass(frozen=True, repr=False)
+class PlanResult(Result):
+    """What to record on a bench: experiments in their order, each with what it adds, and setpoints over time."""
+
+    command: ClassVar[str] = "plan"
+    plan: Plan
+
+    def summary(self) -> str:
+        """Return the experiments' names."""
+        return f"{self.plan.drive.name}: {', '.join(p.entry.name for p in self.plan.experiments)}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `plan.json` holds beyond its header."""
+        v = self.plan.together
+        return {
+            "motor": self.plan.drive.name,
+            "recordings": [
+                {"name": p.entry.name, "description": p.entry.description, "rotor": p.entry.rotor,
+                 "seconds": p.entry.seconds, "settings": p.settings, "repeats": REPEATS, "tells": list(p.tells),
+                 "adds": list(p.adds), "setpoints": f"{p.entry.name}.csv"} for p in self.plan.experiments
+            ],
+            "effects": [{"name": e, "deviations": z, "visible": v.words(e)} for e, z in v.sizes.items()],
+            "alike": [list(pair) for pair in v.alike],
+        }  # fmt: skip
+
+    def columns(self) -> dict[str, Column]:
+        """Return one row an experiment: name, rotor, seconds, settings, what it adds."""
+        rows = [
+            {"name": p.entry.name, "rotor": p.entry.rotor, "seconds": p.entry.seconds, "settings": p.settings,
+             "adds": ", ".join(p.adds)} for p in self.plan.experiments
+        ]  # fmt: skip
+        return columns_of(rows, {"seconds": "s"})
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return how many standard deviations a typical size of each effect is worth; a path is written as well."""
+        from sandbox.public.figures import replay_figure
+
+        return replay_figure(
+            f"{self.plan.drive.name}: what the planned recordings tell", self.plan.together.sizes, path
+        )
+
+    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
+        """Write plan.json and one table of setpoints an experiment (csv: the plan's table, too); return the folder."""
+        from sandbox.gap.planning.bench_plan import setpoints
+
+        with results(Path(folder), self.command) as out:
+            for p in self.plan.experiments:
+                table = columns_of(setpoints(p.entry, self.plan.drive), {})
+                write_table(out / f"{p.entry.name}.csv", table_of(table))
+            if csv:
+                write_table(out / "plan.csv", self.to_table())
+            write_json(out, self.command, self.as_json())
+        return Path(folder)
+
+
+def plan(
+    motor: str | Path | Drive = "ipm_exchanged",
+    *,
+    current: float | None = None,
+    speed_rpm: float | None = None,
+    voltage: float | None = None,
+    can: Sequence[str] = ROTORS,
+    jobs: int = 1,
+) -> PlanResult:
+    """Return what to record on a bench so that a diagnosis can tell effects apart, by simulating the nominal motor.
+
+    Parameters
+    ----------
+    motor : str, Path or Drive
+        See `load_motor`: the nominal model, its converter and sensors.
+    current : float, optional
+        A peak, the bench's limit; the motor's rated current by default.
+    speed_rpm : float, optional
+        Its limit of speed; the rated one by default.
+    voltage : float, optional
+        V of the DC link; that of the drive by default.
+    can : sequence of str
+        What the bench can do with the rotor: 'locked', 'driven', 'free'.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    PlanResult
+        `.plan.experiments` (settings, seconds, effects told), `.as_json()`.
+
+    Raises
+    ------
+    BadInput
+        Where the limits leave no experiment.
+
+    Examples
+    --------
+    >>> from sandbox import plan
+    >>> plan("ipm_exchanged", can=("locked",)).plan.experiments[0].entry.rotor  # doctest: +SKIP
+    'locked'
+    """
+    from sandbox.gap.planning.bench_plan import Limits
+    from sandbox.gap.planning.bench_plan import plan as planned
+
+    for name, value in (("current", current), ("speed_rpm", speed_rpm), ("voltage", voltage)):
+        if value is not None and not 0.0 < value < 1e6:
+            raise BadInput(f"{name} = {value:g} is no limit of a bench; give a positive number")
+    limits = Limits(current, speed_rpm, voltage, tuple(can))
+    return PlanResult(planned(load_motor(motor), limits, workers=jobs))
+
+
+def print_plan(found: PlanResult) -> None:
+    """Print the experiments and what stays alike."""
+    print(f"{found.plan.drive.name}: record each of these {REPEATS} times, one to be fitted and one to be held out")
+    for k, p in enumerate(found.plan.experiments, 1):
+        print(f"{k}. {p.entry.name} ({p.entry.seconds:.3g} s): {p.entry.description}; {p.settings}")
+        print(f"   tells {len(p.tells)} effects, beyond those before it {', '.join(p.adds)}")
+    v = found.plan.together
+    print("not told: " + (", ".join(e for e in v.sizes if v.words(e) == "not") or "none of the library's effects"))
+    for a, b, cosine in v.alike[:6]:
+        print(f"{a} and {b} still look alike (cosine {cosine:.3f})")
 
 
 def _read(

@@ -205,7 +205,9 @@ def identify(
     ----------
     campaign : str, Path or Campaign
         See `read_campaign`; bias staircases at locked rotor, with injection on d and on q.
-    columns, preset : optional
+    columns : str or Path, optional
+        See `read_campaign`.
+    preset : str, optional
         See `read_campaign`.
 
     Returns
@@ -251,7 +253,9 @@ def diagnose(
         Effects that are no candidates (names of `list_effects`).
     nominal : {'linear'}, optional
         Leave the nominal model's saturation out.
-    columns, preset : optional
+    columns : str or Path, optional
+        See `read_campaign`.
+    preset : str, optional
         See `read_campaign`.
     jobs : int, optional
         Threads; all cores by default.
