@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import contextlib
+import logging
+import warnings
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,6 +33,19 @@ def missing(file: str, package: str, extra: str, what: str) -> BadInput:
     return BadInput(
         f"{file}: reading {what} needs {package}; install it with pip install 'sensorless-sandbox[{extra}]'"
     )
+
+
+@contextlib.contextmanager
+def silent() -> Iterator[None]:
+    """Keep a reader's own warnings about a damaged file from the terminal: what is wrong is said in our sentence."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
 
 
 def column_names(matrix: str, count: int) -> list[str]:

@@ -38,23 +38,16 @@ def matrices(file: str, arrays: Mapping[str, NDArray[Any]], names: Mapping[str, 
 def numpy_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """Return the arrays of numbers of a .npy file (named 'data') or an .npz file; BadInput for pickled objects."""
     try:
-        with np.load(path, allow_pickle=False, mmap_mode=None) as found:
-            arrays = {str(n): found[n] for n in found.files}
-    except (AttributeError, TypeError):  # a single array is no archive
-        arrays = {"data": _single(path)}
+        with path.open("rb") as file:
+            found = np.load(file, allow_pickle=False)
+            single = isinstance(found, np.ndarray)
+            arrays = {"data": found} if single else {str(n): found[n] for n in found.files}
     except Exception as error:  # NumPy raises whatever a damaged file leads it to
         raise BadInput(f"{path.name}: {_why(error)}") from None
     kept = {n: a for n, a in arrays.items() if a.dtype.kind in "fiu" and 0 < a.size <= MOST_VALUES}
     if not kept:
         raise BadInput(f"{path.name}: no array of numbers in it; save the columns as one matrix")
     return kept
-
-
-def _single(path: Path) -> NDArray[Any]:
-    try:
-        return np.asarray(np.load(path, allow_pickle=False))
-    except Exception as error:
-        raise BadInput(f"{path.name}: {_why(error)}") from None
 
 
 def _why(error: Exception) -> str:

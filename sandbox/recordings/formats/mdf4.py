@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from model.errors import BadInput, unknown
-from sandbox.recordings.formats.log_table import Table, missing, on_one_raster
+from sandbox.recordings.formats.log_table import Table, missing, on_one_raster, silent
 
 
 def read_mdf4(path: Path, wanted: Sequence[str]) -> Table:
@@ -22,7 +22,7 @@ def read_mdf4(path: Path, wanted: Sequence[str]) -> Table:
         raise missing(path.name, "asammdf", "mdf", "MDF4") from None
     signals, units = {}, {}
     try:
-        with MDF(path) as file:
+        with silent(), MDF(path) as file:
             known = list(file.channels_db)
             for name in dict.fromkeys(n for n in (wanted or known) if n in file.channels_db):
                 every = [file.get(name, group=g, index=k) for g, k in file.channels_db[name]]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from model.errors import BadInput, unknown
-from sandbox.recordings.formats.log_table import MOST_VALUES, Table, missing, on_one_raster
+from sandbox.recordings.formats.log_table import MOST_VALUES, Table, missing, on_one_raster, silent
 
 
 def read_tdms(path: Path, wanted: Sequence[str]) -> Table:
@@ -24,7 +24,7 @@ def read_tdms(path: Path, wanted: Sequence[str]) -> Table:
     except ImportError:
         raise missing(path.name, "nptdms", "tdms", "TDMS") from None
     try:
-        with TdmsFile.open(path) as file:
+        with silent(), path.open("rb") as raw, TdmsFile.open(raw) as file:
             channels = [c for group in file.groups() for c in group.channels()]
             names = Counter(c.name for c in channels)
             known = {c.name if names[c.name] == 1 else f"{c.group_name}/{c.name}": c for c in channels}
