@@ -35,6 +35,7 @@ Array = NDArray[np.float64]
 EFFECTS = ("coulomb_friction", "cogging_torque", "viscous_friction", "inertia", "current_filter")
 ORDINARY = 0.05  # relative deviation of a stated inertia or friction where the campaign states none
 ALIKE = 0.05  # of a column's size: what nothing else can stand in for, least
+LARGEST = 1e12  # rad/s^2, N m, ...: beyond it a unit is wrong
 SURE, DOUBTFUL = 1.3, 3.0  # times the noise floor: left without a word, and left by something unknown
 HELD_OUT = 0.3  # of each recording, its end, where there are fewer than three
 
@@ -84,7 +85,11 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     began = time.perf_counter()
     for name in exclude:
         _check_known(name)
-    parts = [averages(r, campaign) for r in campaign.recordings]
+    with np.errstate(all="ignore"):  # what is no number is refused below
+        parts = [averages(r, campaign) for r in campaign.recordings]
+    for a in parts:
+        if not all(np.all(np.abs(x) < LARGEST) for x in (a.acceleration, a.torque, a.slope, a.speed, a.kernel)):
+            raise BadInput(f"{a.file}: speeds or torques beyond {LARGEST:g} (SI); check the units of t, theta and i_q")
     turned = max(float(np.ptp(a.angle)) for a in parts)
     if turned < 0.05:
         raise BadInput(f"{campaign.name}: the rotor turns by {turned:.2g} rad at most; record it turning")

@@ -75,8 +75,10 @@ def on_one_raster(
     """
     usable = {n: s for n, s in signals.items() if len(s[0]) == len(s[1]) and len(s[0]) > 1}
     for name, (stamps, _) in usable.items():
-        if not np.all(np.diff(stamps) >= 0.0):
-            raise BadInput(f"{file}: the stamps of '{name}' go back in time; export the log again, in order")
+        if not (np.all(np.isfinite(stamps)) and np.all(np.diff(stamps) >= 0.0)):
+            raise BadInput(
+                f"{file}: the stamps of '{name}' go back or are none; export the log again, in order"
+            )
     if not usable:
         raise BadInput(f"{file}: no signal with at least 2 samples; record longer")
     among = [n for n in first if n in usable] or list(usable)
@@ -105,7 +107,9 @@ def on_one_raster(
 def _interpolated(grid: Array, stamps: Array, values: Array) -> Array:
     out = np.interp(grid, stamps, values)
     place = np.clip(np.searchsorted(stamps, grid, side="right") - 1, 0, len(stamps) - 2)
-    span = float(np.ptp(values)) if np.all(np.isfinite(values)) else np.nan
+    if not np.all(np.isfinite(values)):
+        return np.asarray(out)
+    span = float(np.ptp(values))
     wraps = np.abs(np.diff(values)) > 0.7 * span
     if span > 0.0 and np.any(wraps) and len(values) > 10 and np.mean(wraps) < 0.2:
         nearer = place + (grid - stamps[place] > stamps[place + 1] - grid)

@@ -117,6 +117,13 @@ def test_an_inertia_that_is_not_stated_is_estimated():
     assert "no inertia is stated" in found.cannot["inertia"]
 
 
+def test_a_wrong_unit_is_refused_without_a_warning():
+    r = shaft(0, both_ways, seconds=1.0)
+    fast = MotionRecording("fast", 1e-12 * r.t, r.angle, r.torque, r.load)  # stamps in Ts
+    with pytest.raises(BadInput, match="check the units of t, theta and i_q"):
+        judge(campaign(fast))
+
+
 def test_exclude_and_a_rotor_that_stands():
     still = MotionRecording("still", np.arange(200) * 2e-3, np.zeros(200), np.zeros(200), np.zeros(200))
     with pytest.raises(BadInput, match="the rotor turns by 0 rad"):
