@@ -76,9 +76,7 @@ def on_one_raster(
     usable = {n: s for n, s in signals.items() if len(s[0]) == len(s[1]) and len(s[0]) > 1}
     for name, (stamps, _) in usable.items():
         if not (np.all(np.isfinite(stamps)) and np.all(np.diff(stamps) >= 0.0)):
-            raise BadInput(
-                f"{file}: the stamps of '{name}' go back or are none; export the log again, in order"
-            )
+            raise BadInput(f"{file}: the stamps of '{name}' go back or are none; export the log again, in order")
     if not usable:
         raise BadInput(f"{file}: no signal with at least 2 samples; record longer")
     among = [n for n in first if n in usable] or list(usable)
