@@ -199,7 +199,12 @@ def main() -> None:
         a.set(title=title, xlabel="order per turn")
         a.legend(fontsize=8)
     axes[0, 1].axhline(0.0, color="0.3", linewidth=0.8)
-    keep = {name: {k: case[k] for k in ("verdict", "gap", "motion")} for name, case in found.items()}
+    keep = {
+        name: {"verdict": case["verdict"], "before": case["gap"]["before"], "after": case["gap"]["after"],
+               "hypothesis": case["hypotheses"][0], "orders": case["motion"]["orders"],
+               "inertia": case["motion"]["inertia"], "cannot": case["motion"]["cannot"]}
+        for name, case in found.items()
+    }  # fmt: skip
     save("odrive_cogging", {"cases": keep, "orders": rows, "told": told}, drawn)
     text = page(found, rows, told)
     (RESULTS / "odrive_cogging.md").write_text(text, encoding="utf-8")
