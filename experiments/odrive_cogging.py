@@ -2,7 +2,7 @@
 
 An ODrive with a brushless motor (data set by G. Chen, MIT): slow turns and spin-ups, polled over USB with uneven
 stamps, and, as an answer that no fit of ours has seen, maps of the current that holds the rotor at each angle. The
-drive filters the current that it reports (`I_measured_report_filter_k = 0.001` in the author's script, 125 ms at 8
+drive filters the current that it reports (`I_measured_report_filter_k = 0.001` among the author's commands, 125 ms at 8
 kHz).
 
 Run: python -m experiments.odrive_cogging (half a minute; needs SENSORLESS_DATA or the shared folder)
@@ -44,19 +44,21 @@ encoder_counts = {COUNTS}
 BELIEVE = """Friction by the maps, half of forward less reverse: {friction:.3f} A (the rotor held, not moving).
 
 Inertia by the author's way, parabolas through compensated spin-ups over the current that was *set*:
-{inertia:.2f}e-4 kg m² (his note: about 2.5e-4). The current that was *measured*, which the fits use, is 0.7 of
-it there.
+{inertia:.2f}e-4 kg m² (his note: about 2.5e-4). The current that was *measured*, which the fits use, is 0.6 to
+0.7 of it in the fastest runs.
 
 Slow turns stray from an even motion by {ripple_without:.2f}° rms without compensation, by {ripple_with:.2f}°
 with it.
 
 **Believe it?** Orders, phases and the late current: yes. The maps were measured with the rotor held, the runs
-with it turning; they share neither code nor moment, and the filter of 125 ms that the author's script sets was
-not told to the fit. Slow turns and spin-ups agree in phase although the late reading turns only the slow ones.
-Amplitudes in A are as good as the drive's current; in N m they hang on the author's torque constant, which is
-not measured. Inertia: four sets of runs agree to 5 %; their intervals are narrower than that, they count
-scatter, not what is left unexplained. Friction: dry and viscous parts trade within a kind of run; slow turns
-meet the maps, fast ones need more. Whatever is electrical is not on file and not judged.
+with it turning; they share neither code nor moment, and the fit was not told of the filter among the author's
+commands (125 ms if his current loop runs at 8 kHz; that it was set in these runs is inferred). Slow turns and
+spin-ups agree in phase although the late reading turns only the slow ones. Amplitudes in A are as good as the
+drive's current; in N m they hang on the author's torque constant, which is not measured. Inertia: four sets of
+runs agree to 7 %; their intervals are narrower than that, they count scatter, not what is left unexplained, and
+the author's figure is another. Friction: only the slow turns without compensation meet the maps; the other
+three sets say twice as much, as dry friction, viscous friction and an offset of the current trade: do not
+believe it beyond a factor of two. Whatever is electrical is not on file and not judged.
 """
 
 
