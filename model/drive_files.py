@@ -73,7 +73,7 @@ def load_drive(name: str | Path) -> Drive:
             stated = with_points(table_of(data, "drive"), path.parent)
             converter = build(Converter, {**_converter_defaults(motor), **stated}, "drive")
             injection = build(
-                Injection, {**_injection_defaults(motor, converter), **table_of(data, "injection")}, "injection"
+                Injection, {**injection_defaults(motor, converter), **table_of(data, "injection")}, "injection"
             )
     except BadInput as error:
         raise _in_file(path, error) from None
@@ -110,8 +110,9 @@ def _converter_defaults(motor: Motor) -> dict[str, Any]:
     }
 
 
-def _injection_defaults(motor: Motor, converter: Converter) -> dict[str, Any]:
-    """Eight samples a period; a ripple of 20 % of rated current on d, as far as a quarter of the voltage gives it."""
+def injection_defaults(motor: Motor, converter: Converter) -> dict[str, Any]:
+    """Return eight samples a period; a ripple of 20 % of rated current on d, as far as a quarter of the voltage (V)
+    gives it."""
     frequency = 1.0 / (8.0 * converter.sampling_period)
     amplitude = 0.8 * frequency * motor.inductance_d * motor.rated_current
     return {"frequency": frequency, "amplitude": min(amplitude, 0.25 * converter.voltage_limit)}

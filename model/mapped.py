@@ -24,15 +24,16 @@ from model.compiled import cache_home
 from model.datasets import dataset, fetch
 from model.energy import AnyEnergy
 from model.errors import BadInput, PhysicsError, brief, unknown
-from model.fluxmap import check_axis, check_physical, read_map
+from model.fluxmap import FluxMap, check_axis, check_physical
+from model.map_points import Quality, check_angle, fit_points, quality, read_points
 from model.names import check_file
 from model.parameters import Motor, build
 from model.spline import SplineEnergy
 
-KEYS = ("dataset", "file", "magnet", "cells", "smooth")
+KEYS = ("dataset", "file", "magnet", "angle", "cells", "smooth")
 OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 ALPHAS = OF_MAP[3:]
-FITTED_BY = ("spline_energy.py", "spline.py", "fluxmap.py", "arrays.py", "matfile.py")
+FITTED_BY = ("spline_energy.py", "spline.py", "fluxmap.py", "map_points.py", "arrays.py", "matfile.py")
 
 
 @dataclass(frozen=True)
@@ -84,6 +85,7 @@ def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
         if file not in names:
             raise unknown(f"file of data set '{table['dataset']}'", file, names)
     check_axis(table.get("magnet", "d"))
+    check_angle(table.get("angle", 0.0))
     _choice(table)
     return build(Motor, {**values, "inductance_d": 10.0, "inductance_q": 10.0, "magnet_flux": 1.0}, "motor")
 
@@ -92,7 +94,8 @@ def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Pa
     """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in` sees), whose file lies in
     `folder` or in a data set."""
     path = (fetch(str(table["dataset"])) if "dataset" in table else folder) / table["file"]
-    spline, magnet = _remembered(path, table.get("magnet", "d"), _choice(table))
+    frame = (table.get("magnet", "d"), check_angle(table.get("angle", 0.0)))
+    spline, magnet = _remembered(path, frame, _choice(table))
     more = {"inductance_d": 1.0 / spline.gamma_d, "inductance_q": 1.0 / spline.gamma_q, "magnet_flux": magnet}
     motor = build(Motor, {**values, **more}, "motor")
     own = {name: getattr(motor, name) for name in Motor.__dataclass_fields__}
@@ -114,7 +117,9 @@ def _choice(table: Mapping[str, Any]) -> tuple[tuple[int, int], float] | None:
     return (cells[0], cells[1]), smooth  # type: ignore[index]
 
 
-def _remembered(path: Path, magnet: str, choice: tuple[tuple[int, int], float] | None) -> tuple[SplineEnergy, float]:
+def _remembered(
+    path: Path, frame: tuple[str, float], choice: tuple[tuple[int, int], float] | None
+) -> tuple[SplineEnergy, float]:
     """Return the centred fit of a map and the magnet flux (Wb), from disk where it has been fitted before."""
     try:
         if path.stat().st_size > max(MOST_BYTES.values()):
@@ -124,29 +129,38 @@ def _remembered(path: Path, magnet: str, choice: tuple[tuple[int, int], float] |
         raise BadInput(f"flux map '{path}' cannot be read ({error.strerror}); give a .npz, .mat or .csv file") from None
     here = Path(__file__).parent
     code = b"".join((here / name).read_bytes() for name in FITTED_BY)
-    key = hashlib.sha256(code + content + repr((path.suffix, magnet, choice)).encode()).hexdigest()[:24]
+    key = hashlib.sha256(code + content + repr((path.suffix, frame, choice)).encode()).hexdigest()[:24]
     place = cache_home() / "maps" / f"{key}.kept"
     stored = kept.read(place)
     if stored is not None:
         with np.load(io.BytesIO(stored)) as numbers:
             rest = map(float, numbers["rest"])
             return SplineEnergy(np.ascontiguousarray(numbers["cells"]), *rest), float(numbers["magnet"])
-    spline, flux = _fitted(path, magnet, choice)
+    spline, flux = _fitted(path, frame, choice)
     body = io.BytesIO()
     np.savez(body, cells=spline.cells, rest=np.array(spline[1:]), magnet=flux)
     kept.write(place, body.getvalue())
     return spline, flux
 
 
-def _fitted(path: Path, magnet: str, choice: tuple[tuple[int, int], float] | None) -> tuple[SplineEnergy, float]:
+def _fitted(
+    path: Path, frame: tuple[str, float], choice: tuple[tuple[int, int], float] | None
+) -> tuple[SplineEnergy, float]:
     from model.spline_energy import centred, fit, fit_map
 
-    data = read_map(path, magnet)
-    check_physical(data)
+    points = read_points(path, *frame)
+    grid = points.grid()
+    if grid is not None:
+        check_physical(grid)
+    data = points if grid is None else grid
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a fit without an answer is refused below
-            spline, flux = centred(fit(*data.points(), *choice) if choice else fit_map(data))
+            if choice is not None:
+                found = fit(*data.points(), *choice)
+            else:
+                found = fit_map(data) if isinstance(data, FluxMap) else fit_points(data)
+            spline, flux = centred(found)
     except (BadInput, PhysicsError):
         raise
     except (ArithmeticError, np.linalg.LinAlgError, RuntimeError, ValueError) as error:
@@ -156,6 +170,12 @@ def _fitted(path: Path, magnet: str, choice: tuple[tuple[int, int], float] | Non
     if not (np.all(np.isfinite(spline.cells)) and min(spline.gamma_d, spline.gamma_q) > 0.0 and math.isfinite(flux)):
         raise BadInput(f"flux map '{path.name}' gives no finite energy; check its units (A, Wb), signs and magnet axis")
     return spline, flux
+
+
+def map_quality(table: Mapping[str, Any], folder: Path) -> Quality:
+    """Return how far the map of a [flux_map] table can be believed; folder: in which its file lies."""
+    path = (fetch(str(table["dataset"])) if "dataset" in table else folder) / table["file"]
+    return quality(read_points(path, table.get("magnet", "d"), check_angle(table.get("angle", 0.0))))
 
 
 def without_map(motor: Motor) -> Motor:

@@ -30,7 +30,10 @@ if TYPE_CHECKING:
     from sandbox.public.catalogue import list_effects as list_effects
     from sandbox.public.catalogue import list_estimators as list_estimators
     from sandbox.public.catalogue import list_motors as list_motors
+    from sandbox.public.catalogue import list_presets as list_presets
     from sandbox.public.catalogue import list_scenarios as list_scenarios
+    from sandbox.public.checked import check as check
+    from sandbox.public.checked import plan as plan
     from sandbox.public.exported import export_estimator as export_estimator
     from sandbox.public.loading import load_estimator as load_estimator
     from sandbox.public.loading import load_estimator_library as load_estimator_library
@@ -54,7 +57,8 @@ if TYPE_CHECKING:
 
 __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign",
-    "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe", "use_effects",
+    "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "describe",
+    "use_effects", "plan", "check",
     "simulate", "compare", "tolerances", "sweep", "protocol", "bench", "audit", "maps", "identify", "diagnose",
     "replay", "export_estimator", "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "BadInput", "PhysicsError",
@@ -69,8 +73,9 @@ _HOMES = {
     ),
     "sandbox.public.exported": ("export_estimator",),
     "sandbox.public.catalogue": (
-        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe",
+        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "describe",
     ),
+    "sandbox.public.checked": ("plan", "check"),
     "sandbox.public.runs": ("simulate", "compare"),
     "sandbox.public.protocols": ("protocol", "bench"),
     "sandbox.public.sweeps": ("sweep", "tolerances"),

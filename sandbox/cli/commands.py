@@ -82,6 +82,8 @@ def run_audit(options: argparse.Namespace) -> None:
     result.save(folder, csv=options.csv)
     if not options.quiet:
         print_audit(result.drive, result.audit)
+        for sentence in result.flux_map.sentences() if result.flux_map else ():
+            print(sentence)
         print(f"results in {folder}{f'; {kept}' if kept else ''}")
 
 
@@ -102,7 +104,7 @@ def run_identify(options: argparse.Namespace) -> None:
     """Identify a motor from a campaign; write identify.json, .png and .parquet."""
     from sandbox.public.printed import print_identification
 
-    result = sandbox.identify(options.campaign, options.columns)
+    result = sandbox.identify(options.campaign, options.columns, options.preset)
     folder = result.save(folder_of(options), csv=options.csv)
     if not options.quiet:
         print_identification(result.identification)
@@ -159,6 +161,7 @@ def run_list(options: argparse.Namespace) -> None:
     lists = {
         "motors": sandbox.list_motors, "effects": sandbox.list_effects, "estimators": sandbox.list_estimators,
         "scenarios": sandbox.list_scenarios, "datasets": sandbox.list_datasets,
+        "presets": sandbox.list_presets,
     }  # fmt: skip
     print_list(lists[options.kind]())
 

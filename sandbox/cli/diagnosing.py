@@ -7,8 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from model.errors import BadInput
 from sandbox.output.files import check_output
 from sandbox.output.tables import stage_bar
+
+PRESET = "a program whose column names and units are known: `sensorless list presets`"
 
 
 def add_diagnose(add: Callable[..., Any]) -> Any:
@@ -24,24 +27,91 @@ def add_diagnose(add: Callable[..., Any]) -> Any:
     c.add_argument(
         "--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/recordings/IMPORTING.md)"
     )
+    c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
     return c
+
+
+def add_check(add: Callable[..., Any]) -> Any:
+    """Add the command `check` to the command line by its own `add`; return its parser."""
+    c = add("check", run_check, "a campaign before it is diagnosed: mistakes named, which effects it could tell")
+    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    c.add_argument(
+        "--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/recordings/IMPORTING.md)"
+    )
+    c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
+    c.add_argument(
+        "--mistakes-only", action="store_true", help="do not work out which effects the recordings could tell"
+    )
+    return c
+
+
+def add_plan(add: Callable[..., Any], number: Callable[[str], float]) -> Any:
+    """Add the command `plan` to the command line by its own `add`; return its parser."""
+    c = add("plan", run_plan, "what to record on a bench: experiments, setpoints, and which effects they will tell")
+    c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="the nominal model")
+    c.add_argument("--current", type=number, help="A peak, at the most (rated)")
+    c.add_argument("--speed", type=number, help="rpm, at the most (rated)")
+    c.add_argument("--voltage", type=number, help="V of the DC link, at the most (the drive's)")
+    c.add_argument("--can", default="locked,driven,free", help="what the bench can do with the rotor (all three)")
+    return c
+
+
+def run_plan(options: argparse.Namespace) -> None:
+    """Plan recordings; write plan.json and a table of setpoints each."""
+    import sandbox
+    from sandbox.public.checked import print_plan
+
+    folder = options.out or Path("sensorless-out") / options.command
+    check_output(folder)
+    can = tuple(name.strip() for name in options.can.split(",") if name.strip())
+    found = sandbox.plan(
+        options.motor, current=options.current, speed_rpm=options.speed, voltage=options.voltage, can=can,
+        jobs=options.jobs or 1,
+    )  # fmt: skip
+    found.save(folder, csv=options.csv)
+    if not options.quiet:
+        print_plan(found)
+        print(f"results in {folder}")
+
+
+def run_check(options: argparse.Namespace) -> None:
+    """Check a campaign; write check.json; exit code 2 where something stops it."""
+    import sandbox
+    from sandbox.public.checked import print_check
+
+    folder = options.out or Path("sensorless-out") / options.command
+    check_output(folder)
+    found = sandbox.check(
+        options.campaign, columns=options.columns, preset=options.preset, effects=not options.mistakes_only,
+        jobs=options.jobs or 1,
+    )  # fmt: skip
+    found.save(folder, csv=options.csv)
+    if not options.quiet:
+        print_check(found)
+        print(f"results in {folder}")
+    if not found.ok:
+        raise BadInput(f"{len([n for n in found.noticed if n.level == 'refused'])} findings stop this campaign")
 
 
 def run_diagnose(options: argparse.Namespace) -> None:
     """Diagnose a campaign; write diagnosis.json, report.html and diagnosis.rrd."""
     import sandbox
     from sandbox.gap.report.page import print_answers
+    from sandbox.public.moved import MotionResult, print_motion
 
     folder = options.out or Path("sensorless-out") / options.command
     check_output(folder)
     exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]
     with stage_bar("diagnosing", options.quiet) as progress:
         found = sandbox.diagnose(
-            options.campaign, exclude=exclude, nominal=options.nominal, columns=options.columns, jobs=options.jobs,
-            progress=progress,
+            options.campaign, exclude=exclude, nominal=options.nominal, columns=options.columns, preset=options.preset,
+            jobs=options.jobs, progress=progress,
         )  # fmt: skip
         progress("writing")
         found.save(folder, csv=options.csv)
     if not options.quiet:
-        print_answers(found.answers)
+        if isinstance(found, MotionResult):
+            print_motion(found.motion)
+        else:
+            print_answers(found.answers)
         print(f"results in {folder}")

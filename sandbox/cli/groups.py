@@ -10,10 +10,10 @@ from typing import Protocol
 
 from sandbox.cli import commands
 from sandbox.cli.arguments import Parser, add_own_effects, number, positive_int, seed_number
-from sandbox.cli.diagnosing import add_diagnose
+from sandbox.cli.diagnosing import PRESET, add_check, add_diagnose, add_plan
 from sandbox.cli.sweeping import add_tolerances, on_dask
 
-PARALLEL = ("compare", "protocol", "diagnose", "sweep")  # use threads, or processes
+PARALLEL = ("compare", "protocol", "diagnose", "check", "plan", "sweep")  # use threads, or processes
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 LIBRARY = "an estimator of your own in C, as a shared library (see estimators/c/README.md)"
 EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
@@ -91,13 +91,16 @@ def add_motor(add: Add) -> None:
 
 
 def add_recorded(add: Add) -> None:
-    """Add `identify` and `diagnose`."""
+    """Add `identify`, `diagnose`, `check` and `plan`."""
     text = "the motor from a campaign's locked recordings: paper's least squares and exact fit"
     c = add("identify", commands.run_identify, text)
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     text = "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)"
     c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
+    c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
     add_own_effects(add_diagnose(add))
+    add_own_effects(add_check(add))
+    add_own_effects(add_plan(add, number))
 
 
 def add_export(add: Add) -> None:
@@ -111,7 +114,7 @@ def add_export(add: Add) -> None:
 def add_looking(add: Add) -> None:
     """Add `list`, `view` and `show`, which write nothing."""
     c = add("list", commands.run_list, "what there is", writes=False)
-    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets"))
+    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets", "presets"))
     c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")
     add_own_effects(c)
     c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)

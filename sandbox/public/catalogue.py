@@ -97,6 +97,24 @@ def list_datasets() -> dict[str, str]:
     return dict(catalogue())
 
 
+def list_presets() -> dict[str, str]:
+    """Return the programs whose logs are known by name, for `preset` of `diagnose`, `check` and `identify`.
+
+    Returns
+    -------
+    dict of str to str
+
+    Examples
+    --------
+    >>> from sandbox import list_presets
+    >>> "odrive" in list_presets()
+    True
+    """
+    from sandbox.recordings.formats.presets import preset_line, preset_names
+
+    return {name: preset_line(name) for name in preset_names()}
+
+
 def describe(name: str) -> str:
     """Return the card of an effect or an estimator as text.
 

@@ -14,8 +14,9 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.drive import scenario as scenarios
 from sandbox.drive.scenario import Scenario
-from sandbox.recordings import importing
+from sandbox.recordings import importing, motion_log
 from sandbox.recordings.campaign import ROTORS, Campaign
+from sandbox.recordings.motion_log import MotionCampaign
 
 if TYPE_CHECKING:
     from estimators.contract import Estimator
@@ -177,7 +178,11 @@ def load_estimator_library(path: str | Path) -> Estimator:
 
 
 def read_campaign(
-    folder: str | Path | Campaign, columns: str | Path | None = None, rotors: Sequence[str] = ROTORS
+    folder: str | Path | Campaign,
+    columns: str | Path | None = None,
+    rotors: Sequence[str] = ROTORS,
+    *,
+    preset: str | None = None,
 ) -> Campaign:
     """Return the recordings of a folder with the drive's nominal model.
 
@@ -190,6 +195,8 @@ def read_campaign(
         A TOML file that maps names and units of another program (sandbox/recordings/IMPORTING.md).
     rotors : sequence of str
         Which recordings to read: 'locked', 'driven', 'free'.
+    preset : str, optional
+        A program whose column names and units are known (`list_presets`), beside or instead of `columns`.
 
     Returns
     -------
@@ -215,9 +222,18 @@ def read_campaign(
     """
     if isinstance(folder, Campaign):
         return folder
-    return importing.read_recordings(
-        Path(_text(folder, "campaign", "a Campaign")), None if columns is None else Path(columns), tuple(rotors)
-    )
+    place, mapped = Path(_text(folder, "campaign", "a Campaign")), None if columns is None else Path(columns)
+    return importing.read_recordings(place, mapped, tuple(rotors), preset)
+
+
+def motion_only(folder: str | Path | Campaign, columns: str | Path | None, preset: str | None) -> MotionCampaign | None:
+    """Return the motion of a folder that can be judged by its motion alone, None for any other campaign."""
+    if isinstance(folder, Campaign):
+        return None
+    place, mapped = Path(_text(folder, "campaign", "a Campaign")), None if columns is None else Path(columns)
+    source = importing.source_of(place, mapped, preset)
+    why = motion_log.motion_only(source)
+    return None if why is None else motion_log.read_motion(source, why)
 
 
 def several(given: Any) -> list[Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -16,6 +16,7 @@ from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 
 if TYPE_CHECKING:
+    from model.map_points import Quality
     from model.saliency import Audit
     from sandbox.evaluation.maps import Maps
     from sandbox.output.plots import Figure
@@ -30,6 +31,7 @@ class AuditResult(Result):
     command: ClassVar[str] = "audit"
     drive: Drive
     audit: Audit
+    flux_map: Quality | None = None
 
     @property
     def passed(self) -> bool:
@@ -45,7 +47,8 @@ class AuditResult(Result):
         """Return what `audit.json` holds beyond its header and the names of files."""
         from sandbox.public.printed import audit_content
 
-        return audit_content(self.drive, self.audit)
+        content = audit_content(self.drive, self.audit)
+        return content if self.flux_map is None else {**content, "flux_map": asdict(self.flux_map)}
 
     def columns(self) -> dict[str, Column]:
         """Return the cross-saturation angle against load (i_d = 0), one row a load."""
@@ -143,7 +146,20 @@ def audit(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = No
             f"radius {radius} A must lie in (0, {LARGEST * drive.motor.rated_current:g}] A ({LARGEST:g} x rated "
             "current)"
         )
-    return AuditResult(drive, audited(drive.motor, radius))
+    return AuditResult(drive, audited(drive.motor, radius), _map_of(motor))
+
+
+def _map_of(motor: str | Path | Drive) -> Quality | None:
+    """Return how far the flux map of a motor's file can be believed, None for a motor without one."""
+    from model.drive_files import motor_file
+    from model.mapped import map_quality
+    from model.parameters import read_toml
+
+    if isinstance(motor, Drive):
+        return None
+    path = motor_file(motor)
+    table = read_toml(path).get("flux_map")
+    return None if table is None else map_quality(table, path.parent)
 
 
 def maps(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = None, points: int = 61) -> MapsResult:

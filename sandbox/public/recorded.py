@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from dataclasses import replace as replace_fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -13,9 +14,12 @@ import numpy as np
 from model.effects.library import parse
 from sandbox.output.columns import Column, columns_of, write_table
 from sandbox.output.files import results, write_json
-from sandbox.public.loading import read_campaign
+from sandbox.public.loading import motion_only, read_campaign
+from sandbox.public.moved import MotionResult, diagnose_motion
 from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
+from sandbox.recordings.motion_log import motion_of, too_slow
+from sandbox.recordings.preflight import further
 
 if TYPE_CHECKING:
     from sandbox.gap.report.answers import Answers
@@ -197,7 +201,9 @@ class ReplayResult(Result):
         return Path(path)
 
 
-def identify(campaign: AnyCampaign, columns: str | Path | None = None) -> IdentificationResult:
+def identify(
+    campaign: AnyCampaign, columns: str | Path | None = None, preset: str | None = None
+) -> IdentificationResult:
     """Identify the motor of a campaign from its locked-rotor recordings with injection.
 
     Parameters
@@ -205,6 +211,8 @@ def identify(campaign: AnyCampaign, columns: str | Path | None = None) -> Identi
     campaign : str, Path or Campaign
         See `read_campaign`; bias staircases at locked rotor, with injection on d and on q.
     columns : str or Path, optional
+        See `read_campaign`.
+    preset : str, optional
         See `read_campaign`.
 
     Returns
@@ -227,7 +235,7 @@ def identify(campaign: AnyCampaign, columns: str | Path | None = None) -> Identi
     """
     from sandbox.recordings.identify import identify as fitted
 
-    return IdentificationResult(fitted(read_campaign(campaign, columns, ("locked",))))
+    return IdentificationResult(fitted(read_campaign(campaign, columns, ("locked",), preset=preset)))
 
 
 def diagnose(
@@ -236,9 +244,10 @@ def diagnose(
     exclude: Sequence[str] | str = (),
     nominal: str | None = None,
     columns: str | Path | None = None,
+    preset: str | None = None,
     jobs: int | None = None,
     progress: Callable[[str], None] | None = None,
-) -> DiagnosisResult:
+) -> DiagnosisResult | MotionResult:
     """Return where the gap between a campaign and its simulator lies, which effect causes it, how far it shrinks.
 
     Parameters
@@ -251,6 +260,8 @@ def diagnose(
         Leave the nominal model's saturation out.
     columns : str or Path, optional
         See `read_campaign`.
+    preset : str, optional
+        See `read_campaign`.
     jobs : int, optional
         Threads; all cores by default.
     progress : callable, optional
@@ -260,6 +271,8 @@ def diagnose(
     -------
     DiagnosisResult
         `.verdict`, `.answers.diagnosis.hypotheses` (effects, probability), `.as_json()` as in DIAGNOSIS.md.
+        A campaign without voltages, or whose samples stand further apart than L/R, is judged by its motion alone:
+        `MotionResult`, of the same `.verdict` and `.as_json()`.
 
     Raises
     ------
@@ -279,9 +292,16 @@ def diagnose(
 
     if nominal not in (None, "linear"):
         raise unknown("nominal model", nominal, ["linear"])
-    own = read_campaign(campaign, columns)
-    own = linear(own) if nominal else own
     names = [exclude] if isinstance(exclude, str) else list(exclude)
+    motion = motion_only(campaign, columns, preset)
+    if motion is not None:
+        return diagnose_motion(motion, names)
+    own = read_campaign(campaign, columns, preset=preset)
+    if slow := too_slow(own):
+        return diagnose_motion(motion_of(own, slow), names)
+    if not isinstance(campaign, Campaign):
+        own = replace_fields(own, findings=(*own.findings, *further(own)))
+    own = linear(own) if nominal else own
     return DiagnosisResult(
         answer(own, exclude=names, workers=jobs or os.cpu_count() or 1, report=progress or (lambda _: None))
     )

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from model.drive_files import injection_defaults
 from model.errors import BadInput, brief, shown, unknown
 from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
@@ -43,10 +44,14 @@ STATED = {  # standard deviations that a campaign may state
         "current_gain", "current_offset", "encoder_offset", "dead_time", "load_torque_gain", "load_torque_offset",
     ),
 }  # fmt: skip
-TABLES = ("campaign", "drive", "motor", "flux_map", "uncertainty", "background", "injection", "provenance", "recording")
+TABLES = (
+    "campaign", "drive", "motor", "flux_map", "uncertainty", "background", "injection", "provenance", "recording",
+    "log",
+)  # fmt: skip
 LARGEST = 1e12  # of any recorded number, in its unit
 LINK = (0.1, 1e5)  # V, as in [drive]
 OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
+UNUSED_INERTIA = 1e-3  # kg m^2, of a campaign in which no rotor is free and none is stated
 RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
 
 
@@ -189,7 +194,7 @@ def assemble(
     try:
         own_name, (motor, from_data) = _name(data, name), _motor(data, recordings, folder)
         converter = converter_of(data, folder)
-        injection = build(Injection, dict(table_of(data, "injection")), "injection")
+        injection = _injection(data, recordings, motor, converter)
         uncertainty, background = _numbers(data, "uncertainty"), _numbers(data, "background")
     except BadInput as error:
         raise BadInput(f"{source}: {error}") from None
@@ -202,6 +207,16 @@ def assemble(
         own_name, Drive(motor, converter, injection, provenance), recordings,
         uncertainty, background, from_data,
     )  # fmt: skip
+
+
+def _injection(
+    data: Mapping[str, Any], recordings: Sequence[CampaignRecording], motor: Motor, converter: Converter
+) -> Injection:
+    """Return [injection]; where nothing was injected and nothing is stated, what the motor would usually be given."""
+    stated = table_of(data, "injection")
+    if not stated and all(r.injection_axis == "none" for r in recordings):
+        stated = injection_defaults(motor, converter)
+    return cast(Injection, build(Injection, stated, "injection"))
 
 
 def table_of(data: Mapping[str, Any], name: str) -> dict[str, Any]:
@@ -312,6 +327,8 @@ def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording], fol
     """Return the nominal motor (a quartic's, or one with a flux map), missing rated values replaced by the largest
     recorded ones."""
     values = {"name": _name(data, "campaign"), **table_of(data, "motor")}
+    if "inertia" not in values and recordings and all(r.rotor != "free" for r in recordings):
+        values["inertia"] = UNUSED_INERTIA
     missing = [k for k in RATED if k not in values]
     if missing:
         current = max((float(np.max(np.hypot(*r.current))) for r in recordings), default=0.0)

@@ -7,8 +7,8 @@ IMPORTING.md beside this file tells the whole.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from model.errors import BadInput, brief, unknown
 from model.frames import phases
 from model.parameters import finite
 from sandbox.recordings.campaign import OPTIONAL, Finding, table_of
-from sandbox.recordings.foreign import Table
+from sandbox.recordings.formats.log_table import Table
 
 Array = NDArray[np.float64]
 UNITS: dict[str, dict[str, tuple[float, float]]] = {  # factor and offset to the contract's unit
@@ -43,6 +43,7 @@ KINDS = {
     "temperature": ("temperature",),
 }
 KIND = {name: kind for kind, names in KINDS.items() for name in names}
+VOLTAGES = (("u_alpha", "u_beta"), ("u_a", "u_b", "u_c"), ("u_d", "u_q"), ("d_a", "d_b", "d_c"))
 KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
 LARGEST = 1e18  # of any cell, nanoseconds included
 SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
@@ -51,7 +52,11 @@ WRAP = 1.01  # turns within which a wrapped angle stays
 
 @dataclass(frozen=True)
 class Column:
-    """How one contract column is read: from a named column or a constant value, unit, then scale and offset."""
+    """How one contract column is read: from a named column or a constant value, unit, then scale and offset.
+
+    others: names that may stand for the column's, and the last parts of names that are paths; with any, the column may
+    be absent (of a preset, which does not know what was logged).
+    """
 
     name: str
     column: str
@@ -60,6 +65,17 @@ class Column:
     offset: float = 0.0
     mechanical: bool = False
     value: float | None = None
+    others: tuple[str, ...] = ()
+
+    def found_in(self, names: Collection[str]) -> str | None:
+        """Return the name under which a table has the column, None where it may be absent and is."""
+        if not self.others:
+            return self.column
+        for wanted in self.others:
+            ends = [n for n in names if n == wanted or n.endswith((f".{wanted}", f"/{wanted}", f"\\{wanted}"))]
+            if len(ends) == 1 or wanted in ends:
+                return wanted if wanted in ends else ends[0]
+        return None
 
 
 def parse_columns(data: Mapping[str, Any], source: str) -> dict[str, Column]:
@@ -124,21 +140,14 @@ def contract(
 
     Names that [columns] does not mention are taken where the table has them; `link` (V) stands in for an absent u_dc.
     """
-    notes: list[Finding] = []
+    found, notes = measured(file, table, columns, pole_pairs)
     length = max((len(v) for v in table.columns.values()), default=0)
-    found: dict[str, Array] = {}
-    for name in KIND:
-        entry = columns.get(name)
-        if entry is None and name in table.columns:
-            entry = Column(name, name)
-        if entry is not None:
-            found[name] = _values(file, table, entry, length, pole_pairs, notes)
     if "u_dc" not in found:
         found["u_dc"] = np.full(length, link)
         notes.append(
             _lost(file, "u_dc", f"not recorded, dc_bus_voltage = {link:g} V stands in; link sag and ripple stay unseen")
         )
-    currents, voltages = _currents(file, found, notes), _voltages(file, found, notes)
+    currents, voltages = phase_currents(file, found, notes), _voltages(file, found, notes)
     if "theta" not in found:
         raise BadInput(
             f"{file}: column 'theta' is missing; map the encoder, or give a locked rotor's angle as "
@@ -146,6 +155,35 @@ def contract(
         )
     kept = {n: found[n] for n in ("t", "theta", "u_dc", *OPTIONAL) if n in found}
     return {**kept, **voltages, **currents}, notes
+
+
+def measured(
+    file: str, table: Table, columns: Mapping[str, Column], pole_pairs: float
+) -> tuple[dict[str, Array], list[Finding]]:
+    """Return the contract's columns that a table has, in their units, and what was changed on the way."""
+    notes = [Finding(file, column, None, text) for column, text in table.notes]
+    length = max((len(v) for v in table.columns.values()), default=0)
+    found: dict[str, Array] = {}
+    mapped = available(table, columns)
+    for name in KIND:
+        entry = mapped.get(name)
+        if entry is None and name in table.columns:
+            entry = Column(name, name)
+        if entry is not None:
+            found[name] = _values(file, table, entry, length, pole_pairs, notes)
+    return found, notes
+
+
+def available(table: Table, columns: Mapping[str, Column]) -> dict[str, Column]:
+    """Return the map with names as a table has them, without what it need not have and has not."""
+    found = {name: (c, c.column if c.value is not None else c.found_in(table.columns)) for name, c in columns.items()}
+    return {name: replace(c, column=own) for name, (c, own) in found.items() if own is not None}
+
+
+def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
+    """Tell whether a table holds anything of which commanded voltages can be made."""
+    names = {*available(table, columns), *table.columns}
+    return any(names.issuperset(kind) for kind in VOLTAGES)
 
 
 def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: float, notes: list[Finding]) -> Array:
@@ -203,7 +241,7 @@ def _lost(file: str, column: str, text: str) -> Finding:
     return Finding(file, column, None, f"{file}: column '{column}': {text}")
 
 
-def _currents(file: str, found: Mapping[str, Array], notes: list[Finding]) -> dict[str, Array]:
+def phase_currents(file: str, found: Mapping[str, Array], notes: list[Finding]) -> dict[str, Array]:
     """Return three phase currents from what there is, noting what they cannot show."""
     have = [n for n in ("i_a", "i_b", "i_c") if n in found]
     if len(have) == 3:

@@ -1,4 +1,4 @@
-"""Tables of other programs as columns of floats: CSV, Parquet, MAT (versions 5 to 7), MDF4.
+"""Tables of other programs as columns of floats: CSV, Parquet, MAT, NumPy, MDF4, TDMS, MCAP.
 
 Cells that are empty or no number become NaN here; a column that is asked for and holds one is refused where it is
 mapped (`sandbox.recordings.column_map`), with its row.  Rows are counted from 0, after header and unit row.
@@ -8,38 +8,33 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, unknown
+from model.errors import BadInput
 from model.matfile import read_mat
 from sandbox.recordings.campaign import read_parquet
+from sandbox.recordings.formats import hdf5, mcap_log, mdf4, tdms
+from sandbox.recordings.formats.log_table import Table
+from sandbox.recordings.formats.matrices import matrices, numpy_arrays
+from sandbox.recordings.formats.preamble import scope_lines, separator_of, table_lines
 
 Array = NDArray[np.float64]
-SUFFIXES = (".parquet", ".csv", ".txt", ".tsv", ".mat", ".mf4")
+SUFFIXES = (".parquet", ".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".mf4", ".tdms", ".mcap")
 LARGEST_MAT = 1_000_000_000  # bytes unpacked of one file
 HEADER = re.compile(r"^\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\[\]()]*)[\])])?\s*$")
 
 
-@dataclass(frozen=True)
-class Table:
-    """Columns by name, the units that the file itself states, and what stood in cells that are no number."""
+def read_table(path: Path, wanted: Iterable[str] = (), matrix: Mapping[str, Sequence[str]] | None = None) -> Table:
+    """Return a table by its file's suffix.
 
-    columns: Mapping[str, Array]
-    units: Mapping[str, str]
-    odd: Mapping[tuple[str, int], str]
-
-
-def read_table(path: Path, wanted: Iterable[str] = ()) -> Table:
-    """Return a table by its file's suffix; `wanted` are the columns that MDF files are asked for (they hold thousands).
-
+    wanted: the columns that files of many channels are asked for; matrix: names of the columns of matrices in it.
     Raises BadInput for a file that is absent, of another format, or needs a package that is not installed.
     """
-    suffix = path.suffix.lower()
+    suffix, names = path.suffix.lower(), matrix or {}
     if suffix not in SUFFIXES:
         raise BadInput(f"{path.name}: format '{suffix}' is not read; export as one of {', '.join(SUFFIXES)}")
     if not path.is_file():
@@ -47,10 +42,11 @@ def read_table(path: Path, wanted: Iterable[str] = ()) -> Table:
     if suffix == ".parquet":
         return Table(read_parquet(path), {}, {})
     if suffix == ".mat":
-        return Table(_mat(path), {}, {})
-    if suffix == ".mf4":
-        return _mdf(path, wanted)
-    return _csv(path)
+        return _mat(path, names)
+    if suffix in (".npy", ".npz"):
+        return matrices(path.name, numpy_arrays(path), names)
+    many = {".mf4": mdf4.read_mdf4, ".tdms": tdms.read_tdms, ".mcap": mcap_log.read_mcap}
+    return many[suffix](path, tuple(wanted)) if suffix in many else _csv(path)
 
 
 def _csv(path: Path) -> Table:
@@ -60,11 +56,10 @@ def _csv(path: Path) -> Table:
             text = raw.decode("utf-8-sig")
         except UnicodeDecodeError:
             text = raw.decode("latin-1")  # a degree sign of an older program
-        lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+        lines = scope_lines(text, _is_number) or table_lines(text, _is_number)
         if not lines:
             raise BadInput(f"{path.name}: no line of data; a table needs a header and rows")
-        separator = next((s for s in (";", "\t", ",") if s in lines[0]), ",")
-        rows = list(csv.reader(lines, delimiter=separator))
+        rows = list(csv.reader(lines, delimiter=separator_of(lines[0])))
     except (OSError, csv.Error) as error:
         raise BadInput(f"{path.name}: cannot be read as CSV ({error}); export it again") from None
     names, units = _header(path.name, rows[0])
@@ -125,41 +120,13 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _mat(path: Path) -> dict[str, Array]:
-    """Return the vectors of a MAT file; those in a structure are named 'structure.field'."""
-    try:
-        found = read_mat(path, LARGEST_MAT)
-    except (OSError, ValueError) as error:
-        raise BadInput(f"{path.name}: not a MAT file that can be read ({error!s:.100}); save it again") from None
-    vectors = {name: np.squeeze(a) for name, a in found.items()}
-    return {name: v.astype(np.float64) for name, v in vectors.items() if v.ndim == 1 and v.dtype.kind == "f"}
-
-
-def _mdf(path: Path, wanted: Iterable[str]) -> Table:
-    """Return channels of an MDF4 file that share one raster, with their time stamps as 't' (s)."""
-    try:
-        from asammdf import MDF
-    except ImportError:
-        raise BadInput(
-            f"{path.name}: reading MDF4 needs asammdf; install it with pip install 'sensorless-sandbox[mdf]'"
-        ) from None
-    try:
-        with MDF(path) as file:
-            names = [n for n in dict.fromkeys(wanted) if n in file.channels_db]
-            signals = [(n, file.get(n)) for n in names]
-    except Exception as error:  # asammdf raises whatever a damaged file or an ambiguous channel leads it to
-        raise BadInput(f"{path.name}: cannot be read as MDF4 ({error!s:.80}); export it again") from None
-    if not signals:
-        raise BadInput(f"{path.name}: {unknown('channels', ', '.join(wanted), file.channels_db)}")
-    columns, units = {}, {}
-    stamps = np.asarray(signals[0][1].timestamps, dtype=np.float64)
-    for name, signal in signals:
-        if len(signal.timestamps) != len(stamps) or not np.allclose(signal.timestamps, stamps, rtol=0.0, atol=1e-9):
-            raise BadInput(
-                f"{path.name}: channel '{name}' has another raster ({len(signal.timestamps)} samples) than "
-                f"'{signals[0][0]}' ({len(stamps)}); record them in one group, once each sampling period"
-            )
-        columns[name] = np.asarray(signal.samples, dtype=np.float64)
-        if signal.unit:
-            units[name] = str(signal.unit)
-    return Table({"t": stamps, **columns}, units, {})
+def _mat(path: Path, names: Mapping[str, Sequence[str]]) -> Table:
+    """Return the vectors and matrices of a MAT file; those in a structure are named 'structure.field'."""
+    if hdf5.is_hdf5(path):
+        found = hdf5.read_hdf5(path, LARGEST_MAT)
+    else:
+        try:
+            found = read_mat(path, LARGEST_MAT)
+        except (OSError, ValueError) as error:
+            raise BadInput(f"{path.name}: not a MAT file that can be read ({error!s:.100}); save it again") from None
+    return matrices(path.name, {n: v for n, v in found.items() if v.dtype.kind in "fiu"}, names)

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, brief, unknown
-from model.parameters import finite, read_toml
+from model.parameters import Converter, finite, read_toml
 from sandbox.recordings.campaign import (
     ROTORS,
     Campaign,
@@ -29,7 +29,10 @@ from sandbox.recordings.campaign import (
 from sandbox.recordings.column_map import KIND, Column, contract, parse_columns
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.foreign import read_table
+from sandbox.recordings.formats.log_table import Table
+from sandbox.recordings.formats.presets import preset_notes, with_preset
 from sandbox.recordings.plausibility import check
+from sandbox.recordings.stamps import Log, by_arrival, cut_at_gaps, parse_log, polled, stamp_jitter
 
 Array = NDArray[np.float64]
 SILENT = 0.01  # of the sampling period: jitter that the format allows
@@ -37,17 +40,54 @@ JITTER = 0.25  # of it: jitter that leaves no doubt which sample is meant
 DRIFT = 0.01  # relative error of the recorded clock
 
 
-def read_recordings(path: str | Path, columns: Path | None = None, rotors: Sequence[str] = ROTORS) -> Campaign:
-    """Return the campaign of a folder (or of one table in it), checked for wrong units, signs, order and sensors.
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """A campaign's tables as its files state them, the column map, the file that errors name, and what to read."""
 
-    `columns` is a TOML file that maps names and units and may hold the tables of campaign.toml; `rotors` limits the
-    recordings read.  Raises BadInput naming file, column and row for what cannot be right.
-    """
+    folder: Path
+    data: Mapping[str, Any]
+    mapped: Mapping[str, Column]
+    name: str
+    entries: Sequence[tuple[str, str, str, float | None]]
+    log: Log
+    foreign: bool  # columns are mapped: others are passed over
+    notes: tuple[str, ...] = ()  # what a preset says of itself
+
+    @property
+    def wanted(self) -> list[str]:
+        """Return the columns asked for, none where names of a preset have to be looked for among all."""
+        every = self.mapped.values()
+        return [] if any(c.others for c in every) else [c.column for c in every]
+
+    @property
+    def remarks(self) -> list[Finding]:
+        """Return what a preset says of itself as findings."""
+        return [Finding(self.name, "", None, text) for text in self.notes]
+
+    def table(self, file: str) -> Table:
+        """Return one recording's table as it stands in its file."""
+        table = read_table(self.folder / file, self.wanted, self.log.matrix)
+        stranger = next((n for n in table.columns if n not in KIND), None)
+        if not self.foreign and stranger is not None:
+            raise BadInput(f"{file}: {unknown('column', stranger, KIND)}; map other names with --columns FILE.toml")
+        return table
+
+    @property
+    def pole_pairs(self) -> float:
+        """Return the motor's pole pairs where a mechanical angle needs them, else 1."""
+        return _pole_pairs(self.data, self.mapped, self.name)
+
+
+def source_of(
+    path: str | Path, columns: Path | None = None, preset: str | None = None, rotors: Sequence[str] = ROTORS
+) -> Source:
+    """Return what a folder (or one table in it) and its column map state, no recording read; BadInput says what is
+    wrong."""
     path = Path(path)
     folder = path if path.is_dir() else path.parent
     if not path.exists():
         raise BadInput(f"campaign '{path}' does not exist; give its folder, or one table in it")
-    data, mapped, source = _tables(folder, columns)
+    data, mapped, source = _tables(folder, columns, preset)
     entries = entries_of(data, rotors, source)
     if path.is_file():
         entries = [e for e in entries if (folder / e[0]).resolve() == path.resolve()]
@@ -55,27 +95,75 @@ def read_recordings(path: str | Path, columns: Path | None = None, rotors: Seque
             raise BadInput(
                 f'{source}: no [[recording]] with file = "{path.name}"; add one with its rotor and injection_axis'
             )
+    log = parse_log(table_of(data, "log"), source)
+    notes = () if preset is None else preset_notes(preset)
+    return Source(folder, data, mapped, source, entries, log, columns is not None or preset is not None, notes)
+
+
+def read_recordings(
+    path: str | Path, columns: Path | None = None, rotors: Sequence[str] = ROTORS, preset: str | None = None
+) -> Campaign:
+    """Return the campaign of a folder (or of one table in it), checked for wrong units, signs, order and sensors.
+
+    `columns` is a TOML file that maps names and units and may hold the tables of campaign.toml; `preset` names a
+    program whose names and units are known; `rotors` limits the recordings read.  Raises BadInput naming file, column
+    and row for what cannot be right.
+    """
+    campaign = unchecked(source_of(path, columns, preset, rotors))
+    found = (*campaign.findings, *check(campaign.recordings, campaign.drive))
+    return with_link(dataclasses.replace(campaign, findings=found))
+
+
+def unchecked(source: Source) -> Campaign:
+    """Return the campaign of a source before its recordings are checked against each other and the motor."""
     try:
-        converter = converter_of(data, folder)
+        converter = converter_of(source.data, source.folder)
     except BadInput as error:
-        raise BadInput(f"{source}: {error}") from None
-    pairs = _pole_pairs(data, mapped, source)
-    recordings, findings = [], []
-    for file, rotor, axis, link in entries:
-        table = read_table(folder / file, [c.column for c in mapped.values()])
-        stranger = next((n for n in table.columns if n not in KIND), None)
-        if columns is None and stranger is not None:
-            raise BadInput(f"{file}: {unknown('column', stranger, KIND)}; map other names with --columns FILE.toml")
-        values, notes = contract(file, table, mapped, pairs, link or converter.dc_bus_voltage)
-        values["t"], moved = regular(file, values.get("t"), len(values["theta"]), converter.sampling_period)
-        recordings.append(CampaignRecording(file, rotor, axis, values, link))
-        findings += notes + moved
-    campaign = assemble(data, tuple(recordings), folder.resolve().name, source, folder)
-    found = dataclasses.replace(campaign, findings=(*findings, *check(campaign.recordings, campaign.drive)))
-    return with_link(found)
+        raise BadInput(f"{source.name}: {error}") from None
+    recordings: list[CampaignRecording] = []
+    findings = source.remarks
+    noises = [0.0]
+    for file, rotor, axis, link in source.entries:
+        table = source.table(file)
+        nominal = link or converter.dc_bus_voltage
+        values, notes = contract(file, table, source.mapped, source.pole_pairs, nominal)
+        findings += notes
+        for name, own, noise in _timed(file, values, converter, source, findings):
+            recordings.append(CampaignRecording(name, rotor, axis, own, link))
+            noises.append(noise)
+    data = dict(source.data)
+    if max(noises) > 0.0:
+        stated = table_of(data, "drive")
+        data["drive"] = {**stated, "current_noise": math.hypot(converter.current_noise, max(noises))}
+    campaign = assemble(data, tuple(recordings), source.folder.resolve().name, source.name, source.folder)
+    return dataclasses.replace(campaign, findings=(*findings, *campaign.findings))
 
 
-def _tables(folder: Path, columns: Path | None) -> tuple[dict[str, Any], dict[str, Column], str]:
+def _timed(
+    file: str, values: dict[str, Array], converter: Converter, source: Source, findings: list[Finding]
+) -> list[tuple[str, dict[str, Array], float]]:
+    """Return the recordings that one table becomes on the drive's grid: name, columns, noise (A) that this adds."""
+    period, t = converter.sampling_period, values.get("t")
+    if t is not None and len(t) > 1 and source.log.stamps == "arrival":
+        grid, finding = by_arrival(file, t, period)
+        findings.append(finding)
+        return [(file, {**values, "t": grid}, 0.0)]
+    if t is not None and len(t) > 1 and source.log.stamps == "polled":
+        count = math.tau * source.pole_pairs / converter.encoder_counts if converter.encoder_counts else 0.0
+        own, noise, finding = polled(file, values, period, stamp_jitter(t, values["theta"], count))
+        findings.append(finding)
+        return [(file, own, noise)]
+    pieces, cut = cut_at_gaps(file, values, period)
+    findings += cut
+    out = []
+    for name, piece in pieces:
+        even, moved = regular(name, piece.get("t"), len(piece["theta"]), period)
+        findings += moved
+        out.append((name, {**piece, "t": even}, 0.0))
+    return out
+
+
+def _tables(folder: Path, columns: Path | None, preset: str | None) -> tuple[dict[str, Any], dict[str, Column], str]:
     """Return the tables of campaign.toml and of the column file together, the map, and the file to name in errors."""
     own = folder / "campaign.toml"
     if columns is None and not own.is_file():
@@ -84,15 +172,19 @@ def _tables(folder: Path, columns: Path | None) -> tuple[dict[str, Any], dict[st
             "--columns FILE.toml for tables of other programs (sandbox/recordings/IMPORTING.md)"
         )
     data = read_toml(own) if own.is_file() or columns is None else {}
-    if columns is None:
-        return data, {}, own.name
-    extra = read_toml(columns)
-    mapped = parse_columns(extra, columns.name)
-    extra.pop("columns", None)
-    for name in extra:
-        if name in data:
-            raise BadInput(f"{columns.name}: [{name}] stands in campaign.toml too; keep one of them")
-    return {**data, **extra}, mapped, own.name if data else columns.name
+    source, mapped = own.name, {}
+    if columns is not None:
+        extra = read_toml(columns)
+        mapped = parse_columns(extra, columns.name)
+        extra.pop("columns", None)
+        for name in extra:
+            if name in data:
+                raise BadInput(f"{columns.name}: [{name}] stands in campaign.toml too; keep one of them")
+        source = own.name if data else columns.name
+        data = {**data, **extra}
+    if preset is not None:
+        data, mapped = with_preset(preset, data, mapped)
+    return data, mapped, source
 
 
 def _pole_pairs(data: Mapping[str, Any], mapped: Mapping[str, Column], source: str) -> float:
@@ -137,7 +229,7 @@ def regular(file: str, t: Array | None, n: int, period: float) -> tuple[Array, l
             f"{file}: row {worst} of column 't' is {off[worst]:.3g} s off an even clock, {JITTER:.0%} of "
             "sampling_period "
             f"({JITTER * period:.3g} s) is the most that leaves no doubt which sample it is; record with the drive's "
-            "own clock"
+            'own clock, or say what stamps are: [log] stamps = "arrival" (rows complete) or "polled" (interpolated)'
         )
     text = (
         f"{file}: row {worst} of column 't' is {off[worst]:.3g} s off an even clock; rows are taken as the drive's own "

@@ -103,3 +103,23 @@ def test_replay_meets_its_own_simulation(tmp_path):
     assert "noise floors" in repr(own)
     nominal.save(tmp_path / "out")
     assert json.loads((tmp_path / "out" / "replay.json").read_text())["recordings"][0]["rms"] > 5.0
+
+
+@of("check", "plan", "list_presets")
+def test_a_bench_is_planned_and_its_campaign_checked(tmp_path):
+    found = sandbox.plan("ipm_exchanged", current=0.8, can=["locked"])
+    assert {p.entry.rotor for p in found.plan.experiments} == {"locked"}
+    assert max(float(np.max(np.hypot(p.entry.i_d, p.entry.i_q))) for p in found.plan.experiments) <= 0.8 + 1e-9
+    told = [e for p in found.plan.experiments for e in p.adds]
+    assert len(told) == len(set(told))  # each effect is added once
+    assert "dead_time" in told
+    assert found.plan.together.words("coulomb_friction") == "not"  # nothing moves
+    found.save(tmp_path / "plan")
+    content = json.loads((tmp_path / "plan" / "plan.json").read_text())
+    assert all((tmp_path / "plan" / r["setpoints"]).is_file() for r in content["recordings"])
+    with pytest.raises(sandbox.BadInput, match="unknown kind of rotor 'lokced'; did you mean 'locked'"):
+        sandbox.plan("ipm_exchanged", can=["lokced"])
+    clean = sandbox.check(paper_campaign(sandbox.load_motor("ipm_exchanged")), effects=False)
+    assert clean.ok
+    assert "0 refused" in repr(clean)
+    assert set(sandbox.list_presets()) >= {"odrive", "vesc"}

@@ -280,7 +280,7 @@ def test_files_that_are_something_else_are_refused(tmp_path):
     _one(tmp_path, _columns())
     text = (tmp_path / "columns.toml").read_text()
     for name, content, message in [
-        ("run.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64", "version 7.3 .* is not read; save it with .*-v7"),
+        ("run.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64", "MAT (version )?7.3"),
         ("run.mat", b"nothing of the kind" * 20, "not a MAT file"),
         ("run.parquet", b"nothing", "not a Parquet table"),
         ("run.xlsx", b"PK", "format '.xlsx' is not read; export as one of"),

@@ -1,0 +1,113 @@
+"""Which effects recordings could tell, before any residual is looked at: slopes at typical size beside the noise.
+
+An effect's typical size is worth z standard deviations of what ordinary deviations leave of it.  Only an excerpt of
+each recording is replayed; z grows with the root of the samples.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.gap.evidence.fit import coordinates_of
+from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.priors import WIDE, Coordinate
+from sandbox.gap.evidence.probes import probe_coordinates, probes_at_typical
+from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.replay.replay import prepare
+
+Array = NDArray[np.float64]
+EXCERPT = 500  # samples of a recording
+CLEAR, FAINT = 6.0, 2.0  # standard deviations of a typical size
+ALIKE = 0.98  # cosine from which two effects look the same here
+
+
+@dataclass(frozen=True)
+class Visible:
+    """How many standard deviations each effect's typical size is worth, largest first, and which two look alike."""
+
+    sizes: dict[str, float]
+    alike: tuple[tuple[str, str, float], ...]
+
+    def words(self, effect: str) -> str:
+        """Return 'clear', 'faint' or 'not'."""
+        z = self.sizes[effect]
+        return "clear" if z >= CLEAR else "faint" if z >= FAINT else "not"
+
+
+def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
+    """Return what a campaign's recordings could tell; BadInput where they cannot be replayed."""
+    parts = tuple(_excerpt(r) for r in campaign.recordings)
+    share = sum(len(r.t) for r in campaign.recordings) / max(sum(len(r.t) for r in parts), 1)
+    short = replace(campaign, recordings=parts)
+    prepared = prepare(short)
+    start = Point(prepared, complete(campaign.drive.motor, campaign.drive.converter))
+    own = coordinates_of(start, ())
+    groups: dict[str, list[str]] = {}
+    added = {c.label: c for c in own}
+    for probe in probes_at_typical(start):
+        coordinates = probe_coordinates(start, probe, "")
+        added |= {c.label: c for c in coordinates if c.label not in added}
+        groups[probe.effect] = [c.label for c in coordinates]
+    n = normal(start, list(added.values()), workers=workers)
+    a, _, _ = n.summed()
+    place = {c.label: k for k, c in enumerate(n.coordinates)}
+    ordinary = {c.label for c in own} | {c.label for c in n.coordinates if c.form == "turn"}
+    size = {e: _move(n.coordinates, place, labels) for e, labels in groups.items()}
+    precision = np.array([c.deviation**-2 if c.label in ordinary else 0.0 for c in n.coordinates])
+    left = {e: _left(share * a, precision, [place[x] for x in labels]) for e, labels in groups.items()}
+    sizes = {e: math.sqrt(max(float(size[e] @ left[e] @ size[e]), 0.0)) for e in groups}
+    order = dict(sorted(sizes.items(), key=lambda x: -x[1]))
+    return Visible(order, _alike(share * a, precision, groups, place, size, sizes))
+
+
+def _excerpt(r: CampaignRecording) -> CampaignRecording:
+    """Return the stretch of a recording in which currents and angle move most, of at most EXCERPT samples."""
+    n = len(r.t)
+    if n <= EXCERPT:
+        return r
+    starts = range(0, n - EXCERPT + 1, EXCERPT // 2)
+    spread = [float(np.ptp(r.i_a[k : k + EXCERPT])) + 1e-3 * float(np.ptp(r.theta[k : k + EXCERPT])) for k in starts]
+    k = list(starts)[int(np.argmax(spread))]
+    own = {name: x[k : k + EXCERPT] for name, x in r.columns.items()}
+    return replace(r, columns={**own, "t": own["t"] - own["t"][0]})
+
+
+def _move(coordinates: Sequence[Coordinate], place: dict[str, int], labels: list[str]) -> Array:
+    """Return a typical move along an effect's coordinates."""
+    own = [coordinates[place[x]] for x in labels]
+    return np.array([1.0 if c.form == "share" else c.deviation / WIDE for c in own])
+
+
+def _left(a: Array, precision: Array, places: list[int]) -> Array:
+    """Return the information about some coordinates that ordinary deviations leave."""
+    own = np.array(places, dtype=np.int64)
+    others = np.setdiff1d(np.flatnonzero(precision > 0.0), own)
+    inner = a[np.ix_(others, others)] + np.diag(precision[others])
+    across = a[np.ix_(others, own)]
+    return np.asarray(a[np.ix_(own, own)] - across.T @ np.linalg.solve(inner, across))
+
+
+def _alike(
+    a: Array, precision: Array, groups: dict[str, list[str]], place: dict[str, int], size: dict[str, Array],
+    sizes: dict[str, float],
+) -> tuple[tuple[str, str, float], ...]:  # fmt: skip
+    """Return pairs of effects, both to be seen, whose typical moves look the same beside ordinary deviations."""
+    shown = [e for e in groups if sizes[e] >= FAINT]
+    out = []
+    for k, e in enumerate(shown):
+        for f in shown[k + 1 :]:
+            own, other = [place[x] for x in groups[e]], [place[x] for x in groups[f]]
+            if set(own) & set(other):
+                continue
+            joint = _left(a, precision, [*own, *other])
+            n, d, g = len(own), size[e], size[f]
+            whole = float(d @ joint[:n, :n] @ d) * float(g @ joint[n:, n:] @ g)
+            if whole > 0.0 and (cosine := abs(float(d @ joint[:n, n:] @ g)) / math.sqrt(whole)) > ALIKE:
+                out.append((e, f, cosine))
+    return tuple(sorted(out, key=lambda x: -x[2]))

@@ -1,0 +1,1 @@
+"""Motion only: the shaft's equation on recordings without voltages."""

@@ -1,0 +1,261 @@
+"""Which mechanical effects a motion shows: every set of those it can tell, weighed by what each explains.
+
+A set's evidence is its sum of squares over the scatter that the richest model leaves (autocorrelation counted), with
+the usual penalty for each number.  What a motion cannot tell is taken out before, with the reason and the remedy.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput, unknown
+from sandbox.motion.shaft import (
+    WIDTHS,
+    Design,
+    Nominal,
+    Shaft,
+    Terms,
+    columns_of,
+    design_of,
+    fitted,
+    reweighted,
+    with_orders,
+)
+from sandbox.motion.windows import SAMPLES, STEP, averages, white
+from sandbox.recordings.motion_log import MotionCampaign
+
+Array = NDArray[np.float64]
+EFFECTS = ("coulomb_friction", "cogging_torque", "viscous_friction", "inertia", "current_filter")
+ORDINARY = 0.05  # relative deviation of a stated inertia or friction where the campaign states none
+ALIKE = 0.05  # of a column's size: what nothing else can stand in for, least
+LARGEST = 1e12  # rad/s^2, N m, ...: beyond it a unit is wrong
+SURE, DOUBTFUL = 1.3, 3.0  # times the noise floor: left without a word, and left by something unknown
+HELD_OUT = 0.3  # of each recording, its end, where there are fewer than three
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """A set of effects with its probability (unknown not counted) and fit."""
+
+    effects: tuple[str, ...]
+    probability: float
+    shaft: Shaft
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A judged motion.
+
+    raw, before, after: rms over the noise floor on rows held out; by_recording: file, before, after, held out;
+    cannot: effects that this motion cannot tell, why and what would; shares: of the gap's squares, each effect's.
+    """
+
+    campaign: MotionCampaign
+    design: Design
+    weighed: tuple[Weighed, ...]
+    unknown: float
+    raw: float
+    before: float
+    after: float
+    by_recording: tuple[tuple[str, float, float, bool], ...]
+    shares: dict[str, float]
+    cannot: dict[str, str]
+    excluded: tuple[str, ...]
+    seconds: float
+
+    @property
+    def best(self) -> Weighed:
+        """The most probable set."""
+        return self.weighed[0]
+
+    def inclusion(self, effect: str) -> float:
+        """Return the probability of all sets that hold an effect."""
+        return sum(w.probability for w in self.weighed if effect in w.effects)
+
+
+def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
+    """Return what a campaign's motion shows; BadInput where it hardly moves."""
+    began = time.perf_counter()
+    for name in exclude:
+        _check_known(name)
+    with np.errstate(all="ignore"):  # what is no number is refused below
+        parts = [averages(r, campaign) for r in campaign.recordings]
+    for a in parts:
+        if not all(np.all(np.abs(x) < LARGEST) for x in (a.acceleration, a.torque, a.slope, a.speed, a.kernel)):
+            raise BadInput(f"{a.file}: speeds or torques beyond {LARGEST:g} (SI); check the units of t, theta and i_q")
+    turned = max(float(np.ptp(a.angle)) for a in parts)
+    if turned < 0.05:
+        raise BadInput(f"{campaign.name}: the rotor turns by {turned:.2g} rad at most; record it turning")
+    nominal = Nominal(
+        campaign.inertia, campaign.viscous_friction, campaign.deviations.get("inertia", ORDINARY),
+        campaign.deviations.get("viscous_friction", ORDINARY),
+    )  # fmt: skip
+    plain, held = design_of(parts), _held_out(parts)
+    cannot = _cannot(plain, nominal, exclude)
+    able = [e for e in EFFECTS if e not in cannot and e not in exclude]
+    whole = _terms(able, _width(plain, able, nominal, ()), ())
+    design = plain
+    for _ in range(2):
+        design = _scaled(reweighted(plain, fitted(design, whole, nominal)), whole, nominal)
+        if "cogging_torque" in able:
+            whole = with_orders(design, replace(whole, orders=()), nominal)
+        whole = _terms(able, _width(design, able, nominal, whole.orders), whole.orders)
+    design = _scaled(reweighted(plain, fitted(design, whole, nominal)), whole, nominal)
+    sets = _sets(design, able, whole, nominal)
+    floor = _floor(design, sets[0].shaft)
+    kept, out = design.only(~held), held if np.any(held) else np.ones(len(held), bool)
+    sizes = {w.effects: _rms(plain, fitted(kept, w.shaft.terms, nominal), floor, out) for w in sets}
+    none, best = fitted(kept, Terms(), nominal), fitted(kept, sets[0].shaft.terms, nominal)
+    rows = tuple(
+        (a.file, _rms(plain, none, floor, design.owner == k), _rms(plain, best, floor, design.owner == k),
+         bool(np.all(held[design.owner == k]))) for k, a in enumerate(parts)
+    )  # fmt: skip
+    after = sizes[sets[0].effects]
+    left = float(np.clip((after - SURE) / (DOUBTFUL - SURE), 0.02, 0.98))
+    return Motion(
+        campaign, design, tuple(sets), left, _rms(plain, _as_stated(design, nominal), floor, out), sizes[()], after,
+        rows, _shares(sizes, sets[0].effects), cannot, tuple(exclude), time.perf_counter() - began,
+    )  # fmt: skip
+
+
+def _check_known(name: str) -> None:
+    from model.effects.library import effect_names
+
+    if name not in effect_names():
+        raise unknown("effect", name, effect_names())
+
+
+def _terms(effects: Sequence[str], width: float, orders: tuple[int, ...]) -> Terms:
+    return Terms(
+        "inertia" in effects, "viscous_friction" in effects, width if "coulomb_friction" in effects else None,
+        "current_filter" in effects, orders if "cogging_torque" in effects else (),
+    )  # fmt: skip
+
+
+def _held_out(parts: Sequence[object]) -> NDArray[np.bool_]:
+    """Return the rows that are not fitted: every third recording, or the end of each where there are fewer."""
+    lengths = [len(a.torque) for a in parts]  # type: ignore[attr-defined]
+    if len(parts) >= 3:
+        return np.concatenate([np.full(n, k % 3 == 2) for k, n in enumerate(lengths)])
+    return np.concatenate([np.arange(n) >= (1.0 - HELD_OUT) * n for n in lengths])
+
+
+def _scaled(design: Design, whole: Terms, nominal: Nominal) -> Design:
+    """Return the equations weighted so that the richest model's squares count as independent rows of scatter one."""
+    richest = fitted(design, whole, nominal)
+    scale = richest.chi2 / max(int(np.count_nonzero(design.weight)), 1) * richest.inflation
+    return replace(design, weight=design.weight / math.sqrt(max(float(scale), 1e-300)))
+
+
+def _width(design: Design, able: Sequence[str], nominal: Nominal, orders: tuple[int, ...]) -> float:
+    """Return the width of dry friction that leaves least."""
+    if "coulomb_friction" not in able:
+        return WIDTHS[0]
+    return min(WIDTHS, key=lambda w: fitted(design, _terms(able, w, orders), nominal).chi2)
+
+
+def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[str, str]:
+    """Return the effects that others could stand in for on this motion, each with why and what would tell it."""
+    why = {
+        "coulomb_friction": "the motion goes one way only, so dry friction and a constant torque (or an offset of the "
+        "current) are one number; record the same backwards",
+        "viscous_friction": "speed hardly varies beside what else it could be; record at several speeds",
+        "current_filter": "the current hardly varies; record with load steps or accelerations",
+        "inertia": "the speed hardly changes; record accelerations",
+    }
+    base = [np.ones(len(design.torque))]
+    if nominal.inertia is None:
+        base.append(design.acceleration)
+    columns = {
+        "coulomb_friction": design.dry(0.2), "inertia": design.acceleration, "viscous_friction": design.speed,
+        "current_filter": design.slope,
+    }  # fmt: skip
+    found: dict[str, str] = {}
+    if nominal.inertia is None:
+        found["inertia"] = "no inertia is stated, so there is none to differ from; its value is estimated"
+    for name, column in columns.items():
+        if name in found or name in exclude:
+            continue
+        q, _ = np.linalg.qr(np.stack(base, axis=1))
+        alone = float(np.linalg.norm(column - q @ (q.T @ column)))
+        if not alone > ALIKE * float(np.linalg.norm(column)):
+            found[name] = why[name]
+        else:
+            base.append(column)
+    return found
+
+
+def _sets(design: Design, able: Sequence[str], whole: Terms, nominal: Nominal) -> list[Weighed]:
+    """Return every set of effects, the most probable first."""
+    able = [e for e in able if e != "cogging_torque" or whole.orders]
+    rows = int(np.count_nonzero(design.weight))
+    richest = fitted(design, _terms(able, whole.dry or WIDTHS[0], whole.orders), nominal)
+    effective = max(rows / richest.inflation, 2.0)
+    size: dict[str, int] = {"cogging_torque": 2 * len(whole.orders), "coulomb_friction": 2}
+    found = []
+    for count in range(len(able) + 1):
+        for effects in itertools.combinations(able, count):
+            shaft = fitted(design, _terms(effects, whole.dry or WIDTHS[0], whole.orders), nominal)
+            penalty = sum(size.get(e, 1) for e in effects) * math.log(effective)
+            found.append((-0.5 * (shaft.chi2 + shaft.strain + penalty), effects, shaft))
+    top = max(f[0] for f in found)
+    weights = [math.exp(f[0] - top) for f in found]
+    total = sum(weights)
+    weighed = [Weighed(e, w / total, s) for w, (_, e, s) in zip(weights, found, strict=True)]
+    return sorted(weighed, key=lambda w: -w.probability)
+
+
+def _as_stated(design: Design, nominal: Nominal) -> Shaft:
+    """Return the model as stated, nothing fitted."""
+    exact = replace(nominal, inertia=nominal.inertia or 0.0, inertia_deviation=0.0, viscous_deviation=0.0)
+    shaft = fitted(design, Terms(), exact)
+    values = shaft.values.copy()
+    values[shaft.names.index("offset")] = 0.0
+    return replace(shaft, values=values)
+
+
+def _floor(design: Design, shaft: Shaft) -> Array:
+    """Return each row's noise (N m rms): the stated current noise, and that of the angle times the inertia.
+
+    Where no current noise is stated, what changes at random between windows that share no row counts: 1 is then a
+    residual without structure.
+    """
+    out = np.empty(len(design.torque))
+    for k, a in enumerate(design.averages):
+        own = design.owner == k
+        known = np.hypot(shaft.value("inertia") * a.noise_acceleration, a.noise_torque)
+        random = 0.0 if np.any(a.noise_torque) else white(shaft.residual[own][:: SAMPLES // STEP])
+        out[own] = np.maximum(known, random)
+    return out
+
+
+def _rms(design: Design, shaft: Shaft, floor: Array, rows: NDArray[np.bool_]) -> float:
+    """Return the rms over the noise floor of rows, with a shaft's own values."""
+    _, columns, _, _ = columns_of(design, shaft.terms, Nominal(1.0, 0.0, 0.0, 0.0))
+    rest = (design.torque - columns @ shaft.values) / floor
+    return float(np.sqrt(np.mean(rest[rows] ** 2)))
+
+
+def _shares(sizes: dict[tuple[str, ...], float], best: tuple[str, ...]) -> dict[str, float]:
+    """Return each effect's share of what the best set takes off the squares, mean over orders of adding (Shapley)."""
+    gap = sizes[()] ** 2 - sizes[best] ** 2
+    if not best or not gap > 0.0:
+        return dict.fromkeys(best, 0.0)
+    out = {}
+    for e in best:
+        others, total = [x for x in best if x != e], 0.0
+        for count in range(len(others) + 1):
+            weight = math.factorial(count) * math.factorial(len(others) - count) / math.factorial(len(best))
+            for some in itertools.combinations(others, count):
+                with_e = tuple(x for x in best if x in (*some, e))
+                without = tuple(x for x in best if x in some)
+                total += weight * (sizes[without] ** 2 - sizes[with_e] ** 2)
+        out[e] = total / gap
+    return out

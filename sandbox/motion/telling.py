@@ -1,0 +1,187 @@
+"""What a judged motion says: `diagnosis.json` as for any campaign, sentences, a page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from sandbox.motion.judging import Motion, Weighed
+from sandbox.output.document import answer, bullets, figure, prose, table
+
+UNKNOWN = "unknown"
+TITLES = {"no_gap": "No gap", "explained": "Explained", "ambiguous": "Ambiguous", "unknown": "Something unknown"}
+
+
+def verdict(m: Motion) -> str:
+    """Return 'no_gap', 'explained', 'ambiguous' or 'unknown'."""
+    if m.unknown > 0.5:
+        return "unknown"
+    if not m.best.effects:
+        return "no_gap"
+    return "explained" if m.best.probability * (1.0 - m.unknown) > 0.5 and len(_set(m)) == 1 else "ambiguous"
+
+
+def _set(m: Motion) -> list[list[str]]:
+    total, out = 0.0, []
+    for effects, p, _ in _hypotheses(m):
+        out.append(effects)
+        total += p
+        if total >= 0.95:
+            break
+    return out
+
+
+def _hypotheses(m: Motion) -> list[tuple[list[str], float, Weighed]]:
+    """Return effects (with `unknown` where something is left), probability and fit, the most probable first."""
+    rows = [(list(w.effects), w.probability * (1.0 - m.unknown), w) for w in m.weighed]
+    rows += [([*w.effects, UNKNOWN], w.probability * m.unknown, w) for w in m.weighed]
+    return sorted(rows, key=lambda r: -r[1])
+
+
+def parameters(m: Motion, w: Weighed) -> dict[str, dict[str, Any]]:
+    """Return the library's parameters of a set's effects, each with value, 95 % interval and unit."""
+    s, out = w.shaft, {}
+
+    def one(name: str, size: str, unit: str) -> None:
+        """Add a size under the library's name."""
+        out[name] = {"value": s.value(size), "ci95": list(s.ci95(size)), "unit": unit}
+
+    if "coulomb_friction" in w.effects:
+        one("coulomb_friction.torque", "dry", "N m")
+    if "viscous_friction" in w.effects:
+        one("viscous_friction.coefficient", "viscous", "N m s/rad")
+    if "inertia" in w.effects:
+        one("inertia.inertia", "inertia", "kg m^2")
+    if "current_filter" in w.effects:
+        one("current_filter.time_constant", "lag", "s")
+    if "cogging_torque" in w.effects:
+        lead = orders(m, w)[0]
+        for key, unit in (("amplitude", "N m"), ("phase", "rad")):
+            out[f"cogging_torque.{key}"] = {**lead[key], "unit": unit}
+        out["cogging_torque.order_mech"] = {"value": lead["order"], "ci95": [lead["order"]] * 2, "unit": ""}
+    return out
+
+
+def orders(m: Motion, w: Weighed) -> list[dict[str, Any]]:
+    """Return the orders of cogging, the largest first: amplitude (N m), as a current (A), phase of the torque on the
+    rotor (rad), each with a 95 % interval."""
+    rows, constant = [], m.campaign.torque_constant
+    for n in w.shaft.terms.orders if "cogging_torque" in w.effects else ():
+        size, sd, phase, turn = w.shaft.amplitude(n)
+        half, around = 2.07 * sd, 2.07 * turn
+        rows.append({
+            "order": n, "amplitude": {"value": size, "ci95": [size - half, size + half]},
+            "current": {"value": size / constant, "ci95": [(size - half) / constant, (size + half) / constant]},
+            "phase": {"value": phase, "ci95": [phase - around, phase + around]},
+        })  # fmt: skip
+    return sorted(rows, key=lambda r: -r["amplitude"]["value"])
+
+
+def contract(m: Motion) -> dict[str, Any]:
+    """Return what `diagnosis.json` holds beyond its header; `motion` is more than other campaigns' have."""
+    s = m.best.shaft
+    closed = _closed(m, m.after) if m.best.effects else None
+    return {
+        "campaign": m.campaign.name, "verdict": verdict(m),
+        "gap": {
+            "raw": m.raw, "before": m.before, "after": m.after, "floor": 1.0, "closed": closed, "closed_ci95": None,
+            "recordings": [{"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in m.by_recording],
+            "position_error_deg": None, "remains": None,
+        },
+        "where": where(m),
+        "hypotheses": [
+            {"effects": effects, "probability": p, "closed": closed if w is m.best else (0.0 if not effects else None),
+             "parameters": parameters(m, w)} for effects, p, w in _hypotheses(m)[:12]
+        ],
+        "effects": [
+            {"name": e, "probability": m.inclusion(e), "share": {"value": m.shares.get(e, 0.0), "ci95": None},
+             "parameters": {k: v for k, v in parameters(m, m.best).items() if k.startswith(f"{e}.")}, "group": None}
+            for e in sorted({e for w in m.weighed for e in w.effects}, key=m.inclusion, reverse=True)
+        ],
+        "unknown": {"probability": m.unknown, "share": None, "where": "torque"},
+        "ambiguity_set": _set(m), "next_recording": following(m), "excluded": list(m.excluded),
+        "motion": {
+            "electrical": m.campaign.why, "torque_constant": m.campaign.torque_constant,
+            "inertia": {"value": s.value("inertia"), "ci95": list(s.ci95("inertia")), "unit": "kg m^2"},
+            "stated_inertia": m.campaign.inertia, "dry_friction_width": s.terms.dry,
+            "orders": orders(m, m.best), "cannot": m.cannot,
+            "stamp_jitter": {a.file: a.jitter for a in m.design.averages},
+        },
+        "cost": {"simulations": len(m.weighed), "seconds": m.seconds},
+    }  # fmt: skip
+
+
+def _closed(m: Motion, after: float) -> float | None:
+    return (m.before**2 - after**2) / (m.before**2 - 1.0) if m.before > 1.0 else None
+
+
+def where(m: Motion) -> list[dict[str, Any]]:
+    """Return which torques make the gap, the largest first."""
+    words = {
+        "coulomb_friction": "a torque against the motion, whatever the speed",
+        "viscous_friction": "a torque that grows with speed", "inertia": "torque missing while the speed changes",
+        "cogging_torque": "a torque bound to the rotor's angle",
+        "current_filter": "the current's readings come late",
+    }  # fmt: skip
+    rows = []
+    for e, share in sorted(m.shares.items(), key=lambda x: -x[1]):
+        order = orders(m, m.best)[0]["order"] if e == "cogging_torque" else None
+        part = "sensor" if e == "current_filter" else "mechanics"
+        text = f"{words[e]} ({100.0 * share:.0f} % of the gap)"
+        rows.append({"subsystem": part, "channel": "torque", "region": "whole motion", "order": order, "share": share,
+                     "text": text})  # fmt: skip
+    return rows
+
+
+def following(m: Motion) -> dict[str, Any] | None:
+    """Return the recording that would tell what this motion cannot, None where nothing is missing."""
+    asked = [(e, why) for e, why in m.cannot.items() if ";" in why and e not in m.excluded and e != "inertia"]
+    if not asked:
+        return None
+    effect, why = asked[0]
+    return {"description": why.rpartition("; ")[2], "separates": [[effect], []], "gain": None}
+
+
+def sentences(m: Motion) -> list[tuple[str, str]]:
+    """Return the answers, each with its question."""
+    w, p = m.best, parameters(m, m.best)
+    named = " + ".join(e.replace("_", " ") for e in w.effects) or "no effect"
+    left = m.unknown > 0.5
+    sizes = "; ".join(f"{k} = {v['value']:.4g} {v['unit']}".rstrip() + _interval(v) for k, v in p.items())
+    out = [
+        ("Where?", "; ".join(r["text"] for r in where(m)[:3]) or "nowhere above the noise"),
+        ("Which?", f"{named}{' and something unknown' if left else ''} (set {100.0 * w.probability:.0f} % probable"
+         f" among mechanical effects). {sizes}"),
+        ("How far?", f"residual torque {m.before:.3g} to {m.after:.3g} noise floors on rows held out"),
+        ("Electrical?", m.campaign.why),
+    ]  # fmt: skip
+    if m.cannot:
+        out.append(("Not told?", "; ".join(f"{e.replace('_', ' ')}: {why}" for e, why in m.cannot.items())))
+    return out
+
+
+def _interval(v: dict[str, Any]) -> str:
+    low, high = v["ci95"]
+    return f" [{low:.4g}, {high:.4g}]" if math.isfinite(low) and low != high else ""
+
+
+def page(m: Motion, title: str, picture: str) -> Iterator[str]:
+    """Yield the parts of the report's page; picture: an SVG."""
+    yield f"<h1>{prose(title)} <span class='badge {verdict(m)}'>{TITLES[verdict(m)]}</span></h1>"
+    for question, text in sentences(m):
+        yield answer(question, text)
+    rows = [
+        [
+            str(r["order"]),
+            f"{r['amplitude']['value']:.4g}",
+            f"{r['current']['value']:.4g}",
+            f"{r['phase']['value']:.3f}",
+        ]
+        for r in orders(m, m.best)
+    ]
+    if rows:
+        yield "<h2>Cogging</h2>" + table(["order per turn", "N m", "as i_q (A)", "phase (rad)"], rows)
+    yield "<h2>Residual of each recording</h2>" + figure(picture, "Torque left unexplained; 1 is noise.")
+    if m.campaign.findings:
+        yield "<h2>Notes</h2>" + bullets(f.text for f in m.campaign.findings)

@@ -1,0 +1,301 @@
+"""The pre-flight: what is wrong or suspicious in a campaign, and which effects its recordings could tell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from model.errors import BadInput
+from model.parameters import Drive
+from sandbox.output.columns import Column, columns_of, table_of, write_table
+from sandbox.output.files import results, write_json
+from sandbox.public.loading import load_motor
+from sandbox.public.result import Result
+from sandbox.recordings import importing, motion_log
+from sandbox.recordings.campaign import ROTORS, Campaign, Finding
+from sandbox.recordings.preflight import NOTE, REFUSED, Noticed, noticed
+
+if TYPE_CHECKING:
+    from sandbox.gap.planning.bench_plan import Plan
+    from sandbox.gap.planning.visible import Visible
+    from sandbox.output.plots import Figure
+
+REPEATS = 2  # of each planned recording: one is fitted, one held out
+
+
+@dataclass(frozen=True, repr=False)
+class CheckResult(Result):
+    """What a pre-flight found; `visible` is None where the recordings cannot be replayed, `why` says why."""
+
+    command: ClassVar[str] = "check"
+    name: str
+    noticed: tuple[Noticed, ...]
+    visible: Visible | None
+    why: str
+
+    @property
+    def ok(self) -> bool:
+        """Whether nothing stops the campaign."""
+        return not any(n.level == REFUSED for n in self.noticed)
+
+    @property
+    def mistakes(self) -> tuple[str, ...]:
+        """What stops the campaign or is suspicious, each in a sentence."""
+        return tuple(n.finding.text for n in self.noticed if n.level != NOTE)
+
+    def summary(self) -> str:
+        """Return how much was found."""
+        refused = sum(n.level == REFUSED for n in self.noticed)
+        return f"{self.name}, {refused} refused, {len(self.mistakes) - refused} suspicious"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `check.json` holds beyond its header."""
+        v = self.visible
+        effects = [] if v is None else [
+            {"name": e, "deviations": z, "visible": v.words(e)} for e, z in v.sizes.items()
+        ]  # fmt: skip
+        return {
+            "campaign": self.name, "ok": self.ok,
+            "findings": [
+                {"level": n.level, "file": n.finding.file, "column": n.finding.column, "row": n.finding.row,
+                 "text": n.finding.text} for n in self.noticed
+            ],
+            "effects": effects, "effects_unknown_because": self.why or None,
+            "alike": [] if v is None else [list(pair) for pair in v.alike],
+        }  # fmt: skip
+
+    def columns(self) -> dict[str, Column]:
+        """Return one row a finding: level, file, column, row, text."""
+        rows = self.as_json()["findings"] or [dict.fromkeys(("level", "file", "column", "row", "text"))]
+        return columns_of(rows, {})
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return how many standard deviations a typical size of each effect is worth; a path is written as well."""
+        from sandbox.public.figures import replay_figure
+
+        sizes = {} if self.visible is None else self.visible.sizes
+        return replay_figure(f"{self.name}: typical size of effects / what recordings leave of it", sizes, path)
+
+    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
+        """Write check.json (csv: the findings, too) into a folder; return it."""
+        with results(Path(folder), self.command) as out:
+            if csv:
+                write_table(out / "check.csv", self.to_table())
+            write_json(out, self.command, self.as_json())
+        return Path(folder)
+
+
+def check(
+    campaign: str | Path | Campaign,
+    *,
+    columns: str | Path | None = None,
+    preset: str | None = None,
+    effects: bool = True,
+    jobs: int = 1,
+) -> CheckResult:
+    """Return all that is wrong or suspicious in a campaign, and which effects its recordings could tell.
+
+    Parameters
+    ----------
+    campaign : str, Path or Campaign
+        See `read_campaign`.
+    columns : str or Path, optional
+        See `read_campaign`.
+    preset : str, optional
+        See `read_campaign`.
+    effects : bool
+        Whether to work out, by slopes of an excerpt, which effects would be visible at typical size.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    CheckResult
+        `.ok`, `.mistakes` (sentences), `.visible.sizes` (standard deviations that a typical size is worth).
+
+    Raises
+    ------
+    BadInput
+        Where there is no campaign at that place.
+
+    Examples
+    --------
+    >>> from sandbox import check
+    >>> check("campaign").mistakes  # doctest: +SKIP
+    ()
+    """
+    name, read, found, why = _read(campaign, columns, preset)
+    if read is None:
+        return CheckResult(name, tuple(found), None, why)
+    found += noticed(read)
+    if any(n.level == REFUSED for n in found) or not effects:
+        return CheckResult(read.name, tuple(found), None, "the recordings cannot be replayed as they are" * effects)
+    from sandbox.gap.planning.visible import visible
+
+    try:
+        return CheckResult(read.name, tuple(found), visible(read, workers=jobs), "")
+    except BadInput as error:
+        found.append(Noticed(REFUSED, Finding(read.name, "", None, str(error))))
+        return CheckResult(read.name, tuple(found), None, str(error))
+
+
+@dataclass(frozen=True, repr=False)
+class PlanResult(Result):
+    """What to record on a bench: experiments in their order, each with what it adds, and setpoints over time."""
+
+    command: ClassVar[str] = "plan"
+    plan: Plan
+
+    def summary(self) -> str:
+        """Return the experiments' names."""
+        return f"{self.plan.drive.name}: {', '.join(p.entry.name for p in self.plan.experiments)}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `plan.json` holds beyond its header."""
+        v = self.plan.together
+        return {
+            "motor": self.plan.drive.name,
+            "recordings": [
+                {"name": p.entry.name, "description": p.entry.description, "rotor": p.entry.rotor,
+                 "seconds": p.entry.seconds, "settings": p.settings, "repeats": REPEATS, "tells": list(p.tells),
+                 "adds": list(p.adds), "setpoints": f"{p.entry.name}.csv"} for p in self.plan.experiments
+            ],
+            "effects": [{"name": e, "deviations": z, "visible": v.words(e)} for e, z in v.sizes.items()],
+            "alike": [list(pair) for pair in v.alike],
+        }  # fmt: skip
+
+    def columns(self) -> dict[str, Column]:
+        """Return one row an experiment: name, rotor, seconds, settings, what it adds."""
+        rows = [
+            {"name": p.entry.name, "rotor": p.entry.rotor, "seconds": p.entry.seconds, "settings": p.settings,
+             "adds": ", ".join(p.adds)} for p in self.plan.experiments
+        ]  # fmt: skip
+        return columns_of(rows, {"seconds": "s"})
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return how many standard deviations a typical size of each effect is worth; a path is written as well."""
+        from sandbox.public.figures import replay_figure
+
+        return replay_figure(
+            f"{self.plan.drive.name}: what the planned recordings tell", self.plan.together.sizes, path
+        )
+
+    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
+        """Write plan.json and one table of setpoints an experiment (csv: the plan's table, too); return the folder."""
+        from sandbox.gap.planning.bench_plan import setpoints
+
+        with results(Path(folder), self.command) as out:
+            for p in self.plan.experiments:
+                table = columns_of(setpoints(p.entry, self.plan.drive), {})
+                write_table(out / f"{p.entry.name}.csv", table_of(table))
+            if csv:
+                write_table(out / "plan.csv", self.to_table())
+            write_json(out, self.command, self.as_json())
+        return Path(folder)
+
+
+def plan(
+    motor: str | Path | Drive = "ipm_exchanged",
+    *,
+    current: float | None = None,
+    speed_rpm: float | None = None,
+    voltage: float | None = None,
+    can: Sequence[str] = ROTORS,
+    jobs: int = 1,
+) -> PlanResult:
+    """Return what to record on a bench so that a diagnosis can tell effects apart, by simulating the nominal motor.
+
+    Parameters
+    ----------
+    motor : str, Path or Drive
+        See `load_motor`: the nominal model, its converter and sensors.
+    current : float, optional
+        A peak, the bench's limit; the motor's rated current by default.
+    speed_rpm : float, optional
+        Its limit of speed; the rated one by default.
+    voltage : float, optional
+        V of the DC link; that of the drive by default.
+    can : sequence of str
+        What the bench can do with the rotor: 'locked', 'driven', 'free'.
+    jobs : int
+        Threads.
+
+    Returns
+    -------
+    PlanResult
+        `.plan.experiments` (settings, seconds, effects told), `.as_json()`.
+
+    Raises
+    ------
+    BadInput
+        Where the limits leave no experiment.
+
+    Examples
+    --------
+    >>> from sandbox import plan
+    >>> plan("ipm_exchanged", can=("locked",)).plan.experiments[0].entry.rotor  # doctest: +SKIP
+    'locked'
+    """
+    from sandbox.gap.planning.bench_plan import Limits
+    from sandbox.gap.planning.bench_plan import plan as planned
+
+    for name, value in (("current", current), ("speed_rpm", speed_rpm), ("voltage", voltage)):
+        if value is not None and not 0.0 < value < 1e6:
+            raise BadInput(f"{name} = {value:g} is no limit of a bench; give a positive number")
+    limits = Limits(current, speed_rpm, voltage, tuple(can))
+    return PlanResult(planned(load_motor(motor), limits, workers=jobs))
+
+
+def print_plan(found: PlanResult) -> None:
+    """Print the experiments and what stays alike."""
+    print(f"{found.plan.drive.name}: record each of these {REPEATS} times, one to be fitted and one to be held out")
+    for k, p in enumerate(found.plan.experiments, 1):
+        print(f"{k}. {p.entry.name} ({p.entry.seconds:.3g} s): {p.entry.description}; {p.settings}")
+        print(f"   tells {len(p.tells)} effects, beyond those before it {', '.join(p.adds)}")
+    v = found.plan.together
+    print("not told: " + (", ".join(e for e in v.sizes if v.words(e) == "not") or "none of the library's effects"))
+    for a, b, cosine in v.alike[:6]:
+        print(f"{a} and {b} still look alike (cosine {cosine:.3f})")
+
+
+def _read(
+    campaign: str | Path | Campaign, columns: str | Path | None, preset: str | None
+) -> tuple[str, Campaign | None, list[Noticed], str]:
+    """Return a campaign's name, the campaign (None where it cannot be read, or only its motion can be judged), what was
+    found on the way, and why it is None."""
+    if isinstance(campaign, Campaign):
+        return campaign.name, campaign, [], ""
+    path = Path(campaign)
+    if not path.exists():
+        raise BadInput(f"campaign '{path}' does not exist; give its folder, or one table in it")
+    name = path.resolve().name
+    try:
+        source = importing.source_of(path, None if columns is None else Path(columns), preset)
+        why = motion_log.motion_only(source)
+        if why is not None:
+            motion = motion_log.read_motion(source, why)
+            return motion.name, None, [Noticed(NOTE, f) for f in motion.findings], why
+        return name, importing.unchecked(source), [], ""
+    except BadInput as error:
+        return name, None, [Noticed(REFUSED, Finding(name, "", None, str(error)))], "the campaign cannot be read"
+
+
+def print_check(found: CheckResult) -> None:
+    """Print the findings and what the recordings could tell."""
+    from sandbox.output.tables import print_table
+
+    words = {"refused": "REFUSED", "suspicious": "suspicious", "note": "note"}
+    for n in found.noticed:
+        print(f"{words[n.level]}: {n.finding.text}")
+    if not found.mistakes:
+        print(f"{found.name}: nothing wrong or suspicious")
+    if found.visible is None:
+        print(found.why)
+        return
+    v = found.visible
+    rows = [[e, f"{z:.3g}", v.words(e)] for e, z in v.sizes.items()]
+    print_table("effects at typical size", ["effect", "standard deviations", "visible"], rows)
+    for a, b, cosine in v.alike[:6]:
+        print(f"{a} and {b} look alike on these recordings (cosine {cosine:.3f})")

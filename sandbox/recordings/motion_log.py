@@ -1,0 +1,256 @@
+"""Campaigns that know only the motion: angle and torque current (or torque), no voltages, uneven stamps welcome.
+
+What the electrical part would need is not there, so nothing of it is read: [drive] and [injection] may be absent, of
+[motor] only what turns current into torque is needed: `torque_constant`, or `magnet_flux` and `pole_pairs`.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput, brief
+from model.names import fitting
+from model.parameters import finite
+from sandbox.recordings.campaign import Campaign, Finding, table_of
+from sandbox.recordings.column_map import has_voltages, measured, phase_currents
+from sandbox.recordings.formats.log_table import Table
+from sandbox.recordings.importing import Source
+from sandbox.recordings.stamps import SHORTEST
+
+Array = NDArray[np.float64]
+PAUSE = 8.0  # times the usual step: a gap at which the motion is cut
+OF_LAG = ("resistance", "inductance_d", "inductance_q")
+NO_VOLTAGES = "no voltages were recorded, so electrical effects are no candidates; the motion alone is judged"
+
+
+@dataclass(frozen=True)
+class MotionRecording:
+    """One stretch without a gap: stamps t (s, rising, uneven), mechanical angle (rad), air-gap torque by the nominal
+    motor and the load's (N m); each (n,)."""
+
+    file: str
+    t: Array
+    angle: Array
+    torque: Array
+    load: Array
+
+
+@dataclass(frozen=True)
+class MotionCampaign:
+    """A drive's shaft and what moved it.
+
+    torque_constant: N m per A of i_q; inertia (kg m^2) None where none is stated; viscous_friction: N m s/rad;
+    deviations: relative, of what is stated; current_noise: A rms, None: from the recordings; count: rad mechanical of
+    an encoder's count, 0 where unknown; why: why only the motion is judged, one sentence.
+    """
+
+    name: str
+    torque_constant: float
+    inertia: float | None
+    viscous_friction: float
+    deviations: Mapping[str, float]
+    current_noise: float | None
+    count: float
+    recordings: tuple[MotionRecording, ...]
+    findings: tuple[Finding, ...]
+    why: str
+
+
+def motion_only(source: Source) -> str | None:
+    """Return why a source can be judged by its motion alone, one sentence; None where it can be replayed.
+
+    No voltages in its first recording, or samples further apart than the currents take to settle.
+    """
+    drive, motor = table_of(source.data, "drive"), table_of(source.data, "motor")
+    if not source.entries:
+        return None
+    file = source.entries[0][0]
+    table = source.table(file)
+    if not has_voltages(table, source.mapped):
+        return NO_VOLTAGES
+    period = finite(drive.get("sampling_period")) or _step(file, table, source)
+    resistance, *inductances = (finite(motor.get(k)) or 0.0 for k in OF_LAG)
+    if min(period, resistance, *inductances) > 0.0:
+        return _too_slow(period, resistance, max(inductances))
+    return None
+
+
+def _step(file: str, table: Table, source: Source) -> float:
+    """Return the usual step (s) of a table's stamps, 0 where it has none."""
+    if "t" not in source.mapped:
+        return 0.0
+    found, _ = measured(file, table, {"t": source.mapped["t"]}, 1.0)
+    return float(np.median(np.diff(found["t"]))) if "t" in found and len(found["t"]) > 1 else 0.0
+
+
+def read_motion(source: Source, why: str) -> MotionCampaign:
+    """Return the motion that a source's recordings hold; BadInput names what is missing and how to get it.
+
+    why: only the motion is judged (see `motion_only`).
+    """
+    motor, drive = table_of(source.data, "motor"), table_of(source.data, "drive")
+    pairs = _stated(motor, "pole_pairs", source.name, 1.0, 100.0)
+    constant = _stated(motor, "torque_constant", source.name, 1e-9, 1e5)
+    flux = _stated(motor, "magnet_flux", source.name, 1e-9, 1e2)
+    if constant is None and flux is not None and pairs is not None:
+        constant = 1.5 * pairs * flux
+    findings = source.remarks
+    recordings: list[MotionRecording] = []
+    for file, rotor, _, _ in source.entries:
+        if rotor == "free":
+            recordings += _read(file, source, pairs, constant, findings)
+        else:
+            text = f"{file}: rotor = '{brief(rotor)}' tells nothing of the motion, and the rest is not judged; left out"
+            findings.append(Finding(file, "theta", None, text))
+    if not recordings:
+        raise BadInput(
+            f"{source.name}: {why}; but no recording has rotor = 'free', so there is no motion to judge either"
+        )
+    counts = _stated(drive, "encoder_counts", source.name, 1.0, 1e9)
+    name = table_of(source.data, "campaign").get("name") or fitting(source.folder.resolve().name, "campaign")
+    return MotionCampaign(
+        str(name), constant or 1.0, _stated(motor, "inertia", source.name, 1e-12, 1e5),
+        _stated(motor, "viscous_friction", source.name, 0.0, 1e5) or 0.0, _deviations(source),
+        _stated(drive, "current_noise", source.name, 0.0, 1e5), math.tau / counts if counts else 0.0,
+        tuple(recordings), tuple(findings), why,
+    )  # fmt: skip
+
+
+def _read(
+    file: str, source: Source, pairs: float | None, constant: float | None, findings: list[Finding]
+) -> list[MotionRecording]:
+    """Return the stretches of one table."""
+    table = source.table(file)
+    mechanical = any(c.mechanical for c in source.mapped.values())
+    found, notes = measured(file, table, source.mapped, 1.0 if mechanical else (pairs or 1.0))
+    findings += notes
+    for name, why in (("theta", "without voltages the angle shows the motion"), ("t", "log each row's time stamp")):
+        if name not in found:
+            raise BadInput(f"{file}: column '{name}' is missing; {why}: map it")
+    if not mechanical and pairs is None:
+        raise BadInput(f"{source.name}: [motor] lacks 'pole_pairs'; add it, or map theta with mechanical = true")
+    angle = found["theta"] if mechanical else found["theta"] / (pairs or 1.0)
+    torque = _torque(file, found, angle * (pairs or 1.0), constant, source.name, findings)
+    load = found.get("load_torque", np.zeros(len(angle)))
+    return _pieces(file, {"t": found["t"], "angle": angle, "torque": torque, "load": load}, findings)
+
+
+def motion_of(campaign: Campaign, why: str) -> MotionCampaign:
+    """Return the motion of a campaign whose electrical part cannot be judged, `why` in one sentence.
+
+    BadInput with that sentence where no rotor is free.
+    """
+    m, c = campaign.drive.motor, campaign.drive.converter
+    pairs = float(m.pole_pairs)
+    recordings = []
+    for r in campaign.recordings:
+        if r.rotor != "free":
+            continue
+        a, b = r.current
+        i = (a + 1j * b) * np.exp(-1j * r.theta)
+        torque = 1.5 * pairs * (m.magnet_flux + (m.inductance_d - m.inductance_q) * i.real) * i.imag
+        load = r.columns.get("load_torque", np.zeros(len(r.t)))
+        recordings.append(MotionRecording(r.file, r.t, r.theta / pairs, torque, load))
+    if not recordings:
+        raise BadInput(f"{why}; no rotor is free either: record faster, or let the rotor turn")
+    noise = math.hypot(c.current_noise, c.current_resolution / math.sqrt(12.0))
+    deviations = {n: campaign.uncertainty[n] for n in ("inertia", "viscous_friction") if n in campaign.uncertainty}
+    return MotionCampaign(
+        campaign.name, 1.5 * pairs * m.magnet_flux, m.inertia, m.viscous_friction, deviations, noise or None,
+        math.tau / c.encoder_counts if c.encoder_counts else 0.0, tuple(recordings), campaign.findings, why,
+    )  # fmt: skip
+
+
+def too_slow(campaign: Campaign) -> str | None:
+    """Return why a campaign's samples stand too far apart for its electrical part, None where they do not."""
+    m = campaign.drive.motor
+    return _too_slow(campaign.drive.converter.sampling_period, m.resistance, max(m.inductance_d, m.inductance_q))
+
+
+def _too_slow(period: float, resistance: float, inductance: float) -> str | None:
+    slowest = inductance / resistance
+    if period <= slowest:
+        return None
+    return (
+        f"sampling_period = {period:.3g} s is beyond L/R = {slowest:.3g} s: between two rows the currents settle, so "
+        "electrical effects cannot be told and are no candidates; the motion alone is judged"
+    )
+
+
+def _torque(
+    file: str, found: Mapping[str, Array], theta: Array, constant: float | None, source: str, findings: list[Finding]
+) -> Array:
+    """Return the torque (N m): as measured, or of i_q."""
+    if "i_q" not in found and not {"i_a", "i_b"} <= set(found) and "i_alpha" not in found:
+        if "torque" in found:
+            return found["torque"]
+        raise BadInput(f"{file}: neither voltages nor i_q nor torque; map i_q, phase currents or a torque")
+    if constant is None:
+        raise BadInput(
+            f"{source}: [motor] says no torque of a current; add torque_constant (N m per A of i_q), or magnet_flux "
+            "and pole_pairs"
+        )
+    if "i_q" in found:
+        return constant * found["i_q"]
+    notes: list[Finding] = []
+    i_a, i_b, i_c = phase_currents(file, {**found, "theta": theta}, notes).values()
+    findings += notes
+    i = (2.0 * i_a - i_b - i_c) / 3.0 + 1j * (i_b - i_c) / math.sqrt(3.0)
+    return np.asarray(constant * (i * np.exp(-1j * theta)).imag)
+
+
+def _pieces(file: str, own: Mapping[str, Array], findings: list[Finding]) -> list[MotionRecording]:
+    """Return a table's stretches without a pause, stamps that stand or go back left out, each with what was done."""
+    t = own["t"]
+    keep = np.concatenate([[True], np.diff(np.maximum.accumulate(t)) > 0.0]) if len(t) else np.zeros(0, bool)
+    if len(t) - np.count_nonzero(keep):
+        text = f"{file}: {len(t) - np.count_nonzero(keep)} of {len(t)} rows repeat a stamp or go back; left out"
+        findings.append(Finding(file, "t", int(np.argmin(keep)), text))
+    own = {n: x[keep] for n, x in own.items()}
+    t = own["t"]
+    if len(t) < SHORTEST:
+        raise BadInput(f"{file}: {len(t)} rows with rising stamps; a motion needs at least {SHORTEST}")
+    step = np.diff(t)
+    usual = float(np.median(step))
+    bounds = np.concatenate([[0], np.flatnonzero(step > PAUSE * usual) + 1, [len(t)]])
+    spans = [(int(a), int(b)) for a, b in itertools.pairwise(bounds)]
+    good = [s for s in spans if s[1] - s[0] >= SHORTEST]
+    if not good:
+        raise BadInput(f"{file}: no stretch of {SHORTEST} rows without a pause in column 't'; log with fewer pauses")
+    if len(spans) > 1:
+        rows = len(t) - sum(b - a for a, b in good)
+        text = (
+            f"{file}: {len(spans) - 1} pauses in column 't', the longest {float(step.max()):.3g} s; cut into "
+            f"{len(good)} stretches, {rows} of {len(t)} rows left out"
+        )
+        findings.append(Finding(file, "t", int(np.argmax(step)), text))
+    name = file.rpartition("/")[2]
+    return [
+        MotionRecording(
+            file if len(good) == 1 else file.replace(name, f"{name.rpartition('.')[0]}-{k}.{name.rpartition('.')[2]}"),
+            t[a:b], own["angle"][a:b], own["torque"][a:b], own["load"][a:b],
+        )
+        for k, (a, b) in enumerate(good, 1)
+    ]  # fmt: skip
+
+
+def _deviations(source: Source) -> dict[str, float]:
+    stated = table_of(source.data, "uncertainty")
+    return {n: v for n in ("inertia", "viscous_friction") if (v := finite(stated.get(n))) is not None and v >= 0.0}
+
+
+def _stated(table: Mapping[str, Any], key: str, source: str, low: float, high: float) -> float | None:
+    """Return a number that a table may state; BadInput where it is none, or out of range."""
+    if key not in table:
+        return None
+    value = finite(table[key])
+    if value is None or not low <= value <= high:
+        raise BadInput(f"{source}: {key} = {brief(table[key])} is out of range; give a number in [{low:g}, {high:g}]")
+    return value

@@ -1,0 +1,253 @@
+"""Every check of a campaign before any physics is fitted: all mistakes at once, not the first one only.
+
+What stops a campaign (`refused`) and what is only suspicious come from `plausibility`, `mistakes` and `conventions`;
+here are those that need more than one column's sight: columns mapped twice, a phase without current, factors between
+conventions, turns of the voltage beside those of the angle, steps of the readings beside those stated, injection that
+is not there.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput
+from model.parameters import Drive
+from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
+from sandbox.recordings.conventions import shifted, with_link
+from sandbox.recordings.mistakes import PHASES, VOLTAGES, balance, contradictions
+from sandbox.recordings.plausibility import angle, current_sensors, link_voltage, other_columns, voltage_limit
+
+Array = NDArray[np.float64]
+REFUSED, SUSPICIOUS, NOTE = "refused", "suspicious", "note"
+FACTORS = {
+    "rms for peak (sqrt 2)": math.sqrt(2.0), "peak to peak for peak (1/2)": 0.5,
+    "the power-invariant transformation (sqrt 3/2)": math.sqrt(1.5), "line for phase voltage (1/sqrt 3)": 3.0**-0.5,
+    "half of it (2)": 2.0,
+}  # fmt: skip
+CLOSE = 0.03  # relative, within which a factor between conventions is believed
+FALLS = 8.0  # times that undoing a factor must lessen what is unexplained
+TURNING = 0.03  # of the link: a voltage whose direction is no noise
+LOAD_TURNS = 1.2  # turns by which a load that changes its sign, and back, may move the voltage against the magnet
+TURNS = 5.0  # electrical turns that tell how fast voltage and angle turn
+OFF_PACE = 0.02  # relative, of how fast they turn
+COARSER = 2.0  # times the stated step
+
+
+@dataclass(frozen=True)
+class Noticed:
+    """A finding and whether it stops the campaign: `refused`, `suspicious` or `note`."""
+
+    level: str
+    finding: Finding
+
+
+def noticed(campaign: Campaign) -> list[Noticed]:
+    """Return all that is wrong, suspicious or changed in a campaign that has been read unchecked."""
+    out = [Noticed(NOTE, f) for f in campaign.findings]
+    drive, recordings = campaign.drive, campaign.recordings
+    for r in recordings:
+        for one in (link_voltage, current_sensors, _limit, angle, other_columns, twice, silent, clipped, steps, ripple):
+            out += _tried(r.file, lambda one=one, r=r: one(r, drive))  # type: ignore[misc]
+    whole = (contradictions, shifted, factors, pace)
+    for check in whole:
+        out += _tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
+    if not any(n.level == REFUSED for n in out):
+        out += [Noticed(SUSPICIOUS, f) for f in with_link(campaign).findings[len(campaign.findings) :]]
+    return out
+
+
+def further(campaign: Campaign) -> list[Finding]:
+    """Return what is suspicious in a campaign that has been read and checked, beyond what reading checks."""
+    own = (twice, silent, clipped, steps, ripple)
+    found = [f for r in campaign.recordings for one in own for f in one(r, campaign.drive)]
+    return [*found, *factors(campaign.recordings, campaign.drive), *pace(campaign.recordings, campaign.drive)]
+
+
+def _tried(file: str, check: Callable[[], Iterable[Finding]]) -> list[Noticed]:
+    """Return a check's findings, its refusal as one of them."""
+    try:
+        return [Noticed(SUSPICIOUS, f) for f in check()]
+    except BadInput as error:
+        text = str(error)
+        return [Noticed(REFUSED, Finding(file or text.partition(":")[0], "", None, text))]
+
+
+def _limit(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    return voltage_limit(r) if np.all(r.u_dc > 0.0) else []  # told by `link_voltage`
+
+
+def twice(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Return a finding for two columns that are one and the same."""
+    out = []
+    for names in (PHASES, VOLTAGES):
+        for k, a in enumerate(names):
+            for b in names[k + 1 :]:
+                if np.array_equal(r[a], r[b]) and np.ptp(r[a]) > 0.0:
+                    text = f"{r.file}: columns '{a}' and '{b}' are the same in every row; one is mapped twice"
+                    out.append(Finding(r.file, b, None, text))
+    return out
+
+
+def silent(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Return findings on voltages or currents that stay zero, all or one phase beside the others."""
+    largest = max(float(np.max(np.abs(r[n]))) for n in PHASES)
+    out = []
+    if largest == 0.0:
+        out.append(Finding(r.file, "i_a", 0, f"{r.file}: all currents are 0 A in every row; map the sensors' columns"))
+    for n in PHASES if largest > 0.0 else ():
+        own = float(np.max(np.abs(r[n])))
+        if own <= 0.01 * largest and r.rotor != "locked":
+            text = f"{r.file}: column '{n}' stays within {own:.3g} A while another phase reaches {largest:.3g} A"
+            out.append(Finding(r.file, n, None, f"{text}; is its sensor or its lead open?"))
+    if all(np.ptp(r[n]) == 0.0 for n in VOLTAGES) and float(np.max(np.abs(r[VOLTAGES[0]]))) == 0.0 and largest > 0.0:
+        text = f"{r.file}: the commands are 0 V in every row though current flows; map what the controller commanded"
+        out.append(Finding(r.file, "u_alpha", 0, text))
+    return out
+
+
+def clipped(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Return a finding for readings that stop at the same largest value on both sides, as a full converter does."""
+    size = np.stack([np.abs(r[n]) for n in PHASES])
+    top = float(size.max())
+    quantum = max(drive.converter.current_resolution, 1e-9 * top)
+    at = np.abs(size - top) <= 0.5 * quantum
+    for k, n in enumerate(PHASES):
+        step = np.abs(np.diff(r[n]))
+        rises = np.flatnonzero(at[k, 2:] & at[k, 1:-1] & ~at[k, :-2] & (step[:-1] > 8.0 * quantum))
+        both = np.any(at[k] & (r[n] > 0)) and np.any(at[k] & (r[n] < 0))
+        if len(rises) >= 4 and both:
+            row = int(rises[0]) + 1
+            text = (
+                f"{r.file}: row {row} of column '{n}' reaches {top:.4g} A in one step and stays there, {len(rises)} "
+                "times and on both sides; the converter is full: lower the current or widen the range"
+            )
+            return [Finding(r.file, n, row, text)]
+    return []
+
+
+def steps(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Return findings on readings that step otherwise than `current_resolution` and `encoder_counts` say."""
+    c, out = drive.converter, []
+    stated = [("i_a", c.current_resolution, "current_resolution", "A")]
+    if c.encoder_counts:
+        stated.append(("theta", math.tau * drive.motor.pole_pairs / c.encoder_counts, "encoder_counts", "rad"))
+    for column, step, key, unit in stated:
+        own = quantum(r[column])
+        if own is None or step <= 0.0 or 1.0 / COARSER < own / step < COARSER:
+            continue
+        found = f"{own:.4g} A"
+        if key == "encoder_counts":
+            found = f"{math.tau * drive.motor.pole_pairs / own:.6g} counts a turn"
+        text = (
+            f"{r.file}: column '{column}' moves in steps of {own:.4g} {unit}, {key} says {step:.4g} {unit}; correct "
+            f"[drive] {key} ({found})"
+        )
+        out.append(Finding(r.file, column, None, text))
+    return out
+
+
+def quantum(x: Array) -> float | None:
+    """Return the step in which readings move, None where they do not move in steps."""
+    values = np.unique(x)
+    if len(values) < 4 or len(values) > 0.5 * len(x):
+        return None
+    gaps = np.diff(values)
+    step = float(np.min(gaps[gaps > 1e-6 * np.ptp(values)], initial=np.inf))
+    if not math.isfinite(step):
+        return None
+    places = (values - values[0]) / step
+    return step if float(np.mean(np.abs(places - np.round(places)) < 0.1)) > 0.95 else None
+
+
+def ripple(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Return a finding where injection is stated and its frequency is not in the commands."""
+    if r.injection_axis == "none":
+        return []
+    h, f = drive.converter.sampling_period, drive.injection.frequency
+    u = r.u_alpha + 1j * r.u_beta
+    spectrum = np.abs(np.fft.fft((u - u.mean()) * np.hanning(len(u)))) / (0.5 * len(u))
+    at = np.abs(np.fft.fftfreq(len(u), h))
+    near = np.abs(at - f) < max(4.0 / (len(u) * h), 0.02 * f)
+    if not np.any(near) or float(spectrum[near].max()) > 0.1 * drive.injection.amplitude:
+        return []
+    fast = at > 0.2 * f
+    k = int(np.argmax(np.where(fast, spectrum, 0.0)))
+    text = (
+        f"{r.file}: injection_axis = '{r.injection_axis}', but the commands hold {float(spectrum[near].max()):.3g} V "
+        f"at [injection] frequency = {f:g} Hz (amplitude = {drive.injection.amplitude:g} V); their strongest line is "
+        f'{spectrum[k]:.3g} V at {at[k]:.4g} Hz: correct [injection], or injection_axis = "none"'
+    )
+    return [Finding(r.file, "u_alpha", None, text)]
+
+
+def factors(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
+    """Return a finding where a factor between conventions, undone in currents or voltages, explains recordings far
+    better."""
+    read = [(r, balance(r.columns, drive)) for r in recordings]
+    told = [(r, b.share - b.noise) for r, b in read if math.isfinite(b.noise)]
+    if not told:
+        return []
+    before = float(np.mean([s for _, s in told]))
+    best: tuple[float, str, str, float] | None = None
+    for names, what in ((PHASES, "currents"), (VOLTAGES, "voltages")):
+        for guess, factor in FACTORS.items():
+            for f in (factor, 1.0 / factor):
+                after = _after(told, drive, names, f)
+                if best is None or after < best[0]:
+                    best = (after, what, guess, f)
+    if best is None or before < 0.02 or best[0] * FALLS > before:
+        return []
+    after, what, guess, factor = best
+    names = PHASES if what == "currents" else VOLTAGES
+    if min(_after(told, drive, names, factor * x) for x in (1.0 - 2.0 * CLOSE, 1.0 + 2.0 * CLOSE)) < after:
+        return []  # the best factor lies elsewhere: a gap, not a convention
+    r = told[0][0]
+    text = (
+        f"{r.file}: {100.0 * before:.2g} % of the commanded voltage is unexplained, {100.0 * after:.2g} % if {what} "
+        f"are multiplied by {factor:.4g}; {guess} would do that: check peak values, transformation and phase voltages"
+    )
+    return [Finding(r.file, names[0], None, text)]
+
+
+def _after(told: Sequence[tuple[CampaignRecording, float]], drive: Drive, names: Sequence[str], factor: float) -> float:
+    shares = []
+    for r, _ in told:
+        b = balance({**r.columns, **{n: factor * r[n] for n in names}}, drive)
+        shares.append(b.share - b.noise)
+    return float(np.mean(shares))
+
+
+def pace(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
+    """Return a finding where the voltage turns faster or slower than the angle: pole pairs, or a gear in between."""
+    for r in recordings:
+        if r.rotor == "locked" or np.max(np.abs(np.diff(r.theta))) > 1.0:
+            continue
+        smooth = np.convolve(r.u_alpha + 1j * r.u_beta, np.ones(4) / 4.0, "same")
+        begin, end = _longest(np.abs(smooth) > TURNING * r.u_dc)
+        if end - begin < 16:
+            continue
+        turned = float(r.theta[end - 1] - r.theta[begin]) / math.tau
+        phase = np.unwrap(np.angle(smooth[begin:end]))
+        if abs(turned) < TURNS or np.max(np.abs(np.diff(phase))) > 2.0:
+            continue
+        ratio = float(phase[-1] - phase[0]) / (math.tau * turned)
+        if abs(abs(ratio) - 1.0) > OFF_PACE + LOAD_TURNS / abs(turned):
+            text = (
+                f"{r.file}: the voltage turns {ratio:.4g} times as fast as column 'theta'; with pole_pairs = "
+                f"{drive.motor.pole_pairs:g} that would be {drive.motor.pole_pairs * ratio:.3g} pairs: correct "
+                "pole_pairs, the angle's scale, or a gear between motor and encoder"
+            )
+            return [Finding(r.file, "theta", None, text)]
+    return []
+
+
+def _longest(good: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return [begin, end) of the longest stretch that is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], good, [False]]).astype(np.int8)))
+    spans = edges.reshape(-1, 2)
+    return tuple(int(x) for x in spans[np.argmax(spans[:, 1] - spans[:, 0])]) if len(spans) else (0, 0)  # type: ignore[return-value]

@@ -1,0 +1,158 @@
+"""Flux maps as published: holes, ragged circles, axes the other way round, scattered points, a frame that is turned."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from model.drive_files import load_drive
+from model.errors import BadInput
+from model.map_points import asymmetry, best_angle, held_out_error, quality, read_points
+from model.mapped import map_quality
+from tests.data import real_data
+
+TOML = """
+[motor]
+pole_pairs = 4
+resistance = 0.5
+inertia = 1e-3
+rated_current = 8.0
+rated_torque = 2.0
+rated_speed_rpm = 3000.0
+[flux_map]
+file = "FILE"
+cells = [8, 6]
+smooth = 1e-3
+"""
+
+
+def machine(i_d, i_q):
+    """Fluxes (Wb) of a saturating machine, gradients of the co-energy (J, A)
+
+    0.1 d + 2e-3 d^2 + 4 ln(1 + 1e-3 q^2) - 1e-5 d q^2 / (1 + 0.01 q^2): reciprocal, even in q, convex here.
+    """
+    square = np.asarray(i_q) ** 2
+    psi_d = 0.1 + 4e-3 * i_d - 1e-5 * square / (1.0 + 0.01 * square)
+    return psi_d, 8e-3 * i_q / (1.0 + 1e-3 * square) - 2e-5 * i_d * i_q / (1.0 + 0.01 * square) ** 2
+
+
+def planted(shape=(19, 21), radius=np.inf, angle=0.0):
+    """Grids i_d (n, m), i_q (n, m) and fluxes in a frame whose d axis stands `angle` ahead of the magnet's."""
+    d, q = np.meshgrid(np.linspace(-12, 3, shape[0]), np.linspace(-12, 12, shape[1]), indexing="ij")
+    true = (d + 1j * q) * np.exp(1j * angle)
+    psi = (lambda a, b: (a + 1j * b) * np.exp(-1j * angle))(*machine(true.real, true.imag))
+    hole = np.hypot(d, q) > radius
+    return d, q, np.where(hole, np.nan, psi.real), np.where(hole, np.nan, psi.imag)
+
+
+def test_holes_are_left_out_and_said(tmp_path):
+    d, q, psi_d, psi_q = planted(radius=12.0)
+    np.savez(tmp_path / "m.npz", i_d=d, i_q=q, psi_d=psi_d, psi_q=psi_q)
+    p = read_points(tmp_path / "m.npz")
+    assert len(p.i_d) == np.count_nonzero(np.isfinite(psi_d))
+    assert p.grid() is None
+    assert "have no value and are left out" in p.notes[0]
+    np.savez(tmp_path / "m.npz", i_d=d, i_q=q, psi_d=np.full_like(psi_d, np.nan), psi_q=psi_q)
+    with pytest.raises(BadInput, match="0 of 399 points have a value; a map needs at least 24"):
+        read_points(tmp_path / "m.npz")
+
+
+def test_axes_the_other_way_round_are_seen(tmp_path):
+    d, q, psi_d, psi_q = planted()
+    body = {"i_d_vec": d[:, 0], "i_q_vec": q[0], "Psi_d": psi_d.T, "Psi_q": psi_q.T}
+    savemat(tmp_path / "m.mat", body)
+    p = read_points(tmp_path / "m.mat")
+    np.testing.assert_allclose(p.psi_d, machine(p.i_d, p.i_q)[0], atol=1e-12)
+    assert "taken the other way round" in p.notes[0]
+    d, q, psi_d, psi_q = planted((21, 21))  # square: psi_d tells, which rises along i_d
+    for flip in (False, True):
+        body = {"i_d": d[:, 0], "i_q": q[0], "psi_d": psi_d.T if flip else psi_d, "psi_q": psi_q.T if flip else psi_q}
+        np.savez(tmp_path / "m.npz", **body)
+        p = read_points(tmp_path / "m.npz")
+        np.testing.assert_allclose(p.psi_d, machine(p.i_d, p.i_q)[0], atol=1e-12)
+        assert bool(p.notes) is flip
+    np.savez(tmp_path / "m.npz", i_d=d[:5, 0], i_q=q[0], psi_d=psi_d, psi_q=psi_q)
+    with pytest.raises(BadInput, match=r"axes of 5 \(i_d\) and 21 \(i_q\) currents fit neither"):
+        read_points(tmp_path / "m.npz")
+
+
+def test_a_turned_frame_is_found_and_undone(tmp_path):
+    """Planted: 3 degrees.  The polynomials take a symmetric machine as symmetric to their own truncation, some 1e-5."""
+    angle = math.radians(3.0)
+    d, q, psi_d, psi_q = planted(radius=12.5, angle=angle)
+    np.savez(tmp_path / "m.npz", i_d=d, i_q=q, psi_d=psi_d, psi_q=psi_q)
+    p = read_points(tmp_path / "m.npz")
+    assert best_angle(p) == pytest.approx(angle, abs=2e-3)
+    told = quality(p)
+    assert told.angle == pytest.approx(angle, abs=2e-3)
+    assert told.asymmetry > 10.0 * told.asymmetry_turned
+    assert any("angle offset of 3.0" in s for s in told.sentences())
+    undone = read_points(tmp_path / "m.npz", angle=angle)
+    assert quality(undone).angle is None
+    assert held_out_error(undone) < 0.3 * held_out_error(p)
+
+
+def test_a_symmetric_map_is_left_alone(tmp_path):
+    d, q, psi_d, psi_q = planted()
+    np.savez(tmp_path / "m.npz", i_d=d, i_q=q, psi_d=psi_d, psi_q=psi_q)
+    p = read_points(tmp_path / "m.npz")
+    assert asymmetry(p) < 1e-6  # Wb, of 0.1: a symmetric grid makes odd and even parts orthogonal
+    assert quality(p).angle is None
+    half = dataclasses.replace(p, **{n: getattr(p, n)[p.i_q >= 0.0] for n in ("i_d", "i_q", "psi_d", "psi_q")})
+    assert quality(half).asymmetry is None  # one sign of i_q tells none
+
+
+def test_a_map_that_ends_at_no_d_current_says_how_to_start(tmp_path):
+    d, q, psi_d, psi_q = planted()
+    keep = d[:, 0] <= 0.0
+    np.savez(tmp_path / "m.npz", i_d=d[keep], i_q=q[keep], psi_d=psi_d[keep], psi_q=psi_q[keep])
+    assert any("start_up = false" in s for s in quality(read_points(tmp_path / "m.npz")).sentences())
+
+
+@pytest.mark.parametrize("kind", ["scattered", "circle", "turned"])
+def test_a_motor_with_such_a_map_has_its_fluxes(tmp_path, kind):
+    from model.spline_energy import flux_from_current
+
+    rng = np.random.default_rng(0)
+    angle = math.radians(5.0) if kind == "turned" else 0.0
+    d, q, psi_d, psi_q = (x.ravel() for x in planted(radius=12.5, angle=angle))
+    if kind == "scattered":
+        d, q = rng.uniform(-12, 3, 400), rng.uniform(-12, 12, 400)
+        psi_d, psi_q = machine(d, q)
+    rows = np.stack([d, q, psi_d, psi_q], axis=1)
+    np.savetxt(tmp_path / "m.csv", rows, delimiter=",", header="i_d,i_q,psi_d,psi_q", comments="")
+    text = TOML.replace("FILE", "m.csv") + (f"angle = {angle}\n" if angle else "")
+    (tmp_path / "mine.toml").write_text(text)
+    motor = load_drive(tmp_path / "mine.toml").motor
+    x, y = np.array([-5.0, -2.0, 0.0]), np.array([3.0, -4.0, 2.0])
+    found = flux_from_current(motor.spline, x, y)
+    wanted = machine(x, y)
+    # cells of 1.9 A and a light penalty: a part in a thousand of the magnet's flux of 0.1 Wb
+    np.testing.assert_allclose(found[0] + motor.magnet_flux, wanted[0], atol=1e-4)
+    np.testing.assert_allclose(found[1], wanted[1], atol=2e-4)
+
+
+def test_a_wrong_angle_is_refused(tmp_path):
+    np.savez(tmp_path / "m.npz", **dict(zip(("i_d", "i_q", "psi_d", "psi_q"), planted(), strict=True)))
+    (tmp_path / "mine.toml").write_text(TOML.replace("FILE", "m.npz") + "angle = 30.0\n")
+    with pytest.raises(BadInput, match=r"\[flux_map\] angle = 30.0 is no angle; give electrical rad"):
+        load_drive(tmp_path / "mine.toml")
+
+
+def test_the_sew_map_holds_an_angle():
+    """The file: 142 of 594 points without a value, rows i_q; psi_q from -34 to +22 mWb hints at about 3 degrees."""
+    p = read_points(real_data() / "sew_map" / "LUT_SEW_jax_grad.mat")
+    told = quality(p)
+    assert told.points == 452
+    assert math.degrees(told.angle) == pytest.approx(2.5, abs=0.5)
+    assert held_out_error(p.turned(told.angle)) < 0.5 * told.held_out
+
+
+def test_a_motor_s_map_is_asked_by_its_table(tmp_path):
+    np.savez(tmp_path / "m.npz", **dict(zip(("i_d", "i_q", "psi_d", "psi_q"), planted(), strict=True)))
+    told = map_quality({"file": "m.npz"}, tmp_path)
+    assert told.points == 399
+    assert "mWb rms on points held out" in " ".join(told.sentences())
+    assert map_quality({"file": "m.npz", "angle": 0.1}, tmp_path).angle == pytest.approx(-0.1, abs=2e-3)

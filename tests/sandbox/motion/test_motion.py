@@ -1,0 +1,203 @@
+"""A simulated shaft's inertia, frictions and cogging are found from angle and current on uneven stamps; what the motion
+cannot tell is said; nothing electrical is claimed."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from model.errors import BadInput
+from sandbox import diagnose
+from sandbox.cli import main
+from sandbox.motion.judging import judge
+from sandbox.motion.telling import contract, parameters, verdict
+from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
+
+CONSTANT, INERTIA, COUNT = 0.05, 2e-4, math.tau / 8192
+ORDERS = {7: (0.02, 1.0), 12: (0.012, -2.0), 36: (0.006, 0.3)}  # N m, rad
+
+
+def shaft(seed, run, *, inertia=INERTIA, dry=0.0, viscous=0.0, orders=(), lag=0.0, noise=0.02, seconds=6.0):
+    """A speed-controlled run (its course in rad/s over time), 20 kHz Euler steps, logged unevenly by counts."""
+    rng, h = np.random.default_rng(seed), 5e-5
+    steps = round(seconds / h)
+    t = np.arange(steps) * h
+    goal = run(t)
+    theta, omega, total, late = np.zeros(steps), 0.0, 0.0, 0.0
+    shown = np.zeros(steps)
+    angle = 0.3
+    for k in range(steps):
+        total += h * (goal[k] - omega)
+        i = 0.4 * (goal[k] - omega) + 8.0 * total
+        late += h / lag * (i - late) if lag else i - late
+        theta[k], shown[k] = angle, late
+        torque = CONSTANT * i - dry * math.tanh(omega / 0.2) - viscous * omega
+        for n in orders:
+            size, phase = ORDERS[n]
+            torque += size * math.sin(n * angle + phase)
+        omega += h * torque / inertia
+        angle += h * omega
+    at = np.unique(np.round(np.cumsum(rng.uniform(1.5e-3, 3e-3, steps // 20)) / h).astype(int))
+    at = at[at < steps]
+    read = shown[at] + noise * rng.standard_normal(len(at))
+    counted = COUNT * np.round(theta[at] / COUNT)
+    return MotionRecording(f"run{seed}", t[at], counted, CONSTANT * read, np.zeros(len(at)))
+
+
+def campaign(*recordings, inertia=INERTIA):
+    return MotionCampaign("bench", CONSTANT, inertia, 0.0, {}, None, COUNT, recordings, (), "no voltages")
+
+
+def both_ways(t):
+    return 6.0 * np.sin(2.0 * t) + 3.0 * np.sign(np.sin(0.9 * t))
+
+
+def one_way(t):
+    return 5.0 + 2.0 * np.sin(3.0 * t)
+
+
+@pytest.fixture(scope="module")
+def planted():
+    """Three runs of a shaft with friction, three orders of cogging, another inertia than stated and late readings."""
+    true = {"inertia": 2.6e-4, "dry": 0.008, "viscous": 6e-4, "orders": tuple(ORDERS), "lag": 0.02}
+    return judge(campaign(*(shaft(k, both_ways, **true) for k in range(3))))
+
+
+def test_what_was_planted_is_found(planted):
+    assert set(planted.best.effects) == {
+        "coulomb_friction", "cogging_torque", "viscous_friction", "inertia", "current_filter",
+    }  # fmt: skip
+    assert verdict(planted) == "explained"
+    s = planted.best.shaft
+    assert set(s.terms.orders) == set(ORDERS)
+    true = {"inertia": 2.6e-4, "dry": 0.008, "viscous": 6e-4, "lag": 0.02}
+    # 4 deviations: one in 10 000 by chance.  5 % besides: noise of the current's slope, 0.02 A / 4.5 ms x sqrt(2 / 24
+    # samples) against 0.4 A x 40 rad/s of cogging, pulls the lag by its square, 1 %; friction's edge lies in windows
+    for name, value in true.items():
+        low, high = s.ci95(name)
+        assert abs(s.value(name) - value) < 2.0 * (high - low) / 2.0 + 0.05 * value, name
+    for n, (size, phase) in ORDERS.items():
+        found, sd, angle, turn = s.amplitude(n)
+        assert abs(found - size) < 4.0 * sd + 0.05 * size, n
+        assert abs(math.remainder(angle - phase, math.tau)) < 4.0 * turn + 0.02, n
+
+
+def test_the_gap_is_closed_on_runs_held_out_and_shared(planted):
+    answer = contract(planted)
+    assert [r["held_out"] for r in answer["gap"]["recordings"]] == [False, False, True]
+    assert answer["gap"]["closed"] > 0.95
+    assert sum(planted.shares.values()) == pytest.approx(1.0)
+    assert sum(h["probability"] for h in answer["hypotheses"]) <= 1.0 + 1e-9
+    assert all(h["name"] in ("inertia", "current_filter") or "friction" in h["name"] or h["name"] == "cogging_torque"
+               for h in answer["effects"])  # fmt: skip
+    json.dumps(answer, allow_nan=False)
+    lead = parameters(planted, planted.best)["cogging_torque.order_mech"]
+    assert lead["value"] == 7  # the largest of the three
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nothing_is_claimed_where_nothing_was_planted(seed):
+    found = judge(campaign(*(shaft(10 * seed + k, both_ways, seconds=4.0) for k in range(2))))
+    assert found.best.effects == ()
+    assert verdict(found) == "no_gap"
+
+
+def test_one_way_motion_cannot_tell_friction_from_an_offset():
+    found = judge(campaign(shaft(0, one_way, dry=0.008), shaft(1, one_way, dry=0.008)))
+    assert "coulomb_friction" in found.cannot
+    assert not any("coulomb_friction" in w.effects for w in found.weighed)
+    assert contract(found)["next_recording"]["description"] == "record the same backwards"
+
+
+def test_an_inertia_that_is_not_stated_is_estimated():
+    found = judge(campaign(shaft(0, both_ways), shaft(1, both_ways), inertia=None))
+    low, high = found.best.shaft.ci95("inertia")
+    assert abs(found.best.shaft.value("inertia") - INERTIA) < 2.0 * (high - low) / 2.0 + 0.02 * INERTIA
+    assert "no inertia is stated" in found.cannot["inertia"]
+
+
+def test_a_wrong_unit_is_refused_without_a_warning():
+    r = shaft(0, both_ways, seconds=1.0)
+    fast = MotionRecording("fast", 1e-12 * r.t, r.angle, r.torque, r.load)  # stamps in Ts
+    with pytest.raises(BadInput, match="check the units of t, theta and i_q"):
+        judge(campaign(fast))
+
+
+def test_exclude_and_a_rotor_that_stands():
+    still = MotionRecording("still", np.arange(200) * 2e-3, np.zeros(200), np.zeros(200), np.zeros(200))
+    with pytest.raises(BadInput, match="the rotor turns by 0 rad"):
+        judge(campaign(still))
+    with pytest.raises(BadInput, match="unknown effect 'friction'"):
+        judge(campaign(still), ["friction"])
+
+
+MAP = """
+[columns]
+t = "t"
+theta = {column = "count", scale = 7.66990393942820614e-4, mechanical = true}
+i_q = "iq"
+[motor]
+torque_constant = 0.05
+inertia = 2e-4
+[drive]
+encoder_counts = 8192
+[[recording]]
+file = "run.csv"
+rotor = "free"
+"""
+
+
+def _written(folder, r, more=""):
+    rows = np.stack([r.t, r.angle / COUNT, r.torque / CONSTANT], axis=1)
+    np.savetxt(folder / "run.csv", rows, delimiter=",", header="t,count,iq", comments="", fmt="%.9g")
+    (folder / "map.toml").write_text(MAP + more)
+    return folder / "map.toml"
+
+
+def test_a_folder_without_voltages_goes_through_the_command(tmp_path, capsys):
+    columns = _written(tmp_path, shaft(0, both_ways, dry=0.008, orders=(7,)))
+    assert main(["diagnose", str(tmp_path), "--columns", str(columns), "--out", str(tmp_path / "o")]) == 0
+    said = capsys.readouterr().out
+    assert "motion only" in said
+    assert "no voltages were recorded, so electrical effects are no candidates" in said
+    answer = json.loads((tmp_path / "o" / "diagnosis.json").read_text())
+    assert answer["command"] == "diagnose"
+    assert set(answer["hypotheses"][0]["effects"]) == {"coulomb_friction", "cogging_torque"}
+    assert "no voltages" in (tmp_path / "o" / "report.html").read_text()
+    found = diagnose(tmp_path, columns=columns, exclude="coulomb_friction")
+    assert "coulomb_friction" not in found.motion.best.effects
+    assert "motion only" in repr(found)
+
+
+def test_what_a_motion_lacks_is_named(tmp_path):
+    columns = _written(tmp_path, shaft(0, both_ways, seconds=1.0))
+    whole = columns.read_text()
+    for old, new, message in [
+        ("torque_constant = 0.05\n", "", "says no torque of a current; add torque_constant"),
+        ('i_q = "iq"\n', "", "neither voltages nor i_q nor torque"),
+        ('t = "t"\n', 't = {column = "t", scale = 0.0}\n', "scale = 0.0 would erase"),
+        ("torque_constant = 0.05", "torque_constant = true", "torque_constant = True is out of range"),
+        ('rotor = "free"', 'rotor = "locked"', "no recording has rotor = 'free'"),
+        (", mechanical = true", "", r"\[motor\] lacks 'pole_pairs'"),
+    ]:
+        columns.write_text(whole.replace(old, new))
+        with pytest.raises(BadInput, match=message):
+            diagnose(tmp_path, columns=columns)
+
+
+def test_a_slow_log_keeps_its_motion(tmp_path):
+    """Rows 2 ms apart, L/R = 0.5 ms, voltages recorded: the electrical part is refused in a sentence, nothing warns."""
+    r = shaft(0, both_ways, dry=0.008, orders=(7,))
+    t = np.arange(r.t[0], r.t[-1], 2e-3)
+    theta, current = (np.interp(t, r.t, x) for x in (7 * r.angle, r.torque / CONSTANT))
+    rows = np.stack([t, theta, current, 0 * t, 0.1 * current, 0 * t], axis=1)
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="t,theta,i_q,i_d,u_q,u_d", comments="", fmt="%.12g")
+    motor = {"pole_pairs": 7, "resistance": 0.1, "inductance_d": 5e-5, "inductance_q": 5e-5, "inertia": INERTIA}
+    text = "[columns]\n[drive]\nsampling_period = 0.002\ndc_bus_voltage = 24.0\n[motor]\n"
+    text += "".join(f"{k} = {v}\n" for k, v in {**motor, "magnet_flux": CONSTANT / 1.5 / 7}.items())
+    (tmp_path / "map.toml").write_text(text + '[[recording]]\nfile = "run.csv"\nrotor = "free"\n')
+    found = diagnose(tmp_path, columns=tmp_path / "map.toml")
+    assert set(found.motion.best.effects) >= {"coulomb_friction", "cogging_torque"}
+    said = found.as_json()["motion"]["electrical"]
+    assert said.startswith("sampling_period = 0.002 s is beyond L/R = 0.0005 s")

@@ -1,0 +1,172 @@
+"""Thirty mistakes planted in a campaign are named by the pre-flight, all at once; clean campaigns pass in silence."""
+
+import dataclasses
+import functools
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+from sandbox import check
+from sandbox.cli import main
+from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.mistakes import PHASES
+from sandbox.recordings.preflight import REFUSED, noticed, quantum
+from sandbox.recordings.writing import write_campaign
+from tests.data import recordings_folder
+
+U = ("u_alpha", "u_beta")
+KEPT = ("locked_d", "run_slow", "coast_down")  # 0: at standstill with injection, 1: slow with injection, 2: fast, free
+
+
+@functools.cache
+def bench(name="p05"):
+    """Three recordings of a practice campaign."""
+    campaign = read_campaign(recordings_folder() / "practice" / name)
+    cut = [
+        dataclasses.replace(campaign[f], columns={n: x[:5000] for n, x in campaign[f].columns.items()}) for f in KEPT
+    ]
+    return dataclasses.replace(campaign, recordings=tuple(cut))
+
+
+def all_of(change):
+    """A mistake in every recording."""
+    return lambda c: tuple(dataclasses.replace(r, columns={**r.columns, **change(r)}) for r in c.recordings)
+
+
+def one(k, change):
+    """A mistake in one recording."""
+    return lambda c: tuple(
+        dataclasses.replace(r, columns={**r.columns, **change(r)}) if m == k else r for m, r in enumerate(c.recordings)
+    )
+
+
+def scaled(names, factor):
+    return lambda r: {n: factor * r[n] for n in names}
+
+
+def held(name, begin, end):
+    def change(r):
+        x = r[name].copy()
+        x[begin:end] = x[begin]
+        return {name: x}
+
+    return change
+
+
+def clipped(r):
+    limit = 0.6 * max(np.max(np.abs(r[n])) for n in PHASES)
+    return {n: np.clip(r[n], -limit, limit) for n in PHASES}
+
+
+def jump(r):
+    return {"theta": r.theta + 4.0 * (np.arange(len(r.t)) >= 900)}
+
+
+PAIRS = 3.0  # of p05
+MISTAKES = [
+    ("currents in mA", all_of(scaled(PHASES, 1e3)), "in mA"),
+    ("currents in kA", all_of(scaled(PHASES, 1e-3)), "in kA"),
+    ("angle in degrees", all_of(lambda r: {"theta": np.degrees(r.theta)}), "in degrees"),
+    ("mechanical angle", all_of(lambda r: {"theta": r.theta / PAIRS}), "mechanical"),
+    ("mechanical degrees", all_of(lambda r: {"theta": np.degrees(r.theta / PAIRS)}), "mechanical degrees"),
+    ("turns", all_of(lambda r: {"theta": r.theta / math.tau}), "in turns"),
+    ("backwards", all_of(scaled(("theta",), -1.0)), "backwards"),
+    ("zero a quarter off", all_of(lambda r: {"theta": r.theta + math.pi / 2}), "90 degrees ahead"),
+    ("b and c swapped", all_of(lambda r: {"i_b": r.i_c, "i_c": r.i_b}), "swapped"),
+    ("a and b swapped", all_of(lambda r: {"i_a": r.i_b, "i_b": r.i_a}), "swapped"),
+    ("cyclic order", all_of(lambda r: {"i_a": r.i_b, "i_b": r.i_c, "i_c": r.i_a}), "swapped"),
+    ("currents out of the motor", all_of(scaled(PHASES, -1.0)), "out of the motor"),
+    ("one phase in mA", all_of(scaled(("i_c",), 1e3)), "in mA"),
+    ("one phase's sign", all_of(scaled(("i_b",), -1.0)), "its sign is wrong"),
+    ("voltages in kV", all_of(scaled(U, 1e-3)), "in kV"),
+    ("voltages in mV", all_of(scaled(U, 1e3)), "in mV"),
+    ("voltages per unit", all_of(lambda r: {n: r[n] / r.u_dc for n in U}), "per unit"),
+    ("u_beta's sign", all_of(scaled(("u_beta",), -1.0)), "u_beta has the wrong sign"),
+    ("link in kV", all_of(scaled(("u_dc",), 1e-3)), "is u_dc in kV"),
+    ("link lost", one(1, lambda r: {"u_dc": np.where(np.arange(len(r.t)) == 17, 0.0, r.u_dc)}), "row 17 of column"),
+    ("rms currents", all_of(scaled(PHASES, 0.5**0.5)), "rms for peak"),
+    ("line voltages", all_of(scaled(U, 3.0**0.5)), "line for phase voltage"),
+    ("a column mapped twice", one(1, lambda r: {"i_b": r.i_a}), "mapped twice"),
+    ("an open phase", one(2, lambda r: {"i_b": 0.0 * r.i_b, "i_c": -r.i_a}), "open"),
+    ("stuck sensor", one(1, held("i_b", 3000, 3400)), "stuck"),
+    ("full converter", one(2, clipped), "full|saturated"),
+    ("stuck encoder", one(2, held("theta", 500, 600)), "encoder is stuck"),
+    ("angle jumps", one(2, jump), "jumps by"),
+    ("locked that turns", None, "while rotor = 'locked'"),
+    ("load torque in mN m", one(1, scaled(("load_torque",), 1e3)), "mN m"),
+    ("kelvin", one(2, lambda r: {"temperature": np.full(len(r.t), 320.0)}), "kelvin|temperature"),
+    ("pole pairs", all_of(lambda r: {"theta": 0.75 * r.theta}), "times as fast"),
+]  # fmt: skip
+
+
+def findings(campaign):
+    return [n.finding.text for n in noticed(campaign)]
+
+
+def planted(name, change):
+    campaign = bench()
+    if name == "locked that turns":
+        r = campaign.recordings
+        return dataclasses.replace(campaign, recordings=(*r[:2], dataclasses.replace(r[2], rotor="locked")))
+    return dataclasses.replace(campaign, recordings=change(campaign))
+
+
+def test_thirty_planted_mistakes_are_named():
+    missed = []
+    for name, change, words in MISTAKES:
+        told = findings(planted(name, change))
+        if not any(re.search(words, text) for text in told):
+            missed.append((name, told))
+    assert len(MISTAKES) >= 30
+    assert len(missed) <= 1, missed
+
+
+def test_clean_campaigns_pass_without_a_word():
+    for name in ("p01", "p05", "p06", "p10", "p11"):
+        assert findings(bench(name)) == [], name
+
+
+def test_wrong_statements_about_the_drive_are_noticed():
+    campaign = bench()
+    for field, value, words in (
+        ("current_resolution", 0.1, "current_resolution"), ("encoder_counts", 512, "encoder_counts"),
+    ):  # fmt: skip
+        converter = dataclasses.replace(campaign.drive.converter, **{field: value})
+        wrong = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=converter))
+        assert any(words in text for text in findings(wrong)), field
+    injection = dataclasses.replace(campaign.drive.injection, frequency=campaign.drive.injection.frequency / 4)
+    wrong = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, injection=injection))
+    assert any("their strongest line" in text for text in findings(wrong))
+
+
+def test_two_mistakes_are_told_at_once():
+    campaign = planted("both", one(2, jump))
+    both = dataclasses.replace(campaign, recordings=one(1, held("i_b", 3000, 3400))(campaign))
+    told = [n.finding.text for n in noticed(both) if n.level == REFUSED]
+    assert any("jumps by" in text for text in told)
+    assert any("stuck" in text for text in told)
+
+
+def test_the_step_of_readings():
+    rng = np.random.default_rng(0)
+    x = rng.standard_normal(4000)
+    assert quantum(0.05 * np.round(x / 0.05)) == pytest.approx(0.05)
+    assert quantum(x) is None
+
+
+def test_the_command_lists_what_it_found(tmp_path, capsys):
+    good = write_campaign(tmp_path / "good", bench())
+    assert main(["check", str(good), "--mistakes-only", "--out", str(tmp_path / "o")]) == 0
+    assert "nothing wrong or suspicious" in capsys.readouterr().out
+    wrong = write_campaign(tmp_path / "wrong", planted("angle jumps", one(2, jump)))
+    assert main(["check", str(wrong), "--out", str(tmp_path / "o")]) == 2
+    answer = json.loads((tmp_path / "o" / "check.json").read_text())
+    assert answer["ok"] is False
+    assert answer["findings"][0]["level"] == "refused"
+    assert answer["effects"] == []
+    assert main(["check", str(tmp_path / "nothing"), "--out", str(tmp_path / "o")]) == 2
+    (tmp_path / "empty").mkdir()
+    assert not check(tmp_path / "empty").ok
