@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, brief
+from model.names import check_file
 
 MOST_POINTS = 64
 Points = tuple[tuple[float, float], ...]
@@ -32,7 +33,7 @@ def with_points(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Return [drive] with the points of the file that it names, if it names one; folder: of the file it stands in."""
     if not isinstance(values.get("inverter_table"), str):
         return dict(values)
-    return {**values, "inverter_table": read_points(folder / values["inverter_table"])}
+    return {**values, "inverter_table": read_points(folder / check_file(values["inverter_table"], KEY))}
 
 
 def read_points(path: Path) -> Points:

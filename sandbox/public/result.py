@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from model.errors import BadInput
+from model.errors import BadInput, shown
+from model.names import LONGEST
 from sandbox.output.columns import Column, frame_of, table_of, write_table
 from sandbox.output.files import KINDS, results, write_json
 
@@ -81,7 +82,7 @@ def keep_other(folder: Path, command: str, motor: str) -> str:
     path = folder / f"{command}.json"
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        earlier = str(content["motor"])
+        earlier = str(content["motor"])[:LONGEST]
     except (OSError, ValueError, KeyError, TypeError):
         return ""
     for old in _named(folder, f"{command}-{_slug(motor)}"):
@@ -99,7 +100,7 @@ def keep_other(folder: Path, command: str, motor: str) -> str:
     header = ("schema", "command", "version")
     write_json(folder, stem, {k: v for k, v in files.items() if k not in header}, command=command)
     path.unlink()
-    return f"the earlier result of '{earlier}' is kept as {stem}.json"
+    return f"the earlier result of '{shown(earlier)}' is kept as {stem}.json"
 
 
 def _named(folder: Path, stem: str) -> list[Path]:
