@@ -30,7 +30,7 @@ def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
         (partial / "campaign.toml").write_text(_toml(campaign), encoding="utf-8")
         for r in campaign.recordings:
             (partial / r.file).parent.mkdir(parents=True, exist_ok=True)
-            parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file)
+            parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file, write_page_checksum=True)
         partial.chmod(0o755)
         os.replace(partial, folder)
     finally:

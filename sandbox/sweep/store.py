@@ -1,8 +1,8 @@
 """The folder of a sweep: finished blocks as Parquet files, traces as zarr, and a manifest that says which are whole.
 
-runs/block-*.parquet together are one data set; manifest.json has the SHA-256 of each.  A block counts once the
-manifest names it, and every file is written aside and renamed: an interrupted sweep goes on where it was, and half a
-file is never taken for a whole one.
+runs/block-*.parquet together are one data set; manifest.json has the SHA-256 of each, and of itself.  A block
+counts once the manifest names it, and every file is written aside and renamed: an interrupted sweep goes on where it
+was, and half a file is never taken for a whole one.
 """
 
 from __future__ import annotations
@@ -130,12 +130,16 @@ def _file(start: int) -> str:
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    """Return a manifest, None where there is none that can be read."""
+    """Return a manifest, None where there is none that is what was written."""
     try:
         found = json.loads(path.read_bytes())
-        return found if isinstance(found, dict) and isinstance(found["blocks"], list) else None
-    except (OSError, ValueError, KeyError):
+        return dict(found) if found.pop("sha256") == _digest(found) else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
+
+
+def _digest(content: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _is_whole(kept: Kept, block: dict[str, Any]) -> bool:
@@ -157,7 +161,7 @@ def _write_manifest(kept: Kept) -> None:
         "schema": 1, "version": version(), "code": code_key(), "key": key_of(kept.sweep), "runs": kept.sweep.runs,
         "block": block_size(kept.sweep), "blocks": blocks,
     }  # fmt: skip
-    _write_json(kept.folder / MANIFEST, content)
+    _write_json(kept.folder / MANIFEST, content | {"sha256": _digest(content)})
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
