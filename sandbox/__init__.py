@@ -51,12 +51,13 @@ if TYPE_CHECKING:
     from sandbox.public.showing import view as view
     from sandbox.public.sweeps import sweep as sweep
     from sandbox.public.sweeps import tolerances as tolerances
+    from sandbox.public.verifying import verify as verify
 
 __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign",
     "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe", "use_effects",
     "simulate", "compare", "tolerances", "sweep", "protocol", "bench", "audit", "maps", "identify", "diagnose",
-    "replay", "export_estimator", "show", "view",
+    "replay", "export_estimator", "verify", "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "BadInput", "PhysicsError",
 ]  # fmt: skip
 
@@ -77,6 +78,7 @@ _HOMES = {
     "sandbox.public.motor": ("audit", "maps"),
     "sandbox.public.recorded": ("identify", "diagnose", "replay"),
     "sandbox.public.showing": ("show", "view"),
+    "sandbox.public.verifying": ("verify",),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _TOGETHER = ("model", "estimators")  # the top-level packages installed with this one

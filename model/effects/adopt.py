@@ -70,7 +70,8 @@ def _check(card: Effect, file: Path) -> None:
     for name in (card.name, *(p.name for p in parameters)):
         if not isinstance(name, str) or not name.isidentifier() or not name.islower() or len(name) > 40:
             raise BadInput(f"{file}: {brief(name, 60)} is no name of an effect or parameter; use a-z, 0-9 and _")
-    for text in (getattr(thing, f.name) for thing in (card, *parameters) for f in fields(thing) if f.type == "str"):
+    texts = [getattr(card, f.name) for f in fields(card) if f.type == "str"]
+    for text in texts + [getattr(p, f.name) for p in parameters for f in fields(p) if f.type == "str"]:
         if not isinstance(text, str) or not text.isprintable() or len(text) > LONGEST_TEXT:
             raise BadInput(f"{file}: {brief(text)} in '{card.name}' is no line of at most {LONGEST_TEXT} characters")
     if card.name in library.effect_names():

@@ -28,7 +28,7 @@ OFFLINE = "SENSORLESS_OFFLINE"  # as model.datasets reads it
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; return its exit code (0 done, 2 bad input, 3 the physics failed).
+    """Run a command; return its exit code (0 done, 1 `verify` found a difference, 2 bad input, 3 the physics failed).
 
     The work is done in a thread, so that Ctrl-C is answered at once while a kernel runs (exit code 130).
     """
@@ -53,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def attempt(options: argparse.Namespace) -> int:
     """Run a command; turn what a user can cause into one sentence and an exit code."""
-    before = os.environ.get(OFFLINE)
+    before, code = os.environ.get(OFFLINE), 0
     try:
         if getattr(options, "offline", False):
             os.environ[OFFLINE] = "1"  # also of the processes that a command starts
@@ -62,7 +62,7 @@ def attempt(options: argparse.Namespace) -> int:
 
             for file in files:
                 adopt(file)
-        options.run(options)
+        code = options.run(options) or 0
         sys.stdout.flush()
     except (BadInput, PhysicsError) as error:
         return _refuse(options, str(error), error.exit_code)
@@ -77,7 +77,7 @@ def attempt(options: argparse.Namespace) -> int:
             os.environ.pop(OFFLINE, None)
         else:
             os.environ[OFFLINE] = before
-    return 0
+    return int(code)
 
 
 def _refuse(options: argparse.Namespace, text: str, code: int = 2) -> int:
@@ -91,7 +91,7 @@ def build_parser() -> Parser:
     parser.add_argument("--version", action="version", version=f"sensorless {version()}")
     every = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
 
-    def add(name: str, run: Callable[[argparse.Namespace], None], text: str, writes: bool = True) -> Parser:
+    def add(name: str, run: Callable[[argparse.Namespace], int | None], text: str, writes: bool = True) -> Parser:
         """Return the parser of a new command, with the arguments of all that write."""
         command: Parser = every.add_parser(name, help=text, description=text)
         command.set_defaults(run=run)
@@ -171,6 +171,10 @@ def build_parser() -> Parser:
     add_own_effects(add_sweep(add))
     c = add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second")
     _peers(c)
+    c = add("verify", commands.run_verify, "make a result once more as it says it was made, and compare every number")
+    c.add_argument("result", type=Path, metavar="RESULT", help="folder that a command has written, or its JSON")
+    text = "relative difference up to which numbers agree (1e-6; on the machine that made it, 0)"
+    c.add_argument("--tolerance", type=number, default=1e-6, metavar="SHARE", help=text)
     c = add("list", commands.run_list, "what there is", writes=False)
     c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets"))
     c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")

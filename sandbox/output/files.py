@@ -9,27 +9,15 @@ import shutil
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import version as installed
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from model.errors import BadInput
-
-if TYPE_CHECKING:
-    pass
+from sandbox.output.provenance import version
 
 SCHEMA = 1
-
-
-def version() -> str:
-    """Return the package's version, or `source` where it runs from a plain checkout."""
-    try:
-        return installed("sensorless-sandbox")
-    except PackageNotFoundError:
-        return "source"
 
 
 def plain(value: Any) -> Any:
@@ -131,13 +119,17 @@ def discard(out: Path) -> None:
         shutil.rmtree(_aside(place, full), ignore_errors=True)
 
 
-def write_json(out: Path, name: str, content: dict[str, Any], command: str = "") -> Path:
+def write_json(
+    out: Path, name: str, content: dict[str, Any], command: str = "", made: Mapping[str, Any] | None = None
+) -> Path:
     """Write `<name>.json` with the common header into a folder, whole or not at all; return its path.
 
-    command: the header's, where the file is not named after it.
+    command: the header's, where the file is not named after it; made: what made it (`provenance.made_by`).
     """
     path = out / f"{name}.json"
     document = {"schema": SCHEMA, "command": command or name, "version": version(), **plain(content)}
+    if made is not None:
+        document["made_by"] = plain(made)
     text = json.dumps(document, indent=1, allow_nan=False) + "\n"
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

@@ -6,12 +6,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from model.parameters import Drive
+from sandbox.public.calls import told
 from sandbox.public.loading import load_motor
 
 if TYPE_CHECKING:
     from sandbox.public.exporting import Export
 
 
+@told
 def export_estimator(
     estimator: str = "ekf", motor: str | Path | Drive = "ipm_exchanged", belief: str = "saturated"
 ) -> Export:

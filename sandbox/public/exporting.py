@@ -24,6 +24,7 @@ from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.output.files import results, write_json
+from sandbox.output.provenance import Call, made_by
 from sandbox.recordings.injection import carrier
 
 COMMAND = "export-estimator"
@@ -41,6 +42,7 @@ class Export:
     files: dict[str, str]
     state_bytes: int  # float
     operations: Operations  # of a step, on the golden vectors
+    call: Call | None = None
 
     def __repr__(self) -> str:
         return f"<Export: {self.name} for {self.motor}, {', '.join(self.files)}>"
@@ -55,7 +57,7 @@ class Export:
         with results(Path(folder), COMMAND) as out:
             for name, text in self.files.items():
                 (out / name).write_text(text, encoding="utf-8")
-            write_json(out, COMMAND, self.as_json())
+            write_json(out, COMMAND, self.as_json(), made=made_by(self.call, out.iterdir()))
         return Path(folder)
 
 

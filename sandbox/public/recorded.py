@@ -13,6 +13,7 @@ import numpy as np
 from model.effects.library import parse
 from sandbox.output.columns import Column, columns_of, write_table
 from sandbox.output.files import results, write_json
+from sandbox.public.calls import told
 from sandbox.public.loading import read_campaign
 from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
@@ -121,7 +122,7 @@ class DiagnosisResult(Result):
             self.to_rerun(out / "diagnosis.rrd")
             if csv:
                 write_table(out / "diagnosis.csv", self.to_table())
-            write_json(out, "diagnosis", self.as_json(), command="diagnose")
+            write_json(out, "diagnosis", self.as_json(), "diagnose", self.made_by(out))
         return Path(folder)
 
 
@@ -192,6 +193,7 @@ class ReplayResult(Result):
         return Path(path)
 
 
+@told
 def identify(campaign: AnyCampaign, columns: str | Path | None = None) -> IdentificationResult:
     """Identify the motor of a campaign from its locked-rotor recordings with injection.
 
@@ -225,6 +227,7 @@ def identify(campaign: AnyCampaign, columns: str | Path | None = None) -> Identi
     return IdentificationResult(fitted(read_campaign(campaign, columns, ("locked",))))
 
 
+@told
 def diagnose(
     campaign: AnyCampaign,
     *,
@@ -282,6 +285,7 @@ def diagnose(
     )
 
 
+@told
 def replay(
     campaign: AnyCampaign,
     effects: Mapping[str, float] | str | None = None,

@@ -19,6 +19,8 @@ from sandbox.drive.design import design
 from sandbox.drive.locked_test import Bench, paper_campaign
 from sandbox.drive.scenario import SCENARIOS, load_scenario
 from sandbox.output.files import plain
+from sandbox.public.motor import audit
+from sandbox.public.verifying import verify
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.writing import write_campaign
@@ -169,6 +171,11 @@ def read_swept(folder):
     """Open the folder as a sweep that goes on does."""
     store.open_folder(read_sweep(folder / "s.toml"), folder)
     return store.read_table(folder)
+
+
+def make_result(folder):
+    """Write the result of an audit."""
+    audit("ipm").save(folder)
 
 
 def read_and_size(folder):
@@ -323,10 +330,11 @@ DOORS = (
     Door("scenario", make_scenario, ("s.toml",), of_text(damaged_toml), lambda f: load_scenario(f / "s.toml")),
     Door("sweep", make_sweep, ("s.toml",), of_text(damaged_toml), read_and_size),
     Door("swept", make_swept, ("manifest.json",), of_text(damaged_json), read_swept),
+    Door("result", make_result, ("audit.json",), of_text(damaged_json), verify),
     Door("report", make_check, REPORTS, of_text(damaged_json), read_check),
     Door("seal", make_check, ("truth.sealed",), of_text(damaged_json), read_check),
 )  # fmt: skip
-COSTLY = {"design": 0.02, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs of a usual door
+COSTLY = {"design": 0.02, "result": 0.3, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs of a usual door
 PHYSICS = (  # replaced where the command line is tried: what stands before them is
     "sandbox.evaluation.compare.compare", "sandbox.evaluation.compare.single", "model.saliency.audit",
     "sandbox.evaluation.maps.maps", "sandbox.evaluation.bench.bench",

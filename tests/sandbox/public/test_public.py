@@ -461,7 +461,7 @@ CALLS = {
     "diagnose": ["diagnose", "folder"], "list_motors": ["list", "motors"], "list_effects": ["list", "effects"],
     "list_estimators": ["list", "estimators"], "list_scenarios": ["list", "scenarios"],
     "list_datasets": ["list", "datasets"], "view": ["view", "x.rrd"], "show": ["show", "x"],
-    "sweep": ["sweep", "x.toml"],
+    "sweep": ["sweep", "x.toml"], "verify": ["verify", "x"],
 }  # fmt: skip
 
 
@@ -564,6 +564,14 @@ def test_every_name_is_there_and_has_a_test():
         assert inspect.getdoc(getattr(sandbox, name))
     with pytest.raises(AttributeError, match="simulat"):
         sandbox.simulat  # noqa: B018
+
+
+@of("verify")
+def test_verification_is_told_in_a_sentence(tmp_path):
+    """What it finds: tests/sandbox/public/test_verify.py."""
+    found = sandbox.verify(sandbox.audit("ipm").save(tmp_path))
+    assert repr(found).startswith(f"<Verification: {tmp_path / 'audit.json'}: ")
+    assert found.sentence().endswith("values of 'audit' are the same to the bit")
 
 
 @of("use_effects")
