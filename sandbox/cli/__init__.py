@@ -6,9 +6,11 @@ import argparse
 import io
 import logging
 import os
+import signal
 import sys
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 from model.errors import BadInput, PhysicsError, sentence
@@ -42,13 +44,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     worker = threading.Thread(target=lambda: codes.append(attempt(options)), daemon=True)
     worker.start()
     try:
-        while worker.is_alive():
-            worker.join(0.2)
-    except KeyboardInterrupt:
+        with _ended_politely():
+            while worker.is_alive():
+                worker.join(0.2)
+    except KeyboardInterrupt as stop:
         print(f"sensorless {options.command}: interrupted; nothing half-written", file=sys.stderr, flush=True)
         discard(commands.folder_of(options))
-        os._exit(130)  # the kernel would run on to its end
+        os._exit(143 if isinstance(stop, Ended) else 130)  # the kernel would run on to its end
     return codes[0] if codes else 1
+
+
+class Ended(KeyboardInterrupt):
+    """SIGTERM, answered as Ctrl-C is."""
+
+
+@contextmanager
+def _ended_politely() -> Iterator[None]:
+    """Raise Ended on SIGTERM, where this is the main thread."""
+
+    def end(*_: object) -> None:
+        """Raise Ended."""
+        raise Ended
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def attempt(options: argparse.Namespace) -> int:

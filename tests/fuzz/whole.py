@@ -334,7 +334,7 @@ DOORS = (
     Door("report", make_check, REPORTS, of_text(damaged_json), read_check),
     Door("seal", make_check, ("truth.sealed",), of_text(damaged_json), read_check),
 )  # fmt: skip
-COSTLY = {"design": 0.02, "result": 0.3, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs of a usual door
+COSTLY = {"design": 0.02, "result": 0.1, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs of a usual door
 PHYSICS = (  # replaced where the command line is tried: what stands before them is
     "sandbox.evaluation.compare.compare", "sandbox.evaluation.compare.single", "model.saliency.audit",
     "sandbox.evaluation.maps.maps", "sandbox.evaluation.bench.bench",
