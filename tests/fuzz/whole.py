@@ -18,7 +18,8 @@ from model.fluxmap import FluxMap, write_map
 from sandbox.drive.design import design
 from sandbox.drive.locked_test import Bench, paper_campaign
 from sandbox.drive.scenario import SCENARIOS, load_scenario
-from sandbox.output.files import plain
+from sandbox.output.files import plain, write_json
+from sandbox.output.provenance import made_by
 from sandbox.public.motor import audit
 from sandbox.public.verifying import verify
 from sandbox.recordings.campaign import read_campaign
@@ -174,8 +175,10 @@ def read_swept(folder):
 
 
 def make_result(folder):
-    """Write the result of an audit."""
-    audit("ipm").save(folder)
+    """Write the result of an audit, without its figure."""
+    found = audit("ipm")
+    folder.mkdir(exist_ok=True)
+    write_json(folder, "audit", found.as_json(), made=made_by(found.call))
 
 
 def read_and_size(folder):
@@ -340,7 +343,8 @@ PHYSICS = (  # replaced where the command line is tried: what stands before them
     "sandbox.evaluation.maps.maps", "sandbox.evaluation.bench.bench",
     "sandbox.evaluation.protocol.run_unit", "sandbox.recordings.identify.identify", "sandbox.gap.report.answers.answer",
     "sandbox.validation.withheld.make.make",
-    "sandbox.validation.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case",
+    "sandbox.validation.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case", "sandbox.sweep.store.begin",
+    "sandbox.public.exporting.exported", "sandbox.public.verifying._again",
 )  # fmt: skip
 
 
@@ -368,6 +372,8 @@ def make_home(folder):
     for make in (make_motor, make_campaign, make_map("csv")):
         make(folder)
     (folder / "s.toml").write_text(SHORT)
+    (folder / "sweep.toml").write_text(SHORT)
+    make_result(folder / "result")
     (folder / "campaign").mkdir()
     (folder / "check").mkdir()
     make_campaign(folder / "campaign")
