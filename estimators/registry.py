@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from model.errors import BadInput, unknown
+from model.names import check_name
 
 if TYPE_CHECKING:
     from estimators.contract import Estimator
@@ -103,7 +104,7 @@ def _from_file(path: Path) -> Estimator:
         sys.path.append(str(full.parent))
         try:
             spec.loader.exec_module(module)
-        except Exception as error:
+        except (Exception, SystemExit) as error:  # whatever a user's file raises is the user's to mend
             del sys.modules[name]
             raise BadInput(f"estimator file '{path}' cannot be run: {type(error).__name__}: {error}") from error
         finally:
@@ -118,7 +119,8 @@ def _from_file(path: Path) -> Estimator:
 
 
 def _apart(own: Estimator) -> Estimator:
-    """Return an estimator; BadInput where it is not the built-in one whose name it bears."""
+    """Return an estimator; BadInput where its name cannot be shown, or is that of a built-in one that it is not."""
+    check_name(own.name, "estimator's name")
     if own.name in MODULES and own is not load_estimator(own.name):
         raise BadInput(f"'{own.name}' is the name of a built-in estimator; give yours another one")
     return own

@@ -33,7 +33,7 @@ from sandbox.drive.simulate import simulate
 from sandbox.evaluation.protocol import MOTORS, TESTS, Row, cell, protocol
 from sandbox.evaluation.protocol_tests import GOAL_LOAD
 from sandbox.evaluation.step_cost import step_ns
-from sandbox.public.exporting import golden_of, samples_of, told
+from sandbox.public.exporting import golden_of, in_one_window, samples_of
 
 NAMES = generate.NAMES
 FOREIGN = generate.HERE / "examples" / "flux_observer.c"
@@ -48,7 +48,7 @@ def same_samples(twin: Estimator, library: Estimator, motor: str) -> float:
     drive = load_drive(motor)
     run = simulate(drive, load_scenario("creep_reversal"), twin)
     samples, belief = samples_of(drive, run.recording), belief_of(drive, "saturated")
-    a, b = (told(e, belief, run.design.tuning, samples, None)[:, 0] for e in (twin, library))
+    a, b = (in_one_window(e, belief, run.design.tuning, samples, None)[:, 0] for e in (twin, library))
     return float(np.degrees(np.max(np.abs(wrapped(a - b)))))
 
 

@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, brief
+from model.names import check_file
 
 MOST_POINTS = 64
 Points = tuple[tuple[float, float], ...]
@@ -32,7 +33,7 @@ def with_points(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     """Return [drive] with the points of the file that it names, if it names one; folder: of the file it stands in."""
     if not isinstance(values.get("inverter_table"), str):
         return dict(values)
-    return {**values, "inverter_table": read_points(folder / values["inverter_table"])}
+    return {**values, "inverter_table": read_points(folder / check_file(values["inverter_table"], KEY))}
 
 
 def read_points(path: Path) -> Points:
@@ -65,8 +66,8 @@ def _numbers(row: list[str]) -> tuple[float, float] | None:
 def _odd(table: NDArray[np.float64], name: str) -> NDArray[np.float64]:
     """Return the odd part of a table that has both signs of the current, from 0 up."""
     i, v = table.T
-    if not np.all(np.diff(i) > 0.0):  # NaN lands here too
-        raise BadInput(f"{KEY}: currents in '{name}' do not rise; sort its lines by current")
+    if not (np.isfinite(table).all() and np.all(np.diff(i) > 0.0)):
+        raise BadInput(f"{KEY}: currents in '{name}' do not rise, or are no numbers; sort and clean its lines")
     reach = min(-i[0], i[-1])
     sizes = np.unique(np.abs(i))
     sizes = np.append(0.0, sizes[(sizes > 0.0) & (sizes <= reach)])

@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from sandbox.public.catalogue import list_scenarios as list_scenarios
     from sandbox.public.checked import check as check
     from sandbox.public.checked import plan as plan
-    from sandbox.public.exported import export_estimator as export_estimator
+    from sandbox.public.exporting import export_estimator as export_estimator
     from sandbox.public.loading import load_estimator as load_estimator
     from sandbox.public.loading import load_estimator_library as load_estimator_library
     from sandbox.public.loading import load_motor as load_motor
@@ -54,13 +54,14 @@ if TYPE_CHECKING:
     from sandbox.public.showing import view as view
     from sandbox.public.sweeps import sweep as sweep
     from sandbox.public.sweeps import tolerances as tolerances
+    from sandbox.public.verifying import verify as verify
 
 __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign",
     "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "describe",
     "use_effects", "plan", "check",
     "simulate", "compare", "tolerances", "sweep", "protocol", "bench", "audit", "maps", "identify", "diagnose",
-    "replay", "export_estimator", "show", "view",
+    "replay", "export_estimator", "verify", "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "BadInput", "PhysicsError",
 ]  # fmt: skip
 
@@ -71,7 +72,7 @@ _HOMES = {
     "sandbox.public.loading": (
         "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign", "use_effects",
     ),
-    "sandbox.public.exported": ("export_estimator",),
+    "sandbox.public.exporting": ("export_estimator",),
     "sandbox.public.catalogue": (
         "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "describe",
     ),
@@ -82,6 +83,7 @@ _HOMES = {
     "sandbox.public.motor": ("audit", "maps"),
     "sandbox.public.recorded": ("identify", "diagnose", "replay"),
     "sandbox.public.showing": ("show", "view"),
+    "sandbox.public.verifying": ("verify",),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _TOGETHER = ("model", "estimators")  # the top-level packages installed with this one

@@ -7,15 +7,17 @@ import importlib.util
 import inspect
 import os
 import sys
+from dataclasses import fields
 from pathlib import Path
 
 from model import compiled
 from model.effects import library
 from model.effects.card import PORTS, REPEATED, Effect, Part
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
-from model.errors import BadInput
+from model.errors import BadInput, brief
 
 MOST_PARTS = 12
+LONGEST_TEXT = 1000  # characters of a card's line
 
 
 def adopt(path: str | Path) -> tuple[Effect, ...]:
@@ -53,7 +55,7 @@ def _cards(file: Path, name: str) -> tuple[Effect, ...]:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as error:  # whatever a user's file raises is the user's to mend
+    except (Exception, SystemExit) as error:  # whatever a user's file raises is the user's to mend
         del sys.modules[name]
         raise BadInput(f"{file}: {type(error).__name__}: {' '.join(str(error).split())[:200]}") from None
     cards = getattr(module, "EFFECTS", None)
@@ -63,9 +65,15 @@ def _cards(file: Path, name: str) -> tuple[Effect, ...]:
 
 
 def _check(card: Effect, file: Path) -> None:
-    """Raise BadInput unless a card's names and equations are such as the plant can take."""
-    if not card.name.isidentifier() or not card.name.islower() or len(card.name) > 40:
-        raise BadInput(f"{file}: '{card.name[:60]}' is no name of an effect; use small letters, digits and _")
+    """Raise BadInput unless a card's names and equations are such as the plant can take, its texts such as a page."""
+    parameters = [p for k in (1, 2) for p in card.part(k).parameters]
+    for name in (card.name, *(p.name for p in parameters)):
+        if not isinstance(name, str) or not name.isidentifier() or not name.islower() or len(name) > 40:
+            raise BadInput(f"{file}: {brief(name, 60)} is no name of an effect or parameter; use a-z, 0-9 and _")
+    texts = [getattr(card, f.name) for f in fields(card) if f.type == "str"]
+    for text in texts + [getattr(p, f.name) for p in parameters for f in fields(p) if f.type == "str"]:
+        if not isinstance(text, str) or not text.isprintable() or len(text) > LONGEST_TEXT:
+            raise BadInput(f"{file}: {brief(text)} in '{card.name}' is no line of at most {LONGEST_TEXT} characters")
     if card.name in library.effect_names():
         raise BadInput(f"{file}: there is an effect '{card.name}' already; give yours another name")
     if not 1 <= card.repeats <= MOST_PARTS:

@@ -6,9 +6,11 @@ import argparse
 import io
 import logging
 import os
+import signal
 import sys
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 from model.errors import BadInput, PhysicsError, sentence
 from sandbox.cli import commands
@@ -22,7 +24,7 @@ OFFLINE = "SENSORLESS_OFFLINE"  # as model.datasets reads it
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; return its exit code (0 done, 2 bad input, 3 the physics failed).
+    """Run a command; return its exit code (0 done, 1 `verify` found a difference, 2 bad input, 3 the physics failed).
 
     The work is done in a thread, so that Ctrl-C is answered at once while a kernel runs (exit code 130).
     """
@@ -36,18 +38,41 @@ def main(arguments: Sequence[str] | None = None) -> int:
     worker = threading.Thread(target=lambda: codes.append(attempt(options)), daemon=True)
     worker.start()
     try:
-        while worker.is_alive():
-            worker.join(0.2)
-    except KeyboardInterrupt:
+        with _ended_politely():
+            while worker.is_alive():
+                worker.join(0.2)
+    except KeyboardInterrupt as stop:
         print(f"sensorless {options.command}: interrupted; nothing half-written", file=sys.stderr, flush=True)
         discard(commands.folder_of(options))
-        os._exit(130)  # the kernel would run on to its end
+        os._exit(143 if isinstance(stop, Ended) else 130)  # the kernel would run on to its end
     return codes[0] if codes else 1
+
+
+class Ended(KeyboardInterrupt):
+    """SIGTERM, answered as Ctrl-C is."""
+
+
+@contextmanager
+def _ended_politely() -> Iterator[None]:
+    """Raise Ended on SIGTERM, where this is the main thread."""
+
+    def end(*_: object) -> None:
+        """Raise Ended."""
+        raise Ended
+
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, end)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 def attempt(options: argparse.Namespace) -> int:
     """Run a command; turn what a user can cause into one sentence and an exit code."""
-    before = os.environ.get(OFFLINE)
+    before, code = os.environ.get(OFFLINE), 0
     try:
         if getattr(options, "offline", False):
             os.environ[OFFLINE] = "1"  # also of the processes that a command starts
@@ -56,7 +81,7 @@ def attempt(options: argparse.Namespace) -> int:
 
             for file in files:
                 adopt(file)
-        options.run(options)
+        code = options.run(options) or 0
         sys.stdout.flush()
     except (BadInput, PhysicsError) as error:
         return _refuse(options, str(error), error.exit_code)
@@ -71,7 +96,7 @@ def attempt(options: argparse.Namespace) -> int:
             os.environ.pop(OFFLINE, None)
         else:
             os.environ[OFFLINE] = before
-    return 0
+    return int(code)
 
 
 def _refuse(options: argparse.Namespace, text: str, code: int = 2) -> int:

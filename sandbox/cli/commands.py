@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import sandbox
+from estimators.registry import LIBRARIES
 from sandbox.cli.sweeping import check_tolerances, run_tolerances
 from sandbox.output.files import check_output
 from sandbox.output.tables import print_list, print_table, progress_bar
@@ -25,7 +26,12 @@ def names_of(text: str | None, usual: Iterable[str] = ()) -> list[str]:
 
 def own_estimators(options: argparse.Namespace) -> list[Any]:
     """Return estimators of the user's own: Python files by name, libraries as objects."""
-    return [*options.estimator, *map(sandbox.load_estimator_library, options.estimator_library)]
+    return [*options.estimator, *map(library, options.estimator_library)]
+
+
+def library(path: Path) -> Any:
+    """Return a shared library as it is named, which a result can tell; as an object where its suffix is another."""
+    return str(path) if path.suffix in LIBRARIES else sandbox.load_estimator_library(path)
 
 
 def run_compare(options: argparse.Namespace) -> None:
@@ -58,9 +64,9 @@ def run_simulate(options: argparse.Namespace) -> None:
     check_output(folder)
     if options.record is not None:
         check_new_folder(options.record, folder)
-    library = options.estimator_library
+    own = options.estimator_library
     result = sandbox.simulate(
-        options.motor, options.scenario, sandbox.load_estimator_library(library) if library else options.estimator,
+        options.motor, options.scenario, library(own) if own else options.estimator,
         belief=options.belief, closed_loop=not options.open,
         duration=options.duration, effects=options.effects, plant=options.plant, seed=options.seed,
         record=options.record,
@@ -125,7 +131,7 @@ def run_protocol(options: argparse.Namespace) -> None:
             seed=options.seed, jobs=options.jobs, keep=folder, cluster=options.dask, progress=progress,
         )  # fmt: skip
     if options.peer:
-        result = ProtocolResult(with_motulator(result.protocol, options.anchors, options.peer_python))
+        result = ProtocolResult(with_motulator(result.protocol, options.anchors, options.peer_python), call=result.call)
     result.save(folder, csv=options.csv)
     if not options.quiet:
         show(result.protocol)
@@ -149,6 +155,19 @@ def run_bench(options: argparse.Namespace) -> None:
         rows = [[name, f"{value:.4g}"] for part in (result.measured, result.ratios) for name, value in part.items()]
         print_table("cost", ["figure", "value"], rows)
         print(f"results in {folder}")
+
+
+def run_verify(options: argparse.Namespace) -> int:
+    """Make a result once more and compare; write verify.json; return 1 where it differs."""
+    folder = folder_of(options)
+    check_output(folder)
+    found = sandbox.verify(options.result, options.tolerance)
+    found.save(folder)
+    if not options.quiet:
+        print(found.sentence())
+        for change in found.changed:
+            print(f"not as then: {change}")
+    return 0 if found.same else 1
 
 
 def run_list(options: argparse.Namespace) -> None:

@@ -67,7 +67,7 @@ def add_runs(add: Add) -> None:
 
 
 def add_judging(add: Add) -> None:
-    """Add `protocol` and `bench`."""
+    """Add `protocol`, `bench` and `verify`."""
     text = "the standard evaluation of every estimator and belief on several motors"
     c = add("protocol", commands.run_protocol, text)
     c.add_argument("--estimators", metavar="A,B", help="names or files, separated by commas (every compiled one)")
@@ -78,6 +78,11 @@ def add_judging(add: Add) -> None:
     on_dask(c)
     _peers(c)
     _peers(add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second"))
+    text = "make a result once more as it says it was made, and compare every number"
+    c = add("verify", commands.run_verify, text)
+    c.add_argument("result", type=Path, metavar="RESULT", help="folder that a command has written, or its JSON")
+    text = "relative difference up to which numbers agree (1e-6; on the machine that made it, 0)"
+    c.add_argument("--tolerance", type=number, default=1e-6, metavar="SHARE", help=text)
 
 
 def add_motor(add: Add) -> None:

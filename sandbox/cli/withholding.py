@@ -11,6 +11,7 @@ from typing import Any
 from sandbox.cli.arguments import add_own_effects
 from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import results, write_json
+from sandbox.output.provenance import Call, digest_of, made_by
 from sandbox.output.tables import print_table, progress_bar
 
 Number = Callable[[str], int]
@@ -93,6 +94,7 @@ def run_score(options: argparse.Namespace) -> None:
     from sandbox.validation.scoring.check_figure import withheld_figure
     from sandbox.validation.scoring.rows import write_rows
     from sandbox.validation.scoring.tables_of_rows import content_of, table
+    from sandbox.validation.withheld.make import HASH, SEAL
 
     methods: dict[str, Any] = {"diagnosis": standard, **(BASELINES if options.baselines else {})}
     scored = []
@@ -109,7 +111,9 @@ def run_score(options: argparse.Namespace) -> None:
     with results(options.folder, "withheld") as out:
         write_rows(out / ROWS, (r for s in scored for r in s.rows))
         withheld_figure(content, out / "withheld.png")
-        write_json(out, "withheld", content)
+        inputs = {name: digest_of(options.folder / name) for name in (SEAL, HASH)}
+        made = made_by(Call("withheld score", {}, inputs), (path for path in out.iterdir() if path.is_file()))
+        write_json(out, "withheld", content, made=made)
     if not options.quiet:
         print_table(f"{options.folder}: {len(scored[0].judged)} campaigns", *table(scored))
         for s in scored:

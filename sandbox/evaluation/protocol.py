@@ -2,7 +2,8 @@
 
 A unit is one test of one estimator with one belief on one motor.  Finished units are kept, a line each, in
 `.protocol-<key>.jsonl` beside the results until all are done, so that an interrupted protocol goes on where it
-stopped; the key changes with the code and with the seed.
+stopped; the key changes with the code and with the seed.  Every line begins with the SHA-256 of the rest, and says
+which drive it is of: half a line, or one of a motor file that was changed meanwhile, counts as not run.
 """
 
 from __future__ import annotations
@@ -10,13 +11,14 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
 from estimators.registry import MODULES, AnyEstimator, load_estimator
+from model import kept as keeping
 from model.datasets import locate
 from model.drive_files import fetched, load_drive
 from model.errors import BadInput, PhysicsError, unknown
@@ -218,7 +220,7 @@ def protocol(
     read = {str(m): load_drive(m) for m in files}  # last: what is to be downloaded comes after all else is read
     loaded = {name: motor if isinstance(motor, Drive) else read[str(motor)] for name, motor in drives.items()}
     loaded[PEER] = reversal_case()[0]
-    kept = Kept(keep, seed)
+    kept = Kept(keep, seed, {name: keeping.digest(repr(drive).encode()) for name, drive in loaded.items()})
     missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
     lock, done = threading.Lock(), len(todo) - len(missing)
 
@@ -257,21 +259,28 @@ def place_of(which: AnyEstimator) -> str:
 class Kept:
     """Finished units, in memory and, where a folder is given, in a file that outlives an interruption."""
 
-    def __init__(self, folder: Path | None, seed: int) -> None:
+    def __init__(self, folder: Path | None, seed: int, drives: Mapping[str, str]) -> None:
+        """drives: a hash of each motor's drive by its name."""
         code = source_key(Path(__file__).resolve(), *(ROOT / "estimators").glob("*.py"))
         self.path = folder / f".protocol-{code}-{seed}.jsonl" if folder else None
+        self.drives = drives
         self.rows: dict[Unit, Row] = {}
         if self.path and self.path.is_file():
-            for line in self.path.read_text(encoding="utf-8").splitlines():
+            for line in self.path.read_bytes().splitlines():
                 self._read(line)
 
-    def _read(self, line: str) -> None:
+    def _read(self, line: bytes) -> None:
+        stated, _, body = line.partition(b" ")
+        if stated != keeping.digest(body).encode():  # a line cut off by the interruption
+            return
         try:
-            found = json.loads(line)
+            found = json.loads(body)
+            if found["drive"] != self.drives.get(found["unit"]["motor"]):
+                return
             points = tuple(Point(**p) for p in found["points"])
             outcome = Outcome(points, found["metrics"], found["passed"])
             row = Row(Unit(**found["unit"]), outcome, found["cpu_seconds"], found["failure"])
-        except (ValueError, KeyError, TypeError):  # a line cut off by the interruption
+        except (ValueError, KeyError, TypeError):  # written by another state of the code
             return
         self.rows[row.unit] = row
 
@@ -281,12 +290,14 @@ class Kept:
         if self.path and lasting:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             line = {
-                "unit": asdict(row.unit), "points": [asdict(p) for p in row.outcome.points],
+                "drive": self.drives[row.unit.motor], "unit": asdict(row.unit),
+                "points": [asdict(p) for p in row.outcome.points],
                 "metrics": dict(row.outcome.metrics), "passed": row.outcome.passed,
                 "cpu_seconds": row.cpu_seconds, "failure": row.failure,
             }  # fmt: skip
-            with self.path.open("a", encoding="utf-8") as file:
-                file.write(json.dumps(plain(line)) + "\n")
+            body = json.dumps(plain(line)).encode()
+            with self.path.open("ab") as file:  # begins a line: the one before may be half written
+                file.write(b"\n%s %s\n" % (keeping.digest(body).encode(), body))
 
 
 def forget(folder: Path) -> None:

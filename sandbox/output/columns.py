@@ -74,4 +74,4 @@ def write_table(path: Path, table: pyarrow.Table) -> None:
     else:
         from pyarrow import parquet
 
-        parquet.write_table(table, path)
+        parquet.write_table(table, path, write_page_checksum=True)

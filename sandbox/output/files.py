@@ -5,31 +5,20 @@ from __future__ import annotations
 import json
 import math
 import os
+import platform
 import shutil
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from importlib.metadata import PackageNotFoundError
-from importlib.metadata import version as installed
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from model.errors import BadInput
-
-if TYPE_CHECKING:
-    pass
+from sandbox.output.provenance import version
 
 SCHEMA = 1
-
-
-def version() -> str:
-    """Return the package's version, or `source` where it runs from a plain checkout."""
-    try:
-        return installed("sensorless-sandbox")
-    except PackageNotFoundError:
-        return "source"
 
 
 def plain(value: Any) -> Any:
@@ -63,15 +52,57 @@ def rounded(value: Any, digits: int) -> Any:
     return value
 
 
+NODE = f"{zlib.crc32(platform.node().encode()):x}"  # processes of another machine may write to the same disk
+
+
 def _aside(place: Path, full: Path) -> Path:
-    return place / f".part-{os.getpid()}-{zlib.crc32(os.fsencode(full)):x}"
+    return place / f".part-{NODE}-{os.getpid()}-{zlib.crc32(os.fsencode(full)):x}"
+
+
+def aside_of(full: Path, place: Path | None = None) -> Path:
+    """Return where this process prepares a file or folder (a full path): below `place`, by default beside it.
+
+    What a process that was killed left of the same one is removed.
+    """
+    path = _aside(full.parent if place is None else place, full)
+    for old in path.parent.glob(f".part-{NODE}-*-{path.name.rpartition('-')[2]}"):
+        pid = old.name.split("-")[2]
+        if old != path and pid.isdecimal() and not _is_running(int(pid)):
+            shutil.rmtree(old, ignore_errors=True)
+            with suppress(OSError):
+                old.unlink(missing_ok=True)
+    return path
+
+
+def _is_running(pid: int) -> bool:
+    if os.name == "nt":  # nothing there asks without harm
+        return True
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except (OSError, OverflowError):  # another user's
+        return True
+    return True
+
+
+def write_whole(path: Path, content: bytes) -> Path:
+    """Write a file, whole or not at all; return its path."""
+    full = Path(os.path.realpath(path.parent)) / path.name
+    aside = aside_of(full)
+    try:
+        aside.write_bytes(content)
+        aside.replace(full)
+    finally:
+        aside.unlink(missing_ok=True)
+    return path
 
 
 def _waiting(out: Path) -> Path:
     """Return a new folder for files on their way to `out`, below the nearest place that exists."""
     full = Path(os.path.realpath(out))
     place = next(p for p in (full, *full.parents) if os.path.lexists(p))
-    path = _aside(place, full) / full.relative_to(place)
+    path = aside_of(full, place) / full.relative_to(place)
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -131,18 +162,19 @@ def discard(out: Path) -> None:
         shutil.rmtree(_aside(place, full), ignore_errors=True)
 
 
-def write_json(out: Path, name: str, content: dict[str, Any], command: str = "") -> Path:
+def write_json(
+    out: Path, name: str, content: dict[str, Any], command: str = "", made: Mapping[str, Any] | None = None
+) -> Path:
     """Write `<name>.json` with the common header into a folder, whole or not at all; return its path.
 
-    command: the header's, where the file is not named after it.
+    command: the header's, where the file is not named after it; made: what made it (`provenance.made_by`).
     """
-    path = out / f"{name}.json"
     document = {"schema": SCHEMA, "command": command or name, "version": version(), **plain(content)}
-    text = json.dumps(document, indent=1, allow_nan=False) + "\n"
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        aside.write_text(text, encoding="utf-8")
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
-    return path
+    if made is not None:
+        document["made_by"] = plain(made)
+    return write_whole(out / f"{name}.json", json_bytes(document))
+
+
+def json_bytes(document: Mapping[str, Any]) -> bytes:
+    """Return a document as JSON, a line an entry."""
+    return (json.dumps(document, indent=1, allow_nan=False) + "\n").encode()

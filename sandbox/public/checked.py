@@ -11,6 +11,7 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of, table_of, write_table
 from sandbox.output.files import results, write_json
+from sandbox.public.calls import told
 from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
@@ -83,10 +84,11 @@ class CheckResult(Result):
         with results(Path(folder), self.command) as out:
             if csv:
                 write_table(out / "check.csv", self.to_table())
-            write_json(out, self.command, self.as_json())
+            write_json(out, self.command, self.as_json(), made=self.made_by(out))
         return Path(folder)
 
 
+@told
 def check(
     campaign: str | Path | Campaign,
     *,
@@ -192,10 +194,11 @@ class PlanResult(Result):
                 write_table(out / f"{p.entry.name}.csv", table_of(table))
             if csv:
                 write_table(out / "plan.csv", self.to_table())
-            write_json(out, self.command, self.as_json())
+            write_json(out, self.command, self.as_json(), made=self.made_by(out))
         return Path(folder)
 
 
+@told
 def plan(
     motor: str | Path | Drive = "ipm_exchanged",
     *,

@@ -24,6 +24,9 @@ from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.output.files import results, write_json
+from sandbox.output.provenance import Call, made_by
+from sandbox.public.calls import told
+from sandbox.public.loading import load_motor
 from sandbox.recordings.injection import carrier
 
 COMMAND = "export-estimator"
@@ -41,6 +44,7 @@ class Export:
     files: dict[str, str]
     state_bytes: int  # float
     operations: Operations  # of a step, on the golden vectors
+    call: Call | None = None
 
     def __repr__(self) -> str:
         return f"<Export: {self.name} for {self.motor}, {', '.join(self.files)}>"
@@ -55,7 +59,7 @@ class Export:
         with results(Path(folder), COMMAND) as out:
             for name, text in self.files.items():
                 (out / name).write_text(text, encoding="utf-8")
-            write_json(out, COMMAND, self.as_json())
+            write_json(out, COMMAND, self.as_json(), made=made_by(self.call, out.iterdir()))
         return Path(folder)
 
 
@@ -84,13 +88,50 @@ def in_windows(estimator: Estimator, golden: Golden) -> np.ndarray:
     """Return what an estimator tells for golden samples, begun anew in each window."""
     parts = np.split(golden.samples, range(WINDOW, len(golden.samples), WINDOW))
     begun = zip(parts, golden.angles, strict=True)
-    return np.vstack([told(estimator, golden.belief, golden.tuning, part, angle) for part, angle in begun])
+    return np.vstack([in_one_window(estimator, golden.belief, golden.tuning, part, angle) for part, angle in begun])
 
 
-def told(estimator: Estimator, belief: Belief, tuning: Tuning, samples: np.ndarray, angle: float | None) -> np.ndarray:
+def in_one_window(
+    estimator: Estimator, belief: Belief, tuning: Tuning, samples: np.ndarray, angle: float | None
+) -> np.ndarray:
     """Return what an estimator tells for samples (n, 5): theta (rad), omega (rad/s), axis (rad), (n, 3)."""
     state, step = estimator.init(belief, tuning, angle), estimator.step_for(belief)
     return np.array([step(state, Sample(*row), belief, tuning)[:3] for row in samples.tolist()])
+
+
+@told
+def export_estimator(
+    estimator: str = "ekf", motor: str | Path | Drive = "ipm_exchanged", belief: str = "saturated"
+) -> Export:
+    """Return an estimator as plain C99 with float numbers, with a motor's constants, for a firmware.
+
+    Parameters
+    ----------
+    estimator : str
+        'qnull', 'inversion' or 'ekf'.
+    motor : str, Path or Drive
+        See `load_motor`; one with alphas (a flux map has no polynomial to print).
+    belief : {'saturated', 'linear'}
+        Which model of the motor the constants are of.
+
+    Returns
+    -------
+    Export
+        `.files` (name and text: the estimator, the header, `motor.h`, `check.c` with golden vectors),
+        `.operations` of a step, `.state_bytes`, `.save(folder)`.
+
+    Raises
+    ------
+    BadInput
+        For an estimator that is not translated, a motor with a flux map, or a name that is not known.
+
+    Examples
+    --------
+    >>> from sandbox import export_estimator
+    >>> list(export_estimator("qnull", "ipm_exchanged").files)
+    ['sensorless_estimator.h', 'qnull.c', 'motor.h', 'check.c']
+    """
+    return exported(estimator, load_motor(motor), belief)
 
 
 def exported(name: str, drive: Drive, belief: str) -> Export:

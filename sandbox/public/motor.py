@@ -12,6 +12,7 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.output.columns import Column, write_table
 from sandbox.output.files import results, write_json
+from sandbox.public.calls import told
 from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 
@@ -108,10 +109,12 @@ class MapsResult(Result):
             self.plot(out / "maps.png")
             if csv:
                 write_table(out / "maps.csv", self.to_table())
-            write_json(out, "maps", self.as_json() | {"arrays": "maps.npz", "figure": "maps.png"})
+            files = {"arrays": "maps.npz", "figure": "maps.png"}
+            write_json(out, "maps", self.as_json() | files, made=self.made_by(out))
         return Path(folder)
 
 
+@told
 def audit(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = None) -> AuditResult:
     """Return where a motor's model is valid: convexity, saliency, cross-saturation angle.
 
@@ -162,6 +165,7 @@ def _map_of(motor: str | Path | Drive) -> Quality | None:
     return None if table is None else map_quality(table, path.parent)
 
 
+@told
 def maps(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = None, points: int = 61) -> MapsResult:
     """Return a motor's maps over the plane of currents: inductances, cross-saturation angle, gain.
 

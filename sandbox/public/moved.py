@@ -81,7 +81,7 @@ class MotionResult(Result):
             self.to_html(out / "report.html")
             if csv:
                 write_table(out / "diagnosis.csv", self.to_table())
-            write_json(out, "diagnosis", self.as_json(), command="diagnose")
+            write_json(out, "diagnosis", self.as_json(), command="diagnose", made=self.made_by(out))
         return Path(folder)
 
 

@@ -12,6 +12,7 @@ from estimators.registry import AnyEstimator
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of
 from sandbox.output.files import results, write_json
+from sandbox.public.calls import told
 from sandbox.public.loading import several
 from sandbox.public.result import Result
 
@@ -119,10 +120,11 @@ class BenchResult(Result):
         with results(Path(folder), "bench") as out:
             if csv:
                 write_table(out / "bench.csv", self.to_table())
-            write_json(out, "bench", self.as_json())
+            write_json(out, "bench", self.as_json(), made=self.made_by(out))
         return Path(folder)
 
 
+@told
 def protocol(
     estimators: Iterable[AnyEstimator] | AnyEstimator | None = None,
     motors: Iterable[str | Path | Drive] | str | Path | Drive | None = None,
@@ -186,6 +188,7 @@ def protocol(
     )  # fmt: skip
 
 
+@told
 def bench(anchors: str | Path | None = None, python: str | None = None) -> BenchResult:
     """Measure what a plant step, a closed-loop second and the effects cost on this machine; about a minute.
 

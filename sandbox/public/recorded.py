@@ -14,6 +14,7 @@ import numpy as np
 from model.effects.library import parse
 from sandbox.output.columns import Column, columns_of, write_table
 from sandbox.output.files import results, write_json
+from sandbox.public.calls import told
 from sandbox.public.loading import motion_only, read_campaign
 from sandbox.public.moved import MotionResult, diagnose_motion
 from sandbox.public.result import Result
@@ -130,7 +131,7 @@ class DiagnosisResult(Result):
             self.to_rerun(out / "diagnosis.rrd")
             if csv:
                 write_table(out / "diagnosis.csv", self.to_table())
-            write_json(out, "diagnosis", self.as_json(), command="diagnose")
+            write_json(out, "diagnosis", self.as_json(), "diagnose", self.made_by(out))
         return Path(folder)
 
 
@@ -201,6 +202,7 @@ class ReplayResult(Result):
         return Path(path)
 
 
+@told
 def identify(
     campaign: AnyCampaign, columns: str | Path | None = None, preset: str | None = None
 ) -> IdentificationResult:
@@ -238,6 +240,7 @@ def identify(
     return IdentificationResult(fitted(read_campaign(campaign, columns, ("locked",), preset=preset)))
 
 
+@told
 def diagnose(
     campaign: AnyCampaign,
     *,
@@ -307,6 +310,7 @@ def diagnose(
     )
 
 
+@told
 def replay(
     campaign: AnyCampaign,
     effects: Mapping[str, float] | str | None = None,

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from model.errors import BadInput
+from model.errors import BadInput, shown
+from model.names import LONGEST
 from sandbox.output.columns import Column, frame_of, table_of, write_table
 from sandbox.output.files import KINDS, results, write_json
+from sandbox.output.provenance import Call, made_by
 
 if TYPE_CHECKING:
     import pandas
@@ -24,6 +26,11 @@ class Result(ABC):
     """A finished piece of work; what is in it stands in the fields of its class."""
 
     command: ClassVar[str]
+    call: Call | None = field(default=None, kw_only=True)  # how the function that returned it was called
+
+    def made_by(self, folder: Path) -> dict[str, Any]:
+        """Return what made the result, with hashes of its files in a folder that holds no others."""
+        return made_by(self.call, (path for path in folder.iterdir() if path.is_file()))
 
     @abstractmethod
     def as_json(self) -> dict[str, Any]:
@@ -64,7 +71,7 @@ class Result(ABC):
         """Write JSON, figure and table (Parquet; csv: as CSV, too) into a folder, together; return it."""
         with results(Path(folder), self.command) as out:
             files = self._write(out, csv)
-            write_json(out, self.command, self.as_json() | files)
+            write_json(out, self.command, self.as_json() | files, made=self.made_by(out))
         return Path(folder)
 
     def _write(self, out: Path, csv: bool) -> dict[str, Any]:
@@ -85,7 +92,7 @@ def keep_other(folder: Path, command: str, motor: str) -> str:
     path = folder / f"{command}.json"
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        earlier = str(content["motor"])
+        earlier = str(content["motor"])[:LONGEST]
     except (OSError, ValueError, KeyError, TypeError):
         return ""
     for old in _named(folder, f"{command}-{_slug(motor)}"):
@@ -100,10 +107,12 @@ def keep_other(folder: Path, command: str, motor: str) -> str:
         if not name.endswith(".json"):
             (folder / name).replace(folder / new)
     files = {key: renamed.get(value, value) if isinstance(value, str) else value for key, value in content.items()}
-    header = ("schema", "command", "version")
-    write_json(folder, stem, {k: v for k, v in files.items() if k not in header}, command=command)
+    header, made = ("schema", "command", "version", "made_by"), content.get("made_by")
+    if isinstance(made, dict) and isinstance(made.get("files"), dict):
+        made = made | {"files": {renamed.get(name, name): digest for name, digest in made["files"].items()}}
+    write_json(folder, stem, {k: v for k, v in files.items() if k not in header}, command, made)
     path.unlink()
-    return f"the earlier result of '{earlier}' is kept as {stem}.json"
+    return f"the earlier result of '{shown(earlier)}' is kept as {stem}.json"
 
 
 def _named(folder: Path, stem: str) -> list[Path]:

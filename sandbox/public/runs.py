@@ -15,6 +15,7 @@ from model.names import fitting
 from model.parameters import Drive
 from sandbox.drive.scenario import Scenario
 from sandbox.output.columns import Column, columns_of
+from sandbox.public.calls import told
 from sandbox.public.loading import load_estimator, load_motor, load_scenario, several
 from sandbox.public.result import Result
 
@@ -225,7 +226,7 @@ def save_runs(
         if trace:
             result.to_rerun(out / f"{name}.rrd")
         named = {key: f"{name}.{suffix}" if suffix else None for key, suffix in files.items()}
-        write_json(out, name, result.as_json() | named)
+        write_json(out, name, result.as_json() | named, made=result.made_by(out))
     return Path(folder)
 
 
@@ -233,6 +234,7 @@ def _effects(effects: Effects) -> dict[str, float]:
     return parse(effects) if isinstance(effects, str) else dict(effects or {})
 
 
+@told
 def simulate(
     motor: AnyMotor = "ipm_exchanged",
     scenario: AnyScenario = "staircase",
@@ -328,6 +330,7 @@ def check_new_folder(folder: Path, out: Path | None = None) -> None:
         raise BadInput(f"--record '{folder}' cannot be made below '{parent}'; give another place")
 
 
+@told
 def compare(
     motor: AnyMotor = "ipm_exchanged",
     scenario: AnyScenario = "staircase",

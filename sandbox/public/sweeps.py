@@ -15,6 +15,7 @@ from model.errors import BadInput
 from sandbox.drive.scenario import Scenario
 from sandbox.output.columns import Column, columns_of, write_table
 from sandbox.output.files import results, write_json
+from sandbox.public.calls import told
 from sandbox.public.loading import several
 from sandbox.public.result import Result
 
@@ -100,7 +101,7 @@ class SweepResult(Result):
             if place.resolve() != self.folder.resolve():
                 write_table(out / "sweep.parquet", self.to_table())
                 files["table"] = "sweep.parquet"
-            write_json(out, "sweep", self.as_json() | files)
+            write_json(out, "sweep", self.as_json() | files, made=self.made_by(out))
         return place
 
 
@@ -139,6 +140,7 @@ class ToleranceResult(Result):
         return tolerance_figure(self.rows, f"{self.motor}, {self.scenario}", path)
 
 
+@told
 def sweep(
     plan: str | Path | Mapping[str, Any],
     folder: str | Path,
@@ -211,6 +213,7 @@ def sweep(
     return SweepResult(found, Path(folder), cpu, kernel)
 
 
+@told
 def tolerances(
     motor: str | Path = "ipm_exchanged",
     scenario: str | Path | Scenario = "staircase",

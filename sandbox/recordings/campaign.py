@@ -283,7 +283,7 @@ def read_parquet(path: Path) -> dict[str, Array]:
     except ImportError:
         raise BadInput(f"{path.name}: reading Parquet needs pyarrow; install it with 'pip install pyarrow'") from None
     try:
-        table = parquet.read_table(path)
+        table = parquet.read_table(path, page_checksum_verification=True)
         return {n: np.asarray(table[n].to_numpy(), dtype=np.float64) for n in table.column_names}
     except FileNotFoundError:
         raise BadInput(f"{path.name}: the file does not exist in '{path.parent}'; correct [[recording]]") from None

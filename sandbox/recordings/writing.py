@@ -6,13 +6,13 @@ import dataclasses
 import json
 import os
 import shutil
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
 from model.mapped import without_map
+from sandbox.output.files import aside_of
 from sandbox.recordings.campaign import OF_RECORDING, RATED, Campaign
 
 
@@ -25,13 +25,13 @@ def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
     if folder.exists():
         raise BadInput(f"folder '{folder}' exists already; give a new one or remove it first")
     folder.parent.mkdir(parents=True, exist_ok=True)
-    partial = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
+    partial = aside_of(Path(os.path.realpath(folder)))
     try:
+        partial.mkdir()
         (partial / "campaign.toml").write_text(_toml(campaign), encoding="utf-8")
         for r in campaign.recordings:
             (partial / r.file).parent.mkdir(parents=True, exist_ok=True)
-            parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file)
-        partial.chmod(0o755)
+            parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file, write_page_checksum=True)
         os.replace(partial, folder)
     finally:
         shutil.rmtree(partial, ignore_errors=True)

@@ -1,22 +1,23 @@
 """The folder of a sweep: finished blocks as Parquet files, traces as zarr, and a manifest that says which are whole.
 
-runs/block-*.parquet together are one data set; manifest.json has the SHA-256 of each.  A block counts once the
-manifest names it, and every file is written aside and renamed: an interrupted sweep goes on where it was, and half a
-file is never taken for a whole one.
+runs/block-*.parquet together are one data set; manifest.json has the SHA-256 of each, and of itself.  A block
+counts once the manifest names it, and every file is written aside and renamed: an interrupted sweep goes on where it
+was, and half a file is never taken for a whole one.
 """
 
 from __future__ import annotations
 
 import hashlib
+import io
 import json
-import os
 import shutil
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
-from sandbox.output.files import plain, version
+from sandbox.output.files import json_bytes, write_whole
+from sandbox.output.provenance import version
 from sandbox.sweep.blocks import Block, block_size, code_key, samples_of, schema_of
 from sandbox.sweep.plan import Sweep, digest_of
 
@@ -73,11 +74,9 @@ def forget(folder: Path) -> None:
 
 
 def begin(kept: Kept) -> None:
-    """Make the folder, the schema, room for traces; remove what an interrupted call had half written."""
+    """Make the folder, the schema, room for traces."""
     (kept.folder / RUNS).mkdir(parents=True, exist_ok=True)
-    for old in (kept.folder / RUNS).glob(".*.part"):
-        old.unlink(missing_ok=True)
-    _write_json(kept.folder / SCHEMA, {"schema": 1, "columns": schema_of(kept.sweep)})
+    write_whole(kept.folder / SCHEMA, json_bytes({"schema": 1, "columns": schema_of(kept.sweep)}))
     if kept.sweep.traces is not None and not kept.blocks:
         _new_traces(kept)
     _write_manifest(kept)
@@ -87,14 +86,10 @@ def add(kept: Kept, block: Block) -> None:
     """Keep a finished block: its table, its traces, then its line in the manifest."""
     from pyarrow import parquet
 
-    path = kept.folder / _file(block.start)
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        parquet.write_table(block.table, aside)
-        digest = hashlib.sha256(aside.read_bytes()).hexdigest()
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    body = io.BytesIO()
+    parquet.write_table(block.table, body)
+    write_whole(kept.folder / _file(block.start), body.getvalue())
+    digest = hashlib.sha256(body.getvalue()).hexdigest()
     said: dict[str, Any] = {
         "start": block.start, "rows": block.table.num_rows, "file": _file(block.start), "sha256": digest,
     }  # fmt: skip
@@ -130,12 +125,16 @@ def _file(start: int) -> str:
 
 
 def _read(path: Path) -> dict[str, Any] | None:
-    """Return a manifest, None where there is none that can be read."""
+    """Return a manifest, None where there is none that is what was written."""
     try:
         found = json.loads(path.read_bytes())
-        return found if isinstance(found, dict) and isinstance(found["blocks"], list) else None
-    except (OSError, ValueError, KeyError):
+        return dict(found) if found.pop("sha256") == _digest(found) else None
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
+
+
+def _digest(content: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _is_whole(kept: Kept, block: dict[str, Any]) -> bool:
@@ -157,16 +156,7 @@ def _write_manifest(kept: Kept) -> None:
         "schema": 1, "version": version(), "code": code_key(), "key": key_of(kept.sweep), "runs": kept.sweep.runs,
         "block": block_size(kept.sweep), "blocks": blocks,
     }  # fmt: skip
-    _write_json(kept.folder / MANIFEST, content)
-
-
-def _write_json(path: Path, content: dict[str, Any]) -> None:
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        aside.write_text(json.dumps(plain(content), indent=1, allow_nan=False) + "\n", encoding="utf-8")
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    write_whole(kept.folder / MANIFEST, json_bytes(content | {"sha256": _digest(content)}))
 
 
 def _trace_libraries() -> tuple[Any, Any]:

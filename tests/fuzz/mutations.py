@@ -137,7 +137,9 @@ CALLS = (
     ("withheld", "score", "check", "--limit", "1", "--leave-out", "0.5", "--finished"),
     ("protocol", "--motors", "ipm,m.toml", "--estimators", "qnull", "--tests", "start,cost", "--jobs", "1"),
     ("bench", "--peer", "--anchors", "anchors", "--peer-python", "nowhere"), ("list", "effects", "dead_time"),
-    ("list", "motors"), ("list", "datasets"), ("view", "nowhere.rrd"),
+    ("list", "motors"), ("list", "datasets"), ("view", "nowhere.rrd"), ("show", "result"),
+    ("sweep", "sweep.toml", "--jobs", "1", "--again", "--yes"), ("verify", "result", "--tolerance", "1e-6"),
+    ("export-estimator", "ekf", "--motor", "m.toml", "--belief", "linear"),
 )  # fmt: skip
 
 

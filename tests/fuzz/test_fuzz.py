@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -18,15 +19,23 @@ from tests.fuzz.doors import damaged, judged, listing, tried, wrong_sentence
 from tests.fuzz.mutations import CALLS
 from tests.fuzz.whole import COSTLY, DOORS, call, call_number, make_home
 
-INPUTS = 60  # a door; about half a minute in all
+INPUTS = 40  # a door; about a quarter of a minute in all
 FINDINGS = sorted((Path(__file__).parent / "findings").glob("*"))
 BY_NAME = {d.name: d for d in DOORS}
 
 
+@pytest.fixture(scope="module")
+def whole_home(tmp_path_factory):
+    """A folder with what the calls name."""
+    folder = tmp_path_factory.mktemp("whole")
+    make_home(folder)
+    return folder
+
+
 @pytest.fixture
-def home(tmp_path, monkeypatch):
-    """A folder with what the calls name, the place to be."""
-    make_home(tmp_path)
+def home(whole_home, tmp_path, monkeypatch):
+    """A copy of it, the place to be."""
+    shutil.copytree(whole_home, tmp_path, dirs_exist_ok=True)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -18,10 +18,15 @@ from model.fluxmap import FluxMap, write_map
 from sandbox.drive.design import design
 from sandbox.drive.locked_test import Bench, paper_campaign
 from sandbox.drive.scenario import SCENARIOS, load_scenario
-from sandbox.output.files import plain
+from sandbox.output.files import plain, write_json
+from sandbox.output.provenance import made_by
+from sandbox.public.motor import audit
+from sandbox.public.verifying import verify
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.writing import write_campaign
+from sandbox.sweep import store
+from sandbox.sweep.blocks import crashed, tasks_of
 from sandbox.sweep.plan import read_sweep
 from sandbox.sweep.sweep import check_size
 from sandbox.validation.scoring.blind import score
@@ -136,6 +141,13 @@ def make_motor(folder):
     (folder / "m.toml").write_text((MOTORS / "ipm_exchanged.toml").read_text())
 
 
+def make_inverter(folder):
+    """Write a motor with a table of its inverter beside it."""
+    text = (MOTORS / "ipm_exchanged.toml").read_text()
+    (folder / "m.toml").write_text(text.replace("[drive]\n", '[drive]\ninverter_table = "legs.csv"\n'))
+    (folder / "legs.csv").write_text("current,error\n-2.0,-5.5\n-0.5,-4\n0,0.1\n0.5,4\n1.0,5\n2.5,6\n")
+
+
 def make_scenario(folder):
     """Write a scenario."""
     (folder / "s.toml").write_text((SCENARIOS / "staircase.toml").read_text())
@@ -144,6 +156,29 @@ def make_scenario(folder):
 def make_sweep(folder):
     """Write a sweep's file."""
     (folder / "s.toml").write_text((Path(__file__).parents[2] / "experiments" / "yield_curve.toml").read_text())
+
+
+def make_swept(folder):
+    """Write the folder of a sweep with two finished blocks (whose runs crashed: nothing is simulated here)."""
+    make_sweep(folder)
+    sweep = read_sweep(folder / "s.toml")
+    kept = store.open_folder(sweep, folder)
+    store.begin(kept)
+    for task in tasks_of(sweep)[:2]:
+        store.add(kept, crashed(task._replace(stop=task.start + 3)))
+
+
+def read_swept(folder):
+    """Open the folder as a sweep that goes on does."""
+    store.open_folder(read_sweep(folder / "s.toml"), folder)
+    return store.read_table(folder)
+
+
+def make_result(folder):
+    """Write the result of an audit, without its figure."""
+    found = audit("ipm")
+    folder.mkdir(exist_ok=True)
+    write_json(folder, "audit", found.as_json(), made=made_by(found.call))
 
 
 def read_and_size(folder):
@@ -294,18 +329,22 @@ DOORS = (
     Door("map_motor", make_map("csv"), ("mine.toml",), of_text(damaged_toml), read_mapped),
     Door("motor", make_motor, ("m.toml",), of_text(damaged_toml), lambda folder: load_drive(folder / "m.toml")),
     Door("design", make_motor, ("m.toml",), of_text(damaged_toml), lambda f: design(load_drive(f / "m.toml"))),
+    Door("inverter", make_inverter, ("legs.csv",), damaged_csv, lambda folder: load_drive(folder / "m.toml")),
     Door("scenario", make_scenario, ("s.toml",), of_text(damaged_toml), lambda f: load_scenario(f / "s.toml")),
     Door("sweep", make_sweep, ("s.toml",), of_text(damaged_toml), read_and_size),
+    Door("swept", make_swept, ("manifest.json",), of_text(damaged_json), read_swept),
+    Door("result", make_result, ("audit.json",), of_text(damaged_json), verify),
     Door("report", make_check, REPORTS, of_text(damaged_json), read_check),
     Door("seal", make_check, ("truth.sealed",), of_text(damaged_json), read_check),
 )  # fmt: skip
-COSTLY = {"design": 0.02, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs of a usual door
+COSTLY = {"design": 0.02, "result": 0.1, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs of a usual door
 PHYSICS = (  # replaced where the command line is tried: what stands before them is
     "sandbox.evaluation.compare.compare", "sandbox.evaluation.compare.single", "model.saliency.audit",
     "sandbox.evaluation.maps.maps", "sandbox.evaluation.bench.bench",
     "sandbox.evaluation.protocol.run_unit", "sandbox.recordings.identify.identify", "sandbox.gap.report.answers.answer",
     "sandbox.validation.withheld.make.make",
-    "sandbox.validation.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case",
+    "sandbox.validation.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case", "sandbox.sweep.store.begin",
+    "sandbox.public.exporting.exported", "sandbox.public.verifying._again",
 )  # fmt: skip
 
 
@@ -333,6 +372,8 @@ def make_home(folder):
     for make in (make_motor, make_campaign, make_map("csv")):
         make(folder)
     (folder / "s.toml").write_text(SHORT)
+    (folder / "sweep.toml").write_text(SHORT)
+    make_result(folder / "result")
     (folder / "campaign").mkdir()
     (folder / "check").mkdir()
     make_campaign(folder / "campaign")

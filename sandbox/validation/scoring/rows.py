@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
-from sandbox.output.files import rounded
+from sandbox.output.files import rounded, write_whole
 from sandbox.validation.scoring.documents import check_report
 
 DIGITS = 6
@@ -90,13 +90,7 @@ def _intervals(part: Mapping[str, Any]) -> dict[str, Any]:
 
 def write_rows(path: Path, rows: Iterable[Row]) -> Path:
     """Write rows as JSON lines, whole or not at all; return the path."""
-    aside = path.with_name(f".{path.name}.part")
-    try:
-        aside.write_text("".join(r.line() + "\n" for r in rows), encoding="utf-8")
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
-    return path
+    return write_whole(path, "".join(r.line() + "\n" for r in rows).encode())
 
 
 def read_rows(path: Path) -> list[Row]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from sandbox.engine.processes import Cluster, spread
-from sandbox.output.files import plain
+from sandbox.output.files import json_bytes, plain, write_whole
 from sandbox.validation.scoring.recommended import drawn_again, grow
 from sandbox.validation.withheld.draw import Drawn
 from sandbox.validation.withheld.make import CAMPAIGNS
@@ -28,6 +27,7 @@ Diagnose = Callable[[Path, tuple[str, ...]], Any]
 CODE = (  # what a diagnosis depends on, and what records where a recommended recording is made
     "model", "estimators", "sandbox/plant", "sandbox/recordings", "sandbox/replay", "sandbox/drive", "sandbox/gap",
     "sandbox/validation", "sandbox/engine", "sandbox/output/files.py", "sandbox/output/columns.py",
+    "sandbox/output/provenance.py",
 )  # fmt: skip
 
 
@@ -121,12 +121,10 @@ def _lost(task: _Task) -> None:
 
 def _write(task: _Task, content: dict[str, Any]) -> None:
     task.reports.mkdir(parents=True, exist_ok=True)
-    aside = task.reports / f".{task.name}.{os.getpid()}.part"
     more = {} if task.entry is None else {"recorded": list(task.entry)}
     now = datetime.now(UTC).isoformat(timespec="seconds")
-    text = json.dumps({**content, **more, "code": code_digest(), "made": now}, indent=1, allow_nan=False)
-    aside.write_text(text + "\n", encoding="utf-8")
-    aside.replace(task.reports / f"{task.name}.json")
+    text = json_bytes({**content, **more, "code": code_digest(), "made": now})
+    write_whole(task.reports / f"{task.name}.json", text)
 
 
 @cache

@@ -8,8 +8,6 @@ last digits may differ).  A call that was interrupted goes on where it stopped.
 from __future__ import annotations
 
 import hashlib
-import json
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,7 +18,7 @@ import numpy as np
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.engine.processes import Cluster, spread
-from sandbox.output.files import plain
+from sandbox.output.files import json_bytes, plain, write_whole
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
 from sandbox.validation.switched.bench_numbers import Bench, bench
@@ -89,7 +87,7 @@ def make(
 def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
     """Write all truths into one file and its SHA-256 beside it; return the hash.  BadInput where another is there."""
     content = {"schema": 1, **header, "campaigns": {d.case.name: d.sealed() for d in drawn}}
-    text = (json.dumps(plain(content), indent=1, allow_nan=False) + "\n").encode()
+    text = json_bytes(plain(content))
     digest = hashlib.sha256(text).hexdigest()
     path = folder / SEAL
     if path.exists() and path.read_bytes() != text:
@@ -98,9 +96,7 @@ def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
         )
     folder.mkdir(parents=True, exist_ok=True)
     for name, data in ((SEAL, text), (HASH, f"{digest}  {SEAL}\n".encode())):
-        aside = folder / f".{name}.{os.getpid()}.part"
-        aside.write_bytes(data)
-        aside.replace(folder / name)
+        write_whole(folder / name, data)
     return digest
 
 

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from estimators.registry import load_estimator
-from model.drive_files import load_drive
+from model.drive_files import MOTORS, load_drive
 from model.errors import BadInput
 from sandbox.cli import main
 from sandbox.drive.scenario import Scenario, Segment
@@ -172,8 +172,24 @@ def test_resumes_after_an_interruption(tmp_path, monkeypatch):
     result = p.protocol(**choose)
     assert ran == [("qnull", "saturated"), ("qnull", "linear"), ("qnull", "linear")]
     assert [r.outcome.passed for r in result.rows] == [True, None]
+    path = next(tmp_path.glob(".protocol-*.jsonl"))
+    path.write_text(path.read_text().replace('"passed": true', '"passed": false'))  # no longer what was written
+    assert [r.outcome.passed for r in p.protocol(**choose).rows] == [True, None]
+    assert ran[3:] == [("qnull", "saturated")]
     p.forget(tmp_path)
     assert not list(tmp_path.iterdir())
+
+
+def test_a_motor_file_changed_meanwhile_is_run_again(tmp_path, monkeypatch):
+    found = []
+    monkeypatch.setitem(
+        p.TESTS, "creep", lambda drive, *_: found.append(drive.motor.resistance) or t.Outcome((), {}, True)
+    )
+    text, path = (MOTORS / "ipm_exchanged.toml").read_text(), tmp_path / "m.toml"
+    for resistance in ("12.15", "13.0", "13.0"):
+        path.write_text(text.replace("resistance = 12.15", f"resistance = {resistance}"))
+        p.protocol(["qnull"], [path], ["creep"], keep=tmp_path, jobs=1)
+    assert found == [12.15, 12.15, 13.0, 13.0]  # two beliefs each; the third call finds them kept
 
 
 @pytest.mark.parametrize(

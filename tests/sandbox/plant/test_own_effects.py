@@ -7,6 +7,7 @@ the switched bench (phase equations, no code shared).
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -91,6 +92,7 @@ def test_effects_after_the_plant_come_too_late():
         ("EFFECTS = ()", "no effects"),
         ("x = (", "SyntaxError"),
         ("1 / 0", "ZeroDivisionError"),
+        ("raise SystemExit(7)", "SystemExit"),
         ("EFFECTS = ('fan',)", "no effects"),
     ],
 )
@@ -120,6 +122,8 @@ DRAG = load_effect("viscous_friction").at[0].equation  # takes (coefficient, ome
         (card("dead_time", (At("friction", DRAG, ("size",)),)), "already"),
         (card("../x", (At("friction", DRAG, ("size",)),)), "no name"),
         (card(), "no equation"),
+        (card(numbers=("a\x1b[2J",)), "no name"),
+        (replace(card(), summary="a\nb\x1b[2J"), r"'a\\nb\\x1b\[2J' in 'mine' is no line"),
         (card(at=(At("wind", DRAG, ("size",)),)), "ports are"),
         (card(at=(At("friction", DRAG, ("length",)),)), "none of its parameters"),
         (card(at=(At("winding", DRAG, ("size",)),)), "must be @inlined"),

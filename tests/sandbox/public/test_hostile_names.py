@@ -9,6 +9,8 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from estimators.contract import Estimator
+from estimators.registry import load_estimator
 from model.drive_files import MOTORS, load_drive
 from model.errors import LONGEST_SENTENCE, BadInput, PhysicsError, sentence, shown, unknown
 from model.names import LONGEST, check_file, check_name, fitting, html_text
@@ -120,6 +122,27 @@ def test_flux_maps_lie_beside_the_file_that_names_them(tmp_path):
         )
         with pytest.raises(BadInput, match=r"\[flux_map\] file = "):
             load_drive(tmp_path / "m.toml")
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_hostile_names_of_estimators_are_refused(kind):
+    with pytest.raises(BadInput, match="estimator's name = "):
+        load_estimator(Estimator(HOSTILE[kind], "", lambda *_: None, lambda *_: None, compiled=False))
+
+
+def test_inverter_tables_lie_beside_the_file_that_names_them(tmp_path):
+    text = (MOTORS / "ipm_exchanged.toml").read_text()
+    (tmp_path / "t.csv").write_text("0,0\n1,2\n")
+    (tmp_path / "deep").mkdir()
+    (tmp_path / "deep" / "m.toml").write_text(text.replace("[drive]\n", '[drive]\ninverter_table = "../t.csv"\n'))
+    with pytest.raises(BadInput, match=r"\[drive\] inverter_table = '../t.csv'"):
+        load_drive(tmp_path / "deep" / "m.toml")
+
+
+def test_an_estimator_file_that_ends_the_program_is_refused(tmp_path):
+    (tmp_path / "mine.py").write_text("raise SystemExit(7)\n")
+    with pytest.raises(BadInput, match="SystemExit"):
+        load_estimator(tmp_path / "mine.py")
 
 
 def test_what_the_user_wrote_cannot_command_the_terminal(tmp_path, capsys):

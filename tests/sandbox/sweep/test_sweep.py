@@ -18,12 +18,15 @@ from sandbox.cli import main
 from sandbox.drive.design import design
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.engine.processes import spread
+from sandbox.output.files import aside_of
 from sandbox.sweep.blocks import arrow_schema, run_block, schema_of, tasks_of
 from sandbox.sweep.cases import EACH_TIME, made_ready, run_case
 from sandbox.sweep.plan import read_sweep, sweep_of
 from sandbox.sweep.summary import below, errors_of, groups_of, interval
 from sandbox.sweep.sweep import rows_of, run_sweep
 from sandbox.sweep.tolerances import tolerances
+
+DEAD = 999_999_999  # no process has this number: they end at 2^22
 
 SCENE = {"scenario": {"start_up": False}, "segment": [{"duration": 0.02, "load": 1.0, "settle": 0.01}]}
 SMALL = SCENE | {  # 40 runs in 4 blocks of 10
@@ -165,7 +168,8 @@ def test_an_interrupted_sweep_goes_on_where_it_was(reference, tmp_path):
     first, second = sorted((tmp_path / "runs").iterdir())
     kept = first.stat().st_mtime_ns
     second.write_bytes(second.read_bytes()[:-9])  # half a file is not taken for a whole one
-    (tmp_path / "runs" / ".block-000000020.parquet.1.part").write_bytes(b"half")
+    half = aside_of((tmp_path / "runs" / "block-000000020.parquet").resolve())
+    half.with_name(half.name.replace(f"-{os.getpid()}-", f"-{DEAD}-")).write_bytes(b"half")  # of a process killed
     told = []
     run_sweep(plan, tmp_path, progress=lambda done, total: told.append((done, total)))
     assert told == [(20, 40), (30, 40), (40, 40)]

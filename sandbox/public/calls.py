@@ -1,0 +1,143 @@
+"""A result says how it was called: `told` keeps a function's arguments, and the hashes of the files they name."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+from collections.abc import Callable, Iterator, Mapping
+from functools import wraps
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+from model.datasets import locate
+from model.drive_files import mapped_names, motor_file
+from model.effects import own
+from model.errors import BadInput
+from model.parameters import read_toml
+from sandbox.output.provenance import Call, digest_of
+
+P = ParamSpec("P")
+R = TypeVar("R")
+LEFT_OUT = ("jobs", "cluster", "progress", "keep", "folder", "yes", "again")  # results do not depend on them
+TABLES = (".parquet", ".csv", ".txt", ".tsv", ".mat", ".mf4")
+EFFECTS = "effects_from"  # beside the arguments: files of effects that were taken over before
+LONGEST = 200  # characters of a text that may name a file
+
+
+class _Object(Exception):
+    """Raised where an argument is a Python object."""
+
+
+def told(function: Callable[P, R]) -> Callable[P, R]:
+    """Let a function's result (a dataclass with a field `call`) say how it was called."""
+    signature = inspect.signature(function)
+
+    @wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        result: Any = function(*args, **kwargs)
+        bound = signature.bind(*args, **kwargs)
+        bound.apply_defaults()
+        found: R = dataclasses.replace(result, call=call_of(function.__name__, bound.arguments))
+        return found
+
+    return call
+
+
+def call_of(function: str, given: Mapping[str, Any]) -> Call:
+    """Return a call that went well as a result tells it; the files are read once more, for their hashes."""
+    arguments: dict[str, Any] = {}
+    objects = []
+    for name, value in given.items():
+        if name in LEFT_OUT:
+            continue
+        try:
+            arguments[name] = _plain(value)
+        except _Object:
+            objects.append(name)
+    if own.FILES:
+        arguments[EFFECTS] = list(own.FILES)
+    return Call(function, arguments, hashes(arguments), tuple(objects))
+
+
+def hashes(arguments: Mapping[str, Any]) -> dict[str, str]:
+    """Return the SHA-256 of every file that arguments name, and of those that these name, as far as they are there."""
+    found = {}
+    for name, value in arguments.items():
+        for one in value if isinstance(value, list) else [value]:
+            if isinstance(one, str) and 0 < len(one) <= LONGEST and "\0" not in one:
+                for said, path in _files(name, one, arguments):
+                    if path.is_file():
+                        found[said] = digest_of(path)
+    return dict(sorted(found.items()))
+
+
+def _plain(value: Any) -> Any:
+    if value is None or isinstance(value, (str, bool, int, float)):
+        return value
+    if isinstance(value, Path):
+        return value.as_posix()
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    raise _Object
+
+
+def _files(name: str, text: str, arguments: Mapping[str, Any]) -> Iterator[tuple[str, Path]]:
+    """Yield what an argument's text names: how it is told, and where it lies."""
+    path = Path(text)
+    if name == "campaign":
+        yield from ((p.as_posix(), p) for p in _campaign(path, arguments.get("columns")))
+    elif name in ("motor", "motors"):
+        yield from _motor(text)
+    elif path.suffix or len(path.parts) > 1:  # a name is not taken for a file that happens to lie here
+        yield path.as_posix(), path
+        yield from ((p.as_posix(), p) for p in named_by(path, path.parent))
+
+
+def _motor(text: str) -> Iterator[tuple[str, Path]]:
+    """Yield a motor's own file, its flux map, its inverter's table; a built-in motor has at most a data set."""
+    try:
+        path = motor_file(text)
+        table = read_toml(path).get("flux_map")
+        if text not in mapped_names() and path.stem != text:
+            yield path.as_posix(), path
+            yield from ((p.as_posix(), p) for p in named_by(path, path.parent))
+        if isinstance(table, dict) and "dataset" in table:
+            folder = locate(str(table["dataset"]))
+            if folder is not None:
+                yield f"{table['dataset']}/{table['file']}", folder / str(table["file"])
+    except BadInput:  # changed since it was read
+        return
+
+
+def _campaign(folder: Path, columns: Any) -> Iterator[Path]:
+    """Yield a campaign's description and tables: those it names, or all that lie in its folder."""
+    if folder.is_file():
+        yield folder
+        folder = folder.parent
+    whole = folder / "campaign.toml"
+    texts = [whole] if columns is None else [whole, Path(str(columns))]
+    yield from texts
+    named = [path for text in texts for path in named_by(text, folder)]
+    yield from named or sorted(p for p in folder.iterdir() if p.suffix.lower() in TABLES)
+
+
+def named_by(path: Path, folder: Path) -> list[Path]:
+    """Return the files in a folder that a TOML file names anywhere in it, sorted; none of another file."""
+    if path.suffix.lower() != ".toml" or not path.is_file():
+        return []
+    try:
+        texts = set(_texts(read_toml(path)))
+    except BadInput:
+        return []
+    files = (folder / text for text in texts if 0 < len(text) <= LONGEST and "\0" not in text)
+    return sorted(file for file in files if file.is_file())
+
+
+def _texts(tree: Any) -> Iterator[str]:
+    if isinstance(tree, str):
+        yield tree
+    elif isinstance(tree, (list, dict)):
+        for part in tree.values() if isinstance(tree, dict) else tree:
+            yield from _texts(part)

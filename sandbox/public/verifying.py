@@ -1,0 +1,277 @@
+"""`sensorless verify RESULT`: what a result says of its making is done once more, and the numbers are compared."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any, NamedTuple
+
+from model.errors import BadInput, brief, shown
+from sandbox.output.files import plain, results, write_json
+from sandbox.output.provenance import digest_of, libraries, made_by
+from sandbox.public.calls import EFFECTS, hashes
+
+COMMAND = "verify"
+HEADER = ("schema", "command", "version", "made_by", "figure", "table", "trace", "arrays", "rows", "page")
+COSTS = {  # what a run costs is never the same twice
+    "cpu_seconds", "kernel_seconds", "step_ns", "cpu_s_per_s", "cpu_to_peer", "cost.seconds",
+}  # fmt: skip
+CLOSE = 1e-6  # of a number: what another machine or another library may change
+NOTHING = 1e-12  # in any unit
+LARGEST = 2**1000  # a whole number beyond is none of ours, and no float
+MOST = 50  # differences that are told
+ROWS = "withheld.rows.jsonl"
+SCORED = "withheld score"
+
+
+class Difference(NamedTuple):
+    """One value that is not as stated: where it stands, what the result says, what is found now."""
+
+    where: str
+    stated: Any
+    found: Any
+
+
+@dataclass(frozen=True)
+class Verification:
+    """What became of a result when it was made once more.
+
+    values: how many were compared; largest: relative difference of numbers (0: the same to the bit); differences: those
+    beyond the tolerance (at most MOST), files of the result that were changed included; changed: what parts this
+    machine from the one that made it.
+    """
+
+    result: Path
+    function: str
+    values: int
+    largest: float
+    differences: tuple[Difference, ...]
+    changed: tuple[str, ...]
+
+    @property
+    def same(self) -> bool:
+        """Whether every value is as stated."""
+        return not self.differences
+
+    def __repr__(self) -> str:
+        return f"<Verification: {self.sentence()}>"
+
+    def sentence(self) -> str:
+        """Return the outcome in a sentence."""
+        exact = "to the bit" if self.largest == 0.0 else f"to {self.largest:.1g} of a number"
+        if self.same:
+            return f"{self.result}: {self.values} values of '{self.function}' are the same {exact}"
+        first = self.differences[0]
+        said = f"{first.where} is {brief(first.found)}, stated {brief(first.stated)}"
+        return f"{self.result}: {len(self.differences)} of {self.values} values of '{self.function}' differ; {said}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `verify.json` holds beyond its header."""
+        told = [d._asdict() for d in self.differences]
+        return asdict(self) | {"result": self.result.as_posix(), "same": self.same, "differences": told}
+
+    def save(self, folder: str | Path) -> Path:
+        """Write verify.json into a folder; return it."""
+        with results(Path(folder), COMMAND) as out:
+            write_json(out, COMMAND, self.as_json(), made=made_by())
+        return Path(folder)
+
+
+def verify(result: str | Path, tolerance: float = CLOSE) -> Verification:
+    """Make a result once more as it says it was made, and compare: files, inputs, every number.
+
+    Parameters
+    ----------
+    result : str or Path
+        A folder that a command or `.save` has written (the JSON in it, where it holds several results). Files that
+        its call names are looked for from the present folder.
+    tolerance : float
+        Relative difference up to which numbers agree; on the machine and with the libraries that made it, a result
+        comes out the same to the bit.
+
+    Returns
+    -------
+    Verification
+        `.same`, `.largest`, `.differences`, `.changed`.
+
+    Raises
+    ------
+    BadInput
+        For what is no result or does not say how it was made, and for inputs that are missing or were changed.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from sandbox import audit, verify
+    >>> with tempfile.TemporaryDirectory() as place:
+    ...     verify(audit("ipm").save(place)).same
+    True
+    """
+    if not 0.0 <= tolerance < 1.0:
+        raise BadInput(f"tolerance = {tolerance} is out of range; give a share of a number, from 0 to 1")
+    path = _json_of(Path(result))
+    stated = _read(path)
+    made = stated["made_by"]
+    found = _again(path, made["call"])
+    pairs = list(_pairs(_told(stated, found), found))
+    apart = [Difference(where, a, b) for where, a, b in pairs if not _agree(a, b, tolerance)]
+    apart = [*_damaged(path.parent, made["files"]), *apart]
+    largest = max((_distance(a, b) for _, a, b in pairs), default=0.0)
+    return Verification(path, made["call"]["function"], len(pairs), largest, tuple(apart[:MOST]), _changed(made))
+
+
+def _json_of(place: Path) -> Path:
+    """Return the JSON of a result folder, or the one that is named."""
+    if place.is_file():
+        return place
+    found = [p for p in sorted(place.glob("*.json")) if p.name != f"{COMMAND}.json"] if place.is_dir() else []
+    found = [p for p in found if p.stem not in ("manifest", "schema")]  # of a sweep
+    if not found:
+        raise BadInput(f"no result at '{place}'; give a folder that a command has written, or its JSON")
+    if len(found) > 1:
+        raise BadInput(f"'{place}' holds {len(found)} results ({', '.join(p.name for p in found[:3])}, ...); give one")
+    return found[0]
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Return a result's JSON; BadInput unless it says how it was made in a way that can be done again."""
+    try:
+        stated = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError) as error:
+        raise BadInput(f"'{path}' cannot be read as JSON ({error}); give what a command has written") from None
+    made = stated.get("made_by") if isinstance(stated, dict) else None
+    call = made.get("call") if isinstance(made, dict) else None
+    if not isinstance(made, dict) or not isinstance(call, dict):
+        raise BadInput(f"'{path}' does not say how it was made; run its command once more and keep what that writes")
+    parts = [(call, "function", str), (call, "arguments", dict), (call, "objects", list), (call, "inputs", dict)]
+    for part, key, kind in [*parts, (made, "files", dict), (made, "libraries", dict)]:
+        if not isinstance(part.get(key), kind):
+            raise BadInput(f"'{path}' is damaged at made_by, '{key}'; run its command once more")
+    if call["objects"]:
+        named = shown(", ".join(map(str, call["objects"])))
+        raise BadInput(f"'{path}' was made from Python objects ({named}), which no file holds; verify what names files")
+    return dict(stated)
+
+
+def _again(path: Path, call: Mapping[str, Any]) -> Any:
+    """Return what the call's result says now, as JSON."""
+    function, arguments = call["function"], dict(call["arguments"])
+    if function == SCORED:
+        return _scored(path.parent, call["inputs"])
+    if function not in _functions():
+        raise BadInput(f"a result of {brief(function)} cannot be made once more; verify {', '.join(_functions())}")
+    _check_inputs(call["inputs"], hashes(arguments))
+    import sandbox
+
+    for file in arguments.pop(EFFECTS, []):
+        sandbox.use_effects(file)
+    run = getattr(sandbox, function)
+    with TemporaryDirectory() as place:
+        if function == "sweep":
+            arguments |= {"folder": place, "yes": True}
+        if arguments.get("record"):  # a run that is recorded is that of a bench
+            arguments["record"] = f"{place}/recorded"
+        try:
+            inspect.signature(run).bind(**arguments)
+        except TypeError as error:
+            raise BadInput(f"'{path}' was made by another version of '{function}' ({error}); run it anew") from None
+        found = run(**arguments)
+        return _swept(found, path.parent) if function == "sweep" else plain(found.as_json())
+
+
+def _functions() -> tuple[str, ...]:
+    return (
+        "simulate", "compare", "tolerances", "sweep", "protocol", "audit", "maps", "identify", "diagnose", "replay",
+        "export_estimator",
+    )  # fmt: skip
+
+
+def _check_inputs(stated: Mapping[str, Any], found: Mapping[str, str]) -> None:
+    for name, digest in stated.items():
+        if name not in found:
+            raise BadInput(f"input '{name}' of the result is not here; go to the folder from which it was made")
+        if found[name] != digest:
+            raise BadInput(f"input '{name}' is not the file that the result was made from; restore it, or run anew")
+    if more := sorted(set(found) - set(stated)):
+        raise BadInput(f"the call would now read '{more[0]}', which the result was not made from; take it away")
+
+
+def _scored(folder: Path, inputs: Mapping[str, Any]) -> Any:
+    """Return the figures that follow from a check's rows; nothing is diagnosed again."""
+    from sandbox.validation.scoring.blind import opened
+    from sandbox.validation.scoring.rows import check_seal, read_rows
+    from sandbox.validation.scoring.tables_of_rows import by_method, content_of
+
+    _check_inputs(inputs, {name: digest_of(folder / name) for name in inputs if (folder / name).is_file()})
+    rows = read_rows(folder / ROWS)
+    check_seal(rows, opened(folder))
+    return plain(content_of(by_method(rows)))
+
+
+def _swept(found: Any, folder: Path) -> Any:
+    """Return what a sweep made again says, with the number of its runs that are not those of a folder."""
+    from sandbox.sweep.store import read_table
+
+    content = plain(found.as_json())
+    same = found.to_table().equals(read_table(folder))
+    return content if same else content | {"runs of the table": "changed"}
+
+
+def _damaged(folder: Path, files: Mapping[str, Any]) -> Iterator[Difference]:
+    """Yield the files of a result that are missing or not as they were written."""
+    for name, digest in files.items():
+        path = folder / Path(name).name
+        found = digest_of(path) if path.is_file() else None
+        if found != digest:
+            yield Difference(f"file '{shown(name)}'", digest, found)
+
+
+def _changed(made: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return what parts this machine from the one that made a result."""
+    here = made_by()
+    said = [f"{k} {made.get(k)} -> {here[k]}" for k in ("code", "python", "machine") if made.get(k) != here[k]]
+    old, new = made["libraries"], libraries()
+    return tuple(shown(s) for s in [*said, *(f"{k} {old.get(k)} -> {new[k]}" for k in new if old.get(k) != new[k])])
+
+
+def _told(stated: Mapping[str, Any], found: Any) -> dict[str, Any]:
+    """Return what of a result's JSON is recomputed: no header, no names of files."""
+    return {k: v for k, v in stated.items() if k not in HEADER or k in found}
+
+
+def _pairs(a: Any, b: Any, where: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Yield every value of two JSON trees beside each other; costs are left out."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        for key in dict.fromkeys([*a, *b]):
+            place = f"{where}.{key}" if where else str(key)
+            if not {key, ".".join(place.split(".")[-2:])} & COSTS:
+                yield from _pairs(a.get(key), b.get(key), place)
+    elif isinstance(a, list) and isinstance(b, list) and len(a) == len(b):
+        for k, (one, other) in enumerate(zip(a, b, strict=True)):
+            yield from _pairs(one, other, f"{where}[{k}]")
+    else:
+        yield where, a, b
+
+
+def _is_number(x: Any) -> bool:
+    if isinstance(x, int):
+        return not isinstance(x, bool) and abs(x) < LARGEST
+    return isinstance(x, float) and math.isfinite(x)
+
+
+def _distance(a: Any, b: Any) -> float:
+    """Return the relative difference of two numbers; 0 for anything else."""
+    if not (_is_number(a) and _is_number(b)) or a == b or abs(a - b) <= NOTHING:
+        return 0.0
+    return float(abs(a - b) / max(abs(a), abs(b)))
+
+
+def _agree(a: Any, b: Any, tolerance: float) -> bool:
+    if _is_number(a) and _is_number(b):
+        return math.isclose(a, b, rel_tol=tolerance, abs_tol=NOTHING if tolerance else 0.0)
+    return bool(a == b)

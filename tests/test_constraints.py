@@ -1,0 +1,40 @@
+"""Lists of library versions: the newest holds all that the project needs, the oldest is its lower bounds."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from pathlib import Path
+
+from packaging.requirements import Requirement
+from packaging.version import Version
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def listed(name):
+    lines = (ROOT / ".ci" / name).read_text().splitlines()
+    found = dict(line.split("==") for line in lines if not line.startswith("#"))
+    assert all(re.fullmatch(r"[a-z0-9-]+", package) for package in found)  # no addresses, no options
+    return {package: Version(version) for package, version in found.items()}
+
+
+def needed(*extras):
+    more = [line for extra in extras for line in PROJECT["optional-dependencies"][extra]]
+    return [r for r in map(Requirement, PROJECT["dependencies"] + more) if r.name != PROJECT["name"]]
+
+
+def test_the_newest_list_holds_every_dependency():
+    found = listed("constraints.txt")
+    for requirement in needed(*PROJECT["optional-dependencies"]):
+        assert requirement.specifier.contains(found[requirement.name]), requirement
+
+
+def test_the_oldest_list_is_the_lower_bounds():
+    found = listed("constraints-oldest.txt")
+    needs = needed("test")
+    assert set(found) == {r.name for r in needs}
+    for requirement in needs:
+        (bound,) = [Version(s.version) for s in requirement.specifier if s.operator == ">="]
+        assert found[requirement.name] == bound, requirement
