@@ -25,6 +25,7 @@ from sandbox.drive.design import Design, belief_of, design
 from sandbox.drive.feasible import check_call, check_feasible, check_injection, check_length, checked
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario
+from sandbox.plant import sets
 from sandbox.plant.sets import features_of
 from sandbox.recordings.injection import Carrier, carrier
 
@@ -207,7 +208,8 @@ def exact_bench(
     """Return the loop's kernel (interpreted where there is no compiled belief) and the plant."""
     motor = true_motor(drive.motor, values)
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
-    step = min(plant_step, longest_step(motor, values, features_of(drive.motor, values), top))
+    every = sets.complete(drive.motor, drive.converter, values)
+    step = min(plant_step, longest_step(motor, every, features_of(drive.motor, every), top))
     bench = closed_bench(drive.motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth)
     return loop.run_for(bench.flux_map, believed) if believed else loop.run_python, bench
 

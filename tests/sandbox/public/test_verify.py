@@ -47,7 +47,9 @@ def test_a_result_says_what_made_it(home):
     assert told["arguments"]["seed"] == 7
     assert told["arguments"]["effects"] == "dead_time.time=2e-6"
     assert told["inputs"] == {name: sha(name) for name in ("m.toml", "s.toml")}
-    assert found["files"] == {name: sha(f"out/{name}") for name in ("simulate.parquet", "simulate.png")}
+    assert found["files"] == {
+        name: sha(f"out/{name}") for name in ("simulate.html", "simulate.parquet", "simulate.png")
+    }
     assert main(["verify", "out"]) == 0
     again = json.loads(Path("sensorless-out/verify/verify.json").read_text())
     assert (again["same"], again["largest"], again["differences"]) == (True, 0.0, [])
