@@ -38,7 +38,6 @@ class Case:
     bridge: bool = False
     levels: int = 2**20  # of the PWM's counter
     shaft_hz: float = 0.0
-    lc: bool = False
     says: dict[str, Any] = field(default_factory=dict)
 
 

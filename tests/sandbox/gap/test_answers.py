@@ -105,6 +105,17 @@ def test_no_gap_is_said_plainly(quiet_answers):
     assert not any("printed" in text for text in caveats(quiet_answers))  # what is known is no caveat
 
 
+def test_beside_something_unknown_names_come_second(small_answers):
+    """Doubtful names must not lead the answer (issue 21): the same diagnosis, its best hypothesis left open."""
+    d = small_answers.diagnosis
+    best = d.hypotheses[0]
+    open_to_more = dataclasses.replace(best, effects=(*best.effects, "unknown"), probability=0.9)
+    found = dataclasses.replace(d, hypotheses=(open_to_more, dataclasses.replace(best, probability=0.1)))
+    text = which_text(dataclasses.replace(small_answers, diagnosis=found))
+    assert text.startswith("Something outside the library is at work, 90 % probable")
+    assert text.index("less surely") < text.index("dead time")
+
+
 def test_a_recommended_recording_is_told_as_it_is_set(small_answers):
     campaign = small_answers.diagnosis.campaign
     entry = next(e for e in menu(campaign.drive, 2.0) if e.name == "driven_idle_half_link")

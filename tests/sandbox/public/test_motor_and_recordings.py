@@ -12,6 +12,7 @@ import sandbox
 from sandbox.cli import main
 from sandbox.drive.locked_test import paper_campaign
 from tests.sandbox.public.naming import SHORT, of
+from tests.schemas import misfits
 
 
 @of("audit", "maps")
@@ -115,6 +116,7 @@ def test_a_bench_is_planned_and_its_campaign_checked(tmp_path):
     assert "dead_time" in told
     assert found.plan.together.words("coulomb_friction") == "not"  # nothing moves
     found.save(tmp_path / "plan")
+    assert misfits("plan", tmp_path / "plan" / "plan.json") == []
     content = json.loads((tmp_path / "plan" / "plan.json").read_text())
     assert all((tmp_path / "plan" / r["setpoints"]).is_file() for r in content["recordings"])
     with pytest.raises(sandbox.BadInput, match="unknown kind of rotor 'lokced'; did you mean 'locked'"):
@@ -122,6 +124,8 @@ def test_a_bench_is_planned_and_its_campaign_checked(tmp_path):
     clean = sandbox.check(paper_campaign(sandbox.load_motor("ipm_exchanged")), effects=False)
     assert clean.ok
     assert "0 refused" in repr(clean)
+    clean.save(tmp_path / "check")
+    assert misfits("check", tmp_path / "check" / "check.json") == []
     assert set(sandbox.list_presets()) >= {"odrive", "vesc"}
 
 

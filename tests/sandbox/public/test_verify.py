@@ -15,6 +15,7 @@ from model.drive_files import MOTORS
 from model.errors import BadInput
 from sandbox.cli import main
 from tests.fuzz.whole import make_check
+from tests.schemas import misfits
 
 STILL = "[scenario]\nname = 'still'\nstart_up = false\n[[segment]]\nduration = 0.05\nload = 0.5\n"
 
@@ -51,6 +52,7 @@ def test_a_result_says_what_made_it(home):
         name: sha(f"out/{name}") for name in ("simulate.html", "simulate.parquet", "simulate.png")
     }
     assert main(["verify", "out"]) == 0
+    assert misfits("verify", Path("sensorless-out/verify/verify.json")) == []
     again = json.loads(Path("sensorless-out/verify/verify.json").read_text())
     assert (again["same"], again["largest"], again["differences"]) == (True, 0.0, [])
     assert again["values"] > 20
