@@ -242,7 +242,7 @@ def caveats(a: Answers) -> list[str]:
 def _of_the_model(told: Mapping[str, str]) -> list[str]:
     """Return what of a nominal model's provenance limits the answers; the whole of it stands with the model."""
     assumed = [what for what, text in told.items() if text.startswith("assumed")]
-    out = [text for what, text in told.items() if what.startswith("cannot show")]
+    out = [f"Cannot show: {text}" for what, text in told.items() if what.startswith("cannot show")]
     return out + ([f"Assumed in the nominal model, known from nowhere: {', '.join(assumed)}."] if assumed else [])
 
 
