@@ -14,6 +14,7 @@ from model.parameters import Drive
 from sandbox.drive.locked_test import Bench, paper_campaign, staircase
 from sandbox.recordings.campaign import CampaignRecording, read_campaign
 from sandbox.recordings.identify import identify
+from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.staircase import _rest_of_transient
 from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
@@ -197,10 +198,12 @@ def test_reading_only_locked_tables(good, tmp_path):
     assert len(read_campaign(write_campaign(tmp_path / "c", good), rotors=("free",)).recordings) == 0
 
 
-def test_a_gap_is_named_by_its_row(good, tmp_path):
+def test_a_gap_cuts_the_recording_at_its_row(good, tmp_path):
     late = _changed(good, t=lambda r: r.t + np.where(np.arange(len(r.t)) > 1000, 0.01, 0.0))
-    with pytest.raises(BadInput, match=r"locked_d.parquet: t steps by 0.01025 s from row 1000 to 1001"):
-        identify(write_campaign(tmp_path / "c", late))
+    cut = read_recordings(write_campaign(tmp_path / "c", late))
+    assert [r.file for r in cut.recordings[:2]] == ["locked_d-1.parquet", "locked_d-2.parquet"]
+    assert len(cut.recordings[0].t) == 1001
+    np.testing.assert_array_equal(cut.recordings[1]["i_a"], good.recordings[0]["i_a"][1001:])
 
 
 @pytest.mark.parametrize("wrong", [0.7, 1.3])
