@@ -21,7 +21,7 @@ from model.effects.library import effect_names, load_effect
 from model.errors import BadInput, PhysicsError
 from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.normal import Point, normal
-from sandbox.gap.evidence.priors import Coordinate, ordinary
+from sandbox.gap.evidence.priors import Coordinate, ordinary, with_usual_sign
 from sandbox.gap.evidence.probes import Probe, probe_coordinates
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_campaign
@@ -72,8 +72,9 @@ def by_bic(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     null, raw = nuisances(campaign)
     listed, spent = screened(null, [e for e in effect_names() if e not in exclude])
     ranked: list[Any] = [((), null.cost, {}, null.rms)]
+    unbent = replace(null.point, values=with_usual_sign(null.point.values, campaign.drive.motor))
     for _, probe in listed[:REFINED]:
-        begin, coordinates = fit.with_effect(null.point, probe)
+        begin, coordinates = fit.with_effect(unbent, probe)
         try:
             found = fit.refit(begin, coordinates, ROUNDS)
             own = fit.intervals(found, probe.effect)

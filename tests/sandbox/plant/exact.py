@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from model.effects.library import complete
 from sandbox.drive.closed import closed_bench, longest_step
 from sandbox.drive.loop import INSTANT, LINK, MEMORY, SPAN, U_ALPHA, U_BETA, Rig, encoder, progress, read_phases, rotor
-from sandbox.plant.sets import features_of
+from sandbox.plant.sets import complete, features_of
 from sandbox.validation.switched.advance import replay
 from sandbox.validation.switched.bench_numbers import bench, quiet
 from tests.sandbox.plant.effect_motors import CONVERTER, LINEAR, U, vector

@@ -12,7 +12,7 @@ from model.errors import BadInput
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.plant import additions as add
-from sandbox.plant.sets import features_of
+from sandbox.plant.sets import complete, features_of
 
 DRIVE = load_drive("ipm_exchanged")
 RUN = Scenario("run", (Segment(0.02), Segment(0.06, 0.8, 0.05, ramp=0.02)), rotor="free", reference="speed")
@@ -64,7 +64,7 @@ def test_what_only_replaces_numbers_costs_nothing():
     }
     timed = {"current_sampling", "dead_time"}  # by the batch's timing
     for name in library.effect_names():
-        values = library.complete(DRIVE.motor, DRIVE.converter, library.typical(name, DRIVE.motor, DRIVE.converter))
+        values = complete(DRIVE.motor, DRIVE.converter, library.typical(name, DRIVE.motor, DRIVE.converter))
         assert (features_of(DRIVE.motor, values) & ~add.RUB == 0) == (name in replaced | read | timed), name
 
 
