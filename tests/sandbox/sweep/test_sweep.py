@@ -1,5 +1,6 @@
 """Sweeps: rows are what single runs give, and the same to the bit whoever runs them and however often they stop."""
 
+import contextlib
 import json
 import os
 import signal
@@ -258,7 +259,8 @@ def children(pid):
     """Return the processes that a process has started."""
     found = []
     for task in Path(f"/proc/{pid}/task").glob("*"):
-        found += [int(n) for n in (task / "children").read_text().split()]
+        with contextlib.suppress(OSError):  # a thread that has just ended
+            found += [int(n) for n in (task / "children").read_text().split()]
     return found
 
 
