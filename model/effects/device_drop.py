@@ -26,7 +26,7 @@ def mean_of_tanh(x, y):
     """Return the mean of tanh while its argument goes linearly from x to y, within 0.017.
 
     tanh as three soft signs, whose means have no logarithm: widths and shares are the minimax fit for x >= 0
-    (tests/model/effects/test_device_drop.py fits them again).
+    (tests/sandbox/plant/test_soft_sign.py fits them again).
     """
     narrow = 0.277034 * mean_sign(1.609714 * x, 1.609714 * y)
     middle = 0.441430 * mean_sign(0.797139 * x, 0.797139 * y)

@@ -166,12 +166,9 @@ def _interval(v: dict[str, Any]) -> str:
     return f" [{low:.4g}, {high:.4g}]" if math.isfinite(low) and low != high else ""
 
 
-def page(m: Motion, title: str, picture: str) -> Iterator[str]:
-    """Yield the parts of the report's page; picture: an SVG."""
-    yield f"<h1>{prose(title)} <span class='badge {verdict(m)}'>{TITLES[verdict(m)]}</span></h1>"
-    for question, text in sentences(m):
-        yield answer(question, text)
-    rows = [
+def cogging_rows(m: Motion) -> list[list[str]]:
+    """Return a row of order, torque (N m), the same as i_q (A) and phase (rad) for each order of cogging found."""
+    return [
         [
             str(r["order"]),
             f"{r['amplitude']['value']:.4g}",
@@ -180,6 +177,14 @@ def page(m: Motion, title: str, picture: str) -> Iterator[str]:
         ]
         for r in orders(m, m.best)
     ]
+
+
+def page(m: Motion, title: str, picture: str) -> Iterator[str]:
+    """Yield the parts of the report's page; picture: an SVG."""
+    yield f"<h1>{prose(title)} <span class='badge {verdict(m)}'>{TITLES[verdict(m)]}</span></h1>"
+    for question, text in sentences(m):
+        yield answer(question, text)
+    rows = cogging_rows(m)
     if rows:
         yield "<h2>Cogging</h2>" + table(["order per turn", "N m", "as i_q (A)", "phase (rad)"], rows)
     yield "<h2>Residual of each recording</h2>" + figure(picture, "Torque left unexplained; 1 is noise.")

@@ -94,21 +94,13 @@ def diagnose_motion(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Mo
 
 def print_motion(m: Motion) -> None:
     """Print the answers in sentences, orders of cogging and the residual of each recording as tables."""
-    from sandbox.motion.telling import TITLES, orders, sentences, verdict
+    from sandbox.motion.telling import TITLES, cogging_rows, sentences, verdict
     from sandbox.output.tables import print_table
 
     print(f"{m.campaign.name}, motion only: {TITLES[verdict(m)].lower()}")
     for head, text in sentences(m):
         print(f"{head:<11} {text}")
-    rows = [
-        [
-            str(r["order"]),
-            f"{r['amplitude']['value']:.4g}",
-            f"{r['current']['value']:.4g}",
-            f"{r['phase']['value']:.3f}",
-        ]
-        for r in orders(m, m.best)
-    ]
+    rows = cogging_rows(m)
     if rows:
         print_table("cogging", ["order", "N m", "A", "phase rad"], rows)
     table = [[f + (" (held out)" if h else ""), f"{b:.2f}", f"{a:.2f}"] for f, b, a, h in m.by_recording[:20]]
