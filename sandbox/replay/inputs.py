@@ -182,7 +182,7 @@ def _motion(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float],
             raise BadInput(f"{r.file}: rotor = 'locked', but theta moves by {np.ptp(r.theta):.3g} rad; correct 'rotor'")
         return locked_motion(r.theta)
     if r.rotor == "driven":
-        return driven_motion(r.t, r.theta, motor.pole_pairs, count)
+        return driven_motion(r.theta, motor.pole_pairs, converter.sampling_period, count)
     v = complete(motor, converter, base)
     m = true_motor(motor, v, keep_map=True)
     pairs, period = m.pole_pairs, converter.sampling_period

@@ -1,7 +1,7 @@
 """The rotor's motion behind an encoder's counts, as a replay needs it at every sample.
 
-A locked rotor stands.  A driven one moves at constant speed or along straight ramps: their corners are fitted.  A
-free one follows its torque: angle, speed and an unexplained acceleration are smoothed over the whole recording,
+A locked rotor stands.  A driven one moves at constant speed or along straight ramps (`ramps`).  A free one follows its
+torque: angle, speed and an unexplained acceleration are smoothed over the whole recording,
 
     d theta = omega dt,   d omega = (a + b) dt + white noise of the torque,   d b = white noise of strength q,
 
@@ -19,14 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
+from sandbox.replay.ramps import ramps_of
 
 Array = NDArray[np.float64]
 UNEXPLAINED = tuple(10.0**k for k in range(9))  # (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second
 CONSTANT = 1e3  # rad/s^2 electrical: standard deviation of what is unexplained from the first sample on
 ANYWHERE = 100.0  # variance of the first angle in variances of a reading
-LARGEST_MISS = 1.25  # of a count over sqrt(12): a driven rotor's motion is known better than that, or another corner
-CORNERS = 8
-WOBBLES = 3  # fits of an eccentric encoder's sine: each takes off its amplitude (rad mechanical) times what is left
+LARGEST_MISS = (
+    1.25  # of a count over sqrt(12): a driven rotor's motion is known better than that, or it does not move along ramps
+)
 
 
 @dataclass(frozen=True)
@@ -55,81 +56,20 @@ def locked_motion(theta: Array) -> Motion:
     return Motion(np.full(len(theta), float(np.mean(theta))), np.zeros(len(theta)))
 
 
-def _ramps(t: Array, knots: Array) -> tuple[Array, Array]:
-    """Angle and speed (n, knots) of unit tents of speed."""
-    j = np.clip(np.searchsorted(knots, t, side="right") - 1, 0, len(knots) - 2)
-    dt, width = t - knots[j], np.diff(knots)
-    tents = np.eye(len(knots))
-    whole = np.zeros((len(knots), len(knots)))
-    whole[1:] = np.cumsum(0.5 * (tents[1:] + tents[:-1]) * width[:, None], axis=0)
-    x = (dt / width[j])[:, None]
-    speed = tents[j] * (1.0 - x) + tents[j + 1] * x
-    return whole[j] + dt[:, None] * 0.5 * (tents[j] + speed), speed
-
-
-def driven_motion(t: Array, theta: Array, pole_pairs: float, count: float) -> Motion:
-    """Return the motion of a rotor at imposed speed: straight pieces, as few corners as the reading's counts allow.
+def driven_motion(theta: Array, pole_pairs: float, period: float, count: float) -> Motion:
+    """Return the motion of a rotor at imposed speed: straight ramps, as few corners as the reading's counts allow.
 
     An eccentric encoder's sine, once a mechanical turn, is fitted beside and left out of the motion (where the rotor
-    turns more than once).  count: rad, electrical.  Where few corners will not do, a smooth motion without torque.
+    turns more than once).  period: s; count: rad, electrical.  Where few corners will not do, a smooth motion without
+    torque.
     """
-    period = float(t[1] - t[0])
-    end = float(t[-1]) + period
-    turns = np.ptp(theta) > 2.0 * math.pi * pole_pairs
-
-    def fit(corners: Array) -> tuple[Motion, Array]:
-        """Return the motion with ramps from corner to corner (s), and what is left of the reading (n,)."""
-        angle, speed = _ramps(t, np.concatenate([[0.0], corners, [end]]))
-        ramps, true, m = np.column_stack([np.ones_like(t), angle]), theta, angle.shape[1] + 1
-        for _ in range(WOBBLES if turns else 1):  # the sine is one of the motion itself, not of its reading
-            wobble = [np.sin(true / pole_pairs), np.cos(true / pole_pairs)] if turns else []
-            a = np.column_stack([ramps, *wobble])
-            x = np.linalg.lstsq(a, theta, rcond=1e-12)[0]
-            true = ramps @ x[:m]
-        return Motion(true, speed @ x[1:m], not turns), theta - a @ x
-
-    goal = LARGEST_MISS * max(count, 1e-6) / math.sqrt(12.0)
     if np.ptp(theta) == 0.0:
         return locked_motion(theta)
-    start = np.empty(0)
-    for _ in range(CORNERS + 1):
-        motion, miss = fit(start)
-        if start.size:
-            motion, miss, start = _refined(fit, start, miss, end, period)
-        if math.sqrt(float(np.mean(miss**2))) <= goal:
-            return motion
-        start = np.sort(np.append(start, _best_new(fit, start, end)))
+    ramps = ramps_of(theta, pole_pairs, count)
+    if math.sqrt(ramps.squares / len(theta)) <= LARGEST_MISS * max(count, 1e-6) / math.sqrt(12.0):
+        return Motion(ramps.angle, ramps.speed / period, not ramps.sine.any())
     still = np.zeros_like(theta)
     return free_motion(theta, still, period, count, still)
-
-
-def _best_new(fit, corners: Array, end: float) -> float:
-    grid = end * np.arange(1, 40) / 40.0
-    cost = [np.sum(fit(np.sort(np.append(corners, g)))[1] ** 2) if np.all(np.abs(corners - g) > 1e-3 * end) else np.inf
-            for g in grid]  # fmt: skip
-    return float(grid[int(np.argmin(cost))])
-
-
-def _refined(fit, corners: Array, miss: Array, end: float, period: float):
-    """Move the corners by damped Gauss-Newton steps; each differenced by one sample."""
-    motion = fit(corners)[0]
-    for _ in range(12):
-        slope = np.stack([(fit(corners + period * e)[1] - miss) / period for e in np.eye(len(corners))], axis=1)
-        step, size = np.linalg.lstsq(slope, -miss, rcond=1e-10)[0], 1.0
-        while size > 0.02:
-            trial = np.sort(np.clip(corners + size * step, 2 * period, end - 2 * period))
-            if np.all(np.diff(trial) > 2 * period):
-                new_motion, new_miss = fit(trial)
-                if np.sum(new_miss**2) < np.sum(miss**2):
-                    break
-            size *= 0.5
-        else:
-            break
-        gained = 1.0 - np.sum(new_miss**2) / np.sum(miss**2)
-        corners, motion, miss = trial, new_motion, new_miss
-        if gained < 1e-4:
-            break
-    return motion, miss, corners
 
 
 def free_motion(theta: Array, acceleration: Array, period: float, count: float, noise: Array) -> Motion:

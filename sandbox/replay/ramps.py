@@ -1,0 +1,165 @@
+"""Motion at imposed speed behind an encoder's counts: straight ramps of speed from corner to corner.
+
+With h = max(0, t - g) behind a corner at g, the angle is
+
+    theta = theta_0 + omega_0 t + a_0 t^2 / 2 + sum d h^2 / 2,   d theta / d g = -d h,
+
+d the step of acceleration there.  An eccentric encoder adds a sine of the mechanical angle.  Angles, steps and places
+are found together (Gauss-Newton); the number of corners is the one of least
+
+    n log(sum of squares) + 3 corners log n
+
+(the criterion for change points of Zhang and Siegmund, Biometrics 63 (2007) 22, its leading terms), n the readings that
+are independent: no more of them than counts passed.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+CORNERS = 8
+PLACES = 40  # a new corner is first sought at so many equal steps of the recording
+APART = 2  # samples between corners, and between a corner and an end
+ITERATIONS = 30
+HALVINGS = 8
+CONVERGED = 1e-6  # of the sum of squares: far below what a corner has to gain
+RANK = 1e-12  # of singular values
+WOBBLES = 2  # fits of the sine: each takes off its amplitude (rad mechanical) times what is left
+PENALTY = 3.0
+SCATTER = 3.0  # deviations of the mean square of n uniform errors, sqrt(0.8 / n) of its mean: no corner is sought below
+
+
+@dataclass(frozen=True)
+class Ramps:
+    """A fit: corners (shares of the recording), angle (n,) rad and speed (n,) rad a sample without the encoder's sine,
+    squares left over, the encoder's sine (n,)."""
+
+    corners: Array
+    angle: Array
+    speed: Array
+    squares: float
+    sine: Array
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What is fitted: tau (n,) time over the whole length, theta (n,) rad, the mechanical angle (n,) that the sine goes
+    along (None: no sine is fitted), independent readings, least possible sum of squares."""
+
+    tau: Array
+    theta: Array
+    mechanical: Array | None
+    independent: float
+    least: float
+
+    def sine(self) -> list[Array]:
+        """Return the columns (n,) of an eccentric encoder."""
+        return [] if self.mechanical is None else [np.sin(self.mechanical), np.cos(self.mechanical)]
+
+    def criterion(self, fitted: Ramps) -> float:
+        """Return the criterion above, least for the right number of corners."""
+        chance = self.independent * math.log(max(fitted.squares, self.least))
+        return chance + PENALTY * len(fitted.corners) * math.log(self.independent)
+
+
+def ramps_of(theta: Array, pole_pairs: float, count: float) -> Ramps:
+    """Return the ramps behind readings theta (n,), rad electrical, equally spaced in time; count: rad, electrical.
+
+    The speed is in radians per sample.
+    """
+    n = len(theta)
+    turns = np.ptp(theta) > 2.0 * math.pi * pole_pairs
+    passed = float(np.sum(np.abs(np.diff(theta)))) / count if count > 0.0 else math.inf
+    reading = Reading(
+        np.arange(n) / n,
+        theta,
+        theta / pole_pairs if turns else None,
+        min(float(n), max(passed, 2.0)),
+        n * max(count, 1e-6) ** 2 / 1200.0,
+    )
+    best = fitted = refined(reading, np.empty(0))
+    worse = 0
+    enough = n * max(count, 1e-6) ** 2 / 12.0 * (1.0 + SCATTER * math.sqrt(0.8 / n))
+    while fitted.squares > enough and len(fitted.corners) < CORNERS and worse < 2:
+        fitted = refined(reading, np.sort(np.append(fitted.corners, _next(reading, fitted))))
+        better = reading.criterion(fitted) < reading.criterion(best)
+        best, worse = (fitted, 0) if better else (best, worse + 1)
+    while len(best.corners):
+        fewer = [refined(reading, np.delete(best.corners, k)) for k in range(len(best.corners))]
+        least = min(fewer, key=reading.criterion)
+        if reading.criterion(least) >= reading.criterion(best):
+            break
+        best = least
+    for _ in range(WOBBLES if turns else 0):  # the sine is one of the motion itself, not of its reading
+        reading = replace(reading, mechanical=(theta - best.sine) / pole_pairs)
+        best = refined(reading, best.corners)
+    return best
+
+
+def refined(reading: Reading, corners: Array) -> Ramps:
+    """Return the best ramps with so many corners near those given."""
+    fitted, step = _linear(reading, corners)
+    for _ in range(ITERATIONS if len(corners) else 0):
+        for halving in range(HALVINGS):
+            trial = _inside(reading, fitted.corners + 0.5**halving * step)
+            closer, onward = _linear(reading, trial)
+            if closer.squares < fitted.squares:
+                break
+        else:
+            break
+        gained = 1.0 - closer.squares / fitted.squares
+        fitted, step = closer, onward
+        if gained < CONVERGED:
+            break
+    return fitted
+
+
+def _linear(reading: Reading, corners: Array) -> tuple[Ramps, Array]:
+    """Return the fit with corners as they are, and how far they should move."""
+    h = np.maximum(0.0, reading.tau[:, None] - corners)
+    columns = [np.ones_like(reading.tau), reading.tau, 0.5 * reading.tau**2, *(0.5 * h**2).T]
+    m = len(columns)
+    columns += reading.sine()
+    own = len(columns)
+    a = np.column_stack([*columns, -h])
+    q, r = np.linalg.qr(a)
+    b = q.T @ reading.theta
+    x = np.linalg.lstsq(r[:own, :own], b[:own], rcond=RANK)[0]
+    left = reading.theta - a[:, :own] @ x
+    steps, n = x[3:m], len(reading.tau)
+    squares, sine = float(left @ left), a[:, m:own] @ x[m:]
+    fitted = Ramps(corners, a[:, :m] @ x[:m], (x[1] + x[2] * reading.tau + h @ steps) / n, squares, sine)
+    if not len(corners):
+        return fitted, np.empty(0)
+    moved = np.linalg.lstsq(r, b, rcond=RANK)[0][own:]
+    return fitted, np.divide(moved, steps, out=np.zeros_like(moved), where=np.abs(steps) > 0.0)
+
+
+def _inside(reading: Reading, corners: Array) -> Array:
+    """Return the corners in order, a few samples from the ends and from each other."""
+    least = APART / len(reading.tau)
+    kept = np.sort(np.clip(corners, least, 1.0 - least))
+    for k in range(1, len(kept)):
+        kept[k] = max(kept[k], kept[k - 1] + least)
+    return kept
+
+
+def _next(reading: Reading, fitted: Ramps) -> float:
+    """Return where one more corner would take most from the squares, others as they are."""
+    h = np.maximum(0.0, reading.tau[:, None] - fitted.corners)
+    columns = [np.ones_like(reading.tau), reading.tau, 0.5 * reading.tau**2, *(0.5 * h**2).T, *(-h).T]
+    columns += reading.sine()
+    basis = np.linalg.svd(np.column_stack(columns), full_matrices=False)[0]
+    places = np.arange(1, PLACES) / PLACES
+    new = 0.5 * np.maximum(0.0, reading.tau[:, None] - places) ** 2
+    size = np.sum(new**2, axis=0)
+    new -= basis @ (basis.T @ new)
+    own = np.sum(new**2, axis=0)
+    left = reading.theta - basis @ (basis.T @ reading.theta)
+    gain = np.where(own > 1e-12 * size, (left @ new) ** 2 / np.maximum(own, 1e-300), 0.0)
+    return float(places[int(np.argmax(gain))])

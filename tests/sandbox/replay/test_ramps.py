@@ -1,0 +1,65 @@
+"""Ramps behind an encoder's counts, against motions that are planted."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sandbox.replay.ramps import ramps_of
+from sandbox.replay.smoothing import driven_motion
+
+PERIOD, COUNT, PAIRS, N = 250e-6, 2.0 * math.pi * 2.0 / 4096.0, 2, 2400
+DEVIATION = COUNT / math.sqrt(12.0)
+
+
+def planted(corners, speeds, n=N):
+    """Angle and speed of straight ramps: corners in samples, speeds (rad/s) there; integrated by the trapezoid, which
+    is exact between corners on samples."""
+    speed = np.interp(np.arange(n), corners, speeds)
+    return np.concatenate([[0.3], 0.3 + np.cumsum(0.5 * (speed[1:] + speed[:-1])) * PERIOD]), speed
+
+
+def counted(angle):
+    return COUNT * np.round(angle / COUNT)
+
+
+def test_corners_angle_and_speed_of_planted_ramps_are_found():
+    """Bound on the angle: 9 unknowns behind n uniform errors leave DEVIATION sqrt(9/n) rms (linear least squares)."""
+    angle, speed = planted([0, 650, 1130, 1660, N], [0.0, 37.4, 37.4, -56.2, -56.2])
+    ramps = ramps_of(counted(angle), PAIRS, COUNT)
+    assert ramps.corners * N == pytest.approx([650, 1130, 1660], abs=1.0)
+    assert np.sqrt(np.mean((ramps.angle - angle) ** 2)) < 2.0 * DEVIATION * math.sqrt(9.0 / N)
+    assert np.abs(ramps.speed / PERIOD - speed).max() < 0.1  # one sample off a corner: 0.08 and 0.18 rad/s a sample
+
+
+def test_a_steady_speed_has_no_corner_even_where_counts_beat_with_the_sampling():
+    """0.2501 counts a sample: the error of counting is a sawtooth of 2500 samples, nothing independent in it."""
+    for per_sample in (0.2501, 1.0003, 4.577):
+        ramps = ramps_of(counted(0.1 + COUNT * per_sample * np.arange(8000)), PAIRS, COUNT)
+        assert len(ramps.corners) == 0
+
+
+def test_an_eccentric_encoder_is_left_out_of_the_motion():
+    """A sine of 0.01 rad mechanical, 23 counts' deviations: what is left of it is below two deviations of the fit."""
+    angle, _ = planted([0, 500, 1500, N], [0.0, 120.0, -80.0, -80.0])
+    read = counted(angle + PAIRS * 0.01 * np.sin(angle / PAIRS + 0.4))
+    motion = driven_motion(read, PAIRS, PERIOD, COUNT)
+    assert not motion.eccentric
+    away = motion.angle - angle - np.mean(motion.angle - angle)
+    assert np.sqrt(np.mean(away**2)) < 2.0 * DEVIATION * math.sqrt(10.0 / N)
+
+
+def test_a_corner_that_readings_cannot_show_is_not_made():
+    """A step of acceleration that moves the angle by a tenth of a count's deviation until the end gains nothing:
+    chi^2 = n (0.1)^2 / 5 = 5 (mean square of h^2/2 over half the recording is a fifth of its end's, half the time)."""
+    k = np.arange(N)
+    angle = 40.0 * PERIOD * k + 0.1 * DEVIATION * np.maximum(0.0, (k - N / 2) / (N / 2)) ** 2
+    assert len(ramps_of(counted(angle), PAIRS, COUNT).corners) == 0
+
+
+def test_a_motion_without_corners_is_smoothed():
+    """A speed that swings by sixteen waves has more than the corners looked for: its motion follows within counts."""
+    k = np.arange(N)
+    angle = 20.0 * PERIOD * k + 0.2 * np.sin(2.0 * math.pi * 16.0 * k / N)
+    motion = driven_motion(counted(angle), PAIRS, PERIOD, COUNT)
+    assert np.sqrt(np.mean((motion.angle - angle) ** 2)) < DEVIATION
