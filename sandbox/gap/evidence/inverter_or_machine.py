@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from model.effects.library import true_motor
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.evidence.regression import RIDGE, SIGN, component, regressors
+from sandbox.gap.evidence.regression import RIDGE, SIGN, component, regressors, ridged
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import replay, residuals
 from sandbox.replay.response import added_current
@@ -112,8 +112,7 @@ def _predicted(x: Sequence[Array], y: Sequence[Array], kinds: NDArray[np.int64])
         for ridge in RIDGE:
             gain = 0.0
             for part, aim, n in zip(a, g, rows, strict=True):
-                kept = (whole - part)[np.ix_(own, own)] + ridge * (sum(rows) - n) * np.eye(len(own))
-                c = np.linalg.solve(kept, (goal - aim)[own])
+                c = ridged((whole - part)[np.ix_(own, own)], ridge * (sum(rows) - n), (goal - aim)[own])
                 gain += float(2.0 * c @ aim[own] - c @ part[np.ix_(own, own)] @ c)
             best = max(best, gain)
     return best

@@ -22,6 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
 
 from model.effects.library import true_motor
 from sandbox.gap.evidence.normal import BLOCK, Point
@@ -246,15 +247,22 @@ def _chosen(a: Sequence[Array], g: Sequence[Array], rows: Sequence[int], kinds: 
         for ridge in RIDGE:
             score = np.zeros(len(best))
             for part, aim, n in zip(parts, goals, rows, strict=True):
-                x = np.linalg.solve(whole - part + ridge * (count - n) * np.eye(len(own)), goal - aim)
+                x = ridged(whole - part, ridge * (count - n), goal - aim)
                 score += _lowered(part, aim, x)
             better = np.flatnonzero(score > best)
             if better.size:
                 chosen[:, better] = 0.0
-                x = np.linalg.solve(whole + ridge * count * np.eye(len(own)), goal[:, better])
+                x = ridged(whole, ridge * count, goal[:, better])
                 chosen[np.ix_(own, better)] = x
                 best[better] = score[better]
     return chosen
+
+
+def ridged(a: Array, ridge: float, g: Array) -> Array:
+    """Return x of (a + ridge) x = g, a (p, p) symmetric and not negative; by Cholesky's factors."""
+    held = a.copy()
+    held.flat[:: len(a) + 1] += ridge
+    return np.asarray(cho_solve(cho_factor(held, overwrite_a=True, check_finite=False), g, check_finite=False))
 
 
 def _lowered(a: Array, g: Array, x: Array) -> Array:

@@ -25,14 +25,16 @@ Array = NDArray[np.float64]
 MACHINE = 0.6  # of what currents show and no list holds
 THIRD = 10.0  # a bent sensor's squares over those of its third harmonic
 NONE = 1e-3  # of it is always left unpredicted, so that a chance is never 0 or 1
+SLIGHT = 0.05  # a chance whose weight in any share is smaller than a page shows
 SIGNIFICANT = 3.0  # standard deviations of noise's squares that are no excess
 
 
-def outside(point: Point, spans: Mapping[str, float]) -> dict[str, float]:
+def outside(point: Point, spans: Mapping[str, float], chance: float = 1.0) -> dict[str, float]:
     """Return subsystems' shares (sum 1) of what residuals at a point have above noise; spans: shares of what the
-    library's effects could take up."""
+    library's effects could take up; chance: that there is anything outside it.  Below SLIGHT no regression is made."""
     prepared = point.turned()
-    return shares(excesses(residuals(prepared, replay(prepared, [point.values]))), spans, explained(point))
+    told = explained(point) if chance >= SLIGHT else (0.0, 0.0)
+    return shares(excesses(residuals(prepared, replay(prepared, [point.values]))), spans, told)
 
 
 def inverters(by_inverter: float, by_machine: float) -> float:

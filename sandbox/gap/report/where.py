@@ -112,7 +112,7 @@ def _of_hypothesis(d: Diagnosis, h: Hypothesis) -> dict[str, float]:
     if UNKNOWN in h.effects:
         open_part = 1.0 - d.remainder.explained if named else 1.0
         judged = h.judged if named else min(d.judged, key=lambda j: len(j.effects))
-        spans = outside(judged.table.point, _spans(judged))
+        spans = outside(judged.table.point, _spans(judged), h.probability)
         out = {name: (1.0 - open_part) * out[name] + open_part * spans[name] for name in SUBSYSTEMS}
     return out
 
