@@ -40,6 +40,8 @@ td small {{ display: block; color: var(--soft); }}
 pre {{ white-space: pre-wrap; font-size: .85rem; }}
 figure {{ margin: .6rem 0; break-inside: avoid; }}
 figure svg {{ width: 100%; height: auto; max-width: 34rem; color: var(--ink); fill: var(--ink); }}
+figure svg {{ cursor: zoom-in; }} figure svg.big {{ position: fixed; inset: 0; z-index: 9; width: 100vw; height: 100vh;
+  max-width: none; padding: 1rem; background: var(--paper); cursor: move; touch-action: none; }}
 @media (min-width: 50rem) {{ .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 figcaption {{ color: var(--soft); font-size: .9rem; }}
 details {{ margin: .8rem 0; }} summary {{ cursor: pointer; color: var(--mark); }}
@@ -50,9 +52,23 @@ details {{ margin: .8rem 0; }} summary {{ cursor: pointer; color: var(--mark); }
 {body}
 <script>
 addEventListener("beforeprint", () => document.querySelectorAll("details").forEach(d => d.open = true));
+document.querySelectorAll("figure svg").forEach(s => {{
+  const home = s.getAttribute("viewBox"), box = () => s.getAttribute("viewBox").split(" ").map(Number);
+  const big = () => s.classList.contains("big"), show = b => s.setAttribute("viewBox", b.join(" "));
+  const at = e => new DOMPoint(e.clientX, e.clientY).matrixTransform(s.getScreenCTM().inverse());
+  s.addEventListener("click", () => {{ if (!big()) s.classList.add("big"); }});
+  s.addEventListener("dblclick", () => {{ s.classList.remove("big"); s.setAttribute("viewBox", home); }});
+  addEventListener("keydown", e => {{ if (e.key === "Escape") s.dispatchEvent(new Event("dblclick")); }});
+  s.addEventListener("wheel", e => {{ if (!big()) return; e.preventDefault();
+    const [x, y, w, h] = box(), f = e.deltaY > 0 ? 1.25 : 0.8, p = at(e);
+    show([p.x - f * (p.x - x), p.y - f * (p.y - y), f * w, f * h]); }}, {{passive: false}});
+  s.addEventListener("pointermove", e => {{ if (!big() || e.buttons !== 1) return;
+    const [x, y, w, h] = box(), c = s.getScreenCTM(); show([x - e.movementX / c.a, y - e.movementY / c.d, w, h]); }});
+}});
 </script>
 </body></html>
 """
+ENLARGE = "Click to enlarge; then the wheel zooms, dragging moves, Escape or a double click closes."
 MARKS = {"✓": "good", "✗": "bad"}
 
 
@@ -108,7 +124,7 @@ def fold(head: str, content: str) -> str:
 
 def figure(svg: str, caption: str) -> str:
     """Return a drawing (SVG) with a caption in plain text."""
-    return f"<figure role='img'>{svg}<figcaption>{prose(caption)}</figcaption></figure>"
+    return f"<figure role='img' title='{ENLARGE}'>{svg}<figcaption>{prose(caption)}</figcaption></figure>"
 
 
 def pairs(figures: Iterable[str]) -> Iterator[str]:

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,7 +27,7 @@ from scipy.linalg import cho_factor, cho_solve
 from model.effects.library import true_motor
 from sandbox.gap.evidence.normal import BLOCK, Point
 from sandbox.replay.inputs import LEGS
-from sandbox.replay.replay import Residual, replay, residuals
+from sandbox.replay.replay import Prepared, Residual, replay, residuals
 from sandbox.replay.response import added_current
 
 Array = NDArray[np.float64]
@@ -131,39 +131,49 @@ def _squares(x: Residual) -> Array:
 def component(part: Part, x: Residual) -> Array:
     """Return what a part's regressors are to predict (n, c): d and q with unit variance, or the channel itself."""
     if part.channel == "current":
-        z = (2.0 / 3.0) * x.current[:, :, 0] @ LEGS
-        turned = math.sqrt(1.5) * (z[:, 0] + 1j * z[:, 1]) * np.exp(-1j * part.theta)
-        return np.column_stack([turned.real, turned.imag])
+        return in_rotor_frame(x.current[:, :, 0], part.theta)
     own = x.motion if part.channel == "motion" else x.angle
     assert own is not None
     return np.asarray(own)
 
 
+def in_rotor_frame(phases: Array, theta: Array) -> Array:
+    """Return three phases' values (n, 3) along d and q (n, 2), scaled so that white noise keeps its variance."""
+    z = (2.0 / 3.0) * phases @ LEGS
+    turned = math.sqrt(1.5) * (z[:, 0] + 1j * z[:, 1]) * np.exp(-1j * theta)
+    return np.column_stack([turned.real, turned.imag])
+
+
 def regressors(point: Point, currents: Sequence[Array]) -> list[Part]:
-    """Return every channel's regressors; currents: predicted readings (n, 3) in A of every recording."""
-    prepared = point.turned()
-    drive = prepared.campaign.drive
-    motor = true_motor(drive.motor, dict(point.values), keep_map=True)
-    period, rated = drive.converter.sampling_period, drive.motor.rated_current
-    top = max(1e-9, *(float(np.max(np.abs(r.motion.speed))) for r in prepared.recordings))
-    cut = max(1, round(BLOCK / period))
-    out = []
-    for k, (r, read) in enumerate(zip(prepared.recordings, currents, strict=True)):
-        theta, speed = r.motion.angle, r.motion.speed * np.ones(len(read))
-        z = (2.0 / 3.0) * read @ LEGS
-        z = (z[:, 0] + 1j * z[:, 1]) * np.exp(-1j * theta)
-        dq = np.column_stack([z.real, z.imag])
-        own = list(scalars(dq / rated, speed / top, theta))
-        functions, kind = np.column_stack([f for f, _ in own]), np.array([k for _, k in own])
-        starts = np.arange(0, max(1, len(read) - cut // 2), cut)
-        vectors = np.concatenate([_on_both_axes(functions), _leg_signs(read / rated, theta)], axis=1)
-        driven = added_current(motor.energy, motor.resistance, period, dq, theta, np.ascontiguousarray(vectors))
-        kinds = np.tile([*kind, *kind, 0, 0, 0], 2)
-        x = np.concatenate([vectors, driven], axis=1).transpose(0, 2, 1)
-        out.append(Part(k, "current", x, kinds, starts, theta))
-        for channel in [c for c, of in (("motion", "free"), ("angle", "driven")) if r.rotor == of]:
-            out.append(Part(k, channel, functions[:, None, :].copy(), kind, starts, theta))
+    """Return every channel's regressors, each of mean square 1; currents: predicted readings (n, 3) in A of every
+    recording."""
+    turned = point.turned()
+    out = [p for k, read in enumerate(currents) for p in unscaled(turned, point.values, k, read)]
     _scale(out)
+    return out
+
+
+def unscaled(prepared: Prepared, values: Mapping[str, float], k: int, read: Array) -> list[Part]:
+    """Return the regressors of recording k, a part for each of its channels; read: predicted readings (n, 3) in A."""
+    r, drive = prepared.recordings[k], prepared.campaign.drive
+    motor = true_motor(drive.motor, dict(values), keep_map=True)
+    period, rated = drive.converter.sampling_period, drive.motor.rated_current
+    top = max(1e-9, *(float(np.max(np.abs(x.motion.speed))) for x in prepared.recordings))
+    cut = max(1, round(BLOCK / period))
+    theta, speed = r.motion.angle, r.motion.speed * np.ones(len(read))
+    z = (2.0 / 3.0) * read @ LEGS
+    z = (z[:, 0] + 1j * z[:, 1]) * np.exp(-1j * theta)
+    dq = np.column_stack([z.real, z.imag])
+    own = list(scalars(dq / rated, speed / top, theta))
+    functions, kind = np.column_stack([f for f, _ in own]), np.array([x for _, x in own])
+    starts = np.arange(0, max(1, len(read) - cut // 2), cut)
+    vectors = np.concatenate([_on_both_axes(functions), _leg_signs(read / rated, theta)], axis=1)
+    driven = added_current(motor.energy, motor.resistance, period, dq, theta, np.ascontiguousarray(vectors))
+    kinds = np.tile([*kind, *kind, 0, 0, 0], 2)
+    x = np.concatenate([vectors, driven], axis=1).transpose(0, 2, 1)
+    out = [Part(k, "current", x, kinds, starts, theta)]
+    for channel in [c for c, of in (("motion", "free"), ("angle", "driven")) if r.rotor == of]:
+        out.append(Part(k, channel, functions[:, None, :].copy(), kind, starts, theta))
     return out
 
 

@@ -14,8 +14,10 @@ from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
+from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.planning.next_recording import Next, recommend
 from sandbox.gap.report.distinguishability import Alike, alike
+from sandbox.gap.report.outside import odd_phase
 from sandbox.gap.report.position import PositionError, position_error
 from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.report.where import Finding, percent, summary, where
@@ -26,6 +28,9 @@ from sandbox.recordings.campaign import Campaign
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 HARDLY = 5e-4  # of what remains: less is nothing
 FEW = 1.2  # times the floor on recordings held out that ordinary deviations explain when fitted to all
+TOLD = 0.15  # share of a regression below which a kind of functions is not spoken of
+ACTING = {"current": "a current", "voltage": "a voltage", "torque": "a torque", "encoder": "an error of the encoder"}
+HANGS = {"currents": "the currents", "angle": "the angle", "speed": "the speed"}
 ALIKE = 2.0  # variance of sums over that of white noise: less is not spoken of
 
 
@@ -40,6 +45,7 @@ class Answers:
     remains: Remains | None
     alike: Alike | None = None
     ranking: Ranking | None = None
+    odd_phase: str = ""
 
     @property
     def verdict(self) -> str:
@@ -67,7 +73,9 @@ def answer(
     following = next_recording(d, workers)
     report("what remains")
     left = remains(d.after.point, d.held_out, d.size.before)
-    return Answers(d, found, position, following, left, alike(d), ranking(d))
+    report("all effects")
+    listed = ranking(d, workers)
+    return Answers(d, found, position, following, left, alike(d), listed, odd_phase(shown(d.before.point)))
 
 
 def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
@@ -202,7 +210,7 @@ def caveats(a: Answers) -> list[str]:
     """Return what a reader has to know before believing the rest, one sentence each; assumed values are last."""
     d = a.diagnosis
     out = [f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}" for f in d.campaign.findings]
-    out += [d.caution] if d.caution else []
+    out += [text for text in (d.caution, a.odd_phase) if text]
     if d.excluded:
         out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")
     if all(getattr(d.campaign.drive.motor, x, 1.0) == 0.0 for x in ALPHAS):
@@ -254,10 +262,11 @@ def remains_text(a: Answers) -> str:
     if not a.diagnosis.best.effects:
         size = f"Residuals are {times(before)} the noise floor over all recordings"
     chance = sum(h.probability for h in a.diagnosis.hypotheses if UNKNOWN in h.effects)
-    return (
-        f"{size}; that something outside the library is at work is {likely(chance)}. {regression_text(a)} "
-        f"{alike_text(a)}"
-    ).strip()
+    parts = (
+        f"{size}; that something outside the library is at work is {likely(chance)}.",
+        beside_text(a), regression_text(a), alike_text(a),
+    )  # fmt: skip
+    return " ".join(text for text in parts if text)
 
 
 def regression_text(a: Answers) -> str:
@@ -270,6 +279,22 @@ def regression_text(a: Answers) -> str:
         return f"{capital(on)} closes nothing more."
     of_gap = "" if r.of_gap is None or not a.diagnosis.best.effects else f", {percent_fine(r.of_gap)} of the gap before"
     return f"{capital(on)} closes {percent_fine(min(r.closable, 1.0))} more{of_gap}: structure that no effect took up."
+
+
+def beside_text(a: Answers) -> str:
+    """Return what a free regression beside the effects takes up, and which effects it changes its mind about."""
+    own = None if a.ranking is None else a.ranking.open_part
+    if own is None:
+        return ""
+    described = [x for x in own.beside.described if x.share >= TOLD][:2]
+    acts = " and ".join(f"{ACTING[x.acts_as]} that hangs on {HANGS[x.hangs_on]}" for x in described)
+    text = f"A free regression fitted beside the effects predicts {percent_fine(own.beside.worth)} of it on recordings "
+    text += f"left out, mostly as {acts}." if acts else "left out."
+    named = [e for e in a.diagnosis.best.effects if e != UNKNOWN]
+    gone = [e for e in named if own.chances[e] < 0.5]
+    new = [e for e, p in own.chances.items() if p >= 0.5 and e not in named]
+    text += f" Beside it these are no longer needed: {', '.join(words(e) for e in gone)}." if gone else ""
+    return text + (f" Beside it these come in: {', '.join(words(e) for e in new)}." if new else "")
 
 
 def alike_text(a: Answers) -> str:

@@ -17,9 +17,8 @@ from sandbox.gap.evidence.regression import Remains
 from sandbox.gap.planning.next_recording import Next, as_json
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.position import PositionError
-from sandbox.gap.report.ranking import Ranking, ranking
+from sandbox.gap.report.ranking import Ranking, parameter, ranking
 from sandbox.gap.report.where import Finding
-from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 
 
@@ -70,11 +69,6 @@ def contract(
         "excluded": list(d.excluded),
         "cost": {"simulations": d.simulations, "seconds": d.seconds},
     }  # fmt: skip
-
-
-def parameter(e: Estimate) -> dict[str, Any]:
-    """Return one parameter as the contract has it."""
-    return {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} | ({"at_bound": True} if e.at_bound else {})
 
 
 def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:

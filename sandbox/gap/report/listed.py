@@ -10,6 +10,10 @@ from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.ranking import Ranking
 from sandbox.gap.report.words import names, quantity, words
 
+POSITION_NOTE = (
+    "Mean position error under rated load, in electrical degrees, that each effect alone adds in the closed loop: low "
+    "speed with injection (qnull, ekf), half of rated speed (active_flux). All believe the nominal model."
+)
 SHOWN = 0.01  # chance below which an effect is not listed
 
 
@@ -26,6 +30,19 @@ def rows(r: Ranking) -> list[list[str]]:
     if r.unknown >= SHOWN:
         out.append(["something outside the library", f"{100.0 * r.unknown:.1f} %", percent(r.unexplained), "–"])
     return out
+
+
+def position_rows(r: Ranking) -> tuple[list[str], list[list[str]]]:
+    """Return heads and rows of how far each effect alone moves the position error of each estimator."""
+    estimators = list(dict.fromkeys(name for own in r.moved.values() for name in own))
+    out = []
+    for effect, own in r.moved.items():
+        cells = []
+        for name in estimators:
+            m = own.get(name)
+            cells.append("–" if m is None else f"{m.mean_deg:+.2f}°" if math.isfinite(m.mean_deg) else "lost")
+        out.append([words(effect), *cells])
+    return ["effect", *estimators], out if estimators else []
 
 
 def percent(x: float) -> str:

@@ -6,12 +6,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
-
 from model.effects import library
 from model.names import html_text
 from sandbox.gap.evidence.spectrum import shown
-from sandbox.gap.report import answers, listed
+from sandbox.gap.report import answers, listed, signals
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.decompose import Decomposition, decompose
 from sandbox.gap.report.diagnosis_json import closed_by
@@ -19,16 +17,13 @@ from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.words import label, names, quantity, words
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.output import looks
 from sandbox.output.document import answer as answered
 from sandbox.output.document import bullets, figure, fold, pairs, prose, table, write_page
 from sandbox.output.files import version
 from sandbox.output.tables import print_table
 from sandbox.output.vector import bars_svg, lines_svg
-from sandbox.replay.replay import Residual
 
 FEWEST = 0.001  # probability below which a hypothesis stays in the folded part
-POINTS = 1200  # drawn of a line
 TITLES = {
     "explained": "Explained",
     "ambiguous": "Ambiguous",
@@ -99,7 +94,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     if a.where:
         yield "<h2>Where it lies</h2>" + bullets(f.text for f in a.where)
         yield from pairs(_shares(part, rest))
-    yield from _waves(a, part, before, after)
+    yield from signals.waves(a, part, before, after)
     yield "<h2>What remains</h2><p>" + prose(answers.remains_text(a)) + "</p>"
     notes = answers.caveats(a)
     if notes:
@@ -126,6 +121,10 @@ def _listed(a: Answers) -> Iterator[str]:
     yield "<h2>All effects that may be there</h2>"
     yield table(["effect", "probability", "share of the gap [95 %]", "size [95 % interval]"], own)
     yield bullets(listed.group_sentences(r))
+    heads, moves = listed.position_rows(r)
+    if moves:
+        yield "<h3>What each does to the position estimate</h3>" + table(heads, moves)
+        yield f'<p class="soft">{prose(listed.POSITION_NOTE)}</p>'
     labels, levels = listed.waterfall(a)
     if len(labels) > 3:
         yield figure(
@@ -203,42 +202,6 @@ def _shares(part: Decomposition, rest: Decomposition) -> Iterator[str]:
                      "share of the gap before (%)"),
             "Electrical orders of the currents in the rotor's frame, turning recordings (0: turns with the rotor).",
         )  # fmt: skip
-
-
-def _waves(a: Answers, part: Decomposition, before: Sequence[Residual], after: Sequence[Residual]) -> Iterator[str]:
-    """Yield the residual of the recording that holds most of the gap, over time."""
-    files = [r.file for r in a.diagnosis.start.prepared.recordings]
-    k = max(range(len(files)), key=lambda k: part.recordings[files[k]])
-    r = a.diagnosis.start.prepared.recordings[k]
-    period = a.diagnosis.campaign.drive.converter.sampling_period
-    width = max(1, r.samples // POINTS)
-    t = (np.arange(r.samples // width) * width * period).tolist()
-
-    def peaks(x) -> list[float]:
-        """Return the largest value of each stretch, with its sign."""
-        own = np.asarray(x)[: len(t) * width].reshape(len(t), width)
-        return own[np.arange(len(t)), np.argmax(np.abs(own), axis=1)].tolist()
-
-    panels = [
-        (f"i_{p}", {"before": (t, peaks(before[k].current[:, j, 0])), "after": (t, peaks(after[k].current[:, j, 0]))})
-        for j, p in enumerate("abc")
-    ]
-    own, rest = before[k].motion, after[k].motion
-    if own is not None and rest is not None:
-        panels.append(("motion", {"before": (t, peaks(own[:, 0])), "after": (t, peaks(rest[:, 0]))}))
-    yield f"<h2>Residuals in {prose(r.file)}</h2>"
-    spectra = {
-        name: looks.spectrum(x.current[:, :, 0], period) for name, x in (("before", before[k]), ("after", after[k]))
-    }
-    lines = {name: (f.tolist(), size.tolist()) for name, (f, size) in spectra.items()}
-    yield from pairs([
-        figure(lines_svg(panels, "t (s)"), "Read less predicted, in units of the noise floor; peaks of each stretch."),
-        figure(
-            lines_svg([("amplitude\n(noise floors)", lines)], "frequency (Hz)", log="y"),
-            "Spectrum of the same residuals of the currents, all phases together, without their means: the height of a "
-            "line. White noise alone is flat.",
-        ),
-    ])  # fmt: skip
 
 
 def _detail(a: Answers) -> Iterator[str]:

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from sandbox.gap.evidence.algebra import Prior, algebra, between_segments, prior_of, sandwich
+from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, between_segments, prior_of, sandwich
+from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.search.judged import Judged
 
 Array = NDArray[np.float64]
@@ -41,7 +42,6 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     plain = own.covariance(prior)
     robust = sandwich(j.fit.normal, x, plain)
     apart = between_segments(j.fit.normal, x, plain)
-    place = {c.label: k for k, c in enumerate(j.fit.coordinates)}
     beside, _, _ = j.equations.most_probable(j.prior)
     there = {c.label: float(y) for c, y in zip(j.normal.coordinates, beside, strict=True)}
     traces = np.array([there.get(c.label, y) - y for c, y in zip(j.fit.coordinates, x, strict=True)])
@@ -52,10 +52,29 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     tails = own.tails(prior)
     below = np.where(x > prior.low, tails, 0.0) + Z * wider
     above = np.where(x < prior.high, tails, 0.0) + Z * wider
-    out: dict[str, Estimate] = {}
-    for effect in j.effects:
-        out |= _of_effect(effect, j, x, wider, (x - below, x + above), place, free)
-    return out
+    own_fit = Found(j.fit.coordinates, j.fit.point.values, x, wider, (x - below, x + above), free)
+    return {name: e for effect in j.effects for name, e in _of_effect(effect, own_fit).items()}
+
+
+def estimates_beside(j: Judged, equations: Algebra) -> dict[str, Estimate]:
+    """Return the same by other equations of its table: those with a free regression integrated out (`beside`)."""
+    x, free, _ = equations.most_probable(j.prior)
+    sd = SPREAD * np.sqrt(np.diag(equations.covariance(j.prior)))
+    found = Found(j.table.coordinates, j.table.point.values, x, sd, (x - Z * sd, x + Z * sd), free)
+    return {name: e for effect in j.effects for name, e in _of_effect(effect, found).items()}
+
+
+@dataclass(frozen=True)
+class Found:
+    """Coordinates, a set, and of each coordinate the value, deviation, ends of the interval, and whether it is inside
+    its bounds (p,)."""
+
+    coordinates: Sequence[Coordinate]
+    values: Mapping[str, float]
+    x: Array
+    sd: Array
+    reach: tuple[Array, Array]
+    free: NDArray[np.bool_]
 
 
 def unbounded(prior: Prior) -> Prior:
@@ -63,15 +82,9 @@ def unbounded(prior: Prior) -> Prior:
     return Prior(prior.mean, prior.deviation, np.full_like(prior.low, -np.inf), np.full_like(prior.high, np.inf))
 
 
-def _of_effect(
-    effect: str,
-    j: Judged,
-    x: Array,
-    sd: Array,
-    reach: tuple[Array, Array],
-    place: Mapping[str, int],
-    free: NDArray[np.bool_],
-) -> dict[str, Estimate]:
+def _of_effect(effect: str, f: Found) -> dict[str, Estimate]:
+    """Return an effect's parameters by public name."""
+    place, x, sd = {c.label: k for k, c in enumerate(f.coordinates)}, f.x, f.sd
     card = library.load_effect(effect)
     out: dict[str, Estimate] = {}
     for p in card.parameters:
@@ -89,11 +102,11 @@ def _of_effect(
             out[phase] = Estimate(angle, angle - Z * turn, angle + Z * turn, "rad")
         elif own in place:
             k = place[own]
-            ends = (j.fit.coordinates[k].bounded(float(to[k])) for to in (x, *reach))
+            ends = (f.coordinates[k].bounded(float(to[k])) for to in (x, *f.reach))
             value, low, high = (public(p.fit, y) for y in ends)
-            out[name] = Estimate(value, min(low, high), max(low, high), p.unit, not free[k])
-        elif p.scan and name in j.fit.point.values and p.fit == "fixed":
-            value = j.fit.point.values[name]
+            out[name] = Estimate(value, min(low, high), max(low, high), p.unit, not f.free[k])
+        elif p.scan and name in f.values and p.fit == "fixed":
+            value = f.values[name]
             out[name] = Estimate(value, value, value, p.unit)
     return out
 

@@ -10,6 +10,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+from sandbox.gap.evidence.spike_slab import Table
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 from sandbox.gap.search.subsets import Set, Subsets
 
@@ -50,6 +51,17 @@ def inclusion(hypotheses: Sequence[Hypothesis], temperature: float) -> Inclusion
         if key not in chances:
             chances[key] = max(fitted[own], 1e-9) * math.exp(min(0.0, told - level))
     return summed(chances, best.judged.table.members)
+
+
+def by_algebra(table: Table, effects: Sequence[str], temperature: float) -> Inclusion:
+    """Return the chances by the equations of one point alone: of the sets found from `effects` on, and all sets with
+    one effect more or fewer."""
+    near = Subsets(table, temperature)
+    top = near.climb(effects)[0]
+    for effect in table.members:
+        near.weigh(set(top) ^ {effect})
+    most = max(near.known.values())
+    return summed({key: math.exp(told - most) for key, told in near.known.items()}, table.members)
 
 
 def summed(sets: Mapping[Set, float], names: Sequence[str] | Mapping[str, object]) -> Inclusion:

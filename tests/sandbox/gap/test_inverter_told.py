@@ -13,7 +13,7 @@ from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import normal
 from sandbox.gap.evidence.priors import FARTHEST, of_effect, reach
 from sandbox.gap.evidence.probes import Probe
-from sandbox.gap.report.diagnosis_json import parameter
+from sandbox.gap.report.ranking import parameter
 from sandbox.gap.report.words import quantity
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.forward import fitted_again

@@ -1,0 +1,204 @@
+"""A free regression fitted beside the effects, so that what no effect takes up does not bend them.
+
+The regressors of `regression` join the equations of a hypothesis with a Gaussian prior of their own and are integrated
+out: what stays are equations of the same coordinates, A - B' (C + ridge)^-1 B, from which effects are weighed and
+estimated as ever.  Which kinds of regressors enter, and how hard they are held back, is what predicts recordings left
+out in turn best.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import cho_factor, cho_solve
+
+from sandbox.gap.evidence.algebra import Algebra, Prior
+from sandbox.gap.evidence.normal import Normal, normal
+from sandbox.gap.evidence.regression import RIDGE, Part, component, in_rotor_frame, scalars, unscaled
+from sandbox.gap.evidence.spike_slab import Table
+from sandbox.replay.replay import replay, residuals
+
+Array = NDArray[np.float64]
+Label = tuple[str, str, int]  # channel, what a regressor acts as, its kind
+FOLDS = 12  # times that recordings are left out: with more of them, several at a time
+RIDGES = RIDGE[::2]
+KINDS = ("currents", "angle", "speed")  # what a kind of functions hangs on
+ACTS = {"motion": "torque", "angle": "encoder"}
+
+
+@dataclass(frozen=True)
+class Described:
+    """One kind of functions of what no effect explains: what it acts as (current, voltage, torque, encoder), what it
+    hangs on (currents, angle, speed), the share of what the regression explains that is lost without it."""
+
+    acts_as: str
+    hangs_on: str
+    share: float
+
+
+@dataclass(frozen=True)
+class Beside:
+    """Equations with the regression integrated out; worth: share of the excess of recordings left out in turn that it
+    closes beyond the effects; what it consists of, the largest share first."""
+
+    equations: Algebra
+    worth: float
+    described: tuple[Described, ...]
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Equations of p coordinates and q regressors, recordings summed fold by fold: m (folds, p + q, p + q), v (folds,
+    p + q), rows behind each regressor (folds, p + q); on the diagonal, and pulling, what priors add to coordinates
+    (p + q,); labels of the regressors."""
+
+    m: Array
+    v: Array
+    rows: Array
+    held: Array
+    pull: Array
+    labels: tuple[Label, ...]
+
+    @property
+    def p(self) -> int:
+        """Number of coordinates."""
+        return self.v.shape[1] - len(self.labels)
+
+    def solved(self, m: Array, v: Array, rows: Array, columns: NDArray[np.int64], ridge: float) -> Array:
+        """Return the most probable values (p + q,) of some columns, 0 for all others."""
+        own = m[np.ix_(columns, columns)] + np.diag((self.held + ridge * rows)[columns])
+        out = np.zeros(len(v))
+        out[columns] = cho_solve(cho_factor(own, check_finite=False), (v + self.pull)[columns], check_finite=False)
+        return out
+
+    def predicted(self, columns: NDArray[np.int64], ridge: float) -> float:
+        """Return by how much folds left out in turn are explained by the others."""
+        m, v, rows = self.m.sum(0), self.v.sum(0), self.rows.sum(0)
+        gain = 0.0
+        for m_k, v_k, rows_k in zip(self.m, self.v, self.rows, strict=True):
+            z = self.solved(m - m_k, v - v_k, rows - rows_k, columns, ridge)
+            gain += float(2.0 * z @ v_k - z @ m_k @ z)
+        return gain
+
+    def explained(self, columns: NDArray[np.int64], ridge: float) -> float:
+        """Return by how much all recordings together are explained, priors taken off."""
+        m, v, rows = self.m.sum(0), self.v.sum(0), self.rows.sum(0)
+        z = self.solved(m, v, rows, columns, ridge)
+        return float(z @ (v + self.pull))
+
+    def of(self, coordinates: NDArray[np.int64], kinds: int) -> NDArray[np.int64]:
+        """Return coordinates and the regressors of the first so many kinds, as columns."""
+        there = self.rows.sum(0) > 0.0
+        own = [self.p + k for k, x in enumerate(self.labels) if x[2] < kinds and there[self.p + k]]
+        return np.array([*coordinates, *own], dtype=np.int64)
+
+
+def beside(table: Table, prior: Prior, *, workers: int = 1) -> Beside | None:
+    """Return a regression beside the effects of a table under a prior.
+
+    None where it predicts nothing of recordings left out, or where there are fewer than two of them.
+    """
+    n = normal(table.point, [c for c in table.coordinates if c.form != "turn"], workers=workers)
+    excess = sum(float(s.rr.sum() - s.n.sum()) for s in n.segments)
+    joint = joined(n, table, prior)
+    if joint is None or excess <= 0.0:
+        return None
+    free = np.flatnonzero(prior.deviation > 0.0)
+    alone = joint.predicted(free, 0.0)
+    options = itertools.product(range(1, len(KINDS) + 1), RIDGES)
+    best, kinds, ridge = max((joint.predicted(joint.of(free, k), r), k, r) for k, r in options)
+    if best <= alone:
+        return None
+    return Beside(
+        integrated_out(joint, n, joint.of(free[:0], kinds), ridge), min(1.0, (best - alone) / excess),
+        _described(joint, free, kinds, ridge),
+    )  # fmt: skip
+
+
+def joined(n: Normal, table: Table, prior: Prior) -> Joint | None:
+    """Return the joint equations of a point's coordinates and regressors; None with fewer than two recordings."""
+    prepared, values = table.point.turned(), table.point.values
+    prediction = replay(prepared, [values])
+    shown = residuals(prepared, prediction)
+    count = len(prepared.recordings)
+    if count < 2:
+        return None
+    p, labels = len(n.x), _labels()
+    place = {c: np.array([p + k for k, x in enumerate(labels) if x[0] == c]) for c in ("current", *ACTS)}
+    size = p + len(labels)
+    folds = min(FOLDS, count)
+    m, v, rows = np.zeros((folds, size, size)), np.zeros((folds, size)), np.zeros((folds, size))
+    for k, read in enumerate(prediction.currents):
+        fold = k % folds
+        for part in unscaled(prepared, values, k, read[:, :, 0]):
+            _add(m[fold], v[fold], rows[fold], n, part, component(part, shown[k]), place[part.channel])
+        for s in n.segments:
+            if s.recording == k:
+                m[fold][np.ix_(s.places, s.places)] += s.a.sum(0)
+                v[fold][s.places] += s.g.sum(0)
+    scale = np.ones(size)
+    own, total = np.diagonal(m.sum(0))[p:], rows.sum(0)[p:]
+    scale[p:] = np.sqrt(np.divide(total, own, out=np.zeros_like(own), where=own > 0.0))
+    held, pull = np.zeros(size), np.zeros(size)
+    moves = np.flatnonzero(prior.deviation > 0.0)
+    held[moves] = prior.deviation[moves] ** -2
+    pull[moves] = (prior.mean - n.x)[moves] * held[moves]
+    return Joint(m * scale[:, None] * scale, v * scale, rows, held, pull, labels)
+
+
+def _labels() -> tuple[Label, ...]:
+    """Return the labels of all regressors in their order: those of currents, of motion, of the encoder."""
+    one = np.zeros(1)
+    kinds = [kind for _, kind in scalars(np.zeros((1, 2)), one, one)]
+    currents = [("current", acts, kind) for acts in ("current", "voltage") for kind in (*kinds, *kinds, 0, 0, 0)]
+    return (*currents, *((channel, acts, kind) for channel, acts in ACTS.items() for kind in kinds))
+
+
+def _add(m: Array, v: Array, rows: Array, n: Normal, part: Part, y: Array, place: NDArray[np.int64]) -> None:
+    """Add one channel of one recording to the equations of its fold, in place."""
+    x = part.x.reshape(-1, part.x.shape[2])
+    m[np.ix_(place, place)] += x.T @ x
+    v[place] += x.T @ y.ravel()
+    rows[place] += len(x)
+    for s, j in zip(n.segments, n.rows, strict=True):
+        if (s.recording, s.channel) == (part.recording, part.channel):
+            cross = x.T @ (_turned(j, part.theta) if part.channel == "current" else j)
+            m[np.ix_(place, s.places)] += cross
+            m[np.ix_(s.places, place)] += cross.T
+
+
+def _turned(j: Array, theta: Array) -> Array:
+    """Return slopes of three phases (n 3, q) along d and q (n 2, q)."""
+    each = j.reshape(len(theta), 3, -1)
+    return np.stack([in_rotor_frame(each[:, :, k], theta) for k in range(each.shape[2])], axis=2).reshape(
+        2 * len(theta), -1
+    )
+
+
+def integrated_out(joint: Joint, n: Normal, columns: NDArray[np.int64], ridge: float) -> Algebra:
+    """Return the equations of coordinates with regressors (columns) integrated out; n: the same with none."""
+    p, m, v, rows = joint.p, joint.m.sum(0), joint.v.sum(0), joint.rows.sum(0)
+    kept = m[np.ix_(columns, columns)] + np.diag(ridge * rows[columns])
+    across, own = m[np.ix_(columns, np.arange(p))], v[columns]
+    solved = cho_solve(cho_factor(kept, check_finite=False), np.column_stack([across, own]), check_finite=False)
+    rr = sum(float(s.rr.sum()) for s in n.segments)
+    return Algebra(
+        m[:p, :p] - across.T @ solved[:, :p], v[:p] - across.T @ solved[:, p], rr - float(own @ solved[:, p]), n.x
+    )
+
+
+def _described(joint: Joint, free: NDArray[np.int64], kinds: int, ridge: float) -> tuple[Described, ...]:
+    """Return what the regression consists of: what is lost without each kind of functions, all else refitted."""
+    columns = joint.of(free, kinds)
+    whole = joint.explained(columns, ridge)
+    groups: dict[tuple[str, str], list[int]] = {}
+    for c in columns[len(free) :]:
+        _, acts, kind = joint.labels[c - joint.p]
+        groups.setdefault((acts, KINDS[kind]), []).append(int(c))
+    lost = {g: max(0.0, whole - joint.explained(np.setdiff1d(columns, own), ridge)) for g, own in groups.items()}
+    total = sum(lost.values())
+    shares = [Described(acts, on, x / total) for (acts, on), x in lost.items()] if total else []
+    return tuple(sorted(shares, key=lambda x: -x.share))

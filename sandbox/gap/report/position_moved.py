@@ -1,0 +1,91 @@
+"""What each named effect does to the position error, were it alone in the drive: the closed loop runs with and without.
+
+One estimator of each way to find a position: the null of an injected ripple (`qnull`), a Kalman filter with a model of
+the motor (`ekf`), both at low speed where only injection sees the rotor, and the flux behind the voltages at speed
+(`active_flux`).  All believe the nominal model of the campaign, with rated current, over one mechanical turn.  At low
+speed the rotor turns freely under the estimate; at speed it is driven, since near standstill that estimator sees
+nothing and could not start it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from estimators.registry import load_estimator
+from model.errors import BadInput, PhysicsError
+from model.parameters import Drive
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.drive.simulate import Setup, run_once, set_up
+from sandbox.evaluation.score import is_lost
+
+ESTIMATORS = {"qnull": 0.05, "ekf": 0.05, "active_flux": 0.5}  # at which share of rated speed
+DRIVEN = ("active_flux",)
+RAMP, SETTLE, LONGEST_TURN = 0.3, 0.5, 2.0  # s
+
+
+class Moved(NamedTuple):
+    """By how much an effect moves the mean of the error and its ripple (standard deviation), electrical degrees;
+    not finite where the rotor is lost."""
+
+    mean_deg: float
+    ripple_deg: float
+
+    def as_json(self) -> dict[str, float | bool | None]:
+        """Return the numbers, null where the rotor is lost."""
+        lost = not math.isfinite(self.mean_deg)
+        return {
+            "mean_deg": None if lost else self.mean_deg, "ripple_deg": None if lost else self.ripple_deg, "lost": lost
+        }  # fmt: skip
+
+
+def moved(drive: Drive, effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Moved]]:
+    """Return by effect and estimator what the effect's values (public names) do; estimators that no gains can be
+    designed for on this drive, or that lose the rotor without any effect, are left out."""
+    out: dict[str, dict[str, Moved]] = {e: {} for e in effects}
+    for name in ESTIMATORS if effects else ():
+        try:
+            setup = _ready(drive, name)
+            base = _error(setup, {})
+        except (BadInput, PhysicsError):
+            continue
+        if base is None:
+            continue
+        for effect, values in effects.items():
+            try:
+                found = _error(setup, values)
+            except BadInput:  # none that a drive can have: an estimate at the end of its range
+                continue
+            except PhysicsError:
+                found = None
+            out[effect][name] = (
+                Moved(math.nan, math.nan) if found is None else Moved(found[0] - base[0], found[1] - base[1])
+            )
+    return out
+
+
+def _ready(drive: Drive, estimator: str) -> Setup:
+    """Return the run of an estimator made ready."""
+    speed = ESTIMATORS[estimator]
+    turn = min(LONGEST_TURN, math.tau * drive.motor.pole_pairs / (speed * drive.motor.rated_omega))
+    driven = estimator in DRIVEN
+    start = Segment(RAMP, 0.0, speed, ramp=RAMP)
+    rotor, reference = ("driven", "current") if driven else ("free", "speed")
+    scenario = Scenario(
+        "position", (start, Segment(RAMP + SETTLE + turn, 1.0, speed, ramp=RAMP)), rotor, reference, start_up=False
+    )
+    return set_up(drive, scenario, load_estimator(estimator), "saturated")
+
+
+def _error(setup: Setup, values: Mapping[str, float]) -> tuple[float, float] | None:
+    """Return mean and ripple (electrical degrees) over the last turn; None where the rotor is lost."""
+    recording = run_once(setup, values).recording
+    if is_lost(recording):
+        return None
+    end = setup.start_time + setup.scenario.duration
+    first = setup.start_time + 2.0 * RAMP + SETTLE
+    error = np.degrees(recording.between(first, end + 1.0).error)
+    return float(error.mean()), float(error.std())

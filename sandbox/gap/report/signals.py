@@ -1,0 +1,92 @@
+"""The readings themselves: residuals over time, currents as measured and as simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.gap.diagnose import Diagnosis
+from sandbox.gap.report.answers import Answers
+from sandbox.gap.report.decompose import Decomposition
+from sandbox.output import looks
+from sandbox.output.document import figure, pairs, prose
+from sandbox.output.vector import Line, lines_svg
+from sandbox.replay.replay import Residual
+
+Array = NDArray[np.float64]
+POINTS = 1200  # drawn of a line
+WINDOW = 0.04  # s of currents shown sample by sample
+
+
+def waves(a: Answers, part: Decomposition, before: Sequence[Residual], after: Sequence[Residual]) -> Iterator[str]:
+    """Yield the residual of the recording that holds most of the gap, over time, and its currents where it is worst."""
+    files = [r.file for r in a.diagnosis.start.prepared.recordings]
+    k = max(range(len(files)), key=lambda k: part.recordings[files[k]])
+    r = a.diagnosis.start.prepared.recordings[k]
+    period = a.diagnosis.campaign.drive.converter.sampling_period
+    width = max(1, r.samples // POINTS)
+    t = (np.arange(r.samples // width) * width * period).tolist()
+
+    def peaks(x: Array) -> list[float]:
+        """Return the largest value of each stretch, with its sign."""
+        own = np.asarray(x)[: len(t) * width].reshape(len(t), width)
+        return list(own[np.arange(len(t)), np.argmax(np.abs(own), axis=1)].tolist())
+
+    panels = [
+        (f"i_{p}", {"before": (t, peaks(before[k].current[:, j, 0])), "after": (t, peaks(after[k].current[:, j, 0]))})
+        for j, p in enumerate("abc")
+    ]
+    own, rest = before[k].motion, after[k].motion
+    if own is not None and rest is not None:
+        panels.append(("motion", {"before": (t, peaks(own[:, 0])), "after": (t, peaks(rest[:, 0]))}))
+    yield f"<h2>Residuals in {prose(r.file)}</h2>"
+    spectra = {
+        name: looks.spectrum(x.current[:, :, 0], period) for name, x in (("before", before[k]), ("after", after[k]))
+    }
+    lines = {name: (f.tolist(), size.tolist()) for name, (f, size) in spectra.items()}
+    first, last = _worst(before[k].current[:, :, 0], max(2, round(WINDOW / period)))
+    yield from pairs([
+        figure(lines_svg(panels, "t (s)"), "Read less predicted, in units of the noise floor; peaks of each stretch."),
+        figure(
+            lines_svg(_currents(a.diagnosis, k, before[k], after[k], slice(first, last), period), "t (s)"),
+            f"Currents where the gap is largest, sample by sample, {1e3 * (last - first) * period:.0f} ms. The noise "
+            f"floor is {a.diagnosis.start.prepared.floor:.2g} A.",
+        ),
+        figure(
+            lines_svg([("amplitude\n(noise floors)", lines)], "frequency (Hz)", log="y"),
+            "Spectrum of the same residuals of the currents, all phases together, without their means: the height of a "
+            "line. White noise alone is flat.",
+        ),
+    ])  # fmt: skip
+
+
+def phases_of(d: Diagnosis, k: int) -> tuple[Array, Array, Array]:
+    """Return the three readings (n,) of a recording in A."""
+    columns = d.campaign[d.start.prepared.recordings[k].file].columns
+    return columns["i_a"], columns["i_b"], columns["i_c"]
+
+
+def _worst(residual: Array, width: int) -> tuple[int, int]:
+    """Return first and last sample of the stretch (width samples) whose residuals (n, 3) are largest."""
+    sums = np.concatenate([[0.0], np.cumsum(np.sum(residual**2, axis=1))])
+    width = min(width, len(residual))
+    first = int(np.argmax(sums[width:] - sums[:-width]))
+    return first, first + width
+
+
+def _currents(
+    d: Diagnosis, k: int, before: Residual, after: Residual, own: slice, period: float
+) -> list[tuple[str, dict[str, Line]]]:
+    """Return three panels of currents (A): simulated before and after, and measured."""
+    prepared = d.start.prepared
+    t = (period * np.arange(own.start, own.stop)).tolist()
+    out = []
+    for j, read in enumerate(phases_of(d, k)):
+        simulated = {
+            name: (t, (read[own] - prepared.floor * x.current[own, j, 0]).tolist())
+            for name, x in (("before", before), ("after", after))
+        }
+        out.append((f"i_{'abc'[j]} (A)", {**simulated, "measured": (t, read[own].tolist())}))
+    return out

@@ -1,0 +1,52 @@
+"""What an effect does to the position error, against theory."""
+
+import math
+
+import pytest
+
+from model.drive_files import load_drive
+from model.effects.library import complete, true_motor
+from model.saliency import local_angle
+from sandbox.gap.report.listed import position_rows
+from sandbox.gap.report.position_moved import Moved, moved
+
+
+SATURATED = {"saturation.alpha_30": 8.0}
+
+
+@pytest.fixture(scope="module")
+def found():
+    return moved(
+        load_drive("spm_exchanged"),
+        {"saturation": SATURATED, "encoder_offset": {"encoder_offset.offset": 0.1}, "odd": {"odd.x": 1.0}},
+    )
+
+
+def test_an_encoder_that_controls_nothing_moves_nothing(found):
+    """The estimate controls, and its error is against the true angle: an encoder's offset enters nowhere."""
+    assert set(found["encoder_offset"]) == {"qnull", "ekf", "active_flux"}
+    assert all(m == Moved(0.0, 0.0) for m in found["encoder_offset"].values())
+
+
+def test_another_saturation_turns_the_null_by_the_difference_of_two_angles(found):
+    """The null stands at the true motor's cross-saturation angle, the belief takes off that of its own: e = angle of
+    the true motor at (I sin e, I cos e) - angle of the believed one at (0, I), model.saliency, solved by iteration.
+    Ripple of the motion and the speed's turn of the null leave some hundredths of a degree."""
+    motor = load_drive("spm_exchanged").motor
+    values = complete(motor, load_drive("spm_exchanged").converter, SATURATED)
+    true, current, e = true_motor(motor, values).energy, motor.rated_current, 0.0
+    for _ in range(50):
+        at = current * math.sin(e), current * math.cos(e)
+        e = float(local_angle(true, *at) - local_angle(motor.energy, 0.0, current))
+    assert math.degrees(e) < -0.5  # there is something to see
+    assert found["saturation"]["qnull"].mean_deg == pytest.approx(math.degrees(e), abs=0.1)
+
+
+def test_values_no_drive_can_have_are_left_out(found):
+    assert found["odd"] == {}
+
+
+def test_a_rotor_that_is_lost_is_said_to_be():
+    ranking = type("R", (), {"moved": {"dead_time": {"qnull": Moved(math.nan, math.nan), "ekf": Moved(1.234, 0.1)}}})
+    assert position_rows(ranking) == (["effect", "qnull", "ekf"], [["dead time", "lost", "+1.23°"]])
+    assert Moved(math.nan, math.nan).as_json() == {"mean_deg": None, "ripple_deg": None, "lost": True}
