@@ -96,7 +96,7 @@ def run_check(options: argparse.Namespace) -> None:
 def run_diagnose(options: argparse.Namespace) -> None:
     """Diagnose a campaign; write diagnosis.json, report.html and diagnosis.rrd."""
     import sandbox
-    from sandbox.gap.report.page import print_answers
+    from sandbox.gap.pages.page import print_answers
     from sandbox.public.moved import MotionResult, print_motion
 
     folder = options.out or Path("sensorless-out") / options.command

@@ -112,14 +112,14 @@ class DiagnosisResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write residuals before and after as a trace (`.rrd`); return its path."""
-        from sandbox.gap.report.traces import write_traces
+        from sandbox.gap.pages.traces import write_traces
 
         write_traces(Path(path), self.answers)
         return Path(path)
 
     def to_html(self, path: str | Path) -> Path:
         """Write the report, one page with its figures inside (`.html`); return its path."""
-        from sandbox.gap.report.page import write_report
+        from sandbox.gap.pages.page import write_report
 
         write_report(Path(path), self.answers)
         return Path(path)

@@ -47,11 +47,15 @@ def shares(d: Diagnosis) -> Shares:
     worth = _worths(j, named)
     parts = np.array(shapley(worth, named, np.random.default_rng(0)))
     whole = worth(frozenset(named))
-    scale = d.remainder.explained
+    left = np.zeros(whole.size)
+    for s in j.fit.normal.segments:
+        left[s.recording] += float(s.rr.sum() - s.n.sum())
+    gap = whole + left
     pick = np.random.default_rng(1).integers(whole.size, size=(DRAWS, whole.size))
     with np.errstate(invalid="ignore", divide="ignore"):
-        drawn = scale * parts[:, pick].sum(2) / whole[pick].sum(1)
-        value = scale * parts.sum(1) / whole.sum()
+        scale = d.remainder.explained * gap.sum() / whole.sum()  # at the point of the best hypothesis, not by algebra
+        drawn = scale * parts[:, pick].sum(2) / gap[pick].sum(1)
+        value = scale * parts.sum(1) / gap.sum()
     low, high = np.nanpercentile(drawn, [2.5, 97.5], axis=1)
     found = {e: (float(value[k]), float(low[k]), float(high[k])) for k, e in enumerate(named)}
     ranked = dict(sorted(found.items(), key=lambda x: -x[1][0]))

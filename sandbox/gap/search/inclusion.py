@@ -16,6 +16,7 @@ from sandbox.gap.search.subsets import Set, Subsets
 
 APART = 0.2  # of the less probable of two effects: chance of both together, below which they stand for each other
 SURE = 0.9  # chance that one of a group is there: less, and they are no group but each a doubt of its own
+LARGEST = 4  # effects of a group: more of them are no question that one recording answers
 OPEN = (0.05, 0.95)  # chances between which an effect may be one of a group
 
 
@@ -77,6 +78,6 @@ def summed(sets: Mapping[Set, float], names: Sequence[str] | Mapping[str, object
         alike = [f for f, p in both.items() if p < APART * min(chance[e], chance[f])]
         group = (e, *alike)
         either = sum(p for s, p in sets.items() if set(group) & set(s)) / total
-        if alike and either > SURE:
+        if alike and either > SURE and len(group) <= LARGEST:
             groups.append((group, either))
     return Inclusion(dict(sorted(chance.items(), key=lambda x: -x[1])), tuple(groups))

@@ -19,13 +19,13 @@ from sandbox.drive.record import campaign_of
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.pages.page import write_report
 from sandbox.gap.planning.menu import menu, settings
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.report import where as places
 from sandbox.gap.report.answers import answer, caveats, far_text, linear, next_text, which_text
 from sandbox.gap.report.decompose import decompose
 from sandbox.gap.report.diagnosis_json import contract
-from sandbox.gap.report.page import write_report
 from sandbox.gap.report.position import carrier_at, errors
 from sandbox.gap.report.where import subsystems
 from sandbox.gap.report.words import quantity, times
@@ -217,7 +217,7 @@ def test_command_reads_no_truth(quiet_folder, tmp_path, capsys):
 
 
 def test_trace_holds_recorded_and_both_simulations(quiet_folder, quiet_answers, tmp_path):
-    from sandbox.gap.report.traces import write_traces
+    from sandbox.gap.pages.traces import write_traces
 
     write_traces(tmp_path / "d.rrd", quiet_answers)
     found = read_trace(tmp_path / "d.rrd")

@@ -71,7 +71,7 @@ def test_a_stranger_is_described_and_does_not_bend_what_is_known(with_a_stranger
 
 
 def test_nothing_is_found_beside_effects_that_explain_all(small_answers):
-    """At the floor there is no excess worth a regression: what it predicts of recordings left out is next to nothing."""
+    """At the floor no excess is worth a regression: what it predicts of recordings left out is next to nothing."""
     j = small_answers.diagnosis.best.judged
     found = beside(j.table, j.prior)
     excess = sum(float(s.rr.sum() - s.n.sum()) for s in j.normal.segments)

@@ -7,9 +7,8 @@ import pytest
 from model.drive_files import load_drive
 from model.effects.library import complete, true_motor
 from model.saliency import local_angle
-from sandbox.gap.report.listed import position_rows
+from sandbox.gap.pages.listed import position_rows
 from sandbox.gap.report.position_moved import Moved, moved
-
 
 SATURATED = {"saturation.alpha_30": 8.0}
 

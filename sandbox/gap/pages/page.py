@@ -9,7 +9,8 @@ from pathlib import Path
 from model.effects import library
 from model.names import html_text
 from sandbox.gap.evidence.spectrum import shown
-from sandbox.gap.report import answers, listed, signals
+from sandbox.gap.pages import listed, signals
+from sandbox.gap.report import answers
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.decompose import Decomposition, decompose
 from sandbox.gap.report.diagnosis_json import closed_by

@@ -1,0 +1,1 @@
+"""What a person sees of a diagnosis: the terminal, one page, one trace."""
