@@ -85,7 +85,7 @@ def main() -> None:
     only_now = {k: v for k, v in least["now"].items() if k not in shared}
     RESULTS.mkdir(parents=True, exist_ok=True)
     (RESULTS / "cost.md").write_text(table(shared, least["now"], only_now), encoding="utf-8")
-    write_json(RESULTS / "cost.json", {"before": BEFORE, "turns": TURNS, **least})
+    write_json(RESULTS, "cost", {"before": BEFORE, "turns": TURNS, **least})
 
 
 if __name__ == "__main__":

@@ -1,13 +1,15 @@
 """Does the plant explain recordings of a bench it shares nothing with, and how fast is it?
 
-Replays practice campaign p01 (no effect, nothing fitted): residual over the noise floor by recording, time of a plant
-step per parameter set, time of all sensitivities, both on one and on two threads.
+Replays practice campaign p01 (no effect, nothing fitted): residual over the noise floor by recording, kept in
+results/replay_practice.json; times of a plant step per parameter set and of all sensitivities, on one and on two
+threads, are printed.
 
 Run: python experiments/replay_practice.py FOLDER   (FOLDER: recordings, e.g. $SENSORLESS_RECORDINGS; about 30 s)
 """
 
 from __future__ import annotations
 
+import datetime
 import os
 import sys
 import time
@@ -16,10 +18,13 @@ from pathlib import Path
 import numpy as np
 
 from model.effects import library
+from sandbox.output.files import write_json
 from sandbox.plant.batch import LANES
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import Prepared, halving_error, in_threads, plan, prepare, replay, residuals, run_block
 from sandbox.replay.sensitivity import all_parameters, sensitivities
+
+RESULTS = Path(__file__).parent / "results"
 
 
 def step_time(prepared: Prepared, effects: dict[str, float], workers: int = 1, sets: int = 64) -> float:
@@ -44,13 +49,18 @@ def step_time(prepared: Prepared, effects: dict[str, float], workers: int = 1, s
 
 
 def main(folder: Path) -> None:
-    """Print residuals and times."""
+    """Keep residuals, print times."""
     prepared = prepare(read_campaign(folder / "practice" / "p01"))
     drive, error = prepared.campaign.drive, halving_error(prepared)
     print(f"{prepared.steps} plant step a sampling period; halving it moves readings by {max(error):.1e} noise floors")
+    rows = []
     for r in residuals(prepared, replay(prepared, [{}])):
-        motion = "" if r.motion is None else f"motion {np.sqrt(np.mean(r.motion**2)):.3f}"
-        print(f"{r.file:28s} {r.rotor:7s} current {r.rms()[0]:.3f} {motion}")
+        motion = None if r.motion is None else float(np.sqrt(np.mean(r.motion**2)))
+        rows.append({"file": r.file, "rotor": r.rotor, "current": float(r.rms()[0]), "motion": motion})
+        told = "" if motion is None else f"motion {motion:.3f}"
+        print(f"{r.file:28s} {r.rotor:7s} current {r.rms()[0]:.3f} {told}")
+    content = {"date": str(datetime.date.today()), "campaign": "p01", "unit": "noise floors (rms)", "recordings": rows}
+    write_json(RESULTS, "replay_practice", content)
     every: dict[str, float] = {}
     for name in library.effect_names():
         if name != "cross_saturation":

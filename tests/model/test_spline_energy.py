@@ -1,8 +1,5 @@
 """The spline energy: its polynomials against SciPy, planted motors, symmetry, convexity, what it is fitted to."""
 
-import time
-
-import numba
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
@@ -10,7 +7,7 @@ from scipy.interpolate import BSpline
 from model import spline
 from model import spline_energy as se
 from model.drive_files import load_drive
-from model.energy import Energy, currents, flux_from_current, inductances, min_eigenvalue
+from model.energy import currents, flux_from_current, inductances, min_eigenvalue
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, read_map, write_map
 from tests.data import real_data
@@ -99,40 +96,6 @@ def test_outside_the_map_is_an_error_that_names_the_current(fitted):
         se.flux_from_current(fitted[0], 40.0, 0.0)
     with pytest.raises(BadInput, match="do not span both axes"):
         se.fit(np.zeros(20), np.zeros(20), np.zeros(20), np.zeros(20))
-
-
-@numba.njit
-def _many_quartic(m, n):
-    d, q = 0.01, 0.02
-    for _ in range(n):
-        a, b = currents(m, d, q)
-        d, q = 0.01 + 1e-9 * a, 0.02 + 1e-9 * b
-    return d
-
-
-@numba.njit
-def _many_spline(m, n):
-    d, q = 0.11, 0.02
-    for _ in range(n):
-        a, b = spline.currents(m, d, q)
-        d, q = 0.11 + 1e-9 * a, 0.02 + 1e-9 * b
-    return d
-
-
-def test_cost_of_one_evaluation(fitted):
-    """Latency in a dependent chain: measured 3.8 quartics, 3.1 in a plant's step (goal 3; experiments/spline_cost)."""
-    quartic = Energy(*load_drive("ipm").motor.energy)
-
-    pairs = ((_many_spline, fitted[0]), (_many_quartic, quartic))
-    times: list[list[float]] = [[], []]
-    for f, m in pairs:
-        f(m, 10)
-    for _ in range(20):  # turn by turn, so that a busy machine slows both
-        for (f, m), kept in zip(pairs, times, strict=True):
-            t = time.perf_counter()
-            f(m, 50_000)
-            kept.append(time.perf_counter() - t)
-    assert min(times[0]) < 6.0 * min(times[1])  # 3.8 with room for a busy machine
 
 
 @pytest.mark.parametrize(
