@@ -14,6 +14,7 @@ POSITION_NOTE = (
     "Mean position error under rated load, in electrical degrees, that each effect alone adds in the closed loop: low "
     "speed with injection (qnull, ekf), half of rated speed (active_flux). All believe the nominal model."
 )
+MOST = 2  # parameters that stand in the list itself
 SHOWN = 0.01  # chance below which an effect is not listed
 
 
@@ -26,6 +27,7 @@ def rows(r: Ranking) -> list[list[str]]:
             told = "–" if share is None else f"{percent(share[0])} [{percent(share[1])}, {percent(share[2])}]"
             own = r.parameters.get(effect, {})
             size = ", ".join(f"{k.partition('.')[2]} {quantity(e)}" for k, e in own.items())
+            size = size if len(own) <= MOST else f"{len(own)} numbers, below"
             out.append([words(effect), f"{100.0 * chance:.1f} %", told, size or "–"])
     if r.unknown >= SHOWN:
         out.append(["something outside the library", f"{100.0 * r.unknown:.1f} %", percent(r.unexplained), "–"])
