@@ -20,7 +20,9 @@ from sandbox.validation.switched.inverter import READINGS, SHIFT, SPEED, advance
 from tests.sandbox.plant.exact import Exact
 
 LARGEST = 2e-5  # of rated current, rms: what issue 15 asks of the plant against the bench
-PERIODS, THETA = 200, 0.3
+# With a late pattern one plant begins that much later than the other, a driven magnet having turned on meanwhile: of
+# that 0.94 is left a period (R h/L), 1e-4 after SETTLED.
+PERIODS, SETTLED, THETA = 250, 150, 0.3
 DRIVES = {"ipm": load_drive("ipm"), "ipm_exchanged": load_drive("ipm_exchanged")}
 DRIVES["map"] = twin(DRIVES["ipm_exchanged"])
 RUNS = {"locked": 0.0, "driven": 120.0, "driven fast": 600.0, "free": 0.0}  # rad/s electrical
@@ -73,7 +75,8 @@ def apart(name, run, effects):
     ours, theirs = (on(drive, effects, rotor, speed, u) for on in (on_exact, on_switched))
     assert np.abs(ours[:, :, 2:] - theirs[:, :, 2:]).max() < 1e-12  # V s of up to 0.1: rounding
     assert np.ptp(theirs[:, :, :2], axis=1).mean() > 0.01 * drive.motor.rated_current  # there is a ripple to read
-    miss = float(np.sqrt(np.mean(np.sum((ours - theirs)[:, :, :2] ** 2, axis=2)))) / drive.motor.rated_current
+    off = (ours - theirs)[SETTLED:, :, :2]
+    miss = float(np.sqrt(np.mean(np.sum(off**2, axis=2)))) / drive.motor.rated_current
     print(f"{name}, {run}: {miss * 1e6:.2f} ppm")
     return miss
 
@@ -106,15 +109,15 @@ def test_reading_inside_leaves_the_plant_alone():
 SAME = np.degrees(LARGEST / (0.02 * 0.5))
 
 
-@pytest.mark.parametrize("noisy", [False, True])
-def test_pwm_ripple_finds_the_same_angle_on_both_plants(noisy):
-    """Rated load at standstill; both plants draw the same noise, which counts pass on or not: a hundredth of it."""
+@pytest.mark.parametrize("noise", [0.0, 1.0], ids=["quiet", "noisy"])
+def test_pwm_ripple_finds_the_same_angle_on_both_plants(noise):
+    """Rated load at standstill; both plants draw the same noise. Without counts: one of them may fall either way."""
     drive = DRIVES["ipm_exchanged"]
-    if not noisy:
-        exact = dataclasses.replace(drive.converter, current_noise=0.0, current_resolution=0.0)
-        drive = dataclasses.replace(drive, converter=exact)
+    sensors = {"current_noise": noise * drive.converter.current_noise, "current_resolution": 0.0}
+    drive = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, **sensors))
     scene = Scenario("x", (Segment(0.3, 1.0, ramp=0.05),), start_up=False)
     runs = [simulate(drive, scene, load_estimator("pwm_ripple"), seed=3, plant=p) for p in ("exact", "switched")]
-    errors = [np.degrees(run.recording.between(0.1, 0.3).error) for run in runs]
-    print(*(f"{e.mean():.5f} +- {e.std():.5f}" for e in errors), np.abs(np.subtract(*errors)).max())
-    assert errors[0].mean() == pytest.approx(errors[1].mean(), abs=SAME)
+    exact, switched = (np.degrees(run.recording.between(0.1, 0.3).error) for run in runs)
+    print(f"{exact.mean():.5f} +- {exact.std():.5f} degrees, off {np.abs(exact - switched).max():.1e}")
+    assert np.abs(exact - switched).max() < SAME
+    assert (exact.std() > SAME) == (noise > 0.0)  # noise of one's own would show
