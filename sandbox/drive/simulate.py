@@ -203,7 +203,7 @@ def inside_for(estimator: Estimator, drive: Drive) -> Inside | None:
 
 def exact_bench(
     drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
-    believed: Belief | None, inside: Inside | None = None,
+    believed: Belief | None, inside: Inside | None,
 ) -> tuple[Any, ...]:  # fmt: skip
     """Return the loop's kernel (interpreted where there is no compiled belief) and the plant.
 
