@@ -125,7 +125,7 @@ class Estimator:
 
     @property
     def inside(self) -> bool:
-        """Whether it reads the current inside the PWM period, which only the switched plant has."""
+        """Whether it reads the current inside the PWM period, pulses shifted for it."""
         return self.injection == PWM
 
     @property

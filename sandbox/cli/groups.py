@@ -59,7 +59,7 @@ def add_runs(add: Add) -> None:
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
     c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
     _plant(c)
-    c.add_argument("--plant", choices=("exact", "switched", "averaged"), help="(exact, or what the estimator needs)")
+    c.add_argument("--plant", choices=("exact", "switched", "averaged"), default="exact", help="(exact)")
     c.add_argument(
         "--json-only", action="store_true", help="write simulate.json alone, no trace, page, figure or table"
     )

@@ -64,8 +64,13 @@ def closed_bench(
     w["off_c"][:], w["off_s"][:] = 1.0, 0.0
     timing = timing_of(w, converter.sampling_period, 1)
     longest = min(timing.longest, step)
-    looking = {"first": -1.0, "last": 1.0} if effects["current_sampling.jitter"] > 0.0 else {}
-    return turned_to(Bench(w, flux_map, timing._replace(longest=longest, **looking), features, blank_room(1)), theta)
+    bench = Bench(w, flux_map, timing._replace(longest=longest), features, blank_room(1))
+    return turned_to(looked_into(bench) if effects["current_sampling.jitter"] > 0.0 else bench, theta)
+
+
+def looked_into(bench: Bench) -> Bench:
+    """Return a plant whose current may be held at any instant of its period."""
+    return bench._replace(timing=bench.timing._replace(first=-1.0, last=1.0))
 
 
 def turned_to(bench: Bench, theta: float) -> Bench:

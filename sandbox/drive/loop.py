@@ -3,8 +3,8 @@
 `run_compiled` keeps all of it in one kernel and calls a compiled estimator through a function pointer;
 `run_python` is the same source interpreted: compiled pieces around an estimator written in Python.  The command
 computed at t_k acts over [t_{k+1}, t_{k+2}): the usual period of delay, so the plant can go on to the pattern's end
-before the sample it gave on its way is looked at.  The estimator is handed a Sample, nothing
-else.
+before the sample it gave on its way is looked at.  The estimator is handed a Sample, nothing else; one that reads the
+current inside the period an Oversampled.
 """
 
 from __future__ import annotations
@@ -16,18 +16,17 @@ import numba
 import numpy as np
 from numba import types
 
-from estimators.contract import BELIEF, ESTIMATE, SAMPLE, STATE, TUNING, Belief, Sample, is_usual
+from estimators.contract import BELIEF, ESTIMATE, OVERSAMPLED, SAMPLE, STATE, TUNING, Belief, Sample, is_usual
 from model.compiled import compiled_as, kernel, kernel_as
 from model.energy import min_eigenvalue
 from model.frames import rotate, stationary
 from sandbox.drive.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
+from sandbox.drive.inside import ask, shift_pulses
 from sandbox.drive.recording import CHANNELS
-from sandbox.plant import additions as add
-from sandbox.plant import ports
+from sandbox.drive.sensing import encoder, gather, instant, looked_at, read_link, read_phases
 from sandbox.plant.batch import numba_type, room_type
 from sandbox.plant.edges import duties, write_edges
 from sandbox.plant.period import Course, Timing, travel
-from sandbox.plant.sampling import read
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
 TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF, I_D_REF = range(6)  # columns of a profile's breakpoints
@@ -36,7 +35,6 @@ TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF, I_D_REF = range(6)  # columns of a 
 CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK, ENCODER = range(7)
 INSTANT, SPAN = 9, 10
 MEMORY = 11  # the encoder's speed has three places
-SOONEST, LATEST = -0.45, 0.45  # of the period: instants of sampling, jitter included
 N_CHANNELS = len(CHANNELS)
 CLOSED, OPEN = 1, 0
 LOCKED, DRIVEN, FREE = 0, 1, 2
@@ -63,6 +61,7 @@ class Rig(NamedTuple):
 RIG = numba.typeof(Rig(*5 * (0,), *8 * (0.0,)))
 RNG = numba.typeof(np.random.default_rng(0))
 VECTOR = types.Array(types.float64, 1, "C")
+ALONE = types.none  # no readings inside the period
 TABLE = types.Array(types.float64, 2, "C")
 TIMING, ROOM = numba.typeof(Timing(*5 * (0.0,))), numba.from_dtype(room_type(1))
 
@@ -95,43 +94,11 @@ def interpolate(profile, t, cursor):
 
 
 @kernel
-def read_current(value, rig, rng):
-    """Return a phase current as its sensor reads it: noise, then quantisation."""
-    value += rig.noise * rng.standard_normal()
-    return rig.resolution * math.floor(value / rig.resolution + 0.5) if rig.resolution > 0.0 else value
-
-
-@kernel
-def read_link(rig, rng):
-    """Return the link voltage as the controller reads it, over its nominal value."""
-    return 1.0 + rig.link_noise / rig.link * rng.standard_normal() if rig.link_noise > 0.0 else 1.0
-
-
-@kernel
-def read_phases(w, rig, rng):
-    """Return the three phase currents (A) as their sensors read the current held."""
-    read(w)
-    return read_current(w.read_a[0], rig, rng), read_current(w.read_b[0], rig, rng), read_current(w.read_c[0], rig, rng)
-
-
-@kernel
 def sample_of(k, reading, memory, primitive):
     """Return what the estimator is given at t_k."""
     m_alpha, m_beta = stationary(reading[0], reading[1], reading[2])
     carrier = primitive[k % primitive.size]
     return Sample(m_alpha, m_beta, memory[LAST_ALPHA], memory[LAST_BETA], carrier)
-
-
-@kernel
-def encoder(w, features, theta, omega, step):
-    """Return angle (rad) as the encoder reads it, and its slope (rad/s, electrical) without counts."""
-    off, slope = 0.0, 1.0
-    if features & add.WOBBLE:
-        pairs, turn, small = w.pairs[0], theta / w.pairs[0], 1e-6
-        off = ports.angle(w, 0, turn, pairs)
-        slope = 1.0 + (ports.angle(w, 0, turn + small, pairs) - off) / (small * pairs)
-    angle = theta + w.offset[0] + off
-    return (step * math.floor(angle / step + 0.5) if step > 0.0 else angle), omega * slope
 
 
 @kernel
@@ -149,12 +116,9 @@ def at_start(w, theta):
 
 
 @kernel
-def instant(w, rig, rng):
-    """Return when the next sample is taken, s after its pattern's start (before it where negative)."""
-    if rig.jitter == 0.0:
-        return w.sample[0]
-    s = w.sample[0] + w.delay[0] + rig.jitter * rng.standard_normal()
-    return min(max(s, SOONEST * rig.sampling_period), LATEST * rig.sampling_period) - w.delay[0]
+def shift(room, k, inside):
+    """Shift the pulses of period k."""
+    shift_pulses(room.shift, k, inside.shift)
 
 
 @kernel
@@ -218,7 +182,7 @@ def progress(k, bench, rig, torque, imposed, memory, looks, seen, rng):
     """Move the plant on over the pattern that starts at t_k + its delay, and hold the current sampled for t_k.
 
     torque: load asked for (N m); imposed: rad/s^2.
-    looks, seen: instants (s) of the sample for t_k and, where it is before its pattern, of the next; and the currents.
+    looks, seen: instants (s) looked at and the currents there, see `sensing.looked_at`; the first two are set here.
     """
     w, room, period = bench.w, bench.room, rig.sampling_period
     for m in range(3):
@@ -251,21 +215,25 @@ def judge(w, next_u):
     return DONE if min_eigenvalue(w.stiff_aa[0], w.stiff_ab[0], w.stiff_bb[0]) > 0.0 else OUTSIDE_DOMAIN
 
 
-def run_signature(flux_map: Any, belief: Any) -> Any:
-    """Return the loop's signature for the numba types of a flux map (none: the quartic) and of a belief."""
-    step = types.FunctionType(ESTIMATE(STATE, SAMPLE, belief, TUNING))
+def run_signature(flux_map: Any, belief: Any, inside: Any = ALONE) -> Any:
+    """Return the loop's signature for the numba types of a flux map (none: the quartic), of a belief and of what is
+    read inside the period (ALONE: nothing)."""
+    step = types.FunctionType(ESTIMATE(STATE, SAMPLE if inside == ALONE else OVERSAMPLED, belief, TUNING))
     bench = types.NamedTuple((numba_type(1), flux_map, TIMING, types.int64, ROOM), Bench)
     return types.UniTuple(types.int64, 2)(
-        step, STATE, bench, RIG, CONTROL, belief, TUNING, TABLE, VECTOR, VECTOR, RNG, TABLE
+        step, STATE, bench, inside, RIG, CONTROL, belief, TUNING, TABLE, VECTOR, VECTOR, RNG, TABLE
     )
 
 
 @kernel_as(run_signature(types.none, BELIEF))
-def run_compiled(step, state, bench, rig, control, belief, tuning, profile, waveform, primitive, rng, table):
-    """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped)."""
+def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profile, waveform, primitive, rng, table):
+    """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped).
+
+    inside: None, or what is read inside a period (`Inside`), pulses then shifted.
+    """
     controller, memory = np.zeros(SIZE), np.zeros(MEMORY)
-    looks, seen = np.full(2, -1.0), np.zeros((2, 2))
     w = bench.w
+    looks, seen = looked_at(w, rig.sampling_period, inside)
     memory[INSTANT] = instant(w, rig, rng)
     for k in range(rig.samples):
         t = k * rig.sampling_period
@@ -275,16 +243,20 @@ def run_compiled(step, state, bench, rig, control, belief, tuning, profile, wave
         angle, slope = encoder(w, bench.features, theta, omega, rig.encoder_step)
         measured = angle, speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period)
         imposed = imposed_on(k, omega, rig, profile, memory)
+        if inside is not None:
+            shift(bench.room, k, inside)
         progress(k, bench, rig, wanted[1], imposed, memory, looks, seen, rng)
         reading = read_phases(w, rig, rng)
         sample = sample_of(k, reading, memory, primitive)
-        estimate = step(state, sample, belief, tuning)
+        estimate = ask(step, state, sample, inside, belief, tuning)
         acting = (memory[U_ALPHA], memory[U_BETA])
         u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
             true, u_dc = at_start(w, theta), rig.link * memory[LINK]
             row = table[k // rig.stride]
             record(row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc)
+        if inside is not None:
+            gather(w, bench.room, rig, inside, rig.link * memory[LINK], seen, rng)
         keep(memory, (u_alpha, u_beta))
         status = judge(w, (u_alpha, u_beta))
         if status != DONE:
@@ -295,9 +267,10 @@ def run_compiled(step, state, bench, rig, control, belief, tuning, profile, wave
 run_python = run_compiled.py_func  # the same loop, interpreted, around an estimator of any kind
 
 
-def run_for(flux_map: Any, belief: Belief) -> Any:
-    """Return the compiled loop for these kinds of energy: `run_compiled`, or another compiled when first asked for."""
-    if flux_map is None and is_usual(belief):
+def run_for(flux_map: Any, belief: Belief, inside: Any) -> Any:
+    """Return the compiled loop for these kinds of energy and of readings inside the period: `run_compiled`, or another
+    compiled when first asked for."""
+    if flux_map is None and inside is None and is_usual(belief):
         return run_compiled
-    kinds = numba.typeof(flux_map), numba.typeof(belief)
-    return run_compiled if kinds == (types.none, BELIEF) else compiled_as(run_signature(*kinds), run_python)
+    kinds = numba.typeof(flux_map), numba.typeof(belief), numba.typeof(inside)
+    return run_compiled if kinds == (types.none, BELIEF, ALONE) else compiled_as(run_signature(*kinds), run_python)

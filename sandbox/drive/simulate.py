@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -20,9 +20,10 @@ from model.energy import AnyEnergy, flux_from_current, torque
 from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
 from sandbox.drive import loop
-from sandbox.drive.closed import closed_bench, longest_step, rotor_flux
+from sandbox.drive.closed import closed_bench, longest_step, looked_into, rotor_flux
 from sandbox.drive.design import Design, belief_of, design
 from sandbox.drive.feasible import check_call, check_feasible, check_injection, check_length, checked
+from sandbox.drive.inside import Inside, inside_of
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario
 from sandbox.plant import sets
@@ -30,7 +31,7 @@ from sandbox.plant.sets import features_of
 from sandbox.recordings.injection import Carrier, carrier
 
 MOST_SAMPLES = 5_000_000  # recorded: 0.8 GB
-PLANTS = ("exact", "switched")
+EXACT, SWITCHED = PLANTS = ("exact", "switched")
 OLD_NAME = "averaged"  # of the first
 LONGEST = 1e-2  # s
 ROTORS = {"locked": loop.LOCKED, "driven": loop.DRIVEN, "free": loop.FREE}
@@ -114,7 +115,7 @@ def simulate(
     plant_step: float = LONGEST,
     truth: AnyEnergy | None = None,
     effects: Mapping[str, float] | None = None,
-    plant: str | None = None,
+    plant: str = EXACT,
 ) -> Simulation:
     """Run a scenario and return its recording.
 
@@ -122,10 +123,9 @@ def simulate(
     every stride-th sample; plant_step: s, an upper bound (the plant chooses its own below); truth: another magnetic
     model for the plant than the one the estimator's belief comes from; effects: what the plant has and the model lacks,
     by public name such as {"dead_time.time": 2e-6}; plant: `exact` (event by event) or `switched` (the independent
-    bench), None for the one that the estimator needs.  Raises BadInput or PhysicsError with one sentence.
+    bench).  Raises BadInput or PhysicsError with one sentence.
     """
     check_call(estimator, belief, seed, stride, plant_step)
-    plant = plant_for(estimator, plant)
     complete(drive.motor, drive.converter, effects)  # before the design, which takes longer
     return run_once(
         set_up(drive, scenario, estimator, belief, plant), effects,
@@ -133,14 +133,15 @@ def simulate(
     )  # fmt: skip
 
 
-def set_up(drive: Drive, scenario: Scenario, estimator: Estimator, belief: str, plant: str | None = None) -> Setup:
+def set_up(drive: Drive, scenario: Scenario, estimator: Estimator, belief: str, plant: str = EXACT) -> Setup:
     """Return a run made ready: gains designed, the belief formed; arguments and errors as `simulate`."""
+    plant = plant_named(plant)
     check_injection(estimator, drive)
     gains = design(drive, scenario.start_up)
     tuning = gains.tuning
     start_time = start_periods(tuning.settle, tuning.average) * tuning.period * tuning.sampling_period
     return Setup(
-        drive, scenario, estimator, plant_for(estimator, plant), gains, belief_of(drive, belief),
+        drive, scenario, estimator, plant, gains, belief_of(drive, belief),
         carrier(drive.injection, drive.converter),
         round((start_time + scenario.duration) / tuning.sampling_period), start_time,
     )  # fmt: skip
@@ -168,16 +169,17 @@ def run_once(
         )
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle + scenario.start_error)
     table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
-    on = partial(_switched, inside=estimator.inside) if setup.plant == "switched" else exact_bench
-    run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None)
+    inside = inside_for(estimator, drive)
+    on = _switched if setup.plant == SWITCHED else exact_bench
+    run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None, inside)
     rig = rig_of(drive, scenario, values, closed_loop, samples, stride, setup.start_time)
-    if setup.plant == "exact":
+    if setup.plant == EXACT:
         check_length(samples, max(1, math.ceil(h / bench[0].timing.longest)), h)
     step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
     profile = setup.profile
     begun = time.thread_time()
     status, at = run(
-        step, state, *bench, rig, gains.control, believed, tuning, profile,
+        step, state, *bench, inside, rig, gains.control, believed, tuning, profile,
         setup.carrier.waveform, setup.carrier.primitive, np.random.default_rng(seed), table,
     )  # fmt: skip
     spent = time.thread_time() - begun
@@ -186,59 +188,54 @@ def run_once(
     return Simulation(Recording(table), gains, setup.start_time, spent)
 
 
-def plant_for(estimator: Estimator, plant: str | None) -> str:
-    """Return the plant asked for, or the one an estimator needs; BadInput where these differ."""
-    if plant is None:
-        return "switched" if estimator.inside else "exact"
-    plant = "exact" if plant == OLD_NAME else plant
+def plant_named(plant: str) -> str:
+    """Return the plant's present name; BadInput for one that is none."""
+    plant = EXACT if plant == OLD_NAME else plant
     if plant not in PLANTS:
         raise unknown("plant", plant, PLANTS)
-    if estimator.inside and plant != "switched":
-        raise BadInput(
-            f"estimator '{estimator.name}' reads the current inside the PWM period, which only the switched plant "
-            "hands over; run it there (--plant switched)"
-        )
     return plant
+
+
+def inside_for(estimator: Estimator, drive: Drive) -> Inside | None:
+    """Return fresh room for what an estimator reads inside the period, None for one that does not."""
+    return inside_of(drive.converter) if estimator.inside else None
 
 
 def exact_bench(
     drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
-    believed: Belief | None,
+    believed: Belief | None, inside: Inside | None,
 ) -> tuple[Any, ...]:  # fmt: skip
-    """Return the loop's kernel (interpreted where there is no compiled belief) and the plant."""
+    """Return the loop's kernel (interpreted where there is no compiled belief) and the plant.
+
+    inside: what is read inside a period, None for nothing.
+    """
     motor = true_motor(drive.motor, values)
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
     every = sets.complete(drive.motor, drive.converter, values)
     step = min(plant_step, longest_step(motor, every, features_of(drive.motor, every), top))
     bench = closed_bench(drive.motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth)
-    return loop.run_for(bench.flux_map, believed) if believed else loop.run_python, bench
+    bench = looked_into(bench) if inside else bench
+    return loop.run_for(bench.flux_map, believed, inside) if believed else loop.run_python, bench
 
 
 def _switched(
     drive: Drive, scenario: Scenario, values: Mapping[str, float], plant_step: float, truth: AnyEnergy | None,
-    believed: Belief | None, inside: bool = False,
+    believed: Belief | None, inside: Inside | None,
 ) -> tuple[Any, ...]:  # fmt: skip
-    """Return the loop's kernel, the bench's state, the bench, the nominal link voltage, room for readings inside the
-    period (None without) and the pulses' shift (s).
-    """
+    """Return the loop's kernel, the bench's state, the bench and the nominal link voltage; inside as `exact_bench`."""
     from sandbox.drive import switched_loop as switched
     from sandbox.validation.switched import advance as bench_of
     from sandbox.validation.switched.bench_numbers import bench
     from sandbox.validation.switched.inverter import READINGS
-    from sandbox.validation.switched.readings import USUAL_READINGS, shift_of
 
     if truth is not None:
         raise BadInput("the switched plant takes no other magnetic model; give effects such as saturation.alpha_30")
     b = bench(drive.motor, drive.converter, values)
     b = b._replace(step=min(b.step, plant_step))
-    x, c = bench_of.start(b, scenario.start_angle), drive.converter
-    room, shift = None, 0.0
-    if inside:
-        room = np.zeros((c.readings or USUAL_READINGS, 4))
-        shift = shift_of(c)
-        x[READINGS] = len(room)
-    run = switched.run_for(believed, room) if believed else switched.run_python
-    return run, x, b, c.dc_bus_voltage, room, shift
+    x = bench_of.start(b, scenario.start_angle)
+    x[READINGS] = len(inside.readings) if inside else 0
+    run = switched.run_for(believed, inside) if believed else switched.run_python
+    return run, x, b, drive.converter.dc_bus_voltage
 
 
 def rig_of(
@@ -256,7 +253,7 @@ def rig_of(
 
 def _flux(plant: str, bench: Any) -> tuple[float, float]:
     """Return phi_d, phi_q (Wb) of either plant's state."""
-    if plant == "switched":
+    if plant == SWITCHED:
         from sandbox.validation.switched.advance import rotor_flux as of_switched
 
         return of_switched(bench[1], bench[0])

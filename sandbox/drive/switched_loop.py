@@ -8,13 +8,14 @@ from typing import Any
 import numba
 import numpy as np
 from numba import types
-from numba.extending import overload
 
-from estimators.contract import BELIEF, ESTIMATE, OVERSAMPLED, SAMPLE, STATE, TUNING, Belief, Oversampled
+from estimators.contract import BELIEF, ESTIMATE, OVERSAMPLED, SAMPLE, STATE, TUNING, Belief
 from model.compiled import compiled_as, kernel, kernel_as
-from model.frames import rotate
+from model.frames import rotate, stationary
 from sandbox.drive.control import CONTROL, SIZE, speed_from
+from sandbox.drive.inside import ask, commanded, shift_pulses
 from sandbox.drive.loop import (
+    ALONE,
     CURSOR,
     DONE,
     ENCODER,
@@ -31,20 +32,29 @@ from sandbox.drive.loop import (
     imposed_on,
     interpolate,
     keep,
-    read_link,
     record,
     sample_of,
 )
-from sandbox.validation.switched.advance import measure
+from sandbox.drive.sensing import read_link
+from sandbox.validation.switched.advance import measure, sensor
 from sandbox.validation.switched.bench_numbers import Bench
-from sandbox.validation.switched.inverter import I_ALPHA, I_BETA, PSI_ALPHA, PSI_BETA, SPEED, THETA, advance
-from sandbox.validation.switched.phase_machine import least_stiffness
-from sandbox.validation.switched.readings import gather, shift_pulses
+from sandbox.validation.switched.inverter import (
+    I_ALPHA,
+    I_BETA,
+    PSI_ALPHA,
+    PSI_BETA,
+    READINGS,
+    SHIFT,
+    SPEED,
+    THETA,
+    advance,
+    duties,
+)
+from sandbox.validation.switched.phase_machine import least_stiffness, phase_currents
 
 OFF = Bench._field_defaults.values()  # no map, no lists
 PLAIN = Bench._make([*(len(Bench._fields) - len(OFF)) * (0.0,), *OFF])
 BENCH = numba.typeof(PLAIN)
-ALONE = types.none  # no readings inside the period
 
 
 def run_signature(belief: Any, inside: Any, of_bench: Any = BENCH) -> Any:
@@ -52,7 +62,7 @@ def run_signature(belief: Any, inside: Any, of_bench: Any = BENCH) -> Any:
     sample = SAMPLE if inside == ALONE else OVERSAMPLED
     step = types.FunctionType(ESTIMATE(STATE, sample, belief, TUNING))
     return types.UniTuple(types.int64, 2)(
-        step, STATE, VECTOR, of_bench, types.float64, inside, types.float64, RIG, CONTROL, belief, TUNING, TABLE,
+        step, STATE, VECTOR, of_bench, types.float64, inside, RIG, CONTROL, belief, TUNING, TABLE,
         VECTOR, VECTOR, RNG, TABLE,
     )  # fmt: skip
 
@@ -66,33 +76,31 @@ def encoder_slope(b, theta, speed):
     return b.pole_pairs * speed * (1.0 + slope)
 
 
-def ask(step, state, sample, inside, belief, tuning):
-    """Return the estimate of a sample, or of it and the readings inside the period where there are any."""
-    if inside is None:
-        return step(state, sample, belief, tuning)
-    i_alpha, i_beta, u_alpha, u_beta, carrier = sample
-    return step(state, Oversampled(i_alpha, i_beta, u_alpha, u_beta, carrier, inside), belief, tuning)
+@kernel
+def gather(state, b, acting, u_dc, rng, inside):
+    """Write the readings of the period just advanced over: currents as the sensors read them, V s as commanded.
 
-
-@overload(ask)
-def _ask(step, state, sample, inside, belief, tuning):
-    """Choose the branch by type: only one of them fits the step."""
-    if isinstance(inside, types.NoneType):
-        return lambda step, state, sample, inside, belief, tuning: step(state, sample, belief, tuning)
-
-    def oversampled(step, state, sample, inside, belief, tuning):
-        """Hand the readings inside over with the sample."""
-        i_alpha, i_beta, u_alpha, u_beta, carrier = sample
-        return step(state, Oversampled(i_alpha, i_beta, u_alpha, u_beta, carrier, inside), belief, tuning)
-
-    return oversampled
+    acting: the command (V); u_dc: the link as read, by which duties were formed.  A late sampler reads late here as
+    well; jitter does not act on these readings.
+    """
+    legs, readings = duties(acting[0], acting[1], u_dc), inside.readings
+    n = readings.shape[0]
+    for j in range(n):
+        slot = READINGS + 1 + 2 * j
+        i_a, i_b, i_c = phase_currents(complex(state[slot], state[slot + 1]))
+        readings[j, 0], readings[j, 1] = stationary(
+            sensor(b, i_a, b.gain_a, b.common_offset + b.offset_a, rng),
+            sensor(b, i_b, b.gain_b, b.common_offset + b.offset_b, rng),
+            sensor(b, i_c, b.gain_c, b.common_offset - b.offset_a - b.offset_b, rng),
+        )
+        readings[j, 2], readings[j, 3] = commanded((j + 0.5) * b.period / n, b.period, legs, state[SHIFT:], u_dc)
 
 
 @kernel
-def progress(k, x, b, mode, acting, read, torque, imposed, inside, shift, rng):
+def progress(k, x, b, mode, acting, read, torque, imposed, inside, rng):
     """Advance the bench over [t_k, t_k+1), its pulses shifted and the current read inside where that is asked for."""
     if inside is not None:
-        shift_pulses(x, k, shift)
+        shift_pulses(x[SHIFT:], k, inside.shift)
     advance(x, b, mode, acting[0], acting[1], read, torque, imposed)
     if inside is not None:
         gather(x, b, acting, read, rng, inside)
@@ -100,11 +108,11 @@ def progress(k, x, b, mode, acting, read, torque, imposed, inside, shift, rng):
 
 @kernel_as(run_signature(BELIEF, ALONE))
 def run_compiled(
-    step, state, x, b, u_dc, inside, shift, rig, control, belief, tuning, profile, waveform, primitive, rng, table
+    step, state, x, b, u_dc, inside, rig, control, belief, tuning, profile, waveform, primitive, rng, table
 ):
     """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped).
 
-    u_dc: V, nominal; inside: None, or room for the readings inside a period (n, 4), pulses then shifted by `shift` (s).
+    u_dc: V, nominal; inside: None, or what is read inside a period (`Inside`), pulses then shifted.
     """
     controller = np.zeros(SIZE)
     memory = np.zeros(MEMORY)
@@ -127,7 +135,7 @@ def run_compiled(
         u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
             record(table[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q, read)
-        progress(k, x, b, rig.rotor, acting, read, wanted[1], imposed, inside, shift, rng)
+        progress(k, x, b, rig.rotor, acting, read, wanted[1], imposed, inside, rng)
         keep(memory, (u_alpha, u_beta))
         if not math.isfinite(x[PSI_ALPHA] + x[PSI_BETA] + x[SPEED] + x[THETA] + u_alpha + u_beta):
             return NOT_FINITE, k

@@ -17,7 +17,7 @@ from model.parameters import Drive
 from sandbox.drive.design import Design
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario
-from sandbox.drive.simulate import plant_for, simulate
+from sandbox.drive.simulate import EXACT, plant_named, simulate
 from sandbox.evaluation.score import Row, rows_of
 from sandbox.output.files import version
 
@@ -152,11 +152,11 @@ def single(
     closed_loop: bool = True,
     seed: int = 0,
     effects: Mapping[str, float] | None = None,
-    plant: str | None = None,
+    plant: str = EXACT,
 ) -> tuple[Comparison, Design]:
     """Return one run as a comparison of one, and the gains it used; effects and plant as `simulate`."""
     loaded = load_estimator(estimator)
-    plant = plant_for(loaded, plant)
+    plant = plant_named(plant)
     done = simulate(drive, scenario, loaded, belief, closed_loop=closed_loop, seed=seed, effects=effects, plant=plant)
     rows = rows_of(drive, scenario, done.recording, done.start_time, loaded.name, belief, closed_loop)
     rows = tuple(replace(r, predicted_mean_deg=None) for r in rows) if effects else rows

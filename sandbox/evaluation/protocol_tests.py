@@ -311,8 +311,7 @@ def starting(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> O
     """3024 starts over 36 angles, each with its own noise; the same start-up serves every estimator."""
     from sandbox.evaluation.starts import starts
 
-    loaded = load_estimator(estimator)
-    found = starts(drive, load_estimator("qnull") if loaded.inside else loaded, belief, seed=seed)
+    found = starts(drive, load_estimator(estimator), belief, seed=seed)
     e = found.axis_errors
     size = np.abs(e)
     metrics = {

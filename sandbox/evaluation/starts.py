@@ -20,7 +20,7 @@ from sandbox.drive.design import belief_of, design
 from sandbox.drive.feasible import check_feasible
 from sandbox.drive.recording import CHANNELS
 from sandbox.drive.scenario import Scenario, Segment
-from sandbox.drive.simulate import LONGEST, exact_bench, profile_of, rig_of
+from sandbox.drive.simulate import LONGEST, exact_bench, inside_for, profile_of, rig_of
 from sandbox.recordings.injection import carrier
 
 ANGLES = 36
@@ -57,7 +57,7 @@ def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, s
     begin = start_periods(tuning.settle, tuning.average) * tuning.period * h
     samples = round((begin + AFTER) / h)
     values = complete(drive.motor, drive.converter, None)
-    run, bench = exact_bench(drive, scenario, values, LONGEST, None, believed)
+    run, bench = exact_bench(drive, scenario, values, LONGEST, None, believed, inside_for(estimator, drive))
     rig = rig_of(drive, scenario, values, True, samples, 1, begin)
     step, table = estimator.step_for(believed), np.zeros((samples, loop.N_CHANNELS))
     theta, theta_hat, tracking = (CHANNELS.index(name) for name in ("theta", "theta_hat", "tracking"))
@@ -68,8 +68,8 @@ def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, s
             at = turned_to(bench, angle + 0.17 * n / seeds)  # fills the gap between two of the angles
             rng = np.random.default_rng([seed, k, n])
             status, _ = run(
-                step, estimator.init(believed, tuning), at, rig, gains.control, believed, tuning, profile,
-                wave.waveform, wave.primitive, rng, table,
+                step, estimator.init(believed, tuning), at, inside_for(estimator, drive), rig, gains.control, believed,
+                tuning, profile, wave.waveform, wave.primitive, rng, table,
             )  # fmt: skip
             first = int(np.argmax(table[:, tracking] > 0.0))
             if status == loop.DONE and table[first, tracking] > 0.0:

@@ -29,13 +29,12 @@ from model.errors import BadInput, PhysicsError
 from model.frames import stationary
 from model.parameters import Drive
 from sandbox.drive.design import belief_of, design
+from sandbox.drive.inside import USUAL_READINGS, commanded, shift_of, shift_pulses
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
+from sandbox.plant.edges import duties
 from sandbox.recordings.injection import carrier, samples_per_period
-from sandbox.validation.switched.inverter import SHIFT, duties
-from sandbox.validation.switched.phase_machine import vector
-from sandbox.validation.switched.readings import USUAL_READINGS, shift_of, shift_pulses, volt_seconds
 
 ROUNDS = 5  # the fastest counts: the machine's moods only add
 SPEEDS = (0.3, 0.2, 0.15, 0.1)  # of rated
@@ -104,12 +103,11 @@ def pwm_ripple(drive: Drive, u: complex, theta: float, gamma: tuple[float, float
     u: mean voltage (V, stator frame); gamma: Hessian (1/H) in the rotor frame at theta (rad); shift: s, of the pulses.
     """
     h, u_dc = drive.converter.sampling_period, drive.converter.dc_bus_voltage
-    duty, x, state, square = duties(u.real, u.imag, u_dc), (np.arange(400) + 0.5) / 400, np.zeros(SHIFT + 3), 0.0
+    duty, x, legs, square = duties(u.real, u.imag, u_dc), (np.arange(400) + 0.5) / 400, np.zeros(3), 0.0
     for k in range(6):
-        shift_pulses(state, k, shift)
-        legs = [[volt_seconds(h * t, h, duty[n], state[SHIFT + n], u_dc) for t in x] for n in range(3)]
-        psi = [vector(*at) for at in zip(*legs, strict=True)]
-        rest = (np.array(psi) - np.mean(psi) - h * u * (x - 0.5)) * np.exp(-1j * theta)
+        shift_pulses(legs, k, shift)
+        psi = np.array([complex(*commanded(h * t, h, duty, legs, u_dc)) for t in x])
+        rest = (psi - np.mean(psi) - h * u * (x - 0.5)) * np.exp(-1j * theta)
         i_d, i_q = gamma[0] * rest.real + gamma[1] * rest.imag, gamma[1] * rest.real + gamma[2] * rest.imag
         square += float(np.mean(i_d**2 + i_q**2)) / 6.0
     return square**0.5

@@ -244,7 +244,7 @@ def simulate(
     closed_loop: bool = True,
     duration: float | None = None,
     effects: Effects = None,
-    plant: str | None = None,
+    plant: str = "exact",
     seed: int = 0,
     record: str | Path | None = None,
 ) -> SimulationResult:
@@ -266,8 +266,8 @@ def simulate(
         s of the scenario to run; all of it by default.
     effects : mapping or str, optional
         What the plant has and the model lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see `list_effects`).
-    plant : {'exact', 'switched'}, optional
-        What the estimator needs, by default.
+    plant : {'exact', 'switched'}
+        Event by event, or the independent bench that checks it; both run every estimator.
     seed : int
         Of the sensors' noise.
     record : str or Path, optional

@@ -25,7 +25,7 @@ from sandbox.drive.design import Design, belief_of
 from sandbox.drive.feasible import check_call
 from sandbox.drive.recording import CHANNELS, Recording
 from sandbox.drive.scenario import Scenario, load_scenario
-from sandbox.drive.simulate import LONGEST, Setup, Simulation, run_once, set_up
+from sandbox.drive.simulate import EXACT, LONGEST, Setup, Simulation, run_once, set_up
 from sandbox.evaluation.score import ErrorDeg, is_lost, speed_held, statistics
 from sandbox.sweep.keys import Value
 from sandbox.sweep.plan import OWN, Sweep, again, scene_of
@@ -103,9 +103,9 @@ def made_ready(text: str, base: tuple[tuple[str, Value], ...]) -> Ready:
     case = dict(base)
     drive = drive_of(case)
     scenario = scenario_of(case, text)
-    plant, belief, estimator = case.get("plant"), str(case["belief"]), load_estimator(str(case["estimator"]))
+    plant, belief, estimator = case.get("plant", EXACT), str(case["belief"]), load_estimator(str(case["estimator"]))
     check_call(estimator, belief, 0, 1, LONGEST)
-    setup = set_up(drive, scenario, estimator, belief, None if plant is None else str(plant))
+    setup = set_up(drive, scenario, estimator, belief, str(plant))
     setup = dataclasses.replace(setup, design=_with_bandwidths(setup.design, case))
     return Ready(setup, belief, windows_of(setup))
 

@@ -15,12 +15,11 @@ from estimators.registry import load_estimator
 from model import energy
 from model.drive_files import load_drive
 from sandbox.drive.design import TRACKING_MARGIN, _grid, _margins, belief_of, design
+from sandbox.drive.inside import USUAL_READINGS, USUAL_SHIFT, commanded, shift_pulses
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.evaluation import protocol_tests as t
-from sandbox.validation.switched.inverter import SHIFT, duties
-from sandbox.validation.switched.phase_machine import vector
-from sandbox.validation.switched.readings import USUAL_READINGS, USUAL_SHIFT, shift_pulses, volt_seconds
+from sandbox.plant.edges import duties
 
 DRIVE = load_drive("ipm_exchanged")
 TUNING = design(DRIVE).tuning
@@ -31,12 +30,12 @@ H, U_DC, N = TUNING.sampling_period, DRIVE.converter.dc_bus_voltage, USUAL_READI
 
 def periods(u, axis, emf=0j):
     """Yield the readings (N, 4) of period after period of a lossless linear winding whose d axis stands at `axis`."""
-    state = np.zeros(SHIFT + 3)
+    shifts = np.zeros(3)
     for k in range(60):
-        shift_pulses(state, k, USUAL_SHIFT * H)
+        shift_pulses(shifts, k, USUAL_SHIFT * H)
         legs, rows = duties(u.real, u.imag, U_DC), []
         for at in (np.arange(N) + 0.5) * H / N:
-            psi = vector(*(volt_seconds(at, H, d, state[SHIFT + n], U_DC) for n, d in enumerate(legs)))
+            psi = complex(*commanded(at, H, legs, shifts, U_DC))
             seen = (psi - emf * at) * cmath.exp(-1j * axis)
             i = 0.7 - 0.2j + (S * seen + D * seen.conjugate()) * cmath.exp(1j * axis)
             rows.append([i.real, i.imag, psi.real, psi.imag])
@@ -103,10 +102,10 @@ def spread(motor, d, pairs):
     A pair's current noise is 2 sigma^2 an axis; the part of dD across D has variance 2 sigma^2 / sum |f|^2.
     """
     drive, square = load_drive(motor), 0.0
-    h, u_dc, state = drive.converter.sampling_period, drive.converter.dc_bus_voltage, np.zeros(SHIFT + 3)
-    shift_pulses(state, 0, USUAL_SHIFT * h)
+    h, u_dc, shifts = drive.converter.sampling_period, drive.converter.dc_bus_voltage, np.zeros(3)
+    shift_pulses(shifts, 0, USUAL_SHIFT * h)
     at = (np.arange(N) + 0.5) * h / N
-    rho = np.array([vector(*(volt_seconds(s, h, 0.5, state[SHIFT + n], u_dc) for n in range(3))) for s in at])
+    rho = np.array([complex(*commanded(s, h, (0.5, 0.5, 0.5), shifts, u_dc)) for s in at])
     rho -= np.polyval(np.polyfit(at, rho, 1), at)
     square = pairs * np.sum(np.abs(2.0 * rho) ** 2)
     return math.degrees(math.sqrt(2.0 * design(drive).tuning.current_variance / square) / (2.0 * abs(d)))

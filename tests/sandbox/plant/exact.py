@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from sandbox.drive.closed import closed_bench, longest_step
-from sandbox.drive.loop import INSTANT, LINK, MEMORY, SPAN, U_ALPHA, U_BETA, Rig, encoder, progress, read_phases, rotor
+from sandbox.drive.closed import closed_bench, longest_step, looked_into
+from sandbox.drive.loop import INSTANT, LINK, MEMORY, SPAN, U_ALPHA, U_BETA, Rig, progress, rotor, shift
+from sandbox.drive.sensing import encoder, gather, looked_at, read_phases
 from sandbox.plant.sets import complete, features_of
 from sandbox.validation.switched.advance import replay
 from sandbox.validation.switched.bench_numbers import bench, quiet
@@ -11,28 +12,39 @@ from tests.sandbox.plant.effect_motors import CONVERTER, LINEAR, U, vector
 
 
 class Exact:
-    """The plant of a closed loop, moved period by period by hand; its batch `w`, sensors without noise."""
+    """The plant of a closed loop, moved period by period by hand; its batch `w`, sensors without noise.
 
-    def __init__(self, effects=None, motor=LINEAR, rotor="locked", theta=0.0, speed=0.0, converter=CONVERTER):
+    inside: what is read inside a period (`Inside`), None for nothing.
+    """
+
+    def __init__(
+        self, effects=None, motor=LINEAR, rotor="locked", theta=0.0, speed=0.0, converter=CONVERTER, inside=None
+    ):
         values = complete(motor, converter, effects)
         step = longest_step(motor, values, features_of(motor, values), motor.pole_pairs * abs(speed))
         ahead = motor.pole_pairs * speed * values["pwm_delay.delay"]  # the plant's periods begin with their pattern
         self.bench = closed_bench(motor, converter, values, rotor, theta + ahead, step)
-        self.w, self.pairs = self.bench.w, motor.pole_pairs
+        self.bench = looked_into(self.bench) if inside else self.bench
+        self.w, self.pairs, self.inside = self.bench.w, motor.pole_pairs, inside
         self.w["speed"][0] = self.pairs * speed
         jitter = values["current_sampling.jitter"]
-        self.rig = Rig(*5 * (0,), converter.sampling_period, 0.0, 0.0, 0.0, U, 0.0, jitter, 0.0)
+        self.rig = Rig(*5 * (0,), converter.sampling_period, 0.0, 0.0, 0.0, converter.dc_bus_voltage, 0.0, jitter, 0.0)
         self.memory = np.zeros(MEMORY)
         self.memory[LINK], self.memory[INSTANT] = 1.0, self.w["sample"][0]
-        self.looks, self.seen, self.k = np.full(2, -1.0), np.zeros((2, 2)), 0
-        self.rng = np.random.default_rng(0)
+        self.looks, self.seen = looked_at(self.w, converter.sampling_period, inside)
+        self.k, self.rng = 0, np.random.default_rng(0)
 
     def advance(self, u, load=0.0):
         """Return the current vector (A) read for t_k; the voltage u (complex, V) acts for a period from there."""
         self.memory[U_ALPHA], self.memory[U_BETA] = u.real, u.imag
+        if self.inside:
+            shift(self.bench.room, self.k, self.inside)
         progress(self.k, self.bench, self.rig, load, 0.0, self.memory, self.looks, self.seen, self.rng)
         self.k += 1
-        return vector(dict(zip(("i_a", "i_b", "i_c"), read_phases(self.w, self.rig, self.rng), strict=True)))
+        sample = vector(dict(zip(("i_a", "i_b", "i_c"), read_phases(self.w, self.rig, self.rng), strict=True)))
+        if self.inside:
+            gather(self.w, self.bench.room, self.rig, self.inside, self.rig.link, self.seen, self.rng)
+        return sample
 
     @property
     def motion(self):

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from sandbox.drive.loop import encoder, read_current
+from sandbox.drive.sensing import encoder, read_current
 from sandbox.plant import additions as add
 from tests.sandbox.plant.effect_motors import LINEAR, NO_MAGNET, TS, L, R, U, signs
 from tests.sandbox.plant.exact import Exact, exact, switched

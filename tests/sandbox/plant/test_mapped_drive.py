@@ -138,10 +138,10 @@ def test_a_campaign_holds_the_numbers_of_its_nominal_motor(tmp_path):
     assert without_map(load_drive("ipm").motor) == load_drive("ipm").motor
 
 
-@pytest.mark.parametrize("name", ["qnull", "pwm_ripple"])
-def test_spline_of_a_quartic_runs_on_the_switched_plant(name):
+@pytest.mark.parametrize(("name", "plant"), [("qnull", "switched"), ("pwm_ripple", "exact")])
+def test_spline_of_a_quartic_runs_so_on_both_plants(name, plant):
     """Plant and belief both as a map, against both as the quartic; the map is met to 1e-4 of rated current."""
     drive, scene = load_drive("ipm_exchanged"), Scenario("x", (Segment(0.3, 1.0, ramp=0.1),), start_up=False)
-    ends = [simulate(d, scene, load_estimator(name), seed=3, plant="switched") for d in (drive, twin(drive))]
+    ends = [simulate(d, scene, load_estimator(name), seed=3, plant=plant) for d in (drive, twin(drive))]
     known, found = (np.degrees(run.recording.between(0.15, 0.3).error) for run in ends)
     assert found.mean() == pytest.approx(known.mean(), abs=0.05)

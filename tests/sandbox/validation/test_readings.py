@@ -1,4 +1,4 @@
-"""Readings inside the PWM period and shifted pulses: closed forms from the legs' edges, bounds."""
+"""Readings inside the PWM period and shifted pulses: the switched bench against closed forms of the edges; bounds."""
 
 from __future__ import annotations
 
@@ -10,19 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from estimators.registry import load_estimator
 from model.drive_files import load_drive
 from model.errors import BadInput
 from model.parameters import Converter
 from sandbox.cli import main
-from sandbox.drive.scenario import Scenario, Segment
-from sandbox.drive.simulate import simulate
+from sandbox.drive.inside import Inside, shift_pulses, volt_seconds
+from sandbox.drive.switched_loop import gather
 from sandbox.evaluation.step_cost import pwm_ripple
 from sandbox.validation.switched.advance import start
 from sandbox.validation.switched.bench_numbers import bench, quiet
 from sandbox.validation.switched.inverter import I_ALPHA, I_BETA, READINGS, SHIFT, advance, duties
 from sandbox.validation.switched.phase_machine import LOCKED
-from sandbox.validation.switched.readings import gather, shift_pulses, volt_seconds
 
 DRIVE = load_drive("ipm_exchanged")
 LINEAR = dataclasses.replace(
@@ -55,13 +53,13 @@ def test_current_of_a_linear_motor_follows_the_edges(u):
     """Locked, no resistance: rotor-frame i = diag(1/L) (flux since t_0), nothing approximated but R (1e-5 ohm)."""
     n, theta, shift = 16, 0.4, 0.05 * H
     b = quiet(bench(LINEAR, DRIVE.converter))
-    x, room, psi_0 = start(b, theta), np.zeros((n, 4)), 0j
-    x[READINGS] = n
+    x, inside, psi_0 = start(b, theta), Inside(np.zeros((n, 4)), np.zeros((n, 2)), shift), 0j
+    x[READINGS], room = n, inside.readings
     gamma = np.array([1.0 / LINEAR.inductance_d, 1.0 / LINEAR.inductance_q])
     for k in range(6):
-        shift_pulses(x, k, shift)
+        shift_pulses(x[SHIFT:], k, shift)
         advance(x, b, LOCKED, u.real, u.imag, U_DC, 0.0, 0.0)
-        gather(x, b, (u.real, u.imag), U_DC, np.random.default_rng(0), room)
+        gather(x, b, (u.real, u.imag), U_DC, np.random.default_rng(0), inside)
         legs = edges(u, k, shift)
         for j in range(n):
             made = flux(legs, (j + 0.5) * H / n)
@@ -78,11 +76,11 @@ def test_current_of_a_linear_motor_follows_the_edges(u):
 @given(VOLTAGE, st.integers(0, 5), st.floats(0.01, 0.25))
 def test_shifted_pulses_keep_the_mean_voltage(voltage, k, share):
     """Any voltage, any shift: every leg delivers its duty within the period."""
-    u, state = voltage[0] * np.exp(1j * voltage[1]), np.zeros(SHIFT + 3)
-    shift_pulses(state, k, share * H)
+    u, shifts = voltage[0] * np.exp(1j * voltage[1]), np.zeros(3)
+    shift_pulses(shifts, k, share * H)
     for n, duty in enumerate(duties(u.real, u.imag, U_DC)):
-        assert volt_seconds(H, H, duty, state[SHIFT + n], U_DC) == pytest.approx(U_DC * duty * H, rel=1e-12)
-        assert volt_seconds(0.0, H, duty, state[SHIFT + n], U_DC) == 0.0
+        assert volt_seconds(H, H, duty, shifts[n], U_DC) == pytest.approx(U_DC * duty * H, rel=1e-12)
+        assert volt_seconds(0.0, H, duty, shifts[n], U_DC) == 0.0
 
 
 def test_over_six_periods_the_ripple_has_every_direction_and_no_mean():
@@ -113,27 +111,17 @@ def test_cost_of_the_ripple_is_that_of_the_bench():
     b, theta = quiet(bench(drive.motor, drive.converter)), 0.4
     i = 1j * 1.2 * np.exp(1j * theta)
     u, n = drive.motor.resistance * i, 32
-    x, room, square = start(b, theta, i_alpha=i.real, i_beta=i.imag), np.zeros((n, 4)), 0.0
-    x[READINGS] = n
+    x, square = start(b, theta, i_alpha=i.real, i_beta=i.imag), 0.0
+    x[READINGS], inside = n, Inside(np.zeros((n, 4)), np.zeros((n, 2)), 0.05 * H)
     for k in range(24):
-        shift_pulses(x, k, 0.05 * H)
+        shift_pulses(x[SHIFT:], k, inside.shift)
         advance(x, b, LOCKED, u.real, u.imag, U_DC, 0.0, 0.0)
-        gather(x, b, (u.real, u.imag), U_DC, np.random.default_rng(0), room)
-        read = room[:, 0] + 1j * room[:, 1]
+        gather(x, b, (u.real, u.imag), U_DC, np.random.default_rng(0), inside)
+        read = inside.readings[:, 0] + 1j * inside.readings[:, 1]
         square += np.mean(np.abs(read - read.mean()) ** 2) / 24
     gamma = (1.0 / drive.motor.inductance_d, 0.0, 1.0 / drive.motor.inductance_q)
     # R Gamma h = 6 % of decay within a period bends the ripple, 32 readings cut its corners
     assert pwm_ripple(drive, u, theta, gamma, 0.05 * H) == pytest.approx(math.sqrt(square), rel=0.05)
-
-
-def test_exact_plant_is_refused_in_a_sentence(tmp_path, capsys):
-    scene = Scenario("s", (Segment(0.05),))
-    with pytest.raises(BadInput, match=r"'pwm_ripple' reads the current inside the PWM period.*--plant switched"):
-        simulate(DRIVE, scene, load_estimator("pwm_ripple"), plant="exact")
-    call = ["simulate", "--estimator", "pwm_ripple", "--plant", "exact", "--out", str(tmp_path)]
-    assert main(call) == 2
-    assert "--plant switched" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
 
 
 def test_recordings_are_of_centred_pulses(tmp_path, capsys):
