@@ -9,6 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = {  # page of the documentation (below docs/): file of the repository
     "reference/made/recordings": "sandbox/recordings/IMPORTING.md",
+    "reference/made/recordings_checked": "sandbox/recordings/CHECKING.md",
     "reference/made/sweeps": "sandbox/sweep/README.md",
     "reference/made/estimators_in_c": "estimators/c/README.md",
     "reference/made/nomenclature": "model/NOMENCLATURE.md",
@@ -57,6 +58,8 @@ def turned(match: re.Match[str], source: Path, page: str) -> str:
     relative = file.relative_to(ROOT).as_posix() if file.is_relative_to(ROOT) else target
     if relative.startswith("docs/") and file.suffix == ".md":
         return f"[{said}]({os.path.relpath(file, here)})"
+    if relative.startswith("docs/tutorials/plot_"):
+        return f"[{said}]({os.path.relpath(ROOT / 'docs' / 'gallery' / file.name, here).removesuffix('.py')}.rst)"
     for name, own in PAGES.items():
         if own in (relative, f"{relative}/README.md"):
             return f"[{said}]({os.path.relpath(ROOT / 'docs' / name, here)}.md)"
