@@ -1,7 +1,7 @@
 """Estimators in C against their Python twins: the whole protocol in float, the same samples in float and double, cost.
 
-python -m experiments.c_estimators [--golden]     writes results/c_estimators.{json,md}; --golden: golden.json and
-                                                  the C files anew, nothing else
+python -m experiments.c_estimators [--golden | --foreign]     writes results/c_estimators.{json,md}
+    --golden: golden.json and the C files anew, nothing else; --foreign: the last table alone anew, the rest is kept
 An observer of another project's family (estimators/c/examples/flux_observer.c) runs beside them.
 """
 
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import math
 import tempfile
 import time
@@ -37,6 +38,7 @@ from sandbox.public.exporting import golden_of, in_one_window, samples_of
 
 NAMES = generate.NAMES
 FOREIGN = generate.HERE / "examples" / "flux_observer.c"
+BESIDE = ("active_flux", "ekf")  # of ours
 TESTED = [test for test in TESTS if test not in ("start", "cost")]
 COUNTED = ("static_map", "load_step", "creep", "hand_over")  # once more with counts of the readings
 OTHER = ("bandwidth_hz", "peak_gain", "back", "reversed", "elsewhere")
@@ -88,12 +90,17 @@ def whole_protocol(libraries: dict[str, Estimator], drives: list[Drive], tests: 
     return rows
 
 
-def foreign(library: Estimator) -> dict[str, str]:
-    """Return what the other family's observer comes to, by motor and test."""
-    rows = protocol([library], MOTORS, ["hand_over", "bandwidth", "reversal"]).rows
-    return {
-        f"{r.unit.motor}, {r.unit.test}": cell(r) for r in rows if r.unit.belief == "saturated"
-    }  # it knows no other
+def foreign(library: Estimator) -> list[dict[str, str]]:
+    """Return what the other family's observer comes to beside ours that need no injection: a row a motor and test."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for which in (library, *BESIDE):
+        for r in protocol([which], MOTORS, ["hand_over", "bandwidth", "reversal"]).rows:
+            own = r.unit.estimator == library.name
+            if own and r.unit.belief == "linear":
+                continue  # it knows no saturation: both runs are the same
+            name = library.name if own else f"{r.unit.estimator}, {r.unit.belief}"
+            found.setdefault((r.unit.motor, r.unit.test), {})[name] = cell(r)
+    return [{"motor": motor, "test": test, **cells} for (motor, test), cells in found.items()]
 
 
 def unquantised(motor: str) -> Drive:
@@ -168,9 +175,23 @@ def markdown(found: dict[str, Any]) -> str:
         + ".",
         "",
     ]
-    lines += ["## The flux observer of another family", ""]
-    lines += [f"- {where}: {text}" for where, text in found["foreign"].items()]
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *beside(found["foreign"])]) + "\n"
+
+
+def beside(rows: list[dict[str, str]]) -> list[str]:
+    """Return the other family's observer beside ours as lines of the page."""
+    names = list(dict.fromkeys(name for row in rows for name in row if name not in ("motor", "test")))
+    return [
+        "## An observer of another family beside ours", "",
+        "`flux_observer` is the nonlinear flux observer that VESC and ODrive build on, written in C from its published "
+        "equations ([flux_observer.c](../../estimators/c/examples/flux_observer.c)). It knows no saturation. Beside it "
+        "stand `active_flux` and `ekf` of ours, with either belief. In `hand_over` a motor under rated load goes from "
+        "standstill to at most 30 % speed and back; `reversal` is motulator's run, on its linear motor. A cell gives "
+        "the largest mean error, in brackets the error that 95 % of the samples stay below, in electrical degrees.", "",
+        f"| motor, test | {' | '.join(f'`{n}`' if ',' not in n else n for n in names)} |",
+        "|---|" + "---|" * len(names),
+        *(f"| {r['motor']}, {r['test']} | {' | '.join(r.get(n, '–') for n in names)} |" for r in rows),
+    ]  # fmt: skip
 
 
 def table(rows: list[dict[str, Any]]) -> list[str]:
@@ -204,38 +225,47 @@ def libraries_in(folder: Path) -> tuple[dict[str, Estimator], dict[str, Estimato
     return single, doubles
 
 
+def measured(single: dict[str, Estimator], doubles: dict[str, Estimator]) -> dict[str, Any]:
+    """Return everything that is measured, but for the other family's observer."""
+    estimators = {
+        name: {
+            "float_deg": same_samples(load_estimator(name), single[name], "ipm_exchanged"),
+            "double_deg": same_samples(load_estimator(name), doubles[name], "ipm_exchanged"),
+            "operations": generate.counted(name).mean,
+        }
+        for name in NAMES
+    }
+    print(estimators, flush=True)
+    found = {"date": time.strftime("%Y-%m-%d"), "compiler": "cc -O2", "estimators": estimators}
+    found["costs"] = costs(single)
+    print(found["costs"], flush=True)
+    usual = [load_drive("ipm_exchanged")]
+    found["counts_float"] = whole_protocol(single, usual, COUNTED)
+    found["counts_double"] = whole_protocol(doubles, usual, COUNTED)
+    print("\n".join(table(found["counts_float"]) + table(found["counts_double"])), flush=True)
+    found["rows"] = whole_protocol(single, [unquantised(motor) for motor in MOTORS], TESTED)
+    found["starts"] = starts(single)
+    return found
+
+
 def main() -> None:
     """Build, run, write."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--golden", action="store_true")
-    if arguments.parse_args().golden:
+    arguments.add_argument("--foreign", action="store_true")
+    options = arguments.parse_args()
+    if options.golden:
         FILE.write_text(golden_of(load_drive("ipm_exchanged"), NAMES).text(), encoding="utf-8")
         generate.main()
         return
+    kept = RESULTS / "c_estimators.json"
     with tempfile.TemporaryDirectory() as folder:
         single, doubles = libraries_in(Path(folder))
-        estimators = {
-            name: {
-                "float_deg": same_samples(load_estimator(name), single[name], "ipm_exchanged"),
-                "double_deg": same_samples(load_estimator(name), doubles[name], "ipm_exchanged"),
-                "operations": generate.counted(name).mean,
-            }
-            for name in NAMES
-        }
-        print(estimators, flush=True)
-        found = {"date": time.strftime("%Y-%m-%d"), "compiler": "cc -O2", "estimators": estimators}
-        found["costs"] = costs(single)
-        print(found["costs"], flush=True)
+        found = json.loads(kept.read_text(encoding="utf-8")) if options.foreign else measured(single, doubles)
         found["foreign"] = foreign(single["foreign"])
-        usual = [load_drive("ipm_exchanged")]
-        found["counts_float"] = whole_protocol(single, usual, COUNTED)
-        found["counts_double"] = whole_protocol(doubles, usual, COUNTED)
-        print("\n".join(table(found["counts_float"]) + table(found["counts_double"])), flush=True)
-        found["rows"] = whole_protocol(single, [unquantised(motor) for motor in MOTORS], TESTED)
-        found["starts"] = starts(single)
     text = markdown(found)
     (RESULTS / "c_estimators.md").write_text(text, encoding="utf-8")
-    save("c_estimators", found)
+    save("c_estimators", {k: v for k, v in found.items() if k != "experiment"})
     print(text)
 
 
