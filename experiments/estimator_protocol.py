@@ -1,6 +1,7 @@
 """Which estimator for which motor: the whole protocol, every family with both beliefs on four motors.
 
-python -m experiments.estimator_protocol [--peer-python PYTHON]     writes results/estimator_protocol.{json,md,png}
+python -m experiments.estimator_protocol [--peer-python PYTHON] [--jobs N | --dask ADDRESS]
+    writes results/estimator_protocol.{json,md,png}
 
 The table of README.md and the account in estimators/README.md quote these files.  An interrupted run goes on where it
 stopped.  With a Python that has motulator 0.18 the reversal is measured beside it in the same run.
@@ -13,6 +14,7 @@ import time
 from pathlib import Path
 
 from experiments.drawing import RESULTS, save
+from sandbox.cli.sweeping import on_dask
 from sandbox.evaluation.bench import peer
 from sandbox.evaluation.protocol import READING, Protocol, forget, protocol, table, tables
 from sandbox.output.columns import write_table
@@ -42,9 +44,10 @@ def main() -> None:
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--peer-python", help="Python >= 3.12 that has motulator 0.18")
     arguments.add_argument("--jobs", type=int, default=2)
+    on_dask(arguments)
     options = arguments.parse_args()
     folder = output_folder(Path("sensorless-out") / NAME)
-    result = protocol(jobs=options.jobs, keep=folder)
+    result = protocol(jobs=options.jobs, keep=folder, cluster=options.dask)
     if options.peer_python:
         result = result.beside(*peer(ANCHORS, options.peer_python, "lin", 4.0))
     text = markdown(result, time.strftime("%Y-%m-%d"))

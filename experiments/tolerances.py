@@ -1,6 +1,6 @@
 """How well does the motor have to be known?  Gain of the saturated belief with parameters off by up to 5, 10, 20 %.
 
-python -m experiments.tolerances [--jobs N] [--draws N]      writes experiments/results/tolerances/
+python -m experiments.tolerances [--jobs N | --dask ADDRESS] [--draws N]      writes experiments/results/tolerances/
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import json
 from pathlib import Path
 
 from sandbox import tolerances
+from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import plain, version
 from sandbox.sweep.tolerances import lines
 
@@ -22,6 +23,7 @@ def main() -> None:
     """Run, draw, write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=1, help="processes (1)")
+    on_dask(parser)
     parser.add_argument("--draws", type=int, default=64, help="of the belief's parameters at each tolerance (64)")
     parser.add_argument("--motors", nargs="+", default=MOTORS, help=f"({' '.join(MOTORS)})")
     options = parser.parse_args()
@@ -37,7 +39,7 @@ def main() -> None:
         "over the same with everything known exactly; below 0 the linear belief would have been better.",
     ]
     for motor in options.motors:
-        found = tolerances(motor, "staircase", draws=options.draws, jobs=options.jobs)
+        found = tolerances(motor, "staircase", draws=options.draws, jobs=options.jobs, cluster=options.dask)
         found.plot(RESULTS / f"{motor}.png")
         (RESULTS / f"{motor}.json").write_text(json.dumps(plain(found.as_json()), indent=1) + "\n", encoding="utf-8")
         heads, cells = lines(found.rows)

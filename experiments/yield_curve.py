@@ -1,6 +1,6 @@
 """Yield: how many drives of a production run err less than x degrees, with a linear and with a saturated belief.
 
-python -m experiments.yield_curve [--jobs N] [--dask tcp://...] [--points N] [--runs DIR]
+python -m experiments.yield_curve [--jobs N | --dask ADDRESS] [--points N] [--runs DIR]
 python -m experiments.yield_curve --scaling      measures 1 and 2 processes on a small piece
 
 100 000 runs (`yield_curve.toml`); an interrupted call goes on where it was.  Runs are kept in DIR (150 bytes each),
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from sandbox import sweep
-from sandbox.engine.processes import PATIENCE
+from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import plain, version
 
 HERE = Path(__file__).parent
@@ -195,7 +195,7 @@ def main() -> None:
     """Run what is left, write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=1, help="processes (1)")
-    parser.add_argument("--dask", metavar="ADDRESS", help=f"scheduler that answers within {PATIENCE:g} s")
+    on_dask(parser)
     parser.add_argument("--points", type=int, help="motors (25000)")
     parser.add_argument("--runs", type=Path, default=RUNS, help=f"folder ({RUNS})")
     parser.add_argument("--scaling", action="store_true", help="measure 1 and 2 processes")
