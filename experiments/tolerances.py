@@ -31,12 +31,20 @@ def main() -> None:
     page = [
         "# How well does the motor have to be known?",
         "",
-        f"`python -m experiments.tolerances`, {datetime.date.today()}, {version()}; {options.draws} draws a line. "
-        "Staircase at standstill to ±180 % load, estimate in control. Plant and gains are the motor's own; the "
-        "belief's magnet flux, L_d, L_q and the five alphas are drawn, each evenly and on its own, within ± the "
-        "tolerance. Error: rms over the stretches of the mean position error, electrical degrees, of which half "
-        "(95 %) of the draws stay below. Gain left: how much nearer to zero than the exactly known linear belief, "
-        "over the same with everything known exactly; below 0 the linear belief would have been better.",
+        "The saturated belief is only as good as the numbers in it. This page draws magnet flux, L_d, L_q and the five "
+        "alphas of the *belief*, each evenly and on its own, within ± the tolerance. The plant and the gains stay "
+        f"those of the motor. Each line stands for {options.draws} draws. The scenario is the staircase at standstill "
+        "up to ±180 % load, and the estimate controls the drive.",
+        "",
+        "- **linear °, saturated °**: the position error of the linear and of the saturated belief (the root mean "
+        "square of the mean errors of all loads, electrical degrees), of which half of the draws stay below; *95 % of "
+        "draws* is for the saturated belief.",
+        "- **gain left %**: how much of the way from the exact linear belief's error to the exact saturated belief's "
+        "error is left: 100 where nothing is lost, 0 where the saturated belief is no better than a linear one that "
+        "is exactly right, below 0 where it is worse. *95 % of draws* have at least so much left.",
+        "- **lost**: draws with which the drive lost lock.",
+        "",
+        f"Made by `python -m experiments.tolerances`, {datetime.date.today()}, {version()}.",
     ]
     for motor in options.motors:
         found = tolerances(motor, "staircase", draws=options.draws, jobs=options.jobs, cluster=options.dask)

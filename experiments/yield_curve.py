@@ -103,23 +103,30 @@ def page(content: dict[str, Any]) -> str:
     """Return the result page as markdown."""
     lines = [
         f"# Yield: {content['points']} motors within their tolerances, {content['runs']} runs", "",
-        f"`python -m experiments.yield_curve`, {content['date']}, {content['version']}. `ipm_exchanged` at standstill, "
-        "120 % load, estimate in control, 0.5 s a run; drive, gains and belief are those of the nominal motor, each "
-        "motor's parameters are drawn: R ±10 %, magnet flux ±5 %, L_d and L_q ±10 %, the five alphas ±20 %, even and "
-        "independent (assumed, [yield_curve.toml](../../yield_curve.toml)). Error: size of a run's mean position "
-        "error, electrical degrees; a drive that loses lock or has no result counts as beyond any error.", "",
+        "A factory builds many motors of one type, and no two of them are quite alike. One drive, designed for the "
+        "nominal motor, has to serve them all. How many of these drives err by less than x degrees?", "",
         "![Share of drives that err less than x degrees](yield_curve.png)", "",
+        "Each motor runs four times: two estimators, each with a linear and with a saturated belief. The belief is "
+        "that of the nominal motor. The error is the size of a run's mean position error, in electrical degrees. A "
+        "drive that loses lock, or has no result, counts as worse than any error.", "",
         "| estimator, belief | half err less than | **95 % err less than** (95 % interval) | 99 % err less than | lost "
         "| no result |",
         "|---|--:|--:|--:|--:|--:|", *map(group_line, content["groups"]), "",
-        "What the spread comes from (share of the error's variance, linear regression, %):", "",
+        "The motors: `ipm_exchanged` with R within ±10 %, magnet flux within ±5 %, L_d and L_q within ±10 %, the five "
+        "alphas within ±20 % of the nominal values. All are drawn evenly and independently; these tolerances are an "
+        "assumption ([yield_curve.toml](../../yield_curve.toml)). A run lasts 0.5 s at standstill with 120 % load, and "
+        "the estimate controls the drive.", "",
+        "## Which parameter matters?", "",
+        "The share of the error's variance that each parameter explains in a linear regression, in percent:", "",
     ]  # fmt: skip
     heads = list(content["causes"][0]["shares"])
     lines += [f"| estimator, belief | {' | '.join(heads)} | all together |", "|---|" + "--:|" * (len(heads) + 1)]
     for c in content["causes"]:
         cells = [f"{100 * v:.1f}" for v in c["shares"].values()]
         lines.append(f"| {c['name']} | {' | '.join(cells)} | {100 * c['explained']:.1f} |")
-    return "\n".join([*lines, "", *costs(content)]) + "\n"
+    lines += ["", "## What it costs", "", *costs(content), ""]
+    lines.append(f"Made by `python -m experiments.yield_curve`, {content['date']}, {content['version']}.")
+    return "\n".join(lines) + "\n"
 
 
 def group_line(g: dict[str, Any]) -> str:
@@ -132,26 +139,28 @@ def group_line(g: dict[str, Any]) -> str:
 def costs(content: dict[str, Any]) -> list[str]:
     """Return what the runs cost, in sentences."""
     cost = content["cost"]
-    ratio = cost["cpu_ms"] / cost["kernel_ms"]
     lines = [
-        f"Cost: {cost['cpu_ms']:.2f} ms of CPU a run, {cost['kernel_ms']:.2f} ms of them in the compiled loop (a ratio "
-        f"of {ratio:.2f}; measured beside other programs); largest memory {cost['rss']['parent_MB']:.0f} MB (parent), "
-        f"{cost['rss']['worker_MB']:.0f} MB (a worker; 0 where there was none)."
+        f"A run costs {cost['cpu_ms']:.2f} ms of processor time, {cost['kernel_ms']:.2f} ms of it in the compiled "
+        f"loop; the ratio is {cost['cpu_ms'] / cost['kernel_ms']:.2f}. The largest memory of the process was "
+        f"{cost['rss']['parent_MB']:.0f} MB"
+        + (f", of a worker {cost['rss']['worker_MB']:.0f} MB." if cost["rss"]["worker_MB"] else "."),
     ]
     if "scaling" in content:
         s = content["scaling"]
         one, two = s["1"]["runs_a_wall_second"], s["2"]["runs_a_wall_second"]
         same = "the same to the bit" if s["same_to_the_bit"] else "NOT the same"
-        lines.append(
-            f"Scaling on {4 * s['points']} of the runs, starting the processes included, {s['cores']} cores at a load "
-            f"average of {s['load']:.0f}: {one:.0f} runs a wall second with one process, {two:.0f} with two "
-            f"({two / one:.2f} times; CPU a run {s['1']['cpu_ms']:.1f} and {s['2']['cpu_ms']:.1f} ms); results {same}."
+        lines += ["", (
+            f"Two processes make {two:.0f} runs in a second, one process {one:.0f}: {two / one:.2f} times as many, the "
+            f"start of the processes included. This was measured on {4 * s['points']} of the runs, on {s['cores']} "
+            f"cores with a load average of {s['load']:.1f}; a run cost {s['2']['cpu_ms']:.1f} and "
+            f"{s['1']['cpu_ms']:.1f} ms of processor time. The results are {same}."
             + (
-                " Other programs had the cores: this says nothing of the engine; measure again on a quiet machine."
+                " Other programs used the cores at that time, so this says nothing of the engine: measure it again on "
+                "a quiet machine."
                 if s["load"] > s["cores"]
                 else ""
             )
-        )
+        )]  # fmt: skip
     return lines
 
 
