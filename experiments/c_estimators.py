@@ -143,9 +143,13 @@ def markdown(found: dict[str, Any]) -> str:
     """Return the result page."""
     lines = [
         "# Estimators in C against their Python twins", "",
-        f"`python -m experiments.c_estimators`, {found['date']}, {found['compiler']}, float, seed 0.  Python: the "
-        "kernels compiled by numba, in double.  The same samples: a run of `creep_reversal` on `ipm_exchanged` with "
-        "start-up, recorded once and handed to both.", "",
+        "Three of our estimators exist as plain C, translated from the Python kernels. This page says how far each is "
+        "from its Python twin, and what it costs.", "",
+        "*Same samples*: one run of `creep_reversal` on `ipm_exchanged`, start-up included, was recorded and handed to "
+        "both. The column gives the largest difference of the two angles, for C in float and in double. Python always "
+        "computes in double. Operations are those of one step while tracking, the mean over the golden vectors (rated "
+        "load, eight samples in an injection period). *Step* is the time of one step in Python and in C; *loop* is the "
+        "time of a whole closed-loop run with C, as a share of the same with Python.", "",
         "| estimator | same samples, float | double | mul | add | div | sqrt | trig | compare | step: Python, C (ns) | "
         "loop: C over Python |", "|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|",
     ]  # fmt: skip
@@ -157,24 +161,26 @@ def markdown(found: dict[str, Any]) -> str:
             f"{c['c_step_ns']:.0f} | {c['c_loop_ms_s'] / c['python_loop_ms_s']:.2f} |"
         )
     lines += [
-        "", "Operations of one step while tracking, mean over golden vectors (rated load, 8 samples a period).", "",
-        "## The protocol in float", "",
-        "Largest difference of a stretch's mean and 95th percentile (degrees), where both kept lock, up to 180 % load "
-        "where the ripple carries information; beyond: of the means elsewhere. Both beliefs, current readings with "
-        "noise and without counts, three motors. A count of the readings turns a difference of the last digit into one "
-        "of a count, and from there on the noise is another one: with counts (last tables) means of single stretches "
-        "differ by up to 0.06 degrees in float and, in long runs, by 0.02 in double.", "",
+        "", "## The protocol in float", "",
+        "The whole protocol ran with each estimator and its twin: both beliefs, three motors, current readings with "
+        "noise but without rounding to counts. *Mean* and *p95* are the largest differences between the two, of the "
+        "mean error and of the error that 95 % of the samples stay below, in degrees. They are taken where both kept "
+        "lock, up to 180 % load, and where the ripple carries information; *beyond* is the largest difference of the "
+        "means anywhere else. *Lost by one* counts runs in which only one of the two lost lock; *other verdict* counts "
+        "tests that only one of the two passed.", "",
         *table(found["rows"]), "",
-        "## With counts, `ipm_exchanged`", "", "In float:", "", *table(found["counts_float"]), "", "In double:", "",
-        *table(found["counts_double"]),
+        "## With counts, `ipm_exchanged`", "",
+        "Now the current readings are rounded to counts. A difference in the last digit can then become a difference "
+        "of one count, and from there on the two see other noise. The means of single parts differ by up to 0.06 "
+        "degrees in float, and in long runs by 0.02 degrees even in double.", "",
+        "In float:", "", *table(found["counts_float"]), "", "In double:", "", *table(found["counts_double"]),
     ]  # fmt: skip
+    starts = ", ".join(f"`{k}` {v}" for k, v in found["starts"].items())
     lines += [
-        "",
-        "Polarity of 3024 starts (`ipm_exchanged`): "
-        + ", ".join(f"`{k}` {v}" for k, v in found["starts"].items())
-        + ".",
-        "",
-    ]
+        "", "## Starts", "", f"How often the polarity was right in 3024 starts on `ipm_exchanged`: {starts}.", "",
+        f"All but the last table by `python -m experiments.c_estimators`, {found['date']}, {found['compiler']}, seed "
+        "0; the last table by the same with `--foreign`.", "",
+    ]  # fmt: skip
     return "\n".join([*lines, *beside(found["foreign"])]) + "\n"
 
 

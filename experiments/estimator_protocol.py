@@ -3,7 +3,7 @@
 python -m experiments.estimator_protocol [--peer-python PYTHON] [--jobs N | --dask ADDRESS]
     writes results/estimator_protocol.{json,md,png}
 
-The table of README.md and the account in estimators/README.md quote these files.  An interrupted run goes on where it
+The table of README.md and the account in estimators/LIMITS.md quote these files.  An interrupted run goes on where it
 stopped.  With a Python that has motulator 0.18 the reversal is measured beside it in the same run.
 """
 
