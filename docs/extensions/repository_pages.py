@@ -42,9 +42,10 @@ TITLES = {  # of files that begin without one
     "results/made/main_job_ipm_exchanged": "Position error: ipm_exchanged",
     "results/made/main_job_spm_exchanged": "Position error: spm_exchanged",
     "results/made/effects_on_position": "Effects on position",
-    "results/made/estimator_protocol": "Protocol of all estimators",
     "results/made/withheld": "Check on withheld effects",
     "results/made/practice": "Diagnoses of practice recordings",
+    "results/made/odrive_cogging": "An ODrive's log without voltages",
+    "results/made/real_diagnoses": "Real drives, diagnosed",
     "results/made/own_effects": "Effects of one's own, diagnosed",
     "results/made/identify_practice": "Motors identified from practice recordings",
 }
