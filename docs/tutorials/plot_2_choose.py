@@ -92,5 +92,5 @@ for row in done.protocol.rows:
 #    * - no injection allowed at standstill
 #      - ``pwm_ripple`` (reads the current inside the PWM period)
 #
-# The card of an estimator names its source and where it may be used: :doc:`/reference/made/estimator_limits`, or ``sensorless list estimators hybrid``. Where each breaks, with
+# The card of an estimator names its source and where it may be used: :doc:`/reference/made/estimators`, or ``sensorless list estimators hybrid``. Where each breaks, with
 # figures: :doc:`/results/made/estimator_limits`.
