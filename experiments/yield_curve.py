@@ -1,7 +1,7 @@
 """Yield: how many drives of a production run err less than x degrees, with a linear and with a saturated belief.
 
 python -m experiments.yield_curve [--jobs N | --dask ADDRESS] [--points N] [--runs DIR]
-python -m experiments.yield_curve --scaling      measures 1 and 2 processes on a small piece
+python -m experiments.yield_curve --scaling      measures 1 and 2 processes on a small piece, for the same page
 
 100 000 runs (`yield_curve.toml`); an interrupted call goes on where it was.  Runs are kept in DIR (150 bytes each),
 what the page shows in experiments/results/yield/.
@@ -211,7 +211,12 @@ def main() -> None:
     options = parser.parse_args()
     if options.scaling:
         RESULTS.mkdir(parents=True, exist_ok=True)
-        keep(RESULTS / "scaling.json", json.dumps(scaling(), indent=1) + "\n")
+        measured, kept = scaling(), RESULTS / "yield_curve.json"
+        keep(RESULTS / "scaling.json", json.dumps(measured, indent=1) + "\n")
+        if kept.is_file():
+            content = json.loads(kept.read_text(encoding="utf-8")) | {"scaling": measured}
+            keep(kept, json.dumps(plain(content), indent=1) + "\n")
+            keep(RESULTS / "README.md", page(content))
         return
     write(sweep(tables(options.points), options.runs, jobs=options.jobs, cluster=options.dask, progress=told()))
 
