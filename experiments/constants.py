@@ -4,7 +4,7 @@ Every practice campaign is diagnosed anew with each influential constant halved 
 changes (verdict, first hypothesis, whether the truth is in the ambiguity set) stands in results/diagnosis/constants.md,
 one line a diagnosis in constants.jsonl beside it.  Resumable: what that file holds for this state of the code stays.
 
-Run: python -m experiments.constants [FOLDER] [--jobs N] [--cases p12 ...] [--only WIDE ...]
+Run: python -m experiments.constants [FOLDER] [--jobs N | --dask ADDRESS] [--cases p12 ...] [--only WIDE ...]
 (FOLDER: practice campaigns, usually $SENSORLESS_RECORDINGS/practice; 900 diagnoses of 25 s: 6 hours of one core)
 """
 
@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from model.errors import BadInput
+from sandbox.cli.sweeping import on_dask
 from sandbox.engine.processes import spread
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.report.diagnosis_json import contract
@@ -156,7 +157,10 @@ def answered(trial: Trial, how: Callable[[Path], Mapping[str, Any]] = diagnosed)
     return {**head, **rounded(told, DIGITS)}
 
 
-def run(trials: Sequence[Trial], kept: Path, jobs: int, how: Callable[[Path], Mapping[str, Any]] = diagnosed) -> int:
+def run(
+    trials: Sequence[Trial], kept: Path, jobs: int, how: Callable[[Path], Mapping[str, Any]] = diagnosed,
+    cluster: str | None = None,
+) -> int:  # fmt: skip
     """Make the diagnoses that a file does not hold for this state of the code, a line each; return how many."""
     there = {_key(a) for a in answers(kept) if a["code"] == code_digest()}
     left = [t for t in trials if t.key not in there]
@@ -166,7 +170,7 @@ def run(trials: Sequence[Trial], kept: Path, jobs: int, how: Callable[[Path], Ma
     kept.parent.mkdir(parents=True, exist_ok=True)
     sound = answers(kept)
     with kept.open("w", encoding="utf-8") as file:  # anew: an interruption may have cut off the last line
-        for found in chain(sound, spread(partial(answered, how=how), left, jobs)):
+        for found in chain(sound, spread(partial(answered, how=how), left, jobs, cluster=cluster)):
             file.write(json.dumps(found, separators=(",", ":")) + "\n")
             file.flush()
     return len(left)
@@ -248,6 +252,7 @@ def main(arguments: Sequence[str] | None = None, how: Callable[[Path], Mapping[s
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path, nargs="?", default=usual)
     parser.add_argument("--jobs", type=int, default=1)
+    on_dask(parser)
     parser.add_argument("--cases", nargs="+", help="campaigns (all)")
     parser.add_argument("--only", nargs="+", help="constants by name (all)")
     parser.add_argument("--results", type=Path, default=RESULTS, help=argparse.SUPPRESS)
@@ -260,7 +265,7 @@ def main(arguments: Sequence[str] | None = None, how: Callable[[Path], Mapping[s
     trials = [Trial(p, None, 1.0) for p in cases]
     trials += [Trial(p, k, f) for k in chosen for f in FACTORS for p in cases]
     kept = options.results / "constants.jsonl"
-    done = run(trials, kept, options.jobs, how)
+    done = run(trials, kept, options.jobs, how, options.dask)
     found = [a for a in answers(kept) if a["code"] == code_digest()]
     lines = [
         f"By `python -m experiments.constants` ({len(found)} diagnoses, code `{code_digest()}`): answers that change",

@@ -1,7 +1,7 @@
 """Yield: how many drives of a production run err less than x degrees, with a linear and with a saturated belief.
 
-python -m experiments.yield_curve [--jobs N] [--dask tcp://...] [--points N] [--runs DIR]
-python -m experiments.yield_curve --scaling      measures 1 and 2 processes on a small piece
+python -m experiments.yield_curve [--jobs N | --dask ADDRESS] [--points N] [--runs DIR]
+python -m experiments.yield_curve --scaling      measures 1 and 2 processes on a small piece, for the same page
 
 100 000 runs (`yield_curve.toml`); an interrupted call goes on where it was.  Runs are kept in DIR (150 bytes each),
 what the page shows in experiments/results/yield/.
@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from sandbox import sweep
-from sandbox.engine.processes import PATIENCE
+from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import plain, version
 
 HERE = Path(__file__).parent
@@ -103,23 +103,30 @@ def page(content: dict[str, Any]) -> str:
     """Return the result page as markdown."""
     lines = [
         f"# Yield: {content['points']} motors within their tolerances, {content['runs']} runs", "",
-        f"`python -m experiments.yield_curve`, {content['date']}, {content['version']}. `ipm_exchanged` at standstill, "
-        "120 % load, estimate in control, 0.5 s a run; drive, gains and belief are those of the nominal motor, each "
-        "motor's parameters are drawn: R ±10 %, magnet flux ±5 %, L_d and L_q ±10 %, the five alphas ±20 %, even and "
-        "independent (assumed, [yield_curve.toml](../../yield_curve.toml)). Error: size of a run's mean position "
-        "error, electrical degrees; a drive that loses lock or has no result counts as beyond any error.", "",
+        "A factory builds many motors of one type, and no two of them are quite alike. One drive, designed for the "
+        "nominal motor, has to serve them all. How many of these drives err by less than x degrees?", "",
         "![Share of drives that err less than x degrees](yield_curve.png)", "",
+        "Each motor runs four times: two estimators, each with a linear and with a saturated belief. The belief is "
+        "that of the nominal motor. The error is the size of a run's mean position error, in electrical degrees. A "
+        "drive that loses lock, or has no result, counts as worse than any error.", "",
         "| estimator, belief | half err less than | **95 % err less than** (95 % interval) | 99 % err less than | lost "
         "| no result |",
         "|---|--:|--:|--:|--:|--:|", *map(group_line, content["groups"]), "",
-        "What the spread comes from (share of the error's variance, linear regression, %):", "",
+        "The motors: `ipm_exchanged` with R within ±10 %, magnet flux within ±5 %, L_d and L_q within ±10 %, the five "
+        "alphas within ±20 % of the nominal values. All are drawn evenly and independently; these tolerances are an "
+        "assumption ([yield_curve.toml](../../yield_curve.toml)). A run lasts 0.5 s at standstill with 120 % load, and "
+        "the estimate controls the drive.", "",
+        "## Which parameter matters?", "",
+        "The share of the error's variance that each parameter explains in a linear regression, in percent:", "",
     ]  # fmt: skip
     heads = list(content["causes"][0]["shares"])
     lines += [f"| estimator, belief | {' | '.join(heads)} | all together |", "|---|" + "--:|" * (len(heads) + 1)]
     for c in content["causes"]:
         cells = [f"{100 * v:.1f}" for v in c["shares"].values()]
         lines.append(f"| {c['name']} | {' | '.join(cells)} | {100 * c['explained']:.1f} |")
-    return "\n".join([*lines, "", *costs(content)]) + "\n"
+    lines += ["", "## What it costs", "", *costs(content), ""]
+    lines.append(f"Made by `python -m experiments.yield_curve`, {content['date']}, {content['version']}.")
+    return "\n".join(lines) + "\n"
 
 
 def group_line(g: dict[str, Any]) -> str:
@@ -132,26 +139,28 @@ def group_line(g: dict[str, Any]) -> str:
 def costs(content: dict[str, Any]) -> list[str]:
     """Return what the runs cost, in sentences."""
     cost = content["cost"]
-    ratio = cost["cpu_ms"] / cost["kernel_ms"]
     lines = [
-        f"Cost: {cost['cpu_ms']:.2f} ms of CPU a run, {cost['kernel_ms']:.2f} ms of them in the compiled loop (a ratio "
-        f"of {ratio:.2f}; measured beside other programs); largest memory {cost['rss']['parent_MB']:.0f} MB (parent), "
-        f"{cost['rss']['worker_MB']:.0f} MB (a worker; 0 where there was none)."
+        f"A run costs {cost['cpu_ms']:.2f} ms of processor time, {cost['kernel_ms']:.2f} ms of it in the compiled "
+        f"loop; the ratio is {cost['cpu_ms'] / cost['kernel_ms']:.2f}. The largest memory of the process was "
+        f"{cost['rss']['parent_MB']:.0f} MB"
+        + (f", of a worker {cost['rss']['worker_MB']:.0f} MB." if cost["rss"]["worker_MB"] else "."),
     ]
     if "scaling" in content:
         s = content["scaling"]
         one, two = s["1"]["runs_a_wall_second"], s["2"]["runs_a_wall_second"]
         same = "the same to the bit" if s["same_to_the_bit"] else "NOT the same"
-        lines.append(
-            f"Scaling on {4 * s['points']} of the runs, starting the processes included, {s['cores']} cores at a load "
-            f"average of {s['load']:.0f}: {one:.0f} runs a wall second with one process, {two:.0f} with two "
-            f"({two / one:.2f} times; CPU a run {s['1']['cpu_ms']:.1f} and {s['2']['cpu_ms']:.1f} ms); results {same}."
+        lines += ["", (
+            f"Two processes make {two:.0f} runs in a second, one process {one:.0f}: {two / one:.2f} times as many, the "
+            f"start of the processes included. This was measured on {4 * s['points']} of the runs, on {s['cores']} "
+            f"cores with a load average of {s['load']:.1f}; a run cost {s['2']['cpu_ms']:.1f} and "
+            f"{s['1']['cpu_ms']:.1f} ms of processor time. The results are {same}."
             + (
-                " Other programs had the cores: this says nothing of the engine; measure again on a quiet machine."
+                " Other programs used the cores at that time, so this says nothing of the engine: measure it again on "
+                "a quiet machine."
                 if s["load"] > s["cores"]
                 else ""
             )
-        )
+        )]  # fmt: skip
     return lines
 
 
@@ -195,14 +204,19 @@ def main() -> None:
     """Run what is left, write the page."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--jobs", type=int, default=1, help="processes (1)")
-    parser.add_argument("--dask", metavar="ADDRESS", help=f"scheduler that answers within {PATIENCE:g} s")
+    on_dask(parser)
     parser.add_argument("--points", type=int, help="motors (25000)")
     parser.add_argument("--runs", type=Path, default=RUNS, help=f"folder ({RUNS})")
     parser.add_argument("--scaling", action="store_true", help="measure 1 and 2 processes")
     options = parser.parse_args()
     if options.scaling:
         RESULTS.mkdir(parents=True, exist_ok=True)
-        keep(RESULTS / "scaling.json", json.dumps(scaling(), indent=1) + "\n")
+        measured, kept = scaling(), RESULTS / "yield_curve.json"
+        keep(RESULTS / "scaling.json", json.dumps(measured, indent=1) + "\n")
+        if kept.is_file():
+            content = json.loads(kept.read_text(encoding="utf-8")) | {"scaling": measured}
+            keep(kept, json.dumps(plain(content), indent=1) + "\n")
+            keep(RESULTS / "README.md", page(content))
         return
     write(sweep(tables(options.points), options.runs, jobs=options.jobs, cluster=options.dask, progress=told()))
 

@@ -10,6 +10,7 @@ import api_pages
 import card_pages
 import command_pages
 import field_pages
+import goal_table
 import repository_pages
 import schema_pages
 from sphinx.application import Sphinx
@@ -38,6 +39,7 @@ def write(app: Sphinx) -> None:
         put(made / name, page())
     for name in repository_pages.PAGES:
         put(Path(app.srcdir) / f"{name}.md", repository_pages.page(name))
+    put(Path(app.srcdir) / "results" / "made" / "goals.txt", goal_table.goals())  # included by a page
     for name, text in schema_pages.files().items():
         put(made / "schemas" / name, text)
 

@@ -9,10 +9,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = {  # page of the documentation (below docs/): file of the repository
     "reference/made/recordings": "sandbox/recordings/IMPORTING.md",
+    "reference/made/recordings_checked": "sandbox/recordings/CHECKING.md",
     "reference/made/sweeps": "sandbox/sweep/README.md",
     "reference/made/estimators_in_c": "estimators/c/README.md",
     "reference/made/nomenclature": "model/NOMENCLATURE.md",
     "results/made/estimators": "estimators/README.md",
+    "results/made/estimator_limits": "estimators/LIMITS.md",
+    "results/made/estimator_constants": "estimators/CONSTANTS.md",
     "results/made/estimator_protocol": "experiments/results/estimator_protocol.md",
     "results/made/c_estimators": "experiments/results/c_estimators.md",
     "results/made/main_job_ipm": "experiments/results/main_job_ipm.md",
@@ -23,6 +26,9 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "results/made/yield": "experiments/results/yield/README.md",
     "results/made/own_effects": "experiments/results/own_effects.md",
     "results/made/real_diagnoses": "experiments/results/real_diagnoses.md",
+    "results/made/odrive_cogging": "experiments/results/odrive_cogging.md",
+    "results/made/other_simulator": "experiments/results/other_simulator.md",
+    "results/made/peak_error": "experiments/results/peak_error.md",
     "results/made/identify_practice": "experiments/results/identify_practice.md",
     "results/made/against_bench": "experiments/results/plant/against_bench.md",
     "results/made/withheld": "experiments/results/withheld/README.md",
@@ -36,9 +42,10 @@ TITLES = {  # of files that begin without one
     "results/made/main_job_ipm_exchanged": "Position error: ipm_exchanged",
     "results/made/main_job_spm_exchanged": "Position error: spm_exchanged",
     "results/made/effects_on_position": "Effects on position",
-    "results/made/estimator_protocol": "Protocol of all estimators",
     "results/made/withheld": "Check on withheld effects",
     "results/made/practice": "Diagnoses of practice recordings",
+    "results/made/odrive_cogging": "An ODrive's log without voltages",
+    "results/made/real_diagnoses": "Real drives, diagnosed",
     "results/made/own_effects": "Effects of one's own, diagnosed",
     "results/made/identify_practice": "Motors identified from practice recordings",
 }
@@ -57,6 +64,8 @@ def turned(match: re.Match[str], source: Path, page: str) -> str:
     relative = file.relative_to(ROOT).as_posix() if file.is_relative_to(ROOT) else target
     if relative.startswith("docs/") and file.suffix == ".md":
         return f"[{said}]({os.path.relpath(file, here)})"
+    if relative.startswith("docs/tutorials/plot_"):
+        return f"[{said}]({os.path.relpath(ROOT / 'docs' / 'gallery' / file.name, here).removesuffix('.py')}.rst)"
     for name, own in PAGES.items():
         if own in (relative, f"{relative}/README.md"):
             return f"[{said}]({os.path.relpath(ROOT / 'docs' / name, here)}.md)"

@@ -93,4 +93,4 @@ for row in done.protocol.rows:
 #      - ``pwm_ripple`` (reads the current inside the PWM period)
 #
 # The card of an estimator names its source and where it may be used: :doc:`/reference/made/estimators`, or ``sensorless list estimators hybrid``. Where each breaks, with
-# figures: :doc:`/results/made/estimators`.
+# figures: :doc:`/results/made/estimator_limits`.

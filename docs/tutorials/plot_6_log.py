@@ -72,6 +72,7 @@ pwm_frequency = 4000.0
 dc_bus_voltage = 400.0
 current_resolution = 0.0024
 current_noise = 0.002
+encoder_counts = 4096                               # else its steps could be taken for lost rows
 
 [motor]
 pole_pairs = 6

@@ -72,6 +72,6 @@ panel.legend()
 # %%
 # Can a diagnosis find it?
 # ------------------------
-# An effect of your own is a candidate like those of the library. Whether it is found depends on the recordings: a resolver's error
-# is named with probability 1.00 in our test, the fan is taken for viscous friction, because the recordings hardly coast from high speed
-# (:doc:`/results/made/own_effects`). The field ``separated_by`` of the card says which recording is missing.
+# An effect of your own is a candidate like those of the library. In our test, ``diagnose`` names the fan with probability 1.00 once it
+# knows the card, and says *unknown* without it; the same holds for a resolver's error (:doc:`/results/made/own_effects`). Whether an effect
+# can be found depends on the recordings. If they do not show it, the field ``separated_by`` of the card says which recording is missing.

@@ -49,10 +49,12 @@ def add_plan(add: Callable[..., Any], number: Callable[[str], float]) -> Any:
     """Add the command `plan` to the command line by its own `add`; return its parser."""
     c = add("plan", run_plan, "what to record on a bench: experiments, setpoints, and which effects they will tell")
     c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="the nominal model")
-    c.add_argument("--current", type=number, help="A peak, at the most (rated)")
-    c.add_argument("--speed", type=number, help="rpm, at the most (rated)")
-    c.add_argument("--voltage", type=number, help="V of the DC link, at the most (the drive's)")
-    c.add_argument("--can", default="locked,driven,free", help="what the bench can do with the rotor (all three)")
+    c.add_argument("--current", type=number, help="largest current, A peak (rated)")
+    c.add_argument("--speed", type=number, help="largest speed, rpm (rated)")
+    c.add_argument("--voltage", type=number, help="largest voltage of the DC link, V (the drive's)")
+    c.add_argument(
+        "--can", default="locked,driven,free", help="what the bench can do with the rotor (locked,driven,free)"
+    )
     return c
 
 

@@ -15,6 +15,7 @@ from sandbox.cli.sweeping import add_tolerances, on_dask
 
 PARALLEL = ("compare", "protocol", "diagnose", "check", "plan", "sweep")  # use threads, or processes
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
+MOTOR = "a motor of `sensorless list motors`, or a file of yours (ipm_exchanged)"
 LIBRARY = "an estimator of your own in C, as a shared library (see estimators/c/README.md)"
 EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
 
@@ -31,7 +32,7 @@ class Add(Protocol):
 def add_common(command: Parser, name: str) -> None:
     """Add what every command that writes results takes; seed and jobs are told where they do something."""
     jobs = "threads or processes (all cores)" if name in PARALLEL else argparse.SUPPRESS
-    seed = "of the sensors' noise (0)" if name in NOISY else argparse.SUPPRESS
+    seed = "seed of the sensors' noise (0)" if name in NOISY else argparse.SUPPRESS
     command.add_argument("--out", type=Path, help=f"folder for results (./sensorless-out/{name})")
     command.add_argument("--jobs", type=positive_int, help=jobs)
     command.add_argument("--seed", type=seed_number, default=0, help=seed)
@@ -45,21 +46,23 @@ def add_runs(add: Add) -> None:
     """Add `compare` and `simulate`."""
     c = add("compare", commands.run_compare, "position error of a saturated against a linear belief (the main job)")
     _which(c)
-    text = "names or files, by commas (qnull,inversion,ekf)"
+    text = "names or files, separated by commas (qnull,inversion,ekf)"
     c.add_argument("--estimators", default="qnull,inversion,ekf", help=text)
     _own(c)
     _plant(c)
     add_tolerances(c, positive_int)
     c = add("simulate", commands.run_simulate, "one run of one estimator")
     _which(c)
-    one = c.add_mutually_exclusive_group()
-    one.add_argument("--estimator", default="qnull", metavar="NAME or FILE.py", help="(qnull)")
+    one, text = c.add_mutually_exclusive_group(), "what finds the position, `sensorless list estimators` (qnull)"
+    one.add_argument("--estimator", default="qnull", metavar="NAME or FILE.py", help=text)
     one.add_argument("--estimator-library", type=Path, metavar="FILE.so", help=LIBRARY)
     _belief(c)
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
-    c.add_argument("--duration", type=number, help="s of the scenario to run (all of it)")
+    c.add_argument("--duration", type=number, help="how much of the scenario to run, in s (all of it)")
     _plant(c)
     c.add_argument("--plant", choices=("exact", "switched", "averaged"), default="exact", help="(exact)")
+    text = "exact: edge by edge; switched: the second simulator; averaged: same as exact (what the estimator needs)"
+    c.add_argument("--plant", choices=("exact", "switched", "averaged"), help=text)
     c.add_argument(
         "--json-only", action="store_true", help="write simulate.json alone, no trace, page, figure or table"
     )
@@ -89,10 +92,10 @@ def add_motor(add: Add) -> None:
     """Add `audit` and `maps`, which need no run."""
     c = add("audit", commands.run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
-    c.add_argument("--radius", type=number, help="A, of the audited disc of currents (180 %% of rated)")
+    c.add_argument("--radius", type=number, help="up to which current to look, in A (180 %% of rated)")
     c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
-    c.add_argument("--radius", type=number, help="A, half width of the plane (180 %% of rated)")
+    c.add_argument("--radius", type=number, help="half width of the plane of currents, in A (180 %% of rated)")
 
 
 def add_recorded(add: Add) -> None:
@@ -112,7 +115,7 @@ def add_export(add: Add) -> None:
     """Add `export-estimator`."""
     c = add("export-estimator", commands.run_export, "an estimator as C99 for a target, with a motor's constants")
     c.add_argument("name", metavar="NAME", help="qnull, inversion or ekf")
-    c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="(ipm_exchanged)")
+    c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help=MOTOR)
     _belief(c)
 
 
@@ -131,12 +134,14 @@ def add_looking(add: Add) -> None:
 
 
 def _which(command: Parser) -> None:
-    command.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="(ipm_exchanged)")
-    command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml", help="(staircase)")
+    command.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help=MOTOR)
+    text = "what is asked of the drive, `sensorless list scenarios` (staircase)"
+    command.add_argument("--scenario", default="staircase", metavar="NAME or FILE.toml", help=text)
 
 
 def _belief(command: Parser) -> None:
-    command.add_argument("--belief", default="saturated", choices=("saturated", "linear"), help="(saturated)")
+    text = "the model of the motor inside the estimator (saturated)"
+    command.add_argument("--belief", default="saturated", choices=("saturated", "linear"), help=text)
 
 
 def _plant(command: Parser) -> None:
@@ -149,7 +154,12 @@ def _own(command: Parser) -> None:
     text = "an estimator of your own, beside those of --estimators (may be repeated)"
     command.add_argument("--estimator", action="append", default=[], metavar="FILE.py", help=text)
     command.add_argument(
-        "--estimator-library", action="append", default=[], type=Path, metavar="FILE.so", help=f"{LIBRARY} (repeated)"
+        "--estimator-library",
+        action="append",
+        default=[],
+        type=Path,
+        metavar="FILE.so",
+        help=f"{LIBRARY} (may be repeated)",
     )
 
 

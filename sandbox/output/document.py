@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
@@ -37,7 +38,7 @@ td small {{ display: block; color: var(--soft); }}
 .marks td:first-child, .marks th:first-child {{ position: sticky; left: 0; background: var(--paper);
   white-space: nowrap; }} .marks th {{ padding-left: .5rem; white-space: nowrap; }}
 .bar {{ background: var(--bar); height: .55rem; border-radius: .2rem; min-width: 1px; }}
-pre {{ white-space: pre-wrap; font-size: .85rem; }}
+code {{ font-size: .9em; }} pre {{ white-space: pre-wrap; font-size: .85rem; }}
 figure {{ margin: .6rem 0; break-inside: avoid; }}
 figure svg {{ width: 100%; height: auto; max-width: 34rem; color: var(--ink); fill: var(--ink); }}
 figure svg {{ cursor: zoom-in; }} figure svg.big {{ position: fixed; inset: 0; z-index: 9; width: 100vw; height: 100vh;
@@ -78,8 +79,9 @@ def write_page(path: Path, title: str, parts: Iterable[str]) -> None:
 
 
 def prose(text: str) -> str:
-    """Return text for a page: percentages kept together, names with underscores free to break."""
-    return html_text(text).replace(" %", "&nbsp;%").replace("_", "_<wbr>")
+    """Return text for a page: percentages kept together, names with underscores free to break, `words` as code."""
+    plain = html_text(text).replace(" %", "&nbsp;%").replace("_", "_<wbr>")
+    return re.sub("`([^`]+)`", r"<code>\1</code>", plain)
 
 
 def answer(question: str, text: str) -> str:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 import os
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 Cells = tuple[Sequence[str], Sequence[Sequence[str]]]  # heads and lines of a table of texts
 DPI = 150
+LETTERS = 12  # of nine points in an inch
 MARKERS = {"saturated": "o", "linear": "s"}
 READING = (
     "error = true − estimated angle;  marker: mean;  outer end of bar: 95th percentile of |error|;  "
@@ -57,7 +59,7 @@ def comparison_figure(comparison: Comparison, path: str | Path | None = None) ->
     figure.suptitle(f"{comparison.drive.name}, {comparison.scenario.name}", parse_math=False)
     foretold = any(row.predicted_mean_deg is not None for run in comparison.runs for row in run.rows)
     reading = READING if foretold else READING.replace("dashed: theory;  ", "")
-    figure.supxlabel(reading, fontsize=9, color="0.25")
+    figure.supxlabel(textwrap.fill(reading, int(LETTERS * size[0])), fontsize=9, color="0.25")
     for axes in panels[-1]:
         axes.set_xlabel("load (% of rated)" if loads else "segment: load (%), speed (rpm)")
     return drawn(figure, path)

@@ -79,7 +79,7 @@ class Source:
 
 
 def source_of(
-    path: str | Path, columns: Path | None = None, preset: str | None = None, rotors: Sequence[str] = ROTORS
+    path: str | Path, columns: str | Path | None = None, preset: str | None = None, rotors: Sequence[str] = ROTORS
 ) -> Source:
     """Return what a folder (or one table in it) and its column map state, no recording read; BadInput says what is
     wrong."""
@@ -87,7 +87,7 @@ def source_of(
     folder = path if path.is_dir() else path.parent
     if not path.exists():
         raise BadInput(f"campaign '{path}' does not exist; give its folder, or one table in it")
-    data, mapped, source = _tables(folder, columns, preset)
+    data, mapped, source = _tables(folder, None if columns is None else Path(columns), preset)
     entries = entries_of(data, rotors, source)
     if path.is_file():
         entries = [e for e in entries if (folder / e[0]).resolve() == path.resolve()]
@@ -101,7 +101,7 @@ def source_of(
 
 
 def read_recordings(
-    path: str | Path, columns: Path | None = None, rotors: Sequence[str] = ROTORS, preset: str | None = None
+    path: str | Path, columns: str | Path | None = None, rotors: Sequence[str] = ROTORS, preset: str | None = None
 ) -> Campaign:
     """Return the campaign of a folder (or of one table in it), checked for wrong units, signs, order and sensors.
 

@@ -5,8 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
-from sandbox.output import plots, vector
+from sandbox.output import document, plots, vector
 
 LOADS = (0.0, 0.5, 1.0, 1.8)
 
@@ -124,3 +125,21 @@ def test_figures_of_a_report_need_one_font_only(caplog, monkeypatch, request):
     lines = vector.lines_svg([("i_a", {"before": ([0.0, 1.0], [2.0, 1.0])})], "t (s)")
     assert all(s.startswith("<svg") for s in (svg, wide, lines))
     assert not caplog.records
+
+
+def test_a_narrow_figure_says_its_reading_whole():
+    """One column of panels is narrower than the sentence below it."""
+    comparison = _comparison()
+    comparison.runs = [run for run in comparison.runs if run.estimator == "qnull"]
+    figure = plots.comparison_figure(comparison)
+    figure.draw_without_rendering()
+    said = figure.get_supxlabel()
+    assert " ".join(said.split()) == " ".join(plots.READING.split())
+    (text,) = (t for t in figure.findobj(Text) if t.get_text() == said)
+    extent = text.get_window_extent()
+    assert extent.x0 >= 0.0
+    assert extent.x1 <= figure.bbox.x1
+
+
+def test_prose_shows_calls_as_code_and_stays_text():
+    assert document.prose("see `list` of <b> 5 %") == "see <code>list</code> of &lt;b&gt; 5&nbsp;%"

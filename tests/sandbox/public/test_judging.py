@@ -48,13 +48,14 @@ def test_goal_beside_every_verdict():
 @of("bench", "diagnose")
 def test_results_of_long_work_are_results(tmp_path):
     """Those of minutes are tested with their commands; here that their results can do what all results can."""
+    from sandbox.evaluation.bench import LOOP, PLANT
     from sandbox.public.protocols import BenchResult
     from sandbox.public.recorded import DiagnosisResult
     from sandbox.public.result import Result
 
-    measured = {"plant_step_ns": 45.0, "closed_loop_qnull_cpu_s_per_s": 0.01}
+    measured = {PLANT: 0.002, LOOP: 0.01}
     result = BenchResult(measured, {"all_effects_to_none_cpu": 3.2})
-    assert repr(result) == "<BenchResult: 45.0 ns a plant step, 0.01 CPU s a closed-loop second>"
+    assert repr(result) == "<BenchResult: a second costs 2 ms of CPU for the plant, 10 ms for the closed loop>"
     assert result.to_table().num_rows == 3
     assert [p.name for p in result.save(tmp_path).iterdir()] == ["bench.json"]
     assert issubclass(DiagnosisResult, Result)

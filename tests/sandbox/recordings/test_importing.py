@@ -389,7 +389,7 @@ def test_example_of_the_document(tmp_path):
     columns |= dict(zip(("DutyA", "DutyB", "DutyC"), duties, strict=True))
     _write_csv(tmp_path / "run.csv", {**columns, "Pos": -np.degrees((theta - 0.35) / 6)}, ";", True)
     (tmp_path / "columns.toml").write_text(text)
-    found = read_recordings(tmp_path, tmp_path / "columns.toml")
+    found = read_recordings(str(tmp_path), str(tmp_path / "columns.toml"))  # texts are paths, too
     assert [f.column for f in found.findings] == ["i_c", "u_alpha"]
     for n in NAMES:
         np.testing.assert_allclose(found.recordings[0].columns[n], _columns()[n], atol=1e-11)

@@ -20,6 +20,7 @@ from sandbox.cli import main
 from sandbox.drive.design import design
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.engine.processes import spread
+from sandbox.evaluation.protocol import protocol
 from sandbox.output.files import aside_of
 from sandbox.sweep.blocks import arrow_schema, run_block, schema_of, tasks_of
 from sandbox.sweep.cases import EACH_TIME, made_ready, run_case
@@ -153,6 +154,9 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_to_the_bit(reference, tmp_
 
         run_sweep(sweep_of(SMALL), tmp_path / "out", cluster=client, progress=kill_one)
         assert list(spread(abs, [-3], 1, cluster=cluster.scheduler_address)) == [3]
+        found = protocol(["qnull"], ["ipm_exchanged"], ["bandwidth"], cluster=client)
+    here = protocol(["qnull"], ["ipm_exchanged"], ["bandwidth"], jobs=4)
+    assert [(r.unit, r.outcome) for r in found.rows] == [(r.unit, r.outcome) for r in here.rows]
     assert digests(tmp_path / "out") == reference
 
 

@@ -1,0 +1,25 @@
+"""Which goals of the protocol each estimator meets, as one small table from the kept result."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from markdown import code, table
+
+KEPT = Path(__file__).resolve().parents[2] / "experiments" / "results" / "estimator_protocol.json"
+JUDGED = ("static_map", "load_step", "creep", "hand_over", "mission")  # tests of the position error with a goal
+
+
+def goals() -> str:
+    """Return a row for each estimator with a saturated belief, a column for each motor: the tests it fails."""
+    kept = json.loads(KEPT.read_text(encoding="utf-8"))
+    rows = [t for t in kept["tests"] if t["test"] in JUDGED and t["belief"] == "saturated"]
+    motors, estimators = (list(dict.fromkeys(t[key] for t in rows)) for key in ("motor", "estimator"))
+    lines = []
+    for estimator in estimators:
+        own = [t for t in rows if t["estimator"] == estimator and t["passed"] is False]
+        failed = [[t["test"].replace("_", " ") for t in own if t["motor"] == motor] for motor in motors]
+        lines.append([code(estimator), *(", ".join(names) or "✓" for names in failed)])
+    head = f"Protocol of {kept['date']}, saturated belief: ✓ where every goal is met, else the tests that fail.\n\n"
+    return head + table(["estimator", *map(code, motors)], lines)
