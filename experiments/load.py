@@ -147,8 +147,11 @@ def exponents(found: Sequence[Cost]) -> Iterator[tuple[Cost, float]]:
     for c in found:
         last = before.get(c.name)
         apart = c.refused or last is None or last.refused
-        yield c, math.nan if apart or last is None else math.log(c.seconds / last.seconds) / math.log(
-            c.length / last.length
+        yield (
+            c,
+            math.nan
+            if apart or last is None
+            else math.log(c.seconds / last.seconds) / math.log(c.length / last.length),
         )
         before[c.name] = c
 

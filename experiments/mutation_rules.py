@@ -1,7 +1,7 @@
 """Small wrong changes of a source file, one at a time: what a test has to notice.
 
-Rules on the syntax tree: numbers half as large or half as large again, + for -, * for /, comparisons turned round, `and`
-for `or`, a term or factor left out, a minus left out, least for most.  Texts, refusals and type hints are left alone:
+Rules on the syntax tree: numbers half as large or half as large again, + for -, * for /, comparisons turned round, `or`
+for `and`, a term or factor left out, a minus left out, least for most.  Texts, refusals and type hints are left alone:
 they are not arithmetic.
 """
 
@@ -69,8 +69,7 @@ def mutations(file: str, source: bytes) -> list[Mutation]:
 
 
 def _end(node: ast.expr) -> tuple[int, int]:
-    assert node.end_lineno is not None and node.end_col_offset is not None  # parsed from text
-    return node.end_lineno, node.end_col_offset
+    return node.end_lineno or 0, node.end_col_offset or 0  # never missing in what was parsed from text
 
 
 def constants(tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:

@@ -24,7 +24,7 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from experiments.mutation_rules import Mutation, mutations
 
@@ -35,6 +35,7 @@ COPIED = ("model", "estimators", "sandbox", "experiments", "tests", "docs", ".ci
           "CITATION.cff", "CHANGELOG.md", "LICENSE")  # fmt: skip
 HEAVY = ("pytest", "hypothesis", "numpy", "numba", "scipy.optimize", "scipy.interpolate", "scipy.signal", "scipy.stats",
          "pyarrow.parquet", "control", "sympy", "_pytest.assertion.rewrite")  # fmt: skip
+LEFT_OUT = shutil.ignore_patterns("__pycache__", "_build", "results")
 MEMORY = 6_000_000_000  # bytes a run may map
 SLOWER = 3.0  # times the tests' own duration after which a change counts as noticed
 SPARE = 30.0  # s more: starting, and compiling where a kernel is changed
@@ -97,7 +98,9 @@ def by_hand() -> list[Mutation]:
         source = (ROOT / entry["file"]).read_bytes()
         old = entry["old"].encode()
         if source.count(old) != 1:
-            raise SystemExit(f"{entry['file']} holds {entry['old']!r} {source.count(old)} times; correct mutations.toml")
+            raise SystemExit(
+                f"{entry['file']} holds {entry['old']!r} {source.count(old)} times; correct mutations.toml"
+            )
         begin = source.index(old)
         line = 1 + source[:begin].count(b"\n")
         change = Mutation(entry["file"], line, "by hand", entry["old"], entry["new"], begin, begin + len(old))
@@ -140,15 +143,15 @@ class Copy:
 
     def __init__(self, place: Path) -> None:
         self.tree, self.cache = place / "tree", place / "cache"
-        shutil.rmtree(self.tree, ignore_errors=True)
-        self.tree.mkdir(parents=True)
+        self.tree.mkdir(parents=True, exist_ok=True)  # what Python compiled there last time still holds
         for name in COPIED:
             source, target = ROOT / name, self.tree / name
             if source.is_dir():
-                shutil.copytree(source, target, ignore=shutil.ignore_patterns("__pycache__", "_build", "results"))
+                shutil.copytree(source, target, ignore=LEFT_OUT, dirs_exist_ok=True)
             elif source.is_file():
                 shutil.copy2(source, target)
-        (self.tree / "experiments" / "results").symlink_to(RESULTS)
+        if not (results := self.tree / "experiments" / "results").exists():
+            results.symlink_to(RESULTS)
 
     def run(self, tests: Sequence[str], seconds: float, written: bool = False) -> tuple[str, float]:
         """Run tests up to the first failure; return what failed ('' nothing) and how long it took.
@@ -278,8 +281,7 @@ def work(copy: Copy, chosen: Sequence[Mutation], kept: Path, deadline: float) ->
         own = [m for m in chosen if m.file in group.files]
         if not own or time.monotonic() > deadline:
             continue
-        wrong, _ = copy.run(group.tests, 1800.0, written=True)
-        usual = copy.run(group.tests, 1800.0)[1]
+        wrong, usual = copy.run(group.tests, 1800.0, written=True)  # compiles, where nothing is kept yet
         if wrong:
             raise SystemExit(f"{wrong} fails without a change; nothing can be told of {', '.join(group.files)}")
         print(f"{', '.join(group.tests)}: {usual:.0f} s for {len(own)} changes", flush=True)
