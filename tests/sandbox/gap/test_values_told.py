@@ -52,8 +52,8 @@ def fitted(squares, effects=()):
 
 def test_unknown_by_hand(monkeypatch):
     """Excess 9 before: the simulator misses 0.012 + 3e-4 x 9 = 0.0147 of it; three times that after a fit.
-    Odds exp(-3.3) x 3^4, and 0.002 that one effect imitates it, times how much likelier deviations of 0 and 2 get if one was
-    drawn four times as wide: the mean of 1/4 and exp(2 x 15/16)/4."""
+    Odds exp(-3.3) x 3^4, and 0.002 that one effect imitates it, times how much likelier deviations of 0 and 2 get if
+    one was drawn four times as wide: the mean of 1/4 and exp(2 x 15/16)/4."""
     monkeypatch.setattr(discrepancy, "stray", lambda fit: {"x": (None, 0.0), "y": (None, 2.0)})
     stretched = (1.0 + math.exp(2.0 * 15.0 / 16.0)) / 8.0
     for effects, imitated in (((), 0.0), (("a",), 0.002), (("a", "b"), 0.005), (tuple("abcd"), 0.1)):
