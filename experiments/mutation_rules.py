@@ -8,7 +8,7 @@ they are not arithmetic.
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 SWAPPED = {ast.Add: "-", ast.Sub: "+", ast.Mult: "/", ast.Div: "*", ast.FloorDiv: "*", ast.Pow: "*"}
@@ -56,24 +56,28 @@ def mutations(file: str, source: bytes) -> list[Mutation]:
         starts.append(starts[-1] + len(line))
     left_out = {id(child) for node in ast.walk(tree) if _is_left_out(node) for child in ast.walk(node)}
     names = {id(c): name for name, value in constants(tree) for c in ast.walk(value)}
+
+    def text(node: ast.expr) -> str:
+        """Return what stands in the file for a node."""
+        begin, end = place(node)
+        return source[begin:end].decode()
+
+    def place(node: ast.expr) -> tuple[int, int]:
+        """Return the first byte of a node and the one after its last."""
+        return starts[node.lineno - 1] + node.col_offset, starts[(node.end_lineno or 0) - 1] + (
+            node.end_col_offset or 0
+        )
+
     found = []
     for node in ast.walk(tree):
-        if not isinstance(node, ast.expr) or id(node) in left_out:
-            continue
-        begin, end = (starts[a - 1] + b for a, b in ((node.lineno, node.col_offset), _end(node)))
-        old = source[begin:end].decode()
-        text = lambda n: ast.get_source_segment(source.decode(), n) or ""  # noqa: E731
-        for rule, new in _changes(node, text):
-            found.append(Mutation(file, node.lineno, rule, old, new, begin, end, names.get(id(node), "")))
+        if isinstance(node, ast.expr) and id(node) not in left_out:
+            for rule, new in _changes(node, text):
+                found.append(Mutation(file, node.lineno, rule, text(node), new, *place(node), names.get(id(node), "")))
     return sorted(found, key=lambda m: (m.begin, m.end, m.rule, m.new))
 
 
-def _end(node: ast.expr) -> tuple[int, int]:
-    return node.end_lineno or 0, node.end_col_offset or 0  # never missing in what was parsed from text
-
-
 def constants(tree: ast.Module) -> Iterator[tuple[str, ast.expr]]:
-    """Yield the module's constants: names in capitals, and their values."""
+    """Yield the module's constants that are assigned one by one: names in capitals, and their values."""
     for node in tree.body:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
             name, value = node.targets[0].id, node.value
@@ -98,9 +102,8 @@ def _is_text(node: ast.expr) -> bool:
     return isinstance(node, ast.JoinedStr) or (isinstance(node, ast.Constant) and isinstance(node.value, str))
 
 
-def _changes(node: ast.expr, text: object) -> Iterator[tuple[str, str]]:
-    """Yield (rule, new text) of one node."""
-    say = lambda n: text(n)  # type: ignore[operator]  # noqa: E731
+def _changes(node: ast.expr, say: Callable[[ast.expr], str]) -> Iterator[tuple[str, str]]:
+    """Yield (rule, new text) of one node; say: what stands in the file for a node."""
     if isinstance(node, ast.Constant) and type(node.value) in (int, float):
         yield from _numbers(node.value)
     elif isinstance(node, ast.BinOp) and type(node.op) in SWAPPED:

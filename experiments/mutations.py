@@ -70,6 +70,7 @@ class Answer(NamedTuple):
         return self.file, self.change, self.state
 
 
+@cache
 def groups() -> list[Group]:
     """Return the map from files to tests; a pattern stands for all files that fit it and were not named before."""
     seen: set[str] = set()

@@ -134,15 +134,16 @@ def test_an_angle_is_known_to_its_floor_at_rest_and_to_three_tenths_of_it_in_mot
 
 
 @pytest.mark.parametrize("mean", [0.0, 2.0])
-@pytest.mark.parametrize("bound", [-np.inf, 0.0])
-def test_evidence_is_the_integral_wherever_the_prior_stands(mean, bound):
-    """One coordinate, data exp(3 s - s^2) of s = x - 0.7, prior N(mean, 0.6) or its half above the mean."""
-    own = Algebra(np.array([[2.0]]), np.array([3.0]), 0.0, np.array([0.7]))
+@pytest.mark.parametrize(("bound", "pull"), [(-np.inf, 3.0), (0.0, 3.0), (0.0, -8.0)])
+def test_evidence_is_the_integral_wherever_the_prior_stands(mean, bound, pull):
+    """One coordinate, data exp(pull s - s^2) of s = x - 0.7, prior N(mean, 0.6) or its half above the mean, where a
+    pull of -8 holds it."""
+    own = Algebra(np.array([[2.0]]), np.array([pull]), 0.0, np.array([0.7]))
     low = mean + bound
     prior = Prior(np.array([mean]), np.array([0.6]), np.array([low]), np.array([np.inf]))
 
     def density(x):
-        return np.exp(3.0 * (x - 0.7) - (x - 0.7) ** 2) * norm.pdf(x, mean, 0.6) * (2.0 if bound == 0.0 else 1.0)
+        return np.exp(pull * (x - 0.7) - (x - 0.7) ** 2) * norm.pdf(x, mean, 0.6) * (2.0 if bound == 0.0 else 1.0)
 
     whole = quad(density, max(low, -20.0), 20.0, points=[mean + 1.0], limit=400)[0]
     assert own.log_evidence(prior) == pytest.approx(np.log(whole), abs=1e-6)
