@@ -225,18 +225,21 @@ class Copy:
 
 
 def answers(kept: Path) -> dict[tuple[str, str, str], Answer]:
-    """Return the answers that hold: the file as it was; the tests as they were, or the change noticed."""
+    """Return the last answer to every change of a file that is as it was then."""
     found = {}
     for line in kept.read_text(encoding="utf-8").splitlines() if kept.is_file() else []:
         try:
             a = Answer(**json.loads(line))
         except (ValueError, TypeError):  # cut off by an interruption
             continue
-        if not (ROOT / a.file).is_file() or digest(a.file) != a.state:
-            continue
-        if a.noticed or a.tests == digest(*group_of(a.file).tests):
+        if (ROOT / a.file).is_file() and digest(a.file) == a.state:
             found[a.key] = a
     return found
+
+
+def holds(a: Answer | None) -> bool:
+    """Tell whether a change need not be tried (again): it was noticed, or the tests are what they were."""
+    return a is not None and (bool(a.noticed) or a.tests == digest(*group_of(a.file).tests))
 
 
 def reason(a: Answer) -> str:
@@ -244,7 +247,7 @@ def reason(a: Answer) -> str:
     for entry in LIST.get("reasons", []):
         if entry["file"] == a.file and entry["change"] in a.change:
             return str(entry["why"])
-    return ""
+    return "open" if holds(a) else "open; the tests have changed since"
 
 
 def table(found: Sequence[Answer], drawn: Mapping[str, int]) -> list[str]:
@@ -258,7 +261,7 @@ def table(found: Sequence[Answer], drawn: Mapping[str, int]) -> list[str]:
     lines += ["", "## Not noticed", "", "| file | change | why |", "|---|---|---|"]
     for a in sorted((a for a in found if not a.noticed), key=lambda a: (a.file, a.change)):
         change = a.change.replace("|", "\\|")
-        lines.append(f"| `{a.file}` | `{change}` | {reason(a) or 'open'} |")
+        lines.append(f"| `{a.file}` | `{change}` | {reason(a)} |")
     return lines
 
 
@@ -302,9 +305,9 @@ def main() -> None:
     kept = RESULTS / "mutations.jsonl"
     chosen = sample(options.count)
     there = answers(kept)
-    left = [m for m in chosen if (m.file, m.told, digest(m.file)) not in there]
+    left = [m for m in chosen if not holds(there.get((m.file, m.told, digest(m.file))))]
     left = [m for m in left if m.file.startswith(options.only or "")]
-    if left:
+    if left and options.seconds > 0.0:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             for name in HEAVY:

@@ -1,10 +1,10 @@
 """Has anything got worse since the last release?
 
 `python -m experiments.releases` measures, in one run: position errors of two estimators with both beliefs on a short
-staircase, what the diagnosis says of a small campaign with dead time, and what estimators cost in C against the compiled
-Python.  Errors and scores come with their noise: the standard deviation over seeds of the sensors' noise.  The entry of
-the present version in results/releases.json is made anew, the table releases.md has a column a release.  The suite makes
-errors and score again with one seed and fails where they are worse than the last entry by more than LARGE deviations.
+staircase, what the diagnosis says of a small campaign with dead time, and what estimators cost in C against compiled
+Python.  Errors and scores come with their noise: the standard deviation over seeds of the sensors' noise.  The entry
+of this version in results/releases.json is made anew, the table releases.md has a column a release.  The suite makes
+errors and scores again with one seed, and fails where they are worse than the last entry by more than LARGE deviations.
 """
 
 from __future__ import annotations
@@ -84,8 +84,8 @@ def diagnosed(seed: int) -> dict[str, float]:
 
 
 def costs() -> dict[str, float]:
-    """Return what a closed-loop second costs in compiled Python over that with the same estimator in C, as last measured
-    side by side (`c_estimators`)."""
+    """Return what a closed-loop second costs in compiled Python over that with the same estimator in C, as last
+    measured side by side (`c_estimators`)."""
     kept = json.loads((RESULTS / "c_estimators.json").read_text(encoding="utf-8"))["costs"]
     return {f"{name}, Python over C": c["python_loop_ms_s"] / c["c_loop_ms_s"] for name, c in kept.items()}
 

@@ -61,20 +61,23 @@ def test_one_change_of_every_constant_is_drawn(monkeypatch):
 
 @pytest.mark.parametrize(("noticed", "tests", "stays"), [("t", "old", True), ("", "old", False), ("", None, True)])
 def test_an_answer_holds_while_file_and_tests_do(tmp_path, noticed, tests, stays):
+    """Of a file that was another then nothing is known; of two answers the last counts; a line cut off does not."""
     file = "sandbox/gap/search/estimates.py"
     own = mu.digest(*mu.group_of(file).tests) if tests is None else tests
-    good = mu.Answer(file, "1: a -> b", "number", "", noticed, 1.0, mu.digest(file), own)
+    last = mu.Answer(file, "1: a -> b", "number", "", noticed, 1.0, mu.digest(file), own)
     kept = tmp_path / "m.jsonl"
-    lines = [good, good._replace(change="2: a -> b", state="another")]
+    lines = [last._replace(seconds=2.0), last, last._replace(change="2: a -> b", state="another")]
     kept.write_text("\n".join(json.dumps(a._asdict()) for a in lines) + '\n{"file": "cut o')
-    assert set(mu.answers(kept)) == ({good.key} if stays else set())
+    assert mu.answers(kept) == {last.key: last}
+    assert mu.holds(last) is stays
+    assert not mu.holds(None)
 
 
 def test_the_table_counts_and_lists():
-    a = mu.Answer("sandbox/gap/search/x.py", "1: a | b -> c", "number", "", "", 1.0, "s", "t")
-    lines = mu.table([a, a._replace(change="2", noticed="test"), a._replace(file="model/y.py", noticed="test")],
+    a = mu.Answer("sandbox/gap/search/subsets.py", "1: a | b -> c", "number", "", "", 1.0, "s", "t")
+    lines = mu.table([a, a._replace(change="2", noticed="test"), a._replace(file="model/levels.py", noticed="test")],
                      {"model": 7, "sandbox/gap/search": 9})  # fmt: skip
     assert "| model | 7 | 1 | 1 | 100 % |" in lines
     assert "| sandbox/gap/search | 9 | 2 | 1 | 50 % |" in lines
     assert "| all | 16 | 3 | 2 | 67 % |" in lines
-    assert lines[-1] == "| `sandbox/gap/search/x.py` | `1: a \\| b -> c` | open |"
+    assert lines[-1] == "| `sandbox/gap/search/subsets.py` | `1: a \\| b -> c` | open; the tests have changed since |"
