@@ -13,15 +13,17 @@ import hashlib
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from model.effects.library import effect_names
 from sandbox.public.verifying import COSTS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,9 +55,30 @@ CALLS = {
     "sweep": ("sweep", "sweep.toml", "--jobs", "2", "--out", "{}", "--quiet"),
     "make": ("withheld", "make", "{}", "--count", "4", "--kind", "controls", "--cycles", "practice", "--jobs", "2",
              "--quiet"),
+    "diagnose": ("diagnose", "campaign", "--exclude", "EXCLUDED", "--jobs", "2", "--out", "{}", "--quiet"),
+    "score": ("withheld", "score", "{}", "--jobs", "2", "--quiet"),
 }  # fmt: skip
+CAMPAIGN = """
+[scenario]
+name = 'turning'
+rotor = 'driven'
+[[segment]]
+duration = 0.4
+speed = 0.1
+load = 0.8
+ramp = 0.1
+"""
+LEFT = (
+    "stator_resistance",
+    "magnet_flux",
+    "dead_time",
+    "current_gain",
+)  # effects diagnosed: of others no more is learnt
+RECORDED = ("simulate", "--scenario", "c.toml", "--effects", "dead_time.time=2e-6", "--record", "campaign",
+            "--json-only", "--quiet")  # fmt: skip
+CHECK = ("withheld", "make", "check", "--count", "2", "--kind", "controls", "--cycles", "practice", "--quiet")
 KEPT = {".json", ".parquet", ".toml", ".csv", ".sealed", ""}  # figures and traces hold the hour at which they were made
-OF_NOW = {*COSTS, "made_by", "made", "sha256"}  # of costs, and of a manifest with them
+OF_NOW = {*COSTS, "seconds", "made_by", "made", "sha256"}  # of costs, and of a manifest with them
 
 
 class Fault(NamedTuple):
@@ -67,10 +90,24 @@ class Fault(NamedTuple):
     wrong: str
 
 
-def start(name: str, home: Path, out: Path) -> subprocess.Popen[bytes]:
-    """Start a command in a session of its own."""
-    words = [word.format(out) for word in CALLS[name]]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+def prepare(name: str, home: Path) -> None:
+    """Write what a command reads."""
+    (home / "s.toml").write_text(SCENARIO)
+    (home / "c.toml").write_text(CAMPAIGN)
+    (home / "sweep.toml").write_text(SWEEP)
+    before = {"diagnose": RECORDED, "score": CHECK}.get(name)
+    if before:
+        call = [sys.executable, "-m", "sandbox.cli", *before]
+        subprocess.run(call, cwd=home, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True)
+
+
+def start(name: str, home: Path, out: Path, paths: Sequence[Path] = ()) -> subprocess.Popen[bytes]:
+    """Start a command in a session of its own; paths: where Python looks first."""
+    if name == "score" and not out.exists():  # it writes into what it scores
+        shutil.copytree(home / "check", out)
+    excluded = ",".join(e for e in effect_names() if e not in LEFT)
+    words = [word.format(out).replace("EXCLUDED", excluded) for word in CALLS[name]]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [*paths, ROOT]))}
     heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731 - a background shell ignores it
     return subprocess.Popen(
         [sys.executable, "-m", "sandbox.cli", *words], cwd=home, env=environment, start_new_session=True,
@@ -161,8 +198,7 @@ def main() -> None:
     for name in options.only:
         with tempfile.TemporaryDirectory() as made:
             home = Path(made)
-            (home / "s.toml").write_text(SCENARIO)
-            (home / "sweep.toml").write_text(SWEEP)
+            prepare(name, home)
             finish(name, home, home / "first")  # compiles
             takes = finish(name, home, home / "whole")
             whole, faults = contents(home / "whole"), []

@@ -2,7 +2,8 @@
 
 `python -m experiments.fuzz --inputs 100000` goes on where it stopped (`--state FILE`); an escape is made smaller and
 kept under `tests/fuzz/findings`, where the suite tries it ever after.  An input is good if it is let in, or refused in
-one line of at most 400 characters, within 10 s, within 2 GB, leaving nothing behind.
+one line of at most 400 characters, within 10 s, within 2 GB, leaving nothing behind.  Inputs are read in a child
+process: one that crashes, or hangs where no alarm is heard, is an escape, too, and the next child goes on behind it.
 """
 
 from __future__ import annotations
@@ -10,13 +11,16 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
+import multiprocessing
 import os
 import tempfile
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tests.fuzz.doors import Outcome, damaged, limit_memory, listing, tried
+from tests.fuzz.doors import STOPPED, Outcome, damaged, limit_memory, listing, tried
 from tests.fuzz.mutations import CALLS
 from tests.fuzz.whole import COSTLY, DOORS, call, call_number, make_home
 
@@ -24,6 +28,7 @@ FINDINGS = Path(__file__).resolve().parents[1] / "tests" / "fuzz" / "findings"
 SMALLER = 15.0  # s spent on making an escape smaller
 LARGEST = 4000  # bytes of a finding that is kept
 EVERY = 100  # inputs after which the state is written
+SILENT = 2.0 * STOPPED + SMALLER  # s without a word from a child after which it is killed
 
 
 def smaller(escapes: Any, content: bytes) -> bytes:
@@ -64,11 +69,19 @@ class Count:
         self.slowest: float = kept.get("slowest", 0.0)
         self.escapes: dict[str, Any] = kept.get("escapes", {})
 
+    def state(self) -> dict[str, Any]:
+        """Return what is kept."""
+        return {"next": self.next, "kinds": self.kinds, "slowest": self.slowest, "escapes": self.escapes}
+
+    def tell(self) -> None:
+        """Say that an input is done: in a child, to its parent."""
+
     def add(self, outcome: Outcome) -> bool:
         """Count an outcome; return whether it is the first escape of its kind."""
         self.next += 1
         self.kinds[outcome.kind] += 1
         self.slowest = max(self.slowest, outcome.seconds)
+        self.tell()
         if outcome.kind != "escaped":
             return False
         seen = self.escapes.setdefault(place(outcome.why), {"n": 0, "why": outcome.why})
@@ -121,6 +134,46 @@ def run_calls(count: Count, until: int, deadline: float) -> None:
             os.chdir(before)
 
 
+def in_child(work: Callable[[Count], None], count: Count, silent: float = SILENT) -> Count:
+    """Let a child process work on a copy of a count; return it, with an escape where the child crashed or hung."""
+    fork = multiprocessing.get_context("fork")
+    heard, told = fork.Pipe(duplex=False)
+
+    def child() -> None:
+        """Work within limits, and say how far it is after every input."""
+        limit_memory()
+        own = Count(count.state())
+        own.tell = lambda: told.send(own.state())  # type: ignore[method-assign]
+        work(own)
+        told.send(own.state())
+        told.send(None)
+
+    process = fork.Process(target=child)
+    process.start()
+    told.close()
+    why = ""
+    while not why:
+        try:
+            if not heard.poll(silent):
+                why = f"did not end in {silent:g} s and heard no alarm"
+            elif (state := heard.recv()) is None:
+                break
+            else:
+                count = Count(state)
+        except EOFError:
+            process.join()
+            why = f"the process died with exit code {process.exitcode}"
+    process.kill()
+    process.join()
+    heard.close()
+    if why:
+        number = count.next
+        if count.add(Outcome("escaped", f"{why}:", silent)):
+            count.escapes[place(f"{why}:")] |= {"number": number}
+            print(f"input {number}: {why}", flush=True)
+    return count
+
+
 def main() -> None:
     """Run; print a line a door."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -130,7 +183,6 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=1e9, help="stop after so long; call again to go on")
     options = parser.parse_args()
     kept = json.loads(options.state.read_text()) if options.state.is_file() else {}
-    limit_memory()
     deadline = time.monotonic() + options.seconds
     shares = {d.name: COSTLY.get(d.name, 1.0) for d in DOORS} | {"cli": 2.0}
     total = sum(shares.values())
@@ -142,9 +194,13 @@ def main() -> None:
         until, count = round(options.inputs * shares[name] / total), counts[name]
         while count.next < until and time.monotonic() < deadline:
             part = min(until, count.next + EVERY)
-            run_calls(count, part, deadline) if name == "cli" else run_door(by_name[name], count, part, deadline)
+            if name == "cli":
+                count = in_child(partial(run_calls, until=part, deadline=deadline), count)
+            else:
+                count = in_child(partial(run_door, by_name[name], until=part, deadline=deadline), count)
+            counts[name] = count
             aside = options.state.with_suffix(".part")
-            aside.write_text(json.dumps({n: vars(c) for n, c in counts.items()}, indent=1))
+            aside.write_text(json.dumps({n: c.state() for n, c in counts.items()}, indent=1))
             aside.replace(options.state)
         k = count.kinds
         print(f"{name:<10} {count.next:>7} inputs: {k['accepted']} let in, {k['refused']} refused, "

@@ -1,4 +1,5 @@
-"""Lists of library versions: the newest holds all that the project needs, the oldest is its lower bounds."""
+"""Lists of library versions: the newest holds all that the project needs, the oldest is its lower bounds; what a wheel
+holds (`.ci/supply wheel` builds, installs and uses one)."""
 
 from __future__ import annotations
 
@@ -10,7 +11,8 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 ROOT = Path(__file__).parents[1]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+WHOLE = tomllib.loads((ROOT / "pyproject.toml").read_text())
+PROJECT = WHOLE["project"]
 
 
 def listed(name):
@@ -38,3 +40,17 @@ def test_the_oldest_list_is_the_lower_bounds():
     for requirement in needs:
         (bound,) = [Version(s.version) for s in requirement.specifier if s.operator == ">="]
         assert found[requirement.name] == bound, requirement
+
+
+def test_a_wheel_holds_only_package_data():
+    """Whatever lies in the packages is code or data that code reads, or left out of the wheel by name."""
+    target = WHOLE["tool"]["hatch"]["build"]["targets"]["wheel"]
+    rule = re.search(r"DATA = (.*)", (ROOT / ".ci" / "wheel_content.py").read_text())
+    left_out = {pattern.removeprefix("*") for pattern in target["exclude"]}
+    data = {s.strip(' "') for s in rule[1].strip("{}").split(",")}
+    assert target["packages"] == ["model", "estimators", "sandbox"]
+    assert not data & left_out
+    files = [p for package in target["packages"] for p in (ROOT / package).rglob("*") if p.is_file()]
+    strange = [p for p in files if p.suffix not in data | left_out and "__pycache__" not in p.parts]
+    assert strange == []
+    assert len(files) > 300

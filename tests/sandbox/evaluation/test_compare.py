@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from estimators.registry import load_estimator
+from experiments import releases
 from model.drive_files import load_drive
 from model.errors import BadInput
 from model.saliency import local_angle, self_consistent_angle
@@ -49,6 +50,15 @@ def test_saturated_belief_is_right_at_every_load(staircase):
             assert not row.lost_lock
             assert abs(row.error_deg.mean) < 0.3, row
             assert row.error_deg.p95 < 1.5, row
+
+
+def test_no_position_error_grew_since_the_last_release(small_comparison):
+    """By more than five standard deviations over seeds (experiments/results/releases.md)."""
+    kept, own = releases.last(), releases.errors(small_comparison.rows)
+    assert len(own) == len(kept["position"]) == 16  # two loads, beliefs, loops and estimators
+    assert releases.worse(kept, "position", own) == []
+    name, entry = next(iter(kept["position"].items()))
+    assert len(releases.worse(kept, "position", own | {name: entry["value"] + 0.02 + 6.0 * entry["noise"]})) == 1
 
 
 def test_same_seed_same_numbers(small_comparison):

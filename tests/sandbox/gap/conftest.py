@@ -43,9 +43,9 @@ def record(name, rotor, speed, size, effects, rng, n=1200):
     return CampaignRecording(f"{name}.parquet", rotor, "d", columns)
 
 
-def small_campaign(effects, cases=CASES):
+def small_campaign(effects, cases=CASES, seed=5):
     """Return a campaign of the switched bench with noise."""
-    rng = np.random.default_rng(5)
+    rng = np.random.default_rng(seed)
     recordings = tuple(record(*case, effects, rng) for case in cases)
     return Campaign("small", DRIVE, recordings, {}, {}, False)
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from estimators.registry import load_estimator
+from experiments import releases
 from model.drive_files import load_drive
 from model.effects.card import SUBSYSTEMS
 from model.errors import BadInput
@@ -357,3 +358,12 @@ def test_a_diagnosis_is_a_result_of_the_page(quiet_answers, tmp_path):
     assert result.verdict == "no_gap"
     assert "no effect, probability" in repr(result)
     assert len(result.plot(tmp_path / "gap.png").axes) == 1
+
+
+def test_the_diagnosis_got_no_worse_since_the_last_release(small_answers):
+    """By more than five standard deviations over draws of the noise (experiments/results/releases.md)."""
+    kept, own = releases.last(), releases.scores(small_answers, "dead_time")
+    assert set(own) == set(kept["diagnosis"])
+    assert releases.worse(kept, "diagnosis", own) == []
+    lost = own | {"probability of the truth": 0.3}
+    assert [x.partition(":")[0] for x in releases.worse(kept, "diagnosis", lost)] == ["probability of the truth"]

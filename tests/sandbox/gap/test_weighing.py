@@ -12,7 +12,7 @@ from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.priors import ordinary, seen
 from sandbox.gap.evidence.probes import probes_at_typical
-from sandbox.gap.evidence.spike_slab import SIZES, Table, ordinary_share
+from sandbox.gap.evidence.spike_slab import Table, ordinary_share
 from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.posterior import tempered
@@ -41,7 +41,7 @@ def gauss(x, sd):
 def test_evidence_is_the_mean_over_sizes_and_only_data_is_tempered(pull, temperature):
     curve = 30.0
     told = one_effect(pull, curve).log_evidence(["x"], temperature=temperature)
-    sizes = [WIDE, *(math.hypot(NARROW, s * WIDE) for s in SIZES[1:])]
+    sizes = [WIDE, *(math.hypot(NARROW, s * WIDE) for s in (0.5, 0.25, 0.125))]
 
     def density(x):
         likelihood = math.exp((pull * x - 0.5 * curve * x * x) / temperature)
@@ -58,7 +58,7 @@ def test_what_priors_tell_apart_no_temperature_takes_away():
     for temperature in (1.0, 50.0):
         t = one_effect(at * curve, curve)
         odds = t.log_evidence(["x"], temperature=temperature) - t.log_evidence([], temperature=temperature)
-        sizes = [WIDE, *(math.hypot(NARROW, s * WIDE) for s in SIZES[1:])]
+        sizes = [WIDE, *(math.hypot(NARROW, s * WIDE) for s in (0.5, 0.25, 0.125))]
         wide = sum(gauss(at, sd) for sd in sizes) / len(sizes)
         assert odds == pytest.approx(math.log(wide / gauss(at, NARROW)), abs=1e-2)  # width of the likelihood
 
