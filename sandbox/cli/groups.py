@@ -60,9 +60,8 @@ def add_runs(add: Add) -> None:
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
     c.add_argument("--duration", type=number, help="how much of the scenario to run, in s (all of it)")
     _plant(c)
-    c.add_argument("--plant", choices=("exact", "switched", "averaged"), default="exact", help="(exact)")
-    text = "exact: edge by edge; switched: the second simulator; averaged: same as exact (what the estimator needs)"
-    c.add_argument("--plant", choices=("exact", "switched", "averaged"), help=text)
+    text = "exact: edge by edge; switched: the second simulator; averaged: same as exact (exact)"
+    c.add_argument("--plant", choices=("exact", "switched", "averaged"), default="exact", help=text)
     c.add_argument(
         "--json-only", action="store_true", help="write simulate.json alone, no trace, page, figure or table"
     )
