@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,11 +36,19 @@ ALPHAS = OF_MAP[3:]
 FITTED_BY = ("spline_energy.py", "spline.py", "fluxmap.py", "map_points.py", "arrays.py", "matfile.py")
 
 
+class MapFile(NamedTuple):
+    """Where a flux map came from: its file, and the [flux_map] table that names it."""
+
+    path: Path
+    table: dict[str, Any]
+
+
 @dataclass(frozen=True)
 class MappedMotor(Motor):
     """A motor with a spline energy; `map_hash` tells one map from another (and stands for it in comparisons)."""
 
     map_hash: str = ""
+    origin: MapFile | None = field(default=None, repr=False, compare=False)
     spline: SplineEnergy = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -100,7 +108,7 @@ def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Pa
     motor = build(Motor, {**values, **more}, "motor")
     own = {name: getattr(motor, name) for name in Motor.__dataclass_fields__}
     digest = hashlib.sha256(spline.cells.tobytes() + repr(spline[1:]).encode()).hexdigest()[:16]
-    return MappedMotor(**own, map_hash=digest, spline=spline)
+    return MappedMotor(**own, map_hash=digest, origin=MapFile(path, dict(table)), spline=spline)
 
 
 def _choice(table: Mapping[str, Any]) -> tuple[tuple[int, int], float] | None:

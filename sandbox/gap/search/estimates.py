@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,12 +31,45 @@ class Estimate:
     at_bound: bool = False
 
 
+class Spread(NamedTuple):
+    """A fit's values x (p,), standard deviations, ends of 95 % intervals, places by label, and which are free."""
+
+    x: Array
+    sd: Array
+    ends: tuple[Array, Array]
+    place: dict[str, int]
+    free: NDArray[np.bool_]
+
+
 def estimates(j: Judged) -> dict[str, Estimate]:
     """Return the parameters of a hypothesis' effects, by public name.
 
     Values are those of the hypothesis alone; the interval also allows for what ordinary traces of all other effects
     would move them by.  Where a value is held at its bound, the interval reaches from there as far as its tail.
     """
+    s = spread(j)
+    out: dict[str, Estimate] = {}
+    for effect in j.effects:
+        out |= _of_effect(effect, j, s.x, s.sd, s.ends, s.place, s.free)
+    return out
+
+
+def of_motor(j: Judged) -> dict[str, Estimate]:
+    """Return the motor's values at a hypothesis' fit by their names in [motor], effects on them and ordinary deviations
+    taken together."""
+    s, motor, out = spread(j), j.fit.point.prepared.campaign.drive.motor, dict[str, Estimate]()
+    for name, key in {**library.OF_MOTOR, **library.SCALES_OF_MOTOR}.items():
+        if name in s.place:
+            k, unit = s.place[name], type(motor).__dataclass_fields__[key].metadata["unit"]
+            size = getattr(motor, key) if name in library.SCALES_OF_MOTOR else 1.0
+            c = j.fit.coordinates[k]
+            value, *ends = (size * public(c.form, c.bounded(float(to[k]))) for to in (s.x, *s.ends))
+            out[key] = Estimate(value, min(ends), max(ends), unit, not s.free[k])
+    return out
+
+
+def spread(j: Judged) -> Spread:
+    """Return a hypothesis' most probable values and how far each may be off."""
     own, prior = algebra(j.fit.normal), prior_of(j.fit.coordinates)
     x, free, _ = own.most_probable(prior)
     plain = own.covariance(prior)
@@ -52,10 +86,7 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     tails = own.tails(prior)
     below = np.where(x > prior.low, tails, 0.0) + Z * wider
     above = np.where(x < prior.high, tails, 0.0) + Z * wider
-    out: dict[str, Estimate] = {}
-    for effect in j.effects:
-        out |= _of_effect(effect, j, x, wider, (x - below, x + above), place, free)
-    return out
+    return Spread(x, wider, (x - below, x + above), place, free)
 
 
 def unbounded(prior: Prior) -> Prior:

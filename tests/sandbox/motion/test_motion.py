@@ -7,11 +7,12 @@ import math
 import numpy as np
 import pytest
 
+from model.effect_files import effects_of
 from model.errors import BadInput
 from sandbox import diagnose
 from sandbox.cli import main
 from sandbox.motion.judging import judge
-from sandbox.motion.telling import contract, parameters, verdict
+from sandbox.motion.telling import contract, parameters, refitted, verdict
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 
 CONSTANT, INERTIA, COUNT = 0.05, 2e-4, math.tau / 8192
@@ -81,6 +82,19 @@ def test_what_was_planted_is_found(planted):
         found, sd, angle, turn = s.amplitude(n)
         assert abs(found - size) < 4.0 * sd + 0.05 * size, n
         assert abs(math.remainder(angle - phase, math.tau)) < 4.0 * turn + 0.02, n
+
+
+def test_the_shaft_is_a_file_for_the_simulator(planted, tmp_path):
+    """Every order, inertia and friction stand in effects.toml; a late log is no part of the drive."""
+    refitted(planted).write(tmp_path)
+    assert not (tmp_path / "motor.toml").exists()
+    found = effects_of(tmp_path / "effects.toml")
+    names = [f"cogging_torque.{k}order_mech" for k in ("", "2.", "3.")]
+    assert sorted(found[name] for name in names) == sorted(ORDERS)
+    s = planted.best.shaft
+    assert found["inertia.inertia"] == s.value("inertia")
+    assert found["coulomb_friction.torque"] == s.value("dry")
+    assert not [name for name in found if name.startswith("current_filter")]
 
 
 def test_the_gap_is_closed_on_runs_held_out_and_shared(planted):

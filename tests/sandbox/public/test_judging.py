@@ -48,8 +48,8 @@ def test_goal_beside_every_verdict():
 @of("bench", "diagnose")
 def test_results_of_long_work_are_results(tmp_path):
     """Those of minutes are tested with their commands; here that their results can do what all results can."""
+    from sandbox.public.campaigns.diagnosed import DiagnosisResult
     from sandbox.public.protocols import BenchResult
-    from sandbox.public.recorded import DiagnosisResult
     from sandbox.public.result import Result
 
     measured = {"plant_step_ns": 45.0, "closed_loop_qnull_cpu_s_per_s": 0.01}
