@@ -21,13 +21,19 @@ def add_diagnose(add: Callable[..., Any]) -> Any:
         run_diagnose,
         "where a campaign's gap to the simulator lies, which effect causes it, how far it shrinks",
     )
-    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    which = c.add_mutually_exclusive_group(required=True)
+    which.add_argument(
+        "campaign", type=Path, nargs="?", metavar="CAMPAIGN", help="folder with campaign.toml and its tables"
+    )
+    which.add_argument("--example", action="store_true", help="the sample campaign of the package (about a minute)")
     c.add_argument("--nominal", choices=("linear",), help="leave the nominal model's saturation out")
     c.add_argument("--exclude", action="append", default=[], metavar="EFFECT", help="no candidate (may be repeated)")
     c.add_argument(
         "--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/recordings/IMPORTING.md)"
     )
     c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
+    text = "folder of an earlier diagnosis, to go on from with further recordings in CAMPAIGN"
+    c.add_argument("--continue", type=Path, dest="earlier", metavar="RESULT", help=text)
     return c
 
 
@@ -125,18 +131,21 @@ def run_check(options: argparse.Namespace) -> None:
 
 
 def run_diagnose(options: argparse.Namespace) -> None:
-    """Diagnose a campaign; write diagnosis.json, report.html and diagnosis.rrd."""
+    """Diagnose a campaign; write diagnosis.json, report.html, diagnosis.rrd and what the simulator takes of it."""
     import sandbox
     from sandbox.gap.report.page import print_answers
+    from sandbox.public.campaigns.diagnosed import print_files
     from sandbox.public.campaigns.moved import MotionResult, print_motion
+    from sandbox.recordings.campaign import EXAMPLE
 
     folder = options.out or Path("sensorless-out") / options.command
     check_output(folder)
     exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]
     with stage_bar("diagnosing", options.quiet) as progress:
         found = sandbox.diagnose(
-            options.campaign, exclude=exclude, nominal=options.nominal, columns=options.columns, preset=options.preset,
-            jobs=options.jobs, progress=progress,
+            EXAMPLE if options.example else options.campaign, exclude=exclude, nominal=options.nominal,
+            columns=options.columns, preset=options.preset, earlier=options.earlier, jobs=options.jobs,
+            progress=progress,
         )  # fmt: skip
         progress("writing")
         found.save(folder, csv=options.csv)
@@ -145,4 +154,5 @@ def run_diagnose(options: argparse.Namespace) -> None:
             print_motion(found.motion)
         else:
             print_answers(found.answers)
+            print_files(found)
         print(f"results in {folder}")

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from dataclasses import replace as replace_fields
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from model.effects.library import load_effect
+from model.errors import BadInput
 from sandbox.output.columns import Column, columns_of, write_table
 from sandbox.output.files import results, write_json
 from sandbox.public.calls import told
@@ -21,6 +24,7 @@ from sandbox.recordings.motion_log import motion_of, too_slow
 from sandbox.recordings.preflight import further
 
 if TYPE_CHECKING:
+    from sandbox.gap.planning.bench_table import BenchTable
     from sandbox.gap.report.answers import Answers
     from sandbox.output.plots import Figure
     from sandbox.output.refitted import Refitted
@@ -34,6 +38,7 @@ class DiagnosisResult(Result):
 
     command: ClassVar[str] = "diagnosis"
     answers: Answers
+    continued: Mapping[str, Any] | None = None  # the earlier diagnosis: its verdict, ambiguity set, recommendation
 
     @property
     def verdict(self) -> str:
@@ -48,11 +53,29 @@ class DiagnosisResult(Result):
 
     def as_json(self) -> dict[str, Any]:
         """Return what `diagnosis.json` holds beyond its header."""
+        from sandbox.gap.planning.bench_table import NAME
         from sandbox.gap.report.diagnosis_json import contract
 
         a = self.answers
         told = contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike, a.ranking)
-        return told | {"simulator": self.refitted.as_json()}
+        if self.table is not None and told["next_recording"] is not None:
+            told["next_recording"] |= {
+                "table": NAME, "recording": dict(self.table.recording), "limits": dict(self.table.limits),
+            }  # fmt: skip
+        return told | {"simulator": self.refitted.as_json(), "continued": self.continued}
+
+    @cached_property
+    def table(self) -> BenchTable | None:
+        """The recommended recording as a bench can play it; None where none is recommended."""
+        from sandbox.gap.planning.bench_table import bench_table
+
+        following, drive = self.answers.following, self.refitted.drive
+        return None if following is None or drive is None else bench_table(self.campaign, following, drive)
+
+    @property
+    def campaign(self) -> Campaign:
+        """What was diagnosed."""
+        return self.answers.diagnosis.campaign
 
     @cached_property
     def refitted(self) -> Refitted:
@@ -99,12 +122,16 @@ class DiagnosisResult(Result):
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:
         """Write diagnosis.json, report.html, diagnosis.rrd, motor.toml and effects.toml into a folder; return it.
 
-        csv: hypotheses, too.
+        Where a further recording is recommended: next_recording.csv, too; csv: the hypotheses as a table.
         """
+        from sandbox.gap.planning.bench_table import NAME, write_bench_table
+
         with results(Path(folder), self.command) as out:
             self.to_html(out / "report.html")
             self.to_rerun(out / "diagnosis.rrd")
             self.refitted.write(out)
+            if self.table is not None and self.answers.following is not None:
+                write_bench_table(out / NAME, self.table, self.answers.following)
             if csv:
                 write_table(out / "diagnosis.csv", self.to_table())
             write_json(out, "diagnosis", self.as_json(), "diagnose", self.made_by(out))
@@ -119,6 +146,7 @@ def diagnose(
     nominal: str | None = None,
     columns: str | Path | None = None,
     preset: str | None = None,
+    earlier: str | Path | None = None,
     jobs: int | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> DiagnosisResult | MotionResult:
@@ -136,6 +164,9 @@ def diagnose(
         See `read_campaign`.
     preset : str, optional
         See `read_campaign`.
+    earlier : str or Path, optional
+        Folder of an earlier diagnosis of this drive (or its diagnosis.json), to go on from once further recordings are
+        in the campaign: every set of effects that it left is weighed again, whatever the search comes upon.
     jobs : int, optional
         Threads; all cores by default.
     progress : callable, optional
@@ -166,6 +197,7 @@ def diagnose(
 
     if nominal not in (None, "linear"):
         raise unknown("nominal model", nominal, ["linear"])
+    before = None if earlier is None else earlier_answer(earlier)
     names = [exclude] if isinstance(exclude, str) else list(exclude)
     motion = motion_only(campaign, columns, preset)
     if motion is not None:
@@ -176,6 +208,38 @@ def diagnose(
     if not isinstance(campaign, Campaign):
         own = replace_fields(own, findings=(*own.findings, *further(own)))
     own = linear(own) if nominal else own
-    return DiagnosisResult(
-        answer(own, exclude=names, workers=jobs or os.cpu_count() or 1, report=progress or (lambda _: None))
+    rivals = [] if before is None else [s for s in before["rivals"] if not set(s) & set(names)]
+    found = answer(
+        own, exclude=names, rivals=rivals, workers=jobs or os.cpu_count() or 1, report=progress or (lambda _: None)
     )
+    return DiagnosisResult(found, None if before is None else before["said"])
+
+
+def earlier_answer(place: str | Path) -> dict[str, Any]:
+    """Return an earlier diagnosis: `said`, what it said, and `rivals`, the sets it left; BadInput where it is none."""
+    from sandbox.gap.search.posterior import UNKNOWN
+
+    path = Path(place)
+    path = path / "diagnosis.json" if path.is_dir() else path
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        sets = [tuple(sorted(str(e) for e in one if e != UNKNOWN)) for one in told["ambiguity_set"]]
+        said = {"verdict": str(told["verdict"]), "ambiguity_set": told["ambiguity_set"],
+                "recommended": (told["next_recording"] or {}).get("entry")}  # fmt: skip
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise BadInput(
+            f"'{path}' is no diagnosis.json; give the folder that an earlier `sensorless diagnose` wrote"
+        ) from None
+    for name in {e for one in sets for e in one}:
+        load_effect(name)
+    return {"said": said, "rivals": list(dict.fromkeys(one for one in sets if one))}
+
+
+def print_files(found: DiagnosisResult) -> None:
+    """Print what became of an earlier answer, and which files go on from here."""
+    if found.continued is not None:
+        left = "; or ".join(" + ".join(s) or "no effect" for s in found.continued["ambiguity_set"])
+        print(f"Before: {found.continued['verdict']} ({left}).")
+    print("The simulator with it: motor.toml and effects.toml (sensorless replay, simulate --motor, --effects).")
+    if found.table is not None:
+        print("The next recording to play: next_recording.csv; with it in the campaign, --continue this result.")

@@ -242,6 +242,23 @@ def test_command_reads_no_truth(quiet_folder, tmp_path, capsys):
     assert first == second
 
 
+def test_a_diagnosis_goes_on_from_an_earlier_one(quiet_folder, quiet_answers, tmp_path, capsys):
+    """A set that the earlier one left is fitted and weighed, though the search alone does not come upon it."""
+    rival = ("coulomb_friction", "dead_time")
+    assert rival not in [j.effects for j in quiet_answers.diagnosis.judged]
+    left = {"verdict": "ambiguous", "ambiguity_set": [list(rival), [], ["unknown"]], "next_recording": None}
+    (tmp_path / "diagnosis.json").write_text(json.dumps(left))
+    out = tmp_path / "out"
+    call = ["diagnose", str(quiet_folder), "--out", str(out), "--jobs", "1", "--continue", str(tmp_path)]
+    assert main(call) == 0
+    assert "Before: ambiguous (coulomb_friction + dead_time; or no effect; or unknown)." in capsys.readouterr().out
+    found = json.loads((out / "diagnosis.json").read_text())
+    assert misfits("diagnosis", found) == []
+    assert found["continued"] == {"verdict": "ambiguous", "ambiguity_set": left["ambiguity_set"], "recommended": None}
+    assert found["verdict"] == "no_gap"
+    assert list(rival) in [h["effects"] for h in found["hypotheses"]]
+
+
 def test_trace_holds_recorded_and_both_simulations(quiet_folder, quiet_answers, tmp_path):
     from sandbox.gap.report.traces import write_traces
 
@@ -263,6 +280,7 @@ def test_trace_holds_recorded_and_both_simulations(quiet_folder, quiet_answers, 
         (["nowhere"], "nowhere"),
         (["{quiet}", "--exclude", "dead_tim"], "dead_time"),
         (["{quiet}", "--columns", "none.toml"], "none.toml"),
+        (["{quiet}", "--continue", "nowhere"], "'nowhere' is no diagnosis.json; give the folder"),
     ],
 )
 def test_bad_calls_get_one_sentence(quiet_folder, tmp_path, capsys, call, part):

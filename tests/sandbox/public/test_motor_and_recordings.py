@@ -13,6 +13,7 @@ import sandbox
 from model.effect_files import effects_of
 from sandbox.cli import main
 from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.recordings.campaign import EXAMPLE
 from tests.sandbox.public.naming import SHORT, of
 from tests.schemas import misfits
 
@@ -121,6 +122,25 @@ def test_a_run_takes_a_file_of_effects(tmp_path):
     assert np.any(soft.recording.i_a != line.recording.i_a)  # dead time acts through the sign of the current
     with pytest.raises(sandbox.BadInput, match=r"the switched plant has no 'bench.soft_current'"):
         sandbox.simulate("ipm_exchanged", SHORT, effects=tmp_path / "b.toml", plant="switched")
+
+
+def test_the_sample_campaign_is_small_and_what_its_script_says(monkeypatch, tmp_path):
+    """`diagnose --example` takes it; with what experiments/example_campaign.py planted a replay meets its noise."""
+    assert sum(p.stat().st_size for p in EXAMPLE.iterdir()) < 250e3
+    example = sandbox.read_campaign(EXAMPLE)
+    resistance = 1.15 * example.drive.motor.resistance
+    truth = {"dead_time.time": 2e-6, "stator_resistance.resistance": resistance}
+    assert max(sandbox.replay(example, truth).rms.values()) < 1.1
+    assert min(sandbox.replay(example).rms.values()) > 20.0
+    asked = []
+
+    def diagnosed(campaign, **_):
+        asked.append(campaign)
+        raise sandbox.BadInput("enough")
+
+    monkeypatch.setattr(sandbox, "diagnose", diagnosed)
+    assert main(["diagnose", "--example", "--out", str(tmp_path)]) == 2
+    assert asked == [EXAMPLE]
 
 
 @of("replay")
