@@ -33,6 +33,7 @@ from model.spline import SplineEnergy
 KEYS = ("dataset", "file", "magnet", "angle", "cells", "smooth")
 OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 ALPHAS = OF_MAP[3:]
+NO_MAGNET = 1e-3  # of the map's lowest psi_d: without magnets, a flux at zero current that is negative by less is noise
 FITTED_BY = ("spline_energy.py", "spline.py", "fluxmap.py", "map_points.py", "arrays.py", "matfile.py")
 
 
@@ -104,6 +105,7 @@ def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Pa
     path = (fetch(str(table["dataset"])) if "dataset" in table else folder) / table["file"]
     frame = (table.get("magnet", "d"), check_angle(table.get("angle", 0.0)))
     spline, magnet = _remembered(path, frame, _choice(table))
+    magnet = 0.0 if -NO_MAGNET * abs(spline.low_d) < magnet < 0.0 else magnet
     more = {"inductance_d": 1.0 / spline.gamma_d, "inductance_q": 1.0 / spline.gamma_q, "magnet_flux": magnet}
     motor = build(Motor, {**values, **more}, "motor")
     own = {name: getattr(motor, name) for name in Motor.__dataclass_fields__}
