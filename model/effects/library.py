@@ -54,7 +54,7 @@ def load_effect(name: str) -> Effect:
     for card, _ in own.cards():
         if card.name == name:
             return card
-    if name in NOT_EFFECTS or not (FOLDER / f"{name}.py").is_file():
+    if name in NOT_EFFECTS or name not in {path.stem for path in FOLDER.glob("*.py")}:
         raise unknown("effect", name, effect_names())
     found: Effect = import_module(f"model.effects.{name}").CARD
     return found

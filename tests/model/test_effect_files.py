@@ -3,6 +3,7 @@
 import pytest
 
 from model.effect_files import effects_and_angles, effects_of
+from model.effects.library import load_effect
 from model.errors import BadInput
 
 FILE = """
@@ -46,6 +47,13 @@ def test_a_wrong_file_is_refused_in_a_sentence(tmp_path, text, said):
     path.write_text(text)
     with pytest.raises(BadInput, match=said):
         effects_of(path)
+
+
+@pytest.mark.parametrize("name", ["9" * 400, "../errors", "card", ""])
+def test_a_name_that_is_no_effects_file_is_unknown(name):
+    """The fuzz found: a name longer than a file's may be ended in the system's error."""
+    with pytest.raises(BadInput, match="unknown effect"):
+        load_effect(name)
 
 
 def test_what_is_neither_is_refused():
