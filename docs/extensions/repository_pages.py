@@ -22,7 +22,7 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "results/made/tolerances": "experiments/results/tolerances/README.md",
     "results/made/yield": "experiments/results/yield/README.md",
     "results/made/own_effects": "experiments/results/own_effects.md",
-    "results/made/real_diagnoses": "experiments/results/real_diagnoses.md",
+    "results/made/real_cases": "experiments/results/real_cases.md",
     "results/made/identify_practice": "experiments/results/identify_practice.md",
     "results/made/against_bench": "experiments/results/plant/against_bench.md",
     "results/made/withheld": "experiments/results/withheld/README.md",
