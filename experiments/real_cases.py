@@ -213,8 +213,8 @@ CASES: dict[str, tuple[Callable[[Path], dict[str, Any]], str, str]] = {
     "thor_quartic": (
         thor_quartic,
         "finite elements over (i_d, i_q, angle): slots, orders 6 to 18; no inverter, no sensor at fault",
-        "Believe `unknown`: the quartic energy misses these tables by 0.2 A. A link ripple, if it is named, is order 18 "
-        "of one recording's speed: the link is ideal.",
+        "Believe `unknown`: the quartic energy misses these tables by 0.2 A. A link ripple, if named, is order 18 of "
+        " one recording's speed: the link is ideal.",
     ),
     "thor_own_map": (
         thor_own_map,

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from model.errors import BadInput, shown
 from sandbox.recordings.foreign import SUFFIXES, read_table
+from sandbox.recordings.formats.log_table import Table
 
 NAME = "columns.toml"
 MOST_TABLES, MOST_COLUMNS = 24, 40
@@ -22,6 +21,7 @@ GUESSES = {  # names as programs write them, without case, blanks and underscore
     "u_alpha": ("ualpha", "valpha"), "u_beta": ("ubeta", "vbeta"), "u_d": ("ud", "vd"), "u_q": ("uq", "vq"),
     "u_dc": ("udc", "vdc", "vbus", "vbusvoltage", "vsupply", "link"),
 }  # fmt: skip
+SECONDS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 HINTS = {
     "t": 'unit = "ms" where it is not s',
     "theta": 'electrical rad; else unit = "deg" or "rev", mechanical = true for the shaft\'s, scale = 2 pi / counts',
@@ -52,10 +52,10 @@ def draft(folder: Path) -> str:
     first, entries = "", []
     for path in files:
         try:
-            columns = read_table(path).columns
+            table = read_table(path)
         except BadInput:
             continue
-        first = first or _columns(path.name, columns)
+        first = first or _columns(path.name, table)
         entries.append(f'[[recording]]\nfile = {json.dumps(path.name)}\nrotor = "free"  # or "locked", "driven"\n')
     if not entries:
         return ""
@@ -66,10 +66,10 @@ def draft(folder: Path) -> str:
     return head + first + "\n" + "\n".join(entries)
 
 
-def _columns(file: str, columns: Mapping[str, NDArray[np.float64]]) -> str:
+def _columns(file: str, table: Table) -> str:
     """Return what a table holds as comments, names guessed, and what is left to fill in."""
     lines, guessed, step = [f"# Columns of {shown(file)}:"], list[str](), "1e-4"
-    for name, x in list(columns.items())[:MOST_COLUMNS]:
+    for name, x in list(table.columns.items())[:MOST_COLUMNS]:
         plain = name.rpartition(".")[2].lower().replace("_", "").replace(" ", "")
         contract = next((c for c, names in GUESSES.items() if plain in names), None)
         finite = x[np.isfinite(x)]
@@ -81,5 +81,5 @@ def _columns(file: str, columns: Mapping[str, NDArray[np.float64]]) -> str:
             hint = f"  # {HINTS[contract]}" if contract in HINTS else ""
             guessed.append(f"{contract} = {{column = {json.dumps(name)}}}{hint}")
         if contract == "t" and steps.size:
-            step = f"{np.median(steps):.6g}"
+            step = f"{SECONDS.get(table.units.get(name, 's'), 1.0) * np.median(steps):.6g}"
     return "\n".join([*lines, "", "[columns]", *guessed]) + "\n" + TAIL % step

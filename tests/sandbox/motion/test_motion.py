@@ -1,6 +1,7 @@
 """A simulated shaft's inertia, frictions and cogging are found from angle and current on uneven stamps; what the motion
 cannot tell is said; nothing electrical is claimed."""
 
+import dataclasses
 import json
 import math
 
@@ -136,6 +137,25 @@ def test_a_wrong_unit_is_refused_without_a_warning():
     fast = MotionRecording("fast", 1e-12 * r.t, r.angle, r.torque, r.load)  # stamps in Ts
     with pytest.raises(BadInput, match="check the units of t, theta and i_q"):
         judge(campaign(fast))
+
+
+def test_short_and_standing_stretches_do_not_decide():
+    """A rotor that is held and readings that do not change scatter by nothing: they say no more than the rest."""
+    run = shaft(1, both_ways, dry=0.008, orders=(7,))
+    t = 100.0 + 2e-3 * np.arange(64)
+    held = [MotionRecording(f"held{k}", t, 0 * t + 0.3, 0 * t + 0.005 * k, 0 * t) for k in range(6)]
+    alone, beside = judge(campaign(run)), judge(campaign(run, *held))
+    assert max(beside.raw, beside.before, beside.after) < 1e3  # 0.03 N m of held torque over 0.02 A x 0.05 N m / A
+    size, both = alone.best.shaft.value("dry"), beside.best.shaft.value("dry")
+    assert both == pytest.approx(size, rel=0.25)  # as far as six of some 250 windows that are outliers move it
+
+
+def test_a_friction_that_would_drive_is_not_named():
+    """A current of reversed sign: every torque seems to push, and it is said."""
+    run = shaft(2, both_ways, dry=0.008, viscous=6e-4)
+    found = judge(campaign(dataclasses.replace(run, torque=-run.torque)))
+    assert not {"coulomb_friction", "viscous_friction"} & set(found.best.effects)
+    assert "sign is reversed" in found.cannot["coulomb_friction"]
 
 
 def test_exclude_and_a_rotor_that_stands():
