@@ -205,10 +205,11 @@ CASES: dict[str, tuple[Callable[[Path], dict[str, Any]], str, str]] = {
     "synrm_own_map": (
         synrm_own_map,
         "the same, its own flux map as nominal model; currents 250 µs late by `experiments.synrm_standstill`",
-        "Believe the delay (240 µs, another way than the 250 µs of the identification), not an angle of 0.035 rad: a "
-        "locked SynRM tells it by its saliency alone. J ≤ 10 before any effect is not reached: the floor is what "
-        "the authors' smoothing left (4.5 mA), while loops of the iron keep 12 mWb, some 50 floors of current in "
-        "saturation, and the cross test held out is driven by voltages alone, so its flux drifts.",
+        "Believe the delay (240 µs, another way than the 250 µs of the identification), not an angle of 0.035 rad. "
+        "J ≤ 10 before any effect is not reached: the floor is what the authors' smoothing left (4.5 mA), loops of "
+        "the iron keep 12 mWb, some 50 floors of current in saturation, and in the cross test, which is held out, "
+        "voltages alone drive the flux, so that it drifts. The two tests on one axis are met to 8 and 11 floors with "
+        "the delay.",
     ),
     "thor_quartic": (
         thor_quartic,
@@ -224,7 +225,9 @@ CASES: dict[str, tuple[Callable[[Path], dict[str, Any]], str, str]] = {
     "laas_motion": (
         laas_motion,
         "cogging of orders 12 and 36 a turn and multiples (experiments/real_cogging: 72, 18, 12), friction 0.09 A",
-        "Angle and i_q alone, as filed, with its gaps: orders can be checked against the slow scan.",
+        "Believe `unknown`. The slow scan is a position loop that steps and holds (129 stretches between pauses): its "
+        "current is that of holding. Dry friction comes out driving and is refused; orders that the scan's plateaus "
+        "show are not found from its motion.",
     ),
     "laas_rolling": (
         laas_rolling,
@@ -255,8 +258,8 @@ CASES: dict[str, tuple[Callable[[Path], dict[str, Any]], str, str]] = {
     "inverter_table_missing": (
         inverter_table_missing,
         "the same bench, the table left out of the nominal model",
-        "The right place is the inverter; what share of it is dead time or device drop no current of one link voltage "
-        "can tell, and the soft zone of 0.5 A is neither's.",
+        "Believe the inverter, and some 5 V: at this drive's currents (1.2 A) the table says 5.3 V. What share is "
+        "dead time no recording at one link voltage can tell.",
     ),
 }  # fmt: skip
 
