@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from model.mapped import OF_MAP, MappedMotor
-from model.parameters import Drive
+from model.parameters import Drive, Motor
 from sandbox.output.toml import toml_text
 
 MOTOR, EFFECTS = "motor.toml", "effects.toml"
@@ -55,9 +55,7 @@ class Refitted:
             (folder / MOTOR).write_text(self._motor(self.drive), encoding="utf-8")
             motor = self.drive.motor
             if isinstance(motor, MappedMotor) and motor.origin and "dataset" not in motor.origin.table:
-                copy = folder / motor.origin.table["file"]
-                copy.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copyfile(motor.origin.path, copy)
+                shutil.copyfile(motor.origin.path, folder / motor.origin.path.name)
         (folder / EFFECTS).write_text(self._effects(), encoding="utf-8")
 
     def _motor(self, drive: Drive) -> str:
@@ -71,7 +69,7 @@ class Refitted:
         return head + toml_text(
             [
                 ("[motor]", {k: v for k, v in own.items() if v != ""}),
-                ("[flux_map]", motor.origin.table if isinstance(motor, MappedMotor) and motor.origin else {}),
+                ("[flux_map]", _flux_map(motor)),
                 ("[ci95]", ends),
                 ("[uncertainty]", spread),
                 ("[drive]", dataclasses.asdict(drive.converter)),
@@ -99,6 +97,14 @@ class Refitted:
             [("[effects]", _nested(effects)), ("[bench]", bench), ("[angles]", self.angles),
              ("[residual]", self.residual)], notes,
         )  # fmt: skip
+
+
+def _flux_map(motor: Motor) -> dict[str, Any]:
+    """Return [flux_map] of a motor that has one: the map lies beside the motor's file, unless it is a data set's."""
+    if not isinstance(motor, MappedMotor) or motor.origin is None:
+        return {}
+    table = motor.origin.table
+    return table if "dataset" in table else {**table, "file": motor.origin.path.name}
 
 
 def _nested(names: Mapping[str, float]) -> dict[str, Any]:
