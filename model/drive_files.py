@@ -15,7 +15,7 @@ from model.parameters import Converter, Drive, Injection, Motor, build, read_tom
 MOTORS = Path(__file__).parent / "motors"
 MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry
 MAP_SUFFIXES = (".npz", ".mat", ".csv")
-OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording"}  # allowed, not read here
+OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording", "ci95"}  # allowed, not read here
 
 
 def motor_names() -> list[str]:

@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,15 @@ from model.spline import SplineEnergy
 KEYS = ("dataset", "file", "magnet", "angle", "cells", "smooth")
 OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 ALPHAS = OF_MAP[3:]
+NO_MAGNET = 1e-3  # of the map's lowest psi_d: without magnets, a flux at zero current that is negative by less is noise
 FITTED_BY = ("spline_energy.py", "spline.py", "fluxmap.py", "map_points.py", "arrays.py", "matfile.py")
+
+
+class MapFile(NamedTuple):
+    """Where a flux map came from: its file, and the [flux_map] table that names it."""
+
+    path: Path
+    table: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -41,6 +49,7 @@ class MappedMotor(Motor):
     """A motor with a spline energy; `map_hash` tells one map from another (and stands for it in comparisons)."""
 
     map_hash: str = ""
+    origin: MapFile | None = field(default=None, repr=False, compare=False)
     spline: SplineEnergy = field(default=None, repr=False, compare=False)  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
@@ -96,11 +105,12 @@ def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Pa
     path = (fetch(str(table["dataset"])) if "dataset" in table else folder) / table["file"]
     frame = (table.get("magnet", "d"), check_angle(table.get("angle", 0.0)))
     spline, magnet = _remembered(path, frame, _choice(table))
+    magnet = 0.0 if -NO_MAGNET * abs(spline.low_d) < magnet < 0.0 else magnet
     more = {"inductance_d": 1.0 / spline.gamma_d, "inductance_q": 1.0 / spline.gamma_q, "magnet_flux": magnet}
     motor = build(Motor, {**values, **more}, "motor")
     own = {name: getattr(motor, name) for name in Motor.__dataclass_fields__}
     digest = hashlib.sha256(spline.cells.tobytes() + repr(spline[1:]).encode()).hexdigest()[:16]
-    return MappedMotor(**own, map_hash=digest, spline=spline)
+    return MappedMotor(**own, map_hash=digest, origin=MapFile(path, dict(table)), spline=spline)
 
 
 def _choice(table: Mapping[str, Any]) -> tuple[tuple[int, int], float] | None:

@@ -25,6 +25,11 @@ if TYPE_CHECKING:
     from model.errors import PhysicsError as PhysicsError
     from sandbox.drive.scenario import Scenario as Scenario
     from sandbox.drive.scenario import Segment as Segment
+    from sandbox.public.campaigns.checked import check as check
+    from sandbox.public.campaigns.checked import plan as plan
+    from sandbox.public.campaigns.diagnosed import diagnose as diagnose
+    from sandbox.public.campaigns.identified import identify as identify
+    from sandbox.public.campaigns.replayed import replay as replay
     from sandbox.public.catalogue import describe as describe
     from sandbox.public.catalogue import list_datasets as list_datasets
     from sandbox.public.catalogue import list_effects as list_effects
@@ -32,8 +37,6 @@ if TYPE_CHECKING:
     from sandbox.public.catalogue import list_motors as list_motors
     from sandbox.public.catalogue import list_presets as list_presets
     from sandbox.public.catalogue import list_scenarios as list_scenarios
-    from sandbox.public.checked import check as check
-    from sandbox.public.checked import plan as plan
     from sandbox.public.exporting import export_estimator as export_estimator
     from sandbox.public.loading import load_estimator as load_estimator
     from sandbox.public.loading import load_estimator_library as load_estimator_library
@@ -45,9 +48,6 @@ if TYPE_CHECKING:
     from sandbox.public.motor import maps as maps
     from sandbox.public.protocols import bench as bench
     from sandbox.public.protocols import protocol as protocol
-    from sandbox.public.recorded import diagnose as diagnose
-    from sandbox.public.recorded import identify as identify
-    from sandbox.public.recorded import replay as replay
     from sandbox.public.runs import compare as compare
     from sandbox.public.runs import simulate as simulate
     from sandbox.public.showing import show as show
@@ -76,12 +76,14 @@ _HOMES = {
     "sandbox.public.catalogue": (
         "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "describe",
     ),
-    "sandbox.public.checked": ("plan", "check"),
+    "sandbox.public.campaigns.checked": ("plan", "check"),
     "sandbox.public.runs": ("simulate", "compare"),
     "sandbox.public.protocols": ("protocol", "bench"),
     "sandbox.public.sweeps": ("sweep", "tolerances"),
     "sandbox.public.motor": ("audit", "maps"),
-    "sandbox.public.recorded": ("identify", "diagnose", "replay"),
+    "sandbox.public.campaigns.diagnosed": ("diagnose",),
+    "sandbox.public.campaigns.identified": ("identify",),
+    "sandbox.public.campaigns.replayed": ("replay",),
     "sandbox.public.showing": ("show", "view"),
     "sandbox.public.verifying": ("verify",),
 }  # fmt: skip

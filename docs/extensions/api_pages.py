@@ -26,9 +26,9 @@ RESULTS = {
     "sandbox.public.protocols.BenchResult": "",
     "sandbox.public.motor.AuditResult": "passed",
     "sandbox.public.motor.MapsResult": "",
-    "sandbox.public.recorded.IdentificationResult": "",
-    "sandbox.public.recorded.DiagnosisResult": "verdict",
-    "sandbox.public.recorded.ReplayResult": "",
+    "sandbox.public.campaigns.identified.IdentificationResult": "",
+    "sandbox.public.campaigns.diagnosed.DiagnosisResult": "verdict",
+    "sandbox.public.campaigns.replayed.ReplayResult": "",
     "sandbox.public.exporting.Export": "save",
 }
 HEAD = """# Python

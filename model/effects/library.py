@@ -31,6 +31,7 @@ OF_MOTOR = {  # parameters that replace a value of the motor
     "inertia.inertia": "inertia",
     **{f"saturation.alpha_{n}": f"alpha_{n}" for n in ("30", "12", "40", "22", "04")},
 }
+SCALES_OF_MOTOR = {f"inductance.scale_{axis}": f"inductance_{axis}" for axis in "dq"}  # that multiply one
 WHOLE = tuple(
     f"{effect}.{k}.order" for effect in ("flux_harmonics", "inductance_harmonics") for k in range(2, 7)
 )  # electrical orders: windings of all pole pairs in series see no others
@@ -53,7 +54,7 @@ def load_effect(name: str) -> Effect:
     for card, _ in own.cards():
         if card.name == name:
             return card
-    if name in NOT_EFFECTS or not (FOLDER / f"{name}.py").is_file():
+    if name in NOT_EFFECTS or name not in {path.stem for path in FOLDER.glob("*.py")}:
         raise unknown("effect", name, effect_names())
     found: Effect = import_module(f"model.effects.{name}").CARD
     return found
@@ -250,7 +251,7 @@ def true_motor(motor: Motor, values: Mapping[str, float], *, keep_map: bool = Fa
     keep_map: a flux map stays as it is, whatever effects on the magnetics add to it in the plant.
     """
     changes: dict[str, Any] = {field: values[name] for name, field in OF_MOTOR.items()}
-    scaled = {f"inductance_{axis}": values[f"inductance.scale_{axis}"] for axis in "dq"}
+    scaled = {field: values[name] for name, field in SCALES_OF_MOTOR.items()}
     changes |= {field: scale * getattr(motor, field) for field, scale in scaled.items()}
     if keep_map and isinstance(motor.energy, SplineEnergy):
         changes = {field: value for field, value in changes.items() if not field.startswith(("inductance_", "alpha_"))}

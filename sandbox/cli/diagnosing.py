@@ -21,13 +21,19 @@ def add_diagnose(add: Callable[..., Any]) -> Any:
         run_diagnose,
         "where a campaign's gap to the simulator lies, which effect causes it, how far it shrinks",
     )
-    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    which = c.add_mutually_exclusive_group(required=True)
+    which.add_argument(
+        "campaign", type=Path, nargs="?", metavar="CAMPAIGN", help="folder with campaign.toml and its tables"
+    )
+    which.add_argument("--example", action="store_true", help="the sample campaign of the package (about a minute)")
     c.add_argument("--nominal", choices=("linear",), help="leave the nominal model's saturation out")
     c.add_argument("--exclude", action="append", default=[], metavar="EFFECT", help="no candidate (may be repeated)")
     c.add_argument(
         "--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/recordings/IMPORTING.md)"
     )
     c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
+    text = "folder of an earlier diagnosis, to go on from with further recordings in CAMPAIGN"
+    c.add_argument("--continue", type=Path, dest="earlier", metavar="RESULT", help=text)
     return c
 
 
@@ -58,10 +64,41 @@ def add_plan(add: Callable[..., Any], number: Callable[[str], float]) -> Any:
     return c
 
 
+def add_replay(add: Callable[..., Any], effects: str) -> Any:
+    """Add the command `replay` to the command line by its own `add`; return its parser.  effects: help of --effects."""
+    text = "a campaign's own voltages through the simulator, with a motor and effects, beside what was measured"
+    c = add("replay", run_replay, text)
+    c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
+    c.add_argument("--motor", metavar="NAME or FILE.toml", help="instead of the campaign's nominal motor")
+    c.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,... or FILE.toml", help=effects)
+    c.add_argument(
+        "--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/recordings/IMPORTING.md)"
+    )
+    c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
+    return c
+
+
+def run_replay(options: argparse.Namespace) -> None:
+    """Replay a campaign; write replay.json, .png and .parquet."""
+    import sandbox
+    from sandbox.public.campaigns.replayed import print_replay
+
+    folder = options.out or Path("sensorless-out") / options.command
+    check_output(folder)
+    found = sandbox.replay(
+        options.campaign, options.effects, motor=options.motor, columns=options.columns, preset=options.preset,
+        jobs=options.jobs or 1,
+    )  # fmt: skip
+    found.save(folder, csv=options.csv)
+    if not options.quiet:
+        print_replay(found)
+        print(f"results in {folder}")
+
+
 def run_plan(options: argparse.Namespace) -> None:
     """Plan recordings; write plan.json and a table of setpoints each."""
     import sandbox
-    from sandbox.public.checked import print_plan
+    from sandbox.public.campaigns.checked import print_plan
 
     folder = options.out or Path("sensorless-out") / options.command
     check_output(folder)
@@ -79,7 +116,7 @@ def run_plan(options: argparse.Namespace) -> None:
 def run_check(options: argparse.Namespace) -> None:
     """Check a campaign; write check.json; exit code 2 where something stops it."""
     import sandbox
-    from sandbox.public.checked import print_check
+    from sandbox.public.campaigns.checked import print_check
 
     folder = options.out or Path("sensorless-out") / options.command
     check_output(folder)
@@ -96,18 +133,21 @@ def run_check(options: argparse.Namespace) -> None:
 
 
 def run_diagnose(options: argparse.Namespace) -> None:
-    """Diagnose a campaign; write diagnosis.json, report.html and diagnosis.rrd."""
+    """Diagnose a campaign; write diagnosis.json, report.html, diagnosis.rrd and what the simulator takes of it."""
     import sandbox
     from sandbox.gap.pages.page import print_answers
-    from sandbox.public.moved import MotionResult, print_motion
+    from sandbox.public.campaigns.diagnosed import print_files
+    from sandbox.public.campaigns.moved import MotionResult, print_motion
+    from sandbox.recordings.campaign import EXAMPLE
 
     folder = options.out or Path("sensorless-out") / options.command
     check_output(folder)
     exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]
     with stage_bar("diagnosing", options.quiet) as progress:
         found = sandbox.diagnose(
-            options.campaign, exclude=exclude, nominal=options.nominal, columns=options.columns, preset=options.preset,
-            jobs=options.jobs, progress=progress,
+            EXAMPLE if options.example else options.campaign, exclude=exclude, nominal=options.nominal,
+            columns=options.columns, preset=options.preset, earlier=options.earlier, jobs=options.jobs,
+            progress=progress,
         )  # fmt: skip
         progress("writing")
         found.save(folder, csv=options.csv)
@@ -116,4 +156,5 @@ def run_diagnose(options: argparse.Namespace) -> None:
             print_motion(found.motion)
         else:
             print_answers(found.answers)
+            print_files(found)
         print(f"results in {folder}")

@@ -10,14 +10,14 @@ from typing import Protocol
 
 from sandbox.cli import commands
 from sandbox.cli.arguments import Parser, add_own_effects, number, positive_int, seed_number
-from sandbox.cli.diagnosing import PRESET, add_check, add_diagnose, add_plan
+from sandbox.cli.diagnosing import PRESET, add_check, add_diagnose, add_plan, add_replay
 from sandbox.cli.sweeping import add_tolerances, on_dask
 
-PARALLEL = ("compare", "protocol", "diagnose", "check", "plan", "sweep")  # use threads, or processes
+PARALLEL = ("compare", "protocol", "diagnose", "check", "plan", "replay", "sweep")  # use threads, or processes
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 MOTOR = "a motor of `sensorless list motors`, or a file of yours (ipm_exchanged)"
 LIBRARY = "an estimator of your own in C, as a shared library (see estimators/c/README.md)"
-EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... (see `sensorless list effects`)"
+EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... or a diagnosis' effects.toml"
 
 Run = Callable[[argparse.Namespace], int | None]  # an exit code where it is not 0
 
@@ -98,7 +98,7 @@ def add_motor(add: Add) -> None:
 
 
 def add_recorded(add: Add) -> None:
-    """Add `identify`, `diagnose`, `check` and `plan`."""
+    """Add `identify`, `diagnose`, `check`, `plan` and `replay`."""
     text = "the motor from a campaign's locked recordings: paper's least squares and exact fit"
     c = add("identify", commands.run_identify, text)
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
@@ -108,6 +108,7 @@ def add_recorded(add: Add) -> None:
     add_own_effects(add_diagnose(add))
     add_own_effects(add_check(add))
     add_own_effects(add_plan(add, number))
+    add_own_effects(add_replay(add, EFFECTS))
 
 
 def add_export(add: Add) -> None:
@@ -145,7 +146,7 @@ def _belief(command: Parser) -> None:
 
 def _plant(command: Parser) -> None:
     command.add_argument("--no-trace", action="store_true", help="write no .rrd")
-    command.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,...", help=EFFECTS)
+    command.add_argument("--effects", default="", metavar="NAME.PARAM=VALUE,... or FILE.toml", help=EFFECTS)
     add_own_effects(command)
 
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from estimators.contract import Belief, Estimator
 from estimators.startup import start_periods
-from model.effects.library import complete, true_motor
+from model.effects.library import true_motor
 from model.energy import AnyEnergy, flux_from_current, torque
 from model.errors import BadInput, PhysicsError, unknown
 from model.parameters import Drive
@@ -122,11 +122,11 @@ def simulate(
     belief: `saturated` or `linear`; closed_loop: whether the estimate (or the encoder) controls; stride: record
     every stride-th sample; plant_step: s, an upper bound (the plant chooses its own below); truth: another magnetic
     model for the plant than the one the estimator's belief comes from; effects: what the plant has and the model lacks,
-    by public name such as {"dead_time.time": 2e-6}; plant: `exact` (event by event) or `switched` (the independent
-    bench).  Raises BadInput or PhysicsError with one sentence.
+    by public name such as {"dead_time.time": 2e-6}, on the exact plant `bench.*`, too; plant: `exact` (event by event)
+    or `switched` (the independent bench).  Raises BadInput or PhysicsError with one sentence.
     """
     check_call(estimator, belief, seed, stride, plant_step)
-    complete(drive.motor, drive.converter, effects)  # before the design, which takes longer
+    sets.complete(drive.motor, drive.converter, effects)  # before the design, which takes longer
     return run_once(
         set_up(drive, scenario, estimator, belief, plant), effects,
         closed_loop=closed_loop, seed=seed, stride=stride, plant_step=plant_step, truth=truth,
@@ -160,7 +160,7 @@ def run_once(
     """Run what was made ready on a plant with effects; arguments and errors as `simulate`."""
     drive, scenario, estimator, believed = setup.drive, setup.scenario, setup.estimator, setup.believed
     gains, samples = setup.design, setup.samples
-    values = complete(drive.motor, drive.converter, effects)
+    values = sets.complete(drive.motor, drive.converter, effects)
     check_feasible(dataclasses.replace(drive, motor=true_motor(drive.motor, values)), scenario, gains)
     tuning, h = gains.tuning, gains.tuning.sampling_period
     if samples // stride > MOST_SAMPLES:
@@ -230,7 +230,11 @@ def _switched(
 
     if truth is not None:
         raise BadInput("the switched plant takes no other magnetic model; give effects such as saturation.alpha_30")
-    b = bench(drive.motor, drive.converter, values)
+    of_bench = sets.complete(drive.motor, drive.converter)
+    for name in sets.BENCH:
+        if values[name] != of_bench[name]:
+            raise BadInput(f"the switched plant has no '{name}'; leave it away, or take --plant exact")
+    b = bench(drive.motor, drive.converter, {k: v for k, v in values.items() if k not in sets.BENCH})
     b = b._replace(step=min(b.step, plant_step))
     x = bench_of.start(b, scenario.start_angle)
     x[READINGS] = len(inside.readings) if inside else 0

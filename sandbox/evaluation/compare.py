@@ -20,6 +20,7 @@ from sandbox.drive.scenario import Scenario
 from sandbox.drive.simulate import EXACT, plant_named, simulate
 from sandbox.evaluation.score import Row, rows_of
 from sandbox.output.files import version
+from sandbox.plant.sets import BENCH
 
 BELIEFS = ("linear", "saturated")
 ESTIMATORS = ("qnull", "inversion", "ekf")
@@ -63,7 +64,7 @@ class Comparison:
     @property
     def effects(self) -> dict[str, str | float]:
         """What the plant has beside the model."""
-        return {k: v for k, v in self.properties.items() if k in parameters()}
+        return {k: v for k, v in self.properties.items() if k in parameters() or k in BENCH}
 
     def as_json(self) -> dict[str, object]:
         """Return what `compare.json` holds beyond its header."""

@@ -81,12 +81,14 @@ def diagnose(
     campaign: str | Path | Campaign,
     *,
     exclude: Sequence[str] = (),
+    rivals: Sequence[tuple[str, ...]] = (),
     workers: int = 2,
     report: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Return the diagnosis of a campaign (a folder, or read already).
 
-    exclude: effects that are no candidates; workers: threads; report: called with a few words before each stage.
+    exclude: effects that are no candidates; rivals: sets that are weighed whatever the search comes upon (those that an
+    earlier diagnosis left); workers: threads; report: called with a few words before each stage.
     BadInput for a campaign that cannot be read or replayed.
     """
     began = time.perf_counter()
@@ -108,6 +110,7 @@ def diagnose(
     fitted, everything = weights_of(count, left), weights_of(count)
     found = search(start, everything, exclude=exclude, workers=workers, report=report)
     found = widened(found, rms(nominal, range(count)), everything, exclude=exclude, workers=workers, report=report)
+    found = _with_rivals(found, rivals, everything, workers)
     report("measuring the gap")
     judged, ranked, temperature, cost = _ranked(found, rms(nominal, range(count)), everything, workers)
     best = ranked[0][1]
@@ -122,6 +125,16 @@ def diagnose(
         tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,
         round(cost), time.perf_counter() - began, tuple(exclude), caution,
     )  # fmt: skip
+
+
+def _with_rivals(found: Search, rivals: Sequence[tuple[str, ...]], weights: Weights, workers: int) -> Search:
+    """Return a search with sets judged that it has not come upon."""
+    known = {j.effects for j in found.judged}
+    more = [found.judge_also(key, weights, workers) for key in rivals if key not in known]
+    own = [j for j in more if j is not None]
+    cost = found.simulations + sum(j.simulations for j in own)
+    fitted = found.fitted | {j.effects for j in own}
+    return replace(found, judged=(*found.judged, *own), simulations=cost, fitted=fitted)
 
 
 def _ranked(

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput, unknown
 from sandbox.motion.shaft import (
+    STEADIEST,
     WIDTHS,
     Design,
     Nominal,
@@ -102,6 +103,10 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     able = [e for e in EFFECTS if e not in cannot and e not in exclude]
     whole = _terms(able, _width(plain, able, nominal, ()), ())
     design = plain
+    for e, why in _driving(reweighted(plain, fitted(plain, whole, nominal)), whole, nominal, able).items():
+        cannot[e] = why
+        able.remove(e)
+    whole = _terms(able, _width(plain, able, nominal, ()), ())
     for _ in range(2):
         design = _scaled(reweighted(plain, fitted(design, whole, nominal)), whole, nominal)
         if "cogging_torque" in able:
@@ -159,6 +164,19 @@ def _width(design: Design, able: Sequence[str], nominal: Nominal, orders: tuple[
     if "coulomb_friction" not in able:
         return WIDTHS[0]
     return min(WIDTHS, key=lambda w: fitted(design, _terms(able, w, orders), nominal).chi2)
+
+
+def _driving(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]) -> dict[str, str]:
+    """Return frictions that would drive the motion instead of braking it, each with the size that says so."""
+    out = {}
+    shaft = fitted(design, whole, nominal)
+    for effect, size, unit in (("coulomb_friction", "dry", "N m"), ("viscous_friction", "viscous", "N m s/rad")):
+        if effect in able and shaft.ci95(size)[1] < 0.0:
+            out[effect] = (
+                f"it would drive the motion ({shaft.value(size):.3g} {unit}): the current's sign is reversed, or "
+                "something else acts"
+            )
+    return out
 
 
 def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[str, str]:
@@ -225,14 +243,16 @@ def _floor(design: Design, shaft: Shaft) -> Array:
     """Return each row's noise (N m rms): the stated current noise, and that of the angle times the inertia.
 
     Where no current noise is stated, what changes at random between windows that share no row counts: 1 is then a
-    residual without structure.
+    residual without structure.  A recording too short to tell, or in which nothing changes, has the others' noise.
     """
     out = np.empty(len(design.torque))
+    seen = np.array([white(shaft.residual[design.owner == k][:: SAMPLES // STEP]) for k in range(len(design.averages))])
+    told = seen[seen > 0.0]
+    usual = float(np.median(told)) if told.size else float(np.sqrt(np.mean(shaft.residual**2)))
     for k, a in enumerate(design.averages):
-        own = design.owner == k
         known = np.hypot(shaft.value("inertia") * a.noise_acceleration, a.noise_torque)
-        random = 0.0 if np.any(a.noise_torque) else white(shaft.residual[own][:: SAMPLES // STEP])
-        out[own] = np.maximum(known, random)
+        random = 0.0 if np.any(a.noise_torque) else max(seen[k], STEADIEST * usual) if seen[k] > 0.0 else usual
+        out[design.owner == k] = np.maximum(known, random)
     return out
 
 

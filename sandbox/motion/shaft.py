@@ -22,6 +22,8 @@ HIGHEST = 200  # order per turn that is looked for
 PASSED = 0.1  # of a sine's square: an order that windows average away below it is not looked for
 BLOCKS = 24  # for intervals
 ORDINARY_LAG = 0.5  # of the usual step: how late or early current is read beside the angle in an ordinary log
+SHORT = 8  # windows: fewer do not tell their own scatter
+STEADIEST = 0.1  # of the usual scatter: the least that a recording is believed to have
 TAIL = 3.0  # deviations from which a row counts less, as with Student-t residuals
 STUDENT = 2.07  # 95 % of Student's t with BLOCKS - 1 degrees of freedom
 
@@ -198,12 +200,18 @@ def _inflation(scored: Array, design: Design) -> float:
 
 
 def reweighted(design: Design, shaft: Shaft) -> Design:
-    """Return the equations with rows weighted by what their recording's residuals scatter, outliers less."""
+    """Return the equations with rows weighted by what their recording's residuals scatter, outliers less.
+
+    A recording in which nothing changes, or of a few windows, scatters by chance as little as it likes: none counts for
+    more than STEADIEST of the usual scatter, a short one for the usual one.
+    """
     weight = np.empty(len(design.weight))
-    for k in range(len(design.averages)):
+    parts = [shaft.residual[design.owner == k] for k in range(len(design.averages))]
+    spreads = [1.4826 * float(np.median(np.abs(x - np.median(x)))) for x in parts]
+    usual = max(float(np.median(np.repeat(spreads, [len(x) for x in parts]))), 1e-12)
+    for k, x in enumerate(parts):
         own = design.owner == k
-        spread = 1.4826 * float(np.median(np.abs(shaft.residual[own] - np.median(shaft.residual[own]))))
-        spread = max(spread, 1e-12)
+        spread = max(spreads[k], usual if len(x) < SHORT else STEADIEST * usual)
         weight[own] = 1.0 / np.hypot(spread, shaft.residual[own] / TAIL)  # a jump between two rows counts little
     return replace(design, weight=np.where(design.weight > 0.0, weight, 0.0))
 

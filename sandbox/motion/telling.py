@@ -6,8 +6,11 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from model.effects.library import load_effect
+from model.effects.library import parameters as library_parameters
 from sandbox.motion.judging import Motion, Weighed
 from sandbox.output.document import answer, bullets, figure, prose, table
+from sandbox.output.refitted import Refitted
 
 UNKNOWN = "unknown"
 TITLES = {"no_gap": "No gap", "explained": "Explained", "ambiguous": "Ambiguous", "unknown": "Something unknown"}
@@ -78,6 +81,28 @@ def orders(m: Motion, w: Weighed) -> list[dict[str, Any]]:
     return sorted(rows, key=lambda r: -r["amplitude"]["value"])
 
 
+def refitted(m: Motion) -> Refitted:
+    """Return the shaft's effects as a file for the simulator; the motor is not known, a late reading is the log's."""
+    found, ci95 = dict[str, float](), dict[str, tuple[float, float]]()
+    lead = parameters(m, m.best)
+    for name, p in lead.items():
+        if not name.startswith(("current_filter.", "cogging_torque.")):
+            found[name], ci95[name] = p["value"], (p["ci95"][0], p["ci95"][1])
+    if "coulomb_friction" in m.best.effects and m.best.shaft.terms.dry:
+        found["coulomb_friction.width"] = m.best.shaft.terms.dry
+    card = load_effect("cogging_torque")
+    for k, row in enumerate(orders(m, m.best)[: card.repeats], start=1):
+        found[card.public(k, "order_mech")] = float(row["order"])
+        for key in ("amplitude", "phase"):
+            name = card.public(k, key)
+            found[name], ci95[name] = row[key]["value"], (row[key]["ci95"][0], row[key]["ci95"][1])
+    found["inertia.inertia"] = m.best.shaft.value("inertia")
+    ci95["inertia.inertia"] = m.best.shaft.ci95("inertia")
+    units = {name: p.unit for name, p in library_parameters().items()}
+    said = f"Fitted to the motion of '{m.campaign.name}' by diagnose: the shaft alone, no voltages were recorded"
+    return Refitted(None, found, {}, ci95, units, {}, said)
+
+
 def contract(m: Motion) -> dict[str, Any]:
     """Return what `diagnosis.json` holds beyond its header; `motion` is more than other campaigns' have."""
     s = m.best.shaft
@@ -108,6 +133,7 @@ def contract(m: Motion) -> dict[str, Any]:
             "orders": orders(m, m.best), "cannot": m.cannot,
             "stamp_jitter": {a.file: a.jitter for a in m.design.averages},
         },
+        "simulator": refitted(m).as_json(),
         "cost": {"simulations": len(m.weighed), "seconds": m.seconds},
     }  # fmt: skip
 

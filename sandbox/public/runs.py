@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from estimators.registry import AnyEstimator
-from model.effects.library import parse
+from model.effect_files import effects_of
 from model.names import fitting
 from model.parameters import Drive
 from sandbox.drive.scenario import Scenario
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 AnyMotor = str | Path | Drive
 AnyScenario = str | Path | Scenario
-Effects = Mapping[str, float] | str | None
+Effects = Mapping[str, float] | str | Path | None
 ROW_UNITS = {
     "load": "of rated current", "speed_rpm": "rpm", "mean_deg": "deg", "rms_deg": "deg", "p95_deg": "deg",
     "max_deg": "deg", "transient_max_deg": "deg", "predicted_mean_deg": "deg", "t_start": "s", "t_end": "s",
@@ -230,10 +230,6 @@ def save_runs(
     return Path(folder)
 
 
-def _effects(effects: Effects) -> dict[str, float]:
-    return parse(effects) if isinstance(effects, str) else dict(effects or {})
-
-
 @told
 def simulate(
     motor: AnyMotor = "ipm_exchanged",
@@ -264,8 +260,9 @@ def simulate(
         Whether the estimate controls; otherwise the encoder does, and the estimator only watches.
     duration : float, optional
         s of the scenario to run; all of it by default.
-    effects : mapping or str, optional
-        What the plant has and the model lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see `list_effects`).
+    effects : mapping, str or Path, optional
+        What the plant has and the model lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see `list_effects`), or
+        a file of effects as `diagnose` writes it (``effects.toml``).
     plant : {'exact', 'switched'}
         Event by event, or the independent bench that checks it; both run every estimator.
     seed : int
@@ -297,7 +294,7 @@ def simulate(
 
     scene, own = load_scenario(scenario), load_estimator(estimator)
     scene = scene if duration is None else scene.cut(duration)
-    added = _effects(effects)
+    added = effects_of(effects)
     if record is not None:
         check_new_folder(Path(record))
     drive = load_motor(motor)  # last: its flux map may have to be downloaded
@@ -351,7 +348,7 @@ def compare(
         See `load_scenario`.
     estimators : iterable of str, Path or Estimator
         See `load_estimator`.
-    effects : mapping or str, optional
+    effects : mapping, str or Path, optional
         As in `simulate`; with any there is no theory to compare with.
     seed : int
         Of the sensors' noise, the same in every run.
@@ -380,7 +377,7 @@ def compare(
     """
     from sandbox.evaluation.compare import compare as run_all
 
-    scene, added = load_scenario(scenario), _effects(effects)
+    scene, added = load_scenario(scenario), effects_of(effects)
     own = [load_estimator(one) for one in several(estimators)]
     drive = load_motor(motor)  # last: its flux map may have to be downloaded
     return ComparisonResult(run_all(drive, scene, own, seed=seed, jobs=jobs, progress=progress, effects=added or None))

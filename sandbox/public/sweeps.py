@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from estimators.registry import AnyEstimator
-from model.effects.library import parse
+from model.effect_files import effects_of
 from model.errors import BadInput
 from sandbox.drive.scenario import Scenario
 from sandbox.output.columns import Column, columns_of, write_table
@@ -221,7 +221,7 @@ def tolerances(
     *,
     percent: Iterable[float] = (5.0, 10.0, 20.0),
     draws: int = 64,
-    effects: Mapping[str, float] | str | None = None,
+    effects: Mapping[str, float] | str | Path | None = None,
     seed: int = 0,
     jobs: int | None = None,
     cluster: Cluster | None = None,
@@ -279,7 +279,7 @@ def tolerances(
     scene = tables_of(scenario) if isinstance(scenario, Scenario) else _name(scenario, "scenario")
     rows = run_all(
         _name(motor, "motor"), scene, names, levels=[0.01 * p for p in percent], draws=draws, seed=seed,
-        effects=parse(effects) if isinstance(effects, str) else dict(effects or {}), jobs=jobs or os.cpu_count() or 1,
+        effects=effects_of(effects), jobs=jobs or os.cpu_count() or 1,
         cluster=cluster, progress=progress,
     )  # fmt: skip
     title = scenario.name if isinstance(scenario, Scenario) else Path(scenario).stem

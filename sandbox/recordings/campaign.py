@@ -48,6 +48,7 @@ TABLES = (
     "campaign", "drive", "motor", "flux_map", "uncertainty", "background", "injection", "provenance", "recording",
     "log",
 )  # fmt: skip
+EXAMPLE = Path(__file__).parent / "example"  # the sample campaign (experiments/example_campaign.py)
 LARGEST = 1e12  # of any recorded number, in its unit
 LINK = (0.1, 1e5)  # V, as in [drive]
 OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")

@@ -8,11 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from model.effects.library import parameters
 from model.errors import BadInput
 from model.exact_fit import exact
 from model.identification import first_order
 from model.levels import UNITS, Fit, Levels
 from model.parameters import Motor
+from sandbox.output.refitted import Refitted
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.staircase import levels_of
@@ -37,12 +39,32 @@ class Identification:
         values: dict[str, Any] = dict(self.fits[method].values)
         return dataclasses.replace(self.campaign.drive.motor, **values)
 
+    def refitted(self) -> Refitted:
+        """Return the exact fit's motor and what stood between it and the readings, as files for the simulator.
+
+        The fit's delay is that of the pulses after the reading amid them: later pulses, or a reading that much later.
+        """
+        fit, own = self.fits["exact"], self.campaign.drive
+        n, units = fit.nuisance, {name: p.unit for name, p in parameters().items()}
+        effects = {f"current_gain.gain_{x}": 1.0 + n[f"gain_{x}"] for x in "abc" if n[f"gain_{x}"]}
+        effects |= {f"current_offset.offset_{x}": n[f"offset_{x}"] for x in "ab" if n[f"offset_{x}"]}
+        effects |= {"device_drop.threshold": n["voltage_threshold"], "encoder_offset.offset": -n["angle_error"]}
+        late = n["delay"]
+        effects |= {"pwm_delay.delay": late} if late > 0.0 else {"current_sampling.delay": -late}
+        effects |= {"bench.soft_current": n["width"]}
+        told = {**own.provenance, **dict.fromkeys(fit.values, "identified: exact fit to locked recordings")}
+        ci95 = {name: fit.ci95(name) for name in fit.values}
+        said = f"Identified from the locked recordings of '{self.campaign.name}' by identify: the exact fit"
+        drive = dataclasses.replace(own, motor=self.motor(), provenance=told)
+        return Refitted(drive, effects, {}, ci95, units, {}, said)
+
     def as_json(self) -> dict[str, Any]:
         """Return the command's JSON body: methods, parameters in SI units, null where a number is undefined."""
         return {
             "campaign": self.campaign.name,
             "levels": len(self.levels.axis),
             "methods": {name: fit_as_json(fit) for name, fit in self.fits.items()},
+            "simulator": self.refitted().as_json(),
             "remarks": list(self.remarks),
         }
 

@@ -169,7 +169,8 @@ def _tables(folder: Path, columns: Path | None, preset: str | None) -> tuple[dic
     if columns is None and not own.is_file():
         raise BadInput(
             f"'{folder}' holds no campaign.toml, so its drive, motor and recordings are unknown; write one, or give "
-            "--columns FILE.toml for tables of other programs (sandbox/recordings/IMPORTING.md)"
+            "--columns FILE.toml for tables of other programs (`sensorless check` drafts it; "
+            "sandbox/recordings/IMPORTING.md)"
         )
     data = read_toml(own) if own.is_file() or columns is None else {}
     source, mapped = own.name, {}

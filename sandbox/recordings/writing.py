@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import os
 import shutil
 from collections.abc import Mapping
@@ -13,6 +12,7 @@ from typing import Any
 from model.errors import BadInput
 from model.mapped import without_map
 from sandbox.output.files import aside_of
+from sandbox.output.toml import toml_text
 from sandbox.recordings.campaign import OF_RECORDING, RATED, Campaign
 
 
@@ -53,16 +53,4 @@ def _toml(c: Campaign) -> str:
     ]
     for r in c.recordings:
         tables.append(("[[recording]]", {key: getattr(r, key) for key in OF_RECORDING}))
-    return "\n".join(
-        head
-        + "\n"
-        + "".join(f"{_key(k)} = {json.dumps(v, ensure_ascii=False)}\n" for k, v in t.items() if v is not None)
-        for head, t in tables
-        if t
-    )
-
-
-def _key(name: str) -> str:
-    """Return a TOML key, in quotes where a bare one could not hold it."""
-    bare = name.replace("_", "").replace("-", "")
-    return name if bare.isascii() and bare.isalnum() else json.dumps(name, ensure_ascii=False)
+    return toml_text(tables)

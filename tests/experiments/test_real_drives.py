@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from experiments import real_cases
 from model.datasets import locate
 from model.effects.library import checked
 
@@ -25,7 +26,7 @@ SCRIPTS = {
 
 
 def test_every_script_is_here():
-    others = {"real_results", "real_diagnoses"}  # what they share; the diagnoses have a test of their own
+    others = {"real_results", "real_cases"}  # what they share; diagnoses of minutes, whose record is checked below
     assert {p.stem for p in (ROOT / "experiments").glob("real_*.py")} - others == set(SCRIPTS)
 
 
@@ -40,6 +41,19 @@ def test_kept_record_is_complete(name):
         assert value["low"] <= value["value"] <= value["high"]
         assert value["unit"]
         assert value["basis"]
+
+
+def test_every_real_case_is_kept_with_its_date():
+    """One row a case, each judged; the page is made of the record alone."""
+    kept = json.loads((ROOT / "experiments" / "results" / "real_cases.json").read_text(encoding="utf-8"))["cases"]
+    assert set(kept) <= set(real_cases.CASES)
+    assert len(kept) >= 9
+    for name, case in kept.items():
+        assert case["date"] >= "2026-11-21", name
+        assert case["verdict"] in ("explained", "ambiguous", "unknown", "no_gap", "refused", "angle offset"), name
+    page = (ROOT / "experiments" / "results" / "real_cases.md").read_text(encoding="utf-8")
+    assert page == real_cases.page(kept)
+    assert page.count("**Believe it?**") == len(kept)
 
 
 def test_the_effect_library_takes_the_fitted_skin_effect():

@@ -12,6 +12,7 @@ from unittest import mock
 import numpy as np
 
 from model.drive_files import MOTORS, load_drive
+from model.effect_files import effects_of
 from model.energy import flux_from_current
 from model.errors import PhysicsError
 from model.fluxmap import FluxMap, write_map
@@ -20,6 +21,7 @@ from sandbox.drive.locked_test import Bench, paper_campaign
 from sandbox.drive.scenario import SCENARIOS, load_scenario
 from sandbox.output.files import plain, write_json
 from sandbox.output.provenance import made_by
+from sandbox.public.campaigns.diagnosed import earlier_answer
 from sandbox.public.motor import audit
 from sandbox.public.verifying import verify
 from sandbox.recordings.campaign import read_campaign
@@ -32,6 +34,7 @@ from sandbox.sweep.sweep import check_size
 from sandbox.validation.scoring.blind import score
 from sandbox.validation.scoring.tables_of_rows import Scores, table
 from tests.fuzz.doors import Door, Outcome, called
+from tests.fuzz.logs import LOG_DOORS
 from tests.fuzz.mutations import damaged_bytes, damaged_call, damaged_json, damaged_toml
 
 COLUMNS = """
@@ -146,6 +149,12 @@ def make_inverter(folder):
     text = (MOTORS / "ipm_exchanged.toml").read_text()
     (folder / "m.toml").write_text(text.replace("[drive]\n", '[drive]\ninverter_table = "legs.csv"\n'))
     (folder / "legs.csv").write_text("current,error\n-2.0,-5.5\n-0.5,-4\n0,0.1\n0.5,4\n1.0,5\n2.5,6\n")
+
+
+def make_effects(folder):
+    """Write a file of effects."""
+    text = "[effects]\ndead_time.time = 2e-6\ncogging_torque.2.order_mech = 12\n[bench]\nsoft_current = 0.02\n"
+    (folder / "e.toml").write_text(text + '[angles]\n"a.parquet" = 1e-4\n[residual]\n"a.parquet" = 0.98\n')
 
 
 def make_scenario(folder):
@@ -330,6 +339,9 @@ DOORS = (
     Door("motor", make_motor, ("m.toml",), of_text(damaged_toml), lambda folder: load_drive(folder / "m.toml")),
     Door("design", make_motor, ("m.toml",), of_text(damaged_toml), lambda f: design(load_drive(f / "m.toml"))),
     Door("inverter", make_inverter, ("legs.csv",), damaged_csv, lambda folder: load_drive(folder / "m.toml")),
+    Door("effects", make_effects, ("e.toml",), of_text(damaged_toml), lambda folder: effects_of(folder / "e.toml")),
+    Door("earlier", make_check, REPORTS[:1], of_text(damaged_json), lambda f: earlier_answer(f / REPORTS[0])),
+    *LOG_DOORS,
     Door("scenario", make_scenario, ("s.toml",), of_text(damaged_toml), lambda f: load_scenario(f / "s.toml")),
     Door("sweep", make_sweep, ("s.toml",), of_text(damaged_toml), read_and_size),
     Door("swept", make_swept, ("manifest.json",), of_text(damaged_json), read_swept),
@@ -337,12 +349,19 @@ DOORS = (
     Door("report", make_check, REPORTS, of_text(damaged_json), read_check),
     Door("seal", make_check, ("truth.sealed",), of_text(damaged_json), read_check),
 )  # fmt: skip
-COSTLY = {"design": 0.02, "result": 0.1, "map_npz": 0.5, "map_mat": 0.5}  # share of the inputs of a usual door
+COSTLY = {
+    "mcap": 0.5,
+    "design": 0.02,
+    "result": 0.1,
+    "map_npz": 0.5,
+    "map_mat": 0.5,
+}  # share of the inputs of a usual door
 PHYSICS = (  # replaced where the command line is tried: what stands before them is
     "sandbox.evaluation.compare.compare", "sandbox.evaluation.compare.single", "model.saliency.audit",
     "sandbox.evaluation.maps.maps", "sandbox.evaluation.bench.bench",
     "sandbox.evaluation.protocol.run_unit", "sandbox.recordings.identify.identify", "sandbox.gap.report.answers.answer",
-    "sandbox.validation.withheld.make.make",
+    "sandbox.validation.withheld.make.make", "sandbox.replay.replay.prepare", "sandbox.gap.planning.bench_plan.plan",
+    "sandbox.gap.planning.visible.visible",
     "sandbox.validation.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case", "sandbox.sweep.store.begin",
     "sandbox.public.exporting.exported", "sandbox.public.verifying._again",
 )  # fmt: skip
@@ -371,6 +390,7 @@ def make_home(folder):
     """Write what the calls name."""
     for make in (make_motor, make_campaign, make_map("csv")):
         make(folder)
+    make_effects(folder)
     (folder / "s.toml").write_text(SHORT)
     (folder / "sweep.toml").write_text(SHORT)
     make_result(folder / "result")

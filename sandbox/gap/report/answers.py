@@ -58,13 +58,17 @@ def answer(
     campaign: Campaign,
     *,
     exclude: Sequence[str] = (),
+    rivals: Sequence[tuple[str, ...]] = (),
     workers: int = 2,
     report: Callable[[str], None] = lambda _: None,
 ) -> Answers:
-    """Return a campaign's diagnosis and all answers; BadInput for an unknown effect or a campaign that is none."""
+    """Return a campaign's diagnosis and all answers; BadInput for an unknown effect or a campaign that is none.
+
+    rivals: as `diagnose`.
+    """
     for name in exclude:
         library.load_effect(name)
-    d = diagnose(campaign, exclude=exclude, workers=workers, report=report)
+    d = diagnose(campaign, exclude=exclude, rivals=rivals, workers=workers, report=report)
     report("where it lies")
     found = where(d)
     report("position estimate")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,12 +32,58 @@ class Estimate:
     at_bound: bool = False
 
 
+class Spread(NamedTuple):
+    """Coordinates, a set, and of each coordinate the value, standard deviation, ends of the 95 % interval, and whether it
+    is inside its bounds (p,)."""
+
+    coordinates: Sequence[Coordinate]
+    values: Mapping[str, float]
+    x: Array
+    sd: Array
+    ends: tuple[Array, Array]
+    free: NDArray[np.bool_]
+
+    @property
+    def place(self) -> dict[str, int]:
+        """Places of coordinates by label."""
+        return {c.label: k for k, c in enumerate(self.coordinates)}
+
+
 def estimates(j: Judged) -> dict[str, Estimate]:
     """Return the parameters of a hypothesis' effects, by public name.
 
     Values are those of the hypothesis alone; the interval also allows for what ordinary traces of all other effects
     would move them by.  Where a value is held at its bound, the interval reaches from there as far as its tail.
     """
+    s = spread(j)
+    return {name: e for effect in j.effects for name, e in _of_effect(effect, s).items()}
+
+
+def estimates_beside(j: Judged, equations: Algebra) -> dict[str, Estimate]:
+    """Return the same by other equations of its table: those with a free regression integrated out (`beside`)."""
+    x, free, _ = equations.most_probable(j.prior)
+    sd = SPREAD * np.sqrt(np.diag(equations.covariance(j.prior)))
+    s = Spread(j.table.coordinates, j.table.point.values, x, sd, (x - Z * sd, x + Z * sd), free)
+    return {name: e for effect in j.effects for name, e in _of_effect(effect, s).items()}
+
+
+def of_motor(j: Judged) -> dict[str, Estimate]:
+    """Return the motor's values at a hypothesis' fit by their names in [motor], effects on them and ordinary deviations
+    taken together."""
+    s, motor, out = spread(j), j.fit.point.prepared.campaign.drive.motor, dict[str, Estimate]()
+    place = s.place
+    for name, key in {**library.OF_MOTOR, **library.SCALES_OF_MOTOR}.items():
+        if name in place:
+            k, unit = place[name], type(motor).__dataclass_fields__[key].metadata["unit"]
+            size = getattr(motor, key) if name in library.SCALES_OF_MOTOR else 1.0
+            c = j.fit.coordinates[k]
+            value, *ends = (size * public(c.form, c.bounded(float(to[k]))) for to in (s.x, *s.ends))
+            out[key] = Estimate(value, min(ends), max(ends), unit, not s.free[k])
+    return out
+
+
+def spread(j: Judged) -> Spread:
+    """Return a hypothesis' most probable values and how far each may be off."""
     own, prior = algebra(j.fit.normal), prior_of(j.fit.coordinates)
     x, free, _ = own.most_probable(prior)
     plain = own.covariance(prior)
@@ -52,29 +99,7 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     tails = own.tails(prior)
     below = np.where(x > prior.low, tails, 0.0) + Z * wider
     above = np.where(x < prior.high, tails, 0.0) + Z * wider
-    own_fit = Found(j.fit.coordinates, j.fit.point.values, x, wider, (x - below, x + above), free)
-    return {name: e for effect in j.effects for name, e in _of_effect(effect, own_fit).items()}
-
-
-def estimates_beside(j: Judged, equations: Algebra) -> dict[str, Estimate]:
-    """Return the same by other equations of its table: those with a free regression integrated out (`beside`)."""
-    x, free, _ = equations.most_probable(j.prior)
-    sd = SPREAD * np.sqrt(np.diag(equations.covariance(j.prior)))
-    found = Found(j.table.coordinates, j.table.point.values, x, sd, (x - Z * sd, x + Z * sd), free)
-    return {name: e for effect in j.effects for name, e in _of_effect(effect, found).items()}
-
-
-@dataclass(frozen=True)
-class Found:
-    """Coordinates, a set, and of each coordinate the value, deviation, ends of the interval, and whether it is inside
-    its bounds (p,)."""
-
-    coordinates: Sequence[Coordinate]
-    values: Mapping[str, float]
-    x: Array
-    sd: Array
-    reach: tuple[Array, Array]
-    free: NDArray[np.bool_]
+    return Spread(j.fit.coordinates, j.fit.point.values, x, wider, (x - below, x + above), free)
 
 
 def unbounded(prior: Prior) -> Prior:
@@ -82,9 +107,9 @@ def unbounded(prior: Prior) -> Prior:
     return Prior(prior.mean, prior.deviation, np.full_like(prior.low, -np.inf), np.full_like(prior.high, np.inf))
 
 
-def _of_effect(effect: str, f: Found) -> dict[str, Estimate]:
+def _of_effect(effect: str, s: Spread) -> dict[str, Estimate]:
     """Return an effect's parameters by public name."""
-    place, x, sd = {c.label: k for k, c in enumerate(f.coordinates)}, f.x, f.sd
+    place, x, sd = s.place, s.x, s.sd
     card = library.load_effect(effect)
     out: dict[str, Estimate] = {}
     for p in card.parameters:
@@ -92,21 +117,21 @@ def _of_effect(effect: str, f: Found) -> dict[str, Estimate]:
         own = p.same_as or name
         if card.polar and p.name == card.polar[0] and f"{name} cosine" in place:
             phase = f"{effect}.{card.polar[1]}"
-            c, s = place[f"{name} cosine"], place[f"{name} sine"]
-            size, around = math.hypot(x[c], x[s]), max(math.hypot(x[c], x[s]), 1e-300)
-            radial = math.hypot(x[c] * sd[c], x[s] * sd[s]) / around
-            across = math.hypot(x[s] * sd[c], x[c] * sd[s]) / around
-            angle = math.atan2(x[s], x[c])
+            u, v = place[f"{name} cosine"], place[f"{name} sine"]
+            size, around = math.hypot(x[u], x[v]), max(math.hypot(x[u], x[v]), 1e-300)
+            radial = math.hypot(x[u] * sd[u], x[v] * sd[v]) / around
+            across = math.hypot(x[v] * sd[u], x[u] * sd[v]) / around
+            angle = math.atan2(x[v], x[u])
             turn = min(across / around, math.pi)
             out[name] = Estimate(size, max(0.0, size - Z * radial), size + Z * radial, p.unit)
             out[phase] = Estimate(angle, angle - Z * turn, angle + Z * turn, "rad")
         elif own in place:
             k = place[own]
-            ends = (f.coordinates[k].bounded(float(to[k])) for to in (x, *f.reach))
+            ends = (s.coordinates[k].bounded(float(to[k])) for to in (x, *s.ends))
             value, low, high = (public(p.fit, y) for y in ends)
-            out[name] = Estimate(value, min(low, high), max(low, high), p.unit, not f.free[k])
-        elif p.scan and name in f.values and p.fit == "fixed":
-            value = f.values[name]
+            out[name] = Estimate(value, min(low, high), max(low, high), p.unit, not s.free[k])
+        elif p.scan and name in s.values and p.fit == "fixed":
+            value = s.values[name]
             out[name] = Estimate(value, value, value, p.unit)
     return out
 

@@ -9,16 +9,19 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from model.energy import flux_from_current
+from model.frames import stationary as stationary_kernel
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.evidence.probes import probes_at_typical
 from sandbox.gap.evidence.spike_slab import ordinary_share
 from sandbox.gap.planning import next_recording as discriminate
+from sandbox.gap.planning.bench_table import bench_table, write_bench_table
 from sandbox.gap.planning.menu import FULL, Entry, menu, recording_of, usual_seconds
 from sandbox.gap.planning.next_recording import (
     LEANS,
     SURE,
+    Next,
     Tried,
     as_predicted,
     expected_evidence,
@@ -28,9 +31,11 @@ from sandbox.gap.planning.next_recording import (
     surprise,
 )  # fmt: skip
 from sandbox.gap.search.judged import judge
-from sandbox.recordings.campaign import read_campaign
-from sandbox.replay.replay import prepare
+from sandbox.recordings.campaign import CampaignRecording, read_campaign
+from sandbox.replay.replay import prepare, replay
 from tests.sandbox.gap.test_evidence import start
+
+stationary = stationary_kernel.py_func
 
 
 @pytest.fixture(scope="module")
@@ -88,6 +93,45 @@ def test_the_link_is_as_tight_as_control_allows(small_folder):
             assert used == pytest.approx(entry.speed.max() * d / (entry.link * drive.converter.voltage_limit), rel=0.02)
             assert used == pytest.approx(FULL, rel=0.02)
         assert used < 0.95, entry.name
+
+
+def test_a_bench_can_play_what_is_recommended(small_folder, tmp_path):
+    """Every experiment's table keeps the limits; its voltages, played to the motor, make the currents asked for."""
+    campaign = read_campaign(small_folder)
+    drive = replace(campaign.drive, converter=replace(campaign.drive.converter, current_noise=1e-3))
+    rated = drive.motor.rated_current
+    for entry in menu(drive, 0.25):
+        asked = Next(entry.name, entry.description, 0.25, (("dead_time",), ()), 20.0, 0.97)
+        found = bench_table(campaign, asked, drive)
+        c, n = found.columns, len(found.columns["t_s"])
+        assert {len(x) for x in c.values()} == {n} and all(np.isfinite(x).all() for x in c.values()), entry.name  # noqa: PT018
+        assert np.max(np.hypot(c["i_d_A"], c["i_q_A"])) <= rated * (1.0 + 1e-9)
+        assert np.max(np.hypot(*stationary(c["u_a_V"], c["u_b_V"], c["u_c_V"]))) <= c["link_V"][0] / math.sqrt(3.0)
+        assert c["link_V"][0] == found.limits["link"] <= drive.converter.dc_bus_voltage
+        assert found.recording["rotor"] == entry.rotor
+    found = bench_table(campaign, replace(asked, entry="locked_circle", seconds=1.0), drive)
+    c = found.columns
+    played = dict(zip(("u_alpha", "u_beta"), stationary(c["u_a_V"], c["u_b_V"], c["u_c_V"]), strict=True))
+    bench = {"t": c["t_s"], "theta": c["theta_rad"], "u_dc": c["link_V"], **played}
+    one = CampaignRecording(
+        "next.parquet", "locked", "none", {**bench, **dict.fromkeys(("i_a", "i_b", "i_c"), 0 * c["t_s"])}
+    )
+    read = replay(prepare(replace(campaign, drive=drive, recordings=(one,)), steps=1), [{}]).currents[0][:, :, 0]
+    i_d, i_q = turned(*stationary(*read.T), c["theta_rad"])
+    # a control that follows with a lag of 5 ms (FOLLOWS) is 2 pi 2 / s x 5 ms = 6 % of the circle behind
+    assert np.max(np.hypot(i_d - c["i_d_A"], i_q - c["i_q_A"])[200:]) < 0.08 * rated
+    path = tmp_path / "next_recording.csv"
+    write_bench_table(path, found, asked)
+    lines = path.read_text().splitlines()
+    assert lines[1] == "# tells apart, with probability 0.97: dead_time; or no effect"
+    head = next(k for k, line in enumerate(lines) if not line.startswith("#"))
+    again = dict(zip(lines[head].split(","), np.loadtxt(lines[head + 1 :], delimiter=",").T, strict=True))
+    assert again.keys() == c.keys()
+    np.testing.assert_allclose(again["u_a_V"], c["u_a_V"], rtol=1e-6, atol=1e-6)
+
+
+def turned(alpha, beta, theta):
+    return np.cos(theta) * alpha + np.sin(theta) * beta, np.cos(theta) * beta - np.sin(theta) * alpha
 
 
 def test_an_experiment_is_recommended_that_the_wrong_hypothesis_cannot_follow(pair):

@@ -1,17 +1,19 @@
 """A simulated shaft's inertia, frictions and cogging are found from angle and current on uneven stamps; what the motion
 cannot tell is said; nothing electrical is claimed."""
 
+import dataclasses
 import json
 import math
 
 import numpy as np
 import pytest
 
+from model.effect_files import effects_of
 from model.errors import BadInput
 from sandbox import diagnose
 from sandbox.cli import main
 from sandbox.motion.judging import judge
-from sandbox.motion.telling import contract, parameters, verdict
+from sandbox.motion.telling import contract, parameters, refitted, verdict
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 
 CONSTANT, INERTIA, COUNT = 0.05, 2e-4, math.tau / 8192
@@ -83,6 +85,19 @@ def test_what_was_planted_is_found(planted):
         assert abs(math.remainder(angle - phase, math.tau)) < 4.0 * turn + 0.02, n
 
 
+def test_the_shaft_is_a_file_for_the_simulator(planted, tmp_path):
+    """Every order, inertia and friction stand in effects.toml; a late log is no part of the drive."""
+    refitted(planted).write(tmp_path)
+    assert not (tmp_path / "motor.toml").exists()
+    found = effects_of(tmp_path / "effects.toml")
+    names = [f"cogging_torque.{k}order_mech" for k in ("", "2.", "3.")]
+    assert sorted(found[name] for name in names) == sorted(ORDERS)
+    s = planted.best.shaft
+    assert found["inertia.inertia"] == s.value("inertia")
+    assert found["coulomb_friction.torque"] == s.value("dry")
+    assert not [name for name in found if name.startswith("current_filter")]
+
+
 def test_the_gap_is_closed_on_runs_held_out_and_shared(planted):
     answer = contract(planted)
     assert [r["held_out"] for r in answer["gap"]["recordings"]] == [False, False, True]
@@ -122,6 +137,25 @@ def test_a_wrong_unit_is_refused_without_a_warning():
     fast = MotionRecording("fast", 1e-12 * r.t, r.angle, r.torque, r.load)  # stamps in Ts
     with pytest.raises(BadInput, match="check the units of t, theta and i_q"):
         judge(campaign(fast))
+
+
+def test_short_and_standing_stretches_do_not_decide():
+    """A rotor that is held and readings that do not change scatter by nothing: they say no more than the rest."""
+    run = shaft(1, both_ways, dry=0.008, orders=(7,))
+    t = 100.0 + 2e-3 * np.arange(64)
+    held = [MotionRecording(f"held{k}", t, 0 * t + 0.3, 0 * t + 0.005 * k, 0 * t) for k in range(6)]
+    alone, beside = judge(campaign(run)), judge(campaign(run, *held))
+    assert max(beside.raw, beside.before, beside.after) < 1e3  # 0.03 N m of held torque over 0.02 A x 0.05 N m / A
+    size, both = alone.best.shaft.value("dry"), beside.best.shaft.value("dry")
+    assert both == pytest.approx(size, rel=0.25)  # as far as six of some 250 windows that are outliers move it
+
+
+def test_a_friction_that_would_drive_is_not_named():
+    """A current of reversed sign: every torque seems to push, and it is said."""
+    run = shaft(2, both_ways, dry=0.008, viscous=6e-4)
+    found = judge(campaign(dataclasses.replace(run, torque=-run.torque)))
+    assert not {"coulomb_friction", "viscous_friction"} & set(found.best.effects)
+    assert "sign is reversed" in found.cannot["coulomb_friction"]
 
 
 def test_exclude_and_a_rotor_that_stands():

@@ -49,8 +49,8 @@ def test_goal_beside_every_verdict():
 def test_results_of_long_work_are_results(tmp_path):
     """Those of minutes are tested with their commands; here that their results can do what all results can."""
     from sandbox.evaluation.bench import LOOP, PLANT
+    from sandbox.public.campaigns.diagnosed import DiagnosisResult
     from sandbox.public.protocols import BenchResult
-    from sandbox.public.recorded import DiagnosisResult
     from sandbox.public.result import Result
 
     measured = {PLANT: 0.002, LOOP: 0.01}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from importlib import import_module
 
@@ -9,8 +10,10 @@ import numpy as np
 import pytest
 
 import sandbox
+from model.effect_files import effects_of
 from sandbox.cli import main
-from sandbox.drive.locked_test import paper_campaign
+from sandbox.drive.locked_test import Bench, paper_campaign
+from sandbox.recordings.campaign import EXAMPLE
 from tests.sandbox.public.naming import SHORT, of
 from tests.schemas import misfits
 
@@ -88,6 +91,58 @@ def test_identification_draws_what_was_measured(campaign, tmp_path):
     np.testing.assert_allclose(lines["exact"].get_ydata(), measured.get_ydata(), rtol=0.01)
 
 
+def test_an_identified_motor_is_a_file_that_meets_the_recordings(tmp_path):
+    """The exact fit's motor and inverter, as files, put locked recordings at their noise floor."""
+    drive = sandbox.load_motor("ipm_exchanged")
+    between = Bench(theta=0.4, angle_error=0.03, threshold=2.0, width=0.02, noise=0.002, seed=3)
+    bench = paper_campaign(drive, levels=(-2.0, -1.0, 0.0, 1.0, 2.0), bench=between)
+    noisy = dataclasses.replace(drive.converter, current_noise=0.002, current_resolution=0.0)
+    bench = dataclasses.replace(bench, drive=dataclasses.replace(drive, converter=noisy))
+    sandbox.identify(bench).save(tmp_path)
+    found = sandbox.replay(bench, tmp_path / "effects.toml", motor=str(tmp_path / "motor.toml"))
+    assert max(found.rms.values()) < 1.2  # 1 is noise; the first samples are not yet the fit's steady levels
+    assert min(sandbox.replay(bench).rms.values()) > 20.0  # 2 V of 400 V and 0.03 rad, over 2 mA
+    told = json.loads((tmp_path / "identify.json").read_text())["simulator"]
+    assert told["motor"] == "motor.toml"
+    assert effects_of(told["line"])["device_drop.threshold"] == pytest.approx(2.0, abs=0.05)  # planted 2 V
+
+
+def test_a_run_takes_a_file_of_effects(tmp_path):
+    """A line and a file of the same effects give the same run; `bench.*` acts on the exact plant only."""
+    text = "[effects]\ndead_time.time = 2e-6\n"
+    (tmp_path / "e.toml").write_text(text)
+    (tmp_path / "b.toml").write_text(text + "[bench]\nsoft_current = 0.2\n")
+    line, file, soft = (
+        sandbox.simulate("ipm_exchanged", SHORT, effects=e)
+        for e in ("dead_time.time=2e-6", tmp_path / "e.toml", str(tmp_path / "b.toml"))
+    )
+    assert file.effects == line.effects == {"dead_time.time": 2e-6}
+    np.testing.assert_array_equal(file.recording.i_a, line.recording.i_a)
+    assert soft.effects["bench.soft_current"] == 0.2
+    assert np.any(soft.recording.i_a != line.recording.i_a)  # dead time acts through the sign of the current
+    with pytest.raises(sandbox.BadInput, match=r"the switched plant has no 'bench.soft_current'"):
+        sandbox.simulate("ipm_exchanged", SHORT, effects=tmp_path / "b.toml", plant="switched")
+
+
+def test_the_sample_campaign_is_small_and_what_its_script_says(monkeypatch, tmp_path):
+    """`diagnose --example` takes it; with what experiments/example_campaign.py planted a replay meets its noise."""
+    assert sum(p.stat().st_size for p in EXAMPLE.iterdir()) < 250e3
+    example = sandbox.read_campaign(EXAMPLE)
+    resistance = 1.15 * example.drive.motor.resistance
+    truth = {"dead_time.time": 2e-6, "stator_resistance.resistance": resistance}
+    assert max(sandbox.replay(example, truth).rms.values()) < 1.1
+    assert min(sandbox.replay(example).rms.values()) > 20.0
+    asked = []
+
+    def diagnosed(campaign, **_):
+        asked.append(campaign)
+        raise sandbox.BadInput("enough")
+
+    monkeypatch.setattr(sandbox, "diagnose", diagnosed)
+    assert main(["diagnose", "--example", "--out", str(tmp_path)]) == 2
+    assert asked == [EXAMPLE]
+
+
 @of("replay")
 def test_replay_meets_its_own_simulation(tmp_path):
     """A simulated bench replayed by the same effects lies at its noise floor, without them it does not."""
@@ -95,6 +150,9 @@ def test_replay_meets_its_own_simulation(tmp_path):
     folder = tmp_path / "bench"
     sandbox.simulate("ipm_exchanged", SHORT, effects=effects, record=folder)
     own = sandbox.replay(folder, effects)
+    (tmp_path / "motor.toml").write_text("[motor]\nresistance = 1\n")
+    with pytest.raises(sandbox.BadInput, match=r"motor.toml: \[motor\] lacks 'pole_pairs'"):
+        sandbox.replay(folder, motor=tmp_path / "motor.toml")
     nominal = sandbox.replay(str(folder))
     assert own.rms["short.parquet"] == pytest.approx(1.0, abs=0.1)
     assert nominal.rms["short.parquet"] > 5.0  # 0.05 A of offset over a floor of some 2 mA

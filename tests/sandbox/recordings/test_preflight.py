@@ -5,6 +5,7 @@ import functools
 import json
 import math
 import re
+import tomllib
 
 import numpy as np
 import pytest
@@ -170,3 +171,24 @@ def test_the_command_lists_what_it_found(tmp_path, capsys):
     assert main(["check", str(tmp_path / "nothing"), "--out", str(tmp_path / "o")]) == 2
     (tmp_path / "empty").mkdir()
     assert not check(tmp_path / "empty").ok
+
+
+def test_tables_that_nothing_describes_get_a_draft(tmp_path, capsys):
+    """The draft is TOML, names what it recognises, and is a map once the motor stands in it."""
+    t = np.arange(400) * 2e-3
+    rows = np.stack([1e3 * t, np.sin(3.0 * t), np.cos(3.0 * t), 0 * t], axis=1)
+    np.savetxt(tmp_path / "run.csv", rows, delimiter=",", header="Time [ms],Position [rad],Iq [A],Mode", comments="")
+    out = tmp_path / "o"
+    assert main(["check", str(tmp_path), "--out", str(out)]) == 2
+    assert "a draft of a column map" in capsys.readouterr().out
+    text = (out / "columns.toml").read_text()
+    drafted = tomllib.loads(text)
+    assert {k: v["column"] for k, v in drafted["columns"].items()} == {"t": "Time", "theta": "Position", "i_q": "Iq"}
+    assert [r["file"] for r in drafted["recording"]] == ["run.csv"]
+    assert "#   Mode: 0 to 0" in text
+    assert "# sampling_period = 0.002" in text
+    (out / "mine.toml").write_text("[motor]\ntorque_constant = 0.05\ninertia = 1e-3\n" + text)
+    found = check(tmp_path, columns=out / "mine.toml")
+    assert found.ok
+    assert "the motion alone is judged" in found.why
+    assert not (tmp_path / "columns.toml").exists()  # nothing is written into a log's own folder

@@ -12,6 +12,7 @@ from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of, table_of, write_table
 from sandbox.output.files import results, write_json
 from sandbox.public.calls import told
+from sandbox.public.campaigns import drafting
 from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
@@ -35,6 +36,7 @@ class CheckResult(Result):
     noticed: tuple[Noticed, ...]
     visible: Visible | None
     why: str
+    draft: str = ""  # of a column map, where a folder holds tables that nothing describes
 
     @property
     def ok(self) -> bool:
@@ -80,8 +82,12 @@ class CheckResult(Result):
         return replay_figure(f"{self.name}: typical size of effects / what recordings leave of it", sizes, path)
 
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write check.json (csv: the findings, too) into a folder; return it."""
+        """Write check.json (csv: the findings, too) into a folder; return it.  Tables that nothing describes: a draft
+        of a column map, columns.toml.
+        """
         with results(Path(folder), self.command) as out:
+            if self.draft:
+                (out / drafting.NAME).write_text(self.draft, encoding="utf-8")
             if csv:
                 write_table(out / "check.csv", self.to_table())
             write_json(out, self.command, self.as_json(), made=self.made_by(out))
@@ -130,7 +136,7 @@ def check(
     """
     name, read, found, why = _read(campaign, columns, preset)
     if read is None:
-        return CheckResult(name, tuple(found), None, why)
+        return CheckResult(name, tuple(found), None, why, _draft(campaign, columns))
     found += noticed(read)
     if any(n.level == REFUSED for n in found) or not effects:
         return CheckResult(read.name, tuple(found), None, "the recordings cannot be replayed as they are" * effects)
@@ -285,6 +291,14 @@ def _read(
         return name, None, [Noticed(REFUSED, Finding(name, "", None, str(error)))], "the campaign cannot be read"
 
 
+def _draft(campaign: str | Path | Campaign, columns: str | Path | None) -> str:
+    """Return a draft of a column map where a folder holds tables and nothing that describes them."""
+    if isinstance(campaign, Campaign) or columns is not None:
+        return ""
+    folder = Path(campaign) if Path(campaign).is_dir() else Path(campaign).parent
+    return "" if (folder / "campaign.toml").is_file() else drafting.draft(folder)
+
+
 def print_check(found: CheckResult) -> None:
     """Print the findings and what the recordings could tell."""
     from sandbox.output.tables import print_table
@@ -296,6 +310,8 @@ def print_check(found: CheckResult) -> None:
         print(f"{found.name}: nothing wrong or suspicious")
     if found.visible is None:
         print(found.why)
+        if found.draft:
+            print(f"a draft of a column map, from the tables' own columns: {drafting.NAME} among the results")
         return
     v = found.visible
     rows = [[e, f"{z:.3g}", v.words(e)] for e, z in v.sizes.items()]

@@ -76,9 +76,12 @@ class MotionResult(Result):
         return Path(path)
 
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write diagnosis.json and report.html (csv: parameters, too) into a folder; return it."""
+        """Write diagnosis.json, report.html and effects.toml (csv: parameters, too) into a folder; return it."""
+        from sandbox.motion.telling import refitted
+
         with results(Path(folder), self.command) as out:
             self.to_html(out / "report.html")
+            refitted(self.motion).write(out)
             if csv:
                 write_table(out / "diagnosis.csv", self.to_table())
             write_json(out, "diagnosis", self.as_json(), command="diagnose", made=self.made_by(out))

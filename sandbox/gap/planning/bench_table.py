@@ -1,0 +1,90 @@
+"""A recommended recording as a table that a bench can play: setpoints and phase voltages, sample by sample.
+
+Currents, speed and link voltage are what a bench's own control is asked for.  The phase voltages are the ones that the
+refitted motor needs for them at the angle beside them: for a drive that plays voltages at a locked rotor, or turned at
+that speed from that angle; a free rotor turns as the refitted shaft does, so play its currents.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.frames import phases
+from model.parameters import Drive
+from sandbox.gap.planning.menu import Entry, menu, recording_of, shaft
+from sandbox.gap.planning.next_recording import Next
+from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import Campaign
+
+Array = NDArray[np.float64]
+NAME = "next_recording.csv"
+DIGITS = "%.7g"
+
+
+@dataclass(frozen=True)
+class BenchTable:
+    """An experiment's columns by name (n,), what [[recording]] has to say of it, and the largest values in it."""
+
+    entry: Entry
+    columns: Mapping[str, Array]
+    recording: Mapping[str, str | float]
+    limits: Mapping[str, float]
+
+
+def bench_table(campaign: Campaign, following: Next, drive: Drive) -> BenchTable:
+    """Return a recommended recording's table; drive: with the refitted motor.
+
+    Currents stay within rated current, voltages within the link: as `menu` has them.
+    """
+    entry = next(e for e in menu(campaign.drive, following.seconds) if e.name == following.entry)
+    values = complete(drive.motor, drive.converter)
+    r = recording_of(Campaign(campaign.name, drive, (), {}, {}, False), entry, shaft(values, drive)).recordings[0]
+    rpm = 60.0 / math.tau / drive.motor.pole_pairs
+    injected = {f"injected_{x}_V": u * _wave(len(r.t)) for x, u in zip("dq", entry.injection, strict=True)}
+    voltages = dict(zip(("u_a_V", "u_b_V", "u_c_V"), phases.py_func(r.u_alpha, r.u_beta), strict=True))
+    speed = np.gradient(r.theta, r.t) if entry.rotor == "free" else entry.speed
+    columns = {"t_s": r.t, "i_d_A": entry.i_d, "i_q_A": entry.i_q, "speed_rpm": rpm * speed}
+    columns |= {**injected, "link_V": r.u_dc, "theta_rad": r.theta, **voltages}
+    axis = next((x for x, u in zip("dq", entry.injection, strict=True) if u), "none")
+    said: dict[str, str | float] = {"rotor": entry.rotor, "injection_axis": axis}
+    if entry.link != 1.0:
+        said["dc_bus_voltage"] = entry.link * drive.converter.dc_bus_voltage
+    limits = {
+        "current": float(np.max(np.hypot(entry.i_d, entry.i_q))), "speed_rpm": float(np.max(np.abs(rpm * speed))),
+        "voltage": float(np.max(np.hypot(r.u_alpha, r.u_beta))), "link": float(r.u_dc[0]),
+    }  # fmt: skip
+    return BenchTable(entry, columns, said, limits)
+
+
+def _wave(n: int) -> Array:
+    """Return the injected square wave (n,) of eight samples, as `menu.recording_of` has it."""
+    return np.where(np.arange(n) % 8 < 4, 1.0, -1.0)
+
+
+def write_bench_table(path: Path, table: BenchTable, following: Next) -> None:
+    """Write the table as CSV, what it is and what it will tell in comments above it."""
+    told = "; or ".join(" + ".join(s) or "no effect" for s in following.separates)
+    limits = table.limits
+    most = (
+        f"{limits['current']:.4g} A peak, {limits['voltage']:.4g} V phase peak, {limits['speed_rpm']:.0f} rpm, link "
+        f"{limits['link']:.4g} V"
+    )
+    entry = " ".join(f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v:g}" for k, v in table.recording.items())
+    lines = [
+        f"# {following.description}, for {following.seconds:g} s",
+        f"# tells apart, with probability {following.power:.2f}: {told}",
+        f"# at most: {most}; rotor {table.entry.rotor}",
+        f"# afterwards, in campaign.toml: [[recording]] file = \"...\" {entry}",
+        "# u_a_V ...: the refitted motor's phase voltages at theta_rad (electrical); or follow i and speed",
+        ",".join(table.columns),
+    ]  # fmt: skip
+    rows = np.column_stack(list(table.columns.values()))
+    with path.open("w", encoding="utf-8", newline="\n") as file:
+        file.write("\n".join(lines) + "\n")
+        np.savetxt(file, rows, fmt=DIGITS, delimiter=",")

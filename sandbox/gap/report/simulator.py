@@ -1,0 +1,68 @@
+"""A diagnosis as the simulator takes it: the refitted motor, and the effects with which it meets the recordings.
+
+All recordings count: values are those of the most probable hypothesis' fit to the whole campaign (as in `hypotheses`),
+and the residual stated with them is the one that they leave.  `gap.after` is of a fit without the recordings held out.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+
+from model.effects import library
+from model.effects.library import true_motor
+from model.mapped import MappedMotor
+from model.parameters import Converter, Motor
+from sandbox.gap.diagnose import Diagnosis
+from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.search.estimates import estimates, of_motor
+from sandbox.gap.search.posterior import UNKNOWN
+from sandbox.output.refitted import Refitted
+from sandbox.plant.sets import BENCH, complete
+
+
+def refitted(d: Diagnosis) -> Refitted:
+    """Return the drive and the effects of a diagnosis' best hypothesis."""
+    judged, own = d.best.judged, d.campaign.drive
+    values, turns = judged.fit.point.values, judged.fit.point.turns
+    motor = baked(own.motor, values)
+    named = estimates(judged)
+    ci95 = {k: (e.low, e.high) for k, e in {**of_motor(judged), **named}.items()}
+    effects = beside(motor, own.converter, values)
+    shown = [e for e in d.best.effects if e != UNKNOWN]
+    said = (
+        f"Refitted to the recordings of '{d.campaign.name}' by sensorless diagnose: {', '.join(shown) or 'no effect'}"
+    )
+    if UNKNOWN in d.best.effects:
+        said += ", beside something outside the library (believe residuals, not names)"
+    told = dict(own.provenance)
+    for key in of_motor(judged):
+        told[key] = f"refitted to the recordings; nominal {getattr(own.motor, key):.6g}"
+    if d.campaign.rated_from_data:
+        told["rated values"] = "the largest recorded ones stand in for them"
+    drive = dataclasses.replace(own, motor=motor, provenance=told)
+    units = {name: p.unit for name, p in library.parameters().items()} | {name: p.unit for name, p in BENCH.items()}
+    angles = {file: turn for file, turn in turns.items() if turn}
+    return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit), said)
+
+
+def baked(motor: Motor, values: Mapping[str, float]) -> Motor:
+    """Return the motor with the values that a set replaces; a flux map stays, and so does its magnet flux."""
+    true = true_motor(motor, values, keep_map=True)
+    return dataclasses.replace(true, magnet_flux=motor.magnet_flux) if isinstance(motor, MappedMotor) else true
+
+
+def beside(motor: Motor, converter: Converter, values: Mapping[str, float]) -> dict[str, float]:
+    """Return what of a completed set is not neutral beside a motor that already holds its values."""
+    neutral = complete(motor, converter)
+    done = () if isinstance(motor, MappedMotor) else library.SCALES_OF_MOTOR
+    moved = {k: v for k, v in values.items() if v == v and v != neutral[k] and k not in done}
+    return {k: v for k, v in moved.items() if library.same_numbers().get(k) not in moved}
+
+
+def residual_of(found: Fit) -> dict[str, float]:
+    """Return the rms of each recording's currents over the noise floor at a fit."""
+    files = [r.file for r in found.point.prepared.recordings]
+    own = [(files[s.recording], s) for s in found.normal.segments if s.channel == "current"]
+    return {file: math.sqrt(float(s.rr.sum() / s.n.sum())) for file, s in own}

@@ -1,0 +1,1 @@
+"""What recordings of a bench say: checked, planned, identified, diagnosed, replayed."""

@@ -1,0 +1,245 @@
+"""Where the gap between recordings and simulator lies, which effect causes it, how far it shrinks."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from dataclasses import replace as replace_fields
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from model.effects.library import load_effect
+from model.errors import BadInput
+from sandbox.output.columns import Column, columns_of, write_table
+from sandbox.output.files import results, write_json
+from sandbox.public.calls import told
+from sandbox.public.campaigns.moved import MotionResult, diagnose_motion
+from sandbox.public.loading import motion_only, read_campaign
+from sandbox.public.result import Result
+from sandbox.recordings.campaign import Campaign
+from sandbox.recordings.motion_log import motion_of, too_slow
+from sandbox.recordings.preflight import further
+
+if TYPE_CHECKING:
+    from sandbox.gap.planning.bench_table import BenchTable
+    from sandbox.gap.report.answers import Answers
+    from sandbox.output.plots import Figure
+    from sandbox.output.refitted import Refitted
+
+AnyCampaign = str | Path | Campaign
+
+
+@dataclass(frozen=True, repr=False)
+class DiagnosisResult(Result):
+    """Where the gap between recordings and simulator lies, which effect causes it, how far it shrinks."""
+
+    command: ClassVar[str] = "diagnosis"
+    answers: Answers
+    continued: Mapping[str, Any] | None = None  # the earlier diagnosis: its verdict, ambiguity set, recommendation
+
+    @property
+    def verdict(self) -> str:
+        """'no_gap', 'explained', 'ambiguous' or 'unknown'."""
+        return self.answers.verdict
+
+    def summary(self) -> str:
+        """Return the verdict and the most probable cause."""
+        d = self.answers.diagnosis
+        cause = ", ".join(d.best.effects) or "no effect"
+        return f"{d.campaign.name}, {self.verdict}: {cause}, probability {d.best.probability:.3f}"
+
+    def as_json(self) -> dict[str, Any]:
+        """Return what `diagnosis.json` holds beyond its header."""
+        from sandbox.gap.planning.bench_table import NAME
+        from sandbox.gap.report.diagnosis_json import contract
+
+        a = self.answers
+        told = contract(a.diagnosis, a.where, a.position, a.following, a.remains, a.alike, a.ranking)
+        if self.table is not None and told["next_recording"] is not None:
+            told["next_recording"] |= {
+                "table": NAME, "recording": dict(self.table.recording), "limits": dict(self.table.limits),
+            }  # fmt: skip
+        return told | {"simulator": self.refitted.as_json(), "continued": self.continued}
+
+    @cached_property
+    def table(self) -> BenchTable | None:
+        """The recommended recording as a bench can play it; None where none is recommended."""
+        from sandbox.gap.planning.bench_table import bench_table
+
+        following, drive = self.answers.following, self.refitted.drive
+        return None if following is None or drive is None else bench_table(self.campaign, following, drive)
+
+    @property
+    def campaign(self) -> Campaign:
+        """What was diagnosed."""
+        return self.answers.diagnosis.campaign
+
+    @cached_property
+    def refitted(self) -> Refitted:
+        """The refitted motor and the effects with which the simulator meets the recordings, as files for it."""
+        from sandbox.gap.report.simulator import refitted
+
+        return refitted(self.answers.diagnosis)
+
+    def columns(self) -> dict[str, Column]:
+        """Return one row a hypothesis and parameter: effects, probability, share of the gap closed, value."""
+        rows = []
+        for h in self.as_json()["hypotheses"]:
+            head = {"effects": ", ".join(h["effects"]), "probability": h["probability"], "closed": h["closed"]}
+            none = {"parameter": None, "value": None, "low": None, "high": None, "unit": None}
+            own = [
+                {"parameter": k, "value": p["value"], "low": p["ci95"][0], "high": p["ci95"][1], "unit": p["unit"]}
+                for k, p in h["parameters"].items()
+            ]
+            rows += [head | one for one in own or [none]]
+        return columns_of(rows, {"closed": "of the reducible gap"})
+
+    def plot(self, path: str | Path | None = None) -> Figure:
+        """Return the gap of each recording after the best hypothesis; a path is written as well."""
+        from sandbox.public.figures import replay_figure
+
+        d = self.answers.diagnosis
+        return replay_figure(f"{d.campaign.name}: with {', '.join(d.best.effects) or 'no effect'}",
+                             {file: after for file, _, after, _ in d.size.recordings}, path)  # fmt: skip
+
+    def to_rerun(self, path: str | Path) -> Path:
+        """Write residuals before and after as a trace (`.rrd`); return its path."""
+        from sandbox.gap.pages.traces import write_traces
+
+        write_traces(Path(path), self.answers)
+        return Path(path)
+
+    def to_html(self, path: str | Path) -> Path:
+        """Write the report, one page with its figures inside (`.html`); return its path."""
+        from sandbox.gap.pages.page import write_report
+
+        write_report(Path(path), self.answers)
+        return Path(path)
+
+    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
+        """Write diagnosis.json, report.html, diagnosis.rrd, motor.toml and effects.toml into a folder; return it.
+
+        Where a further recording is recommended: next_recording.csv, too; csv: the hypotheses as a table.
+        """
+        from sandbox.gap.planning.bench_table import NAME, write_bench_table
+
+        with results(Path(folder), self.command) as out:
+            self.to_html(out / "report.html")
+            self.to_rerun(out / "diagnosis.rrd")
+            self.refitted.write(out)
+            if self.table is not None and self.answers.following is not None:
+                write_bench_table(out / NAME, self.table, self.answers.following)
+            if csv:
+                write_table(out / "diagnosis.csv", self.to_table())
+            write_json(out, "diagnosis", self.as_json(), "diagnose", self.made_by(out))
+        return Path(folder)
+
+
+@told
+def diagnose(
+    campaign: AnyCampaign,
+    *,
+    exclude: Sequence[str] | str = (),
+    nominal: str | None = None,
+    columns: str | Path | None = None,
+    preset: str | None = None,
+    earlier: str | Path | None = None,
+    jobs: int | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> DiagnosisResult | MotionResult:
+    """Return where the gap between a campaign and its simulator lies, which effect causes it, how far it shrinks.
+
+    Parameters
+    ----------
+    campaign : str, Path or Campaign
+        See `read_campaign`.
+    exclude : sequence of str
+        Effects that are no candidates (names of `list_effects`).
+    nominal : {'linear'}, optional
+        Leave the nominal model's saturation out.
+    columns : str or Path, optional
+        See `read_campaign`.
+    preset : str, optional
+        See `read_campaign`.
+    earlier : str or Path, optional
+        Folder of an earlier diagnosis of this drive (or its diagnosis.json), to go on from once further recordings are
+        in the campaign: every set of effects that it left is weighed again, whatever the search comes upon.
+    jobs : int, optional
+        Threads; all cores by default.
+    progress : callable, optional
+        Is told in a few words what is being done.
+
+    Returns
+    -------
+    DiagnosisResult
+        `.verdict`, `.answers.diagnosis.hypotheses` (effects, probability), `.as_json()` as in DIAGNOSIS.md.
+        A campaign without voltages, or whose samples stand further apart than L/R, is judged by its motion alone:
+        `MotionResult`, of the same `.verdict` and `.as_json()`.
+
+    Raises
+    ------
+    BadInput
+        For a campaign that cannot be read or replayed, or an unknown effect.
+    PhysicsError
+        Where the nominal model predicts no finite currents.
+
+    Examples
+    --------
+    >>> from sandbox import diagnose
+    >>> diagnose("campaign").verdict  # doctest: +SKIP
+    'explained'
+    """
+    from model.errors import unknown
+    from sandbox.gap.report.answers import answer, linear
+
+    if nominal not in (None, "linear"):
+        raise unknown("nominal model", nominal, ["linear"])
+    before = None if earlier is None else earlier_answer(earlier)
+    names = [exclude] if isinstance(exclude, str) else list(exclude)
+    motion = motion_only(campaign, columns, preset)
+    if motion is not None:
+        return diagnose_motion(motion, names)
+    own = read_campaign(campaign, columns, preset=preset)
+    if slow := too_slow(own):
+        return diagnose_motion(motion_of(own, slow), names)
+    if not isinstance(campaign, Campaign):
+        own = replace_fields(own, findings=(*own.findings, *further(own)))
+    own = linear(own) if nominal else own
+    rivals = [] if before is None else [s for s in before["rivals"] if not set(s) & set(names)]
+    found = answer(
+        own, exclude=names, rivals=rivals, workers=jobs or os.cpu_count() or 1, report=progress or (lambda _: None)
+    )
+    return DiagnosisResult(found, None if before is None else before["said"])
+
+
+def earlier_answer(place: str | Path) -> dict[str, Any]:
+    """Return an earlier diagnosis: `said`, what it said, and `rivals`, the sets it left; BadInput where it is none."""
+    from sandbox.gap.search.posterior import UNKNOWN
+
+    path = Path(place)
+    path = path / "diagnosis.json" if path.is_dir() else path
+    try:
+        told = json.loads(path.read_text(encoding="utf-8"))
+        sets = [tuple(sorted(str(e) for e in one if e != UNKNOWN)) for one in told["ambiguity_set"]]
+        said = {"verdict": str(told["verdict"]), "ambiguity_set": told["ambiguity_set"],
+                "recommended": (told["next_recording"] or {}).get("entry")}  # fmt: skip
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+        raise BadInput(
+            f"'{path}' is no diagnosis.json; give the folder that an earlier `sensorless diagnose` wrote"
+        ) from None
+    for name in {e for one in sets for e in one}:
+        load_effect(name)
+    return {"said": said, "rivals": list(dict.fromkeys(one for one in sets if one))}
+
+
+def print_files(found: DiagnosisResult) -> None:
+    """Print what became of an earlier answer, and which files go on from here."""
+    if found.continued is not None:
+        left = "; or ".join(" + ".join(s) or "no effect" for s in found.continued["ambiguity_set"])
+        print(f"Before: {found.continued['verdict']} ({left}).")
+    print("The simulator with it: motor.toml and effects.toml (sensorless replay, simulate --motor, --effects).")
+    if found.table is not None:
+        print("The next recording to play: next_recording.csv; with it in the campaign, --continue this result.")

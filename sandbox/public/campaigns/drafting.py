@@ -1,0 +1,85 @@
+"""A column map drafted from a folder's tables: their columns with ranges, names guessed, what is left to fill in."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from model.errors import BadInput, shown
+from sandbox.recordings.foreign import SUFFIXES, read_table
+from sandbox.recordings.formats.log_table import Table
+
+NAME = "columns.toml"
+MOST_TABLES, MOST_COLUMNS = 24, 40
+GUESSES = {  # names as programs write them, without case, blanks and underscores
+    "t": ("t", "time", "timestamp", "times", "zeit"),
+    "theta": ("theta", "position", "pos", "angle", "posestimate", "rotorposition", "phi"),
+    "i_a": ("ia", "iu", "currenta"), "i_b": ("ib", "iv", "currentb"), "i_c": ("ic", "iw", "currentc"),
+    "i_d": ("id", "idmeasured"), "i_q": ("iq", "iqmeasured", "current"),
+    "u_alpha": ("ualpha", "valpha"), "u_beta": ("ubeta", "vbeta"), "u_d": ("ud", "vd"), "u_q": ("uq", "vq"),
+    "u_dc": ("udc", "vdc", "vbus", "vbusvoltage", "vsupply", "link"),
+}  # fmt: skip
+SECONDS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+HINTS = {
+    "t": 'unit = "ms" where it is not s',
+    "theta": 'electrical rad; else unit = "deg" or "rev", mechanical = true for the shaft\'s, scale = 2 pi / counts',
+}
+TAIL = """
+# [log]                          # stamps of the program, not of the drive: stamps = "arrival" or "polled"
+# matrix = {data = ["t", "theta", "i_q"]}   # names of a matrix' columns
+
+# [drive]                        # with voltages only
+# sampling_period = %s           # s: the median step of t
+# dc_bus_voltage = 24.0          # V
+# current_noise = 0.01           # A rms
+# encoder_counts = 4096
+
+# [motor]                        # without voltages: torque_constant (N m per A of i_q) and inertia are enough
+# pole_pairs = 4
+# resistance = 0.5               # ohm, a phase
+# magnet_flux = 0.01             # Wb peak: back-EMF of a phase (V peak) over electrical speed (rad/s)
+# inductance_d = 1e-3            # H
+# inductance_q = 1e-3
+# inertia = 1e-4                 # kg m^2
+"""
+
+
+def draft(folder: Path) -> str:
+    """Return a column map's draft for the tables in a folder, empty where none can be read."""
+    files = sorted(p for p in folder.iterdir() if p.suffix.lower() in SUFFIXES)[:MOST_TABLES]
+    first, entries = "", []
+    for path in files:
+        try:
+            table = read_table(path)
+        except BadInput:
+            continue
+        first = first or _columns(path.name, table)
+        entries.append(f'[[recording]]\nfile = {json.dumps(path.name)}\nrotor = "free"  # or "locked", "driven"\n')
+    if not entries:
+        return ""
+    head = (
+        f"# Drafted by `sensorless check`: correct it, then `sensorless check CAMPAIGN --columns {NAME}`.\n"
+        "# Every key: sandbox/recordings/IMPORTING.md; programs whose names are known: `sensorless list presets`.\n"
+    )
+    return head + first + "\n" + "\n".join(entries)
+
+
+def _columns(file: str, table: Table) -> str:
+    """Return what a table holds as comments, names guessed, and what is left to fill in."""
+    lines, guessed, step = [f"# Columns of {shown(file)}:"], list[str](), "1e-4"
+    for name, x in list(table.columns.items())[:MOST_COLUMNS]:
+        plain = name.rpartition(".")[2].lower().replace("_", "").replace(" ", "")
+        contract = next((c for c, names in GUESSES.items() if plain in names), None)
+        finite = x[np.isfinite(x)]
+        reach = f"{finite.min():.6g} to {finite.max():.6g}" if finite.size else "no number"
+        steps = np.diff(finite)
+        rising = ", rising" if steps.size and np.all(steps > 0.0) else ""
+        lines.append(f"#   {shown(name)}: {reach}{rising}")
+        if contract and not any(line.startswith(f"{contract} =") for line in guessed):
+            hint = f"  # {HINTS[contract]}" if contract in HINTS else ""
+            guessed.append(f"{contract} = {{column = {json.dumps(name)}}}{hint}")
+        if contract == "t" and steps.size:
+            step = f"{SECONDS.get(table.units.get(name, 's'), 1.0) * np.median(steps):.6g}"
+    return "\n".join([*lines, "", "[columns]", *guessed]) + "\n" + TAIL % step
