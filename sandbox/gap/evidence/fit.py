@@ -33,6 +33,8 @@ CHORDS = 4  # steps on the same slopes: more of them would only creep
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
+SIGN = ("bench.soft_current", "bench.soft_shape")
+NEAR = 3.0  # floors: the sign's width and shape leave 1.02 of a usual dead time, 2 of one eight times as large
 WIDENED = 4  # times that bounds of the search double, or the motion is smoothed again
 
 
@@ -76,16 +78,35 @@ def fit(
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
+    How a current's sign goes through zero is freed once all else has brought the residual near its floor: far from it
+    the sign walks away with what is missing, and takes hundreds of simulations to do so.
+    """
+    held = _fit(start, effects, weights, workers, sign=False)
+    if normalised(held.normal, weights) > NEAR:
+        return held
+    free = _fit(held.point, effects, weights, workers, sign=True)
+    return replace(free, simulations=held.simulations + free.simulations)
+
+
+def normalised(n: Normal, weights: Weights) -> float:
+    """Return the normalised rms of the segments that count."""
+    own = [s for s in n.segments if weights.get((s.recording, s.channel), 0.0)]
+    return math.sqrt(sum(float(s.rr.sum()) for s in own) / sum(float(s.n.sum()) for s in own))
+
+
+def _fit(start: Point, effects: Sequence[str], weights: Weights, workers: int, *, sign: bool) -> Fit:
+    """Return the most probable point, the currents' sign as it is at the start or free.
+
     Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free
     rotors' motion, smoothed again at the point that was found, fits better.
     """
-    found, smoother = _within_bounds(start, start, effects, weights, workers)
+    found, smoother = _within_bounds(start, start, effects, weights, workers, sign=sign)
     for _ in range(WIDENED):
         claimed = [c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)]
         if all(reach(c, found.point.values) <= FARTHEST for c in claimed) and smoother < SMOOTHER:
             break
         at = found.point.resmoothed() if smoother >= SMOOTHER else found.point
-        further, smoother = _within_bounds(at, start, effects, weights, workers)
+        further, smoother = _within_bounds(at, start, effects, weights, workers, sign=sign)
         cost = found.simulations + further.simulations
         if not further.objective < found.objective - TOLERANCE:
             return replace(found, simulations=cost)
@@ -94,13 +115,13 @@ def fit(
 
 
 def _within_bounds(
-    start: Point, begun: Point, effects: Sequence[str], weights: Weights, workers: int
+    start: Point, begun: Point, effects: Sequence[str], weights: Weights, workers: int, *, sign: bool
 ) -> tuple[Fit, float]:
     """Return the same within the bounds of the search as they are at the start, and what smoothing again would gain.
 
     Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
     """
-    coordinates = coordinates_of(start, effects, begun)
+    coordinates = [c for c in coordinates_of(start, effects, begun) if sign or c.label not in SIGN]
     point, n = start, normal(start, coordinates, workers=workers)
     prior = prior_of(n.coordinates)
     value, cost = objective(n, prior, weights), n.simulations

@@ -33,7 +33,7 @@ class Estimate:
 
 
 class Spread(NamedTuple):
-    """Coordinates, a set, and of each coordinate the value, standard deviation, ends of the 95 % interval, and whether it
+    """Coordinates, a set, and of each coordinate value, standard deviation, ends of the 95 % interval, and whether it
     is inside its bounds (p,)."""
 
     coordinates: Sequence[Coordinate]

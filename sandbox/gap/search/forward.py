@@ -81,7 +81,7 @@ def search(
     parents, share = [null], ordinary_share(rms_of(null))
     for depth in range(MOST):
         budget = FURTHER if min(map(excess, fits.values())) < PROMISING * excess(null) else BUDGET
-        if cost > budget:
+        if cost > budget and depth != 1:  # a second effect is always tried
             break
         ranked, spent = _candidates(parents, set(fits), chosen, share, weights, workers)
         cost += spent
