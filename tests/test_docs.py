@@ -19,9 +19,9 @@ DOCS = ROOT / "docs"
 PAGES = [
     ROOT / "README.md", *sorted(DOCS.glob("*/*.md")), DOCS / "index.md", *sorted((DOCS / "tutorials").glob("*.py")),
     *(ROOT / name for name in (
-        "estimators/README.md", "estimators/LIMITS.md", "estimators/c/README.md",
-        "sandbox/plant/README.md", "sandbox/sweep/README.md",
-        "sandbox/recordings/IMPORTING.md", "sandbox/recordings/CHECKING.md", "sandbox/gap/README.md",
+        "estimators/README.md", "estimators/LIMITS.md", "estimators/c/README.md", "sandbox/plant/README.md",
+        "sandbox/sweep/README.md", "sandbox/recordings/IMPORTING.md", "sandbox/recordings/CHECKING.md",
+        "sandbox/gap/README.md",
     )),
 ]  # fmt: skip
 
