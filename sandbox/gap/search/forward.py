@@ -24,8 +24,10 @@ from sandbox.gap.evidence.probes import Probe, probes
 from sandbox.gap.evidence.spike_slab import gains_of, ordinary_share, table
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.multistart import with_sizes
+from sandbox.gap.search.subsets import possible
 
 Array = NDArray[np.float64]
+Set = Mapping[str, float]
 FITTED, MOST, PARENTS = (3, 3, 2), 3, 2  # sets fitted at one, two, three effects; parents that grow on
 WORTH = 2.0  # log evidence that one more effect must promise
 TRIED = 0.5  # share of what slopes promise that a size that was tried has to reach to be started from
@@ -84,6 +86,8 @@ def search(
         if cost > budget and depth != 1:  # a second effect is always tried
             break
         ranked, spent = _candidates(parents, set(fits), chosen, share, weights, workers)
+        both = _both_best(fits, null) if depth == 1 else []
+        ranked = [*both, *(r for r in ranked if r[0] not in {key for key, *_ in both})]
         cost += spent
         new: list[Fit] = []
         for key, parent, begin, promised in ranked[: FITTED[depth]]:
@@ -134,6 +138,17 @@ def search(
         judged += [judge(f, chosen, share, weights, workers) for f in others]
     cost += sum(j.simulations for j in judged)
     return Search(null, tuple(judged), cost, frozenset(fits), tuple(chosen), share)
+
+
+def _both_best(fits: Mapping[tuple[str, ...], Fit], null: Fit) -> list[tuple[tuple[str, ...], Fit, Set, float]]:
+    """Return the two effects that alone explain most, together, where neither settles it: beside the first one's fit,
+    ordinary deviations bent, slopes may hide the second."""
+    first, second, *_ = [*sorted((f for k, f in fits.items() if len(k) == 1), key=lambda f: f.objective), null, null]
+    key = tuple(sorted((*first.effects, *second.effects)))
+    if len(key) < 2 or not possible(key) or excess(first) < SETTLES * excess(null):
+        return []
+    own = {k: v for k, v in second.point.values.items() if k.startswith(f"{second.effects[0]}.")}
+    return [(key, first, own, 0.5 * (null.objective - second.objective))]
 
 
 def _neighbours(

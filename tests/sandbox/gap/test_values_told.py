@@ -11,7 +11,7 @@ from sandbox.gap.evidence.inverter_or_machine import _before, _short
 from sandbox.gap.report import outside
 from sandbox.gap.search import judged as judging
 from sandbox.gap.search import unfitted
-from sandbox.gap.search.estimates import _of_effect, public
+from sandbox.gap.search.estimates import Spread, _of_effect, public
 from sandbox.gap.search.inclusion import summed
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.posterior import with_unknown
@@ -158,9 +158,12 @@ def test_what_a_parameter_is_from_its_coordinate():
 def test_an_amplitude_and_its_phase_by_hand():
     """Parts (3, 4) known to (0.1, 0.2): amplitude 5, along it hypot(0.3, 0.8)/5, across it hypot(0.4, 0.6)/5, of 5."""
     name = "cogging_torque.amplitude"
-    place, x, sd = {f"{name} cosine": 0, f"{name} sine": 1}, np.array([3.0, 4.0]), np.array([0.1, 0.2])
-    j = SimpleNamespace(fit=SimpleNamespace(point=SimpleNamespace(values={})))
-    found = _of_effect("cogging_torque", j, x, sd, (x, x), place, np.array([True, True]))
+    both, x, sd = (
+        [SimpleNamespace(label=f"{name} {part}") for part in ("cosine", "sine")],
+        np.array([3.0, 4.0]),
+        (0.1, 0.2),
+    )
+    found = _of_effect("cogging_torque", Spread(both, {}, x, np.array(sd), (x, x), np.array([True, True])))
     size, phase = found[name], found["cogging_torque.phase"]
     assert size.value == pytest.approx(5.0)
     assert size.high - size.value == pytest.approx(1.959964 * math.hypot(0.3, 0.8) / 5.0)
