@@ -187,7 +187,7 @@ def test_tables_that_nothing_describes_get_a_draft(tmp_path, capsys):
     assert [r["file"] for r in drafted["recording"]] == ["run.csv"]
     assert "#   Mode: 0 to 0" in text
     assert "# sampling_period = 0.002" in text
-    (out / "mine.toml").write_text("[motor]\ntorque_constant = 0.05\ninertia = 1e-3\n" + text)
+    (out / "mine.toml").write_text("[motor]\ntorque_constant = 0.05\npole_pairs = 4\ninertia = 1e-3\n" + text)
     found = check(tmp_path, columns=out / "mine.toml")
     assert found.ok
     assert "the motion alone is judged" in found.why
