@@ -36,7 +36,7 @@ TAIL = """
 # current_noise = 0.01           # A rms
 # encoder_counts = 4096
 
-# [motor]                        # without voltages: torque_constant (N m per A of i_q), inertia and pole_pairs are enough
+# [motor]                        # without voltages: pole_pairs, torque_constant (N m per A of i_q) and inertia suffice
 # pole_pairs = 4
 # resistance = 0.5               # ohm, a phase
 # magnet_flux = 0.01             # Wb peak: back-EMF of a phase (V peak) over electrical speed (rad/s)
