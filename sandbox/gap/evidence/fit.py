@@ -34,7 +34,9 @@ POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
 SIGN = ("bench.soft_current", "bench.soft_shape")
-NEAR = 3.0  # floors: the sign's width and shape leave 1.02 of a usual dead time, 2 of one eight times as large
+# Floors.  A wrong shape of the sign left 1.02 beside a usual dead time; the excess J^2 - 1 grows as its square, so 1.9
+# beside one eight times as large.
+NEAR = 3.0
 WIDENED = 4  # times that bounds of the search double, or the motion is smoothed again
 
 

@@ -218,3 +218,13 @@ def test_a_value_held_at_its_bound_may_lie_as_far_as_its_tail(slope):
     tail = own.tails(prior)
     assert tail[0] == pytest.approx(expected, rel=1e-6)
     assert tail[1] == 0.0
+
+
+def test_the_sign_of_currents_is_freed_near_the_floor_only(small_answers):
+    """Dead time of 2 us, nobody's in the nominal model, leaves tens of floors: there the sign keeps its usual width."""
+    d = small_answers.diagnosis
+    sign = {"bench.soft_current", "bench.soft_shape"}
+    assert d.size.before > 3.0 > d.size.after
+    assert not sign & {c.label for c in d.before.coordinates}
+    assert d.before.point.values["bench.soft_current"] == d.start.values["bench.soft_current"]
+    assert sign <= {c.label for c in d.after.coordinates}

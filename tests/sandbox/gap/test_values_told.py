@@ -12,6 +12,7 @@ from sandbox.gap.report import outside
 from sandbox.gap.search import judged as judging
 from sandbox.gap.search import unfitted
 from sandbox.gap.search.estimates import Spread, _of_effect, public
+from sandbox.gap.search.forward import _both_best
 from sandbox.gap.search.inclusion import summed
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.posterior import with_unknown
@@ -169,3 +170,24 @@ def test_an_amplitude_and_its_phase_by_hand():
     assert size.high - size.value == pytest.approx(1.959964 * math.hypot(0.3, 0.8) / 5.0)
     assert phase.value == pytest.approx(math.atan2(4.0, 3.0))
     assert phase.high - phase.value == pytest.approx(1.959964 * math.hypot(0.4, 0.6) / 25.0)
+
+
+def fitted_to(effects, objective, values):
+    """A fit of which only effects, objective and values count; 800 readings."""
+    normal = SimpleNamespace(segments=[SimpleNamespace(n=np.array([800.0]))])
+    return SimpleNamespace(effects=effects, objective=objective, normal=normal, point=SimpleNamespace(values=values))
+
+
+def test_the_two_effects_that_explain_most_alone_are_tried_together():
+    """Squares above 800 readings' noise: 9200 without effects; dead time leaves 4200 and PWM delay 5200, so both are
+    tried, from dead time's fit with the delay's own value.  A rest of 40 (one standard deviation of noise's squares) is
+    below a hundredth of 9200: settled, nothing is tried."""
+    null = fitted_to((), 10000.0, {})
+    delay = fitted_to(("pwm_delay",), 6000.0, {"pwm_delay.delay": 3e-5, "dead_time.time": 1e-9})
+    dead = fitted_to(("dead_time",), 5000.0, {"dead_time.time": 2e-6})
+    sampling = fitted_to(("current_sampling",), 7000.0, {})
+    fits = {f.effects: f for f in (null, delay, dead, sampling)}
+    assert _both_best(fits, null) == [(("dead_time", "pwm_delay"), dead, {"pwm_delay.delay": 3e-5}, 2000.0)]
+    settled = fitted_to(("dead_time",), 840.0, {})
+    assert _both_best({(): null, ("dead_time",): settled, ("pwm_delay",): delay}, null) == []
+    assert _both_best({(): null, ("dead_time",): dead}, null) == []
