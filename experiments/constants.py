@@ -4,8 +4,11 @@ Every practice campaign is diagnosed anew with each influential constant halved 
 changes (verdict, first hypothesis, whether the truth is in the ambiguity set) stands in results/diagnosis/constants.md,
 one line a diagnosis in constants.jsonl beside it.  Resumable: what that file holds for this state of the code stays.
 
-Run: python -m experiments.constants [FOLDER] [--jobs N | --dask ADDRESS] [--cases p12 ...] [--only WIDE ...]
-(FOLDER: practice campaigns, usually $SENSORLESS_RECORDINGS/practice; 900 diagnoses of 25 s: 6 hours of one core)
+Diagnoses of one campaign share most of their simulations; `recalled.py` makes them once.
+
+Run: python -m experiments.constants [FOLDER] [--jobs N | --dask ADDRESS] [--cases p12 ...] [--only WIDE ...] [--name N]
+(FOLDER: practice campaigns, usually $SENSORLESS_RECORDINGS/practice, or what `withheld make` wrote: campaigns that no
+constant was chosen on; results go to N.jsonl and N.md; 900 diagnoses of 4 s in the middle: an hour of one core)
 """
 
 from __future__ import annotations
@@ -18,12 +21,13 @@ import math
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from experiments.recalled import Memory, recalled
 from model.errors import BadInput
 from sandbox.cli.sweeping import on_dask
 from sandbox.engine.processes import spread
@@ -34,11 +38,13 @@ from sandbox.output.files import plain, rounded
 from sandbox.recordings.campaign import read_campaign
 from sandbox.validation.scoring.rows import DIGITS
 from sandbox.validation.scoring.running import ROOT, code_digest
+from sandbox.validation.withheld.make import CAMPAIGNS, SEAL
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 LIST = Path(__file__).with_suffix(".toml")
 FACTORS = (0.5, 2.0)
 GAP = "sandbox/gap"
+SIMULATED = "evidence.normal"  # where slopes are taken: its constants change what is remembered
 
 
 class Constant(NamedTuple):
@@ -143,9 +149,10 @@ def answered(trial: Trial, how: Callable[[Path], Mapping[str, Any]] = diagnosed)
     head = {"case": case, "constant": name, "factor": factor, "code": code_digest()}
     try:
         if trial.index is None:
-            d = how(trial.folder)
+            with recalled(str(trial.folder)):
+                d = how(trial.folder)
         else:
-            with changed(CONSTANTS[trial.index], factor):
+            with changed(CONSTANTS[trial.index], factor), remembered(trial):
                 d = how(trial.folder)
     except Exception as error:  # a diagnosis that fails with a constant changed is a result
         return {**head, "failed": f"{type(error).__name__}: {error}"}
@@ -155,6 +162,13 @@ def answered(trial: Trial, how: Callable[[Path], Mapping[str, Any]] = diagnosed)
         "ambiguity_set": [sorted(m) for m in d["ambiguity_set"]], "simulations": d["cost"]["simulations"],
     }  # fmt: skip
     return {**head, **rounded(told, DIGITS)}
+
+
+def remembered(trial: Trial) -> AbstractContextManager[Memory | None]:
+    """Return the memory of a campaign's simulations, or none where the constant takes part in making them."""
+    if trial.index is not None and f"sandbox.gap.{SIMULATED}" in places_of(CONSTANTS[trial.index]):
+        return nullcontext()
+    return recalled(str(trial.folder))
 
 
 def run(
@@ -241,9 +255,19 @@ def _moved(before: Mapping[str, Any], after: Mapping[str, Any]) -> float:
 
 
 def truths_of(folder: Path) -> dict[str, list[str]]:
-    """Return the effects put into every campaign whose truth lies beside it."""
+    """Return the effects put into every campaign whose truth lies beside it, or in the seal of what was made blindly;
+    nothing of campaigns with a cause outside the library."""
+    if (folder / SEAL).is_file():
+        sealed = json.loads((folder / SEAL).read_text(encoding="utf-8"))["campaigns"]
+        return {name: list(c["effects"]) for name, c in sealed.items() if not c["outside"]}
     files = folder.glob("*.truth.toml")
     return {p.name.removesuffix(".truth.toml"): list(tomllib.loads(p.read_text())["effects"]) for p in files}
+
+
+def campaigns_of(folder: Path) -> list[Path]:
+    """Return the campaign folders in a folder, or in what `withheld make` wrote there."""
+    inside = folder / CAMPAIGNS if (folder / SEAL).is_file() else folder
+    return sorted(p for p in inside.glob("*") if (p / "campaign.toml").exists())
 
 
 def main(arguments: Sequence[str] | None = None, how: Callable[[Path], Mapping[str, Any]] = diagnosed) -> None:
@@ -256,15 +280,14 @@ def main(arguments: Sequence[str] | None = None, how: Callable[[Path], Mapping[s
     parser.add_argument("--cases", nargs="+", help="campaigns (all)")
     parser.add_argument("--only", nargs="+", help="constants by name (all)")
     parser.add_argument("--results", type=Path, default=RESULTS, help=argparse.SUPPRESS)
+    parser.add_argument("--name", default="constants", help="of the results' files (constants)")
     options = parser.parse_args(arguments)
-    cases = sorted(p for p in options.folder.glob("*") if (p / "campaign.toml").exists())
-    cases = [p for p in cases if options.cases is None or p.name in options.cases]
+    cases = [p for p in campaigns_of(options.folder) if options.cases is None or p.name in options.cases]
     if not cases:
         raise BadInput(f"no such campaign in '{options.folder}'; give a folder of campaigns, and --cases in it")
     chosen = [k for k, c in enumerate(CONSTANTS) if options.only is None or c.name in options.only]
-    trials = [Trial(p, None, 1.0) for p in cases]
-    trials += [Trial(p, k, f) for k in chosen for f in FACTORS for p in cases]
-    kept = options.results / "constants.jsonl"
+    trials = [t for p in cases for t in (Trial(p, None, 1.0), *(Trial(p, k, f) for k in chosen for f in FACTORS))]
+    kept = options.results / f"{options.name}.jsonl"
     done = run(trials, kept, options.jobs, how, options.dask)
     found = [a for a in answers(kept) if a["code"] == code_digest()]
     lines = [
@@ -273,7 +296,7 @@ def main(arguments: Sequence[str] | None = None, how: Callable[[Path], Mapping[s
         "",
         *table(found, truths_of(options.folder)),
     ]
-    (options.results / "constants.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (options.results / f"{options.name}.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
     print(f"{done} diagnoses made, {len(found)} in {kept}")
 
 

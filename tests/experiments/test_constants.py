@@ -1,7 +1,10 @@
 """The sensitivity of answers to constants: what is scaled, where it acts, what is told of it; one real diagnosis."""
 
 import importlib
+import json
 import math
+from contextlib import nullcontext
+from pathlib import Path
 
 import pytest
 
@@ -12,13 +15,17 @@ from experiments.constants import (
     Trial,
     answered,
     answers,
+    campaigns_of,
     change,
     changed,
     label_of,
     main,
     places_of,
+    remembered,
     table,
+    truths_of,
 )
+from experiments.recalled import MEMORY, recalled
 from model.errors import BadInput
 from sandbox.gap.evidence import priors
 from sandbox.gap.search import multistart, posterior
@@ -148,3 +155,33 @@ def test_a_real_diagnosis_with_a_constant_changed(tmp_path):
     assert {"verdict", "effects", "probability", "ambiguity_set"} <= set(plain) == set(other)
     assert (plain["constant"], other["constant"]) == ("", "evidence.priors.WIDE")
     assert plain["probability"] != other["probability"]
+
+
+def test_what_is_remembered_changes_no_answer(tmp_path):
+    """The same diagnoses one after the other, their simulations found again, and each by itself: equal to the bit."""
+    folder = write_campaign(tmp_path / "quiet", small_campaign({}, CASES[-1:]))
+    trials = [Trial(folder, None, 1.0), Trial(folder, WIDE, 2.0), Trial(folder, None, 1.0)]
+    MEMORY.open("")
+    together = [answered(t) for t in trials]
+    found = MEMORY.found
+    MEMORY.open("")
+    alone = [answered(t) for t in trials[:2]]
+    assert found > MEMORY.found  # the third was asked for what the first had computed
+    assert together == [*alone, alone[0]]
+    with recalled("another"):
+        assert not MEMORY.whole
+
+
+def test_a_constant_of_the_slopes_is_remembered_by_nobody():
+    own = {c.label for k, c in enumerate(CONSTANTS) if isinstance(remembered(Trial(Path("p"), k, 2.0)), nullcontext)}
+    assert own == {"BLOCK", "MOVING", "FARTHEST"}  # those that `evidence.normal` holds or imports
+
+
+def test_campaigns_and_truths_of_what_was_made_blindly(tmp_path):
+    """As `withheld make` writes them; a cause outside the library has no truth among sets of effects."""
+    (tmp_path / "campaigns" / "w000").mkdir(parents=True)
+    (tmp_path / "campaigns" / "w000" / "campaign.toml").touch()
+    sealed = {"w000": {"effects": ["inertia"], "outside": None}, "w001": {"effects": [], "outside": "fan"}}
+    (tmp_path / "truth.sealed").write_text(json.dumps({"campaigns": sealed}))
+    assert [p.name for p in campaigns_of(tmp_path)] == ["w000"]
+    assert truths_of(tmp_path) == {"w000": ["inertia"]}
