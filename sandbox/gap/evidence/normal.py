@@ -18,6 +18,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.errors import BadInput
+from model.parameters import Drive
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate
 from sandbox.plant.sets import ANGLE_OFFSET, complete
 from sandbox.replay.inputs import inputs_of
@@ -160,9 +162,10 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
     moves, steps = [], []
     for c, at in zip(coordinates, x, strict=True):
         step = 1.0 if c.form == "share" else STEP * c.deviation
-        if c.bounded(at + step) != at + step:
-            step = -step
-        moves.append({**values, **c.changes(values, at + step)})
+        ahead, back = ({**values, **c.changes(values, at + s)} for s in (step, -step))
+        if c.bounded(at + step) != at + step or (not possible(drive, ahead) and possible(drive, back)):
+            ahead, step = back, -step
+        moves.append(ahead)
         steps.append(step)
     mechanical = [c.mechanical for c in coordinates]
     for name in (LOCK, ANGLE_OFFSET):  # how every recording answers to a turn of its own angle
@@ -193,6 +196,15 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
     free = sum(r.samples for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
     return Normal((*coordinates, *own_turns), x, tuple(segments), cost, tuple(rows))
+
+
+def possible(drive: Drive, values: Mapping[str, float]) -> bool:
+    """Return whether a drive can have a set: parameters that bound each other (masses, delays) keep apart."""
+    try:
+        complete(drive.motor, drive.converter, values)
+    except BadInput:
+        return False
+    return True
 
 
 def block_length(prepared: Prepared) -> int:

@@ -89,9 +89,9 @@ def parameter(e: Estimate) -> dict[str, Any]:
     return {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} | ({"at_bound": True} if e.at_bound else {})
 
 
-def ranking(d: Diagnosis, workers: int = 1) -> Ranking:
+def ranking(d: Diagnosis, workers: int = 1, *, position: bool = True) -> Ranking:
     """Return the whole list of a diagnosis.  Where `unknown` is likely, an effect's chance is that beside a free
-    regression, as often as `unknown` is."""
+    regression, as often as `unknown` is.  position: whether closed loops say what effects do to it."""
     own: dict[str, dict[str, Estimate]] = {}
     for h, parameters in zip(d.hypotheses, d.parameters, strict=True):
         for e in h.effects:
@@ -106,7 +106,7 @@ def ranking(d: Diagnosis, workers: int = 1) -> Ranking:
         found = replace(found, chances=dict(sorted(mixed.items(), key=lambda x: -x[1])))
     there = [e for e in own if found.chances[e] >= LIKELY]
     values = {e: {k: x.value for k, x in own[e].items()} for e in there}
-    return Ranking(found, shares(d), own, chance, left, open_part, moved(d.campaign.drive, values))
+    return Ranking(found, shares(d), own, chance, left, open_part, moved(d.campaign.drive, values) if position else {})
 
 
 def _open_part(d: Diagnosis, workers: int) -> OpenPart | None:

@@ -20,6 +20,7 @@ from sandbox.engine.processes import Cluster
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.report.answers import next_recording
 from sandbox.gap.report.diagnosis_json import contract
+from sandbox.gap.report.ranking import ranking
 from sandbox.gap.report.where import where
 from sandbox.output.files import plain
 from sandbox.recordings.campaign import read_campaign
@@ -35,9 +36,10 @@ LEAST_LEFT_OUT = 1.0  # size from which on an effect is left out of the library
 
 
 def standard(folder: Path, exclude: tuple[str, ...] = ()) -> Any:
-    """Diagnose a campaign with the project's own diagnosis; position error and free regression are not scored."""
+    """Diagnose a campaign with the project's own diagnosis; what effects do to the position error is not scored."""
     d = diagnose(read_campaign(folder), exclude=exclude, workers=1)
-    return SimpleNamespace(json=plain(contract(d, where(d), None, next_recording(d))))
+    whole = ranking(d, position=False)
+    return SimpleNamespace(json=plain(contract(d, where(d), None, next_recording(d), whole=whole)))
 
 
 def score(
