@@ -11,8 +11,8 @@ from scipy.stats import truncnorm
 from sandbox.gap.evidence.algebra import Algebra, Prior, between_segments, sandwich
 from sandbox.gap.evidence.fit import coordinates_of, fit
 from sandbox.gap.evidence.holdout import choices, held_out, weights_of
-from sandbox.gap.evidence.normal import Normal, Point, Segment, normal
-from sandbox.gap.evidence.priors import Coordinate
+from sandbox.gap.evidence.normal import Normal, Point, Segment, normal, possible
+from sandbox.gap.evidence.priors import Coordinate, of_effect
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare
@@ -22,6 +22,27 @@ from tests.sandbox.gap.conftest import DEAD_TIME
 def start(folder):
     campaign = read_campaign(folder)
     return Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))
+
+
+def test_slopes_next_to_what_no_drive_can_have_are_taken_to_the_other_side(small_folder):
+    """A link that loses all but a fifth: the equations there are those a thousandth of the bound lower, where slopes
+    are taken forwards, to that thousandth and little more; a load inertia next to the total one is no math error."""
+    begin = start(small_folder)
+    drive = begin.prepared.campaign.drive
+    bound = 0.2 * drive.converter.dc_bus_voltage / drive.motor.rated_current
+    found = []
+    for sag in (bound * (1.0 - 1e-9), 0.999 * bound):
+        values = complete(drive.motor, drive.converter, {**begin.values, "dc_link_error.sag": sag})
+        own = [c for c in of_effect("dc_link_error", drive, begin.values, values) if c.names[0].endswith("sag")]
+        ahead = {**values, **own[0].changes(values, own[0].value(values) + 1e-4 * own[0].deviation)}
+        assert possible(drive, ahead) == (sag < 0.9999 * bound)
+        found.append(normal(replace(begin, values=values), own).summed()[0][0, 0])
+    assert found[0] == pytest.approx(found[1], rel=5e-3)
+    inertia = begin.values["inertia.inertia"]
+    load = {"load_inertia": inertia * (1.0 - 2e-5), "stiffness": inertia * 2e-5 * 5000.0**2}
+    shaft = complete(drive.motor, drive.converter, {f"shaft_compliance.{k}": v for k, v in load.items()})
+    n = normal(replace(begin, values=shaft), of_effect("shaft_compliance", drive, shaft, shaft))
+    assert np.isfinite(n.summed()[0]).all()
 
 
 @pytest.mark.parametrize("pull", [-6.0, -1.0, 0.0, 1.5, 8.0])
