@@ -61,7 +61,8 @@ def table(before: dict[str, float], now: dict[str, float], only_now: dict[str, f
         goal = next((g for k, g in GOALS.items() if name.startswith(k)), None)
         told = "" if goal is None else f"≤ {goal:g}"
         lines.append(f"| {name} | {old:.4g} | {now[name]:.4g} | {now[name] / old:.2f} | {told} |")
-    lines += ["", "| now alone | |", "|---|--:|", *(f"| {k} | {v:.4g} |" for k, v in only_now.items())]
+    if only_now:
+        lines += ["", "| now alone | |", "|---|--:|", *(f"| {k} | {v:.4g} |" for k, v in only_now.items())]
     return "\n".join(lines) + "\n"
 
 

@@ -1,12 +1,14 @@
 """How good is the diagnosis on campaigns of the second simulator whose effect is withheld, beside simple methods?
 
-200 campaigns with scored cycles, 400 controls without a gap, 140 narrow campaigns where pairs of effects look alike,
-and 200 campaigns with the ladder's sizes in place of published ones (what it is worth that the prior knows them);
-single effects of the first 200 once more with the true one taken out of the library; the simple methods on them, too.
+100 campaigns with scored cycles, 400 controls without a gap, 140 narrow campaigns where pairs of effects look alike,
+and 100 campaigns with the ladder's sizes in place of published ones (what it is worth that the prior knows them);
+single effects of the first 100 once more with the true one taken out of the library; the simple methods on them, too.
 Everything is made and diagnosed in WORK and goes on where it was interrupted.  Kept in results/withheld/: a row a
-diagnosis (NAME.rows.jsonl) and the opened seal (NAME.truth.json); all else there is computed from these two alone.
+diagnosis (NAME.rows.jsonl) and the opened seal (NAME.truth.json); all else there is computed from these two alone, but
+NOTES.md.  The page says what was not run.
 
-Run: python -m experiments.withheld_check WORK [--jobs N] [--only NAME ...]   (three hours on two cores)
+Run: python -m experiments.withheld_check WORK [--jobs N] [--only NAME ...]   (hours)
+     python -m experiments.withheld_check WORK --finished [--only NAME ...]   (rows of WORK/NAME that `score` has left)
      python -m experiments.withheld_check --recompute                         (seconds)
 """
 
@@ -27,11 +29,13 @@ from sandbox.cli.withholding import ROWS
 from sandbox.output.files import write_json
 from sandbox.validation.scoring.check_figure import withheld_figure
 from sandbox.validation.scoring.metrics import GOALS
-from sandbox.validation.scoring.rows import Row, check_seal, one_code, read_rows
+from sandbox.validation.scoring.rows import BLIND, Row, check_seal, one_code, read_rows
 from sandbox.validation.scoring.tables_of_rows import by_method, content_of
+from sandbox.validation.withheld.make import SEAL
 
 RESULTS = Path(__file__).parent / "results" / "withheld"
 OWN = "diagnosis"  # the project's own method
+BASELINES = "baselines"  # file of all methods' figures
 
 
 class Check(NamedTuple):
@@ -48,11 +52,11 @@ class Check(NamedTuple):
 CHECKS = {
     "mixed": Check(
         "Campaigns with one to three effects, none, or one outside",
-        "mixed", 200, 20261221, options=("--leave-out", "0.7", "--baselines"),
+        "mixed", 100, 20261241, options=("--leave-out", "0.7", "--baselines"),
     ),
     "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 140, 20261223),
-    "controls": Check("Controls without a gap", "controls", 400, 20261222),
-    "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 200, 20261224, "ladder"),
+    "controls": Check("Controls without a gap", "controls", 400, 20261242),
+    "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 100, 20261224, "ladder"),
 }  # fmt: skip
 
 
@@ -62,55 +66,94 @@ def sensorless(*arguments: object) -> None:
 
 
 def run(name: str, work: Path, jobs: int, results: Path = RESULTS) -> None:
-    """Make and score one check, or what is left of it; keep its rows and its opened seal."""
+    """Make and score one check, or what is left of it; keep its rows and its seal."""
     check, folder = CHECKS[name], work / name
     drawn = ("--kind", check.kind, "--count", check.count, "--seed", check.seed, "--sizes", check.sizes)
     sensorless("withheld", "make", folder, *drawn, "--jobs", jobs)
     sensorless("withheld", "score", folder, *check.options, "--jobs", jobs)
+    keep(name, folder, results)
+
+
+def keep(name: str, folder: Path, results: Path = RESULTS) -> None:
+    """Keep the rows and the opened seal of a scored check; BadInput where it is not scored yet."""
+    if not (folder / ROWS).is_file():
+        raise BadInput(f"'{folder}' holds no {ROWS}; run `sensorless withheld score` on it, with --finished for a part")
     results.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(folder / ROWS, results / f"{name}.rows.jsonl")
-    shutil.copyfile(folder / "truth.sealed", results / f"{name}.truth.json")
+    shutil.copyfile(folder / SEAL, results / f"{name}.truth.json")
 
 
-def kept(name: str, results: Path) -> tuple[list[Row], str]:
-    """Return the rows of a check and the SHA-256 of its seal; BadInput where they do not belong together."""
-    seal = (results / f"{name}.truth.json").read_bytes()
-    rows = read_rows(results / f"{name}.rows.jsonl")
-    check_seal(rows, json.loads(seal))
-    return rows, hashlib.sha256(seal).hexdigest()
+class Kept(NamedTuple):
+    """What is kept of a check: its rows, and its seal in a line of the page (hash, seed, how many were diagnosed)."""
+
+    rows: list[Row]
+    told: str
+
+
+def kept(name: str, results: Path) -> Kept:
+    """Return what is kept of a check.
+
+    BadInput where its rows are not of its seal, a diagnosis has two of them, or the seal is not that of CHECKS.
+    """
+    text = (results / f"{name}.truth.json").read_bytes()
+    rows, seal = read_rows(results / f"{name}.rows.jsonl"), json.loads(text)
+    check_seal(rows, seal)
+    check, sealed = CHECKS[name], len(seal["campaigns"])
+    found = [seal.get(k) for k in ("kind", "seed", "style", "sizes")]
+    asked = [check.kind, check.seed, "scored", check.sizes]
+    if found != asked or sealed != check.count:
+        raise BadInput(
+            f"'{name}' was sealed as {found} with {sealed} campaigns, not as {asked} with {check.count}; "
+            "correct CHECKS or keep the run that it names"
+        )
+    if len({(r.method, r.part, r.campaign) for r in rows}) < len(rows):
+        raise BadInput(f"'{name}.rows.jsonl' has two rows of one diagnosis; score the check once more")
+    blind = [r for r in rows if r.method == OWN and r.part == BLIND]
+    told = f"Seed {check.seed}, sizes {check.sizes}, seal SHA-256 `{hashlib.sha256(text).hexdigest()}`; {len(blind)}"
+    return Kept(rows, f"{told} of {sealed} campaigns diagnosed, code `{' '.join(sorted({r.code for r in blind}))}`.")
 
 
 def recompute(results: Path = RESULTS) -> list[str]:
     """Write every figure, table and page anew from rows and seals alone; return the names of the checks found.
 
-    BadInput where there is none, or where their diagnoses come from several states of the code.
+    Figures of checks without rows are taken away.  BadInput where there is no check, or where their diagnoses come from
+    several states of the code.
     """
     found = {name: kept(name, results) for name in CHECKS if (results / f"{name}.rows.jsonl").is_file()}
     if not found:
         raise BadInput(f"'{results}' holds no rows of a check; run it first")
-    every = [r for rows, _ in found.values() for r in rows]
+    every = [r for check in found.values() for r in check.rows]
     one_code([r for r in every if r.method == OWN], "this page")
-    lines = [
-        f"Made {max(r.made for r in every)[:10]} by `python -m experiments.withheld_check`, from `*.rows.jsonl` (a row",
+    lines = head(list(found), max(r.made for r in every)[:10])
+    contents = {}
+    for name, (rows, told) in found.items():
+        own, others = [r for r in rows if r.method == OWN], {r.method for r in rows} - {OWN}
+        content = contents[name] = page(name, own, results)
+        lines += [f"## {CHECKS[name].title}", "", told, "", *table(content, GOALS), "", *details(content)]
+        if others:
+            contents[BASELINES] = page(BASELINES, rows, results)
+            lines += ["## Simple methods on the same campaigns", "", *table(contents[BASELINES], GOALS), ""]
+    if {"mixed", "ladder"} <= set(contents):
+        both = {"methods": {k: contents[n]["methods"][OWN] for k, n in ((OWN, "mixed"), ("by the ladder", "ladder"))}}
+        lines += ["## Published sizes beside the ladder's", "", *table(both, GOALS), ""]
+    for name in {*CHECKS, BASELINES} - set(contents):  # of a run whose rows are not kept
+        for suffix in (".json", ".png"):
+            (results / f"{name}{suffix}").unlink(missing_ok=True)
+    (results / "README.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
+    return list(found)
+
+
+def head(found: Sequence[str], date: str) -> list[str]:
+    """Return how the page begins: where it comes from, what was not run."""
+    left = [f"{CHECKS[n].title.lower()} ({CHECKS[n].count})" for n in CHECKS if n not in found]
+    return [
+        f"Made {date} by `python -m experiments.withheld_check`, from `*.rows.jsonl` (a row",
         "a diagnosis) and `*.truth.json` (the opened seals) alone; limits are one-sided 95 %. What each metric",
         "counts is said in [the check's README](../../../sandbox/validation/withheld/README.md). Confusion,",
         f"reliability and detection floors: {', '.join(f'[{n}.png]({n}.png)' for n in found)}.",
         "",
+        *([f"Not run: {'; '.join(left)}.", ""] if left else []),
     ]
-    contents = {}
-    for name, (rows, digest) in found.items():
-        own, others = [r for r in rows if r.method == OWN], {r.method for r in rows} - {OWN}
-        content = contents[name] = page(name, own, results)
-        lines += [f"## {CHECKS[name].title}", "", f"Seal SHA-256 `{digest}`.", ""]
-        lines += [*table(content, GOALS), "", *details(content)]
-        if others:
-            lines += ["## Simple methods on the same campaigns", ""]
-            lines += [*table(page("baselines", rows, results), GOALS), ""]
-    if {"mixed", "ladder"} <= set(contents):
-        both = {"methods": {k: contents[n]["methods"][OWN] for k, n in ((OWN, "mixed"), ("by the ladder", "ladder"))}}
-        lines += ["## Published sizes beside the ladder's", "", *table(both, GOALS), ""]
-    (results / "README.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
-    return list(found)
 
 
 def page(name: str, rows: Sequence[Row], results: Path) -> dict[str, Any]:
@@ -156,12 +199,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
     either = parser.add_mutually_exclusive_group(required=True)
     either.add_argument("work", type=Path, nargs="?", help="folder for campaigns and reports")
     either.add_argument("--recompute", action="store_true", help="from the rows that are kept, nothing run")
+    parser.add_argument("--finished", action="store_true", help="run nothing, keep what WORK holds scored")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", nargs="+", choices=CHECKS, default=list(CHECKS))
     options = parser.parse_args(arguments)
     if not options.recompute:
         for name in options.only:
-            run(name, options.work, options.jobs)
+            if options.finished:
+                keep(name, options.work / name)
+            else:
+                run(name, options.work, options.jobs)
     for name in recompute():
         print(f"{name}: {RESULTS / f'{name}.json'}")
 

@@ -31,6 +31,21 @@ def test_links_lead_somewhere():
                 assert (path.parent / target).exists(), f"{path}: {target}"
 
 
+def test_a_newcomer_finds_the_core_in_two_steps():
+    """The README leads to the page of rooms; its table names files, and functions that are defined in them."""
+    assert "(sandbox/README.md)" in (ROOT / "README.md").read_text()
+    room = ROOT / "sandbox"
+    rows = (room / "README.md").read_text().partition("## Where to find what")[2].splitlines()
+    named = [found for row in rows for found in re.findall(r"`(\w+)` in \[\w+\.py\]\(([^)]+)\)", row)]
+    assert {"late", "halfway", "hessian", "floor_of", "remainder", "with_unknown", "share_closed", "which"} == {
+        name for name, _ in named
+    }
+    for name, target in named:
+        assert f"\ndef {name}(" in (room / target).read_text(), (name, target)
+    for told in ("dead time's volt-seconds", "Hessian", "noise floor", "P(unknown)", "`closed`", "effect added"):
+        assert any(told in row for row in rows), told
+
+
 def test_continuous_integration_runs_the_second_command():
     """The line that `.ci/run` ends with is the README's, to the letter."""
     block = re.search(r"## Two commands.*?```sh\n(.*?)```", (ROOT / "README.md").read_text(), re.S)[1]

@@ -6,27 +6,34 @@ import json
 import pytest
 
 from experiments import withheld_check
-from experiments.withheld_check import CHECKS, RESULTS, recompute
+from experiments.withheld_check import CHECKS, RESULTS, keep, recompute
 from model.errors import BadInput
 from sandbox.validation.scoring.rows import write_rows
 from sandbox.validation.scoring.tables_of_rows import by_method
 from tests.sandbox.validation.test_withheld_rows import twelve
 
+SEALED = {"kind": "mixed", "seed": 3, "style": "scored", "sizes": "published"}
+
 
 @pytest.fixture
-def results(tmp_path):
-    """Rows of twelve campaigns, of the project's method and a simple one, beside their seal."""
+def results(tmp_path, monkeypatch):
+    """Rows of twelve campaigns, of the project's method and a simple one, beside their seal; checks of that size."""
+    for name, check in CHECKS.items():
+        monkeypatch.setitem(CHECKS, name, check._replace(count=12, seed=3, kind="mixed"))
     rows = twelve()
     rows += [type(r)(**{**vars(r), "method": "bic"}) for r in rows]
     write_rows(tmp_path / "mixed.rows.jsonl", rows)
-    seal = {"campaigns": {r.campaign: dict(r.truth) for r in rows}}
+    seal = SEALED | {"campaigns": {r.campaign: dict(r.truth) for r in rows}}
     (tmp_path / "mixed.truth.json").write_text(json.dumps(seal))
     return tmp_path
 
 
 def test_all_published_files_follow_from_rows_and_seal(results):
-    """Every figure of the JSON and of the table is that of `score` on the same rows; a second time, byte for byte."""
+    """Every figure of the JSON and of the table is that of `score` on the same rows; a second time, byte for byte.
+    What is left of a run without rows goes."""
+    (results / "pairs.json").write_text("{}")
     assert recompute(results) == ["mixed"]
+    assert not (results / "pairs.json").exists()
     own = by_method(twelve())[0]
     content = json.loads((results / "mixed.json").read_text())
     assert {k: content[k] for k in own.figures} == {k: f.as_json() for k, f in own.figures.items()}
@@ -37,6 +44,8 @@ def test_all_published_files_follow_from_rows_and_seal(results):
     assert f"| top1 | ≥ 0.95 | {top.value:.3g} [{top.low:.3g}, {top.high:.3g}], n = 5 |" in text
     assert "w001 dead time -> iron loss" in text
     assert text.startswith("Made 2026-01-01 ")
+    assert "`; 12 of 12 campaigns diagnosed, code `abc`." in text
+    assert "Not run: narrow campaigns: pairs that look alike (12); controls without a gap (12); the same" in text
     assert list(json.loads((results / "baselines.json").read_text())["methods"]) == ["diagnosis", "bic"]
     before = {p.name: p.read_bytes() for p in results.iterdir() if p.suffix != ".png"}
     recompute(results)
@@ -46,10 +55,12 @@ def test_all_published_files_follow_from_rows_and_seal(results):
 def test_both_tables_of_sizes_stand_side_by_side(results):
     """Where both were run: a row a metric, published sizes first."""
     write_rows(results / "ladder.rows.jsonl", [r for r in twelve() if r.campaign != "w001"])
-    (results / "ladder.truth.json").write_bytes((results / "mixed.truth.json").read_bytes())
+    seal = json.loads((results / "mixed.truth.json").read_text()) | {"sizes": "ladder"}
+    (results / "ladder.truth.json").write_text(json.dumps(seal))
     assert recompute(results) == ["mixed", "ladder"]
     text = (results / "README.md").read_text()
     assert "| metric | goal | diagnosis | by the ladder |" in text
+    assert "`; 11 of 12 campaigns diagnosed" in text
     one, other = (by_method([r for r in twelve() if r.campaign != w])[0].figures["top1"] for w in ("", "w001"))
     cells = [f"{f.value:.3g} [{f.low:.3g}, {f.high:.3g}], n = {f.n}" for f in (one, other)]
     assert f"| top1 | ≥ 0.95 | {cells[0]} | {cells[1]} |" in text
@@ -66,6 +77,24 @@ def test_rows_of_another_seal_or_of_several_states_of_the_code_are_refused(resul
         recompute(results)
 
 
+@pytest.mark.parametrize("other", [{"seed": 4}, {"sizes": "ladder"}, {"style": "practice"}, {"kind": "controls"}])
+def test_the_seal_is_of_the_check_that_the_page_names(results, other):
+    seal = json.loads((results / "mixed.truth.json").read_text())
+    (results / "mixed.truth.json").write_text(json.dumps(seal | other))
+    with pytest.raises(BadInput, match=r"'mixed' was sealed as .* with 12 campaigns, not as .*; correct CHECKS"):
+        recompute(results)
+
+
+def test_no_campaign_more_or_less_was_sealed_and_none_counts_twice(results, monkeypatch):
+    rows = twelve()
+    write_rows(results / "mixed.rows.jsonl", [*rows, rows[0]])
+    with pytest.raises(BadInput, match="two rows of one diagnosis"):
+        recompute(results)
+    monkeypatch.setitem(CHECKS, "mixed", CHECKS["mixed"]._replace(count=13))
+    with pytest.raises(BadInput, match=r"with 12 campaigns, not as .* with 13"):
+        recompute(results)
+
+
 def test_without_rows_there_is_nothing_to_compute(tmp_path):
     with pytest.raises(BadInput, match="holds no rows of a check"):
         recompute(tmp_path)
@@ -74,6 +103,7 @@ def test_without_rows_there_is_nothing_to_compute(tmp_path):
 def test_one_state_of_the_code_and_enough_controls_for_one_percent():
     """No alarm in 400 excludes 0.75 % (0.05^(1/400)); one still excludes 1.2 %."""
     assert CHECKS["controls"].count >= 400
+    assert CHECKS["mixed"].count >= 100
     assert len({c.seed for c in CHECKS.values()}) == len(CHECKS)
     assert set(CHECKS) == {"mixed", "pairs", "controls", "ladder"}
 
@@ -97,15 +127,42 @@ def test_a_check_is_made_and_scored_by_the_command_line(tmp_path, monkeypatch):
     assert sorted(p.name for p in (tmp_path / "results").iterdir()) == ["ladder.rows.jsonl", "ladder.truth.json"]
 
 
+def test_a_finished_check_is_kept_without_running_anything(results, tmp_path):
+    """Its rows and seal under the check's name; what `score` has not left is named."""
+    folder = tmp_path / "work"
+    folder.mkdir()
+    with pytest.raises(BadInput, match=r"holds no withheld\.rows\.jsonl; run `sensorless withheld score`"):
+        keep("mixed", folder, tmp_path / "out")
+    (results / "mixed.rows.jsonl").rename(folder / "withheld.rows.jsonl")
+    (results / "mixed.truth.json").rename(folder / "truth.sealed")
+    keep("mixed", folder, tmp_path / "out")
+    assert recompute(tmp_path / "out") == ["mixed"]
+
+
 @pytest.mark.skipif(not list(RESULTS.glob("*.rows.jsonl")), reason="no rows of a check are kept yet")
 def test_what_is_committed_follows_from_the_rows_that_are_committed(tmp_path):
-    """The table's text, and every number to twelve digits (another machine sums in another order)."""
+    """The table's text, every number of every document to twelve digits (another machine sums in another order), and no
+    file that does not follow but the notes."""
     for path in (*RESULTS.glob("*.rows.jsonl"), *RESULTS.glob("*.truth.json")):
         (tmp_path / path.name).write_bytes(path.read_bytes())
-    names = recompute(tmp_path)
+    recompute(tmp_path)
+    assert {p.name for p in RESULTS.iterdir()} - {"NOTES.md"} == {p.name for p in tmp_path.iterdir()}
     assert (tmp_path / "README.md").read_text() == (RESULTS / "README.md").read_text()
-    for name in names:
-        found, kept = (json.loads((place / f"{name}.json").read_text()) for place in (tmp_path, RESULTS))
-        for metric, figure in kept["methods"]["diagnosis"].items():
-            if isinstance(figure, dict) and set(figure) == {"value", "low", "high", "n"}:
-                assert found[metric] == pytest.approx(figure, rel=1e-12, nan_ok=True), (name, metric)
+    for path in (p for p in tmp_path.glob("*.json") if not p.name.endswith(".truth.json")):
+        found, told = (json.loads((place / path.name).read_text()) for place in (tmp_path, RESULTS))
+        assert_alike(found | {"version": None}, told | {"version": None}, path.stem)
+
+
+def assert_alike(found, told, where):
+    """Assert that two documents are the same, numbers to twelve digits; where: what is compared."""
+    if isinstance(told, dict):
+        assert set(found) == set(told), where
+        pairs = [(found[k], v, f"{where}.{k}") for k, v in told.items()]
+    elif isinstance(told, list):
+        assert len(found) == len(told), where
+        pairs = [(*both, where) for both in zip(found, told, strict=True)]
+    else:
+        assert found == (pytest.approx(told, rel=1e-12) if isinstance(told, float) else told), where
+        return
+    for one, other, place in pairs:
+        assert_alike(one, other, place)

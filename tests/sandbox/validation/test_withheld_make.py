@@ -62,7 +62,7 @@ def misses(drawn, share=SHORT):
 
 @pytest.mark.parametrize("style", STYLES)
 @pytest.mark.parametrize("family", FAMILIES)
-def test_without_effect_the_averaged_replay_meets_the_floor_at_the_truth(family, style):
+def test_without_effect_the_replay_meets_the_floor_at_the_truth(family, style):
     """Nothing fitted.  An encoder fine enough that counts do not blur a free rotor's angle: 1 within sampling error.
 
     A recording has 4000 or more readings, so its rms scatters by 1/sqrt(2 * 4000) = 0.011; 5 of these.
