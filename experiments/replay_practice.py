@@ -19,20 +19,20 @@ import numpy as np
 
 from model.effects import library
 from sandbox.output.files import write_json
-from sandbox.plant.batch import LANES
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import Prepared, halving_error, in_threads, plan, prepare, replay, residuals, run_block
 from sandbox.replay.sensitivity import all_parameters, sensitivities
 
 RESULTS = Path(__file__).parent / "results"
+SIDE = 16  # sets side by side
 
 
 def step_time(prepared: Prepared, effects: dict[str, float], workers: int = 1, sets: int = 64) -> float:
     """Return the best of five times (ns) of one plant step of one parameter set, readings included."""
-    blocks = plan(prepared, [effects] * sets)
+    blocks = [plan(prepared, [effects] * SIDE)[0] for _ in range(sets // SIDE)]
     jobs = [(r, b) for r in prepared.recordings for b in blocks]
     longest = max(r.samples for r in prepared.recordings)
-    room = {id(b): (np.empty((longest, 3, LANES)), np.empty((longest, LANES))) for b in blocks}
+    room = {id(b): (np.empty((longest, 3, SIDE)), np.empty((longest, SIDE))) for b in blocks}
     per_block = [[(r, b) for r, b in jobs if b is block] for block in blocks]
 
     def task(own) -> None:
@@ -45,7 +45,7 @@ def step_time(prepared: Prepared, effects: dict[str, float], workers: int = 1, s
         start = time.perf_counter()
         in_threads(task, per_block, workers)
         times.append(time.perf_counter() - start)
-    return min(times) / (prepared.samples * prepared.steps * len(blocks) * LANES) * 1e9
+    return min(times) / (prepared.samples * prepared.steps * len(blocks) * SIDE) * 1e9
 
 
 def main(folder: Path) -> None:

@@ -21,10 +21,10 @@ from model.mapped import ALPHAS, MappedMotor
 from model.parameters import Drive, Motor
 from sandbox.drive.scenario import load_scenario
 from sandbox.evaluation.compare import compare
-from sandbox.plant.batch import LANES
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import plan, prepare, run_block
 
+SIDE = 16  # sets side by side
 COUNT, TURNS, GOALS = 200_000, 40, {"evaluation_ns": 3.0, "replay_ns": 2.5, "compare_cpu_s": 4.0}
 
 
@@ -39,7 +39,7 @@ def chain(m, n):
 
 
 def replayed(drive: Drive) -> Callable[[], float]:
-    """Return a timer of a replay, ns a period and set, LANES sets side by side: a square wave on a driven rotor."""
+    """Return a timer of a replay, ns a period and set, SIDE sets side by side: a square wave on a driven rotor."""
     n, h, motor = 4000, drive.converter.sampling_period, drive.motor
     k, omega = np.arange(n), 0.5 * motor.rated_omega
     angle = omega * h * (k + 0.5)
@@ -48,14 +48,14 @@ def replayed(drive: Drive) -> Callable[[], float]:
     columns |= {f"i_{x}": np.zeros(n) for x in "abc"}
     campaign = Campaign("cost", drive, (CampaignRecording("driven", "driven", "d", columns),), {}, {}, False)
     prepared = prepare(campaign, steps=1)
-    sets = [{"stator_resistance.resistance": motor.resistance * (1.0 + 1e-3 * j)} for j in range(LANES)]
-    block, out, moved = plan(prepared, sets)[0], np.empty((n, 3, LANES)), np.empty((1, LANES))
+    sets = [{"stator_resistance.resistance": motor.resistance * (1.0 + 1e-3 * j)} for j in range(SIDE)]
+    block, out, moved = plan(prepared, sets)[0], np.empty((n, 3, SIDE)), np.empty((1, SIDE))
 
     def timed() -> float:
         """Return ns."""
         t = time.perf_counter()
         run_block(prepared, prepared.recordings[0], block, out, moved, 0)
-        return (time.perf_counter() - t) / (n * LANES) * 1e9
+        return (time.perf_counter() - t) / (n * SIDE) * 1e9
 
     return timed
 

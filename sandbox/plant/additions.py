@@ -16,6 +16,7 @@ LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
 SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, ZONE, ROUND = (1 << k for k in range(7, 17))
 LAGS = IRON | SKIN | FILTER
 ANGULAR = MAGNETS | ENERGY
+SIGN = ZONE | ROUND  # how a current's sign passes zero: what effects add to it, and the bench's shape
 
 
 @kernel
@@ -112,10 +113,18 @@ def energy_at_start(w, c_0, s_0, x, y, side, real):
 
 
 @kernel
-def late_by_zone(w, x, y, side, real):
-    """Write anew how late the edge of leg (x, y) acts, by a sign with a zone of its own; see `electrical.take`."""
-    for j in range(w.psi_a.size):
-        w.late[j] = real * ports.edge(w, j, sign_of(w, j, x * w.i_a[j] + y * w.i_b[j]), side)
+def late_by_sign(w, x, y, side, real, more):
+    """Write anew how late the edge of leg (x, y) acts, by a sign of the bench's shape; see `electrical.take`.
+
+    more: whether effects add to the sign.
+    """
+    if more:
+        for j in range(w.psi_a.size):
+            w.late[j] = real * ports.edge(w, j, sign_of(w, j, x * w.i_a[j] + y * w.i_b[j]), side)
+    else:
+        for j in range(w.psi_a.size):
+            sign = soft_sign((x * w.i_a[j] + y * w.i_b[j]) * w.soft[j], w.shape[j])
+            w.late[j] = real * ports.edge(w, j, sign, side)
 
 
 @inlined

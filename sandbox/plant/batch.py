@@ -19,8 +19,6 @@ from sandbox.plant.ports import FURTHER, NUMBERS
 
 NEVER = -1.0  # s: no edge waits
 
-LANES, FEW = 16, 4  # sets side by side in a replay: four vectors of most processors, or one where sets are few
-
 STATES = {  # what a period starts from; stationary frame (alpha, beta) unless said otherwise
     "psi_a": "flux linkage, Wb", "psi_b": "flux linkage, Wb",
     "eddy_a": "flux behind the iron's lag, Wb", "eddy_b": "flux behind the iron's lag, Wb",

@@ -26,7 +26,7 @@ SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
 NO_TIME = 1e-11  # s: speed over a shorter one is rounding
 KINK = 2e-7  # s: an edge less late leaves less than 1e-6 of the current in a lag
 BENDING = 1e-3  # of the period: what curvature makes of shorter segments is far below 1e-9 of the current
-ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED | add.RUB)  # what the plain step knows nothing of
+ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED | add.RUB | add.SIGN)  # what a plain step knows nothing of
 GAUSS = 0.5773502691896258  # of the way from a segment's middle to its ends: two places give means of third degree
 LAST = EDGES + 3
 
@@ -163,8 +163,8 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
     begin(w, flux_map, c, s, span, x, y, side, real)
     if features & add.ENERGY:
         add.energy_at_start(w, c, s, x, y, side, real)
-    if features & add.ZONE:
-        add.late_by_zone(w, x, y, side, real)
+    if features & add.SIGN:
+        add.late_by_sign(w, x, y, side, real, features & add.ZONE != 0)
     if features & add.FILTER and span > 0.0:
         lags.close_filter(w, span)
     if features & add.SKIN:
@@ -317,6 +317,8 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 edge = (room.x[k], room.y[k], room.side[k], room.real[k]) if whole else (0.0, 0.0, 0.0, 0.0)
                 pulled = features & add.MOTION != 0
                 plain_step(w, (c, s), facing_at(course, t + span), span, turn, long, pulled, u_a, u_b, x, y, edge)
+                if features & add.SIGN:
+                    add.late_by_sign(w, edge[0], edge[1], edge[2], edge[3], features & add.ZONE != 0)
             else:
                 middle_of = t + 0.5 * span
                 if features & add.LINK:

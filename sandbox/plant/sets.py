@@ -141,7 +141,7 @@ def features_of(motor: Motor, v: Set) -> int:
     twisting = math.isfinite(v["shaft_compliance.stiffness"]) and v["shaft_compliance.load_inertia"] > 0.0
     out |= (add.IRON if iron else 0) | (add.FILTER if filtered else 0) | (add.TWIST if twisting else 0)
     out |= add.SKIN if v["skin_effect.resistance"] else 0
-    out |= add.ZONE | add.ROUND if v["bench.soft_shape"] else 0
+    out |= add.ROUND if v["bench.soft_shape"] else 0
     return out | (add.DELAYED if v["pwm_delay.delay"] else 0)
 
 

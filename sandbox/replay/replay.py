@@ -32,9 +32,10 @@ from model.frames import stationary
 from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 from sandbox.plant import additions, ports
-from sandbox.plant.batch import FEW, LANES, blank_room
+from sandbox.plant.batch import blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, readings_at, rows_of, timing_of
 from sandbox.recordings.campaign import Campaign
+from sandbox.replay.blocks import grouped, room_of
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor, readings_off, with_columns
 from sandbox.replay.kernel import run
 
@@ -183,7 +184,7 @@ def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
 
 @dataclass(frozen=True)
 class Block:
-    """Up to LANES sets that run together: their places, the batch, lock angles, common features; late: whole periods
+    """Sets that run together: their places, the batch, lock angles, common features; late: whole periods
     by which the voltage of all of them comes later."""
 
     members: tuple[int, ...]
@@ -206,10 +207,9 @@ def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
     out = []
     late = [whole_periods(drive.motor, drive.converter, v) for v in complete_sets]
     for periods in sorted(set(late)):
-        order = [k for k in range(len(sets)) if late[k] == periods]
-        if len(order) > LANES:
-            order.sort(key=lambda k: (needs[k].bit_count(), needs[k]))
-        out += [block_of(prepared, order[k : k + LANES], complete_sets) for k in range(0, len(order), LANES)]
+        own = [k for k in range(len(sets)) if late[k] == periods]
+        together = grouped([needs[k] for k in own])
+        out += [block_of(prepared, [own[k] for k in group], complete_sets) for group in together]
     return out
 
 
@@ -226,7 +226,7 @@ def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence
     features = 0
     for v in own:
         features |= features_of(motor, v)
-    lanes = FEW if len(own) <= FEW else LANES
+    lanes = room_of(len(own))
     own += [own[0]] * (lanes - len(own))
     lock = np.array([v["bench.lock_angle"] for v in own])
     batch, late = batch_of(motor, converter, own, lanes), whole_periods(motor, converter, own[0])

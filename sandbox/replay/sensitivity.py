@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from model.compiled import kernel
 from model.effects import library
 from model.errors import BadInput, unknown
-from sandbox.plant.batch import LANES
 from sandbox.plant.sets import BENCH, complete, features_of, parameter_names
+from sandbox.replay.blocks import grouped
 from sandbox.replay.replay import Prediction, Prepared, Set, block_of, in_threads, run_block
 
 Array = NDArray[np.float64]
@@ -193,14 +193,10 @@ def _empty(prepared: Prepared, p: int):
 
 
 def _blocks(prepared: Prepared, sets: Sequence[Mapping[str, float]], columns: Sequence[int]):
-    """Return blocks of the base and up to LANES - 1 displaced sets each, alike in needs, with their columns."""
-    needs = [features_of(prepared.campaign.drive.motor, sets[k + 1]) for k in columns]
-    order = [k for _, k in sorted(zip(needs, columns, strict=True), key=lambda x: (x[0].bit_count(), x[0], x[1]))]
-    out = []
-    for first in range(0, len(order), LANES - 1):
-        own = np.array(order[first : first + LANES - 1])
-        out.append((block_of(prepared, [0, *(own + 1)], sets), own))
-    return out
+    """Return blocks of the base and displaced sets, with their columns."""
+    base, *needs = (features_of(prepared.campaign.drive.motor, sets[k]) for k in (0, *(k + 1 for k in columns)))
+    found = [np.array([columns[k] for k in group]) for group in grouped(needs, base)]
+    return [(block_of(prepared, [0, *(own + 1)], sets), own) for own in found]
 
 
 @kernel

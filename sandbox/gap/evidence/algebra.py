@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.optimize import lsq_linear
 from scipy.special import erfcx, log_ndtr, ndtri_exp
 
@@ -19,6 +19,7 @@ from sandbox.gap.evidence.normal import Normal, Segment
 from sandbox.gap.evidence.priors import Coordinate
 
 Array = NDArray[np.float64]
+EXCHANGES = 20  # of values between free and held: a handful is usual
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,8 @@ class Algebra:
     def most_probable(self, prior: Prior) -> tuple[Array, NDArray[np.bool_], float]:
         """Return the most probable values (p,), which of them are free (inside their bounds), and the objective.
 
-        Least squares within bounds (Stark, Parker, Comput. Stat. 10 (1995) 129), in prior deviations.  Where a
-        prediction overflowed nothing is probable: the objective is infinite.
+        Least squares within bounds, in prior deviations.  Where a prediction overflowed nothing is probable: the
+        objective is infinite.
         """
         movable = prior.deviation > 0.0
         if not (np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.rr)):
@@ -76,13 +77,7 @@ class Algebra:
         hessian = size[:, None] * self.a[np.ix_(movable, movable)] * size + np.eye(len(size))
         pull = size * (self.g + self.a @ (self.x - x))[movable] + (prior.mean[movable] - start) / size
         low, high = (prior.low[movable] - start) / size, (prior.high[movable] - start) / size
-        factor = np.linalg.cholesky(hessian)
-        target = solve_triangular(factor, pull, lower=True)
-        step = solve_triangular(factor.T, target)
-        inside = np.ones(len(size), dtype=bool)
-        if (step < low).any() or (step > high).any():
-            found = lsq_linear(factor.T, target, (low, high), method="bvls")
-            step, inside = found.x, found.active_mask == 0
+        step, inside = within_bounds(hessian, pull, low, high)
         free = movable.copy()
         free[movable] = inside
         x[movable] = start + size * step
@@ -146,6 +141,30 @@ class Algebra:
             beyond = slope / np.sqrt(curve)
             out[k] = (-ndtri_exp(math.log(share) + log_ndtr(-beyond)) - beyond) / np.sqrt(curve)
         return out
+
+
+def within_bounds(hessian: Array, pull: Array, low: Array, high: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the x (p,) in [low, high] with the least x'Hx/2 - pull'x, and which of its values are free.
+
+    Values beyond a bound are held there and those freed that would leave theirs inwards, all at once, until none is
+    left (Hintermueller, Ito, Kunisch, SIAM J. Optim. 13 (2002) 865); should that go round in circles, one at a time
+    (Stark, Parker, Comput. Stat. 10 (1995) 129).
+    """
+    below = above = np.zeros(len(pull), dtype=bool)
+    for _ in range(EXCHANGES):
+        free = ~(below | above)
+        x = np.where(below, low, np.where(above, high, 0.0))
+        if free.any():
+            rest = pull[free] - hessian[np.ix_(free, ~free)] @ x[~free]
+            x[free] = cho_solve(cho_factor(hessian[np.ix_(free, free)], check_finite=False), rest, check_finite=False)
+        outwards = pull - hessian @ x
+        under, over = (x < low) | (below & (outwards <= 0.0)), (x > high) | (above & (outwards >= 0.0))
+        if (under == below).all() and (over == above).all():
+            return x, free
+        below, above = under, over
+    factor = np.linalg.cholesky(hessian)
+    found = lsq_linear(factor.T, solve_triangular(factor, pull, lower=True), (low, high), method="bvls")
+    return found.x, found.active_mask == 0
 
 
 def algebra(n: Normal, weights=None) -> Algebra:

@@ -8,6 +8,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import truncnorm
 
+from sandbox.gap.evidence import algebra as algebra_module
 from sandbox.gap.evidence.algebra import Algebra, Prior, between_segments, sandwich
 from sandbox.gap.evidence.fit import coordinates_of, fit
 from sandbox.gap.evidence.holdout import choices, held_out, weights_of
@@ -206,6 +207,26 @@ def test_bounded_most_probable_point_is_that_of_an_independent_minimiser():
         assert value <= found.fun * (1.0 + 1e-9)
         held += int((~free).sum())
     assert held > 50  # bounds did act
+
+
+@pytest.mark.parametrize("exchanges", [20, 0])
+def test_both_ways_to_bounds_meet_the_conditions_of_a_minimum(exchanges, monkeypatch):
+    """Karush, Kuhn, Tucker: no slope where free, a slope outwards at a bound; the slow way, too, which takes over."""
+    monkeypatch.setattr(algebra_module, "EXCHANGES", exchanges)
+    rng = np.random.default_rng(7)
+    for _ in range(20):
+        j = rng.normal(size=(60, 30)) * np.exp(2.0 * rng.normal(size=30))
+        hessian, pull = j.T @ j + np.eye(30), 50.0 * rng.normal(size=30)
+        low = np.where(rng.random(30) < 0.5, 0.0, -rng.random(30))
+        high = low + 3.0 * rng.random(30)
+        x, free = algebra_module.within_bounds(hessian, pull, low, high)
+        outwards = pull - hessian @ x
+        assert np.abs(outwards[free]).max(initial=0.0) < 1e-9 * np.abs(pull).max()
+        at_low, at_high = (np.abs(x - bound) < 1e-12 for bound in (low, high))  # rounding of values below 10
+        assert (outwards[at_low] <= 0.0).all()
+        assert (outwards[at_high] >= 0.0).all()
+        assert np.array_equal(free, (x > low) & (x < high) & ~at_low & ~at_high)
+        assert 0 < free.sum() < 30
 
 
 def test_equations_kept_from_one_point_to_another_have_the_other_point_s_residuals(small_folder):

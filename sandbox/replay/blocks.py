@@ -1,0 +1,68 @@
+"""Which parameter sets run side by side: few lanes stay idle, and no set pays for many effects of its neighbours.
+
+All lanes of a block walk through what any of them needs, so sets that need much run apart from those that need little.
+A block's time is estimated as a constant and a part for every VECTOR lanes, both larger for each kind of effect that it
+needs; groups of sets with equal needs are joined as long as that saves time.  Estimates decide what is fast, nothing
+else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import combinations
+
+from sandbox.plant import additions as add
+
+ROOMS = (8, 16, 24, 32)  # lanes that a block may have: whole vectors of any processor; more gain little
+VECTOR = 8
+# ns a period, measured by `experiments/lane_cost.py`: constant, and for every VECTOR lanes
+BARE = (200.0, 480.0)
+COSTS = {
+    add.LEG: (330.0, 1100.0), add.IRON: (700.0, 1100.0), add.SKIN: (1200.0, 870.0), add.FILTER: (450.0, 580.0),
+    add.ENERGY: (330.0, 250.0), add.LINK: (370.0, 30.0), add.MAGNETS: (330.0, 0.0), add.ZONE: (600.0, 0.0),
+    add.ROUND: (60.0, 40.0), add.WINDING: (300.0, 0.0), add.DELAYED: (420.0, 90.0),
+}  # fmt: skip
+
+
+def room_of(sets: int) -> int:
+    """Return the lanes of the smallest room for so many sets."""
+    return next(n for n in ROOMS if n >= sets)
+
+
+def cost(needs: int, sets: int) -> float:
+    """Return about how long (ns) a period of a block of so many sets takes that need these effects together."""
+    vectors = room_of(sets) / VECTOR
+    own = [BARE, *(c for bit, c in COSTS.items() if needs & bit)]
+    return sum(constant + each * vectors for constant, each in own)
+
+
+def grouped(needs: Sequence[int], common: int | None = None) -> list[list[int]]:
+    """Return the places of sets with these needs, block by block; common: needs of a set that every block holds, too.
+
+    Begins with sets of equal needs and joins the two groups that save most, until none do.
+    """
+    beside, always = (0, 0) if common is None else (1, common)
+    most = ROOMS[-1] - beside
+    equal: dict[int, list[int]] = {}
+    for k, need in enumerate(needs):
+        equal.setdefault(need | always, []).append(k)
+    groups = [(need, own[k : k + most]) for need, own in equal.items() for k in range(0, len(own), most)]
+    while len(groups) > 1:
+        saved, (i, j) = max(
+            ((_saved(groups[i], groups[j], beside), (i, j)) for i, j in combinations(range(len(groups)), 2)),
+            key=lambda x: x[0],
+        )
+        if saved <= 0.0:
+            break
+        joined = groups[i][0] | groups[j][0], sorted(groups[i][1] + groups[j][1])
+        groups = [g for k, g in enumerate(groups) if k not in (i, j)] + [joined]
+    return [own for _, own in groups]
+
+
+def _saved(one: tuple[int, list[int]], other: tuple[int, list[int]], beside: int) -> float:
+    """Return the time that two groups save in one block; negative where they are too many for it, or cost more."""
+    sets = len(one[1]) + len(other[1])
+    if sets + beside > ROOMS[-1]:
+        return -1.0
+    apart = cost(one[0], len(one[1]) + beside) + cost(other[0], len(other[1]) + beside)
+    return apart - cost(one[0] | other[0], sets + beside)
