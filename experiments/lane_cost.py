@@ -1,6 +1,6 @@
 """What a period of the replay takes, by the number of sets side by side and by what they need.
 
-The constants of `sandbox.replay.blocks`, measured: ns a period of a block of 8 to 32 lanes, bare and with each kind of
+The constants of `sandbox.replay.blocks`, measured: ns a period of a block of every size, bare and with each kind of
 effect on, and a straight line through what each adds.  Run on an otherwise idle machine:
 
     python -m experiments.lane_cost

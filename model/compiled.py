@@ -19,6 +19,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
+import llvmlite.binding
 import numba
 from numba.core.typeinfer import register_dispatcher
 
@@ -26,6 +27,10 @@ from model.callees import Kernel
 from model.compiling import watch
 from model.kernel_cache import KernelCache
 from model.sources import depends_on, source_key
+
+# Loops over a batch's lanes have a known count (8 to 32).  LLVM would write out short ones lane by lane, which then are
+# no vector code any more: a device drop took five times as long.
+llvmlite.binding.set_option("", "-unroll-full-max-count=4")
 
 KEPT_DAYS = 30
 _COMPILING = Lock()

@@ -10,15 +10,19 @@ from model.effects.card import At, Effect, Parameter
 def primitive(x):
     """Return the integral of the soft sign from 0 to x (current over soft width)."""
     size = abs(x)
-    return 0.5 * x * x if size < 1.0 else size - 0.5
+    inside = min(size, 1.0)
+    return inside * (size - 0.5 * inside)
 
 
 @inlined
-def mean_sign(x, y):
-    """Return the mean of the soft sign while the current goes linearly from x to y (currents over soft width)."""
+def mean_sign(x, y, steep=1.0):
+    """Return the mean of the soft sign of `steep` times the current while that goes linearly from x to y (over soft
+    width).  Of several such means at one x and y, the division is done once."""
     step = y - x
     flat = abs(step) < 1e-6
-    return min(max(0.5 * (x + y), -1.0), 1.0) if flat else (primitive(y) - primitive(x)) / (1.0 if flat else step)
+    inverse = 1.0 / (1.0 if flat else step)
+    middle = min(max(0.5 * steep * (x + y), -1.0), 1.0)
+    return middle if flat else (primitive(steep * y) - primitive(steep * x)) * inverse * (1.0 / steep)
 
 
 @inlined
@@ -28,9 +32,8 @@ def mean_of_tanh(x, y):
     tanh as three soft signs, whose means have no logarithm: widths and shares are the minimax fit for x >= 0
     (tests/sandbox/plant/test_soft_sign.py fits them again).
     """
-    narrow = 0.277034 * mean_sign(1.609714 * x, 1.609714 * y)
-    middle = 0.441430 * mean_sign(0.797139 * x, 0.797139 * y)
-    return narrow + middle + 0.281536 * mean_sign(0.418666 * x, 0.418666 * y)
+    narrow, middle = 0.277034 * mean_sign(x, y, 1.609714), 0.441430 * mean_sign(x, y, 0.797139)
+    return narrow + middle + 0.281536 * mean_sign(x, y, 0.418666)
 
 
 @inlined

@@ -39,37 +39,54 @@ def legs_lose(w, j, shape, x, y, p, q):
     return (2.0 * v_a - v_b - v_c) * THIRD, (v_b - v_c) * ROOT_THIRD
 
 
+@inlined
+def leg_at_start(w, j, shape):
+    """Add to lane j's drop what the legs lose for their currents at the segment's start."""
+    v_a, v_b = legs_lose(w, j, shape, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
+    w.leg_a[j], w.leg_b[j] = v_a, v_b
+    w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+
+
 @kernel
 def legs_at_start(w, rounded):
-    """Add to the drop what the legs lose for their currents at the segment's start; rounded: some lane's soft sign."""
-    for j in range(w.psi_a.size):
-        shape = w.shape[j] if rounded else 0.0
-        v_a, v_b = legs_lose(w, j, shape, w.i_a[j], w.i_b[j], w.i_a[j], w.i_b[j])
-        w.leg_a[j], w.leg_b[j] = v_a, v_b
-        w.drop_a[j], w.drop_b[j] = w.drop_a[j] + v_a, w.drop_b[j] + v_b
+    """Do so for all lanes; rounded: some lane's soft sign (a loop of its own: a straight sign is many times faster)."""
+    if rounded:
+        for j in range(w.psi_a.size):
+            leg_at_start(w, j, w.shape[j])
+    else:
+        for j in range(w.psi_a.size):
+            leg_at_start(w, j, 0.0)
 
 
-@kernel
-def legs_in_middle(w, span, rounded):
+@inlined
+def leg_in_middle(w, j, span, shape):
     """Add their mean over the segment, the current's parabola as two straight pieces.
 
     Around zero a leg is a resistance of threshold over half-width, many times the winding's: what it loses more on the
     way to the middle takes as much from the flux there, and from the current (e); at the end it is four times as much.
     """
-    half = 0.5 * span
-    for j in range(w.psi_a.size):
-        x, y, r = w.i_a[j], w.i_b[j], w.resistance[j]
-        shape = w.shape[j] if rounded else 0.0
-        v_a, v_b = legs_lose(w, j, shape, x, y, w.j_a[j], w.j_b[j])
-        d_a, d_b = half * (w.leg_a[j] - v_a), half * (w.leg_b[j] - v_b)
-        e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
-        e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
-        m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
-        w.j_a[j], w.j_b[j] = m_a, m_b
-        p, q = 2.0 * (m_a + e_a) - x + 6.0 * w.swell_a[j], 2.0 * (m_b + e_b) - y + 6.0 * w.swell_b[j]
-        z_a, z_b = legs_lose(w, j, shape, m_a, m_b, p, q)
-        w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
-        w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
+    x, y, r, half = w.i_a[j], w.i_b[j], w.resistance[j], 0.5 * span
+    v_a, v_b = legs_lose(w, j, shape, x, y, w.j_a[j], w.j_b[j])
+    d_a, d_b = half * (w.leg_a[j] - v_a), half * (w.leg_b[j] - v_b)
+    e_a = w.stiff_aa[j] * d_a + w.stiff_ab[j] * d_b
+    e_b = w.stiff_ab[j] * d_a + w.stiff_bb[j] * d_b
+    m_a, m_b = w.j_a[j] + e_a, w.j_b[j] + e_b
+    w.j_a[j], w.j_b[j] = m_a, m_b
+    p, q = 2.0 * (m_a + e_a) - x + 6.0 * w.swell_a[j], 2.0 * (m_b + e_b) - y + 6.0 * w.swell_b[j]
+    z_a, z_b = legs_lose(w, j, shape, m_a, m_b, p, q)
+    w.fall_a[j] += 0.5 * (v_a + z_a) + r * (4.0 / 3.0) * e_a
+    w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
+
+
+@kernel
+def legs_in_middle(w, span, rounded):
+    """Do so for all lanes."""
+    if rounded:
+        for j in range(w.psi_a.size):
+            leg_in_middle(w, j, span, w.shape[j])
+    else:
+        for j in range(w.psi_a.size):
+            leg_in_middle(w, j, span, 0.0)
 
 
 @inlined
