@@ -25,6 +25,8 @@ DURATION, FULL_RATE = 1.0, 8000.0  # s; Hz: faster drives record shorter, as man
 STEPS = 4  # a period, of a free rotor whose friction changes within it
 SETTLE = 0.1  # s at the start, until open-loop currents stand
 FOLLOWS = 5e-3  # s: how slowly a bench's current control follows what is wanted; no step asks for the whole link
+HALF_WAVE = 4  # samples of half a period of what is injected
+LARGEST_SHARE = 0.95  # of the voltage limit that an experiment's commands may reach; larger ones are cut
 FULL, TIGHTEST = 0.86, 0.25  # of the voltage limit at the most (control needs the rest); least share of the link
 
 
@@ -127,12 +129,11 @@ def reached(wanted: Array, period: float) -> Array:
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], wanted))
 
 
-def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[Array], Array]) -> Campaign:
-    """Return a campaign of one recording with an entry's commands and angles; its currents are still zero.
+def demand(entry: Entry, drive: Drive, torque_to_motion: Callable[[Array], Array]) -> tuple[Array, Array, Array, Array]:
+    """Return an entry's angle (rad) and speed (rad/s, both electrical), and the voltages u_d, u_q (V) it needs, (n,).
 
     torque_to_motion: the motion (rad, electrical) that the wanted torque (n,) in N m gives a free rotor.
     """
-    drive = campaign.drive
     motor, period = drive.motor, drive.converter.sampling_period
     i_d, i_q = reached(entry.i_d, period), reached(entry.i_q, period)
     d, q = flux_from_current(motor.energy, i_d, i_q)
@@ -145,19 +146,33 @@ def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[A
         theta = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * period)]) + 0.3
     u_d = motor.resistance * i_d + np.gradient(d, period) - speed * q
     u_q = motor.resistance * i_q + np.gradient(q, period) + speed * (d + motor.magnet_flux)
-    wave = np.where(np.arange(len(d)) % 8 < 4, 1.0, -1.0)
-    u_d, u_q = u_d + entry.injection[0] * wave, u_q + entry.injection[1] * wave
+    wave = injected_wave(len(d))
+    return theta, speed, u_d + entry.injection[0] * wave, u_q + entry.injection[1] * wave
+
+
+def injected_wave(n: int) -> Array:
+    """Return the injected square wave of size 1 (n,)."""
+    return np.where(np.arange(n) % (2 * HALF_WAVE) < HALF_WAVE, 1.0, -1.0)
+
+
+def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[Array], Array]) -> Campaign:
+    """Return a campaign of one recording with an entry's commands and angles; its currents are still zero.
+
+    torque_to_motion: as `demand`.
+    """
+    drive = campaign.drive
+    period = drive.converter.sampling_period
+    theta, speed, u_d, u_q = demand(entry, drive, torque_to_motion)
     half = theta + 0.5 * speed * period
     link = entry.link * drive.converter.dc_bus_voltage
     size = np.hypot(u_d, u_q)
-    scale = np.minimum(1.0, 0.95 * link / math.sqrt(3.0) / np.maximum(size, 1e-9))
+    scale = np.minimum(1.0, LARGEST_SHARE * link / math.sqrt(3.0) / np.maximum(size, 1e-9))
     u_d, u_q = u_d * scale, u_q * scale
     co, si = np.cos(half), np.sin(half)
     columns: dict[str, Array] = {
-        "t": np.linspace(0.0, len(d) * period, len(d), endpoint=False),
+        "t": np.linspace(0.0, len(theta) * period, len(theta), endpoint=False),
         "u_alpha": co * u_d - si * u_q, "u_beta": si * u_d + co * u_q,
-        "i_a": np.zeros(len(d)), "i_b": np.zeros(len(d)), "i_c": np.zeros(len(d)), "theta": theta,
-        "u_dc": np.full(len(d), link),
+        **{f"i_{phase}": np.zeros(len(theta)) for phase in "abc"}, "theta": theta, "u_dc": np.full(len(theta), link),
     }  # fmt: skip
     one = CampaignRecording("next.parquet", entry.rotor, "none", columns, None if entry.link == 1.0 else link)
     return replace(campaign, recordings=(one,))

@@ -23,7 +23,7 @@ from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.report.where import Finding, percent, summary, where
 from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
 from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.recordings.campaign import Campaign
+from sandbox.recordings.campaign import NO_LIMITS, Campaign
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 HARDLY = 5e-4  # of what remains: less is nothing
@@ -207,7 +207,11 @@ def next_text(a: Answers) -> str:
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
     disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
     told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
-    return f"Recordings that tell more, for {told}." if told else "No effect is known that a recording could confirm."
+    if not told:
+        return "No effect is known that a recording could confirm."
+    held = a.verdict == "ambiguous" and a.diagnosis.campaign.limits != NO_LIMITS
+    none = "Within [limits] no recording of the menu is likely to leave one of them. " if held else ""
+    return f"{none}Recordings that tell more, for {told}."
 
 
 def caveats(a: Answers) -> list[str]:
