@@ -114,7 +114,13 @@ def where_text(a: Answers) -> str:
 
 
 def which_text(a: Answers) -> str:
-    """Return which effect causes it, or that none does, or that it cannot be told."""
+    """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates."""
+    hidden = a.diagnosis.out_of_sight
+    text = "" if not hidden else f" No rotor turned freely: {', '.join(words(e) for e in hidden)} were no candidates."
+    return _which(a) + text
+
+
+def _which(a: Answers) -> str:
     d, best = a.diagnosis, a.diagnosis.best
     if a.verdict == "no_gap":
         others = [h for h in d.ambiguity_set if h.effects and UNKNOWN not in h.effects]
@@ -241,8 +247,6 @@ def caveats(a: Answers) -> list[str]:
     if missing:
         out.append(f"No [{'], ['.join(missing)}] is stated: usual values of a careful identification are assumed.")
     kinds = {r.rotor for r in d.start.prepared.recordings}
-    if "free" not in kinds:
-        out.append("No rotor turned freely, so effects of mechanics cannot be seen.")
     if kinds == {"locked"}:
         out.append("The rotor never turned, so effects that need speed (flux, encoder, iron loss) can hardly be seen.")
     if a.position is None:
