@@ -5,9 +5,10 @@ Over a window of m samples the flux that voltage leaves behind must be the flux 
     sum h (u_k - R (i_k + i_k+1) / 2) = psi(end) - psi(begin),
     psi = (L_d + L_q)/2 i + (L_d - L_q)/2 exp(2j theta) conj(i) + phi_m exp(j theta)      (stator frame, complex)
 
-whatever the load; only the nominal linear model is asked.  The share of the voltage's energy that stays unexplained
-is some per cent for a real gap, about 1 or far more for a wrong unit.  A mistake is believed only where undoing it
-explains the recording; a gap that no mistake explains is left to the diagnosis.
+whatever the load; the nominal linear model is asked, and the saturated one where that leaves a doubt.  The share of
+the voltage's energy that stays unexplained is some per cent for a real gap, about 1 or far more for a wrong unit.  A
+mistake is believed only where undoing it explains the recording; a gap that no mistake explains is left to the
+diagnosis.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput
+from model.energy import flux_from_current
+from model.errors import BadInput, PhysicsError
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording, Finding
 
@@ -75,23 +77,31 @@ class Balance:
         return float(np.sum(np.abs(self.rest) ** 2)) / total if total > 0.0 else 0.0
 
 
-def balance(columns: Columns, drive: Drive, window: int | None = None) -> Balance:
-    """Return the flux balance of a recording's columns with the nominal linear model, over windows of so many samples
-    (None: as many as keep the voltage)."""
+def balance(columns: Columns, drive: Drive, window: int | None = None, *, saturated: bool = False) -> Balance:
+    """Return the flux balance of a recording's columns over windows of so many samples (None: as many as keep the
+    voltage), with the nominal linear model or the saturated one.
+
+    saturated: raises PhysicsError where the recording's currents are outside the nominal model.
+    """
     m, h = drive.motor, drive.converter.sampling_period
     u = columns["u_alpha"] + 1j * columns["u_beta"]
     a, b, c = (columns[n] for n in PHASES)
     i = (2.0 * a - b - c) / 3.0 + 1j * (b - c) / math.sqrt(3.0)
     turn = np.exp(1j * columns["theta"])
     half_sum, half_gap = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
-    psi = half_sum * i + half_gap * turn**2 * np.conj(i) + m.magnet_flux * turn
     size = window or _window(u)
     ends = np.arange(0, len(u), size)
+    if saturated:
+        own = i[ends] * np.conj(turn[ends])
+        d, q = flux_from_current(m.energy, own.real, own.imag)
+        psi = (d + m.magnet_flux + 1j * q) * turn[ends]
+    else:
+        psi = (half_sum * i + half_gap * turn**2 * np.conj(i) + m.magnet_flux * turn)[ends]
     flux = np.concatenate([[0j], np.cumsum(h * u[:-1])])
     drop = np.concatenate([[0j], np.cumsum(0.5 * h * m.resistance * (i[:-1] + i[1:]))])
     span = size * h
     voltage: Complex = np.asarray(np.diff(flux[ends]) / span, dtype=np.complex128)
-    rest: Complex = voltage - np.diff(drop[ends] + psi[ends]) / span
+    rest: Complex = voltage - np.diff(drop[ends] + psi) / span
     sensor = math.hypot(drive.converter.current_noise, drive.converter.current_resolution / math.sqrt(12.0))
     noise = 8.0 / 3.0 * (half_sum**2 + half_gap**2) * (sensor / span) ** 2
     energy = float(np.mean(np.abs(voltage) ** 2)) if len(voltage) else 0.0
@@ -196,7 +206,7 @@ def _turned(factor: float, zero: float) -> Callable[[Columns], dict[str, Array]]
 def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
     """Raise BadInput for the mistake that explains what recordings contradict; return what no mistake explains."""
     read = [(r, balance(r.columns, drive)) for r in recordings]
-    doubtful = [(r, b) for r, b in read if b.doubtful]
+    doubtful = [(r, b) for r, b in read if b.doubtful and not _saturation_explains(r, drive)]
     found = _explanations(doubtful, drive)
     if found:
         m = found[0]
@@ -222,6 +232,14 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
         )
         for r, b in doubtful if b.share > 0.7
     ]  # fmt: skip
+
+
+def _saturation_explains(r: CampaignRecording, drive: Drive) -> bool:
+    """Return whether a recording agrees with the nominal model once its saturation is asked, too."""
+    try:
+        return not balance(r.columns, drive, saturated=True).doubtful
+    except PhysicsError:  # currents that the model does not hold
+        return False
 
 
 def _percent(share: float) -> str:
