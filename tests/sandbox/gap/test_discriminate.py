@@ -1,7 +1,9 @@
 """The recommended recording: nothing to learn between a hypothesis and itself, much between dead time and none."""
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -39,6 +41,7 @@ from sandbox.replay.replay import prepare, replay
 from tests.sandbox.gap.test_evidence import start
 
 stationary = stationary_kernel.py_func
+PAGE = Path(__file__).parents[3] / "sandbox" / "recordings" / "RECORDING.md"
 
 
 @pytest.fixture(scope="module")
@@ -161,6 +164,17 @@ def test_an_injections_ripple_counts(small_folder, name):
     assert np.max(np.hypot(c["i_d_A"], c["i_q_A"])) < 0.95 * most
     assert 0.98 * most < found.limits["current"] <= most
     assert np.max(np.hypot(*played_currents(campaign, drive, c))) <= most
+
+
+def test_the_page_on_recording_names_experiments_of_the_menu(small_folder):
+    """And those it recommends for a kind of bench need no other kind of rotor than the bench has."""
+    known = {e.name: e.rotor for e in menu(read_campaign(small_folder).drive)}
+    text = PAGE.read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:locked|driven|free)_\w+)`", text))
+    assert len(named) >= 4
+    assert named <= set(known)
+    rows = [line.split("|")[2] for line in text.splitlines() if line.startswith(("| lock the", "| let it"))]
+    assert [{known[n] for n in re.findall(r"`(\w+)`", row)} for row in rows] == [{"locked"}, {"free"}]
 
 
 def test_a_bench_does_what_it_can(small_folder):
