@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from experiments import synrm_as_integrated as synrm_flux
-from experiments import synrm_standstill
+from experiments import synrm_standstill, thor_orders
 from experiments.thor_bench import Tables
 from model.drive_files import load_drive
 from model.drives import thor
@@ -80,6 +80,14 @@ def test_laas_says_what_it_hides():
     assert drive.hidden == HIDDEN
     told = drive.campaign.drive.provenance
     assert any("no replay of" in told[k] for k in told if k.startswith("cannot show"))
+
+
+def test_thors_slots_are_order_18_and_hang_on_the_current():
+    """18 an electrical turn, the slots' order, is the largest; no constant amplitude explains half of an order,
+    so the library's harmonics cannot be named."""
+    found = thor_orders.of_tables(thor.read(real_data() / "thor_fea" / "thor_fea.npz"))
+    assert list(found)[:3] == [18, 6, 12]
+    assert max(row["constant"] for row in found.values()) < 0.5
 
 
 def test_thors_tables_are_met_at_their_points_and_mirrored():
