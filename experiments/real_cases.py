@@ -259,9 +259,9 @@ CASES: dict[str, tuple[Callable[[Path], dict[str, Any]], str, str]] = {
         thor_own_map,
         "the same, the tables' mean over the angle as nominal flux map",
         "The truth is harmonics that depend on the currents. Believe `unknown`; the mean map more than halves the gap "
-        "(17.4 to 7.7). What is left is of orders 18 (14 % of it, enough for *Where* to name it), 6 (9 %) and 12 (7 %), "
-        "and their sidebands: those of the slots. `flux_harmonics` is not named because its amplitude is the same at all "
-        "currents, and one amplitude explains 30 %, 17 % and 8 % of these orders' energy in the tables "
+        "(17.4 to 7.7). What is left is of orders 18 (14 % of it, enough for *Where* to name it), 6 (9 %), 12 (7 %), "
+        "and their sidebands: those of the slots. `flux_harmonics` is not named because its amplitude is the same at "
+        "all currents, and one amplitude explains 30 %, 17 % and 8 % of these orders' energy in the tables "
         "([figures](thor_orders.json), `python -m experiments.thor_orders`).",
     ),
     "laas_motion": (
