@@ -21,7 +21,8 @@ from sandbox.plant.sets import complete
 Array = NDArray[np.float64]
 FASTEST = 1.2  # of rated speed: what a free rotor may reach where no limit is stated, as the menu's driven ones do
 LEAST = 0.05  # of an experiment's own currents; with less there is nothing to see
-TRIES, MARGIN = 12, 0.99  # of shrinking; of a limit, at which it aims
+TRIES, MARGIN = 12, 0.99  # of shrinking; of a limit, at which it aims where the first proportion was not enough
+FAR = 20.0  # times a limit (or no number, where the motor cannot have such currents): halved until it comes near
 ROUNDING = 1.0 + 1e-9
 STEP = 1e-3  # s between the instants that are looked at
 
@@ -62,7 +63,7 @@ def within(entry: Entry, drive: Drive, limits: Limits) -> Entry | None:
         over = _peaks(found, drive).over(room)
         if over <= ROUNDING:
             return found
-        share *= (1.0 if share == 1.0 else MARGIN) / min(over, 2.0)
+        share *= (1.0 if share == 1.0 else MARGIN) / (over if over < FAR else 2.0)
         if share < LEAST:
             return None
         found = replace(slower, i_d=share * entry.i_d, i_q=share * entry.i_q, speed=share * slower.speed)

@@ -221,6 +221,13 @@ def test_an_experiment_is_recommended_that_the_wrong_hypothesis_cannot_follow(pa
     assert best.gain == pytest.approx(min(both))
     assert best.power > 0.95
     assert recommend(campaign, rivals[:1], 1.0, entries) is None
+    low = 0.3 * campaign.drive.motor.rated_current
+    held = replace(campaign, limits=Limits(low))
+    limited = recommend(held, rivals, 1.0, ["locked_circle"])
+    assert limited is not None
+    assert f"i_d {-low:.3g} to {low:.3g} A" in limited.description  # what was weighed is what is asked for
+    assert bench_table(held, limited, campaign.drive).limits["current"] <= low * (1.0 + 1e-9)
+    assert recommend(replace(campaign, limits=Limits(can=("free",))), rivals, 1.0, entries) is None  # all are locked
 
 
 def test_surprise_is_minus_the_log_density_of_what_was_foretold():
