@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from model.errors import BadInput, unknown
 from model.inverter_table import with_points
 from model.mapped import mapped_motor, stand_in
 from model.names import fitting
-from model.parameters import Converter, Drive, Injection, Motor, build, read_toml, table_of, texts
+from model.parameters import Converter, Drive, Injection, Limits, Motor, build, read_toml, table_of, texts
 
 MOTORS = Path(__file__).parent / "motors"
 MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry
 MAP_SUFFIXES = (".npz", ".mat", ".csv")
-OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording", "ci95"}  # allowed, not read here
+# allowed, not read with the drive
+OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording", "ci95", "limits"}
 
 
 def motor_names() -> list[str]:
@@ -78,6 +79,15 @@ def load_drive(name: str | Path) -> Drive:
     except BadInput as error:
         raise _in_file(path, error) from None
     return Drive(motor, converter, injection, texts(table_of(data, "provenance")))
+
+
+def load_limits(name: str | Path) -> Limits:
+    """Return what [limits] of a drive's file says that its bench may do, nothing for a built-in name."""
+    path = motor_file(name)
+    try:
+        return cast(Limits, build(Limits, table_of(read_toml(path), "limits"), "limits"))
+    except BadInput as error:
+        raise _in_file(path, error) from None
 
 
 def _motors(path: Path, data: dict[str, Any]) -> Iterator[Motor]:

@@ -22,6 +22,7 @@ LARGEST = 1e300
 WAVEFORMS = ("square", "sine", "random")
 LINKS = ("steady", "measured")  # what the true link voltage does, beside effects
 COMMANDS = ("volts", "duties", "nominal")  # what recorded commands are
+ROTORS = ("locked", "driven", "free")  # what is done with a rotor while something is recorded
 
 
 def quantity(unit: str, low: float, high: float, *, default: Any = dataclasses.MISSING) -> Any:
@@ -191,6 +192,25 @@ class Injection:
         check(self, "injection")
         if self.waveform not in WAVEFORMS:
             raise unknown("injection waveform", self.waveform, WAVEFORMS)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a bench may do at the most (None: what the drive is rated for), and what it can do with the rotor."""
+
+    current: float | None = quantity("A peak", 1e-3, 1e5, default=None)
+    speed_rpm: float | None = quantity("rpm", 0.01, 2e5, default=None)
+    voltage: float | None = quantity("V of the DC link", 0.1, 1e5, default=None)
+    can: tuple[str, ...] = ROTORS
+
+    def __post_init__(self) -> None:
+        check(self, "limits")
+        if not isinstance(self.can, (list, tuple)) or not self.can:
+            raise BadInput(f"[limits] can = {brief(self.can)} is no list; give some of {', '.join(ROTORS)}")
+        for kind in self.can:
+            if kind not in ROTORS:
+                raise unknown("kind of rotor", str(kind), ROTORS)
+        object.__setattr__(self, "can", tuple(self.can))
 
 
 @dataclass(frozen=True)

@@ -21,6 +21,7 @@ PAGES = [
     *(ROOT / name for name in (
         "estimators/README.md", "estimators/LIMITS.md", "estimators/c/README.md", "sandbox/plant/README.md",
         "sandbox/sweep/README.md", "sandbox/recordings/IMPORTING.md", "sandbox/recordings/CHECKING.md",
+        "sandbox/recordings/RECORDING.md",
         "sandbox/gap/README.md",
     )),
 ]  # fmt: skip

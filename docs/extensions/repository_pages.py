@@ -8,6 +8,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = {  # page of the documentation (below docs/): file of the repository
+    "reference/made/what_to_record": "sandbox/recordings/RECORDING.md",
     "reference/made/recordings": "sandbox/recordings/IMPORTING.md",
     "reference/made/recordings_checked": "sandbox/recordings/CHECKING.md",
     "reference/made/sweeps": "sandbox/sweep/README.md",

@@ -58,9 +58,7 @@ def add_plan(add: Callable[..., Any], number: Callable[[str], float]) -> Any:
     c.add_argument("--current", type=number, help="largest current, A peak (rated)")
     c.add_argument("--speed", type=number, help="largest speed, rpm (rated)")
     c.add_argument("--voltage", type=number, help="largest voltage of the DC link, V (the drive's)")
-    c.add_argument(
-        "--can", default="locked,driven,free", help="what the bench can do with the rotor (locked,driven,free)"
-    )
+    c.add_argument("--can", metavar="A,B", help="what the bench can do with the rotor (locked,driven,free)")
     return c
 
 
@@ -102,7 +100,7 @@ def run_plan(options: argparse.Namespace) -> None:
 
     folder = options.out or Path("sensorless-out") / options.command
     check_output(folder)
-    can = tuple(name.strip() for name in options.can.split(",") if name.strip())
+    can = None if options.can is None else tuple(name.strip() for name in options.can.split(",") if name.strip())
     found = sandbox.plan(
         options.motor, current=options.current, speed_rpm=options.speed, voltage=options.voltage, can=can,
         jobs=options.jobs or 1,

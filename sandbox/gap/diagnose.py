@@ -59,6 +59,7 @@ class Diagnosis:
     seconds: float
     excluded: tuple[str, ...] = ()
     caution: str = ""  # about the stated noise
+    out_of_sight: tuple[str, ...] = ()  # effects that are no candidates as no recording can show them
 
     @property
     def best(self) -> Hypothesis:
@@ -105,12 +106,14 @@ def diagnose(
             "the nominal model predicts no finite currents for these voltages; check [motor] (units, alphas: "
             "`sensorless audit` shows where an energy stops being convex)"
         )
-    left = held_out(start, exclude, workers=workers)
+    hidden = out_of_sight(own)
+    barred = (*exclude, *hidden)
+    left = held_out(start, barred, workers=workers)
     count = len(prepared.recordings)
     fitted, everything = weights_of(count, left), weights_of(count)
-    found = search(start, everything, exclude=exclude, workers=workers, report=report)
-    found = widened(found, rms(nominal, range(count)), everything, exclude=exclude, workers=workers, report=report)
-    found = _with_rivals(found, rivals, everything, workers)
+    found = search(start, everything, exclude=barred, workers=workers, report=report)
+    found = widened(found, rms(nominal, range(count)), everything, exclude=barred, workers=workers, report=report)
+    found = _with_rivals(found, [s for s in rivals if not set(s) & set(hidden)], everything, workers)
     report("measuring the gap")
     judged, ranked, temperature, cost = _ranked(found, rms(nominal, range(count)), everything, workers)
     best = ranked[0][1]
@@ -123,8 +126,16 @@ def diagnose(
     return Diagnosis(
         own, start, nominal, before, after, left, judged, hypotheses,
         tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,
-        round(cost), time.perf_counter() - began, tuple(exclude), caution,
+        round(cost), time.perf_counter() - began, tuple(exclude), caution, hidden,
     )  # fmt: skip
+
+
+def out_of_sight(campaign: Campaign) -> tuple[str, ...]:
+    """Return the effects that recordings cannot show however large they are: those of mechanics, where no rotor is
+    free (locked, or its speed imposed)."""
+    if any(r.rotor == "free" for r in campaign.recordings):
+        return ()
+    return tuple(e for e in library.effect_names() if library.load_effect(e).subsystem == "mechanics")
 
 
 def _with_rivals(found: Search, rivals: Sequence[tuple[str, ...]], weights: Weights, workers: int) -> Search:

@@ -20,7 +20,7 @@ from model.drive_files import injection_defaults
 from model.errors import BadInput, brief, shown, unknown
 from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
-from model.parameters import Converter, Drive, Injection, Motor, build, finite, read_toml, texts
+from model.parameters import ROTORS, Converter, Drive, Injection, Limits, Motor, build, finite, read_toml, texts
 from sandbox.recordings.volts import with_volts
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ UNITS = {
     "t": "s", "u_alpha": "V", "u_beta": "V", "i_a": "A", "i_b": "A", "i_c": "A", "theta": "rad", "u_dc": "V",
     "load_torque": "N m", "temperature": "degC", "torque": "N m", "theta_hat": "rad",
 }  # fmt: skip
-ROTORS = ("locked", "driven", "free")
 AXES = ("d", "q", "none")
 STATED = {  # standard deviations that a campaign may state
     "uncertainty": (
@@ -46,13 +45,14 @@ STATED = {  # standard deviations that a campaign may state
 }  # fmt: skip
 TABLES = (
     "campaign", "drive", "motor", "flux_map", "uncertainty", "background", "injection", "provenance", "recording",
-    "log",
+    "log", "limits",
 )  # fmt: skip
 EXAMPLE = Path(__file__).parent / "example"  # the sample campaign (experiments/example_campaign.py)
 LARGEST = 1e12  # of any recorded number, in its unit
 LINK = (0.1, 1e5)  # V, as in [drive]
 OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
 UNUSED_INERTIA = 1e-3  # kg m^2, of a campaign in which no rotor is free and none is stated
+NO_LIMITS = Limits()
 RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
 
 
@@ -131,7 +131,8 @@ class Campaign:
     """A drive's nominal model and what was recorded on it.
 
     `rated_from_data`: the rated values missing in [motor] were taken from the recordings (largest current and
-    speed in them, and the torque that current gives on the magnet flux): scales, not ratings.
+    speed in them, and the torque that current gives on the magnet flux): scales, not ratings.  `limits`: what the bench
+    may do when it records more.
     """
 
     name: str
@@ -141,6 +142,7 @@ class Campaign:
     background: Mapping[str, float]
     rated_from_data: bool
     findings: tuple[Finding, ...] = ()  # what `sandbox.recordings.importing` noticed; empty from `read_campaign`
+    limits: Limits = NO_LIMITS
 
     def __getitem__(self, file: str) -> CampaignRecording:
         for r in self.recordings:
@@ -197,6 +199,7 @@ def assemble(
         converter = converter_of(data, folder)
         injection = _injection(data, recordings, motor, converter)
         uncertainty, background = _numbers(data, "uncertainty"), _numbers(data, "background")
+        limits = cast(Limits, build(Limits, table_of(data, "limits"), "limits"))
     except BadInput as error:
         raise BadInput(f"{source}: {error}") from None
     for r in recordings:
@@ -206,7 +209,7 @@ def assemble(
     provenance = texts(table_of(data, "provenance"))
     return Campaign(
         own_name, Drive(motor, converter, injection, provenance), recordings,
-        uncertainty, background, from_data,
+        uncertainty, background, from_data, limits=limits,
     )  # fmt: skip
 
 

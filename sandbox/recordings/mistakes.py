@@ -5,13 +5,15 @@ Over a window of m samples the flux that voltage leaves behind must be the flux 
     sum h (u_k - R (i_k + i_k+1) / 2) = psi(end) - psi(begin),
     psi = (L_d + L_q)/2 i + (L_d - L_q)/2 exp(2j theta) conj(i) + phi_m exp(j theta)      (stator frame, complex)
 
-whatever the load; only the nominal linear model is asked.  The share of the voltage's energy that stays unexplained
-is some per cent for a real gap, about 1 or far more for a wrong unit.  A mistake is believed only where undoing it
-explains the recording; a gap that no mistake explains is left to the diagnosis.
+whatever the load; the nominal linear model is asked, and the saturated one where that leaves a doubt.  The share of
+the voltage's energy that stays unexplained is some per cent for a real gap, about 1 or far more for a wrong unit.  A
+mistake is believed only where undoing it explains the recording; a gap that no mistake explains is left to the
+diagnosis.
 """
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -21,7 +23,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput
+from model.energy import AnyEnergy, flux_from_current
+from model.errors import BadInput, PhysicsError
 from model.parameters import Drive
 from sandbox.recordings.campaign import CampaignRecording, Finding
 
@@ -36,6 +39,7 @@ BETTER = 4.0  # ... and the factor by which it must fall
 TIE = 1.5  # factor within which two mistakes cannot be told apart
 OFF_AXIS = 0.5  # excess of the injected energy along its axis: 30 degrees off
 ON_AXIS = 0.9  # excess that undoing a mistake must reach: 13 degrees
+LOOKED = 200  # windows in which the saturated model is asked
 TURN = 2.0 * math.pi
 
 
@@ -75,27 +79,48 @@ class Balance:
         return float(np.sum(np.abs(self.rest) ** 2)) / total if total > 0.0 else 0.0
 
 
-def balance(columns: Columns, drive: Drive, window: int | None = None) -> Balance:
-    """Return the flux balance of a recording's columns with the nominal linear model, over windows of so many samples
-    (None: as many as keep the voltage)."""
+def balance(columns: Columns, drive: Drive, window: int | None = None, *, saturated: bool = False) -> Balance:
+    """Return the flux balance of a recording's columns over windows of so many samples (None: as many as keep the
+    voltage), with the nominal linear model or the saturated one.
+
+    saturated: some LOOKED windows all over the recording, without those whose currents are outside the nominal model.
+    """
     m, h = drive.motor, drive.converter.sampling_period
     u = columns["u_alpha"] + 1j * columns["u_beta"]
     a, b, c = (columns[n] for n in PHASES)
     i = (2.0 * a - b - c) / 3.0 + 1j * (b - c) / math.sqrt(3.0)
     turn = np.exp(1j * columns["theta"])
     half_sum, half_gap = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
-    psi = half_sum * i + half_gap * turn**2 * np.conj(i) + m.magnet_flux * turn
     size = window or _window(u)
     ends = np.arange(0, len(u), size)
+    if saturated:
+        some = np.unique(np.linspace(0, len(ends) - 1, min(LOOKED, len(ends)), dtype=np.int64))
+        some = np.unique(np.minimum([some, some + 1], len(ends) - 1))
+        psi = np.full(len(ends), np.nan, dtype=np.complex128)
+        psi[some] = _saturated_flux(m.energy, (i * np.conj(turn))[ends[some]]) + m.magnet_flux
+        psi *= turn[ends]
+    else:
+        psi = (half_sum * i + half_gap * turn**2 * np.conj(i) + m.magnet_flux * turn)[ends]
     flux = np.concatenate([[0j], np.cumsum(h * u[:-1])])
     drop = np.concatenate([[0j], np.cumsum(0.5 * h * m.resistance * (i[:-1] + i[1:]))])
     span = size * h
     voltage: Complex = np.asarray(np.diff(flux[ends]) / span, dtype=np.complex128)
-    rest: Complex = voltage - np.diff(drop[ends] + psi[ends]) / span
+    rest: Complex = voltage - np.diff(drop[ends] + psi) / span
     sensor = math.hypot(drive.converter.current_noise, drive.converter.current_resolution / math.sqrt(12.0))
     noise = 8.0 / 3.0 * (half_sum**2 + half_gap**2) * (sensor / span) ** 2
     energy = float(np.mean(np.abs(voltage) ** 2)) if len(voltage) else 0.0
-    return Balance(ends[:-1], voltage, rest, noise / energy if energy > 0.0 else math.inf)
+    inside = np.isfinite(rest)
+    return Balance(ends[:-1][inside], voltage[inside], rest[inside], noise / energy if energy > 0.0 else math.inf)
+
+
+def _saturated_flux(energy: AnyEnergy, current: Complex) -> Complex:
+    """Return d + j q (Wb) (n,) of currents d + j q (A), not a number where the model does not hold them."""
+    out = np.full(len(current), np.nan, dtype=np.complex128)
+    for k, i in enumerate(current):
+        with contextlib.suppress(PhysicsError):
+            d, q = flux_from_current(energy, float(i.real), float(i.imag))
+            out[k] = complex(float(d), float(q))
+    return out
 
 
 def _window(u: Complex) -> int:
@@ -196,7 +221,7 @@ def _turned(factor: float, zero: float) -> Callable[[Columns], dict[str, Array]]
 def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
     """Raise BadInput for the mistake that explains what recordings contradict; return what no mistake explains."""
     read = [(r, balance(r.columns, drive)) for r in recordings]
-    doubtful = [(r, b) for r, b in read if b.doubtful]
+    doubtful = [(r, b) for r, b in read if b.doubtful and not _saturation_explains(r, drive)]
     found = _explanations(doubtful, drive)
     if found:
         m = found[0]
@@ -222,6 +247,15 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
         )
         for r, b in doubtful if b.share > 0.7
     ]  # fmt: skip
+
+
+def _saturation_explains(r: CampaignRecording, drive: Drive) -> bool:
+    """Return whether a recording agrees with the nominal model once its saturation is asked, too, in at least half of
+    its windows."""
+    with np.errstate(all="ignore"):  # currents of a wrong unit
+        told = balance(r.columns, drive, saturated=True)
+    asked = min(LOOKED, len(r.t) // _window(r["u_alpha"] + 1j * r["u_beta"]))
+    return len(told.rows) >= 0.5 * asked and not told.doubtful
 
 
 def _percent(share: float) -> str:

@@ -13,7 +13,7 @@ from model.errors import BadInput
 from model.mapped import without_map
 from sandbox.output.files import aside_of
 from sandbox.output.toml import toml_text
-from sandbox.recordings.campaign import OF_RECORDING, RATED, Campaign
+from sandbox.recordings.campaign import NO_LIMITS, OF_RECORDING, RATED, Campaign
 
 
 def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
@@ -50,6 +50,7 @@ def _toml(c: Campaign) -> str:
         ("[background]", c.background),
         ("[injection]", dataclasses.asdict(c.drive.injection)),
         ("[provenance]", c.drive.provenance),
+        ("[limits]", {} if c.limits == NO_LIMITS else dataclasses.asdict(c.limits)),
     ]
     for r in c.recordings:
         tables.append(("[[recording]]", {key: getattr(r, key) for key in OF_RECORDING}))

@@ -12,26 +12,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from model.errors import BadInput, PhysicsError, unknown
-from model.parameters import Drive
-from sandbox.gap.planning.menu import Entry, menu, recording_of, settings, shaft
+from model.errors import BadInput, PhysicsError
+from model.parameters import Drive, Limits
+from sandbox.gap.planning.menu import Entry, recording_of, settings, shaft
 from sandbox.gap.planning.visible import CLEAR, Visible, visible
+from sandbox.gap.planning.within import allowed
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import ROTORS, Campaign
+from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare, replay
 
-LEAST_LINK = 1.05  # of the voltage that an experiment needs: a bench's link must have as much
 ENCODER = 4096  # counts a turn, where the motor's file names none
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What a bench may do: A peak, rpm and V at the most (None: the motor's rated values and link), kinds of rotor."""
-
-    current: float | None = None
-    speed_rpm: float | None = None
-    voltage: float | None = None
-    can: tuple[str, ...] = ROTORS
 
 
 @dataclass(frozen=True)
@@ -63,12 +53,9 @@ def plan(drive: Drive, limits: Limits, *, workers: int = 1) -> Plan:
 
     BadInput where the limits leave no experiment.
     """
-    for kind in limits.can:
-        if kind not in ROTORS:
-            raise unknown("kind of rotor", kind, ROTORS)
     if drive.converter.encoder_counts is None:
         drive = replace(drive, converter=replace(drive.converter, encoder_counts=ENCODER))
-    entries = [e for e in (_within(e, drive, limits) for e in menu(drive)) if e is not None]
+    entries = allowed(drive, limits)
     if not entries:
         raise BadInput("no experiment of the menu is within these limits; allow more current, speed or voltage")
     told: list[tuple[Entry, Visible]] = []
@@ -100,20 +87,6 @@ def _ordered(drive: Drive, told: Sequence[tuple[Entry, Visible]]) -> list[Planne
         out.append(Planned(entry, settings(entry, drive), view, news[k]))
         seen |= set(news[k])
     return out
-
-
-def _within(entry: Entry, drive: Drive, limits: Limits) -> Entry | None:
-    """Return an experiment with its currents and speeds shrunk into the limits, None where the bench cannot do it."""
-    if entry.rotor not in limits.can:
-        return None
-    rpm = 60.0 / math.tau / drive.motor.pole_pairs
-    current = float(np.max(np.hypot(entry.i_d, entry.i_q)))
-    speed = float(np.max(np.abs(entry.speed))) * rpm
-    by_current = min(1.0, limits.current / current) if limits.current and current > 0.0 else 1.0
-    by_speed = min(1.0, limits.speed_rpm / speed) if limits.speed_rpm and speed > 0.0 else 1.0
-    if limits.voltage is not None and entry.link * drive.converter.dc_bus_voltage > limits.voltage:
-        return None
-    return replace(entry, i_d=by_current * entry.i_d, i_q=by_current * entry.i_q, speed=by_speed * entry.speed)
 
 
 def _simulated(drive: Drive, entry: Entry) -> Campaign:

@@ -16,9 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.frames import phases
-from model.parameters import Drive
-from sandbox.gap.planning.menu import Entry, menu, recording_of, shaft
+from model.parameters import Drive, Limits
+from sandbox.gap.planning.menu import Entry, injected_wave, menu, recording_of, shaft
 from sandbox.gap.planning.next_recording import Next
+from sandbox.gap.planning.within import largest_current, within
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 
@@ -29,24 +30,30 @@ DIGITS = "%.7g"
 
 @dataclass(frozen=True)
 class BenchTable:
-    """An experiment's columns by name (n,), what [[recording]] has to say of it, and the largest values in it."""
+    """An experiment's columns by name (n,), what [[recording]] has to say of it, the largest values in it, and what its
+    bench may do."""
 
     entry: Entry
     columns: Mapping[str, Array]
     recording: Mapping[str, str | float]
     limits: Mapping[str, float]
+    bench: Limits
 
 
-def bench_table(campaign: Campaign, following: Next, drive: Drive) -> BenchTable:
+def bench_table(campaign: Campaign, following: Next, drive: Drive) -> BenchTable | None:
     """Return a recommended recording's table; drive: with the refitted motor.
 
-    Currents stay within rated current, voltages within the link: as `menu` has them.
+    [limits] hold for what that motor is predicted to do (where there are none, what `menu` asks for); None where it
+    cannot do the experiment within them.
     """
-    entry = next(e for e in menu(campaign.drive, following.seconds) if e.name == following.entry)
+    wanted = next(e for e in menu(campaign.drive, following.seconds) if e.name == following.entry)
+    entry = within(wanted, drive, campaign.limits)
+    if entry is None:
+        return None
     values = complete(drive.motor, drive.converter)
     r = recording_of(Campaign(campaign.name, drive, (), {}, {}, False), entry, shaft(values, drive)).recordings[0]
     rpm = 60.0 / math.tau / drive.motor.pole_pairs
-    injected = {f"injected_{x}_V": u * _wave(len(r.t)) for x, u in zip("dq", entry.injection, strict=True)}
+    injected = {f"injected_{x}_V": u * injected_wave(len(r.t)) for x, u in zip("dq", entry.injection, strict=True)}
     voltages = dict(zip(("u_a_V", "u_b_V", "u_c_V"), phases.py_func(r.u_alpha, r.u_beta), strict=True))
     speed = np.gradient(r.theta, r.t) if entry.rotor == "free" else entry.speed
     columns = {"t_s": r.t, "i_d_A": entry.i_d, "i_q_A": entry.i_q, "speed_rpm": rpm * speed}
@@ -56,21 +63,22 @@ def bench_table(campaign: Campaign, following: Next, drive: Drive) -> BenchTable
     if entry.link != 1.0:
         said["dc_bus_voltage"] = entry.link * drive.converter.dc_bus_voltage
     limits = {
-        "current": float(np.max(np.hypot(entry.i_d, entry.i_q))), "speed_rpm": float(np.max(np.abs(rpm * speed))),
+        "current": largest_current(entry, drive), "speed_rpm": float(np.max(np.abs(rpm * speed))),
         "voltage": float(np.max(np.hypot(r.u_alpha, r.u_beta))), "link": float(r.u_dc[0]),
     }  # fmt: skip
-    return BenchTable(entry, columns, said, limits)
+    return BenchTable(entry, columns, said, limits, campaign.limits)
 
 
-def _wave(n: int) -> Array:
-    """Return the injected square wave (n,) of eight samples, as `menu.recording_of` has it."""
-    return np.where(np.arange(n) % 8 < 4, 1.0, -1.0)
+def stated(bench: Limits) -> str:
+    """Return a bench's limits in words, empty where there are none."""
+    units = {"current": "A peak", "speed_rpm": "rpm", "voltage": "V link"}
+    return ", ".join(f"{getattr(bench, k):g} {unit}" for k, unit in units.items() if getattr(bench, k) is not None)
 
 
 def write_bench_table(path: Path, table: BenchTable, following: Next) -> None:
     """Write the table as CSV, what it is and what it will tell in comments above it."""
     told = "; or ".join(" + ".join(s) or "no effect" for s in following.separates)
-    limits = table.limits
+    limits, allowed = table.limits, stated(table.bench)
     most = (
         f"{limits['current']:.4g} A peak, {limits['voltage']:.4g} V phase peak, {limits['speed_rpm']:.0f} rpm, link "
         f"{limits['link']:.4g} V"
@@ -79,7 +87,7 @@ def write_bench_table(path: Path, table: BenchTable, following: Next) -> None:
     lines = [
         f"# {following.description}, for {following.seconds:g} s",
         f"# tells apart, with probability {following.power:.2f}: {told}",
-        f"# at most: {most}; rotor {table.entry.rotor}",
+        f"# at most: {most}; rotor {table.entry.rotor}" + (f"; [limits]: {allowed}" if allowed else ""),
         f"# afterwards, in campaign.toml: [[recording]] file = \"...\" {entry}",
         "# u_a_V ...: the refitted motor's phase voltages at theta_rad (electrical); or follow i and speed",
         ",".join(table.columns),

@@ -25,6 +25,8 @@ DURATION, FULL_RATE = 1.0, 8000.0  # s; Hz: faster drives record shorter, as man
 STEPS = 4  # a period, of a free rotor whose friction changes within it
 SETTLE = 0.1  # s at the start, until open-loop currents stand
 FOLLOWS = 5e-3  # s: how slowly a bench's current control follows what is wanted; no step asks for the whole link
+HALF_WAVE = 4  # samples of half a period of what is injected
+LARGEST_SHARE = 0.95  # of the voltage limit that an experiment's commands may reach; larger ones are cut
 FULL, TIGHTEST = 0.86, 0.25  # of the voltage limit at the most (control needs the rest); least share of the link
 
 
@@ -76,7 +78,7 @@ def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
               crossing, crossing * np.cos(around), zero),
         Entry("locked_low_current_half_link", "locked rotor, current slowly through zero at half the DC-link voltage",
               "locked", crossing, crossing * np.cos(around), zero, link=0.5),
-        Entry("locked_circle", "locked rotor, rated current slowly around the circle", "locked",
+        Entry("locked_circle", "locked rotor, current slowly around the circle", "locked",
               fade * np.cos(around), fade * np.sin(around), zero),
         Entry("locked_steps", "locked rotor, large steps along d and q", "locked",
               steps, np.roll(steps, len(t) // 5), zero),
@@ -84,16 +86,15 @@ def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
               zero, stairs, zero, injection=(pulse, 0.0)),
         Entry("locked_d_inject_q", "locked rotor, injection along q over a staircase on d", "locked",
               stairs, zero, zero, injection=(0.0, pulse)),
-        Entry("driven_fast_q", "driven at 80 % speed both ways, rated current on q", "driven",
+        Entry("driven_fast_q", "driven fast both ways, current on q", "driven",
               zero, fade, both * rated),
-        Entry("driven_fast_idle", "driven at 80 % speed both ways without current", "driven",
+        Entry("driven_fast_idle", "driven fast both ways without current", "driven",
               zero, zero, both * rated),
-        Entry("driven_idle_half_link", "driven at 80 % speed at twice the share of the link (half its voltage) "
-              "without current", "driven", zero, zero, 0.5 * both * rated, link=0.5),
-        Entry("driven_tight_link", f"driven both ways at up to {top / rated:.0%} of rated speed, {high:.0%} of rated "
-              f"current along d, the DC link at {link:.0%}, so that nearly all of its voltage is used", "driven",
+        Entry("driven_idle_half_link", "driven both ways without current at half the DC-link voltage", "driven",
+              zero, zero, 0.5 * both * rated, link=0.5),
+        Entry("driven_tight_link", "driven both ways, current along d, the DC-link voltage nearly used up", "driven",
               high * fade, zero, ramp(t, (0, 0.8), (0.35, 1.0), (0.45, 1.0), (0.65, -0.8), (1, -1.0)) * top, link=link),
-        Entry("driven_slow_dq", "driven slowly, half of rated current on d and q", "driven",
+        Entry("driven_slow_dq", "driven slowly, current on d and q", "driven",
               0.35 * fade, 0.35 * fade, turn * one),
         Entry("free_coast", "free rotor, accelerated and left to coast to standstill", "free",
               zero, ramp(t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0)), zero),
@@ -127,12 +128,11 @@ def reached(wanted: Array, period: float) -> Array:
     return np.asarray(lfilter([1.0 - decay], [1.0, -decay], wanted))
 
 
-def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[Array], Array]) -> Campaign:
-    """Return a campaign of one recording with an entry's commands and angles; its currents are still zero.
+def demand(entry: Entry, drive: Drive, torque_to_motion: Callable[[Array], Array]) -> tuple[Array, Array, Array, Array]:
+    """Return an entry's angle (rad) and speed (rad/s, both electrical), and the voltages u_d, u_q (V) it needs, (n,).
 
     torque_to_motion: the motion (rad, electrical) that the wanted torque (n,) in N m gives a free rotor.
     """
-    drive = campaign.drive
     motor, period = drive.motor, drive.converter.sampling_period
     i_d, i_q = reached(entry.i_d, period), reached(entry.i_q, period)
     d, q = flux_from_current(motor.energy, i_d, i_q)
@@ -145,19 +145,33 @@ def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[A
         theta = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * period)]) + 0.3
     u_d = motor.resistance * i_d + np.gradient(d, period) - speed * q
     u_q = motor.resistance * i_q + np.gradient(q, period) + speed * (d + motor.magnet_flux)
-    wave = np.where(np.arange(len(d)) % 8 < 4, 1.0, -1.0)
-    u_d, u_q = u_d + entry.injection[0] * wave, u_q + entry.injection[1] * wave
+    wave = injected_wave(len(d))
+    return theta, speed, u_d + entry.injection[0] * wave, u_q + entry.injection[1] * wave
+
+
+def injected_wave(n: int) -> Array:
+    """Return the injected square wave of size 1 (n,)."""
+    return np.where(np.arange(n) % (2 * HALF_WAVE) < HALF_WAVE, 1.0, -1.0)
+
+
+def recording_of(campaign: Campaign, entry: Entry, torque_to_motion: Callable[[Array], Array]) -> Campaign:
+    """Return a campaign of one recording with an entry's commands and angles; its currents are still zero.
+
+    torque_to_motion: as `demand`.
+    """
+    drive = campaign.drive
+    period = drive.converter.sampling_period
+    theta, speed, u_d, u_q = demand(entry, drive, torque_to_motion)
     half = theta + 0.5 * speed * period
     link = entry.link * drive.converter.dc_bus_voltage
     size = np.hypot(u_d, u_q)
-    scale = np.minimum(1.0, 0.95 * link / math.sqrt(3.0) / np.maximum(size, 1e-9))
+    scale = np.minimum(1.0, LARGEST_SHARE * link / math.sqrt(3.0) / np.maximum(size, 1e-9))
     u_d, u_q = u_d * scale, u_q * scale
     co, si = np.cos(half), np.sin(half)
     columns: dict[str, Array] = {
-        "t": np.linspace(0.0, len(d) * period, len(d), endpoint=False),
+        "t": np.linspace(0.0, len(theta) * period, len(theta), endpoint=False),
         "u_alpha": co * u_d - si * u_q, "u_beta": si * u_d + co * u_q,
-        "i_a": np.zeros(len(d)), "i_b": np.zeros(len(d)), "i_c": np.zeros(len(d)), "theta": theta,
-        "u_dc": np.full(len(d), link),
+        **{f"i_{phase}": np.zeros(len(theta)) for phase in "abc"}, "theta": theta, "u_dc": np.full(len(theta), link),
     }  # fmt: skip
     one = CampaignRecording("next.parquet", entry.rotor, "none", columns, None if entry.link == 1.0 else link)
     return replace(campaign, recordings=(one,))

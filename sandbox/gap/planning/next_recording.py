@@ -26,7 +26,8 @@ from model.errors import BadInput, PhysicsError
 from sandbox.gap.diagnose import CREDIBLE
 from sandbox.gap.evidence.discrepancy import FLOOR, SHARE
 from sandbox.gap.evidence.normal import Point, normal
-from sandbox.gap.planning.menu import Entry, menu, recording_of, settings, shaft, usual_seconds
+from sandbox.gap.planning.menu import Entry, recording_of, settings, shaft, usual_seconds
+from sandbox.gap.planning.within import allowed
 from sandbox.gap.search.judged import Judged
 from sandbox.plant.sets import batch_of, complete
 from sandbox.recordings.campaign import Campaign
@@ -176,7 +177,7 @@ def recommend(
     rivals = rivals[:RIVALS]
     if len(rivals) < 2:
         return None
-    entries = [e for e in menu(campaign.drive) if names is None or e.name in names]
+    entries = [e for e in allowed(campaign.drive, campaign.limits) if names is None or e.name in names]
     if campaign.rated_from_data and all(r.rotor == "locked" for r in campaign.recordings):
         entries = [e for e in entries if e.rotor == "locked"]  # nothing says how fast it may turn
     found = [x for e in entries if (x := _tried(campaign, e, rivals[:2], temperature, workers))]
@@ -189,9 +190,9 @@ def recommend(
             break
         promising = max(found, key=lambda x: (power(rivals, x.longer(length)), float(x.told.min())))
         if power(rivals, promising.longer(length)) >= LEAST_POWER:
-            slower = menu(campaign.drive, length * usual_seconds(campaign.drive))
-            entry = next(e for e in slower if e.name == promising.entry.name)
-            known += [x for x in [_tried(campaign, entry, rivals, temperature, workers)] if x]
+            slower = allowed(campaign.drive, campaign.limits, length * usual_seconds(campaign.drive))
+            entries = [e for e in slower if e.name == promising.entry.name]
+            known += [x for e in entries if (x := _tried(campaign, e, rivals, temperature, workers))]
     best = _best(rivals, known)
     if best is None:
         return None

@@ -23,7 +23,7 @@ from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.report.where import Finding, percent, summary, where
 from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
 from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.recordings.campaign import Campaign
+from sandbox.recordings.campaign import NO_LIMITS, Campaign
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 HARDLY = 5e-4  # of what remains: less is nothing
@@ -114,7 +114,13 @@ def where_text(a: Answers) -> str:
 
 
 def which_text(a: Answers) -> str:
-    """Return which effect causes it, or that none does, or that it cannot be told."""
+    """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates."""
+    hidden = a.diagnosis.out_of_sight
+    text = "" if not hidden else f" No rotor turned freely: {', '.join(words(e) for e in hidden)} were no candidates."
+    return _which(a) + text
+
+
+def _which(a: Answers) -> str:
     d, best = a.diagnosis, a.diagnosis.best
     if a.verdict == "no_gap":
         others = [h for h in d.ambiguity_set if h.effects and UNKNOWN not in h.effects]
@@ -207,7 +213,11 @@ def next_text(a: Answers) -> str:
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
     disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
     told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
-    return f"Recordings that tell more, for {told}." if told else "No effect is known that a recording could confirm."
+    if not told:
+        return "No effect is known that a recording could confirm."
+    held = a.verdict == "ambiguous" and a.diagnosis.campaign.limits != NO_LIMITS
+    none = "Within [limits] no recording of the menu is likely to leave one of them. " if held else ""
+    return f"{none}Recordings that tell more, for {told}."
 
 
 def caveats(a: Answers) -> list[str]:
@@ -237,8 +247,6 @@ def caveats(a: Answers) -> list[str]:
     if missing:
         out.append(f"No [{'], ['.join(missing)}] is stated: usual values of a careful identification are assumed.")
     kinds = {r.rotor for r in d.start.prepared.recordings}
-    if "free" not in kinds:
-        out.append("No rotor turned freely, so effects of mechanics cannot be seen.")
     if kinds == {"locked"}:
         out.append("The rotor never turned, so effects that need speed (flux, encoder, iron loss) can hardly be seen.")
     if a.position is None:

@@ -34,9 +34,10 @@ DIRECTIONS = (
     "on the d axis", "on the q axis",
 )  # fmt: skip
 LEAST_CURRENT = 0.02  # of rated: below that a direction is noise
-ORDERS = tuple(range(-13, 14))
+LOW, SLOTS = 13, (18, 24, 30, 36)  # orders looked at one by one; further ones, of a machine's slots
+ORDERS = (*(-n for n in reversed(SLOTS)), *range(-LOW, LOW + 1), *SLOTS)
 MECHANICAL = tuple(range(1, 49))
-PER_TURN = 2.0 * (max(ORDERS) + 1)  # samples a turn needs, to tell its orders apart
+PER_TURN = 2.0 * (LOW + 1)  # samples a turn needs, to tell its low orders apart
 FEWEST = 30  # blocks in a cell of speed and current
 LINE = 30.0  # times its neighbourhood: a line
 BINS = 1024
@@ -192,14 +193,19 @@ def _turns(angle: Array, per_turn: float, turns: float) -> list[tuple[int, int]]
 
 
 def _orders(own: Sequence[Inputs], z: Sequence[Complex], total: float) -> dict[int, float]:
-    """Return the share of each electrical order of currents, in the rotor's frame, over turning recordings."""
-    power = np.zeros(len(ORDERS))
+    """Return the share of each electrical order of currents, in the rotor's frame, over turning recordings.
+
+    An order counts where a turn has samples enough for it.
+    """
+    power, size = np.zeros(len(ORDERS)), np.abs(ORDERS)
     for r, values in zip(own, z, strict=True):
         if r.rotor == "locked":
             continue
         for a, b in _turns(r.motion.angle, PER_TURN, 2.0):
             wave = np.exp(-1j * np.outer(ORDERS, r.motion.angle[a:b]))
-            power += 1.5 * np.abs(wave @ values[a:b]) ** 2 / (b - a) - VARIANCE
+            turn = (b - a) * math.tau / abs(r.motion.angle[b - 1] - r.motion.angle[a])
+            told = 2.0 * (size + 1) <= max(turn, PER_TURN)
+            power += np.where(told, 1.5 * np.abs(wave @ values[a:b]) ** 2 / (b - a) - VARIANCE, 0.0)
     return {n: max(0.0, float(p)) / total for n, p in zip(ORDERS, power, strict=True)}
 
 

@@ -67,6 +67,7 @@ def contract(
         "alike": None if alike is None else asdict(alike),
         "next_recording": as_json(following),
         "excluded": list(d.excluded),
+        "out_of_sight": list(d.out_of_sight),
         "cost": {"simulations": d.simulations, "seconds": d.seconds},
     }  # fmt: skip
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from model.drive_files import load_limits
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of, table_of, write_table
@@ -16,7 +18,7 @@ from sandbox.public.campaigns import drafting
 from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
-from sandbox.recordings.campaign import ROTORS, Campaign, Finding
+from sandbox.recordings.campaign import NO_LIMITS, Campaign, Finding
 from sandbox.recordings.preflight import NOTE, REFUSED, Noticed, noticed
 
 if TYPE_CHECKING:
@@ -211,7 +213,7 @@ def plan(
     current: float | None = None,
     speed_rpm: float | None = None,
     voltage: float | None = None,
-    can: Sequence[str] = ROTORS,
+    can: Sequence[str] | None = None,
     jobs: int = 1,
 ) -> PlanResult:
     """Return what to record on a bench so that a diagnosis can tell effects apart, by simulating the nominal motor.
@@ -219,7 +221,8 @@ def plan(
     Parameters
     ----------
     motor : str, Path or Drive
-        See `load_motor`: the nominal model, its converter and sensors.
+        See `load_motor`: the nominal model, its converter and sensors.  `[limits]` of its file holds the bench's limits
+        under the names below; what is given here comes before it.
     current : float, optional
         A peak, the bench's limit; the motor's rated current by default.
     speed_rpm : float, optional
@@ -227,7 +230,7 @@ def plan(
     voltage : float, optional
         V of the DC link; that of the drive by default.
     can : sequence of str
-        What the bench can do with the rotor: 'locked', 'driven', 'free'.
+        What the bench can do with the rotor: 'locked', 'driven', 'free'; all of them by default.
     jobs : int
         Threads.
 
@@ -247,14 +250,13 @@ def plan(
     >>> plan("ipm_exchanged", can=("locked",)).plan.experiments[0].entry.rotor  # doctest: +SKIP
     'locked'
     """
-    from sandbox.gap.planning.bench_plan import Limits
     from sandbox.gap.planning.bench_plan import plan as planned
 
-    for name, value in (("current", current), ("speed_rpm", speed_rpm), ("voltage", voltage)):
-        if value is not None and not 0.0 < value < 1e6:
-            raise BadInput(f"{name} = {value:g} is no limit of a bench; give a positive number")
-    limits = Limits(current, speed_rpm, voltage, tuple(can))
-    return PlanResult(planned(load_motor(motor), limits, workers=jobs))
+    drive = load_motor(motor)
+    limits = NO_LIMITS if isinstance(motor, Drive) else load_limits(motor)
+    given = {"current": current, "speed_rpm": speed_rpm, "voltage": voltage, "can": can}
+    limits = dataclasses.replace(limits, **{k: v for k, v in given.items() if v is not None})  # type: ignore[arg-type]
+    return PlanResult(planned(drive, limits, workers=jobs))
 
 
 def print_plan(found: PlanResult) -> None:

@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from model.errors import BadInput, unknown
-from sandbox.gap.planning.menu import Entry, menu
+from sandbox.gap.planning.menu import Entry
+from sandbox.gap.planning.within import allowed
 from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.validation.withheld.cycles import CURRENT, Cycle, cycle
@@ -36,7 +37,7 @@ def recommended(diagnosis: Mapping[str, Any]) -> tuple[str, float] | None:
 
 def entry_of(campaign: Campaign, name: str, seconds: float) -> Entry:
     """Return a campaign's menu entry; BadInput with the nearest name for an unknown one."""
-    entries = {e.name: e for e in menu(campaign.drive, seconds)}
+    entries = {e.name: e for e in allowed(campaign.drive, campaign.limits, seconds)}
     if name not in entries:
         raise unknown("recording", name, list(entries))
     return entries[name]

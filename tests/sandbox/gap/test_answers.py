@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 import shutil
 import tomllib
 from html.parser import HTMLParser
@@ -13,6 +14,7 @@ import pytest
 from estimators.registry import load_estimator
 from experiments import releases
 from model.drive_files import load_drive
+from model.effects import library
 from model.effects.card import SUBSYSTEMS
 from model.errors import BadInput
 from sandbox.cli import main
@@ -20,6 +22,7 @@ from sandbox.drive.design import design
 from sandbox.drive.record import campaign_of
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
+from sandbox.gap.diagnose import out_of_sight
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.pages.page import write_report
 from sandbox.gap.planning.menu import menu, settings
@@ -34,7 +37,7 @@ from sandbox.gap.report.words import quantity, times
 from sandbox.gap.search.estimates import Estimate
 from sandbox.output.files import plain
 from sandbox.output.trace import read_trace
-from sandbox.public.campaigns.diagnosed import DiagnosisResult
+from sandbox.public.campaigns.diagnosed import DiagnosisResult, diagnose
 from sandbox.public.campaigns.replayed import replay
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.injection import carrier
@@ -65,7 +68,7 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
     assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **c}) == []
     assert set(c) == {
         "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "alike", "next_recording", "excluded",
-        "cost", "effects", "groups", "unknown", "waterfall",
+        "out_of_sight", "cost", "effects", "groups", "unknown", "waterfall",
     }  # fmt: skip
     assert set(c["gap"]) == {
         "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg", "remains"
@@ -88,6 +91,36 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
     assert unknown["closed"] is None
     before, after = c["gap"]["before"], c["gap"]["after"]
     assert c["gap"]["closed"] == pytest.approx((before**2 - after**2) / (before**2 - 1.0))
+
+
+def test_electrical_recordings_alone_judge_no_mechanics(small_folder, tmp_path):
+    """Locked and driven rotors, nothing known of the shaft, nothing injected: the electrical cause is found as with all
+    that stated, effects of mechanics are no candidates, and the answer says so."""
+    shutil.copytree(small_folder, tmp_path / "c")
+    text = (tmp_path / "c" / "campaign.toml").read_text().replace('injection_axis = "d"', 'injection_axis = "none"')
+    text = re.sub(r"\[injection\]\n(\w+ = .*\n)+", "", text)
+    kept = [x for x in text.splitlines() if not x.startswith(("inertia", "viscous_friction", "rated_"))]
+    (tmp_path / "c" / "campaign.toml").write_text("\n".join(kept) + "\n")
+    assert not any(word in "\n".join(kept) for word in ("inertia =", "[injection]"))
+    shaft = {"coulomb_friction", "viscous_friction", "cogging_torque", "inertia", "shaft_compliance"}
+    left_out = set(library.effect_names()) - shaft - {"dead_time", "stator_resistance", "encoder_offset"}
+    found = diagnose(tmp_path / "c", exclude=sorted(left_out), jobs=1)
+    told = plain(found.as_json())
+    assert set(told["out_of_sight"]) == shaft
+    assert set(told["excluded"]) == left_out  # what the user left out is told apart
+    assert not shaft & {e["name"] for e in told["effects"]}
+    assert not any(shaft & set(h["effects"]) for h in told["hypotheses"])
+    assert told["hypotheses"][0]["effects"] == ["dead_time"]
+    text = which_text(found.answers)
+    assert "No rotor turned freely" in text
+    assert all(e.replace("_", " ") in text for e in shaft)
+
+
+def test_mechanics_are_candidates_where_a_rotor_is_free(small_answers):
+    campaign = small_answers.diagnosis.campaign
+    assert len(out_of_sight(campaign)) == 5
+    one = dataclasses.replace(campaign.recordings[0], rotor="free")
+    assert out_of_sight(dataclasses.replace(campaign, recordings=(*campaign.recordings[1:], one))) == ()
 
 
 def test_the_files_for_the_simulator_meet_the_recordings(small_answers, tmp_path):
@@ -245,14 +278,14 @@ def test_command_reads_no_truth(quiet_folder, tmp_path, capsys):
 
 def test_a_diagnosis_goes_on_from_an_earlier_one(quiet_folder, quiet_answers, tmp_path, capsys):
     """A set that the earlier one left is fitted and weighed, though the search alone does not come upon it."""
-    rival = ("coulomb_friction", "dead_time")
+    rival = ("dead_time", "magnet_flux")
     assert rival not in [j.effects for j in quiet_answers.diagnosis.judged]
     left = {"verdict": "ambiguous", "ambiguity_set": [list(rival), [], ["unknown"]], "next_recording": None}
     (tmp_path / "diagnosis.json").write_text(json.dumps(left))
     out = tmp_path / "out"
     call = ["diagnose", str(quiet_folder), "--out", str(out), "--jobs", "1", "--continue", str(tmp_path)]
     assert main(call) == 0
-    assert "Before: ambiguous (coulomb_friction + dead_time; or no effect; or unknown)." in capsys.readouterr().out
+    assert "Before: ambiguous (dead_time + magnet_flux; or no effect; or unknown)." in capsys.readouterr().out
     found = json.loads((out / "diagnosis.json").read_text())
     assert misfits("diagnosis", found) == []
     assert found["continued"] == {"verdict": "ambiguous", "ambiguity_set": left["ambiguity_set"], "recommended": None}

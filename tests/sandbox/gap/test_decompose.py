@@ -47,7 +47,7 @@ def test_white_noise_has_no_excess(point):
     assert part.excess < 4 * math.sqrt(2 * count) * len(point.prepared.recordings)  # each recording clipped at 0
 
 
-@pytest.mark.parametrize("order", [-2, -1, 0, 6, -6])
+@pytest.mark.parametrize("order", [-2, -1, 0, 6, -6, 18, -24])
 def test_order_in_the_rotor_frame(point, order):
     """z = SIZE exp(j (order + 1) theta) on turning recordings: all of the excess 1.5 SIZE^2 n there."""
     plant = lambda r: SIZE * np.exp(1j * (order + 1) * r.motion.angle) * (r.rotor == "driven")  # noqa: E731

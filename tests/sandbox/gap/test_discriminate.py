@@ -1,7 +1,9 @@
 """The recommended recording: nothing to learn between a hypothesis and itself, much between dead time and none."""
 
 import math
+import re
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +12,7 @@ from scipy.stats import multivariate_normal, norm
 
 from model.energy import flux_from_current
 from model.frames import stationary as stationary_kernel
+from model.parameters import Limits
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point, normal
@@ -17,7 +20,7 @@ from sandbox.gap.evidence.probes import probes_at_typical
 from sandbox.gap.evidence.spike_slab import ordinary_share
 from sandbox.gap.planning import next_recording as discriminate
 from sandbox.gap.planning.bench_table import bench_table, write_bench_table
-from sandbox.gap.planning.menu import FULL, Entry, menu, recording_of, usual_seconds
+from sandbox.gap.planning.menu import FULL, Entry, demand, menu, recording_of, shaft, usual_seconds
 from sandbox.gap.planning.next_recording import (
     LEANS,
     SURE,
@@ -30,12 +33,15 @@ from sandbox.gap.planning.next_recording import (
     recommend,
     surprise,
 )  # fmt: skip
+from sandbox.gap.planning.within import FASTEST, allowed, within
 from sandbox.gap.search.judged import judge
-from sandbox.recordings.campaign import CampaignRecording, read_campaign
+from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import NO_LIMITS, CampaignRecording, read_campaign
 from sandbox.replay.replay import prepare, replay
 from tests.sandbox.gap.test_evidence import start
 
 stationary = stationary_kernel.py_func
+PAGE = Path(__file__).parents[3] / "sandbox" / "recordings" / "RECORDING.md"
 
 
 @pytest.fixture(scope="module")
@@ -111,13 +117,7 @@ def test_a_bench_can_play_what_is_recommended(small_folder, tmp_path):
         assert found.recording["rotor"] == entry.rotor
     found = bench_table(campaign, replace(asked, entry="locked_circle", seconds=1.0), drive)
     c = found.columns
-    played = dict(zip(("u_alpha", "u_beta"), stationary(c["u_a_V"], c["u_b_V"], c["u_c_V"]), strict=True))
-    bench = {"t": c["t_s"], "theta": c["theta_rad"], "u_dc": c["link_V"], **played}
-    one = CampaignRecording(
-        "next.parquet", "locked", "none", {**bench, **dict.fromkeys(("i_a", "i_b", "i_c"), 0 * c["t_s"])}
-    )
-    read = replay(prepare(replace(campaign, drive=drive, recordings=(one,)), steps=1), [{}]).currents[0][:, :, 0]
-    i_d, i_q = turned(*stationary(*read.T), c["theta_rad"])
+    i_d, i_q = played_currents(campaign, drive, c)
     # a control that follows with a lag of 5 ms (FOLLOWS) is 2 pi 2 / s x 5 ms = 6 % of the circle behind
     assert np.max(np.hypot(i_d - c["i_d_A"], i_q - c["i_q_A"])[200:]) < 0.08 * rated
     path = tmp_path / "next_recording.csv"
@@ -128,6 +128,79 @@ def test_a_bench_can_play_what_is_recommended(small_folder, tmp_path):
     again = dict(zip(lines[head].split(","), np.loadtxt(lines[head + 1 :], delimiter=",").T, strict=True))
     assert again.keys() == c.keys()
     np.testing.assert_allclose(again["u_a_V"], c["u_a_V"], rtol=1e-6, atol=1e-6)
+
+
+def test_no_table_goes_beyond_a_benchs_limits(small_folder):
+    """A bench of 40 % of rated current and 30 % of rated speed, on half the link: what the motor then does, with the
+    ripple of an injection and a free rotor's own speed, stays within; without limits the same menu goes beyond all."""
+    campaign = read_campaign(small_folder)
+    drive, motor = campaign.drive, campaign.drive.motor
+    bench = Limits(0.4 * motor.rated_current, 0.3 * motor.rated_speed_rpm, 0.5 * drive.converter.dc_bus_voltage)
+    open_ones, held = np.zeros(3), np.zeros(3)
+    for entry in menu(drive, 0.5):
+        asked = Next(entry.name, entry.description, 0.5, (("dead_time",), ()), 20.0, 0.97)
+        for most, limits in ((open_ones, NO_LIMITS), (held, bench)):
+            if (found := bench_table(replace(campaign, limits=limits), asked, drive)) is None:
+                continue
+            c = found.columns
+            most[:] = np.maximum(most, [found.limits["current"], np.max(np.abs(c["speed_rpm"])), c["link_V"][0]])
+            assert found.limits["current"] >= np.max(np.hypot(c["i_d_A"], c["i_q_A"])) * (1.0 - 1e-9)
+            assert np.max(np.hypot(*stationary(c["u_a_V"], c["u_b_V"], c["u_c_V"]))) <= c["link_V"][0] / math.sqrt(3.0)
+    stated = np.array([bench.current, bench.speed_rpm, bench.voltage])
+    assert (open_ones > stated).all()
+    # the speeds of a table are differences of angles of 250 us: rounding of 1e-6 of them is not beyond a limit
+    assert (held <= stated * (1.0 + 1e-6)).all()
+    assert (held > 0.9 * stated).all()  # and it uses what there is
+
+
+@pytest.mark.parametrize("name", ["locked_d_inject_q", "locked_q_inject_d"])
+def test_an_injections_ripple_counts(small_folder, name):
+    """The table's voltages, played to the exact plant, keep the current's limit where the setpoints alone would not
+    tell; 0.8 of rated current leaves room for the ripple of 0.2 (`injection_defaults`)."""
+    campaign = read_campaign(small_folder)
+    drive, most = campaign.drive, 0.8 * campaign.drive.motor.rated_current
+    found = bench_table(replace(campaign, limits=Limits(most)), Next(name, "", 0.5, (("a",), ()), 20.0, 0.97), drive)
+    c = found.columns
+    assert np.max(np.hypot(c["i_d_A"], c["i_q_A"])) < 0.95 * most
+    assert 0.98 * most < found.limits["current"] <= most
+    assert np.max(np.hypot(*played_currents(campaign, drive, c))) <= most
+
+
+def test_the_page_on_recording_names_experiments_of_the_menu(small_folder):
+    """And those it recommends for a kind of bench need no other kind of rotor than the bench has."""
+    known = {e.name: e.rotor for e in menu(read_campaign(small_folder).drive)}
+    text = PAGE.read_text(encoding="utf-8")
+    named = set(re.findall(r"`((?:locked|driven|free)_\w+)`", text))
+    assert len(named) >= 4
+    assert named <= set(known)
+    rows = [line.split("|")[2] for line in text.splitlines() if line.startswith(("| lock the", "| let it"))]
+    assert [{known[n] for n in re.findall(r"`(\w+)`", row)} for row in rows] == [{"locked"}, {"free"}]
+
+
+def test_a_bench_does_what_it_can(small_folder):
+    """Kinds of rotor it cannot have are left out; limits too low for any current leave no experiment; a free rotor
+    without a stated limit stays near its rated speed however long it is accelerated."""
+    drive = read_campaign(small_folder).drive
+    assert {e.rotor for e in allowed(drive, Limits(can=("locked", "free")))} == {"locked", "free"}
+    assert [e.name for e in allowed(drive, NO_LIMITS)] == [e.name for e in menu(drive)]
+    one = next(e for e in menu(drive) if e.name == "locked_q_inject_d")
+    assert within(one, drive, Limits(current=1e-3)) is None  # the injection's ripple alone is more
+    light = replace(drive, motor=replace(drive.motor, inertia=0.2 * drive.motor.inertia))
+    coast = next(e for e in menu(light) if e.name == "free_coast")
+    slower = within(coast, light, NO_LIMITS)
+    assert np.max(slower.i_q) < 0.9 * np.max(coast.i_q)
+    speed = demand(slower, light, shaft(complete(light.motor, light.converter), light))[1]
+    assert 0.9 * FASTEST < np.max(np.abs(speed)) / light.motor.rated_omega < 1.001 * FASTEST
+
+
+def played_currents(campaign, drive, c):
+    """Return i_d, i_q (n,) that a table's voltages make in the exact plant at a locked rotor."""
+    u = dict(zip(("u_alpha", "u_beta"), stationary(c["u_a_V"], c["u_b_V"], c["u_c_V"]), strict=True))
+    bench = {"t": c["t_s"], "theta": c["theta_rad"], "u_dc": c["link_V"], **u}
+    columns = {**bench, **dict.fromkeys(("i_a", "i_b", "i_c"), 0 * c["t_s"])}
+    one = CampaignRecording("next.parquet", "locked", "none", columns)
+    read = replay(prepare(replace(campaign, drive=drive, recordings=(one,)), steps=1), [{}]).currents[0][:, :, 0]
+    return turned(*stationary(*read.T), c["theta_rad"])
 
 
 def turned(alpha, beta, theta):
@@ -148,6 +221,13 @@ def test_an_experiment_is_recommended_that_the_wrong_hypothesis_cannot_follow(pa
     assert best.gain == pytest.approx(min(both))
     assert best.power > 0.95
     assert recommend(campaign, rivals[:1], 1.0, entries) is None
+    low = 0.3 * campaign.drive.motor.rated_current
+    held = replace(campaign, limits=Limits(low))
+    limited = recommend(held, rivals, 1.0, ["locked_circle"])
+    assert limited is not None
+    assert f"i_d {-low:.3g} to {low:.3g} A" in limited.description  # what was weighed is what is asked for
+    assert bench_table(held, limited, campaign.drive).limits["current"] <= low * (1.0 + 1e-9)
+    assert recommend(replace(campaign, limits=Limits(can=("free",))), rivals, 1.0, entries) is None  # all are locked
 
 
 def test_surprise_is_minus_the_log_density_of_what_was_foretold():
@@ -201,16 +281,16 @@ def chosen(monkeypatch, rivals, table, *, rotor="driven", turned=False, rated_fr
     campaign whose rotor turned or was locked, with or without a nameplate."""
     empty, names = np.zeros(1), sorted({name for name, _ in table})
 
-    def entries(drive, seconds=1.0):
+    def entries(drive, limits, seconds=1.0):
         """Return a menu of the table's names."""
         return [Entry(n, n, rotor, empty, empty, empty, seconds=seconds) for n in names]
 
-    monkeypatch.setattr(discriminate, "menu", entries)
+    monkeypatch.setattr(discriminate, "allowed", entries)
     monkeypatch.setattr(discriminate, "settings", lambda entry, drive: "as told")
     monkeypatch.setattr(discriminate, "usual_seconds", lambda drive: 1.0)
     monkeypatch.setattr(discriminate, "_tried", lambda c, e, r, t, w: table.get((e.name, e.seconds)))
     recordings = (SimpleNamespace(rotor="free" if turned else "locked"),)
-    campaign = SimpleNamespace(drive=None, rated_from_data=rated_from_data, recordings=recordings)
+    campaign = SimpleNamespace(drive=None, rated_from_data=rated_from_data, recordings=recordings, limits=NO_LIMITS)
     return recommend(campaign, rivals, 1.0)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import sandbox
+from model.drive_files import MOTORS
 from model.effect_files import effects_of
 from sandbox.cli import main
 from sandbox.drive.locked_test import Bench, paper_campaign
@@ -166,7 +167,9 @@ def test_replay_meets_its_own_simulation(tmp_path):
 
 @of("check", "plan", "list_presets")
 def test_a_bench_is_planned_and_its_campaign_checked(tmp_path):
-    found = sandbox.plan("ipm_exchanged", current=0.8, can=["locked"])
+    limited = (MOTORS / "ipm_exchanged.toml").read_text() + '\n[limits]\ncurrent = 0.8\ncan = ["locked", "free"]\n'
+    (tmp_path / "mine.toml").write_text(limited)
+    found = sandbox.plan(tmp_path / "mine.toml", can=["locked"])  # what is given comes before what the file says
     assert {p.entry.rotor for p in found.plan.experiments} == {"locked"}
     assert max(float(np.max(np.hypot(p.entry.i_d, p.entry.i_q))) for p in found.plan.experiments) <= 0.8 + 1e-9
     told = [e for p in found.plan.experiments for e in p.adds]

@@ -5,10 +5,11 @@ import dataclasses
 import numpy as np
 import pytest
 
-from model.drive_files import load_drive
+from model.drive_files import load_drive, load_limits
 from model.errors import BadInput
+from model.parameters import Limits
 from sandbox.cli import main
-from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording, read_campaign
 from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
 
@@ -44,6 +45,34 @@ def test_what_is_written_is_read_again(tmp_path):
     assert found.background == wanted.background
     for name, values in wanted.recordings[0].columns.items():
         np.testing.assert_array_equal(found["locked_d"].columns[name], values)
+
+
+def test_a_benchs_limits_are_read_and_written(tmp_path):
+    bare = write_campaign(tmp_path / "bare", _campaign())
+    assert "limits" not in (bare / "campaign.toml").read_text()
+    assert read_campaign(bare).limits == NO_LIMITS
+    stated = Limits(current=3, voltage=60.0, can=("locked", "driven"))
+    folder = write_campaign(tmp_path / "c", dataclasses.replace(_campaign(), limits=stated))
+    assert read_campaign(folder).limits == stated
+    assert load_limits(folder / "campaign.toml") == stated  # what `sensorless plan --motor` reads
+    for old, new, message in (
+        ("current = 3", "current = 0", r"campaign.toml: \[limits\] current = 0.0 is out of range"),
+        ("voltage = 60.0", "link = 60.0", r"unknown key in \[limits\] 'link'; known: can, current, speed_rpm, voltage"),
+        ('["locked", "driven"]', '["lokced"]', "unknown kind of rotor 'lokced'; did you mean 'locked'"),
+        (
+            '["locked", "driven"]',
+            '"locked"',
+            r"\[limits\] can = 'locked' is no list; give some of locked, driven, free",
+        ),
+        ('["locked", "driven"]', "[]", "can = \\[\\] is no list"),
+    ):
+        text = (folder / "campaign.toml").read_text()
+        _edit(folder, old, new)
+        with pytest.raises(BadInput, match=message):
+            read_campaign(folder)
+        with pytest.raises(BadInput, match=message):
+            load_limits(folder / "campaign.toml")
+        (folder / "campaign.toml").write_text(text)
 
 
 def test_words_of_a_provenance_survive(tmp_path):

@@ -1,0 +1,67 @@
+"""Which orders do THOR's slots make, and can harmonics of a constant amplitude, as the library has them, explain them?
+
+First the tables: rms of each order of the flux over the currents within the rated one, and the share of its energy that
+one amplitude and phase, the same at all currents, would explain.  Then the recordings made of them, beside the tables'
+mean over the angle as nominal flux map: the share of the residual's excess that each order of the rotor's frame holds.
+
+Run: python -m experiments.thor_orders   (15 s)
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from experiments.drawing import save, shared
+from experiments.real_cases import thor_with_map
+from model.drives import thor
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.report.decompose import decompose
+from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import read_campaign
+from sandbox.replay.replay import prepare
+
+SHOWN = 6  # orders listed
+
+
+def of_tables(table: thor.Thor) -> dict[int, dict[str, float]]:
+    """Return for the largest orders their rms (Wb, both axes) and the share that a constant amplitude explains."""
+    i_d, i_q = np.meshgrid(table.i_d, table.i_q, indexing="ij")
+    own = np.hypot(i_d, i_q) <= thor.RATED_CURRENT
+    found = {}
+    for n in range(1, len(table.theta) // 2):
+        wave = 2.0 * np.exp(-1j * n * table.theta)
+        parts = [(psi * wave).mean(2)[own] for psi in (table.psi_d, table.psi_q)]
+        energy = sum(float(np.mean(np.abs(x) ** 2)) for x in parts)
+        constant = sum(float(np.abs(np.mean(x)) ** 2) for x in parts)
+        found[n] = {"rms_Wb": float(np.sqrt(0.5 * energy)), "constant": constant / energy}
+    largest = sorted(found, key=lambda n: -found[n]["rms_Wb"])[:SHOWN]
+    return {n: found[n] for n in largest}
+
+
+def of_residual() -> dict[int, float]:
+    """Return the shares of the residual's excess in the largest orders, before anything is fitted."""
+    with tempfile.TemporaryDirectory() as folder:
+        campaign = read_campaign(thor_with_map(Path(folder)))
+        start = Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))
+    shares: dict[int, float] = {}
+    for n, share in decompose(start, shown(start)).electrical.items():
+        shares[abs(n)] = shares.get(abs(n), 0.0) + share
+    return {n: shares[n] for n in sorted(shares, key=lambda n: -shares[n])[:SHOWN]}
+
+
+def main() -> None:
+    """Print and keep both."""
+    table = thor.read(shared("SENSORLESS_DATA", "realdata") / "thor_fea" / "thor_fea.npz")
+    tables, residual = of_tables(table), of_residual()
+    for n, row in tables.items():
+        print(f"order {n}: {1e3 * row['rms_Wb']:.2f} mWb rms, a constant explains {row['constant']:.0%}")
+    print("of the residual's excess: " + ", ".join(f"order {n} {share:.1%}" for n, share in residual.items()))
+    save("thor_orders", {"tables": tables, "residual": residual})
+
+
+if __name__ == "__main__":
+    main()
