@@ -14,7 +14,7 @@ from sandbox.output.tables import stage_bar
 PRESET = "a program whose column names and units are known: `sensorless list presets`"
 
 
-def add_diagnose(add: Callable[..., Any]) -> Any:
+def add_diagnose(add: Callable[..., Any], number: Callable[[str], float]) -> Any:
     """Add the command to the command line by its own `add`; return its parser."""
     c = add(
         "diagnose",
@@ -34,6 +34,8 @@ def add_diagnose(add: Callable[..., Any]) -> Any:
     c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
     text = "folder of an earlier diagnosis, to go on from with further recordings in CAMPAIGN"
     c.add_argument("--continue", type=Path, dest="earlier", metavar="RESULT", help=text)
+    text = "GB to stay within (8; at least 0.7 and 0.7 kB a sample): slopes that do not fit wait in a file in TMPDIR"
+    c.add_argument("--memory", type=number, metavar="GB", help=text)
     return c
 
 
@@ -147,7 +149,7 @@ def run_diagnose(options: argparse.Namespace) -> None:
         found = sandbox.diagnose(
             EXAMPLE if options.example else options.campaign, exclude=exclude, nominal=options.nominal,
             columns=options.columns, preset=options.preset, earlier=options.earlier, jobs=options.jobs,
-            progress=progress,
+            memory=options.memory, progress=progress,
         )  # fmt: skip
         progress("writing")
         found.save(folder, csv=options.csv)

@@ -105,7 +105,7 @@ def add_recorded(add: Add) -> None:
     text = "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)"
     c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
     c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
-    add_own_effects(add_diagnose(add))
+    add_own_effects(add_diagnose(add, number))
     add_own_effects(add_check(add))
     add_own_effects(add_plan(add, number))
     add_own_effects(add_replay(add, EFFECTS))

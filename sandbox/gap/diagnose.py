@@ -21,6 +21,7 @@ from sandbox.gap.evidence.discrepancy import Remainder, remainder, unlogged_coun
 from sandbox.gap.evidence.fit import Fit, Weights, fit
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
+from sandbox.gap.evidence.memory import USUAL, spare
 from sandbox.gap.evidence.noise import floor_of, noise_caution
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.search.estimates import Estimate, estimates
@@ -83,20 +84,23 @@ def diagnose(
     exclude: Sequence[str] = (),
     rivals: Sequence[tuple[str, ...]] = (),
     workers: int = 2,
+    memory: float = USUAL,
     report: Callable[[str], None] = lambda _: None,
 ) -> Diagnosis:
     """Return the diagnosis of a campaign (a folder, or read already).
 
     exclude: effects that are no candidates; rivals: sets that are weighed whatever the search comes upon (those that an
-    earlier diagnosis left); workers: threads; report: called with a few words before each stage.
-    BadInput for a campaign that cannot be read or replayed.
+    earlier diagnosis left); workers: threads; memory: GB it may take, what slopes are beyond that wait in a file;
+    report: called with a few words before each stage.
+    BadInput for a campaign that cannot be read or replayed, or that is too long for so much memory.
     """
     began = time.perf_counter()
     own = campaign if isinstance(campaign, Campaign) else read_campaign(campaign)
     report("reading")
+    left_over = spare(memory, sum(len(r.t) for r in own.recordings))
     caution = noise_caution(own)
     prepared = prepare(own)
-    prepared = replace(prepared, floor=floor_of(own, prepared.floor))
+    prepared = replace(prepared, floor=floor_of(own, prepared.floor), spare=left_over)
     motor, converter = own.drive.motor, own.drive.converter
     start = Point(prepared, complete(motor, converter))
     nominal = normal(start, (), workers=workers)

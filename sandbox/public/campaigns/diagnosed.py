@@ -148,6 +148,7 @@ def diagnose(
     preset: str | None = None,
     earlier: str | Path | None = None,
     jobs: int | None = None,
+    memory: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> DiagnosisResult | MotionResult:
     """Return where the gap between a campaign and its simulator lies, which effect causes it, how far it shrinks.
@@ -169,6 +170,9 @@ def diagnose(
         in the campaign: every set of effects that it left is weighed again, whatever the search comes upon.
     jobs : int, optional
         Threads; all cores by default.
+    memory : float, optional
+        GB that the diagnosis may take (8): 0.7 and 0.7 kB a sample at least. Slopes that do not fit wait in a file in
+        TMPDIR (/var/tmp), without which a long campaign takes 1.5 kB a sample and more; the answer is the same.
     progress : callable, optional
         Is told in a few words what is being done.
 
@@ -182,7 +186,7 @@ def diagnose(
     Raises
     ------
     BadInput
-        For a campaign that cannot be read or replayed, or an unknown effect.
+        For a campaign that cannot be read or replayed, an unknown effect, or a campaign too long for the memory.
     PhysicsError
         Where the nominal model predicts no finite currents.
 
@@ -193,6 +197,7 @@ def diagnose(
     'explained'
     """
     from model.errors import unknown
+    from sandbox.gap.evidence.memory import USUAL
     from sandbox.gap.report.answers import answer, linear
 
     if nominal not in (None, "linear"):
@@ -210,8 +215,9 @@ def diagnose(
     own = linear(own) if nominal else own
     rivals = [] if before is None else [s for s in before["rivals"] if not set(s) & set(names)]
     found = answer(
-        own, exclude=names, rivals=rivals, workers=jobs or os.cpu_count() or 1, report=progress or (lambda _: None)
-    )
+        own, exclude=names, rivals=rivals, workers=jobs or os.cpu_count() or 1,
+        memory=USUAL if memory is None else memory, report=progress or (lambda _: None),
+    )  # fmt: skip
     return DiagnosisResult(found, None if before is None else before["said"])
 
 
