@@ -9,7 +9,7 @@ from typing import Any
 
 from model.errors import BadInput
 from sandbox.output.files import check_output
-from sandbox.output.tables import stage_bar
+from sandbox.output.tables import effort_bar
 
 PRESET = "a program whose column names and units are known: `sensorless list presets`"
 
@@ -137,6 +137,8 @@ def run_check(options: argparse.Namespace) -> None:
 def run_diagnose(options: argparse.Namespace) -> None:
     """Diagnose a campaign; write diagnosis.json, report.html, diagnosis.rrd and what the simulator takes of it."""
     import sandbox
+    from sandbox.gap.diagnose import NINE_IN_TEN
+    from sandbox.gap.evidence.normal import counted
     from sandbox.gap.pages.page import print_answers
     from sandbox.public.campaigns.diagnosed import print_files
     from sandbox.public.campaigns.moved import MotionResult, print_motion
@@ -145,7 +147,7 @@ def run_diagnose(options: argparse.Namespace) -> None:
     folder = options.out or Path("sensorless-out") / options.command
     check_output(folder)
     exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]
-    with stage_bar("diagnosing", options.quiet) as progress:
+    with effort_bar("diagnosing", options.quiet, NINE_IN_TEN) as (progress, count), counted(count):
         found = sandbox.diagnose(
             EXAMPLE if options.example else options.campaign, exclude=exclude, nominal=options.nominal,
             columns=options.columns, preset=options.preset, earlier=options.earlier, jobs=options.jobs,

@@ -34,6 +34,7 @@ from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.replay.replay import prepare
 
 CREDIBLE = 0.95
+NINE_IN_TEN = 2000  # simulations within which 93 % of the diagnoses of the blind checks ended (sandbox/gap/README.md)
 
 
 @dataclass(frozen=True)

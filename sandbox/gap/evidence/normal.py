@@ -13,7 +13,9 @@ counts that beat with the sampling leave a bias in a motion, too: coordinate "tu
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -37,6 +39,17 @@ STEP = 1e-4  # of a coordinate's prior deviation: the difference a slope is take
 MANY = 2000  # blocks of a campaign: of a longer one (100 s) they grow, since each holds equations of its own
 MOVING = 0.3  # of a reading's rms: bias that counts leave in the smoothed angle of a moving rotor
 LOCK = "bench.lock_angle"
+_COUNT: ContextVar[Callable[[float], None]] = ContextVar("count", default=lambda _: None)
+
+
+@contextmanager
+def counted(count: Callable[[float], None]) -> Iterator[None]:
+    """Call `count` with the cost of everything simulated here from now on, in simulations of the whole campaign."""
+    before = _COUNT.set(count)
+    try:
+        yield
+    finally:
+        _COUNT.reset(before)
 
 
 @dataclass(frozen=True)
@@ -77,6 +90,7 @@ class Normal:
         a_sample = 8 * 2 * 4 * LANES * workers  # its predictions and residuals
         for group in stretches([r.samples for r in prepared.recordings], SHARE * prepared.spare / a_sample, cut):
             in_threads(task, [(stretch, block) for stretch in group for block in together], workers)
+        _COUNT.get()(float(len(points)))
         return [self._with(*x) for x in zip(points, sets, out, strict=True)]
 
     def _with(self, point: Point, values: Mapping[str, float], segments: Sequence[Segment]) -> Normal:
@@ -171,6 +185,7 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
     x = np.append(x, [point.turns.get(r.file, 0.0) for r in prepared.recordings])
     free = sum(r.samples for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
+    _COUNT.get()(cost)
     return Normal((*coordinates, *own_turns), x, tuple(s for s, _ in parts), cost, tuple(rows for _, rows in parts))
 
 

@@ -12,7 +12,7 @@ from sandbox.gap.evidence import memory
 from sandbox.gap.evidence.fit import coordinates_of, fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.memory import Kept, Spill, spare
-from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.normal import Point, counted, normal
 from sandbox.gap.report.shortened import SAMPLE, share, shortened
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare, replay
@@ -127,3 +127,15 @@ def test_regressions_are_made_on_what_memory_allows():
     miss = np.abs(alone - all_of_it[300:900]) / at.prepared.floor
     assert miss[0].max() > 1.0  # it starts from what was read, which is not what this point predicts
     assert miss[-1].max() < 1e-3  # and forgets that within L/R: 75 ms later to nothing
+
+
+def test_what_is_simulated_is_counted():
+    """Where it is listened to: equations cost one simulation and one a move (two of them turns), points one each."""
+    told, at = [], point()
+    with counted(told.append):
+        n = normal(at, coordinates_of(at, ("dead_time",)))
+        n.at_each([at, at])
+    n.at(at)
+    assert told == [n.simulations, 2.0]
+    own = [c for c in n.coordinates if c.form != "turn" and not c.mechanical]  # no rotor is free
+    assert n.simulations == 1 + len(own) + 2  # three recordings' turns are moved by two
