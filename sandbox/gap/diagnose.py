@@ -21,7 +21,6 @@ from sandbox.gap.evidence.discrepancy import Remainder, remainder, unlogged_coun
 from sandbox.gap.evidence.fit import Fit, Weights, fit
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
-from sandbox.gap.evidence.memory import USUAL, spare
 from sandbox.gap.evidence.noise import floor_of, noise_caution
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.search.estimates import Estimate, estimates
@@ -31,6 +30,7 @@ from sandbox.gap.search.selection import widened
 from sandbox.gap.search.unfitted import slight
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_campaign
+from sandbox.replay.memory import USUAL, spare
 from sandbox.replay.replay import prepare
 
 CREDIBLE = 0.95

@@ -31,8 +31,8 @@ from sandbox.plant.batch import FEW, LANES
 from sandbox.plant.sets import batch_of, complete, features_of, readings_at, rows_of
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor
-from sandbox.replay.running import Block, Running
 from sandbox.replay.stretches import Stretch
+from sandbox.replay.walking import Block, Running
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
@@ -44,7 +44,7 @@ ACCURACY = 0.02  # of the noise floor: largest rms change on halving the plant's
 class Prepared:
     """A campaign ready for replay: inputs of each recording, plant steps a sampling period, floors, base set.
 
-    spare: bytes that a diagnosis may take beside what grows with the campaign anyway (`sandbox.gap.evidence.memory`).
+    spare: bytes that a diagnosis may take beside what grows with the campaign anyway (`sandbox.replay.memory`).
     """
 
     campaign: Campaign

@@ -22,16 +22,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.evidence.memory import SHARE
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate
-from sandbox.gap.evidence.segments import Segment, channel, squared, squared_slopes
 from sandbox.plant.batch import LANES
 from sandbox.plant.sets import ANGLE_OFFSET, complete
 from sandbox.replay.inputs import inputs_of
+from sandbox.replay.memory import SHARE
 from sandbox.replay.replay import Prepared, Walk, in_threads, plan, residual_of
-from sandbox.replay.running import Block
+from sandbox.replay.segments import Segment, channel, squared, squared_slopes
 from sandbox.replay.sensitivity import Moves
 from sandbox.replay.stretches import Stretch, stretches
+from sandbox.replay.walking import Block
 
 Array = NDArray[np.float64]
 BLOCK = 0.05  # s: several electrical time constants

@@ -13,7 +13,6 @@ import numpy as np
 from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
-from sandbox.gap.evidence.memory import USUAL
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.planning.next_recording import Next, recommend
@@ -26,6 +25,7 @@ from sandbox.gap.report.where import Finding, percent, summary, where
 from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
 from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.recordings.campaign import Campaign
+from sandbox.replay.memory import USUAL
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 HARDLY = 5e-4  # of what remains: less is nothing

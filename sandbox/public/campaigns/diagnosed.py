@@ -197,8 +197,8 @@ def diagnose(
     'explained'
     """
     from model.errors import unknown
-    from sandbox.gap.evidence.memory import USUAL
     from sandbox.gap.report.answers import answer, linear
+    from sandbox.replay.memory import USUAL
 
     if nominal not in (None, "linear"):
         raise unknown("nominal model", nominal, ["linear"])

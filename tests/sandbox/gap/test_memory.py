@@ -8,13 +8,13 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.gap.diagnose import diagnose
-from sandbox.gap.evidence import memory
 from sandbox.gap.evidence.fit import coordinates_of, fit
 from sandbox.gap.evidence.holdout import weights_of
-from sandbox.gap.evidence.memory import Kept, Spill, spare
 from sandbox.gap.evidence.normal import Point, counted, normal
 from sandbox.gap.report.shortened import SAMPLE, share, shortened
 from sandbox.plant.sets import complete
+from sandbox.replay import memory
+from sandbox.replay.memory import Kept, Spill, spare
 from sandbox.replay.replay import prepare, replay
 from sandbox.replay.stretches import stretches
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, small_campaign

@@ -14,10 +14,10 @@ from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, prior_of
 from sandbox.gap.evidence.holdout import worst_share
 from sandbox.gap.evidence.normal import Normal, block_length, turns
 from sandbox.gap.evidence.priors import Coordinate
-from sandbox.gap.evidence.segments import Segment, blocks
 from sandbox.gap.evidence.spike_slab import Table, ordinary_share
 from sandbox.gap.search.estimates import estimates
 from sandbox.recordings.campaign import Campaign
+from sandbox.replay.segments import Segment, blocks
 
 US = 1e-6  # s
 

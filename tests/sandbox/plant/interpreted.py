@@ -14,7 +14,7 @@ from sandbox.plant import period as plant
 from sandbox.plant.batch import blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.kernel import run
-from sandbox.replay.running import start_states
+from sandbox.replay.walking import start_states
 from tests.sandbox.plant.told import DRIVE, duties, told, turning
 
 SHORT = 12  # periods

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.evidence.memory import SHARE, Kept, Spill
 from sandbox.plant.batch import LANES
 from sandbox.replay.inputs import Inputs
+from sandbox.replay.memory import SHARE, Kept, Spill
 from sandbox.replay.replay import Prepared, Residual, residual_of
 from sandbox.replay.sensitivity import Moves, Slopes, slopes
 from sandbox.replay.stretches import Stretch, stretches
