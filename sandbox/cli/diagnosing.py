@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
-from sandbox.output.files import check_output
+from sandbox.cli.arguments import checked_folder, finish
 from sandbox.output.tables import effort_bar
 
 PRESET = "a program whose column names and units are known: `sensorless list presets`"
@@ -85,16 +85,12 @@ def run_replay(options: argparse.Namespace) -> None:
     import sandbox
     from sandbox.public.campaigns.replayed import print_replay
 
-    folder = options.out or Path("sensorless-out") / options.command
-    check_output(folder)
+    folder = checked_folder(options)
     found = sandbox.replay(
         options.campaign, options.effects, motor=options.motor, columns=options.columns, preset=options.preset,
         jobs=options.jobs or 1,
     )  # fmt: skip
-    found.save(folder, csv=options.csv)
-    if not options.quiet:
-        print_replay(found)
-        print(f"results in {folder}")
+    finish(options, found, folder, lambda: print_replay(found))
 
 
 def run_plan(options: argparse.Namespace) -> None:
@@ -102,17 +98,13 @@ def run_plan(options: argparse.Namespace) -> None:
     import sandbox
     from sandbox.public.campaigns.checked import print_plan
 
-    folder = options.out or Path("sensorless-out") / options.command
-    check_output(folder)
+    folder = checked_folder(options)
     can = tuple(name.strip() for name in options.can.split(",") if name.strip())
     found = sandbox.plan(
         options.motor, current=options.current, speed_rpm=options.speed, voltage=options.voltage, can=can,
         jobs=options.jobs or 1,
     )  # fmt: skip
-    found.save(folder, csv=options.csv)
-    if not options.quiet:
-        print_plan(found)
-        print(f"results in {folder}")
+    finish(options, found, folder, lambda: print_plan(found))
 
 
 def run_check(options: argparse.Namespace) -> None:
@@ -120,16 +112,12 @@ def run_check(options: argparse.Namespace) -> None:
     import sandbox
     from sandbox.public.campaigns.checked import print_check
 
-    folder = options.out or Path("sensorless-out") / options.command
-    check_output(folder)
+    folder = checked_folder(options)
     found = sandbox.check(
         options.campaign, columns=options.columns, preset=options.preset, effects=not options.mistakes_only,
         jobs=options.jobs or 1,
     )  # fmt: skip
-    found.save(folder, csv=options.csv)
-    if not options.quiet:
-        print_check(found)
-        print(f"results in {folder}")
+    finish(options, found, folder, lambda: print_check(found))
     if not found.ok:
         raise BadInput(f"{len([n for n in found.noticed if n.level == 'refused'])} findings stop this campaign")
 
@@ -144,8 +132,7 @@ def run_diagnose(options: argparse.Namespace) -> None:
     from sandbox.public.campaigns.moved import MotionResult, print_motion
     from sandbox.recordings.campaign import EXAMPLE
 
-    folder = options.out or Path("sensorless-out") / options.command
-    check_output(folder)
+    folder = checked_folder(options)
     exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]
     with effort_bar("diagnosing", options.quiet, NINE_IN_TEN) as (progress, count), counted(count):
         found = sandbox.diagnose(

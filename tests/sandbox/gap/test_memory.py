@@ -11,7 +11,7 @@ from sandbox.gap.diagnose import diagnose
 from sandbox.gap.evidence.fit import coordinates_of, fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point, counted, normal
-from sandbox.gap.report.shortened import SAMPLE, share, shortened
+from sandbox.gap.report.shortened import share, shortened
 from sandbox.plant.sets import complete
 from sandbox.replay import memory
 from sandbox.replay.memory import Kept, Spill, spare
@@ -61,6 +61,14 @@ def test_a_fit_is_the_same_to_the_bit():
     assert one.objective == other.objective
     assert one.simulations == other.simulations
     assert dict(one.point.values) == dict(other.point.values)
+
+
+@pytest.mark.parametrize(("left", "waits"), [(1.05e7, True), (1.07e7, False)])
+def test_a_quarter_of_what_is_left_may_be_slopes(left, waits):
+    """25 columns (22 ordinary coordinates, an effect's, two turns) of 1200 samples of 3, 4 and 4 readings: 2.64 MB."""
+    at = point(left)
+    n = normal(at, coordinates_of(at, EFFECTS))
+    assert isinstance(n.rows[0], Kept) is waits
 
 
 def test_stretches_by_hand():
@@ -114,7 +122,7 @@ def test_a_file_that_cannot_be(tmp_path, monkeypatch):
 
 def test_regressions_are_made_on_what_memory_allows():
     """Half of what 3600 samples need: the middle half of each recording, the whole of it with more."""
-    at = point(0.5 * SAMPLE * 3600)
+    at = point(0.5 * 14e3 * 3600)  # bytes: 198 regressors of two numbers, made of as many, twice copied
     assert share(at) == pytest.approx(0.5)
     short = shortened(at)
     assert [r.samples for r in short.prepared.recordings] == [600] * 3
