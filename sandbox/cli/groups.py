@@ -58,9 +58,7 @@ def add_runs(add: Add) -> None:
     one.add_argument("--estimator-library", type=Path, metavar="FILE.so", help=LIBRARY)
     _belief(c)
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
-    c.add_argument(
-        "--duration", type=number, help="s of the scenario to run (all of it; an hour takes 4 GB)"
-    )
+    c.add_argument("--duration", type=number, help="s of the scenario to run (all of it; an hour takes 4 GB)")
     _plant(c)
     text = "exact: edge by edge; switched: the second simulator; averaged: same as exact (exact)"
     c.add_argument("--plant", choices=("exact", "switched", "averaged"), default="exact", help=text)

@@ -155,5 +155,6 @@ def test_an_hour_is_recorded_thinned():
     hour, ten = (Scenario("long", (Segment(s),), rotor="locked") for s in (3600.0, 600.0))
     assert drive.converter.sampling_period == 2.5e-4
     assert (stride_of(drive, hour), stride_of(drive, hour, 4)) == (2, 6)
-    fast = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, sampling_period=1e-4))
+    quick = dataclasses.replace(drive.converter, sampling_period=1e-4, pwm_frequency=1e4)
+    fast = dataclasses.replace(drive, converter=quick)
     assert stride_of(fast, ten) == 1
