@@ -171,8 +171,9 @@ def diagnose(
     jobs : int, optional
         Threads; all cores by default.
     memory : float, optional
-        GB that the diagnosis may take (8): 0.7 and 0.7 kB a sample at least. Slopes that do not fit wait in a file in
-        TMPDIR (/var/tmp), without which a long campaign takes 1.5 kB a sample and more; the answer is the same.
+        GB that the diagnosis may take (8); at least 0.7 and 0.7 kB a sample. Slopes that do not fit wait in a file in
+        TMPDIR (/var/tmp), about 1.5 kB a sample; the answer is the same. A free regression of what remains, which takes
+        14 kB a sample, is then made on a part of each recording, and the report says so.
     progress : callable, optional
         Is told in a few words what is being done.
 
