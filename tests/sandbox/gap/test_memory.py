@@ -18,6 +18,7 @@ from sandbox.replay.memory import Kept, Spill, spare
 from sandbox.replay.replay import prepare, replay
 from sandbox.replay.stretches import stretches
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, small_campaign
+from tests.sandbox.replay.test_replay import campaign
 
 EFFECTS = ("dead_time", "pwm_delay")  # a late pattern: readings of one stretch belong to the next one
 TIGHT = 3e6  # bytes: slopes of the small campaign are 3.1 MB, of which a quarter of this is kept; stretches of 400
@@ -54,6 +55,23 @@ def test_slopes_in_a_file_are_the_same_to_the_bit():
         for a, b in zip(one.rows, other.rows, strict=True):
             assert np.array_equal(a, np.asarray(b))
             assert np.array_equal(a.reshape(-1), b.reshape(-1))
+
+
+def test_a_free_rotor_and_an_eccentric_encoder_go_on_from_stretch_to_stretch():
+    """Motion, twist of the shaft and the encoder's error at a stretch's end are those that the next begins with."""
+    recorded = campaign({}, cases=(("free", 0.0), ("driven", 20.0)))
+    motor, shaft = recorded.drive.motor, "shaft_compliance"
+    wanted = {"encoder_eccentricity.amplitude_mech": 1e-3, "pwm_delay.delay": 1e-5, f"{shaft}.stiffness": 50.0}
+    values = complete(motor, recorded.drive.converter, {**wanted, f"{shaft}.load_inertia": 0.5 * motor.inertia})
+    found = []
+    for left in (np.inf, 1e5):  # 100 kB: stretches of one block, 200 samples
+        prepared = dataclasses.replace(prepare(recorded, steps=1), spare=left)
+        n = normal(Point(prepared, values), coordinates_of(Point(prepared, values), ("coulomb_friction",)))
+        found.append([n, n.at(Point(prepared, values))])
+    for one, other in zip(*found, strict=True):
+        assert {s.channel for s in one.segments} == {"current", "motion", "angle"}
+        for a, b in zip(one.segments, other.segments, strict=True):
+            assert all(np.array_equal(getattr(a, x), getattr(b, x)) for x in ("a", "g", "rr", "n"))
 
 
 def test_a_fit_is_the_same_to_the_bit():
