@@ -16,6 +16,7 @@ from sandbox.plant.sets import complete
 from sandbox.replay import memory
 from sandbox.replay.memory import Kept, Spill, spare
 from sandbox.replay.replay import prepare, replay
+from sandbox.replay.segments import Gathering, Part
 from sandbox.replay.stretches import stretches
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, small_campaign
 from tests.sandbox.replay.test_replay import campaign
@@ -96,7 +97,23 @@ def test_stretches_by_hand():
     assert stretches([10, 65, 5], 35, 10) == [
         [(0, 0, 10, 10)], [(1, 0, 30, 65)], [(1, 30, 65, 65)], [(2, 0, 5, 5)],
     ]  # fmt: skip
+    assert stretches([30], 30, 7) == [[(0, 0, 30, 30)]]
     assert stretches([25], 1, 10) == [[(0, 0, 10, 25)], [(0, 10, 25, 25)]]
+
+
+def test_what_acts_in_one_stretch_alone_counts():
+    """Two stretches of two samples: the first column acts in one, the third in the other, the second in none."""
+    spill, own, columns = Spill(96), Gathering(0, 3, 4), np.arange(3)
+    for first, row in ((0, [1.0, 0.0, 0.0]), (2, [0.0, 0.0, 2.0])):
+        part = Part(
+            "motion", np.array([[row], [row]]), np.ones((2, 1)), columns, np.array([1.0, 1.0, -1.0]), 5 + columns
+        )
+        own.add(part, spill, first)
+    segment, rows = own.squared(0, part, spill, 4)
+    assert segment.places.tolist() == [5, 7]
+    assert np.asarray(rows).tolist() == [[1.0, 0.0], [1.0, 0.0], [0.0, -2.0], [0.0, -2.0]]
+    assert segment.a.tolist() == [[[2.0, 0.0], [0.0, 8.0]]]
+    assert segment.g.tolist() == [[2.0, -4.0]]
 
 
 def test_what_a_limit_leaves():
