@@ -13,8 +13,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
 from model.errors import BadInput, PhysicsError, sentence
-from sandbox.cli import commands
-from sandbox.cli.arguments import Parser, add_own_effects, positive_int, seed_number
+from sandbox.cli.arguments import Parser, add_own_effects, folder_of, positive_int, seed_number
 from sandbox.cli.groups import Run, add_common, add_export, add_judging, add_looking, add_motor, add_recorded, add_runs
 from sandbox.cli.sweeping import add_sweep
 from sandbox.cli.withholding import add_withheld
@@ -43,7 +42,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 worker.join(0.2)
     except KeyboardInterrupt as stop:
         print(f"sensorless {options.command}: interrupted; nothing half-written", file=sys.stderr, flush=True)
-        discard(commands.folder_of(options))
+        discard(folder_of(options))
         os._exit(143 if isinstance(stop, Ended) else 130)  # the kernel would run on to its end
     return codes[0] if codes else 1
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
 from model.errors import brief, sentence
+from sandbox.output.files import check_output
 
 LARGEST_COUNT = 1_000_000  # of anything that is counted on the command line
 
@@ -53,3 +55,23 @@ def add_own_effects(command: Any) -> None:
     """Let a command take effects of the user's own."""
     text = "a Python file with effects of your own (may be repeated), beside those of the library"
     command.add_argument("--effects-from", action="append", default=[], type=Path, metavar="FILE.py", help=text)
+
+
+def folder_of(options: argparse.Namespace) -> Path:
+    """Return the folder for results."""
+    return getattr(options, "out", None) or Path("sensorless-out") / options.command
+
+
+def checked_folder(options: argparse.Namespace) -> Path:
+    """Return the folder for results; BadInput, before anything runs, where they could not be written."""
+    folder = folder_of(options)
+    check_output(folder)
+    return folder
+
+
+def finish(options: argparse.Namespace, found: Any, folder: Path, show: Callable[[], None]) -> None:
+    """Save a result; unless --quiet, show it and say where its files are."""
+    found.save(folder, csv=options.csv)
+    if not options.quiet:
+        show()
+        print(f"results in {folder}")

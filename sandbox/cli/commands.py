@@ -9,14 +9,9 @@ from typing import Any
 
 import sandbox
 from estimators.registry import LIBRARIES
+from sandbox.cli.arguments import checked_folder, finish
 from sandbox.cli.sweeping import check_tolerances, run_tolerances
-from sandbox.output.files import check_output
 from sandbox.output.tables import print_list, print_table, progress_bar
-
-
-def folder_of(options: argparse.Namespace) -> Path:
-    """Return the folder for results."""
-    return getattr(options, "out", None) or Path("sensorless-out") / options.command
 
 
 def names_of(text: str | None, usual: Iterable[str] = ()) -> list[str]:
@@ -38,14 +33,14 @@ def run_compare(options: argparse.Namespace) -> None:
     """Compare beliefs; write compare.json, .html, .png, .parquet and .rrd."""
     from sandbox.public.printed import print_comparison
 
-    check_output(folder_of(options))
+    folder = checked_folder(options)
     check_tolerances(options)
     with progress_bar("comparing", options.quiet) as progress:
         result = sandbox.compare(
             options.motor, options.scenario, names_of(options.estimators) + own_estimators(options),
             effects=options.effects, seed=options.seed, jobs=options.jobs, progress=progress,
         )  # fmt: skip
-    folder = result.save(folder_of(options), csv=options.csv, trace=not options.no_trace)
+    result.save(folder, csv=options.csv, trace=not options.no_trace)
     if not options.quiet:
         print_comparison(result.comparison)
         simulated = sum(run.recording.t[-1] for run in result.runs)
@@ -60,8 +55,7 @@ def run_simulate(options: argparse.Namespace) -> None:
     from sandbox.public.printed import print_run
     from sandbox.public.runs import check_new_folder
 
-    folder = folder_of(options)
-    check_output(folder)
+    folder = checked_folder(options)
     if options.record is not None:
         check_new_folder(options.record, folder)
     own = options.estimator_library
@@ -83,7 +77,8 @@ def run_audit(options: argparse.Namespace) -> None:
     from sandbox.public.printed import print_audit
     from sandbox.public.result import keep_other
 
-    result, folder = sandbox.audit(options.motor, options.radius), folder_of(options)
+    folder = checked_folder(options)
+    result = sandbox.audit(options.motor, options.radius)
     kept = keep_other(folder, "audit", result.audit.motor)
     result.save(folder, csv=options.csv)
     if not options.quiet:
@@ -98,7 +93,8 @@ def run_maps(options: argparse.Namespace) -> None:
     from sandbox.public.printed import print_maps
     from sandbox.public.result import keep_other
 
-    result, folder = sandbox.maps(options.motor, options.radius), folder_of(options)
+    folder = checked_folder(options)
+    result = sandbox.maps(options.motor, options.radius)
     kept = keep_other(folder, "maps", result.maps.motor)
     result.save(folder, csv=options.csv)
     if not options.quiet:
@@ -110,11 +106,9 @@ def run_identify(options: argparse.Namespace) -> None:
     """Identify a motor from a campaign; write identify.json, .png and .parquet."""
     from sandbox.public.printed import print_identification
 
+    folder = checked_folder(options)
     result = sandbox.identify(options.campaign, options.columns, options.preset)
-    folder = result.save(folder_of(options), csv=options.csv)
-    if not options.quiet:
-        print_identification(result.identification)
-        print(f"results in {folder}")
+    finish(options, result, folder, lambda: print_identification(result.identification))
 
 
 def run_protocol(options: argparse.Namespace) -> None:
@@ -122,8 +116,7 @@ def run_protocol(options: argparse.Namespace) -> None:
     from sandbox.evaluation.protocol import ESTIMATORS, TESTS, show, usual_motors, with_motulator
     from sandbox.public.protocols import ProtocolResult
 
-    folder = folder_of(options)
-    check_output(folder)
+    folder = checked_folder(options)
     with progress_bar("protocol", options.quiet) as progress:
         result = sandbox.protocol(
             names_of(options.estimators, ESTIMATORS) + own_estimators(options),
@@ -132,15 +125,13 @@ def run_protocol(options: argparse.Namespace) -> None:
         )  # fmt: skip
     if options.peer:
         result = ProtocolResult(with_motulator(result.protocol, options.anchors, options.peer_python), call=result.call)
-    result.save(folder, csv=options.csv)
-    if not options.quiet:
-        show(result.protocol)
-        print(f"results in {folder}")
+    finish(options, result, folder, lambda: show(result.protocol))
 
 
 def run_export(options: argparse.Namespace) -> None:
     """Write an estimator in C with a motor's constants, golden vectors to check it by, and export-estimator.json."""
-    result, folder = sandbox.export_estimator(options.name, options.motor, options.belief), folder_of(options)
+    folder = checked_folder(options)
+    result = sandbox.export_estimator(options.name, options.motor, options.belief)
     result.save(folder)
     if not options.quiet:
         print(f"{result.name} for {result.motor}: {result.operations.said()}; {result.state_bytes} bytes of state")
@@ -149,18 +140,15 @@ def run_export(options: argparse.Namespace) -> None:
 
 def run_bench(options: argparse.Namespace) -> None:
     """Measure; write bench.json."""
+    folder = checked_folder(options)
     result = sandbox.bench(options.anchors if options.peer else None, options.peer_python)
-    folder = result.save(folder_of(options), csv=options.csv)
-    if not options.quiet:
-        rows = [[name, f"{value:.4g}"] for part in (result.measured, result.ratios) for name, value in part.items()]
-        print_table("cost", ["figure", "value"], rows)
-        print(f"results in {folder}")
+    rows = [[name, f"{value:.4g}"] for part in (result.measured, result.ratios) for name, value in part.items()]
+    finish(options, result, folder, lambda: print_table("cost", ["figure", "value"], rows))
 
 
 def run_verify(options: argparse.Namespace) -> int:
     """Make a result once more and compare; write verify.json; return 1 where it differs."""
-    folder = folder_of(options)
-    check_output(folder)
+    folder = checked_folder(options)
     found = sandbox.verify(options.result, options.tolerance)
     found.save(folder)
     if not options.quiet:

@@ -8,13 +8,13 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
-from sandbox.output.files import check_output
-from sandbox.output.tables import stage_bar
+from sandbox.cli.arguments import checked_folder, finish
+from sandbox.output.tables import effort_bar
 
 PRESET = "a program whose column names and units are known: `sensorless list presets`"
 
 
-def add_diagnose(add: Callable[..., Any]) -> Any:
+def add_diagnose(add: Callable[..., Any], number: Callable[[str], float]) -> Any:
     """Add the command to the command line by its own `add`; return its parser."""
     c = add(
         "diagnose",
@@ -34,6 +34,8 @@ def add_diagnose(add: Callable[..., Any]) -> Any:
     c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
     text = "folder of an earlier diagnosis, to go on from with further recordings in CAMPAIGN"
     c.add_argument("--continue", type=Path, dest="earlier", metavar="RESULT", help=text)
+    text = "GB to stay within (8; at least 0.7 and 0.7 kB a sample): slopes that do not fit wait in a file in TMPDIR"
+    c.add_argument("--memory", type=number, metavar="GB", help=text)
     return c
 
 
@@ -81,16 +83,12 @@ def run_replay(options: argparse.Namespace) -> None:
     import sandbox
     from sandbox.public.campaigns.replayed import print_replay
 
-    folder = options.out or Path("sensorless-out") / options.command
-    check_output(folder)
+    folder = checked_folder(options)
     found = sandbox.replay(
         options.campaign, options.effects, motor=options.motor, columns=options.columns, preset=options.preset,
         jobs=options.jobs or 1,
     )  # fmt: skip
-    found.save(folder, csv=options.csv)
-    if not options.quiet:
-        print_replay(found)
-        print(f"results in {folder}")
+    finish(options, found, folder, lambda: print_replay(found))
 
 
 def run_plan(options: argparse.Namespace) -> None:
@@ -98,17 +96,13 @@ def run_plan(options: argparse.Namespace) -> None:
     import sandbox
     from sandbox.public.campaigns.checked import print_plan
 
-    folder = options.out or Path("sensorless-out") / options.command
-    check_output(folder)
+    folder = checked_folder(options)
     can = None if options.can is None else tuple(name.strip() for name in options.can.split(",") if name.strip())
     found = sandbox.plan(
         options.motor, current=options.current, speed_rpm=options.speed, voltage=options.voltage, can=can,
         jobs=options.jobs or 1,
     )  # fmt: skip
-    found.save(folder, csv=options.csv)
-    if not options.quiet:
-        print_plan(found)
-        print(f"results in {folder}")
+    finish(options, found, folder, lambda: print_plan(found))
 
 
 def run_check(options: argparse.Namespace) -> None:
@@ -116,16 +110,12 @@ def run_check(options: argparse.Namespace) -> None:
     import sandbox
     from sandbox.public.campaigns.checked import print_check
 
-    folder = options.out or Path("sensorless-out") / options.command
-    check_output(folder)
+    folder = checked_folder(options)
     found = sandbox.check(
         options.campaign, columns=options.columns, preset=options.preset, effects=not options.mistakes_only,
         jobs=options.jobs or 1,
     )  # fmt: skip
-    found.save(folder, csv=options.csv)
-    if not options.quiet:
-        print_check(found)
-        print(f"results in {folder}")
+    finish(options, found, folder, lambda: print_check(found))
     if not found.ok:
         raise BadInput(f"{len([n for n in found.noticed if n.level == 'refused'])} findings stop this campaign")
 
@@ -133,19 +123,20 @@ def run_check(options: argparse.Namespace) -> None:
 def run_diagnose(options: argparse.Namespace) -> None:
     """Diagnose a campaign; write diagnosis.json, report.html, diagnosis.rrd and what the simulator takes of it."""
     import sandbox
+    from sandbox.gap.diagnose import NINE_IN_TEN
+    from sandbox.gap.evidence.normal import counted
     from sandbox.gap.pages.page import print_answers
     from sandbox.public.campaigns.diagnosed import print_files
     from sandbox.public.campaigns.moved import MotionResult, print_motion
     from sandbox.recordings.campaign import EXAMPLE
 
-    folder = options.out or Path("sensorless-out") / options.command
-    check_output(folder)
+    folder = checked_folder(options)
     exclude = [name.strip() for text in options.exclude for name in text.split(",") if name.strip()]
-    with stage_bar("diagnosing", options.quiet) as progress:
+    with effort_bar("diagnosing", options.quiet, NINE_IN_TEN) as (progress, count), counted(count):
         found = sandbox.diagnose(
             EXAMPLE if options.example else options.campaign, exclude=exclude, nominal=options.nominal,
             columns=options.columns, preset=options.preset, earlier=options.earlier, jobs=options.jobs,
-            progress=progress,
+            memory=options.memory, progress=progress,
         )  # fmt: skip
         progress("writing")
         found.save(folder, csv=options.csv)

@@ -58,7 +58,7 @@ def add_runs(add: Add) -> None:
     one.add_argument("--estimator-library", type=Path, metavar="FILE.so", help=LIBRARY)
     _belief(c)
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
-    c.add_argument("--duration", type=number, help="how much of the scenario to run, in s (all of it)")
+    c.add_argument("--duration", type=number, help="s of the scenario to run (all of it; an hour takes 4 GB)")
     _plant(c)
     text = "exact: edge by edge; switched: the second simulator; averaged: same as exact (exact)"
     c.add_argument("--plant", choices=("exact", "switched", "averaged"), default="exact", help=text)
@@ -105,7 +105,7 @@ def add_recorded(add: Add) -> None:
     text = "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)"
     c.add_argument("--columns", type=Path, metavar="FILE.toml", help=text)
     c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
-    add_own_effects(add_diagnose(add))
+    add_own_effects(add_diagnose(add, number))
     add_own_effects(add_check(add))
     add_own_effects(add_plan(add, number))
     add_own_effects(add_replay(add, EFFECTS))

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
-from sandbox.cli.arguments import number
-from sandbox.output.files import check_output
+from sandbox.cli.arguments import checked_folder, number
 from sandbox.output.tables import print_table, rate_bar
 
 MOST_PERCENT = 50.0  # of a belief's parameters
@@ -38,8 +37,7 @@ def run_sweep(options: argparse.Namespace) -> None:
     import sandbox
     from sandbox.sweep.summary import lines
 
-    folder = options.out or Path("sensorless-out") / options.command
-    check_output(folder)
+    folder = checked_folder(options)
     with rate_bar("sweep", options.quiet) as progress:
         result = sandbox.sweep(
             options.sweep, folder, jobs=options.jobs, cluster=options.dask, yes=options.yes, again=options.again,

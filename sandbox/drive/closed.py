@@ -16,7 +16,7 @@ from sandbox.drive.loop import Bench
 from sandbox.plant import additions as add
 from sandbox.plant.batch import blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, highest_order, timing_of
-from sandbox.replay.replay import at_rest
+from sandbox.replay.walking import at_rest
 
 LARGEST_TURN = 0.1  # rad of the rotor, and of a harmonic of its angle thrice that, in one step
 LARGEST_DECAY = 0.1  # of the winding's time constant at zero current, in one step

@@ -17,14 +17,14 @@ from model.parameters import Drive
 from sandbox.drive.design import Design
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario
-from sandbox.drive.simulate import EXACT, plant_named, simulate
+from sandbox.drive.simulate import EXACT, MOST_SAMPLES, plant_named, simulate
 from sandbox.evaluation.score import Row, rows_of
 from sandbox.output.files import version
 from sandbox.plant.sets import BENCH
 
 BELIEFS = ("linear", "saturated")
 ESTIMATORS = ("qnull", "inversion", "ekf")
-MOST_SAMPLES = 10_000_000  # recorded in all runs together, 1.6 GB; longer ones are thinned
+STARTING = 5.0  # s: starting up takes less
 
 
 @dataclass(frozen=True)
@@ -99,8 +99,7 @@ def compare(
     cases = list(product(loaded, BELIEFS, (True, False)))
     done = 0
 
-    samples = scenario.duration / drive.converter.sampling_period * len(cases)
-    stride = math.ceil(samples / MOST_SAMPLES)
+    stride = stride_of(drive, scenario, len(cases))
 
     def one(case: tuple[str, str, bool]) -> Run:
         """Run an estimator (name, belief, closed loop) through the scenario."""
@@ -120,6 +119,11 @@ def compare(
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         runs = (first, *pool.map(one, cases[1:]))
     return Comparison(drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {}))
+
+
+def stride_of(drive: Drive, scenario: Scenario, runs: int = 1) -> int:
+    """Return how many samples apart very long runs are recorded, so that all together stay within MOST_SAMPLES."""
+    return math.ceil((scenario.duration + STARTING) / drive.converter.sampling_period * runs / MOST_SAMPLES)
 
 
 def distinct(estimators: Iterable[AnyEstimator]) -> dict[str, Estimator]:
@@ -154,11 +158,14 @@ def single(
     seed: int = 0,
     effects: Mapping[str, float] | None = None,
     plant: str = EXACT,
+    stride: int = 1,
 ) -> tuple[Comparison, Design]:
-    """Return one run as a comparison of one, and the gains it used; effects and plant as `simulate`."""
+    """Return one run as a comparison of one, and the gains it used; effects, plant and stride as `simulate`."""
     loaded = load_estimator(estimator)
     plant = plant_named(plant)
-    done = simulate(drive, scenario, loaded, belief, closed_loop=closed_loop, seed=seed, effects=effects, plant=plant)
+    done = simulate(
+        drive, scenario, loaded, belief, closed_loop=closed_loop, seed=seed, stride=stride, effects=effects, plant=plant
+    )
     rows = rows_of(drive, scenario, done.recording, done.start_time, loaded.name, belief, closed_loop)
     rows = tuple(replace(r, predicted_mean_deg=None) for r in rows) if effects else rows
     run = Run(loaded.name, belief, closed_loop, done.recording, rows, done.cpu_seconds)

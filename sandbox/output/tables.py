@@ -59,20 +59,41 @@ def rate_bar(title: str, quiet: bool, what: str = "runs") -> Iterator[Callable[[
 
 
 @contextmanager
-def stage_bar(title: str, quiet: bool) -> Iterator[Callable[[str], None]]:
-    """Give a function that shows what is being done, where nobody knows how many stages there will be."""
+def effort_bar(
+    title: str, quiet: bool, usual: float
+) -> Iterator[tuple[Callable[[str], None], Callable[[float], None]]]:
+    """Give a function that says what is being done, and one that counts simulations in.
+
+    Nobody knows how many there will be: the bar, and the time left, are those to `usual` of them, within which nine of
+    ten end; where it takes more, to half as many again.
+    """
     if quiet or not sys.stderr.isatty():
-        yield lambda _: None
+        yield lambda _: None, lambda _: None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task(title, total=1.0)
-        yield lambda stage: bar.update(
-            task, description=f"{title}: {stage}", advance=0.1 * (bar.tasks[0].remaining or 0.0)
-        )
+    columns = (
+        TextColumn("{task.description}"), BarColumn(8), TextColumn("{task.completed:,.0f} simulations"),
+        TimeElapsedColumn(), TextColumn("most end in"), TimeRemainingColumn(compact=True),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0) as bar:
+        task = bar.add_task(title, total=usual)
+
+        def count(more: float) -> None:
+            """Count simulations in."""
+            own = bar.tasks[0]
+            reached = own.completed + more
+            bar.update(task, advance=more, total=further(own.total or usual, reached))
+
+        yield lambda stage: bar.update(task, description=stage), count
+
+
+def further(total: float, reached: float) -> float:
+    """Return how many to expect once so many are reached: as before, or half as many again, as often as it takes."""
+    while reached >= total:
+        total *= 1.5
+    return total
 
 
 def print_table(title: str, heads: list[str], rows: list[list[str]], fixed: int = 1) -> None:

@@ -58,9 +58,9 @@ class Inputs:
         """Return the same on another motion."""
         return replace(self, motion=motion, track=with_columns(self.track, course_of(motion, self.pole_pairs, period)))
 
-    def encoder(self, batch: Any) -> Array:
-        """Return the encoder's reading (n, lanes) that a batch predicts for a driven rotor."""
-        x = self.motion.angle
+    def encoder(self, batch: Any, first: int = 0, last: int | None = None) -> Array:
+        """Return the encoder's reading (n, lanes) that a batch predicts for a driven rotor, samples first to last."""
+        x = self.motion.angle[first:last]
         out = np.repeat(x[:, None], len(batch["offset"]), axis=1)
         if not self.motion.eccentric:
             readings_off(batch, x / self.pole_pairs, out)

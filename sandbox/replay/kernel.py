@@ -44,8 +44,9 @@ def write_some(w, out, row, first, early):
 
 
 @kernel
-def correct(w, track, k, moved, first):
-    """Write the innovation of the encoder's reading over its standard deviation, and correct the motion with it."""
+def correct(w, track, k, moved, row, first):
+    """Write the innovation of the encoder's reading over its standard deviation to a row of `moved`, and correct the
+    motion with it."""
     for j in range(w.psi_a.size):
         seen = track[k].read - w.offset[j] - w.deviation[j]
         if k == 0:
@@ -53,7 +54,7 @@ def correct(w, track, k, moved, first):
         miss = seen - (w.angle[j] + w.pairs[j] * w.load_share[j] * w.twist[j])
         w.angle[j] += track[k].gain_angle * miss
         w.speed[j] += track[k].gain_speed * miss
-        moved[k, first + j] = track[k].scale * miss
+        moved[row, first + j] = track[k].scale * miss
 
 
 @kernel
@@ -72,24 +73,30 @@ def predict(w, features, track, k, period):
 
 
 @kernel
-def run(w, flux_map, timing, features, room, track, eccentric, out, moved, first):
-    """Replay one recording; readings (A) go to out[k, 0:3, first:first + lanes], a free rotor's innovations to
-    moved[k, first:] where features say MOTION.  w starts with fluxes and currents of the first sample; room: fresh;
-    track: (n,) of TRACK; eccentric: the angle handed in still holds what encoders are off."""
+def run(w, flux_map, timing, features, room, track, eccentric, supply, span, start, stop, out, moved, first):
+    """Replay samples start to stop - 1 of one recording; return what `span` is to be for those after them.
+
+    Readings (A) of sample k go to out[k - start, 0:3, first:first + lanes], a free rotor's innovations to
+    moved[k - start, first:] where features say MOTION.  w starts with fluxes and currents of the first sample, room
+    fresh, span at 0; all three are handed on from stretch to stretch.  Lanes that sample before the pattern's start
+    write one row ahead: `out` has a row for sample `stop`, unless there is none.  track: (n,) of TRACK; eccentric: the
+    angle handed in still holds what encoders are off; supply: w.supply as it began.
+    """
     n, lanes, period = len(track), w.psi_a.size, timing.period
     looks, seen = np.empty(0), np.empty((0, 2))
-    span, wobbling, supply = 0.0, features & add.WOBBLE != 0 and eccentric, w.supply.copy()
-    if wobbling:
-        deviate(w, track[0].turn)
-        deviate(w, track[0].turn)
-        for j in range(lanes):
-            w.deviation[j] = w.next_deviation[j]
-    hold_start(w, features)
-    read(w)
-    write(w, out, 0, first)
-    for k in range(n):
+    wobbling = features & add.WOBBLE != 0 and eccentric
+    if start == 0:
+        if wobbling:
+            deviate(w, track[0].turn)
+            deviate(w, track[0].turn)
+            for j in range(lanes):
+                w.deviation[j] = w.next_deviation[j]
+        hold_start(w, features)
+        read(w)
+        write(w, out, 0, first)
+    for k in range(start, stop):
         if features & add.MOTION:
-            correct(w, track, k, moved, first)
+            correct(w, track, k, moved, k - start, first)
         if wobbling and k < n - 1:
             deviate(w, track[k + 1].turn)
         row = track[k]
@@ -105,12 +112,13 @@ def run(w, flux_map, timing, features, room, track, eccentric, out, moved, first
         span = travel(w, flux_map, timing, features, room, course, k * period, span, looks, seen)
         read(w)
         if timing.first >= 0.0:
-            write(w, out, k, first)
+            write(w, out, k - start, first)
         else:
-            write_some(w, out, k, first, False)
-            write_some(w, out, min(k + 1, n - 1), first, k < n - 1)
+            write_some(w, out, k - start, first, False)
+            write_some(w, out, min(k + 1, n - 1) - start, first, k < n - 1)
         if features & add.MOTION:
             predict(w, features, track, k, period)
         if wobbling:
             for j in range(lanes):
                 w.deviation[j] = w.next_deviation[j]
+    return span

@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 CORNERS = 8
 PLACES = 40  # a new corner is first sought at so many equal steps of the recording
+TOGETHER = 1e7  # numbers worked on at once there: a long recording's places are tried a few at a time
 APART = 2  # samples between corners, and between a corner and an end
 ITERATIONS = 30
 HALVINGS = 8
@@ -155,11 +156,18 @@ def _next(reading: Reading, fitted: Ramps) -> float:
     columns = [np.ones_like(reading.tau), reading.tau, 0.5 * reading.tau**2, *(0.5 * h**2).T, *(-h).T]
     columns += reading.sine()
     basis = np.linalg.svd(np.column_stack(columns), full_matrices=False)[0]
+    left = reading.theta - basis @ (basis.T @ reading.theta)
     places = np.arange(1, PLACES) / PLACES
-    new = 0.5 * np.maximum(0.0, reading.tau[:, None] - places) ** 2
+    groups = np.array_split(places, min(len(places), math.ceil(len(left) * len(places) / TOGETHER)))
+    gain = np.concatenate([_gain(reading.tau, left, basis, some) for some in groups])
+    return float(places[int(np.argmax(gain))])
+
+
+def _gain(tau: Array, left: Array, basis: Array, places: Array) -> Array:
+    """Return what one more corner at each of the places would take off the squares of what is left (n,); basis: of all
+    columns that are there."""
+    new = 0.5 * np.maximum(0.0, tau[:, None] - places) ** 2
     size = np.sum(new**2, axis=0)
     new -= basis @ (basis.T @ new)
     own = np.sum(new**2, axis=0)
-    left = reading.theta - basis @ (basis.T @ reading.theta)
-    gain = np.where(own > 1e-12 * size, (left @ new) ** 2 / np.maximum(own, 1e-300), 0.0)
-    return float(places[int(np.argmax(gain))])
+    return np.where(own > 1e-12 * size, (left @ new) ** 2 / np.maximum(own, 1e-300), 0.0)

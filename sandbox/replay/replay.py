@@ -19,45 +19,40 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.compiled import kernel
-from model.energy import SOLVED, AnyEnergy, Energy, flux_newton
 from model.errors import BadInput
-from model.frames import stationary
 from model.parameters import Converter, Motor
-from model.spline import SplineEnergy
-from sandbox.plant import additions, ports
-from sandbox.plant.batch import blank_room
-from sandbox.plant.sets import batch_of, complete, features_of, readings_at, rows_of, timing_of
+from sandbox.plant.sets import batch_of, complete, features_of, readings_at, rows_of
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.blocks import grouped, room_of
-from sandbox.replay.inputs import Inputs, inputs_of, noise_floor, readings_off, with_columns
-from sandbox.replay.kernel import run
+from sandbox.replay.inputs import Inputs, inputs_of, noise_floor
+from sandbox.replay.stretches import Stretch
+from sandbox.replay.walking import Block, Running
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
 STEPS = (1, 2, 4, 8)
-ENERGY_ROWS = (
-    ("gamma_d", 1), ("gamma_q", 1), ("cubic_d", 3), ("cubic_q", 1), ("quartic_d", 4), ("quartic_dq", 1),
-    ("quartic_q", 4),
-)  # fmt: skip
 ACCURACY = 0.02  # of the noise floor: largest rms change on halving the plant's step
 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A campaign ready for replay: inputs of each recording, plant steps a sampling period, floors, base set."""
+    """A campaign ready for replay: inputs of each recording, plant steps a sampling period, floors, base set.
+
+    spare: bytes that a diagnosis may take beside what grows with the campaign anyway (`sandbox.replay.memory`).
+    """
 
     campaign: Campaign
     recordings: tuple[Inputs, ...]
     steps: int
     floor: float  # A rms of one phase's reading
     base: Set
+    spare: float = math.inf
 
     @property
     def samples(self) -> int:
@@ -73,6 +68,15 @@ class Prediction:
     currents: tuple[Array, ...]
     motion: tuple[Array | None, ...]
     angle: tuple[Array | None, ...]
+
+
+class Shown(NamedTuple):
+    """What a block predicts for a stretch: currents (m, 3, lanes) in A; innovations and encoder's readings (m, lanes)
+    as in `Prediction`, or None."""
+
+    current: Array
+    motion: Array | None
+    angle: Array | None
 
 
 @dataclass(frozen=True)
@@ -127,9 +131,12 @@ def with_steps(prepared: Prepared, steps: int) -> Prepared:
 def halving_error(prepared: Prepared, values: Set | None = None) -> list[float]:
     """Return per recording the rms change of the readings, in noise floors, when the plant's step is halved."""
     values = prepared.base if values is None else values
-    coarse = replay(prepared, [values]).currents
-    fine = replay(with_steps(prepared, 2 * prepared.steps), [values]).currents
-    return [float(np.sqrt(np.mean((a - b) ** 2))) / prepared.floor for a, b in zip(coarse, fine, strict=True)]
+    out = []
+    for r in prepared.recordings:  # one by one: two predictions of everything would be large
+        own = replace(prepared, recordings=(r,))
+        (coarse,), (fine,) = (replay(p, [values]).currents for p in (own, with_steps(own, 2 * own.steps)))
+        out.append(float(np.sqrt(np.mean((coarse - fine) ** 2))) / prepared.floor)
+    return out
 
 
 def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Prediction:
@@ -173,30 +180,16 @@ def replay(prepared: Prepared, sets: Sequence[Set], *, workers: int = 1) -> Pred
 
 def residuals(prepared: Prepared, prediction: Prediction) -> list[Residual]:
     """Return each recording's residuals (read less predicted) over their noise floors."""
-    out = []
-    for r, current, motion, angle in zip(
-        prepared.recordings, prediction.currents, prediction.motion, prediction.angle, strict=True
-    ):
-        turned = None if angle is None else (r.track["read"][:, None] - angle) / r.angle_floor
-        out.append(Residual(r.file, r.rotor, (r.read[:, :, None] - current) / prepared.floor, motion, turned))
-    return out
+    told = zip(prediction.currents, prediction.motion, prediction.angle, strict=True)
+    n = [r.samples for r in prepared.recordings]
+    return [residual_of(prepared, Stretch(k, 0, n[k], n[k]), Shown(*x)) for k, x in enumerate(told)]
 
 
-@dataclass(frozen=True)
-class Block:
-    """Sets that run together: their places, the batch, lock angles, common features; late: whole periods
-    by which the voltage of all of them comes later."""
-
-    members: tuple[int, ...]
-    batch: Any
-    lock: Array
-    features: int
-    late: int = 0
-
-    @property
-    def lanes(self) -> int:
-        """Sets that its batch has room for."""
-        return len(self.batch["offset"])
+def residual_of(prepared: Prepared, s: Stretch, shown: Shown) -> Residual:
+    """Return the residuals over a stretch of what is predicted there."""
+    r, own = prepared.recordings[s.recording], slice(s.first, s.last)
+    turned = None if shown.angle is None else (r.track["read"][own, None] - shown.angle) / r.angle_floor
+    return Residual(r.file, r.rotor, (r.read[own, :, None] - shown.current) / prepared.floor, shown.motion, turned)
 
 
 def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
@@ -239,86 +232,30 @@ def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence
 
 def run_block(prepared: Prepared, r: Inputs, block: Block, out: Array, moved: Array, first: int) -> None:
     """Replay one recording through one block into columns first ... of out (n, 3, ...) and moved (n, ...)."""
-    w, drive = block.batch.copy(), prepared.campaign.drive
-    if r.rotor == "locked":
-        w["offset"] -= block.lock
-        w["off_c"], w["off_s"] = np.cos(w["offset"]), np.sin(w["offset"])
-    energy = drive.motor.energy
-    flux_map = energy if isinstance(energy, SplineEnergy) else None
-    features = block.features | (additions.MOTION if r.rotor == "free" else 0)
-    _start(w, r, flux_map)
-    timing = timing_of(w, drive.converter.sampling_period, prepared.steps)
-    track = later(r.track, block.late)
-    run(w, flux_map, timing, features, blank_room(block.lanes), track, r.motion.eccentric, out, moved, first)
+    Running.begun(prepared.campaign.drive, prepared.steps, r, block).on(r.samples, out, moved, first)
 
 
-def later(track: Any, periods: int) -> Any:
-    """Return a track whose commands act so many whole periods later; before them, none."""
-    if not periods:
-        return track
-    columns = {}
-    for name in ("d_a", "d_b", "d_c"):
-        columns[name] = np.concatenate([np.full(periods, 0.5), track[name]])[: len(track)]
-    return with_columns(track, columns)
+@dataclass(frozen=True)
+class Walk:
+    """Blocks of sets on their way through a campaign, stretch by stretch."""
 
+    prepared: Prepared
+    running: dict[tuple[int, int], Running] = field(default_factory=dict)
 
-def _start(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
-    """Set the states at the first sample: without current, or (`Inputs.loaded`) with the current as read."""
-    lanes = len(w["offset"])
-    off = np.zeros((1, lanes))
-    for _ in range(2):  # the deviation at the true angle
-        turn = r.motion.angle[:1] / r.pole_pairs - np.mean(w["offset"] + off[0]) / r.pole_pairs
-        off[:] = 0.0
-        if r.motion.eccentric:
-            readings_off(w, turn, off)
-    theta = r.motion.angle[0] - w["offset"] - off[0]
-    c, s = np.cos(theta), np.sin(theta)
-    rest = np.zeros((2, lanes))
-    at_rest(w, c, s, rest)
-    for j in range(lanes):
-        d = q = 0.0
-        if r.loaded:
-            d, q = _flux_as_read(w, j, r, c[j], s[j], flux_map)
-        d, q = d + w["magnet"][j] + rest[0, j], q + rest[1, j]
-        w["psi_a"][j], w["psi_b"][j] = c[j] * d - s[j] * q, s[j] * d + c[j] * q
-    w["eddy_a"], w["eddy_b"] = w["psi_a"], w["psi_b"]
-
-
-@kernel
-def at_rest(w, c, s, rest):
-    """Write the magnets' harmonics (2, lanes) in Wb at angles of cos c, sin s (lanes,)."""
-    for j in range(w.psi_a.size):
-        rest[0, j], rest[1, j], _, _ = ports.magnets(w, j, c[j], s[j])
-        for k in range(w.more_magnets):
-            d, q, _, _ = ports.further_magnets(w, k, j, c[j], s[j])
-            rest[0, j], rest[1, j] = rest[0, j] + d, rest[1, j] + q
-
-
-def _flux_as_read(w: Any, j: int, r: Inputs, c: float, s: float, flux_map: SplineEnergy | None) -> tuple[float, float]:
-    """Return the flux (Wb) that the first reading's current links in lane j; its lags start from that current."""
-    phases = np.array(unread(w, j, *(r.read[0] - w["common"][j])))
-    i_a, i_b = stationary(*(float(x) for x in phases))
-    own: AnyEnergy = Energy(*(float(w[row][j] / n) for row, n in ENERGY_ROWS))
-    i_d, i_q = c * i_a + s * i_b, c * i_b - s * i_a
-    if flux_map is not None:
-        own = flux_map
-    d, q, status = flux_newton(own, i_d, i_q, 0.0, 0.0)
-    if status != SOLVED:
-        raise BadInput(f"{r.file}: no flux of this motor gives the first reading of {math.hypot(i_a, i_b):.3g} A")
-    for name, i in (("a", i_a), ("b", i_b)):
-        for lag in ("slow", "filter", "i"):
-            w[f"{lag}_{name}"][j] = i
-    return float(d), float(q)
-
-
-@kernel
-def unread(w, j, a, b, c):
-    """Return the phase currents (A) behind three readings: the port `reading` is solved for them, gains near one."""
-    x, y, z = a, b, c
-    for _ in range(20):
-        p, q, r = ports.reading(w, j, x, y, z)
-        x, y, z = x + (a - p), y + (b - q), z + (c - r)
-    return x, y, z
+    def over(self, s: Stretch, block: Block) -> Shown:
+        """Return what a block predicts for a stretch, the one after that asked for before."""
+        r, key = self.prepared.recordings[s.recording], (s.recording, id(block))
+        state = self.running.pop(key, None)
+        if state is None:
+            state = Running.begun(self.prepared.campaign.drive, self.prepared.steps, r, block)
+        m, ahead = s.last - s.first, s.last < s.n
+        current = np.empty((m + ahead, 3, block.lanes))
+        moved = np.empty((m, block.lanes)) if r.rotor == "free" else np.empty((1, 1))
+        state.on(s.last, current, moved)
+        if ahead:
+            self.running[key] = state
+        turned = r.encoder(block.batch, s.first, s.last) if r.rotor == "driven" else None
+        return Shown(current[:m], moved if r.rotor == "free" else None, turned)
 
 
 def in_threads(task, jobs, workers: int) -> None:

@@ -13,8 +13,9 @@ reciprocal: `coordinates` then says "1/...".
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +25,8 @@ from model.effects import library
 from model.errors import BadInput, unknown
 from sandbox.plant.sets import BENCH, complete, features_of, parameter_names
 from sandbox.replay.blocks import grouped
-from sandbox.replay.replay import Prediction, Prepared, Set, block_of, in_threads, run_block
+from sandbox.replay.replay import Prepared, Set, Shown, Walk, block_of, in_threads
+from sandbox.replay.stretches import Stretch, stretches
 
 Array = NDArray[np.float64]
 SHARE = 1e-4
@@ -126,53 +128,66 @@ def sensitivities(
     moves = [displaced(prepared, at, name, share) for name in chosen]
     steps = np.array([m[1] for m in moves])
     mechanical = [mechanical_only(name) for name in chosen]
-    results, _ = slopes(prepared, at, [m[0] for m in moves], steps, mechanical, workers=workers)
+    every = stretches([r.samples for r in prepared.recordings], math.inf)
+    told = [x for _, x in slopes(prepared, Moves(at, [m[0] for m in moves], steps, mechanical), every, workers=workers)]
     typical = np.array([typical_change(prepared, name, at[name]) for name in chosen])
-    return Sensitivity(chosen, tuple(m[2] for m in moves), steps, typical, at, *results)
+    currents, motion, angle = (tuple(getattr(x, name) for x in told) for name in ("current", "motion", "angle"))
+    return Sensitivity(chosen, tuple(m[2] for m in moves), steps, typical, at, currents, motion, angle)
+
+
+class Slopes(NamedTuple):
+    """Slopes over a stretch (`Sensitivity`): current (m, 3, p), motion and angle (m, p) or None; base: what the set
+    itself predicts there, of one set."""
+
+    current: Array
+    motion: Array | None
+    angle: Array | None
+    base: Shown
+
+
+@dataclass(frozen=True)
+class Moves:
+    """Displaced sets `to` (p,), beside the set `at`; steps: (p,) in any unit; mechanical: (p,) this one acts on free
+    rotors only."""
+
+    at: Set
+    to: Sequence[Set]
+    steps: Array
+    mechanical: Sequence[bool]
 
 
 def slopes(
-    prepared: Prepared, at: Set, moved: Sequence[Set], steps: Array, mechanical: Sequence[bool], *, workers: int = 1
-) -> tuple[tuple[tuple[Array, ...], tuple[Array | None, ...], tuple[Array | None, ...]], Prediction]:
-    """Return (reading at a moved set - reading at `at`) / step per recording: currents, motion, angle of `Sensitivity`.
+    prepared: Prepared, moves: Moves, groups: Sequence[Sequence[Stretch]], *, workers: int = 1
+) -> Iterator[tuple[Stretch, Slopes]]:
+    """Yield (reading at a moved set - reading at the set) / step for each stretch; a group of them at a time."""
+    walk, sets = Walk(prepared), [moves.at, *moves.to]
+    both = [[k for k, m in enumerate(moves.mechanical) if m == only] for only in (False, True)]
+    electrical, mechanical = (_blocks(prepared, sets, columns) for columns in both)
+    for group in groups:
+        results = {s: _empty(prepared, s, len(moves.to)) for s in group}
+        jobs = []
+        for s in group:
+            wanted = electrical + mechanical if prepared.recordings[s.recording].rotor == "free" else electrical
+            jobs += [(s, block, columns, k == 0) for k, (block, columns) in enumerate(wanted)]
+        jobs.sort(key=lambda job: -(job[0].last - job[0].first) * job[1].features.bit_count())
 
-    Beside them the prediction at `at` itself, of one set.  steps: (p,) in any unit, one per moved set; mechanical:
-    (p,) this move acts on free rotors only.
-    """
-    results, base = _empty(prepared, len(moved)), _empty(prepared, 1)
-    electrical_columns = [k for k, m in enumerate(mechanical) if not m]
-    mechanical_columns = [k for k, m in enumerate(mechanical) if m]
-    sets = [at, *moved]
-    blocks = _blocks(prepared, sets, electrical_columns), _blocks(prepared, sets, mechanical_columns)
-    jobs = []
-    for r, inputs in enumerate(prepared.recordings):
-        wanted = blocks[0] + blocks[1] if inputs.rotor == "free" else blocks[0]
-        jobs += [(r, block, columns, k == 0) for k, (block, columns) in enumerate(wanted)]
-    jobs.sort(key=lambda job: -prepared.recordings[job[0]].samples * job[1].features.bit_count())
+        def task(job, results=results) -> None:
+            """Fill in the slopes of one block of sets on one stretch."""
+            s, block, columns, first = job
+            shown, out, inverse = walk.over(s, block), results[s], 1.0 / moves.steps[columns]
+            m = s.last - s.first
+            differences(shown.current.reshape(3 * m, -1), inverse, columns, out.current.reshape(3 * m, -1))
+            if shown.motion is not None:
+                differences(shown.motion, inverse, columns, out.motion)
+            if shown.angle is not None:
+                out.angle[:, columns] = (shown.angle[:, 1 : len(columns) + 1] - shown.angle[:, :1]) * inverse
+            if first:
+                for own, told in zip(out.base, shown, strict=True):
+                    if told is not None:
+                        own[:] = told[..., :1]
 
-    def task(job) -> None:
-        """Fill in the slopes of one block of sets on one recording."""
-        r, block, columns, first = job
-        inputs, n = prepared.recordings[r], prepared.recordings[r].samples
-        current = np.empty((n, 3, block.lanes))
-        moved_on = np.empty((n, block.lanes)) if inputs.rotor == "free" else np.empty((1, 1))
-        run_block(prepared, inputs, block, current, moved_on, 0)
-        inverse = 1.0 / steps[columns]
-        differences(current.reshape(3 * n, -1), inverse, columns, results[0][r].reshape(3 * n, -1))
-        if inputs.rotor == "free":
-            differences(moved_on, inverse, columns, results[1][r])
-        if inputs.rotor == "driven":
-            read = inputs.encoder(block.batch)
-            results[2][r][:, columns] = (read[:, 1 : len(columns) + 1] - read[:, :1]) * inverse
-        if first:
-            base[0][r][:] = current[:, :, :1]
-            if inputs.rotor == "free":
-                base[1][r][:] = moved_on[:, :1]
-            if inputs.rotor == "driven":
-                base[2][r][:] = inputs.encoder(block.batch)[:, :1]
-
-    in_threads(task, jobs, workers)
-    return (tuple(results[0]), tuple(results[1]), tuple(results[2])), Prediction(*(tuple(x) for x in base))
+        in_threads(task, jobs, workers)
+        yield from results.items()
 
 
 def mechanical_only(name: str) -> bool:
@@ -182,14 +197,15 @@ def mechanical_only(name: str) -> bool:
     return library.load_effect(name.partition(".")[0]).subsystem == "mechanics"
 
 
-def _empty(prepared: Prepared, p: int):
-    n = [r.samples for r in prepared.recordings]
-    free = [r.rotor == "free" for r in prepared.recordings]
-    driven = [r.rotor == "driven" for r in prepared.recordings]
-    currents = [np.zeros((k, 3, p)) for k in n]
-    motion = [np.zeros((k, p)) if f else None for k, f in zip(n, free, strict=True)]
-    angle = [np.zeros((k, p)) if d else None for k, d in zip(n, driven, strict=True)]
-    return currents, motion, angle
+def _empty(prepared: Prepared, s: Stretch, p: int) -> Slopes:
+    rotor, m = prepared.recordings[s.recording].rotor, s.last - s.first
+
+    def room(p: int) -> Shown:
+        """Return room for p sets."""
+        motion, angle = (np.zeros((m, p)) if rotor == kind else None for kind in ("free", "driven"))
+        return Shown(np.zeros((m, 3, p)), motion, angle)
+
+    return Slopes(*room(p), room(1))
 
 
 def _blocks(prepared: Prepared, sets: Sequence[Mapping[str, float]], columns: Sequence[int]):

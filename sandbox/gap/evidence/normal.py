@@ -12,8 +12,12 @@ counts that beat with the sampling leave a bias in a motion, too: coordinate "tu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,28 +26,32 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate
 from sandbox.plant.sets import ANGLE_OFFSET, complete
+from sandbox.replay.blocks import ROOMS
 from sandbox.replay.inputs import inputs_of
-from sandbox.replay.replay import Prepared, Residual, replay, residuals
-from sandbox.replay.sensitivity import slopes
+from sandbox.replay.memory import SHARE
+from sandbox.replay.replay import Prepared, Walk, in_threads, plan, residual_of
+from sandbox.replay.segments import Segment, channel, squared, squared_slopes
+from sandbox.replay.sensitivity import Moves
+from sandbox.replay.stretches import Stretch, stretches
+from sandbox.replay.walking import Block
 
 Array = NDArray[np.float64]
 BLOCK = 0.05  # s: several electrical time constants
 STEP = 1e-4  # of a coordinate's prior deviation: the difference a slope is taken over
+MANY = 2000  # blocks of a campaign: of a longer one (100 s) they grow, since each holds equations of its own
 MOVING = 0.3  # of a reading's rms: bias that counts leave in the smoothed angle of a moving rotor
 LOCK = "bench.lock_angle"
+_COUNT: ContextVar[Callable[[float], None]] = ContextVar("count", default=lambda _: None)
 
 
-@dataclass(frozen=True)
-class Segment:
-    """One channel of one recording: places (p,) of its columns; per block A (b, p, p), g (b, p), rr (b,), n (b,)."""
-
-    recording: int
-    channel: str
-    places: NDArray[np.int64]
-    a: Array
-    g: Array
-    rr: Array
-    n: Array
+@contextmanager
+def counted(count: Callable[[float], None]) -> Iterator[None]:
+    """Call `count` with the cost of everything simulated here from now on, in simulations of the whole campaign."""
+    before = _COUNT.set(count)
+    try:
+        yield
+    finally:
+        _COUNT.reset(before)
 
 
 @dataclass(frozen=True)
@@ -55,7 +63,7 @@ class Normal:
     x: Array
     segments: tuple[Segment, ...]
     simulations: float
-    rows: tuple[Array, ...] = ()
+    rows: tuple[Any, ...] = ()  # of `Rows`, which are sliced and reshaped like arrays
 
     def at(self, point: Point, *, workers: int = 1) -> Normal:
         """Return the equations at another point with the slopes of this one: one simulation.
@@ -69,22 +77,26 @@ class Normal:
         drive = points[0].prepared.campaign.drive
         sets = [complete(drive.motor, drive.converter, p.values) for p in points]
         prepared = points[0].turned()
-        shown = residuals(prepared, replay(prepared, sets, workers=workers))
-        return [self._with(p, v, shown, k) for k, (p, v) in enumerate(zip(points, sets, strict=True))]
+        walk, together, cut = Walk(prepared), plan(prepared, sets), block_length(prepared)
+        out = [[replace(s, g=np.empty_like(s.g), rr=np.empty_like(s.rr)) for s in self.segments] for _ in points]
 
-    def _with(self, point: Point, values: Mapping[str, float], shown: Sequence[Residual], k: int) -> Normal:
-        """Return the equations for the residuals of set k."""
-        cut = block_length(point.prepared)
-        segments = []
-        for s, rows in zip(self.segments, self.rows, strict=True):
-            r = _channel(shown[s.recording], s.channel, k)
-            g, rr = np.empty_like(s.g), np.empty_like(s.rr)
-            for b, (first, last) in enumerate(blocks(len(r), cut)):
-                own = r[first:last].ravel()
-                wide = own.size // (last - first)
-                with np.errstate(over="ignore", invalid="ignore"):  # of an absurd set: nothing is probable there
-                    g[b], rr[b] = own @ rows[first * wide : last * wide], own @ own
-            segments.append(replace(s, g=g, rr=rr))
+        def task(job: tuple[Stretch, Block]) -> None:
+            """Square one block of sets on one stretch with the slopes of every channel there."""
+            stretch, block = job
+            shown = residual_of(prepared, stretch, walk.over(stretch, block))
+            for k, (s, rows) in enumerate(zip(self.segments, self.rows, strict=True)):
+                if s.recording == stretch.recording:
+                    each = [(channel(shown, s.channel, j), out[m][k]) for j, m in enumerate(block.members)]
+                    squared(each, rows, stretch, cut)
+
+        a_sample = 8 * 2 * 4 * ROOMS[-1] * workers  # its predictions and residuals
+        for group in stretches([r.samples for r in prepared.recordings], SHARE * prepared.spare / a_sample, cut):
+            in_threads(task, [(stretch, block) for stretch in group for block in together], workers)
+        _COUNT.get()(float(len(points)))
+        return [self._with(*x) for x in zip(points, sets, out, strict=True)]
+
+    def _with(self, point: Point, values: Mapping[str, float], segments: Sequence[Segment]) -> Normal:
+        """Return the equations with segments squared at a point."""
         x = [point.turns.get(c.names[0], 0.0) if c.form == "turn" else c.value(values) for c in self.coordinates]
         return replace(self, x=np.array(x), segments=tuple(segments), simulations=1.0)
 
@@ -172,30 +184,12 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
         steps.append(STEP * own_turns[0].deviation)
         moves.append({**values, name: values[name] + steps[-1]})
         mechanical.append(False)
-    (current, motion, angle), base = slopes(prepared, values, moves, np.array(steps), mechanical, workers=workers)
-    shown = residuals(prepared, base)
-    p = len(coordinates)
-    cut = block_length(prepared)
-    segments, rows = [], []
-    for k, (r, res) in enumerate(zip(prepared.recordings, shown, strict=True)):
-        turn, sign = (p, 1.0) if r.rotor == "locked" else (p + 1, -1.0)
-        columns, places = np.array([*range(p), turn]), np.array([*range(p), p + k])
-        scale = np.append(np.ones(p), sign)
-        parts = [("current", current[k], scale / prepared.floor)]
-        moved, turned = motion[k], angle[k]
-        if moved is not None:  # innovations are normalised already
-            parts.append(("motion", moved[:, None, :], -scale))
-        if turned is not None:
-            turned[:, turn] = sign  # the reading turns with the angle itself, not with the encoder's offset
-            parts.append(("angle", turned[:, None, :], scale / r.angle_floor))
-        for channel, j, size in parts:
-            own = _acting(j, columns, size)
-            segments.append(_segment(k, channel, own[0], places[own[1]], _channel(res, channel), cut))
-            rows.append(own[0])
+    parts = squared_slopes(prepared, Moves(values, moves, np.array(steps), mechanical), block_length(prepared), workers)
     x = np.append(x, [point.turns.get(r.file, 0.0) for r in prepared.recordings])
     free = sum(r.samples for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
-    return Normal((*coordinates, *own_turns), x, tuple(segments), cost, tuple(rows))
+    _COUNT.get()(cost)
+    return Normal((*coordinates, *own_turns), x, tuple(s for s, _ in parts), cost, tuple(rows for _, rows in parts))
 
 
 def possible(drive: Drive, values: Mapping[str, float]) -> bool:
@@ -208,41 +202,6 @@ def possible(drive: Drive, values: Mapping[str, float]) -> bool:
 
 
 def block_length(prepared: Prepared) -> int:
-    """Return the samples of a block."""
-    return max(1, round(BLOCK / prepared.campaign.drive.converter.sampling_period))
-
-
-def blocks(n: int, cut: int) -> list[tuple[int, int]]:
-    """Return first and last sample of each block of n samples; the last block is half to one and a half long."""
-    starts = range(0, max(1, n - cut // 2), cut)
-    return [(first, n if first == starts[-1] else first + cut) for first in starts]
-
-
-def _channel(r: Residual, channel: str, k: int = 0) -> Array:
-    """Return a channel's residuals of set k, (n, c)."""
-    if channel == "current":
-        return r.current[:, :, k]
-    shown = r.motion if channel == "motion" else r.angle
-    assert shown is not None
-    return shown[:, k : k + 1]
-
-
-def _acting(j: Array, columns: NDArray[np.int64], scale: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return the slopes (n c, q) of those coordinates that act on a channel, scaled, and which of them they are."""
-    flat = j.reshape(-1, j.shape[-1])
-    acts = np.flatnonzero(np.asarray(flat.any(axis=0))[columns])
-    return flat[:, columns[acts]] * scale[acts], acts
-
-
-def _segment(k: int, channel: str, j: Array, places: NDArray[np.int64], r: Array, cut: int) -> Segment:
-    """Cut residuals r (n, c) and slopes j (n c, q) into blocks and square them."""
-    wide, q = r.shape[1], j.shape[1]
-    cuts = blocks(len(r), cut)
-    a, g = np.empty((len(cuts), q, q)), np.empty((len(cuts), q))
-    rr, count = np.empty(len(cuts)), np.empty(len(cuts))
-    for b, (first, last) in enumerate(cuts):
-        jb, rb = j[first * wide : last * wide], r[first:last].ravel()
-        with np.errstate(over="ignore", invalid="ignore"):
-            a[b], g[b] = jb.T @ jb, rb @ jb
-            rr[b], count[b] = rb @ rb, rb.size
-    return Segment(k, channel, places, a, g, rr, count)
+    """Return the samples of a block: BLOCK seconds, longer where there would be more than MANY of them."""
+    usual = max(1, round(BLOCK / prepared.campaign.drive.converter.sampling_period))
+    return max(usual, math.ceil(prepared.samples / MANY))

@@ -22,6 +22,7 @@ Array = NDArray[np.float64]
 BEFORE, AFTER = COLOURS["linear"], COLOURS["saturated"]
 RECORDED = GREY
 FINEST = 1e-3  # noise floors: 0 dB of a spectrum's bars
+MOST = 400_000  # samples of a recording that are shown, evenly chosen: more is a file that no viewer opens
 HALF = 0.5  # a bar of width 1 is drawn from its place on
 
 
@@ -77,14 +78,16 @@ def _recording(
 ) -> Iterator[tuple[str, Plot]]:
     """Yield currents in the rotor's frame, residuals over the floor, motion or angle, of one recording."""
     r = shown["after"][0]
-    t: Array = period * np.arange(r.samples, dtype=np.float64)
-    turned = np.exp(-1j * r.motion.angle)
-    currents = {"recorded": _complex(r.read) * turned}
-    currents |= {f"simulated {name}": _complex(p.currents[k][:, :, 0]) * turned for name, (_, p, _) in shown.items()}
+    few = slice(None, None, -(-r.samples // MOST))
+    t: Array = period * np.arange(r.samples, dtype=np.float64)[few]
+    turned = np.exp(-1j * r.motion.angle[few])
+    currents = {"recorded": _complex(r.read[few]) * turned}
+    simulated = {name: p.currents[k][few, :, 0] for name, (_, p, _) in shown.items()}
+    currents |= {f"simulated {name}": _complex(i) * turned for name, i in simulated.items()}
     colours = [RECORDED, BEFORE, AFTER]
     yield "current_d", Plot("Current i_d (A)", t, {n: _real(z) for n, z in currents.items()}, colours)
     yield "current_q", Plot("Current i_q (A)", t, {n: _imaginary(z) for n, z in currents.items()}, colours)
-    rest = {name: _complex(x.current[:, :, 0]) * turned for name, (_, _, x) in shown.items()}
+    rest = {name: _complex(x.current[few, :, 0]) * turned for name, (_, _, x) in shown.items()}
     yield "residual_d", Plot("Residual of i_d (noise floors)", t, {n: _real(z) for n, z in rest.items()}, colours[1:])
     yield (
         "residual_q",
@@ -94,7 +97,7 @@ def _recording(
     for field, title in (("motion", "Innovation of the rotor's motion"), ("angle", "Residual of the encoder's angle")):
         own = {name: getattr(x, field) for name, (_, _, x) in shown.items()}
         if all(v is not None for v in own.values()):
-            yield field, Plot(f"{title} (noise floors)", t, {n: v[:, 0] for n, v in own.items()}, colours[1:])
+            yield field, Plot(f"{title} (noise floors)", t, {n: v[few, 0] for n, v in own.items()}, colours[1:])
 
 
 def _spectrum(period: float, rest: dict[str, Array]) -> Plot:

@@ -20,10 +20,12 @@ from sandbox.gap.report.distinguishability import Alike, alike
 from sandbox.gap.report.outside import odd_phase
 from sandbox.gap.report.position import PositionError, position_error
 from sandbox.gap.report.ranking import Ranking, ranking
+from sandbox.gap.report.shortened import share, shortened
 from sandbox.gap.report.where import Finding, percent, summary, where
 from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
 from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
+from sandbox.replay.memory import USUAL
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 HARDLY = 5e-4  # of what remains: less is nothing
@@ -60,15 +62,16 @@ def answer(
     exclude: Sequence[str] = (),
     rivals: Sequence[tuple[str, ...]] = (),
     workers: int = 2,
+    memory: float = USUAL,
     report: Callable[[str], None] = lambda _: None,
 ) -> Answers:
     """Return a campaign's diagnosis and all answers; BadInput for an unknown effect or a campaign that is none.
 
-    rivals: as `diagnose`.
+    rivals, memory (GB): as `diagnose`.
     """
     for name in exclude:
         library.load_effect(name)
-    d = diagnose(campaign, exclude=exclude, rivals=rivals, workers=workers, report=report)
+    d = diagnose(campaign, exclude=exclude, rivals=rivals, workers=workers, memory=memory, report=report)
     report("where it lies")
     found = where(d)
     report("position estimate")
@@ -76,7 +79,7 @@ def answer(
     report("what to record next")
     following = next_recording(d, workers)
     report("what remains")
-    left = remains(d.after.point, d.held_out, d.size.before)
+    left = remains(shortened(d.after.point), d.held_out, d.size.before)
     report("all effects")
     listed = ranking(d, workers)
     return Answers(d, found, position, following, left, alike(d), listed, odd_phase(shown(d.before.point)))
@@ -246,6 +249,8 @@ def caveats(a: Answers) -> list[str]:
     missing = [k for k in ("uncertainty", "background") if not getattr(d.campaign, k)]
     if missing:
         out.append(f"No [{'], ['.join(missing)}] is stated: usual values of a careful identification are assumed.")
+    if (part := share(d.start)) < 1.0:
+        out.append(f"To stay within --memory, free regressions were made on {percent(part)} of the samples.")
     kinds = {r.rotor for r in d.start.prepared.recordings}
     if kinds == {"locked"}:
         out.append("The rotor never turned, so effects that need speed (flux, encoder, iron loss) can hardly be seen.")

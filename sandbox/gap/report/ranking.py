@@ -12,6 +12,7 @@ from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.beside import Beside, beside
 from sandbox.gap.report.position_moved import Moved, moved
 from sandbox.gap.report.shares import Shares, shares
+from sandbox.gap.report.shortened import shortened
 from sandbox.gap.search.estimates import Estimate, estimates_beside
 from sandbox.gap.search.inclusion import Inclusion, by_algebra, inclusion
 from sandbox.gap.search.posterior import UNKNOWN
@@ -111,7 +112,7 @@ def ranking(d: Diagnosis, workers: int = 1, *, position: bool = True) -> Ranking
 
 def _open_part(d: Diagnosis, workers: int) -> OpenPart | None:
     j = d.best.judged
-    found = beside(j.table, j.prior, workers=workers)
+    found = beside(replace(j.table, point=shortened(j.table.point)), j.prior, workers=workers)
     if found is None:
         return None
     freed = replace(j.table, equations=found.equations)

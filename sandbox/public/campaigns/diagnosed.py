@@ -148,6 +148,7 @@ def diagnose(
     preset: str | None = None,
     earlier: str | Path | None = None,
     jobs: int | None = None,
+    memory: float | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> DiagnosisResult | MotionResult:
     """Return where the gap between a campaign and its simulator lies, which effect causes it, how far it shrinks.
@@ -169,6 +170,10 @@ def diagnose(
         in the campaign: every set of effects that it left is weighed again, whatever the search comes upon.
     jobs : int, optional
         Threads; all cores by default.
+    memory : float, optional
+        GB that the diagnosis may take (8); at least 0.7 and 0.7 kB a sample. Slopes that do not fit wait in a file in
+        TMPDIR (/var/tmp), about 1.5 kB a sample; the answer is the same. A free regression of what remains, which takes
+        14 kB a sample, is then made on a part of each recording, and the report says so.
     progress : callable, optional
         Is told in a few words what is being done.
 
@@ -182,7 +187,7 @@ def diagnose(
     Raises
     ------
     BadInput
-        For a campaign that cannot be read or replayed, or an unknown effect.
+        For a campaign that cannot be read or replayed, an unknown effect, or a campaign too long for the memory.
     PhysicsError
         Where the nominal model predicts no finite currents.
 
@@ -194,6 +199,7 @@ def diagnose(
     """
     from model.errors import unknown
     from sandbox.gap.report.answers import answer, linear
+    from sandbox.replay.memory import USUAL
 
     if nominal not in (None, "linear"):
         raise unknown("nominal model", nominal, ["linear"])
@@ -210,8 +216,9 @@ def diagnose(
     own = linear(own) if nominal else own
     rivals = [] if before is None else [s for s in before["rivals"] if not set(s) & set(names)]
     found = answer(
-        own, exclude=names, rivals=rivals, workers=jobs or os.cpu_count() or 1, report=progress or (lambda _: None)
-    )
+        own, exclude=names, rivals=rivals, workers=jobs or os.cpu_count() or 1,
+        memory=USUAL if memory is None else memory, report=progress or (lambda _: None),
+    )  # fmt: skip
     return DiagnosisResult(found, None if before is None else before["said"])
 
 

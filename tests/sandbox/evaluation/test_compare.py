@@ -14,7 +14,7 @@ from model.errors import BadInput
 from model.saliency import local_angle, self_consistent_angle
 from sandbox.drive.scenario import Scenario, Segment, load_scenario
 from sandbox.drive.simulate import simulate
-from sandbox.evaluation.compare import compare
+from sandbox.evaluation.compare import compare, stride_of
 from sandbox.evaluation.score import rows_of
 
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
@@ -146,3 +146,15 @@ def test_effects_reach_every_run():
         assert abs(one.error_deg.mean - two.error_deg.mean) > 1.0  # the filter lives on the voltage
     assert with_dead_time.as_json()["effects"] == {"dead_time.time": 4e-6}
     assert plain.as_json()["effects"] == {}
+
+
+def test_an_hour_is_recorded_thinned():
+    """3600 s and at most 5 s of starting up at 4 kHz are 14.42 million samples, of which ten million are kept at most:
+    every second; of four such runs together every sixth.  Ten minutes at 10 kHz are kept whole."""
+    drive = load_drive("ipm_exchanged")
+    hour, ten = (Scenario("long", (Segment(s),), rotor="locked") for s in (3600.0, 600.0))
+    assert drive.converter.sampling_period == 2.5e-4
+    assert (stride_of(drive, hour), stride_of(drive, hour, 4)) == (2, 6)
+    quick = dataclasses.replace(drive.converter, sampling_period=1e-4, pwm_frequency=1e4)
+    fast = dataclasses.replace(drive, converter=quick)
+    assert stride_of(fast, ten) == 1

@@ -12,11 +12,12 @@ from model.effects import library
 from sandbox.gap.evidence import noise, priors
 from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, prior_of
 from sandbox.gap.evidence.holdout import worst_share
-from sandbox.gap.evidence.normal import Normal, Segment, block_length, blocks, turns
+from sandbox.gap.evidence.normal import Normal, block_length, turns
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.evidence.spike_slab import Table, ordinary_share
 from sandbox.gap.search.estimates import estimates
 from sandbox.recordings.campaign import Campaign
+from sandbox.replay.segments import Segment, blocks
 
 US = 1e-6  # s
 
@@ -118,9 +119,11 @@ def test_the_widest_published_zone_of_a_sign_is_within_two_deviations():
 
 def test_blocks_by_hand():
     """50 ms at 10 kHz are 500 samples; the last block takes what is left, half to one and a half long."""
-    slow = SimpleNamespace(campaign=SimpleNamespace(drive=SimpleNamespace(converter=SimpleNamespace())))
+    slow = SimpleNamespace(campaign=SimpleNamespace(drive=SimpleNamespace(converter=SimpleNamespace())), samples=10**6)
     slow.campaign.drive.converter.sampling_period = 1e-4
     assert block_length(slow) == 500
+    slow.samples = 6_000_000  # ten minutes: 2000 blocks of 0.3 s
+    assert block_length(slow) == 3000
     assert blocks(1249, 500) == [(0, 500), (500, 1249)]
     assert blocks(1251, 500) == [(0, 500), (500, 1000), (1000, 1251)]
     assert blocks(100, 500) == [(0, 100)]

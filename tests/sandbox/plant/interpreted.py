@@ -14,7 +14,7 @@ from sandbox.plant import period as plant
 from sandbox.plant.batch import blank_room
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.kernel import run
-from sandbox.replay.replay import _start
+from sandbox.replay.walking import start_states
 from tests.sandbox.plant.told import DRIVE, duties, told, turning
 
 SHORT = 12  # periods
@@ -63,10 +63,11 @@ def bits():
     """Return the readings of one lane with every effect as hexadecimal numbers."""
     prepared = told(DRIVE, duties(SHORT), *turning(SHORT))
     r, (w, features) = prepared.recordings[0], lane(every())
-    _start(w, r, None)
+    start_states(w, r, None)
     out = np.empty((SHORT, 3, 1))
     timing = timing_of(w, DRIVE.converter.sampling_period, 1)
-    run(w, None, timing, features, room(), [Fields(x) for x in r.track], True, out, np.empty((1, 1)), 0)
+    track, supply = [Fields(x) for x in r.track], w.supply.copy()
+    run(w, None, timing, features, room(), track, True, supply, 0.0, 0, SHORT, out, np.empty((1, 1)), 0)
     return [float(x).hex() for x in out.ravel()]
 
 
@@ -140,8 +141,8 @@ def energy(steps, turns=8):
     plant.at_start, plant.in_middle = at_start, in_middle
     prepared = told(DRIVE, duty, *turning(n, speed))
     timing = timing_of(w, period, steps)
-    track, moved = prepared.recordings[0].track, np.zeros((n, 1))
-    run(w, None, timing, features | add.MOTION, room(), [Fields(x) for x in track], True, np.empty((n, 3, 1)), moved, 0)
+    track, out, moved = [Fields(x) for x in prepared.recordings[0].track], np.empty((n, 3, 1)), np.zeros((n, 1))
+    run(w, None, timing, features | add.MOTION, room(), track, True, w.supply.copy(), 0.0, 0, n, out, moved, 0)
     plant.at_start, plant.in_middle = start, mid
     return meter.total
 

@@ -9,7 +9,7 @@ import pytest
 
 import sandbox
 from sandbox.cli import build_parser, main
-from sandbox.output.tables import folded, print_table
+from sandbox.output.tables import effort_bar, folded, further, print_table
 from tests.sandbox.public.naming import of
 
 
@@ -114,3 +114,17 @@ def test_seed_and_jobs_are_told_where_they_do_something(capsys):
             main([command, "--help"])
         said = capsys.readouterr().out
         assert ("--seed" in said, "--jobs" in said) == (seed, jobs), command
+
+
+def test_how_many_simulations_to_expect():
+    """Half as many again wherever as many as expected are reached; nothing is drawn where nobody looks on."""
+    assert [further(2000.0, n) for n in (0.0, 1999.0, 2000.0, 3000.0, 4600.0)] == [
+        2000.0,
+        2000.0,
+        3000.0,
+        4500.0,
+        6750.0,
+    ]
+    with effort_bar("diagnosing", True, 2000.0) as (say, count):
+        say("reading")
+        count(1.0)

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from sandbox.replay import ramps
 from sandbox.replay.ramps import ramps_of
 from sandbox.replay.smoothing import driven_motion
 
@@ -63,3 +64,13 @@ def test_a_motion_without_corners_is_smoothed():
     angle = 20.0 * PERIOD * k + 0.2 * np.sin(2.0 * math.pi * 16.0 * k / N)
     motion = driven_motion(counted(angle), PAIRS, PERIOD, COUNT)
     assert np.sqrt(np.mean((motion.angle - angle) ** 2)) < DEVIATION
+
+
+def test_places_tried_a_few_at_a_time_are_the_same_places(monkeypatch):
+    """As of a long recording, whose 39 places together would take too much memory."""
+    read = counted(planted([0, 650, 1660, N], [0.0, 37.4, -56.2, -56.2])[0])
+    together = ramps_of(read, PAIRS, COUNT)
+    monkeypatch.setattr(ramps, "TOGETHER", 10.0 * N)
+    apart = ramps_of(read, PAIRS, COUNT)
+    assert len(together.corners) == 2
+    assert np.array_equal(together.angle, apart.angle)

@@ -1,0 +1,119 @@
+"""How much memory a diagnosis may take, and slopes that do not fit into it: they wait in a file.
+
+Of what grows with a campaign, most are slopes, one number for every reading and coordinate.  Where they are more than a
+share of what the limit leaves, they are written to a temporary file that has no name and goes with the process, and are
+read block by block.  Answers are the same to the bit either way.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import shutil
+import tempfile
+import weakref
+from dataclasses import dataclass
+from threading import Lock
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput
+
+Array = NDArray[np.float64]
+GIGA = 1e9
+USUAL = 8.0  # GB: what a diagnosis may take if nothing is said
+OWN = 0.6e9  # bytes of the program, its libraries and compiled kernels
+SAMPLE = 700.0  # bytes a sample takes that stands as long as a diagnosis: readings, commands, motion, one replay
+LEAST = 0.1e9  # bytes that there must be to work in
+SHARE = 0.25  # of what is left: slopes kept in memory (those of two points may be), and the same again to make them
+FULL = "give --memory more, or TMPDIR a folder with more room"
+
+
+def spare(gigabytes: float, samples: int) -> float:
+    """Return how many bytes a limit leaves to a campaign of so many samples.
+
+    BadInput where it is not enough.
+    """
+    if not gigabytes > 0.0:
+        raise BadInput(f"--memory {gigabytes:g} is no amount of memory; give GB above 0")
+    needed = OWN + SAMPLE * samples
+    left = GIGA * gigabytes - needed
+    if left < LEAST:
+        least = math.ceil((needed + LEAST) / GIGA * 10.0) / 10.0
+        raise BadInput(
+            f"--memory {gigabytes:g} GB is too little for a campaign of {samples} samples; give {least:g} or more, "
+            "or shorter recordings"
+        )
+    return left
+
+
+def spill_folder() -> str:
+    """Return where large temporary files go: TMPDIR, else /var/tmp, since /tmp may itself be memory."""
+    told = os.environ.get("TMPDIR")
+    return told or ("/var/tmp" if os.access("/var/tmp", os.W_OK) else tempfile.gettempdir())
+
+
+class Spill:
+    """A temporary file of so many bytes of numbers, without a name; closed when nobody reads it any more."""
+
+    def __init__(self, size: float) -> None:
+        """Open it where there is room; BadInput where there is none."""
+        folder, self.lock = spill_folder(), Lock()
+        try:
+            free = shutil.disk_usage(folder).free
+            if free < size:
+                told = f"{size / GIGA:.1f} GB of slopes fit neither into memory nor into '{folder}'"
+                raise BadInput(f"{told}, where {free / GIGA:.1f} GB are free; {FULL}")
+            self.file = tempfile.TemporaryFile(dir=folder, buffering=0)  # noqa: SIM115 (it outlives this call)
+        except OSError as problem:
+            raise BadInput(f"slopes do not fit into memory, nor can a file hold them ({problem}); {FULL}") from None
+        weakref.finalize(self, self.file.close)
+
+    def write(self, at: int, values: Array) -> None:
+        """Write numbers from a place (bytes) on."""
+        data = np.ascontiguousarray(values).reshape(-1).view(np.uint8).data
+        try:
+            with self.lock:
+                self.file.seek(at)
+                while data:
+                    data = data[self.file.write(data) :]
+        except OSError as problem:
+            raise BadInput(f"slopes do not fit into memory, nor can a file hold them ({problem}); {FULL}") from None
+
+    def read(self, at: int, shape: tuple[int, int]) -> Array:
+        """Return numbers from a place (bytes) on."""
+        out = np.empty(shape)
+        data = out.reshape(-1).view(np.uint8).data
+        with self.lock:
+            self.file.seek(at)
+            while data:
+                data = data[self.file.readinto(data) :]
+        return out
+
+
+@dataclass(frozen=True)
+class Kept:
+    """Slopes (rows, columns) in a file, of which some columns count, scaled: sliced like an array (rows, q)."""
+
+    spill: Spill
+    at: int
+    shape: tuple[int, int]
+    columns: NDArray[np.int64]
+    scale: Array
+
+    nbytes = 0  # of memory
+
+    def __getitem__(self, rows: slice) -> Array:
+        """Return some rows (stop - start, q)."""
+        first, last, _ = rows.indices(self.shape[0])
+        own = self.spill.read(self.at + 8 * first * self.shape[1], (last - first, self.shape[1]))
+        return own[:, self.columns] * self.scale
+
+    def __array__(self, dtype: object = None, copy: bool | None = None) -> Array:
+        """Return all of them, in memory."""
+        return self[: self.shape[0]]
+
+    def reshape(self, *shape: int) -> Array:
+        """Return all of them, in memory, in another shape."""
+        return self[: self.shape[0]].reshape(*shape)

@@ -1,0 +1,171 @@
+"""Channels of recordings as segments: slopes and residuals cut into blocks of time and squared, stretch by stretch.
+
+Slopes that do not fit into memory wait in a file (`memory`); which of them act is known once all stretches are in, so
+a segment is squared then, from the same numbers in the same blocks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sandbox.replay.blocks import ROOMS
+from sandbox.replay.inputs import Inputs
+from sandbox.replay.memory import SHARE, Kept, Spill
+from sandbox.replay.replay import Prepared, Residual, residual_of
+from sandbox.replay.sensitivity import Moves, Slopes, slopes
+from sandbox.replay.stretches import Stretch, stretches
+
+Array = NDArray[np.float64]
+Rows = Array | Kept  # slopes (n c, q) of a segment, in memory or in a file
+
+
+@dataclass(frozen=True)
+class Segment:
+    """One channel of one recording: places (p,) of its columns; per block A (b, p, p), g (b, p), rr (b,), n (b,)."""
+
+    recording: int
+    channel: str
+    places: NDArray[np.int64]
+    a: Array
+    g: Array
+    rr: Array
+    n: Array
+
+
+def squared_slopes(prepared: Prepared, moves: Moves, cut: int, workers: int) -> list[tuple[Segment, Rows]]:
+    """Return all segments with their slopes, which stay in memory where they fit; cut: samples of a block."""
+    width, n = len(moves.to), [r.samples for r in prepared.recordings]
+    room, size = SHARE * prepared.spare, 8.0 * width * sum(_readings(r) for r in prepared.recordings)
+    groups = stretches(n, room / (32.0 * (width + ROOMS[-1] * workers)), cut)
+    small = size <= room and all(s.whole for group in groups for s in group)
+    spill, at = None if small else Spill(size), 0
+    out: list[tuple[Segment, Rows]] = []
+    gathering: list[Gathering] = []
+    for s, told in slopes(prepared, moves, groups, workers=workers):
+        parts = channels_of(prepared, s, told, width - 2)
+        if not s.first:
+            gathering = []
+            for part in parts:
+                gathering.append(Gathering(at, part.j.shape[2], s.n * part.j.shape[1]))
+                at += 8 * gathering[-1].width * gathering[-1].rows
+        for part, own in zip(parts, gathering, strict=True):
+            own.add(part, spill, s.first)
+            if s.last == s.n:
+                out.append(own.squared(s.recording, part, spill, cut))
+    return out
+
+
+def _readings(r: Inputs) -> int:
+    """Return how many numbers a recording's residuals are."""
+    return r.samples * (3 if r.rotor == "locked" else 4)
+
+
+class Part(NamedTuple):
+    """A channel over a stretch: slopes j (m, c, p + 2) and residuals r (m, c); which columns act (q,), what they are
+    multiplied by, and the places of their coordinates."""
+
+    channel: str
+    j: Array
+    r: Array
+    columns: NDArray[np.int64]
+    scale: Array
+    places: NDArray[np.int64]
+
+
+def channels_of(prepared: Prepared, s: Stretch, told: Slopes, p: int) -> list[Part]:
+    """Return the channels of a recording over a stretch, of p coordinates beside two turns."""
+    r, shown = prepared.recordings[s.recording], residual_of(prepared, s, told.base)
+    turn, sign = (p, 1.0) if r.rotor == "locked" else (p + 1, -1.0)
+    columns, places = np.array([*range(p), turn]), np.array([*range(p), p + s.recording])
+    scale = np.append(np.ones(p), sign)
+
+    def part(name: str, j: Array, size: Array) -> Part:
+        """Return one of them."""
+        return Part(name, j, channel(shown, name), columns, size, places)
+
+    out = [part("current", told.current, scale / prepared.floor)]
+    if told.motion is not None:  # innovations are normalised already
+        out.append(part("motion", told.motion[:, None, :], -scale))
+    if told.angle is not None:
+        told.angle[:, turn] = sign  # the reading turns with the angle itself, not with the encoder's offset
+        out.append(part("angle", told.angle[:, None, :], scale / r.angle_floor))
+    return out
+
+
+@dataclass
+class Gathering:
+    """A channel of one recording as its stretches come in: its place in the file, columns and rows of slopes; which
+    columns are not zero; residuals."""
+
+    at: int
+    width: int
+    rows: int
+    acts: NDArray[np.bool_] | None = None
+    residuals: list[Array] = field(default_factory=list)
+
+    def add(self, part: Part, spill: Spill | None, first: int) -> None:
+        """Take in a stretch that begins at sample `first`."""
+        flat = part.j.reshape(-1, self.width)
+        acts = np.asarray(flat.any(axis=0))
+        self.acts = acts if self.acts is None else self.acts | acts
+        self.residuals.append(part.r)
+        if spill is not None:
+            spill.write(self.at + 8 * self.width * first * part.j.shape[1], flat)
+
+    def squared(self, recording: int, part: Part, spill: Spill | None, cut: int) -> tuple[Segment, Rows]:
+        """Return the segment and the slopes (n c, q) of those coordinates that act on it; part: the last stretch."""
+        assert self.acts is not None
+        acts = np.flatnonzero(self.acts[part.columns])
+        columns, scale = part.columns[acts], part.scale[acts]
+        rows: Rows = part.j.reshape(-1, self.width)[:, columns] * scale if spill is None else Kept(
+            spill, self.at, (self.rows, self.width), columns, scale
+        )  # fmt: skip
+        r = self.residuals[0] if len(self.residuals) == 1 else np.concatenate(self.residuals)
+        return _segment(recording, part.channel, rows, part.places[acts], r, cut), rows
+
+
+def blocks(n: int, cut: int) -> list[tuple[int, int]]:
+    """Return first and last sample of each block of n samples; the last block is half to one and a half long."""
+    starts = range(0, max(1, n - cut // 2), cut)
+    return [(first, n if first == starts[-1] else first + cut) for first in starts]
+
+
+def channel(r: Residual, channel: str, k: int = 0) -> Array:
+    """Return a channel's residuals of set k, (n, c)."""
+    if channel == "current":
+        return r.current[:, :, k]
+    shown = r.motion if channel == "motion" else r.angle
+    assert shown is not None
+    return shown[:, k : k + 1]
+
+
+def squared(each: Sequence[tuple[Array, Segment]], rows: Rows, s: Stretch, cut: int) -> None:
+    """Write g and r'r of residuals (m, c) over a stretch into their segments, for slopes (n c, q) of all of it."""
+    wide = each[0][0].shape[1]
+    for b, (first, last) in enumerate(blocks(s.n, cut)):
+        if first < s.first or last > s.last:
+            continue
+        jb = rows[first * wide : last * wide]
+        for r, own in each:
+            rb = r[first - s.first : last - s.first].ravel()
+            with np.errstate(over="ignore", invalid="ignore"):  # of an absurd set: nothing is probable there
+                own.g[b], own.rr[b] = rb @ jb, rb @ rb
+
+
+def _segment(k: int, channel: str, j: Rows, places: NDArray[np.int64], r: Array, cut: int) -> Segment:
+    """Cut residuals r (n, c) and slopes j (n c, q) into blocks and square them."""
+    wide, q = r.shape[1], len(places)
+    cuts = blocks(len(r), cut)
+    a, g = np.empty((len(cuts), q, q)), np.empty((len(cuts), q))
+    rr, count = np.empty(len(cuts)), np.empty(len(cuts))
+    for b, (first, last) in enumerate(cuts):
+        jb, rb = j[first * wide : last * wide], r[first:last].ravel()
+        with np.errstate(over="ignore", invalid="ignore"):
+            a[b], g[b] = jb.T @ jb, rb @ jb
+            rr[b], count[b] = rb @ rb, rb.size
+    return Segment(k, channel, places, a, g, rr, count)

@@ -1,0 +1,38 @@
+"""What of a campaign is worked on at once: recordings side by side, or a long one cut in time."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+
+class Stretch(NamedTuple):
+    """Samples first to last - 1 of a recording (its place in the campaign) of n."""
+
+    recording: int
+    first: int
+    last: int
+    n: int
+
+    @property
+    def whole(self) -> bool:
+        """Whether it is all of the recording."""
+        return self.last - self.first == self.n
+
+
+def stretches(samples: Sequence[int], most: float, cut: int = 1) -> list[list[Stretch]]:
+    """Return all samples of recordings, in groups of at most so many: recordings side by side, or part of a longer one.
+
+    Parts are cut at multiples of `cut` and no shorter than that, so a group may be as long as two cuts.
+    """
+    out: list[list[Stretch]] = [[]]
+    for r, n in enumerate(samples):
+        if n > most:
+            size = cut * max(1, int(most) // cut)
+            starts = [first for first in range(0, n, size) if not first or n - first >= cut]
+            out += [[Stretch(r, a, b, n)] for a, b in zip(starts, [*starts[1:], n], strict=True)]
+        elif sum(s.n for s in out[-1]) + n > most:
+            out.append([Stretch(r, 0, n, n)])
+        else:
+            out[-1].append(Stretch(r, 0, n, n))
+    return [group for group in out if group]

@@ -1,0 +1,159 @@
+"""A block of parameter sets on its way through one recording, stretch by stretch; where its states start."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import kernel
+from model.energy import SOLVED, AnyEnergy, Energy, flux_newton
+from model.errors import BadInput
+from model.frames import stationary
+from model.parameters import Drive
+from model.spline import SplineEnergy
+from sandbox.plant import additions, ports
+from sandbox.plant.batch import blank_room
+from sandbox.plant.sets import timing_of
+from sandbox.replay.inputs import Inputs, readings_off, with_columns
+from sandbox.replay.kernel import run
+
+Array = NDArray[np.float64]
+ENERGY_ROWS = (
+    ("gamma_d", 1), ("gamma_q", 1), ("cubic_d", 3), ("cubic_q", 1), ("quartic_d", 4), ("quartic_dq", 1),
+    ("quartic_q", 4),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Block:
+    """Sets that run together: their places, the batch, lock angles, common features; late: whole periods
+    by which the voltage of all of them comes later."""
+
+    members: tuple[int, ...]
+    batch: Any
+    lock: Array
+    features: int
+    late: int = 0
+
+    @property
+    def lanes(self) -> int:
+        """Sets that its batch has room for."""
+        return len(self.batch["offset"])
+
+
+@dataclass
+class Running:
+    """One block in one recording: its states (batch, room, span) after `done` samples, and what does not change."""
+
+    r: Inputs
+    batch: Any
+    flux_map: SplineEnergy | None
+    timing: Any
+    features: int
+    room: Any
+    track: Any
+    supply: Array
+    span: float = 0.0
+    done: int = 0
+    ahead: Array | None = None  # (3, lanes) readings of sample `done` taken before its pattern began
+
+    @classmethod
+    def begun(cls, drive: Drive, steps: int, r: Inputs, block: Block) -> Running:
+        """Return a block before the first sample of a recording; steps: plant steps a sampling period."""
+        w = block.batch.copy()
+        if r.rotor == "locked":
+            w["offset"] -= block.lock
+            w["off_c"], w["off_s"] = np.cos(w["offset"]), np.sin(w["offset"])
+        energy = drive.motor.energy
+        flux_map = energy if isinstance(energy, SplineEnergy) else None
+        features = block.features | (additions.MOTION if r.rotor == "free" else 0)
+        start_states(w, r, flux_map)
+        timing = timing_of(w, drive.converter.sampling_period, steps)
+        track = later(r.track, block.late)
+        return cls(r, w, flux_map, timing, features, blank_room(block.lanes), track, np.array(w["supply"]))
+
+    def on(self, stop: int, out: Array, moved: Array, first: int = 0) -> None:
+        """Go on to sample `stop`: readings (A) into columns first ... of out (stop - done, 3, ...), innovations of a
+        free rotor into those of moved (stop - done, ...).  Before the end of a recording `out` has a row more."""
+        columns = slice(first, first + len(self.supply))
+        if self.ahead is not None:
+            out[0, :, columns] = self.ahead
+        self.span = run(
+            self.batch, self.flux_map, self.timing, self.features, self.room, self.track, self.r.motion.eccentric,
+            self.supply, self.span, self.done, stop, out, moved, first,
+        )  # fmt: skip
+        self.ahead = out[stop - self.done, :, columns].copy() if stop < self.r.samples else None
+        self.done = stop
+
+
+def later(track: Any, periods: int) -> Any:
+    """Return a track whose commands act so many whole periods later; before them, none."""
+    if not periods:
+        return track
+    columns = {}
+    for name in ("d_a", "d_b", "d_c"):
+        columns[name] = np.concatenate([np.full(periods, 0.5), track[name]])[: len(track)]
+    return with_columns(track, columns)
+
+
+def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
+    """Set the states at the first sample: without current, or (`Inputs.loaded`) with the current as read."""
+    lanes = len(w["offset"])
+    off = np.zeros((1, lanes))
+    for _ in range(2):  # the deviation at the true angle
+        turn = r.motion.angle[:1] / r.pole_pairs - np.mean(w["offset"] + off[0]) / r.pole_pairs
+        off[:] = 0.0
+        if r.motion.eccentric:
+            readings_off(w, turn, off)
+    theta = r.motion.angle[0] - w["offset"] - off[0]
+    c, s = np.cos(theta), np.sin(theta)
+    rest = np.zeros((2, lanes))
+    at_rest(w, c, s, rest)
+    for j in range(lanes):
+        d = q = 0.0
+        if r.loaded:
+            d, q = _flux_as_read(w, j, r, c[j], s[j], flux_map)
+        d, q = d + w["magnet"][j] + rest[0, j], q + rest[1, j]
+        w["psi_a"][j], w["psi_b"][j] = c[j] * d - s[j] * q, s[j] * d + c[j] * q
+    w["eddy_a"], w["eddy_b"] = w["psi_a"], w["psi_b"]
+
+
+@kernel
+def at_rest(w, c, s, rest):
+    """Write the magnets' harmonics (2, lanes) in Wb at angles of cos c, sin s (lanes,)."""
+    for j in range(w.psi_a.size):
+        rest[0, j], rest[1, j], _, _ = ports.magnets(w, j, c[j], s[j])
+        for k in range(w.more_magnets):
+            d, q, _, _ = ports.further_magnets(w, k, j, c[j], s[j])
+            rest[0, j], rest[1, j] = rest[0, j] + d, rest[1, j] + q
+
+
+def _flux_as_read(w: Any, j: int, r: Inputs, c: float, s: float, flux_map: SplineEnergy | None) -> tuple[float, float]:
+    """Return the flux (Wb) that the first reading's current links in lane j; its lags start from that current."""
+    phases = np.array(unread(w, j, *(r.read[0] - w["common"][j])))
+    i_a, i_b = stationary(*(float(x) for x in phases))
+    own: AnyEnergy = Energy(*(float(w[row][j] / n) for row, n in ENERGY_ROWS))
+    i_d, i_q = c * i_a + s * i_b, c * i_b - s * i_a
+    if flux_map is not None:
+        own = flux_map
+    d, q, status = flux_newton(own, i_d, i_q, 0.0, 0.0)
+    if status != SOLVED:
+        raise BadInput(f"{r.file}: no flux of this motor gives the first reading of {math.hypot(i_a, i_b):.3g} A")
+    for name, i in (("a", i_a), ("b", i_b)):
+        for lag in ("slow", "filter", "i"):
+            w[f"{lag}_{name}"][j] = i
+    return float(d), float(q)
+
+
+@kernel
+def unread(w, j, a, b, c):
+    """Return the phase currents (A) behind three readings: the port `reading` is solved for them, gains near one."""
+    x, y, z = a, b, c
+    for _ in range(20):
+        p, q, r = ports.reading(w, j, x, y, z)
+        x, y, z = x + (a - p), y + (b - q), z + (c - r)
+    return x, y, z

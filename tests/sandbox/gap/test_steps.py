@@ -1,0 +1,203 @@
+"""The steps of a fit by a script: what a step promises and gains is told, what is done next is looked at."""
+
+import dataclasses
+from itertools import chain, repeat
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from model.effects import library
+from sandbox.gap.evidence import fit as fitting
+from sandbox.gap.evidence import probes, spike_slab
+from sandbox.gap.evidence.fit import Fit, stray
+from sandbox.gap.evidence.holdout import worst_share
+from sandbox.gap.evidence.priors import Coordinate
+from sandbox.gap.report import shares as sharing
+from tests.sandbox.gap.conftest import DRIVE
+from tests.sandbox.gap.test_values import equations
+
+START = 1000.0  # the objective that a script begins at
+
+
+class Script:
+    """Stands for a campaign: every step gains what the script says; `said` keeps what was asked for."""
+
+    def __init__(self, gains, promised):
+        """gains: of the objective, one a step, the last one for ever; promised: by every step."""
+        self.gains, self.promised = chain(gains, repeat(gains[-1])), promised
+        self.value, self.said = START, []
+
+    def __call__(self, monkeypatch):
+        """Fit it; return the fit, and what was asked for."""
+        point = SimpleNamespace(prepared=SimpleNamespace(recordings=()), moved=lambda coordinates, x: point)
+        point.resmoothed = lambda: self.said.append("smooth") or point
+        monkeypatch.setattr(fitting, "coordinates_of", lambda *given: [])
+        monkeypatch.setattr(fitting, "normal", lambda *given, **more: self.said.append("slopes") or self.equations())
+        monkeypatch.setattr(fitting, "prior_of", lambda coordinates: None)
+        monkeypatch.setattr(fitting, "objective", lambda n, prior, weights: n.value)
+        monkeypatch.setattr(fitting, "_step", lambda n, prior, weights, damping: self.step(damping))
+        monkeypatch.setattr(fitting, "tried", lambda n, *given: self.tried(n))
+        return fitting._within_bounds(point, point, (), {}, 1, sign=True)[0]
+
+    def equations(self):
+        """Return equations whose objective is the value now."""
+        own = SimpleNamespace(coordinates=(), simulations=10.0, value=self.value)
+        own.bare = lambda: own
+        return own
+
+    def step(self, damping):
+        """Return a step's place and promise."""
+        self.said.append(damping)
+        return None, self.promised
+
+    def tried(self, n):
+        """Return the objective a step reaches."""
+        gained = next(self.gains)
+        self.value = n.value - max(gained, 0.0)
+        return n.value - gained, self.equations()
+
+
+def test_slopes_serve_four_steps(monkeypatch):
+    """All that is promised is gained: four steps on the slopes of one point, and at most eight such points (thirty
+    steps in all come first).  The motion is smoothed anew with the first two."""
+    script = Script([10.0], 10.0)
+    found = script(monkeypatch)
+    four = [0.0] * 4
+    again = [x for k in range(2, 9) for x in (*(["smooth"] if k <= 3 else []), "slopes", *four)]
+    assert script.said == ["slopes", *four, *again][: len(script.said)]
+    assert script.said.count(0.0) == 30
+    assert found.simulations == 8 * 10.0 + 30.0
+
+
+@pytest.mark.parametrize(("gained", "steps"), [(5.2, 4), (4.8, 1)])
+def test_slopes_are_taken_anew_where_a_step_gains_less_than_half_of_what_they_promise(monkeypatch, gained, steps):
+    script = Script([gained] * 8 + [0.0], 10.0)
+    script(monkeypatch)
+    assert script.said[: steps + 2] == ["slopes", *[0.0] * steps, "smooth"]
+
+
+@pytest.mark.parametrize(("gained", "goes_on"), [(0.19, False), (0.21, True)])
+def test_a_first_step_that_gains_a_fifth_goes_on(monkeypatch, gained, goes_on):
+    script = Script([gained, 0.0], gained)
+    found = script(monkeypatch)
+    assert (len(script.said) > 2) is goes_on
+    assert found.objective == pytest.approx(START - gained)
+
+
+def test_a_step_that_gains_nothing_is_damped_harder_and_harder(monkeypatch):
+    """Not at all, then 0.05, 0.3, 2 and 10 times its curvature; then the fit ends, or where little is promised."""
+    script = Script([-1.0], 10.0)
+    assert script(monkeypatch).objective == START
+    assert script.said == ["slopes", 0.0, 0.05, 0.3, 2.0, 10.0]
+    little = Script([-1.0], 0.19)
+    little(monkeypatch)
+    assert little.said == ["slopes", 0.0]
+
+
+def test_at_most_eight_points_of_slopes(monkeypatch):
+    """A step gains a fifth of what is promised: slopes are taken anew after each, eight times in all."""
+    script = Script([2.0], 10.0)
+    script(monkeypatch)
+    assert script.said.count("slopes") == 8
+    assert script.said.count("smooth") == 2
+    assert script.said[-2:] == ["slopes", 0.0]
+
+
+@pytest.mark.parametrize(("smoother", "again"), [(2.9, 0), (3.1, 4)])
+def test_motion_is_smoothed_again_where_that_gains_three(monkeypatch, smoother, again):
+    """Four times at the most, as long as each gains more than a fifth."""
+    asked = []
+
+    def within(start, *given, **more):
+        """Return a fit that is better by one each time."""
+        asked.append(start)
+        return Fit((), start, None, START - len(asked), 5.0), smoother
+
+    point = SimpleNamespace(values={})
+    point.resmoothed = lambda: point
+    monkeypatch.setattr(fitting, "_within_bounds", within)
+    found = fitting._fit(point, (), {}, 1, sign=True)
+    assert len(asked) == 1 + again
+    assert (found.objective, found.simulations) == (START - 1 - again, 5.0 * (1 + again))
+
+
+def test_what_strays(monkeypatch):
+    """An ordinary deviation in its standard deviations; none that an effect widened, none that is held."""
+    usual = [Coordinate(n, 1.0, sd, "linear", (n,)) for n, sd in (("a", 0.5), ("b", 0.5), ("c", 0.0))]
+    monkeypatch.setattr(fitting, "ordinary", lambda campaign: usual)
+    own = (
+        usual[0],
+        dataclasses.replace(usual[1], deviation=2.0),
+        usual[2],
+        Coordinate("d", 0.0, 1.0, "linear", ("d",)),
+    )
+    point = SimpleNamespace(prepared=SimpleNamespace(campaign=None))
+    found = stray(
+        SimpleNamespace(point=point, coordinates=own, normal=SimpleNamespace(x=np.array([2.5, 9.0, 9.0, 9.0])))
+    )
+    assert found == {"a": (usual[0], 3.0)}
+
+
+def test_holding_out_counts_what_was_known_before():
+    """Deviation 0.1, so 100 before any reading; A = 1000 and 100.  Without the first the fit keeps 200/1200."""
+    own = [Coordinate("x", 0.0, 0.1, "linear", ("bench.x",))]
+    n = equations(own, (0, [[1000.0]], [0.0]), (1, [[100.0]], [0.0]))
+    assert worst_share(n, (0,), [["x"]]) == pytest.approx(200.0 / 1200.0)
+
+
+def test_an_inverse_below_one():
+    c = Coordinate("x", 0.0, 1.0, "reciprocal", ("bench.x",))
+    assert c.changes({"bench.x": 3.0}, 0.5) == {"bench.x": 2.0}
+
+
+def test_where_probes_start():
+    """A parameter known by its logarithm starts at each of its multiples of the typical size; others add no start."""
+    others = [e for e in library.effect_names() if e not in ("iron_loss", "dead_time")]
+    campaign = SimpleNamespace(drive=DRIVE)
+    point = SimpleNamespace(prepared=SimpleNamespace(campaign=campaign), values=library.neutral(DRIVE.motor))
+    found, cost = probes.probes(point, others)
+    own = [p for p in library.load_effect("iron_loss").parameters if p.fit == "log"]
+    assert len(own) == 1
+    size = own[0].typical_for(DRIVE.motor, DRIVE.converter)
+    starts = [{f"iron_loss.{own[0].name}": s * size} for s in own[0].starts]
+    assert [p.start for p in found if p.effect == "iron_loss"] == starts
+    assert [p.start for p in found if p.effect == "dead_time"] == [{}]
+    assert cost == 0.0
+
+
+def test_a_trace_of_what_all_currents_share_is_smaller(monkeypatch):
+    """Beside others an effect is ordinary up to a share of its wide deviation, three tenths of that for sampling."""
+    wide = Coordinate("x", 0.0, 2.0, "linear", ("x",))
+    monkeypatch.setattr(spike_slab, "ordinary", lambda campaign: [])
+    monkeypatch.setattr(
+        spike_slab, "probe_coordinates", lambda point, probe, label: [dataclasses.replace(wide, label=probe.effect)]
+    )
+    monkeypatch.setattr(
+        spike_slab, "normal", lambda point, coordinates, workers: SimpleNamespace(coordinates=coordinates)
+    )
+    monkeypatch.setattr(spike_slab, "algebra", lambda n, weights: None)
+    monkeypatch.setattr(spike_slab, "prior_of", lambda coordinates: [c.deviation for c in coordinates])
+    chosen = [probes.Probe(e, {}) for e in ("dead_time", "current_sampling")]
+    point = SimpleNamespace(prepared=SimpleNamespace(campaign=SimpleNamespace(drive=DRIVE)), values={})
+    t = spike_slab.table(point, chosen, (), 0.05, {}, 1)
+    assert t.narrow == pytest.approx([0.05 * 2.0, 0.05 * 0.3 * 2.0])
+    assert t.wide == [2.0, 2.0]
+
+
+def test_shares_of_two_effects_by_hand(monkeypatch):
+    """Two recordings alike, so that drawing recordings draws the same: `a` takes 30, `b` 60 off 100 squares of each,
+    10 are left; 0.9 explained is scaled to what all of it is.  The larger share comes first."""
+    worth = {(): 0.0, ("a",): 30.0, ("b",): 60.0, ("a", "b"): 90.0}
+    monkeypatch.setattr(sharing, "_worths", lambda j, named: lambda kept: np.full(2, worth[tuple(sorted(kept))]))
+    monkeypatch.setattr(sharing, "_waterfall", lambda d, j, ranked: [(e, 1.0) for e in ranked])
+    segments = [SimpleNamespace(recording=k, rr=np.array([110.0]), n=np.array([100.0])) for k in range(2)]
+    judged = SimpleNamespace(fit=SimpleNamespace(normal=SimpleNamespace(segments=segments)))
+    d = SimpleNamespace(
+        best=SimpleNamespace(effects=("a", "b"), judged=judged), remainder=SimpleNamespace(explained=0.81)
+    )
+    found = sharing.shares(d)
+    assert list(found.of) == ["b", "a"]
+    assert found.of["b"] == pytest.approx((0.54, 0.54, 0.54))  # 0.81 x 60/90
+    assert found.of["a"] == pytest.approx((0.27, 0.27, 0.27))
+    assert [e for e, _ in found.waterfall] == ["b", "a"]
