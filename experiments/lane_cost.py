@@ -1,6 +1,6 @@
 """What a period of the replay takes, by the number of sets side by side and by what they need.
 
-The constants of `sandbox.replay.blocks`, measured: ns a period of a block of every size, bare and with each kind of
+The constants of `sandbox.replay.grouping`, measured: ns a period of a block of every size, bare and with each kind of
 effect on, and a straight line through what each adds.  Run on an otherwise idle machine:
 
     python -m experiments.lane_cost
@@ -16,7 +16,7 @@ from model.drive_files import load_drive
 from sandbox.plant import additions as add
 from sandbox.plant.sets import complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.replay.blocks import ROOMS, VECTOR
+from sandbox.replay.grouping import ROOMS, VECTOR
 from sandbox.replay.replay import Prepared, block_of, prepare, run_block
 
 SAMPLES, TIMES = 8000, 5

@@ -27,6 +27,7 @@ from sandbox.gap.search.estimates import Estimate, estimates
 from sandbox.gap.search.forward import Judged, Search, search, unbent
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.search.selection import widened
+from sandbox.gap.search.stranger import beside_unknown
 from sandbox.gap.search.unfitted import slight
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_campaign
@@ -121,13 +122,16 @@ def diagnose(
     found = _with_rivals(found, [s for s in rivals if not set(s) & set(hidden)], everything, workers)
     report("measuring the gap")
     judged, ranked, temperature, cost = _ranked(found, rms(nominal, range(count)), everything, workers)
-    best = ranked[0][1]
     before = fit(start, (), fitted, workers=workers)
+    unlogged = unlogged_counts(prepared)
+    rest = remainder(found.null, ranked[0][1].fit, unlogged)
+    best, spent = beside_unknown(found, ranked[0][1], rest.unknown, temperature, everything, workers)
+    if best is not ranked[0][1]:
+        rest = replace(remainder(found.null, best.fit, unlogged), unknown=rest.unknown)
     after = fit(_with_effects(before.point, best), best.effects, fitted, workers=workers) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in prepared.recordings])
-    rest = remainder(found.null, best.fit, unlogged_counts(prepared))
-    hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained))
-    cost += nominal.simulations + before.simulations + (after.simulations if best.effects else 0)
+    hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained, best))
+    cost += nominal.simulations + before.simulations + (after.simulations if best.effects else 0) + spent
     return Diagnosis(
         own, start, nominal, before, after, left, judged, hypotheses,
         tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,

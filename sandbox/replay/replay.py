@@ -29,7 +29,7 @@ from model.errors import BadInput
 from model.parameters import Converter, Motor
 from sandbox.plant.sets import batch_of, complete, features_of, readings_at, rows_of
 from sandbox.recordings.campaign import Campaign
-from sandbox.replay.blocks import grouped, room_of
+from sandbox.replay.grouping import grouped, room_of
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor
 from sandbox.replay.stretches import Stretch
 from sandbox.replay.walking import Block, Running

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.replay.blocks import ROOMS
+from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import Inputs
 from sandbox.replay.memory import SHARE, Kept, Spill
 from sandbox.replay.replay import Prepared, Residual, residual_of

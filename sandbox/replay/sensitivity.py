@@ -24,7 +24,7 @@ from model.compiled import kernel
 from model.effects import library
 from model.errors import BadInput, unknown
 from sandbox.plant.sets import BENCH, complete, features_of, parameter_names
-from sandbox.replay.blocks import grouped
+from sandbox.replay.grouping import grouped
 from sandbox.replay.replay import Prepared, Set, Shown, Walk, block_of, in_threads
 from sandbox.replay.stretches import Stretch, stretches
 

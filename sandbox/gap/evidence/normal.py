@@ -26,7 +26,7 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate
 from sandbox.plant.sets import ANGLE_OFFSET, complete
-from sandbox.replay.blocks import ROOMS
+from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import inputs_of
 from sandbox.replay.memory import SHARE
 from sandbox.replay.replay import Prepared, Walk, in_threads, plan, residual_of

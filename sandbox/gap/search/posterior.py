@@ -62,14 +62,17 @@ def tempered(judged: Sequence[Judged], raw: float) -> tuple[list[tuple[float, Ju
     return sorted(zip((p / p.sum()).tolist(), judged, strict=True), key=lambda x: -x[0]), temperature
 
 
-def with_unknown(ranked: Sequence[tuple[float, Judged]], unknown: float, explained: float) -> list[Hypothesis]:
+def with_unknown(
+    ranked: Sequence[tuple[float, Judged]], unknown: float, explained: float, beside: Judged | None = None
+) -> list[Hypothesis]:
     """Return hypotheses with `unknown` beside them, the most probable first; probabilities sum to 1.
 
-    unknown: probability that something outside the library is at work; explained: share of the gap that the best
-    library hypothesis closes, which is how much of `unknown` goes beside it rather than stand alone.
+    unknown: probability that something outside the library is at work; beside: what may stand beside it (the best
+    hypothesis if nothing is given); explained: share of the gap that this closes, which is how much of `unknown` goes
+    beside it rather than stand alone.
     """
     out = [Hypothesis(j.effects, p * (1.0 - unknown), j) for p, j in ranked]
-    best = ranked[0][1]
+    best = ranked[0][1] if beside is None else beside
     alone = unknown if not best.effects else unknown * (1.0 - explained)
     out.append(Hypothesis((UNKNOWN,), alone, best))
     if best.effects:

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive
+from sandbox.gap.evidence.normal import Point
 from sandbox.gap.report.answers import answer
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
 from sandbox.recordings.writing import write_campaign
+from sandbox.replay.replay import prepare
 from sandbox.validation.switched.advance import replay as switched
 from sandbox.validation.switched.bench_numbers import bench, quiet
 
@@ -73,3 +75,21 @@ def quiet_folder(tmp_path_factory):
 def quiet_answers(quiet_folder):
     """Its diagnosis."""
     return answer(read_campaign(quiet_folder))
+
+
+@pytest.fixture(scope="session")
+def with_a_stranger(small_answers):
+    """The campaign with dead time, to whose readings a current is added that turns with twice the rotor's angle, 0.05 A
+    (twelve noise floors): no effect of the library; the diagnosis' table at its own point."""
+    j = small_answers.diagnosis.best.judged
+    campaign = small_answers.diagnosis.campaign
+    recordings = []
+    for r in campaign.recordings:
+        theta = r.columns["theta"]
+        added = 0.05 * np.exp(1j * theta) * np.cos(2.0 * theta)
+        phases = {
+            f"i_{x}": r.columns[f"i_{x}"] + (added * np.exp(-2j * np.pi * k / 3)).real for k, x in enumerate("abc")
+        }
+        recordings.append(dataclasses.replace(r, columns={**r.columns, **phases}))
+    prepared = prepare(dataclasses.replace(campaign, recordings=tuple(recordings)))
+    return j, dataclasses.replace(j.table, point=Point(prepared, j.table.point.values, j.table.point.turns))

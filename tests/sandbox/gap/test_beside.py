@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from sandbox.gap.evidence.beside import Joint, beside, integrated_out
-from sandbox.gap.evidence.normal import Normal, Point, Segment
+from sandbox.gap.evidence.normal import Normal, Segment
 from sandbox.gap.search.inclusion import by_algebra
-from sandbox.replay.replay import prepare
 from tests.sandbox.gap.conftest import DEAD_TIME
 
 
@@ -35,24 +34,6 @@ def test_integrating_a_regression_out_leaves_its_ridge_estimate():
     assert np.linalg.solve(left.a, left.g) == pytest.approx(told[:p], rel=1e-10)
     rest = target - stacked @ told
     assert left.rr - told[:p] @ left.g == pytest.approx(rest @ rest, rel=1e-10)
-
-
-@pytest.fixture(scope="module")
-def with_a_stranger(small_answers):
-    """The campaign with dead time, to whose readings a current is added that turns with twice the rotor's angle, 0.05 A
-    (twelve noise floors): no effect of the library; the diagnosis' table at its own point."""
-    j = small_answers.diagnosis.best.judged
-    campaign = small_answers.diagnosis.campaign
-    recordings = []
-    for r in campaign.recordings:
-        theta = r.columns["theta"]
-        added = 0.05 * np.exp(1j * theta) * np.cos(2.0 * theta)
-        phases = {
-            f"i_{x}": r.columns[f"i_{x}"] + (added * np.exp(-2j * np.pi * k / 3)).real for k, x in enumerate("abc")
-        }
-        recordings.append(replace(r, columns={**r.columns, **phases}))
-    prepared = prepare(replace(campaign, recordings=tuple(recordings)))
-    return j, replace(j.table, point=Point(prepared, j.table.point.values, j.table.point.turns))
 
 
 def test_a_stranger_is_described_and_does_not_bend_what_is_known(with_a_stranger):

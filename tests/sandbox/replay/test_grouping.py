@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sandbox.plant import additions as add
-from sandbox.replay.blocks import BARE, COSTS, ROOMS, cost, grouped, room_of
+from sandbox.replay.grouping import BARE, COSTS, ROOMS, cost, grouped, room_of
 
 NEEDS = (0, add.RUB, add.IRON, add.SKIN | add.ROUND, add.LEG, add.LEG | add.ROUND, add.MAGNETS | add.DRAWN)
 

@@ -1,0 +1,52 @@
+"""Which named effects stay where something outside the library is likely to be at work.
+
+A cause that nobody listed is imitated by effects that are not there: each takes a little of what it leaves.  Beside a
+free regression (`evidence.beside`) that may take it up just as well, an effect has to be worth its place; those that
+are not are left out one by one, the least worth first, and the rest is fitted anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from sandbox.gap.evidence.beside import beside
+from sandbox.gap.evidence.fit import Weights
+from sandbox.gap.search.forward import Search
+from sandbox.gap.search.judged import Judged
+from sandbox.gap.search.subsets import Subsets
+
+LIKELY = 0.5  # chance of `unknown` from which on effects have to stand beside a regression
+
+
+def believed(sets: Subsets, effects: Sequence[str]) -> tuple[str, ...]:
+    """Return the effects that are left when leaving out one more would make the set less probable."""
+    here = tuple(effects)
+    while here:
+        rest = [tuple(e for e in here if e != gone) for gone in here]
+        new = max(rest, key=sets.weigh)
+        if sets.weigh(new) < sets.weigh(here):
+            break
+        here = new
+    return here
+
+
+def beside_unknown(
+    found: Search, best: Judged, unknown: float, temperature: float, weights: Weights, workers: int
+) -> tuple[Judged, float]:
+    """Return the hypothesis that stands beside `unknown`: the best one, or what of it is believed, fitted and weighed;
+    and simulations.
+
+    unknown: probability that something outside the library is at work, temperature: for how much less the data counts.
+    """
+    if not best.effects or unknown < LIKELY:
+        return best, 0.0
+    freed, spent = beside(best.table, best.prior, workers=workers), best.table.normal.simulations
+    if freed is None:
+        return best, spent
+    kept = believed(Subsets(replace(best.table, equations=freed.equations), temperature), best.effects)
+    known = next((j for j in (best, *found.judged) if j.effects == kept), None)
+    if known is not None:
+        return known, spent
+    own = found.judge_also(kept, weights, workers)
+    return (best, spent) if own is None else (own, spent + own.simulations)

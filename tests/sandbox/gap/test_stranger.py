@@ -1,0 +1,53 @@
+"""Which effects stay beside something outside the library: by value on planned chances, and with a planted stranger."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import pytest
+
+from sandbox.gap.evidence.beside import beside
+from sandbox.gap.search import stranger
+from sandbox.gap.search.posterior import with_unknown
+from sandbox.gap.search.stranger import believed, beside_unknown
+from sandbox.gap.search.subsets import Subsets
+
+
+def planned(worth):
+    """Return sets whose log posterior is the sum of what their effects are worth."""
+    return SimpleNamespace(weigh=lambda effects: sum(worth[e] for e in effects))
+
+
+def test_effects_worth_less_than_nothing_are_left_out():
+    """Sums by hand: leaving out b and d gains 1 and 2; a and c stay; with none worth anything nothing stays."""
+    worth = {"a": 5.0, "b": -1.0, "c": 0.5, "d": -2.0}
+    assert believed(planned(worth), ("a", "b", "c", "d")) == ("a", "c")
+    assert believed(planned({"a": -0.1, "b": -1.0}), ("a", "b")) == ()
+    assert believed(planned({}), ()) == ()
+
+
+def test_what_stands_beside_unknown_is_what_is_told():
+    """Odds by hand: 0.6 of `unknown` 0.5 go beside the set that stays, 0.4 alone; the best set keeps its own half."""
+    best, kept = (SimpleNamespace(effects=e) for e in (("a", "b"), ("a",)))
+    told = {h.effects: h.probability for h in with_unknown([(1.0, best)], 0.5, 0.6, kept)}
+    assert told == pytest.approx({("a", "b"): 0.5, ("a", "unknown"): 0.3, ("unknown",): 0.2})
+
+
+def test_nothing_is_doubted_where_unknown_is_unlikely(small_answers):
+    best = small_answers.diagnosis.best.judged
+    assert beside_unknown(None, best, 0.49, 1.0, {}, 1) == (best, 0.0)
+
+
+def test_dead_time_stays_beside_a_stranger(with_a_stranger, monkeypatch):
+    """Dead time explains most; the stranger, a current that hangs on the angle, is no reason to doubt it.  An effect
+    that was put beside it for nothing goes: what is left is asked for by its name, and judged."""
+    j, table = with_a_stranger
+    asked = []
+    search = SimpleNamespace(judged=(), judge_also=lambda *x: asked.append(x[0]))
+    own = replace(j, table=table)
+    assert beside_unknown(search, own, 0.9, 1.0, {}, 1) == (own, table.normal.simulations)
+    freed = Subsets(replace(table, equations=beside(table, j.prior).equations), 1.0)
+    idle = next(e for e in table.members if freed.weigh(("dead_time", e)) < freed.weigh(("dead_time",)))
+    assert believed(freed, ("dead_time", idle)) == ("dead_time",)
+    monkeypatch.setattr(stranger, "believed", lambda sets, effects: ())
+    beside_unknown(search, own, 0.9, 1.0, {}, 1)
+    assert asked == [()]
