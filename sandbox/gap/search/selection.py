@@ -31,6 +31,7 @@ RIVALS, TURNS = 3, 2  # rivals fitted at a time; times that they are looked for
 HOPELESS = 15.0  # tempered log evidence behind which a fit is not weighed
 LEAST, OPEN = 1, 0.2  # effects and chance of `unknown` from which a search goes on
 CLOSES = (0.5, 0.8)  # of what few effects leave: more have to leave less, where the search of few ended / was cut off
+STRANGE = 0.9  # chance of `unknown` from which on rivals are not fitted: `stranger` says what stands beside it
 SPENT = 900  # simulations after which no further point is looked at
 NEAR, DOUBTED = 5.0, 30.0  # tempered log evidence behind the best: of any set, of one with an effect left out
 Key = tuple[str, ...]
@@ -96,7 +97,8 @@ def widened(
 ) -> Search:  # fmt: skip
     """Return a search of few effects continued where these leave much of a gap, the sets that stand a chance judged.
 
-    Nothing is added where more effects close little more and leave a gap: so a cause outside the library looks.
+    Nothing is added where more effects close little more and leave a gap: so a cause outside the library looks.  Nor
+    are rivals fitted where the best set leaves a gap that only something outside the library explains.
     raw: normalised rms of the nominal model.
     """
     few = max(found.judged, key=lambda j: j.log_evidence)
@@ -113,7 +115,7 @@ def widened(
     report("weighing hypotheses")
     judged = {j.effects: j for j in found.judged} | {s.best.effects: judged_of(s, s.best)}
     top = judged[s.best.effects]
-    for _ in range(TURNS):
+    for _ in range(TURNS if remainder(found.null, s.best).unknown < STRANGE else 0):
         for key in [k for k in rivals(s, top) if k not in judged][:RIVALS]:
             s.best = top.fit
             other = from_starts(s, key, found.null)

@@ -16,6 +16,7 @@ from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.subsets import Subsets
 
+ROUNDS = 3  # fits without what is not believed, each at a point of its own
 LIKELY = 0.5  # chance of `unknown` from which on effects have to stand beside a regression
 
 
@@ -39,14 +40,22 @@ def beside_unknown(
 
     unknown: probability that something outside the library is at work, temperature: for how much less the data counts.
     """
-    if not best.effects or unknown < LIKELY:
-        return best, 0.0
-    freed, spent = beside(best.table, best.prior, workers=workers), best.table.normal.simulations
-    if freed is None:
-        return best, spent
-    kept = believed(Subsets(replace(best.table, equations=freed.equations), temperature), best.effects)
-    known = next((j for j in (best, *found.judged) if j.effects == kept), None)
-    if known is not None:
-        return known, spent
-    own = found.judge_also(kept, weights, workers)
-    return (best, spent) if own is None else (own, spent + own.simulations)
+    here, spent = best, 0.0
+    for _ in range(ROUNDS):
+        if not here.effects or unknown < LIKELY:
+            break
+        freed, spent = beside(here.table, here.prior, workers=workers), spent + here.table.normal.simulations
+        if freed is None:
+            break
+        sets = Subsets(replace(here.table, equations=freed.equations), temperature)
+        kept = believed(sets, here.effects)
+        if kept == here.effects:
+            break
+        own = next((j for j in found.judged if j.effects == kept), None)
+        if own is None:
+            own = found.judge_also(kept, weights, workers)
+            spent += 0.0 if own is None else own.simulations
+        if own is None:
+            break
+        here = own
+    return here, spent
