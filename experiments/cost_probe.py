@@ -15,7 +15,7 @@ from typing import Any
 
 sys.path.insert(0, sys.argv[1])
 REPEATS = 3
-SETS = 16
+SETS = 48  # whole batches, before (16) and now (24)
 LINK = ("cross_saturation",)  # planted as another motor, not as a number
 
 
@@ -68,7 +68,7 @@ def every(motor: str) -> dict[str, float]:
 
 
 def replayed(folder: str, effect: str) -> float:
-    """Return nanoseconds a period and set for sixteen sets of one effect ('' for none) on a campaign."""
+    """Return nanoseconds a period and set for SETS sets of one effect ('' for none) on a campaign."""
     campaign = read_campaign(folder)
     prepared = prepare(campaign)
     sizes = typical(effect, campaign.drive.motor, campaign.drive.converter) if effect else {}
