@@ -11,6 +11,7 @@ from __future__ import annotations
 import hashlib
 import pickle
 import sys
+import weakref
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -30,7 +31,7 @@ class Memory:
     campaign: str = ""
     whole: dict[str, Normal] = field(default_factory=dict)
     moved: dict[tuple[int, str], Normal] = field(default_factory=dict)
-    inputs: dict[int, tuple[Any, str]] = field(default_factory=dict)
+    inputs: dict[int, str] = field(default_factory=dict)  # hash by the object's id, as long as the object lives
     size: int = 0
     found: int = 0
 
@@ -46,11 +47,11 @@ class Memory:
         return repr((told, [self.digest(r) for r in p.recordings]))
 
     def digest(self, inputs: Any) -> str:
-        """Return the hash of a recording's inputs, computed once an object (which is kept, so that its id is its)."""
+        """Return the hash of a recording's inputs, computed once an object."""
         if id(inputs) not in self.inputs:
-            own = hashlib.blake2b(pickle.dumps(inputs), digest_size=16).hexdigest()
-            self.inputs[id(inputs)] = inputs, own
-        return self.inputs[id(inputs)][1]
+            self.inputs[id(inputs)] = hashlib.blake2b(pickle.dumps(inputs), digest_size=16).hexdigest()
+            weakref.finalize(inputs, self.inputs.pop, id(inputs), None)  # another object may get its id
+        return self.inputs[id(inputs)]
 
 
 MEMORY = Memory()

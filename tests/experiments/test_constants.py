@@ -1,5 +1,6 @@
 """The sensitivity of answers to constants: what is scaled, where it acts, what is told of it; one real diagnosis."""
 
+import gc
 import importlib
 import json
 import math
@@ -168,6 +169,8 @@ def test_what_is_remembered_changes_no_answer(tmp_path):
     alone = [answered(t) for t in trials[:2]]
     assert found > MEMORY.found  # the third was asked for what the first had computed
     assert together == [*alone, alone[0]]
+    gc.collect()
+    assert not MEMORY.inputs  # no recording outlives its diagnosis: eighty diagnoses would fill any memory
     with recalled("another"):
         assert not MEMORY.whole
 

@@ -44,7 +44,8 @@ def beside_unknown(
     for _ in range(ROUNDS):
         if not here.effects or unknown < LIKELY:
             break
-        freed, spent = beside(here.table, here.prior, workers=workers), spent + here.table.normal.simulations
+        freed = beside(here.table, here.prior, workers=workers)
+        spent += 2.0 + sum(c.form != "turn" for c in here.table.coordinates)  # slopes and twice the point itself
         if freed is None:
             break
         sets = Subsets(replace(here.table, equations=freed.equations), temperature)

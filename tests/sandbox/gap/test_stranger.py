@@ -44,7 +44,8 @@ def test_dead_time_stays_beside_a_stranger(with_a_stranger, monkeypatch):
     asked = []
     search = SimpleNamespace(judged=(), judge_also=lambda *x: asked.append(x[0]))
     own = replace(j, table=table)
-    assert beside_unknown(search, own, 0.9, 1.0, {}, 1) == (own, table.normal.simulations)
+    columns = sum(c.form != "turn" for c in table.coordinates)
+    assert beside_unknown(search, own, 0.9, 1.0, {}, 1) == (own, 2.0 + columns)
     freed = Subsets(replace(table, equations=beside(table, j.prior).equations), 1.0)
     idle = next(e for e in table.members if freed.weigh(("dead_time", e)) < freed.weigh(("dead_time",)))
     assert believed(freed, ("dead_time", idle)) == ("dead_time",)
