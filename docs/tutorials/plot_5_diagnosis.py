@@ -2,7 +2,7 @@
 5. Diagnose a campaign
 ======================
 
-``sensorless diagnose`` reads recordings of a drive and says where simulation and recordings part, which effect causes it, and how far the gap
+``sensorless diagnose`` reads recordings of a drive and says where simulation and recordings differ, which effect causes it, and how far the gap
 shrinks. This page walks through its answer, sentence by sentence.
 """
 
