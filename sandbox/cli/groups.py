@@ -17,7 +17,7 @@ PARALLEL = ("compare", "protocol", "diagnose", "check", "plan", "replay", "sweep
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 MOTOR = "a motor of `sensorless list motors`, or a file of yours (ipm_exchanged)"
 LIBRARY = "an estimator of your own in C, as a shared library (see estimators/c/README.md)"
-EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... or a diagnosis' effects.toml"
+EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... or a file such as effects.toml"
 
 Run = Callable[[argparse.Namespace], int | None]  # an exit code where it is not 0
 
@@ -70,7 +70,7 @@ def add_runs(add: Add) -> None:
 
 def add_judging(add: Add) -> None:
     """Add `protocol`, `bench` and `verify`."""
-    text = "the standard evaluation of every estimator and belief on several motors"
+    text = "the standard evaluation: the same tests for every estimator and belief, on several motors"
     c = add("protocol", commands.run_protocol, text)
     c.add_argument("--estimators", metavar="A,B", help="names or files, separated by commas (every compiled one)")
     _own(c)
@@ -79,8 +79,9 @@ def add_judging(add: Add) -> None:
     c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
     on_dask(c)
     _peers(c)
-    _peers(add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second"))
-    text = "make a result once more as it says it was made, and compare every number"
+    text = "what a step of the plant and a simulated second in closed loop cost on this machine"
+    _peers(add("bench", commands.run_bench, text))
+    text = "make a result once more, by the call that it keeps, and compare every number"
     c = add("verify", commands.run_verify, text)
     c.add_argument("result", type=Path, metavar="RESULT", help="folder that a command has written, or its JSON")
     text = "relative difference up to which numbers agree (1e-6; on the machine that made it, 0)"
@@ -89,7 +90,8 @@ def add_judging(add: Add) -> None:
 
 def add_motor(add: Add) -> None:
     """Add `audit` and `maps`, which need no run."""
-    c = add("audit", commands.run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
+    text = "up to which current a motor's model is valid: convexity, saliency, cross-saturation angle"
+    c = add("audit", commands.run_audit, text)
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="up to which current to look, in A (180 %% of rated)")
     c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")
@@ -99,7 +101,7 @@ def add_motor(add: Add) -> None:
 
 def add_recorded(add: Add) -> None:
     """Add `identify`, `diagnose`, `check`, `plan` and `replay`."""
-    text = "the motor from a campaign's locked recordings: paper's least squares and exact fit"
+    text = "the motor from recordings with locked rotor, by the paper's least squares and by an exact fit"
     c = add("identify", commands.run_identify, text)
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     text = "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)"
@@ -113,7 +115,7 @@ def add_recorded(add: Add) -> None:
 
 def add_export(add: Add) -> None:
     """Add `export-estimator`."""
-    c = add("export-estimator", commands.run_export, "an estimator as C99 for a target, with a motor's constants")
+    c = add("export-estimator", commands.run_export, "an estimator as C99 for a firmware, with a motor's constants")
     c.add_argument("name", metavar="NAME", help="qnull, inversion or ekf")
     c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help=MOTOR)
     _belief(c)
@@ -121,9 +123,9 @@ def add_export(add: Add) -> None:
 
 def add_looking(add: Add) -> None:
     """Add `list`, `view` and `show`, which write nothing."""
-    c = add("list", commands.run_list, "what there is", writes=False)
+    c = add("list", commands.run_list, "names and one line each of motors, effects and so on", writes=False)
     c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets", "presets"))
-    c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")
+    c.add_argument("name", nargs="?", help="of an effect or estimator: its card is printed")
     add_own_effects(c)
     c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")
