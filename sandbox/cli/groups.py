@@ -15,6 +15,7 @@ from sandbox.cli.sweeping import add_tolerances, on_dask
 
 PARALLEL = ("compare", "protocol", "diagnose", "check", "plan", "replay", "sweep")  # use threads, or processes
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
+TABLELESS = ("verify", "export-estimator")  # write no table
 MOTOR = "a motor of `sensorless list motors`, or a file of yours (ipm_exchanged)"
 LIBRARY = "an estimator of your own in C, as a shared library (see estimators/c/README.md)"
 EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... or a file such as effects.toml"
@@ -30,13 +31,14 @@ class Add(Protocol):
 
 
 def add_common(command: Parser, name: str) -> None:
-    """Add what every command that writes results takes; seed and jobs are told where they do something."""
+    """Add what every command that writes results takes; seed, jobs and csv are told where they do something."""
     jobs = "threads or processes (all cores)" if name in PARALLEL else argparse.SUPPRESS
     seed = "seed of the sensors' noise (0)" if name in NOISY else argparse.SUPPRESS
     command.add_argument("--out", type=Path, help=f"folder for results (./sensorless-out/{name})")
     command.add_argument("--jobs", type=positive_int, help=jobs)
     command.add_argument("--seed", type=seed_number, default=0, help=seed)
-    command.add_argument("--csv", action="store_true", help="the table as CSV, too")
+    table = argparse.SUPPRESS if name in TABLELESS else "the table as CSV, too"
+    command.add_argument("--csv", action="store_true", help=table)
     command.add_argument("--quiet", action="store_true", help="print nothing but errors")
     text = "download nothing: say which file is missing and where to put it (or SENSORLESS_OFFLINE=1)"
     command.add_argument("--offline", action="store_true", help=text)

@@ -85,9 +85,11 @@ def _grown(
     while tried := starts(best.fit.point, candidates(best, found, exclude)):
         gains, n, _ = gains_of(best.fit, [s.coordinates for s in tried], weights, workers)
         cost, price = cost + n.simulations, WORTH + math.log(len(tried))
-        if max(gains) < price * max(t, rms_of(best.fit) ** 2):
+        half = 0.5 * (1.0 - CLOSES[0]) * excess(best.fit)  # log evidence that closes as much of the gap as it has to
+        told = [g if s.effect in best.effects or g > half else -math.inf for g, s in zip(gains, tried, strict=True)]
+        if max(told) < price * max(t, rms_of(best.fit) ** 2):
             break
-        start = tried[int(np.argmax(gains))]
+        start = tried[int(np.argmax(told))]
         report(f"fitting another part of {start.effect}")
         new = _with(best, start, found, weights, workers)
         cost += new.simulations + new.fit.simulations if new else 0.0

@@ -125,6 +125,23 @@ def test_a_part_pays_its_price_and_another_effect_closes_half_of_the_gap(planned
     assert not parts._worth(other, best, 3.0, 1.0)
 
 
+@pytest.mark.parametrize(("other", "fitted"), [(26.0, ["b"]), (24.0, ["a"]), (-1.0, ["a"])])
+def test_an_effect_that_is_not_in_the_set_has_to_promise_half_of_the_gap(planned, monkeypatch, other, fitted):
+    """By hand: the excess is 100, so 25 of log evidence close its half; a part of an effect of the set promises 20,
+    more than the price of two that are tried (2 + log 2)."""
+    best = stand_in(("a",), {("a",): 0.0}, 100.0)
+    best.log_evidence, best.fit = 0.0, SimpleNamespace(point=None, effects=("a",))
+    monkeypatch.setattr(parts, "excess", lambda f: 100.0)
+    monkeypatch.setattr(parts, "candidates", lambda *x: ["a", "b"])
+    tried = [SimpleNamespace(effect=e, coordinates=()) for e in ("a", "b")]
+    monkeypatch.setattr(parts, "starts", lambda *x: tried)
+    monkeypatch.setattr(parts, "gains_of", lambda *x: ([20.0, other], SimpleNamespace(simulations=7.0), None))
+    asked = []
+    monkeypatch.setattr(parts, "_with", lambda best, start, *x: asked.append(start.effect))
+    grown = parts._grown(SimpleNamespace(judged=(best,)), 1.0, (), {}, 1, lambda words: None)
+    assert (grown, asked) == (([], 7.0), fitted)
+
+
 def test_effects_that_an_order_has_made_needless_go_one_by_one(planned):
     """Levels by hand: b and c are each worth less than nothing, a is needed; a leave-out that is clearly worse (40, and
     30 are DOUBTED) is not fitted."""
