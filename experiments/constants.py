@@ -23,7 +23,6 @@ import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import cache, partial
-from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -182,12 +181,20 @@ def run(
         with changed(CONSTANTS[index or 0], 1.0):  # all are where the list says, before anything is diagnosed
             pass
     kept.parent.mkdir(parents=True, exist_ok=True)
-    sound = answers(kept)
-    with kept.open("w", encoding="utf-8") as file:  # anew: an interruption may have cut off the last line
-        for found in chain(sound, spread(partial(answered, how=how), left, jobs, cluster=cluster)):
-            file.write(json.dumps(found, separators=(",", ":")) + "\n")
+    sound = "".join(line(a) for a in answers(kept))  # an interruption may have cut off the last line
+    aside = kept.with_suffix(".part")
+    aside.write_text(sound, encoding="utf-8")
+    aside.replace(kept)
+    with kept.open("a", encoding="utf-8") as file:
+        for found in spread(partial(answered, how=how), left, jobs, cluster=cluster):
+            file.write(line(found))
             file.flush()
     return len(left)
+
+
+def line(answer: Mapping[str, Any]) -> str:
+    """Return an answer as a line of a file."""
+    return json.dumps(answer, separators=(",", ":")) + "\n"
 
 
 def answers(kept: Path) -> list[dict[str, Any]]:

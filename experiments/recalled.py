@@ -41,10 +41,11 @@ class Memory:
             self.__init__(campaign)  # type: ignore[misc]
 
     def key(self, point: Point) -> str:
-        """Return what tells a point from all others: its set, its turns, and what its recordings drive it with."""
+        """Return what tells a point from all others, as a hash: its set, turns, and what drives its recordings."""
         p = point.prepared
         told = (p.steps, p.floor, sorted(p.base.items()), sorted(point.values.items()), sorted(point.turns.items()))
-        return repr((told, [self.digest(r) for r in p.recordings]))
+        whole = repr((told, [self.digest(r) for r in p.recordings]))
+        return hashlib.blake2b(whole.encode(), digest_size=16).hexdigest()
 
     def digest(self, inputs: Any) -> str:
         """Return the hash of a recording's inputs, computed once an object."""
@@ -81,7 +82,11 @@ def recalled(campaign: str) -> Iterator[Memory]:
             kept = any(n.rows is self.rows for n in MEMORY.whole.values())
             if not kept:  # its slopes may go, and other slopes may come to stand in their place
                 return made
+            own = sum(s.g.nbytes + s.rr.nbytes for n in made for s in n.segments)
+            if MEMORY.size + own >= LARGEST:
+                return made
             MEMORY.moved |= dict(zip(keys, made, strict=True))
+            MEMORY.size += own
         else:
             MEMORY.found += len(keys)
         return [MEMORY.moved[k] for k in keys]

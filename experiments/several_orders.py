@@ -55,18 +55,19 @@ def recorded(name: str) -> tuple[Campaign, dict[str, float]]:
     return campaign_of(dataclasses.replace(drawn, plant={**drawn.plant, **own})), own
 
 
-def by_order(values: Mapping[str, float]) -> dict[float, str]:
-    """Return by order what belongs to it, in words; the first part of flux harmonics is the sixth."""
+def by_order(values: Mapping[str, float]) -> list[tuple[float, str]]:
+    """Return orders with what belongs to each, in words; the first part of flux harmonics is the sixth."""
     parts: dict[str, dict[str, float]] = {}
     for name, x in values.items():
         effect, *k, number = name.split(".")
         if effect in ("flux_harmonics", "cogging_torque"):
             parts.setdefault(".".join((effect, *k)), {})[number.removesuffix("6")] = x
-    told = {}
+    told = []
     for own in parts.values():
         order = own.pop("order_mech", own.pop("order", 6.0))
-        told[order] = ", ".join(f"{n} {x:.4g}" for n, x in sorted(own.items()) if n != "phase" or "amplitude" in own)
-    return {n: told[n] for n in sorted(told)}
+        numbers = (f"{n} {x:.4g}" for n, x in sorted(own.items()) if n != "phase" or "amplitude" in own)
+        told.append((order, ", ".join(numbers)))
+    return sorted(told)
 
 
 def row(name: str) -> str:
@@ -77,7 +78,7 @@ def row(name: str) -> str:
     cells = [
         name, f"{' + '.join(d.best.effects)} ({d.best.probability:.3f}), {verdict(d)}",
         f"{d.size.before:.2f} → {d.size.after:.3f}",
-        *("; ".join(f"{n:g}: {told}" for n, told in by_order(x).items()) for x in (own, found)), str(d.simulations),
+        *("; ".join(f"{n:g}: {told}" for n, told in by_order(x)) for x in (own, found)), str(d.simulations),
     ]  # fmt: skip
     return "| " + " | ".join(cells) + " |"
 
@@ -87,7 +88,6 @@ def main() -> None:
     head = [
         "# Several orders at once", "",
         f"`python -m experiments.several_orders`, {datetime.date.today()}. Flux in Wb, torque in N m, phase in rad.",
-        "Before the search for further orders (commit 30a7789): `unknown` in all three, J after 1.92, 3.14 and 1.036.",
         "", "| on the bench | hypothesis | J held out | planted | found | simulations |", "|---|---|---|---|---|--:|",
     ]  # fmt: skip
     text = "\n".join([*head, *(row(name) for name in CASES)]) + "\n"

@@ -8,7 +8,7 @@ diagnosis (NAME.rows.jsonl) and the opened seal (NAME.truth.json); all else ther
 NOTES.md.  The page says what was not run.
 
 Run: python -m experiments.withheld_check WORK [--jobs N] [--only NAME ...]   (hours)
-     python -m experiments.withheld_check WORK --finished [--only NAME ...]   (rows of WORK/NAME that `score` has left)
+     python -m experiments.withheld_check WORK --finished [--only NAME ...]   (rows that `score` has left in WORK/NAME)
      python -m experiments.withheld_check --recompute                         (seconds)
 """
 
@@ -201,10 +201,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     either.add_argument("--recompute", action="store_true", help="from the rows that are kept, nothing run")
     parser.add_argument("--finished", action="store_true", help="run nothing, keep what WORK holds scored")
     parser.add_argument("--jobs", type=int, default=2)
-    parser.add_argument("--only", nargs="+", choices=CHECKS, default=list(CHECKS))
+    parser.add_argument("--only", nargs="+", choices=CHECKS, help="(all; with --finished those that have rows)")
     options = parser.parse_args(arguments)
     if not options.recompute:
-        for name in options.only:
+        scored = [name for name in CHECKS if (options.work / name / ROWS).is_file()]
+        for name in options.only or (scored if options.finished else CHECKS):
             if options.finished:
                 keep(name, options.work / name)
             else:

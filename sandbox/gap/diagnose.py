@@ -22,7 +22,7 @@ from sandbox.gap.evidence.fit import Fit, Weights, fit
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
 from sandbox.gap.evidence.noise import floor_of, noise_caution
-from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.search.estimates import Estimate, estimates
 from sandbox.gap.search.forward import Judged, Search, search
 from sandbox.gap.search.parts import with_parts
@@ -101,46 +101,67 @@ def diagnose(
     """
     began = time.perf_counter()
     own = campaign if isinstance(campaign, Campaign) else read_campaign(campaign)
+    spent: list[float] = []
+    with counted(spent.append):
+        d = _diagnosed(own, exclude, rivals, workers, memory, report)
+    return replace(d, simulations=round(sum(spent)), seconds=time.perf_counter() - began)
+
+
+def _diagnosed(
+    own: Campaign, exclude: Sequence[str], rivals: Sequence[tuple[str, ...]], workers: int, memory: float,
+    report: Callable[[str], None],
+) -> Diagnosis:  # fmt: skip
+    """Return the diagnosis of a campaign, what it took left out."""
     report("reading")
+    start, nominal = _nominal(own, memory, workers)
+    hidden, count = out_of_sight(own), len(own.recordings)
+    barred = (*exclude, *hidden)
+    left = held_out(start, barred, workers=workers)
+    fitted, everything, raw = weights_of(count, left), weights_of(count), rms(nominal, range(count))
+    found = search(start, everything, exclude=barred, workers=workers, report=report)
+    found = with_parts(found, raw, everything, exclude=barred, workers=workers, report=report)
+    found = widened(found, raw, everything, exclude=barred, workers=workers, report=report)
+    found = _with_rivals(found, [s for s in rivals if not set(s) & set(hidden)], everything, workers)
+    report("measuring the gap")
+    judged, ranked, temperature = _ranked(found, raw, everything, workers)
+    hypotheses, rest = _beside_unknown(found, ranked, temperature, everything, workers)
+    before = fit(start, (), fitted, workers=workers)
+    best = hypotheses[0].judged
+    after = fit(_with_effects(before.point, best), best.effects, fitted, workers=workers) if best.effects else before
+    size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
+    return Diagnosis(
+        own, start, nominal, before, after, left, judged, hypotheses,
+        tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,
+        0, 0.0, tuple(exclude), noise_caution(own), hidden,
+    )  # fmt: skip
+
+
+def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]:
+    """Return a campaign at its nominal model; PhysicsError where that predicts nothing finite."""
     left_over = spare(memory, sum(len(r.t) for r in own.recordings))
-    caution = noise_caution(own)
     prepared = prepare(own)
     prepared = replace(prepared, floor=floor_of(own, prepared.floor), spare=left_over)
-    motor, converter = own.drive.motor, own.drive.converter
-    start = Point(prepared, complete(motor, converter))
+    start = Point(prepared, complete(own.drive.motor, own.drive.converter))
     nominal = normal(start, (), workers=workers)
     if not np.isfinite(rms(nominal, range(len(prepared.recordings)))):
         raise PhysicsError(
             "the nominal model predicts no finite currents for these voltages; check [motor] (units, alphas: "
             "`sensorless audit` shows where an energy stops being convex)"
         )
-    hidden = out_of_sight(own)
-    barred = (*exclude, *hidden)
-    left = held_out(start, barred, workers=workers)
-    count = len(prepared.recordings)
-    fitted, everything = weights_of(count, left), weights_of(count)
-    found = search(start, everything, exclude=barred, workers=workers, report=report)
-    raw = rms(nominal, range(count))
-    found = with_parts(found, raw, everything, exclude=barred, workers=workers, report=report)
-    found = widened(found, raw, everything, exclude=barred, workers=workers, report=report)
-    found = _with_rivals(found, [s for s in rivals if not set(s) & set(hidden)], everything, workers)
-    report("measuring the gap")
-    judged, ranked, temperature, cost = _ranked(found, raw, everything, workers)
-    before = fit(start, (), fitted, workers=workers)
-    unlogged = unlogged_counts(prepared)
-    rest = remainder(found.null, ranked[0][1].fit, unlogged)
-    best, spent = beside_unknown(found, ranked[0][1], rest.unknown, temperature, everything, workers)
-    if best is not ranked[0][1]:
-        rest = replace(remainder(found.null, best.fit, unlogged), unknown=rest.unknown)
-    after = fit(_with_effects(before.point, best), best.effects, fitted, workers=workers) if best.effects else before
-    size = size_of(nominal, before, after, left, [r.file for r in prepared.recordings])
-    hypotheses = tuple(with_unknown(ranked, rest.unknown, rest.explained, best))
-    cost += nominal.simulations + before.simulations + (after.simulations if best.effects else 0) + spent
-    return Diagnosis(
-        own, start, nominal, before, after, left, judged, hypotheses,
-        tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,
-        round(cost), time.perf_counter() - began, tuple(exclude), caution, hidden,
-    )  # fmt: skip
+    return start, nominal
+
+
+def _beside_unknown(
+    found: Search, ranked: Sequence[tuple[float, Judged]], temperature: float, weights: Weights, workers: int
+) -> tuple[tuple[Hypothesis, ...], Remainder]:
+    """Return all hypotheses, `unknown` beside what may stand beside it; and what the first of them leaves."""
+    best = ranked[0][1]
+    unlogged = unlogged_counts(best.fit.point.prepared)
+    rest = remainder(found.null, best.fit, unlogged)
+    stays = beside_unknown(found, best, rest.unknown, temperature, weights, workers)
+    other = rest if stays is best else replace(remainder(found.null, stays.fit, unlogged), unknown=rest.unknown)
+    hypotheses = tuple(with_unknown(ranked, rest.unknown, other.explained, stays))
+    return hypotheses, rest if hypotheses[0].judged is best else other
 
 
 def out_of_sight(campaign: Campaign) -> tuple[str, ...]:
@@ -163,22 +184,22 @@ def _with_rivals(found: Search, rivals: Sequence[tuple[str, ...]], weights: Weig
 
 def _ranked(
     found: Search, raw: float, weights: Weights, workers: int
-) -> tuple[tuple[Judged, ...], list[tuple[float, Judged]], float, float]:
-    """Return what was judged, the same and slight effects with probabilities, the temperature, and simulations.
+) -> tuple[tuple[Judged, ...], list[tuple[float, Judged]], float]:
+    """Return what was judged, the same and slight effects with probabilities, and the temperature.
 
     A slight effect that comes out first is fitted before it is believed.
     """
-    judged, cost = found.judged, found.simulations
+    judged = found.judged
     others = slight(judged, found.fitted)
     while True:
         ranked, temperature = tempered([*judged, *others], raw)
         best = ranked[0][1]
         if all(best is not j for j in others):
-            return judged, ranked, temperature, cost
+            return judged, ranked, temperature
         others = [j for j in others if j is not best]
         fitted = found.judge_also(best.effects, weights, workers)
         if fitted is not None:
-            judged, cost = (*judged, fitted), cost + fitted.simulations
+            judged = (*judged, fitted)
 
 
 def _with_effects(point: Point, best: Judged) -> Point:

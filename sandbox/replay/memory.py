@@ -26,7 +26,7 @@ USUAL = 8.0  # GB: what a diagnosis may take if nothing is said
 OWN = 0.6e9  # bytes of the program, its libraries and compiled kernels
 SAMPLE = 700.0  # bytes a sample takes that stands as long as a diagnosis: readings, commands, motion, one replay
 LEAST = 0.1e9  # bytes that there must be to work in
-SHARE = 0.25  # of what is left: slopes kept in memory (those of two points may be), and the same again to make them
+SHARE = 0.25  # of what is left, for the slopes of one point: those of two may be kept, and two more are being made
 FULL = "give --memory more, or TMPDIR a folder with more room"
 
 

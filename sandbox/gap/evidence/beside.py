@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
 from sandbox.gap.evidence.algebra import Algebra, Prior
-from sandbox.gap.evidence.normal import Normal, normal
+from sandbox.gap.evidence.normal import Normal, normal, simulated
 from sandbox.gap.evidence.regression import RIDGE, Part, component, in_rotor_frame, scalars, unscaled
 from sandbox.gap.evidence.spike_slab import Table
 from sandbox.replay.replay import replay, residuals
@@ -122,6 +122,7 @@ def joined(n: Normal, table: Table, prior: Prior) -> Joint | None:
     """Return the joint equations of a point's coordinates and regressors; None with fewer than two recordings."""
     prepared, values = table.point.turned(), table.point.values
     prediction = replay(prepared, [values])
+    simulated(1.0)
     shown = residuals(prepared, prediction)
     count = len(prepared.recordings)
     if count < 2:

@@ -46,12 +46,36 @@ _COUNT: ContextVar[Callable[[float], None]] = ContextVar("count", default=lambda
 
 @contextmanager
 def counted(count: Callable[[float], None]) -> Iterator[None]:
-    """Call `count` with the cost of everything simulated here from now on, in simulations of the whole campaign."""
-    before = _COUNT.set(count)
+    """Call `count` with the cost of everything simulated here from now on, in simulations of the whole campaign; who
+    counted already goes on doing so."""
+    outer = _COUNT.get()
+
+    def both(cost: float) -> None:
+        """Tell both."""
+        outer(cost)
+        count(cost)
+
+    before = _COUNT.set(both)
     try:
         yield
     finally:
         _COUNT.reset(before)
+
+
+@contextmanager
+def part_of(share: float) -> Iterator[None]:
+    """Count what is simulated here as so large a share: of a campaign of which only a part is looked at."""
+    outer = _COUNT.get()
+    before = _COUNT.set(lambda cost: outer(share * cost))
+    try:
+        yield
+    finally:
+        _COUNT.reset(before)
+
+
+def simulated(cost: float) -> None:
+    """Count something simulated elsewhere, in simulations of the whole campaign."""
+    _COUNT.get()(cost)
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.evidence.normal import Point, normal
+from sandbox.gap.evidence.normal import Point, normal, part_of, simulated
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.replay.replay import Residual, replay, residuals
 from sandbox.replay.sensitivity import mechanical_only
@@ -21,6 +21,7 @@ NEIGHBOURS = 101  # bins over which a spectrum's own level is taken
 
 def shown(point: Point) -> list[Residual]:
     """Return the residuals of every recording at a point, one set."""
+    simulated(1.0)
     return residuals(point.prepared, replay(point.turned(), [point.values]))
 
 
@@ -65,7 +66,8 @@ def best_values(point: Point, pair: tuple[str, str], parameter: str, values: Seq
         for value in values
         for form in ("cosine", "sine")
     ]
-    a, g, _ = normal(part, coordinates).summed()
+    with part_of(part.prepared.samples / prepared.samples):
+        a, g, _ = normal(part, coordinates).summed()
     gain: list[tuple[float, float]] = []
     for k, value in enumerate(values):
         own = slice(2 * k, 2 * k + 2)

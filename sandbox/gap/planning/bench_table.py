@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from model.frames import phases
 from model.parameters import Drive, Limits
-from sandbox.gap.planning.menu import Entry, injected_wave, menu, recording_of, shaft
+from sandbox.gap.planning.menu import Entry, injected_wave, menu, recording_of, settings, shaft
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.planning.within import largest_current, within
 from sandbox.plant.sets import complete
@@ -34,6 +34,7 @@ class BenchTable:
     bench may do."""
 
     entry: Entry
+    settings: str
     columns: Mapping[str, Array]
     recording: Mapping[str, str | float]
     limits: Mapping[str, float]
@@ -66,7 +67,7 @@ def bench_table(campaign: Campaign, following: Next, drive: Drive) -> BenchTable
         "current": largest_current(entry, drive), "speed_rpm": float(np.max(np.abs(rpm * speed))),
         "voltage": float(np.max(np.hypot(r.u_alpha, r.u_beta))), "link": float(r.u_dc[0]),
     }  # fmt: skip
-    return BenchTable(entry, columns, said, limits, campaign.limits)
+    return BenchTable(entry, settings(entry, drive), columns, said, limits, campaign.limits)
 
 
 def stated(bench: Limits) -> str:
@@ -85,7 +86,7 @@ def write_bench_table(path: Path, table: BenchTable, following: Next) -> None:
     )
     entry = " ".join(f'{k} = "{v}"' if isinstance(v, str) else f"{k} = {v:g}" for k, v in table.recording.items())
     lines = [
-        f"# {following.description}, for {following.seconds:g} s",
+        f"# {table.entry.description} ({table.settings}), for {following.seconds:g} s",
         f"# tells apart, with probability {following.power:.2f}: {told}",
         f"# at most: {most}; rotor {table.entry.rotor}" + (f"; [limits]: {allowed}" if allowed else ""),
         f"# afterwards, in campaign.toml: [[recording]] file = \"...\" {entry}",

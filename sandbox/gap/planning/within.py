@@ -47,7 +47,10 @@ def allowed(drive: Drive, limits: Limits, seconds: float | None = None) -> list[
 
 def within(entry: Entry, drive: Drive, limits: Limits) -> Entry | None:
     """Return an experiment with its link, speeds and currents shrunk into the limits, None where the bench cannot do
-    it, or only so that nothing is left of it."""
+    it, or where less than LEAST of its currents would remain.
+
+    An imposed speed is shrunk into the limit of speed, and further only where the voltage does not suffice.
+    """
     if entry.rotor not in limits.can:
         return None
     bus = drive.converter.dc_bus_voltage
@@ -58,15 +61,18 @@ def within(entry: Entry, drive: Drive, limits: Limits) -> Entry | None:
         return entry
     fastest = float(np.max(np.abs(entry.speed)))
     slower = replace(entry, speed=min(1.0, room.speed / max(fastest, 1e-9)) * entry.speed)
-    share, found = 1.0, slower
+    share, turning, found = 1.0, 1.0, slower
     for _ in range(TRIES):
-        over = _peaks(found, drive).over(room)
+        peaks = _peaks(found, drive)
+        over = peaks.over(room)
         if over <= ROUNDING:
             return found
-        share *= (1.0 if share == 1.0 else MARGIN) / (over if over < FAR else 2.0)
+        step = (1.0 if share == 1.0 else MARGIN) / (over if over < FAR else 2.0)
+        share *= step
+        turning *= step if peaks.voltage > ROUNDING * room.voltage else 1.0
         if share < LEAST:
             return None
-        found = replace(slower, i_d=share * entry.i_d, i_q=share * entry.i_q, speed=share * slower.speed)
+        found = replace(slower, i_d=share * entry.i_d, i_q=share * entry.i_q, speed=turning * slower.speed)
     return None
 
 

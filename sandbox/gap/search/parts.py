@@ -29,7 +29,7 @@ from sandbox.gap.search.forward import WORTH, Search, excess, rms_of
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.points import towards
 from sandbox.gap.search.posterior import ACCURATE
-from sandbox.gap.search.selection import CLOSES, DOUBTED, OPEN
+from sandbox.gap.search.selection import CLOSES, DOUBTED, OPEN, PROMISED, SPENT
 from sandbox.gap.search.subsets import log_prior
 from sandbox.plant.sets import further_parts
 
@@ -57,6 +57,7 @@ def with_parts(
     """
     t = 1.0 + raw / ACCURATE
     grown, cost = _grown(found, t, exclude, weights, workers, report)
+    values: Mapping[str, float] = grown[-1].fit.point.values if grown else {}
     if grown:
         report("weighing hypotheses")
         others = _without(grown[-1], found, t, weights, workers)
@@ -66,7 +67,6 @@ def with_parts(
     for j in (*found.judged, *grown):
         if j.effects not in sets or j.fit.objective < sets[j.effects].fit.objective:
             sets[j.effects] = j
-    values = grown[-1].fit.point.values if grown else {}
     further = {k: v for k, v in values.items() if library.is_further(k)}
     return replace(
         found, judged=tuple(sets.values()), simulations=found.simulations + cost, fitted=found.fitted | set(sets),
@@ -81,23 +81,46 @@ def _grown(
 
     t: for how much less the data counts.
     """
-    best, cost, out = max(found.judged, key=lambda j: j.log_evidence), 0.0, []
-    while tried := starts(best.fit.point, candidates(best, found, exclude)):
-        gains, n, _ = gains_of(best.fit, [s.coordinates for s in tried], weights, workers)
-        cost, price = cost + n.simulations, WORTH + math.log(len(tried))
-        half = 0.5 * (1.0 - CLOSES[0]) * excess(best.fit)  # log evidence that closes as much of the gap as it has to
-        told = [g if s.effect in best.effects or g > half else -math.inf for g, s in zip(gains, tried, strict=True)]
-        if max(told) < price * max(t, rms_of(best.fit) ** 2):
+    best, cost, out = max(found.judged, key=lambda j: j.log_evidence), 0.0, list[Judged]()
+    while cost < SPENT:
+        tried, looked = starts(best.fit.point, candidates(best, found, exclude))
+        if not tried:
             break
-        start = tried[int(np.argmax(told))]
-        report(f"fitting another part of {start.effect}")
-        new = _with(best, start, found, weights, workers)
-        cost += new.simulations + new.fit.simulations if new else 0.0
-        if new is None or not _worth(new, best, price, t):
+        gains, n, _ = gains_of(best.fit, [s.coordinates for s in tried], weights, workers)
+        cost, price = cost + n.simulations, WORTH + math.log(looked)
+        new, spent = _tried(best, _promising(best, tried, gains, price, t), price, found, t, weights, workers, report)
+        cost += spent
+        if new is None:
             break
         best = new
         out.append(new)
     return out, cost
+
+
+def _promising(
+    best: Judged, tried: Sequence[Start], gains: Sequence[float], price: float, temperature: float
+) -> list[Start]:
+    """Return the starts whose log evidence promises their price, the best first; of an effect that is not in the set
+    one that promises as much of the gap as it has to close."""
+    half = 0.5 * (1.0 - CLOSES[0]) * excess(best.fit)
+    worth = price * max(temperature, rms_of(best.fit) ** 2)
+    told = [(g, k) for k, g in enumerate(gains) if g > worth and (tried[k].effect in best.effects or g > half)]
+    return [tried[k] for _, k in sorted(told, reverse=True)]
+
+
+def _tried(
+    best: Judged, promising: Sequence[Start], price: float, found: Search, temperature: float, weights: Weights,
+    workers: int, report: Callable[[str], None],
+) -> tuple[Judged | None, float]:  # fmt: skip
+    """Return the best set with the first part that is worth its price, at most PROMISED fitted; and simulations."""
+    cost = 0.0
+    for start in promising[:PROMISED]:
+        report(f"fitting another part of {start.effect}")
+        new = _with(best, start, found, weights, workers)
+        cost += new.simulations + new.fit.simulations if new else 0.0
+        if new is not None and _worth(new, best, price, temperature):
+            return new, cost
+    return None, cost
 
 
 def candidates(best: Judged, found: Search, exclude: Sequence[str]) -> list[str]:
@@ -138,31 +161,33 @@ def _without(best: Judged, found: Search, temperature: float, weights: Weights, 
         best = first
 
 
-def starts(point: Point, effects: Sequence[str]) -> list[Start]:
-    """Return the parts that effects may have beyond those that are on at a point, one for every value scanned."""
-    out = []
+def starts(point: Point, effects: Sequence[str]) -> tuple[list[Start], int]:
+    """Return the parts that effects may have beyond those that are on at a point; and how many were looked at."""
+    out, looked = list[Start](), 0
     for effect in effects:
         card = library.load_effect(effect)
         on = further_parts(card, point.values, library.neutral(point.prepared.campaign.drive.motor))
         k = next((k for k in range(2, card.repeats + 1) if k not in on), None)
         if k is not None:
-            part = card.part(k)
-            for values in _scanned(point, part, partial(card.public, k)):
-                out.append(_begun(point, effect, k, values))
-    return out
+            told, count = _scanned(point, card.part(k), partial(card.public, k))
+            out += [_begun(point, effect, k, values) for values in told]
+            looked += count
+    return out, looked
 
 
-def _scanned(point: Point, part: Part, public: Callable[[str], str]) -> list[dict[str, float]]:
-    """Return the values at which a part is tried: those of an amplitude with a phase that explain most, else all."""
-    choices = []
+def _scanned(point: Point, part: Part, public: Callable[[str], str]) -> tuple[list[dict[str, float]], int]:
+    """Return the values at which a part is tried: those of an amplitude with a phase that explain most, else all; and
+    how many values there are."""
+    choices, looked = [], 1
     for p in part.parameters:
         if p.scan and p.scan[2]:
             low, high, step = p.scan
             values = np.arange(low, high + 0.5 * step, step).tolist()
+            looked *= len(values)
             if part.polar:
                 values = best_values(point, (public(part.polar[0]), public(part.polar[1])), public(p.name), values)
             choices.append([(public(p.name), x) for x in values])
-    return [dict(c) for c in product(*choices)] if choices else []
+    return ([dict(c) for c in product(*choices)], looked) if choices else ([], 0)
 
 
 def _begun(point: Point, effect: str, k: int, values: Mapping[str, float]) -> Start:

@@ -32,7 +32,9 @@ ALONE = 2  # effects that a rival with shapes to find may have to be fitted from
 RIVALS, TURNS = 3, 2  # rivals fitted at a time; times that they are looked for
 HOPELESS = 15.0  # tempered log evidence behind which a fit is not weighed
 LEAST, OPEN = 1, 0.2  # effects and chance of `unknown` from which a search goes on
-CLOSES = (0.5, 0.8)  # of what few effects leave: more have to leave less, where the search of few ended / was cut off
+# Share of the gap that the few effects leave, below which more effects have to bring it: where the search of few ended
+# by itself, and where it stopped at MOST effects, so that more are likely.  Set on opened campaigns.
+CLOSES = (0.5, 0.8)
 STRANGE = 0.9  # chance of `unknown` from which on rivals are not fitted: `stranger` says what stands beside it
 SPENT = 900  # simulations after which no further point is looked at
 NEAR, DOUBTED = 5.0, 30.0  # tempered log evidence behind the best: of any set, of one with an effect left out

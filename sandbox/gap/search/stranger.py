@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from sandbox.gap.evidence.beside import beside
 from sandbox.gap.evidence.fit import Weights
+from sandbox.gap.evidence.shortened import shortened
 from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.subsets import Subsets
@@ -34,18 +35,16 @@ def believed(sets: Subsets, effects: Sequence[str]) -> tuple[str, ...]:
 
 def beside_unknown(
     found: Search, best: Judged, unknown: float, temperature: float, weights: Weights, workers: int
-) -> tuple[Judged, float]:
-    """Return the hypothesis that stands beside `unknown`: the best one, or what of it is believed, fitted and weighed;
-    and simulations.
+) -> Judged:
+    """Return the hypothesis that stands beside `unknown`: the best one, or what of it is believed, fitted and weighed.
 
     unknown: probability that something outside the library is at work, temperature: for how much less the data counts.
     """
-    here, spent = best, 0.0
+    here = best
     for _ in range(ROUNDS):
         if not here.effects or unknown < LIKELY:
             break
-        freed = beside(here.table, here.prior, workers=workers)
-        spent += 2.0 + sum(c.form != "turn" for c in here.table.coordinates)  # slopes and twice the point itself
+        freed = beside(replace(here.table, point=shortened(here.table.point)), here.prior, workers=workers)
         if freed is None:
             break
         sets = Subsets(replace(here.table, equations=freed.equations), temperature)
@@ -55,8 +54,7 @@ def beside_unknown(
         own = next((j for j in found.judged if j.effects == kept), None)
         if own is None:
             own = found.judge_also(kept, weights, workers)
-            spent += 0.0 if own is None else own.simulations
         if own is None:
             break
         here = own
-    return here, spent
+    return here

@@ -123,6 +123,8 @@ def test_a_bench_can_play_what_is_recommended(small_folder, tmp_path):
     path = tmp_path / "next_recording.csv"
     write_bench_table(path, found, asked)
     lines = path.read_text().splitlines()
+    high, low = c["i_d_A"].max(), c["i_d_A"].min()
+    assert f"i_d {low:.3g} to {high:.3g} A" in lines[0]  # what the columns ask for
     assert lines[1] == "# tells apart, with probability 0.97: dead_time; or no effect"
     head = next(k for k, line in enumerate(lines) if not line.startswith("#"))
     again = dict(zip(lines[head].split(","), np.loadtxt(lines[head + 1 :], delimiter=",").T, strict=True))
@@ -185,6 +187,10 @@ def test_a_bench_does_what_it_can(small_folder):
     assert [e.name for e in allowed(drive, NO_LIMITS)] == [e.name for e in menu(drive)]
     one = next(e for e in menu(drive) if e.name == "locked_q_inject_d")
     assert within(one, drive, Limits(current=1e-3)) is None  # the injection's ripple alone is more
+    fast = next(e for e in menu(drive) if e.name == "driven_fast_q")
+    weak = within(fast, drive, Limits(current=0.3 * drive.motor.rated_current))
+    assert np.max(np.abs(weak.i_q)) < np.max(np.abs(fast.i_q))
+    assert np.array_equal(weak.speed, fast.speed)  # a limit of current slows no imposed speed
     light = replace(drive, motor=replace(drive.motor, inertia=0.2 * drive.motor.inertia))
     coast = next(e for e in menu(light) if e.name == "free_coast")
     slower = within(coast, light, NO_LIMITS)

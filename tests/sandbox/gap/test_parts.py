@@ -51,7 +51,8 @@ def test_a_second_order_is_found_and_no_third():
     for name in ("flux_harmonics.2.psi_d", "flux_harmonics.2.psi_q", "flux_harmonics.psi_d6"):
         e = told[name]
         assert abs(e.value - {**SIXTH, **FURTHER}[name]) < 1.5 * (e.high - e.value), name
-    assert new.simulations > found.simulations
+    assert new.further["flux_harmonics.2.order"] == 18.0
+    assert new.further["flux_harmonics.2.psi_d"] == told["flux_harmonics.2.psi_d"].value
 
 
 def test_no_further_order_where_there_is_none():
@@ -80,18 +81,20 @@ def test_every_order_is_tried_in_either_phase(monkeypatch):
     campaign = small_campaign({}, CASES[:1])
     values = complete(DRIVE.motor, DRIVE.converter, {"flux_harmonics.2.order": 12.0, "flux_harmonics.2.psi_d": 1e-4})
     point = Point(prepare(campaign), values)
-    found = starts(point, ["flux_harmonics"])
+    found, looked = starts(point, ["flux_harmonics"])
+    assert looked == 20
     tried = {(s.begun["flux_harmonics.3.order"], s.begun["flux_harmonics.3.phase"]) for s in found}
     assert tried == {(6.0 * n, x) for n in range(1, 11) for x in (0.0, 0.5 * math.pi)}
     assert all(s.begun["flux_harmonics.3.psi_d"] == pytest.approx(parts.BEGUN * 0.005 * FLUX) for s in found)
     assert all(dict(c.along)["flux_harmonics.3.order"] == s.begun["flux_harmonics.3.order"]
                for s in found for c in s.coordinates)  # fmt: skip
     monkeypatch.setattr(parts, "best_values", lambda *x: [9.0])
-    (cogging,) = starts(point, ["cogging_torque"])
+    (cogging,), looked = starts(point, ["cogging_torque"])
+    assert looked == 72  # orders of a turn that the card scans, of which the best are handed over
     assert cogging.begun["cogging_torque.2.order_mech"] == 9.0
-    assert not starts(point, ["dead_time"])
+    assert starts(point, ["dead_time"]) == ([], 0)
     every = {f"flux_harmonics.{k}.psi_d": 1e-4 for k in range(2, 7)}
-    assert not starts(dataclasses.replace(point, values={**values, **every}), ["flux_harmonics"])
+    assert starts(dataclasses.replace(point, values={**values, **every}), ["flux_harmonics"]) == ([], 0)
 
 
 def stand_in(effects, told, excess=0.0):
@@ -125,21 +128,30 @@ def test_a_part_pays_its_price_and_another_effect_closes_half_of_the_gap(planned
     assert not parts._worth(other, best, 3.0, 1.0)
 
 
-@pytest.mark.parametrize(("other", "fitted"), [(26.0, ["b"]), (24.0, ["a"]), (-1.0, ["a"])])
-def test_an_effect_that_is_not_in_the_set_has_to_promise_half_of_the_gap(planned, monkeypatch, other, fitted):
+@pytest.mark.parametrize(
+    ("other", "asked", "cost"), [(26.0, ["b", "a"], 17.0), (24.0, ["a"], 12.0), (-1.0, ["a"], 12.0)]
+)
+def test_an_effect_that_is_not_in_the_set_has_to_promise_half_of_the_gap(planned, monkeypatch, other, asked, cost):
     """By hand: the excess is 100, so 25 of log evidence close its half; a part of an effect of the set promises 20,
-    more than the price of two that are tried (2 + log 2)."""
+    more than the price of two that are looked at (2 + log 2).  One that is refused does not end the search for the
+    others.  Equations cost 7, a fit and its judgement 2 + 3."""
     best = stand_in(("a",), {("a",): 0.0}, 100.0)
     best.log_evidence, best.fit = 0.0, SimpleNamespace(point=None, effects=("a",))
     monkeypatch.setattr(parts, "excess", lambda f: 100.0)
     monkeypatch.setattr(parts, "candidates", lambda *x: ["a", "b"])
     tried = [SimpleNamespace(effect=e, coordinates=()) for e in ("a", "b")]
-    monkeypatch.setattr(parts, "starts", lambda *x: tried)
+    monkeypatch.setattr(parts, "starts", lambda *x: (tried, 2))
     monkeypatch.setattr(parts, "gains_of", lambda *x: ([20.0, other], SimpleNamespace(simulations=7.0), None))
-    asked = []
-    monkeypatch.setattr(parts, "_with", lambda best, start, *x: asked.append(start.effect))
+    seen = []
+
+    def refused(best, start, *x):
+        """Fit a set that is not worth it."""
+        seen.append(start.effect)
+        return SimpleNamespace(simulations=2.0, fit=SimpleNamespace(simulations=3.0), effects=("a",), level=0.0)
+
+    monkeypatch.setattr(parts, "_with", refused)
     grown = parts._grown(SimpleNamespace(judged=(best,)), 1.0, (), {}, 1, lambda words: None)
-    assert (grown, asked) == (([], 7.0), fitted)
+    assert (grown, seen) == (([], cost), asked)
 
 
 def test_effects_that_an_order_has_made_needless_go_one_by_one(planned):
