@@ -58,7 +58,8 @@ def test_no_imports_in_a_circle():
 
 
 def test_no_two_files_of_one_name():
-    found = Counter(path.stem for path in SOURCES if path.stem not in ("__init__", "__main__"))
+    files = [*SOURCES, *(ROOT / "experiments").glob("*.py")]
+    found = Counter(path.stem for path in files if path.stem not in ("__init__", "__main__"))
     assert not [name for name, times in found.items() if times > 1]
 
 
