@@ -105,6 +105,25 @@ def test_public_names_have_docstrings_and_files_stay_small(path):
             assert ast.get_docstring(node), f"{path}: {node.name}"
 
 
+def wide(tree):
+    """Return the functions of a file, kernels apart, that take more than eight by place or return five and more."""
+    found = []
+    for node in (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)):
+        if any(re.match(r"kernel|inlined", ast.unparse(d)) for d in node.decorator_list):
+            continue
+        own = [n for n in ast.walk(node) if isinstance(n, ast.Return) and isinstance(n.value, ast.Tuple)]
+        if len(node.args.posonlyargs + node.args.args) > 8 or any(len(n.value.elts) > 4 for n in own):
+            found.append(node.name)
+    return found
+
+
+def test_many_arguments_go_by_name_and_many_results_have_names():
+    assert wide(ast.parse("def f(a, b, c, d, e, f, g, h, i): pass\ndef g(): return 1, 2, 3, 4, 5\n")) == ["f", "g"]
+    assert wide(ast.parse("@kernel\ndef f(a, b, c, d, e, f, g, h, i): pass\ndef g(*, a): return 1, 2\n")) == []
+    for path in [*SOURCES, *(ROOT / "experiments").glob("*.py")]:
+        assert wide(ast.parse(path.read_text())) == [], path
+
+
 def test_no_path_of_one_machine():
     pattern = re.compile(r"(?<![\w.])/(home/\w+|root|work)/")
     for path in ROOT.rglob("*"):
