@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbox.motion.torques import DRY, INERTIA, LAG, VISCOUS
 from sandbox.motion.windows import Averages
 
 Array = NDArray[np.float64]
@@ -138,14 +139,14 @@ def columns_of(design: Design, terms: Terms, nominal: Nominal) -> tuple[list[str
     """
     free = math.inf
     j = nominal.inertia
-    names, mean = ["inertia", "viscous"], [0.0 if j is None else j, nominal.viscous]
+    names, mean = [INERTIA.size, VISCOUS.size], [0.0 if j is None else j, nominal.viscous]
     wide = [free if terms.inertia or j is None else nominal.inertia_deviation * j,
             free if terms.viscous else nominal.viscous_deviation * nominal.viscous]  # fmt: skip
     columns = [design.acceleration[:, None], design.speed[:, None]]
     if terms.dry is not None:
-        names, mean, wide = [*names, "dry"], [*mean, 0.0], [*wide, free]
+        names, mean, wide = [*names, DRY.size], [*mean, 0.0], [*wide, free]
         columns.append(design.dry(terms.dry)[:, None])
-    names, mean, wide = [*names, "lag"], [*mean, 0.0], [*wide, free if terms.lag else ORDINARY_LAG * design.step]
+    names, mean, wide = [*names, LAG.size], [*mean, 0.0], [*wide, free if terms.lag else ORDINARY_LAG * design.step]
     columns.append(-design.slope[:, None])  # true torque = as read + lag x its slope
     for n in terms.orders:
         names, mean, wide = [*names, f"sin {n}", f"cos {n}"], [*mean, 0.0, 0.0], [*wide, free, free]

@@ -14,6 +14,7 @@ from sandbox import diagnose
 from sandbox.cli import main
 from sandbox.motion.judging import judge
 from sandbox.motion.telling import contract, parameters, refitted, verdict
+from sandbox.motion.torques import NUMBERS
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 
 CONSTANT, INERTIA, COUNT = 0.05, 2e-4, math.tau / 8192
@@ -107,6 +108,8 @@ def test_the_gap_is_closed_on_runs_held_out_and_shared(planted):
     assert all(h["name"] in ("inertia", "current_filter") or "friction" in h["name"] or h["name"] == "cogging_torque"
                for h in answer["effects"])  # fmt: skip
     json.dumps(answer, allow_nan=False)
+    listed = [e["name"] for e in answer["effects"]]
+    assert listed == sorted(NUMBERS, key=lambda e: -planted.inclusion(e))  # of equal chance: the same in every process
     lead = parameters(planted, planted.best)["cogging_torque.order_mech"]
     assert lead["value"] == 7  # the largest of the three
 
