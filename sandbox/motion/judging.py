@@ -30,7 +30,7 @@ from sandbox.motion.shaft import (
     reweighted,
     with_orders,
 )
-from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, NUMBERS, VISCOUS
+from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, not_told, numbers, users
 from sandbox.motion.windows import SAMPLES, STEP, averages, white
 from sandbox.recordings.motion_log import MotionCampaign
 
@@ -105,7 +105,7 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     )  # fmt: skip
     plain, held = design_of(parts), _held_out(parts)
     cannot = _cannot(plain, nominal, exclude)
-    able = [e for e in NUMBERS if e not in cannot and e not in exclude]
+    able = [e for e in numbers() if e not in cannot and e not in exclude]
     whole = _terms(able, _width(plain, able, nominal, ()), ())
     design = plain
     for e, why in _driving(reweighted(plain, fitted(plain, whole, nominal)), whole, nominal, able).items():
@@ -144,6 +144,7 @@ def _terms(effects: Sequence[str], width: float, orders: tuple[int, ...]) -> Ter
     return Terms(
         INERTIA.effect in effects, VISCOUS.effect in effects, width if DRY.effect in effects else None,
         LAG.effect in effects, orders if COGGING.effect in effects else (),
+        tuple(n.size for n in users() if n.effect in effects),
     )  # fmt: skip
 
 
@@ -173,7 +174,7 @@ def _driving(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]
     """Return frictions that would drive the motion instead of braking it, each with the size that says so."""
     out = {}
     shaft = fitted(design, whole, nominal)
-    for effect, n in NUMBERS.items():
+    for effect, n in numbers().items():
         if n.brakes and effect in able and shaft.ci95(n.size)[1] < 0.0:
             out[effect] = (
                 f"it would drive the motion ({shaft.value(n.size):.3g} {n.unit}): the current's sign is reversed, or "
@@ -189,9 +190,9 @@ def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[st
         base.append(design.acceleration)
     columns = {
         DRY.effect: design.dry(0.2), INERTIA.effect: design.acceleration, VISCOUS.effect: design.speed,
-        LAG.effect: design.slope,
+        LAG.effect: design.slope, **{n.effect: design.of_users[n.size] for n in users()},
     }  # fmt: skip
-    found: dict[str, str] = {}
+    known, found = numbers(), not_told()
     if nominal.inertia is None:
         found[INERTIA.effect] = "no inertia is stated, so there is none to differ from; its value is estimated"
     for name, column in columns.items():
@@ -200,7 +201,7 @@ def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[st
         q, _ = np.linalg.qr(np.stack(base, axis=1))
         alone = float(np.linalg.norm(column - q @ (q.T @ column)))
         if not alone > ALIKE * float(np.linalg.norm(column)):
-            found[name] = NUMBERS[name].hidden
+            found[name] = known[name].hidden
         else:
             base.append(column)
     return found

@@ -9,7 +9,7 @@ from typing import Any
 from model.effects.library import parameters as library_parameters
 from sandbox.motion.judging import Motion, Weighed
 from sandbox.motion.shaft import STUDENT
-from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, NUMBERS, VISCOUS
+from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, numbers, users
 from sandbox.output.document import answer, bullets, figure, prose, table
 from sandbox.output.refitted import Refitted
 
@@ -48,7 +48,7 @@ def parameters(m: Motion, w: Weighed) -> dict[str, dict[str, Any]]:
     s, units = w.shaft, {name: p.unit for name, p in library_parameters().items()}
     out: dict[str, dict[str, Any]] = {
         n.parameter: {"value": s.value(n.size), "ci95": list(s.ci95(n.size)), "unit": n.unit}
-        for n in (DRY, VISCOUS, INERTIA, LAG)
+        for n in (DRY, VISCOUS, INERTIA, LAG, *users())
         if n.effect in w.effects
     }
     if COGGING.effect in w.effects:
@@ -79,7 +79,7 @@ def refitted(m: Motion) -> Refitted:
     """Return the shaft's effects as a file for the simulator; the motor is not known, a late reading is the log's."""
     found, ci95 = dict[str, float](), dict[str, tuple[float, float]]()
     s, card = m.best.shaft, COGGING.card
-    for n in (DRY, VISCOUS, INERTIA):
+    for n in (DRY, VISCOUS, INERTIA, *users()):
         if n.effect in m.best.effects:
             found[n.parameter], ci95[n.parameter] = s.value(n.size), s.ci95(n.size)
     if DRY.effect in m.best.effects and s.terms.dry:
@@ -114,7 +114,7 @@ def contract(m: Motion) -> dict[str, Any]:
         "effects": [
             {"name": e, "probability": m.inclusion(e), "share": {"value": m.shares.get(e, 0.0), "ci95": None},
              "parameters": {k: v for k, v in parameters(m, m.best).items() if k.startswith(f"{e}.")}, "group": None}
-            for e in sorted((e for e in NUMBERS if m.looked_for(e)), key=m.inclusion, reverse=True)
+            for e in sorted((e for e in numbers() if m.looked_for(e)), key=m.inclusion, reverse=True)
         ],
         "unknown": {"probability": m.unknown, "share": None, "where": "torque"},
         "ambiguity_set": _set(m), "next_recording": following(m), "excluded": list(m.excluded),
@@ -138,11 +138,11 @@ def _closed(m: Motion, after: float) -> float | None:
 
 def where(m: Motion) -> list[dict[str, Any]]:
     """Return which torques make the gap, the largest first."""
-    rows = []
+    rows, known = [], numbers()
     for e, share in sorted(m.shares.items(), key=lambda x: -x[1]):
         order = orders(m, m.best)[0]["order"] if e == COGGING.effect else None
-        text = f"{NUMBERS[e].shows} ({100.0 * share:.0f} % of the gap)"
-        rows.append({"subsystem": NUMBERS[e].card.subsystem, "channel": "torque", "region": "whole motion",
+        text = f"{known[e].shows} ({100.0 * share:.0f} % of the gap)"
+        rows.append({"subsystem": known[e].card.subsystem, "channel": "torque", "region": "whole motion",
                      "order": order, "share": share, "text": text})  # fmt: skip
     return rows
 
