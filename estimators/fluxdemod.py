@@ -3,7 +3,7 @@
 Flux ripple lies along the injected voltage whatever the saturation, so in the right frame it has no q component:
   y(e) = L(i) R(e) Gamma R(-e) (1, 0)  =  (1, 0)  at e = 0,    dy/de = L (J Gamma - Gamma J) (1, 0).
 The believed map takes every sample, ripple included, so large ripple costs nothing.  But the map is entered at the
-estimated angle, and y_q(e) has other zeros: second stable equilibria under load (see README.md).
+estimated angle, and y_q(e) has other zeros: second stable equilibria under load (see LIMITS.md).
 """
 
 from __future__ import annotations

@@ -10,11 +10,13 @@ GROUPS = {
     "Load": (
         "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign", "use_effects",
     ),
-    "Look up": ("list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "describe"),
+    "Look up": (
+        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "describe",
+    ),
     "Run": ("simulate", "compare", "tolerances", "sweep", "protocol", "bench"),
     "Without a run": ("audit", "maps", "export_estimator"),
-    "Recordings": ("identify", "diagnose", "replay"),
-    "Look at results": ("show", "view"),
+    "Recordings": ("plan", "check", "identify", "diagnose", "replay"),
+    "Look at results": ("show", "view", "verify"),
 }  # fmt: skip
 RESULTS = {
     "sandbox.public.result.Result": "to_table, to_dataframe, plot, to_rerun, save, as_json, columns, summary",
@@ -26,14 +28,18 @@ RESULTS = {
     "sandbox.public.protocols.BenchResult": "",
     "sandbox.public.motor.AuditResult": "passed",
     "sandbox.public.motor.MapsResult": "",
+    "sandbox.public.campaigns.checked.PlanResult": "",
+    "sandbox.public.campaigns.checked.CheckResult": "ok, mistakes",
     "sandbox.public.campaigns.identified.IdentificationResult": "",
     "sandbox.public.campaigns.diagnosed.DiagnosisResult": "verdict",
+    "sandbox.public.campaigns.moved.MotionResult": "verdict",
     "sandbox.public.campaigns.replayed.ReplayResult": "",
     "sandbox.public.exporting.Export": "save",
+    "sandbox.public.verifying.Verification": "same, sentence, save",
 }
 HEAD = """# Python
 
-Everything a command does is a function of the module `sandbox`. Each function takes names, files or objects, and
+Every command but `withheld` has its function in the module `sandbox`. A function takes names, files or objects, and
 returns a result that becomes a table, a figure, a trace or a folder of files. Importing `sandbox` is quick: what a
 function needs is loaded when it is first called.
 

@@ -11,10 +11,11 @@ from sandbox.cli import build_parser
 
 HEAD = """# Commands
 
-Each command prints a table, and writes `<command>.json`, figures and tables into its folder for results. What the JSON
-files hold: [JSON files](json.md). The exit code is 0 where the command has done its work, 2 for wrong input, 3 where
-the physics has no answer, 130 after Ctrl-C; for 2 and 3 the command prints one sentence that says what to change. A
-value in parentheses is what a command takes if the argument is left out.
+A command prints its answer and writes a JSON file into its folder for results (`--out`), most also a figure and a
+table; `list`, `show` and `view` write nothing. [JSON files](json.md) says what these files hold. The exit code is 0
+where the command has done its work, 1 where `verify` found a difference, 2 for wrong input (also for a campaign that
+`check` stops), 3 where the physics has no answer, 130 after Ctrl-C, 143 after SIGTERM. For 2 and 3 the command prints
+one sentence that says what to change. A value in parentheses is what a command takes if the argument is left out.
 
 """
 

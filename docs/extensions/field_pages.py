@@ -16,7 +16,7 @@ OBJECTS = {
     "What an estimator is given, and gives": [
         ("estimators.contract", name) for name in ("Sample", "Oversampled", "Belief", "Tuning", "Estimate", "Estimator")
     ],
-    "What a motor is": [("model.parameters", name) for name in ("Motor", "Converter", "Injection", "Drive")],
+    "What a motor is": [("model.parameters", name) for name in ("Motor", "Converter", "Injection", "Limits", "Drive")],
 }
 HEAD = """# Objects and their fields
 

@@ -26,6 +26,7 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "results/made/tolerances": "experiments/results/tolerances/README.md",
     "results/made/yield": "experiments/results/yield/README.md",
     "results/made/own_effects": "experiments/results/own_effects.md",
+    "results/made/several_orders": "experiments/results/several_orders.md",
     "results/made/odrive_cogging": "experiments/results/odrive_cogging.md",
     "results/made/other_simulator": "experiments/results/other_simulator.md",
     "results/made/peak_error": "experiments/results/peak_error.md",

@@ -12,10 +12,11 @@ from sandbox.output.schema import json_schema, schema_names, shared_parts
 
 HEAD = """# JSON files
 
-Every command writes one JSON file. Each file has a schema ([JSON Schema](https://json-schema.org), draft 2020-12), and
-the tests check real files against it; `sandbox.output.schema.json_schema("compare")` returns it. Numbers are in SI
-units unless the name ends in `_deg` or `_rpm`; a number that is not defined is `null`. Names of other files are
-relative to the folder. A `[]` stands for each entry of a list, `<name>` for each name in a table.
+Every command that writes results writes a JSON file (`compare --tolerances` two). Each file has a schema ([JSON
+Schema](https://json-schema.org), draft 2020-12), and the tests check real files against it;
+`sandbox.output.schema.json_schema("compare")` returns it. Numbers are in SI units unless the name ends in `_deg` or
+`_rpm`; a number that is not defined is `null`. Names of other files are relative to the folder. A `[]` stands for each
+entry of a list, `<name>` for each name in a table.
 
 """
 

@@ -2,7 +2,7 @@
 5. Diagnose a campaign
 ======================
 
-``sensorless diagnose`` reads recordings of a drive and says where simulation and recordings part, which effect causes it, and how far the gap
+``sensorless diagnose`` reads recordings of a drive and says where simulation and recordings differ, which effect causes it, and how far the gap
 shrinks. This page walks through its answer, sentence by sentence.
 """
 
@@ -135,8 +135,10 @@ for name, true in truth["parameters"].items():
 #
 # Use it
 # ------
-# Put the effects into your simulation::
+# The diagnosis has written two files for the simulator: ``motor.toml``, the refitted motor, and ``effects.toml``, the effects beside
+# it. The first command shows how near the simulator now comes to the recordings, the second one uses it for another run::
 #
-#     sensorless simulate --effects flux_harmonics.psi_d6=-0.00707,flux_harmonics.psi_q6=-0.00131,coulomb_friction.torque=0.713
+#     sensorless replay drill/campaigns/w001 --motor sensorless-out/diagnose/motor.toml --effects sensorless-out/diagnose/effects.toml
+#     sensorless simulate --motor sensorless-out/diagnose/motor.toml --effects sensorless-out/diagnose/effects.toml
 #
-# How a diagnosis decides, and where it errs: :doc:`/explanation/diagnosis`. All keys of the JSON file: :doc:`/reference/made/json`.
+# :doc:`/explanation/diagnosis` says how a diagnosis decides, and where it errs. :doc:`/reference/made/json` lists all keys of the JSON file.

@@ -10,6 +10,7 @@ from typing import Any
 from model.parameters import Converter, Motor
 
 INF = math.inf
+EITHER_PHASE = (0.0, 0.5 * math.pi, 0.5 * math.pi)  # scan of a phase: two parts, one of each, are a wave of any phase
 LINEAR_LACKS = 0.2  # of the linear energy at rated current: what saturation takes on common motors
 SUBSYSTEMS = ("machine", "inverter", "sensor", "mechanics")
 

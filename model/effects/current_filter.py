@@ -22,8 +22,7 @@ CARD = Effect(
     ),
     source=(
         "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"
-        " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123; form under centred pulses: "
-        "AVERAGING 3"
+        " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123"
     ),
     parameters=(Parameter("time_constant", "s", 0.0, 0.0, 1e-2, 3e-5),),
     axis="along the current's slope",

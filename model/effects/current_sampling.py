@@ -15,8 +15,7 @@ CARD = Effect(
     ),
     source=(
         "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"
-        " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123; form under centred pulses: "
-        "AVERAGING 2"
+        " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123"
     ),
     parameters=(
         Parameter("delay", "s", 0.0, -1e-2, 1e-2, 5e-6),

@@ -43,7 +43,7 @@ CARD = Effect(
     ),
     source=(
         "Jeong, Park, The analysis and compensation of dead-time effects in PWM inverters, IEEE Trans. "
-        "Ind. Electron. 38 (1991) 108; current at the edge: AVERAGING 5"
+        "Ind. Electron. 38 (1991) 108"
     ),
     parameters=(
         Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6, ordinary=Ordinary("dead_time", 5e-8)),

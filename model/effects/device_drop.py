@@ -55,7 +55,7 @@ CARD = Effect(
     equation="leg voltage -= threshold sign(i) + r i, sign linear within +-1.5 % of rated current",
     source=(
         "Choi, Sul, Inverter output voltage synthesis using novel dead time compensation, IEEE Trans. "
-        "Power Electron. 11 (1996) 221; mean of the soft sign between edges: AVERAGING 6"
+        "Power Electron. 11 (1996) 221"
     ),
     parameters=(
         Parameter("threshold", "V", 0.0, 0.0, 50.0, 1.0),

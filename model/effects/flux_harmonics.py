@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from model.compiled import inlined
-from model.effects.card import INF, At, Effect, Parameter, Part
+from model.effects.card import EITHER_PHASE, INF, At, Effect, Parameter, Part
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
 
@@ -66,7 +66,7 @@ CARD = Effect(
             Parameter("psi_d", "Wb", 0.0, -1e2, 1e2, 0.005, "magnet flux"),
             Parameter("psi_q", "Wb", 0.0, -1e2, 1e2, 0.003, "magnet flux"),
             Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(6.0, 60.0, 6.0)),
-            Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0),
+            Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0, scan=EITHER_PHASE),
         ),
         at=(At("magnets", of_order, ("psi_d", "psi_q", "order", "phase")),),
         switches=("psi_d", "psi_q"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from model.compiled import inlined
-from model.effects.card import INF, At, Effect, Parameter, Part
+from model.effects.card import EITHER_PHASE, INF, At, Effect, Parameter, Part
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
 
@@ -64,7 +64,7 @@ CARD = Effect(
             Parameter("gamma", "1/H", 0.0, -1e4, 1e4, 0.005, "1 / L_d"),
             Parameter("pulse", "1/H", 0.0, -1e4, 1e4, 0.005, "1 / L_d"),
             Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(6.0, 60.0, 6.0)),
-            Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0),
+            Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0, scan=EITHER_PHASE),
         ),
         at=(At("energy", of_order, ("gamma", "pulse", "order", "phase")),),
         switches=("gamma", "pulse"),

@@ -15,7 +15,7 @@ CARD = Effect(
     source=(
         "size of the losses: Mi, Slemon, Bonert, Modeling of iron losses of permanent-magnet synchronous motors, "
         "IEEE Trans. Ind. Appl. 39 (2003) 734; resistance across the flux slope: the usual equivalent circuit, its "
-        "time constant (derivation) keeps i_c finite under pulses; reading under pulses: AVERAGING 4"
+        "time constant (derivation) keeps i_c finite under pulses"
     ),
     parameters=(
         Parameter("core_resistance", "ohm", INF, 1.0, INF, 20.0, "rated reactance", fit="reciprocal"),

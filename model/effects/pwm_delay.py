@@ -15,8 +15,7 @@ CARD = Effect(
     ),
     source=(
         "Bae, Sul, A compensation method for time delay of full-digital synchronous frame current "
-        "regulator of PWM AC drives, IEEE Trans. Ind. Appl. 39 (2003) 802; form under centred pulses: "
-        "AVERAGING 1"
+        "regulator of PWM AC drives, IEEE Trans. Ind. Appl. 39 (2003) 802"
     ),
     parameters=(Parameter("delay", "s", 0.0, 0.0, 1e-2, 0.08, "PWM period"),),
     axis="along the commanded voltage, R d Gamma u",

@@ -19,43 +19,45 @@ def add_diagnose(add: Callable[..., Any], number: Callable[[str], float]) -> Any
     c = add(
         "diagnose",
         run_diagnose,
-        "where a campaign's gap to the simulator lies, which effect causes it, how far it shrinks",
+        "where recordings and simulation differ, which effect causes it, how far the gap shrinks",
     )
     which = c.add_mutually_exclusive_group(required=True)
     which.add_argument(
         "campaign", type=Path, nargs="?", metavar="CAMPAIGN", help="folder with campaign.toml and its tables"
     )
     which.add_argument("--example", action="store_true", help="the sample campaign of the package (about a minute)")
-    c.add_argument("--nominal", choices=("linear",), help="leave the nominal model's saturation out")
-    c.add_argument("--exclude", action="append", default=[], metavar="EFFECT", help="no candidate (may be repeated)")
+    c.add_argument("--nominal", choices=("linear",), help="diagnose against the nominal motor without its saturation")
+    text = "an effect that is no candidate (may be repeated)"
+    c.add_argument("--exclude", action="append", default=[], metavar="EFFECT", help=text)
     c.add_argument(
         "--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/recordings/IMPORTING.md)"
     )
     c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
     text = "folder of an earlier diagnosis, to go on from with further recordings in CAMPAIGN"
     c.add_argument("--continue", type=Path, dest="earlier", metavar="RESULT", help=text)
-    text = "GB to stay within (8; at least 0.7 and 0.7 kB a sample): slopes that do not fit wait in a file in TMPDIR"
+    text = "most memory, in GB (8; at least 0.7 plus 0.7 kB a sample): what does not fit waits in a file in TMPDIR"
     c.add_argument("--memory", type=number, metavar="GB", help=text)
     return c
 
 
 def add_check(add: Callable[..., Any]) -> Any:
     """Add the command `check` to the command line by its own `add`; return its parser."""
-    c = add("check", run_check, "a campaign before it is diagnosed: mistakes named, which effects it could tell")
+    text = "mistakes in a campaign before it is diagnosed, and which effects its recordings could show"
+    c = add("check", run_check, text)
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     c.add_argument(
         "--columns", type=Path, metavar="FILE.toml", help="names and units (sandbox/recordings/IMPORTING.md)"
     )
     c.add_argument("--preset", metavar="PROGRAM", help=PRESET)
     c.add_argument(
-        "--mistakes-only", action="store_true", help="do not work out which effects the recordings could tell"
+        "--mistakes-only", action="store_true", help="do not work out which effects the recordings could show"
     )
     return c
 
 
 def add_plan(add: Callable[..., Any], number: Callable[[str], float]) -> Any:
     """Add the command `plan` to the command line by its own `add`; return its parser."""
-    c = add("plan", run_plan, "what to record on a bench: experiments, setpoints, and which effects they will tell")
+    c = add("plan", run_plan, "what to record on a bench: experiments, setpoints, and which effects they will show")
     c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help="the nominal model")
     c.add_argument("--current", type=number, help="largest current, A peak (rated)")
     c.add_argument("--speed", type=number, help="largest speed, rpm (rated)")
@@ -66,7 +68,7 @@ def add_plan(add: Callable[..., Any], number: Callable[[str], float]) -> Any:
 
 def add_replay(add: Callable[..., Any], effects: str) -> Any:
     """Add the command `replay` to the command line by its own `add`; return its parser.  effects: help of --effects."""
-    text = "a campaign's own voltages through the simulator, with a motor and effects, beside what was measured"
+    text = "simulate with the voltages of a campaign, and compare the currents with the measured ones"
     c = add("replay", run_replay, text)
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     c.add_argument("--motor", metavar="NAME or FILE.toml", help="instead of the campaign's nominal motor")

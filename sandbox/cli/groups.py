@@ -15,9 +15,10 @@ from sandbox.cli.sweeping import add_tolerances, on_dask
 
 PARALLEL = ("compare", "protocol", "diagnose", "check", "plan", "replay", "sweep")  # use threads, or processes
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
+TABLELESS = ("verify", "export-estimator")  # write no table
 MOTOR = "a motor of `sensorless list motors`, or a file of yours (ipm_exchanged)"
 LIBRARY = "an estimator of your own in C, as a shared library (see estimators/c/README.md)"
-EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... or a diagnosis' effects.toml"
+EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... or a file such as effects.toml"
 
 Run = Callable[[argparse.Namespace], int | None]  # an exit code where it is not 0
 
@@ -30,13 +31,14 @@ class Add(Protocol):
 
 
 def add_common(command: Parser, name: str) -> None:
-    """Add what every command that writes results takes; seed and jobs are told where they do something."""
+    """Add what every command that writes results takes; seed, jobs and csv are told where they do something."""
     jobs = "threads or processes (all cores)" if name in PARALLEL else argparse.SUPPRESS
     seed = "seed of the sensors' noise (0)" if name in NOISY else argparse.SUPPRESS
     command.add_argument("--out", type=Path, help=f"folder for results (./sensorless-out/{name})")
     command.add_argument("--jobs", type=positive_int, help=jobs)
     command.add_argument("--seed", type=seed_number, default=0, help=seed)
-    command.add_argument("--csv", action="store_true", help="the table as CSV, too")
+    table = argparse.SUPPRESS if name in TABLELESS else "the table as CSV, too"
+    command.add_argument("--csv", action="store_true", help=table)
     command.add_argument("--quiet", action="store_true", help="print nothing but errors")
     text = "download nothing: say which file is missing and where to put it (or SENSORLESS_OFFLINE=1)"
     command.add_argument("--offline", action="store_true", help=text)
@@ -70,7 +72,7 @@ def add_runs(add: Add) -> None:
 
 def add_judging(add: Add) -> None:
     """Add `protocol`, `bench` and `verify`."""
-    text = "the standard evaluation of every estimator and belief on several motors"
+    text = "the standard evaluation: the same tests for every estimator and belief, on several motors"
     c = add("protocol", commands.run_protocol, text)
     c.add_argument("--estimators", metavar="A,B", help="names or files, separated by commas (every compiled one)")
     _own(c)
@@ -79,8 +81,9 @@ def add_judging(add: Add) -> None:
     c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
     on_dask(c)
     _peers(c)
-    _peers(add("bench", commands.run_bench, "cost per plant step and per closed-loop simulated second"))
-    text = "make a result once more as it says it was made, and compare every number"
+    text = "what a step of the plant and a simulated second in closed loop cost on this machine"
+    _peers(add("bench", commands.run_bench, text))
+    text = "make a result once more, by the call that it keeps, and compare every number"
     c = add("verify", commands.run_verify, text)
     c.add_argument("result", type=Path, metavar="RESULT", help="folder that a command has written, or its JSON")
     text = "relative difference up to which numbers agree (1e-6; on the machine that made it, 0)"
@@ -89,7 +92,8 @@ def add_judging(add: Add) -> None:
 
 def add_motor(add: Add) -> None:
     """Add `audit` and `maps`, which need no run."""
-    c = add("audit", commands.run_audit, "where a motor's model is valid: convexity, saliency, cross-saturation angle")
+    text = "up to which current a motor's model is valid: convexity, saliency, cross-saturation angle"
+    c = add("audit", commands.run_audit, text)
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="up to which current to look, in A (180 %% of rated)")
     c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")
@@ -99,7 +103,7 @@ def add_motor(add: Add) -> None:
 
 def add_recorded(add: Add) -> None:
     """Add `identify`, `diagnose`, `check`, `plan` and `replay`."""
-    text = "the motor from a campaign's locked recordings: paper's least squares and exact fit"
+    text = "the motor from recordings with locked rotor, by the paper's least squares and by an exact fit"
     c = add("identify", commands.run_identify, text)
     c.add_argument("campaign", type=Path, metavar="CAMPAIGN", help="folder with campaign.toml and its tables")
     text = "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)"
@@ -113,7 +117,7 @@ def add_recorded(add: Add) -> None:
 
 def add_export(add: Add) -> None:
     """Add `export-estimator`."""
-    c = add("export-estimator", commands.run_export, "an estimator as C99 for a target, with a motor's constants")
+    c = add("export-estimator", commands.run_export, "an estimator as C99 for a firmware, with a motor's constants")
     c.add_argument("name", metavar="NAME", help="qnull, inversion or ekf")
     c.add_argument("--motor", default="ipm_exchanged", metavar="NAME or FILE.toml", help=MOTOR)
     _belief(c)
@@ -121,9 +125,9 @@ def add_export(add: Add) -> None:
 
 def add_looking(add: Add) -> None:
     """Add `list`, `view` and `show`, which write nothing."""
-    c = add("list", commands.run_list, "what there is", writes=False)
+    c = add("list", commands.run_list, "names and one line each of motors, effects and so on", writes=False)
     c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets", "presets"))
-    c.add_argument("name", nargs="?", help="an effect or estimator, to print its card")
+    c.add_argument("name", nargs="?", help="of an effect or estimator: its card is printed")
     add_own_effects(c)
     c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")

@@ -22,10 +22,9 @@ def on_dask(command: Any) -> None:
 
 def add_sweep(add: Callable[..., Any]) -> Any:
     """Add the command to the command line by its own `add`; return its parser."""
-    c = add(
-        "sweep", run_sweep, "many runs: grids and random designs, kept block by block (see sandbox/sweep/README.md)"
-    )
-    c.add_argument("sweep", type=Path, metavar="SWEEP.toml", help="what is the same, what is combined, what is drawn")
+    c = add("sweep", run_sweep, "many runs: grids and random draws; goes on after a stop (see sandbox/sweep/README.md)")
+    text = "the plan: what is the same in all runs, what is combined, what is drawn"
+    c.add_argument("sweep", type=Path, metavar="SWEEP.toml", help=text)
     on_dask(c)
     c.add_argument("--yes", action="store_true", help="run it, however many runs it has")
     c.add_argument("--again", action="store_true", help="forget what an earlier call has finished in the folder")
@@ -53,9 +52,9 @@ def run_sweep(options: argparse.Namespace) -> None:
 
 def add_tolerances(command: Any, positive: Callable[[str], int]) -> None:
     """Add the options of `compare` that ask how well the model has to be known; positive: how counts are read."""
-    text = "also with belief parameters off by up to so many percent, by commas (5,10,20 where none are given)"
+    text = "also run with the belief's parameters off by up to so many percent (5,10,20 if no numbers are given)"
     command.add_argument("--tolerances", nargs="?", const="5,10,20", metavar="PERCENT,...", help=text)
-    command.add_argument("--draws", type=positive, help="of belief parameters at each tolerance (64)")
+    command.add_argument("--draws", type=positive, help="draws of these parameters at each tolerance (64)")
     on_dask(command)
 
 

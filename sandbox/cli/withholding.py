@@ -20,41 +20,45 @@ ROWS = "withheld.rows.jsonl"
 
 def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Number) -> None:
     """Add both steps to the command line; positive, seed: how it reads such numbers."""
-    text = "the check on withheld effects: sealed campaigns, blind diagnoses, scores"
+    text = "how good the diagnosis is: sealed campaigns, blind diagnoses, scores"
     steps = commands.add_parser("withheld", help=text, description=text).add_subparsers(
         dest="step", required=True, metavar="STEP", parser_class=parser_class
     )
-    c = steps.add_parser("make", help="draw, seal and record campaigns")
+    text = "draw drives, seal what is wrong with them, record a campaign of each"
+    c = steps.add_parser("make", help=text, description=text)
     c.set_defaults(run=run_make)
-    c.add_argument("folder", type=Path, metavar="DIR")
-    c.add_argument("--count", type=positive, required=True, help="campaigns")
-    c.add_argument("--seed", type=seed, default=0, help="of everything that is drawn (0)")
+    c.add_argument("folder", type=Path, metavar="DIR", help="folder for the check; an interrupted call goes on")
+    c.add_argument("--count", type=positive, required=True, help="how many campaigns")
+    c.add_argument("--seed", type=seed, default=0, help="seed of everything that is drawn (0)")
     c.add_argument(
         "--kind",
         default="mixed",
         choices=("mixed", "controls", "pairs", "many"),
-        help="controls: shorter, without a gap; pairs: one operating point, where two effects look alike; many: four "
-        "to ten effects at once",
+        help="mixed: none to three effects, or a cause outside the library; controls: shorter, without any effect; "
+        "pairs: one operating point, where two effects look alike; many: four to ten effects at once (mixed)",
     )
-    c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help="(scored)")
+    text = "what the drives do in the recordings: tune on practice, score on scored (scored)"
+    c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help=text)
     c.add_argument(
         "--sizes",
         default="published",
         choices=("ladder", "published"),
-        help="of effects: ranges with sources, or multiples of the cards' typical ones (published)",
+        help="sizes of effects: published ranges, or a ladder of multiples of medium ones (published)",
     )
     _common(c, positive)
-    c = steps.add_parser("score", help="diagnose blindly, then open the seal and score")
+    text = "diagnose every campaign blindly, then open the seal and score"
+    c = steps.add_parser("score", help=text, description=text)
     c.set_defaults(run=run_score)
-    c.add_argument("folder", type=Path, metavar="DIR")
-    c.add_argument("--limit", type=positive, help="the first so many campaigns (all)")
-    c.add_argument("--leave-out", type=float, default=0.0, metavar="SHARE", help="of single effects, once more without")
+    c.add_argument("folder", type=Path, metavar="DIR", help="folder that `withheld make` wrote")
+    c.add_argument("--limit", type=positive, help="only the first so many campaigns (all)")
+    text = "diagnose this share of the single effects once more, with the true effect excluded"
+    c.add_argument("--leave-out", type=float, default=0.0, metavar="SHARE", help=text)
     c.add_argument("--baselines", action="store_true", help="score the simple methods on the same campaigns, too")
     either = c.add_mutually_exclusive_group()
     either.add_argument("--finished", action="store_true", help="run nothing; judge what has a report already")
     either.add_argument("--again", action="store_true", help="forget the reports of earlier calls")
     c.add_argument(
-        "--allow-mixed", action="store_true", help="reports by several states of the code: figures of each, too"
+        "--allow-mixed", action="store_true", help="take reports by several states of the code; figures of each, too"
     )
     _common(c, positive)
 

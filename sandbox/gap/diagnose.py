@@ -24,7 +24,9 @@ from sandbox.gap.evidence.holdout import held_out, weights_of
 from sandbox.gap.evidence.noise import floor_of, noise_caution
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.search.estimates import Estimate, estimates
-from sandbox.gap.search.forward import Judged, Search, search, unbent
+from sandbox.gap.search.forward import Judged, Search, search
+from sandbox.gap.search.parts import with_parts
+from sandbox.gap.search.points import unbent
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.search.selection import widened
 from sandbox.gap.search.stranger import beside_unknown
@@ -118,10 +120,12 @@ def diagnose(
     count = len(prepared.recordings)
     fitted, everything = weights_of(count, left), weights_of(count)
     found = search(start, everything, exclude=barred, workers=workers, report=report)
-    found = widened(found, rms(nominal, range(count)), everything, exclude=barred, workers=workers, report=report)
+    raw = rms(nominal, range(count))
+    found = with_parts(found, raw, everything, exclude=barred, workers=workers, report=report)
+    found = widened(found, raw, everything, exclude=barred, workers=workers, report=report)
     found = _with_rivals(found, [s for s in rivals if not set(s) & set(hidden)], everything, workers)
     report("measuring the gap")
-    judged, ranked, temperature, cost = _ranked(found, rms(nominal, range(count)), everything, workers)
+    judged, ranked, temperature, cost = _ranked(found, raw, everything, workers)
     before = fit(start, (), fitted, workers=workers)
     unlogged = unlogged_counts(prepared)
     rest = remainder(found.null, ranked[0][1].fit, unlogged)

@@ -163,8 +163,8 @@ def load_estimator_library(path: str | Path) -> Estimator:
     Raises
     ------
     BadInput
-        For a file that does not exist or is no library, a function that is missing, another ABI, or a state of an
-        impossible size.
+        For a file that does not exist or is no library, a function that is missing, a library for another version of
+        the interface, or a state of an impossible size.
 
     Examples
     --------
@@ -189,8 +189,8 @@ def read_campaign(
     Parameters
     ----------
     folder : str, Path or Campaign
-        A folder with `campaign.toml` and its tables (Parquet, CSV, MAT, MDF4), one table in it, or a campaign,
-        which is returned as it is.
+        A folder with `campaign.toml` and its tables (Parquet, CSV and others, see sandbox/recordings/IMPORTING.md),
+        one table in it, or a campaign, which is returned as it is.
     columns : str or Path, optional
         A TOML file that maps names and units of another program (sandbox/recordings/IMPORTING.md).
     rotors : sequence of str

@@ -149,7 +149,7 @@ def protocol(
     tests : iterable of str, optional
         Names of tests, such as 'static_map'; all by default.
     seed : int
-        Of the sensors' noise.
+        Seed of the sensors' noise.
     jobs : int, optional
         Threads; all cores by default.
     keep : str or Path, optional

@@ -265,9 +265,9 @@ def simulate(
         What the plant has and the model lacks, such as ``{"dead_time.time": 2e-6}`` (SI units, see `list_effects`), or
         a file of effects as `diagnose` writes it (``effects.toml``).
     plant : {'exact', 'switched'}
-        Event by event, or the independent bench that checks it; both run every estimator.
+        The plant, or the second simulator that checks it; both run every estimator.
     seed : int
-        Of the sensors' noise.
+        Seed of the sensors' noise.
     record : str or Path, optional
         A new folder; the run is written there as a campaign, as a bench would have recorded it.
 
@@ -342,7 +342,7 @@ def compare(
     jobs: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> ComparisonResult:
-    """Run every estimator with a saturated and a linear belief, the estimate in control and the encoder.
+    """Run every estimator with a saturated and a linear belief, controlled by its estimate and by the encoder.
 
     Parameters
     ----------
@@ -353,9 +353,9 @@ def compare(
     estimators : iterable of str, Path or Estimator
         See `load_estimator`.
     effects : mapping, str or Path, optional
-        As in `simulate`; with any there is no theory to compare with.
+        As in `simulate`; theory does not know effects, so with any of them there is none to compare with.
     seed : int
-        Of the sensors' noise, the same in every run.
+        Seed of the sensors' noise, the same in every run.
     jobs : int, optional
         Threads; all cores by default. Results do not depend on it.
     progress : callable, optional

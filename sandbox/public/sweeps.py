@@ -151,7 +151,7 @@ def sweep(
     again: bool = False,
     progress: Callable[[int, int], None] | None = None,
 ) -> SweepResult:
-    """Run a grid and a random design of short or long runs, or what is left of them after an interruption.
+    """Make the runs of a sweep, a grid and a random design, or what is left of them after an interruption.
 
     Parameters
     ----------
@@ -164,7 +164,7 @@ def sweep(
     cluster : str or dask.distributed.Client, optional
         A scheduler's address, such as "tcp://10.0.0.1:8786", or a client: its workers do the runs.
     yes : bool
-        Whether more than 200 000 runs are meant.
+        Confirms more than 200 000 runs, or more than 2 GB of traces.
     again : bool
         Whether to forget what an earlier call has finished.
     progress : callable, optional
@@ -227,7 +227,7 @@ def tolerances(
     cluster: Cluster | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> ToleranceResult:
-    """Run estimators whose belief is off: how much of the saturated belief's gain is left.
+    """Run estimators whose belief is off, and return how much of the saturated belief's gain is left.
 
     Parameters
     ----------
@@ -240,11 +240,11 @@ def tolerances(
     percent : iterable of float
         The belief's magnet flux, inductances and saturation coefficients are drawn, each evenly, within ± so much.
     draws : int
-        Of these parameters, at each tolerance.
+        How often these parameters are drawn at each tolerance.
     effects : mapping or str, optional
         As in `simulate`.
     seed : int
-        Of the draws and of the sensors' noise.
+        Seed of the draws and of the sensors' noise.
     jobs : int, optional
         Processes; all cores by default.
     cluster : str or dask.distributed.Client, optional

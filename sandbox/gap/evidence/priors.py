@@ -12,9 +12,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from model.effects import library
-from model.effects.card import Effect, Ordinary, scales
+from model.effects.card import Effect, Ordinary, Part, scales
 from model.parameters import Drive, Motor
-from sandbox.plant.sets import BENCH, soft_current
+from sandbox.plant.sets import BENCH, further_parts, soft_current
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.sensitivity import mechanical_only
 
@@ -167,21 +167,29 @@ def of_effect(effect: str, drive: Drive, start: Set, at: Set | None = None) -> l
     """Return an effect's coordinates with their wide priors: about neutral, or about where a search starts.
 
     start: completed set with the effect's companions (time constants, frequencies, ...) at the values to start from;
-    at: where a fit stands, if not there: bounds that it has reached widen.
+    at: where a fit stands, if not there: bounds that it has reached widen.  Of an effect that can have several parts,
+    those that are on at the start.
     """
     card = library.load_effect(effect)
+    on = [1, *further_parts(card, start, library.neutral(drive.motor))]
+    return [c for k in on for c in of_part(card, k, drive, start, at)]
+
+
+def of_part(card: Effect, k: int, drive: Drive, start: Set, at: Set | None = None) -> list[Coordinate]:
+    """Return the coordinates of an effect's k-th part, on or off."""
     out: list[Coordinate] = []
-    for p in card.parameters:
-        name = f"{effect}.{p.name}"
+    part = card.part(k)
+    for p in part.parameters:
+        name = card.public(k, p.name)
         neutral, size = p.neutral_for(drive.motor), p.typical_for(drive.motor, drive.converter)
-        if p.fit == "fixed" or p.name in phases(card):
+        if p.fit == "fixed" or p.name in phases(part):
             continue
         if p.fit == "log":
             out.append(Coordinate(name, math.log(start[name]), p.spread, "log", (name,)))
         elif p.fit == "reciprocal":
             out.append(Coordinate(name, 0.0, WIDE / size, "reciprocal", (name,)))
-        elif p.name in amplitudes(card):
-            pair = (name, f"{effect}.{amplitudes(card)[p.name]}")
+        elif p.name in amplitudes(part):
+            pair = (name, card.public(k, amplitudes(part)[p.name]))
             out += [Coordinate(f"{name} {form}", 0.0, WIDE * size, form, pair) for form in ("cosine", "sine")]
         elif p.scan:
             out.append(Coordinate(name, start[name], p.spread, "linear", (name,)))
@@ -199,11 +207,11 @@ def reach(c: Coordinate, values: Set) -> float:
     return 2.0 * at if math.isfinite(at) and at >= REACHED * FARTHEST else FARTHEST
 
 
-def amplitudes(card: Effect) -> dict[str, str]:
-    """Return the amplitude that belongs to each phase of a card: {amplitude: phase}."""
-    return dict([card.polar]) if card.polar else {}
+def amplitudes(part: Part) -> dict[str, str]:
+    """Return the amplitude that belongs to each phase of a part: {amplitude: phase}."""
+    return dict([part.polar]) if part.polar else {}
 
 
-def phases(card: Effect) -> tuple[str, ...]:
-    """Return the parameters of a card that are phases of an amplitude."""
-    return tuple(amplitudes(card).values())
+def phases(part: Part) -> tuple[str, ...]:
+    """Return the parameters of a part that are phases of an amplitude."""
+    return tuple(amplitudes(part).values())

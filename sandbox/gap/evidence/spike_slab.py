@@ -166,14 +166,12 @@ def table(
 
 
 def gains_of(
-    found: Fit, candidates: Sequence[Probe], weights: Weights, workers: int
+    found: Fit, candidates: Sequence[Sequence[Coordinate]], weights: Weights, workers: int
 ) -> tuple[list[float], Normal, Prior]:
-    """Return the log evidence each probe would add to a fit, the equations at its point, and the fit's own prior."""
+    """Return the log evidence that each candidate's coordinates would add to a fit, the equations at its point, and the
+    fit's own prior."""
     own = [c for c in found.coordinates if c.form != "turn"]
-    parts = [
-        [replace(c, label=f"{c.label}@{k}") for c in probe_coordinates(found.point, probe, "")]
-        for k, probe in enumerate(candidates)
-    ]
+    parts = [[replace(c, label=f"{c.label}@{k}") for c in part] for k, part in enumerate(candidates)]
     n = normal(found.point, [*own, *(c for part in parts for c in part)], workers=workers)
     place = {c.label: k for k, c in enumerate(n.coordinates)}
     prior, equations = prior_of(n.coordinates), algebra(n, weights)

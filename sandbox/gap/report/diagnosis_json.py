@@ -1,4 +1,4 @@
-"""`diagnosis.json`: the contract that scripts rely on (DIAGNOSIS.md)."""
+"""`diagnosis.json`: the contract that scripts rely on (its keys: `sandbox/output/schemas`)."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
+from model.effects.card import Effect
 from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, between_segments, prior_of, sandwich
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.search.judged import Judged
@@ -108,15 +109,22 @@ def unbounded(prior: Prior) -> Prior:
 
 
 def _of_effect(effect: str, s: Spread) -> dict[str, Estimate]:
-    """Return an effect's parameters by public name."""
-    place, x, sd = s.place, s.x, s.sd
+    """Return an effect's parameters by public name, those of its further parts behind."""
     card = library.load_effect(effect)
+    labels = tuple(s.place)
+    on = [k for k in range(2, card.repeats + 1) if any(x.startswith(card.public(k, "")) for x in labels)]
+    return {name: e for k in [1, *on] for name, e in _of_part(card, k, s).items()}
+
+
+def _of_part(card: Effect, k: int, s: Spread) -> dict[str, Estimate]:
+    """Return the parameters of an effect's k-th part by public name."""
+    place, x, sd, part = s.place, s.x, s.sd, card.part(k)
     out: dict[str, Estimate] = {}
-    for p in card.parameters:
-        name = f"{effect}.{p.name}"
+    for p in part.parameters:
+        name = card.public(k, p.name)
         own = p.same_as or name
-        if card.polar and p.name == card.polar[0] and f"{name} cosine" in place:
-            phase = f"{effect}.{card.polar[1]}"
+        if part.polar and p.name == part.polar[0] and f"{name} cosine" in place:
+            phase = card.public(k, part.polar[1])
             u, v = place[f"{name} cosine"], place[f"{name} sine"]
             size, around = math.hypot(x[u], x[v]), max(math.hypot(x[u], x[v]), 1e-300)
             radial = math.hypot(x[u] * sd[u], x[v] * sd[v]) / around
@@ -126,10 +134,10 @@ def _of_effect(effect: str, s: Spread) -> dict[str, Estimate]:
             out[name] = Estimate(size, max(0.0, size - Z * radial), size + Z * radial, p.unit)
             out[phase] = Estimate(angle, angle - Z * turn, angle + Z * turn, "rad")
         elif own in place:
-            k = place[own]
-            ends = (s.coordinates[k].bounded(float(to[k])) for to in (x, *s.ends))
+            at = place[own]
+            ends = (s.coordinates[at].bounded(float(to[at])) for to in (x, *s.ends))
             value, low, high = (public(p.fit, y) for y in ends)
-            out[name] = Estimate(value, min(low, high), max(low, high), p.unit, not s.free[k])
+            out[name] = Estimate(value, min(low, high), max(low, high), p.unit, not s.free[at])
         elif p.scan and name in s.values and p.fit == "fixed":
             value = s.values[name]
             out[name] = Estimate(value, value, value, p.unit)

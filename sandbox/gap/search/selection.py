@@ -17,8 +17,10 @@ from sandbox.gap.evidence.discrepancy import remainder
 from sandbox.gap.evidence.fit import Fit, Weights, fit
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, table
-from sandbox.gap.search.forward import FAR, MOST, WORTH, Search, choose, excess, rms_of, starting, towards, unbent
+from sandbox.gap.search.forward import FAR, WORTH, Search, choose, excess, rms_of
 from sandbox.gap.search.judged import Judged, judge
+from sandbox.gap.search.neighbours import MOST
+from sandbox.gap.search.points import starting, towards, unbent
 from sandbox.gap.search.posterior import ACCURATE
 from sandbox.gap.search.subsets import Subsets, log_prior
 
@@ -125,7 +127,8 @@ def widened(
         if best is top:
             break
         top = best
-    return Search(found.null, tuple(judged.values()), s.cost, found.fitted | set(s.fits), tuple(s.chosen), s.share)
+    fitted, chosen = found.fitted | set(s.fits), tuple(s.chosen)
+    return replace(found, judged=tuple(judged.values()), simulations=s.cost, fitted=fitted, chosen=chosen)
 
 
 def select(s: Selection, here: Table, report: Callable[[str], None] = lambda _: None) -> None:

@@ -116,7 +116,7 @@ def check(
     preset : str, optional
         See `read_campaign`.
     effects : bool
-        Whether to work out, by slopes of an excerpt, which effects would be visible at typical size.
+        Whether to work out, from an excerpt of each recording, which effects would be visible at typical size.
     jobs : int
         Threads.
 

@@ -180,7 +180,7 @@ def diagnose(
     Returns
     -------
     DiagnosisResult
-        `.verdict`, `.answers.diagnosis.hypotheses` (effects, probability), `.as_json()` as in DIAGNOSIS.md.
+        `.verdict`, `.answers.diagnosis.hypotheses` (effects, probability), `.as_json()` as `diagnosis.json` has it.
         A campaign without voltages, or whose samples stand further apart than L/R, is judged by its motion alone:
         `MotionResult`, of the same `.verdict` and `.as_json()`.
 

@@ -63,7 +63,7 @@ def test_where_names_the_inverter_in_a_plain_sentence(small_answers):
 
 
 def test_contract_has_the_keys_of_the_contract(small_answers):
-    """Keys and types as DIAGNOSIS.md lists them."""
+    """Keys and types that scripts rely on, listed here once more by hand."""
     c = content_of(small_answers)
     assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **c}) == []
     assert set(c) == {

@@ -19,9 +19,10 @@ from sandbox.gap.evidence.normal import normal
 from sandbox.gap.evidence.probes import Probe, probes_at_typical
 from sandbox.gap.evidence.spike_slab import SIZES, ordinary_share, settled, table
 from sandbox.gap.report.where import held_at_neutral
-from sandbox.gap.search.forward import _pointed, search
+from sandbox.gap.search.forward import search
 from sandbox.gap.search.judged import judge
 from sandbox.gap.search.multistart import with_sizes
+from sandbox.gap.search.neighbours import pointed
 from sandbox.recordings.writing import write_campaign
 from tests.sandbox.gap.conftest import DRIVE, small_campaign
 from tests.sandbox.gap.test_evidence import start
@@ -188,8 +189,8 @@ def test_a_stretched_deviation_points_to_its_effect(tmp_path):
     weights = weights_of(len(at.prepared.recordings))
     chosen = probes_at_typical(at)
     gain = judge(fit(at, ("current_gain",), weights), chosen, ordinary_share(1.0), weights, 1)
-    (found,) = _pointed(gain, {}, {("current_gain",)}, chosen, weights, 1)
+    (found,) = pointed(gain, {}, {("current_gain",)}, chosen, weights, 1)
     assert "stator_resistance" in found.effects
     assert found.objective < 0.1 * gain.fit.objective
     right = judge(fit(at, ("stator_resistance",), weights), chosen, ordinary_share(1.0), weights, 1)
-    assert _pointed(right, {}, {right.effects}, chosen, weights, 1) == []
+    assert pointed(right, {}, {right.effects}, chosen, weights, 1) == []

@@ -1,0 +1,99 @@
+"""Are several orders of a harmonic, or of the cogging torque, found at once?
+
+Recordings come from the switched bench (practice cycles), which has the orders in lists of its own and shares no code
+with the plant: the magnets' flux with orders 6, 12 and 18; with order 12 alone, which no effect begins with; cogging of
+4, 18 and 36 a turn.  Table: results/several_orders.md.
+
+Run: python -m experiments.several_orders   (5 min of one core)
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime
+from collections.abc import Mapping
+
+from experiments.drawing import RESULTS
+from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
+from sandbox.recordings.campaign import Campaign
+from sandbox.validation.withheld.draw import Case, Drawn, draw
+from sandbox.validation.withheld.make import campaign_of
+
+SEED = 777
+FLUX = {  # of the magnet flux
+    "flux_harmonics.psi_d6": 0.01, "flux_harmonics.psi_q6": 0.006, "flux_harmonics.2.psi_d": 0.004,
+    "flux_harmonics.2.psi_q": -0.003, "flux_harmonics.3.psi_d": 0.003,
+}  # fmt: skip
+TORQUE = {  # of the rated torque
+    "cogging_torque.amplitude": 0.03, "cogging_torque.2.amplitude": 0.015, "cogging_torque.3.amplitude": 0.02,
+}  # fmt: skip
+
+
+def planted(name: str, drawn: Drawn) -> dict[str, float]:
+    """Return the orders of a case (SI)."""
+    flux, torque = drawn.true.motor.magnet_flux, drawn.true.motor.rated_torque
+    if name == "flux 6, 12, 18":
+        orders = {"flux_harmonics.2.order": 12.0, "flux_harmonics.3.order": 18.0}
+        return {k: x * flux for k, x in FLUX.items()} | orders
+    if name == "flux 12":
+        sizes = {"flux_harmonics.2.psi_d": 0.008 * flux, "flux_harmonics.2.psi_q": 0.005 * flux}
+        return {**sizes, "flux_harmonics.2.order": 12.0}
+    shapes = {
+        "cogging_torque.order_mech": 18.0, "cogging_torque.phase": 0.7, "cogging_torque.2.order_mech": 36.0,
+        "cogging_torque.2.phase": -1.1, "cogging_torque.3.order_mech": 4.0, "cogging_torque.3.phase": 2.0,
+    }  # fmt: skip
+    return {k: x * torque for k, x in TORQUE.items()} | shapes
+
+
+CASES = ("flux 6, 12, 18", "flux 12", "cogging 4, 18, 36")
+
+
+def recorded(name: str) -> tuple[Campaign, dict[str, float]]:
+    """Return a campaign of the switched bench with a case's orders, and these."""
+    drawn = draw(Case(CASES.index(name), "none", "ipm_exchanged", "practice"), SEED)
+    own = planted(name, drawn)
+    return campaign_of(dataclasses.replace(drawn, plant={**drawn.plant, **own})), own
+
+
+def by_order(values: Mapping[str, float]) -> dict[float, str]:
+    """Return by order what belongs to it, in words; the first part of flux harmonics is the sixth."""
+    parts: dict[str, dict[str, float]] = {}
+    for name, x in values.items():
+        effect, *k, number = name.split(".")
+        if effect in ("flux_harmonics", "cogging_torque"):
+            parts.setdefault(".".join((effect, *k)), {})[number.removesuffix("6")] = x
+    told = {}
+    for own in parts.values():
+        order = own.pop("order_mech", own.pop("order", 6.0))
+        told[order] = ", ".join(f"{n} {x:.4g}" for n, x in sorted(own.items()) if n != "phase" or "amplitude" in own)
+    return {n: told[n] for n in sorted(told)}
+
+
+def row(name: str) -> str:
+    """Return the table's row of a case."""
+    campaign, own = recorded(name)
+    d: Diagnosis = diagnose(campaign, workers=1, report=lambda words: print(f"{name}: {words}", flush=True))
+    found = {k: e.value for k, e in d.parameters[0].items()}
+    cells = [
+        name, f"{' + '.join(d.best.effects)} ({d.best.probability:.3f}), {verdict(d)}",
+        f"{d.size.before:.2f} → {d.size.after:.3f}",
+        *("; ".join(f"{n:g}: {told}" for n, told in by_order(x).items()) for x in (own, found)), str(d.simulations),
+    ]  # fmt: skip
+    return "| " + " | ".join(cells) + " |"
+
+
+def main() -> None:
+    """Record, diagnose and write the table."""
+    head = [
+        "# Several orders at once", "",
+        f"`python -m experiments.several_orders`, {datetime.date.today()}. Flux in Wb, torque in N m, phase in rad.",
+        "Before the search for further orders (commit 30a7789): `unknown` in all three, J after 1.92, 3.14 and 1.036.",
+        "", "| on the bench | hypothesis | J held out | planted | found | simulations |", "|---|---|---|---|---|--:|",
+    ]  # fmt: skip
+    text = "\n".join([*head, *(row(name) for name in CASES)]) + "\n"
+    (RESULTS / "several_orders.md").write_text(text, encoding="utf-8")
+    print(text)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,193 @@
+"""Further parts of effects that can have several: the next order of a harmonic, of the cogging torque.
+
+A search names an effect by its first part, or by none where only another order is there.  So once it has ended, every
+order that a card scans is weighed by algebra beside the best set, the best one is fitted, and so on until no order is
+worth its place: a part has to bring what an effect has to, and as much more as so many orders were tried.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+
+from model.effects import library
+from model.effects.card import Part
+from model.errors import BadInput
+from sandbox.gap.evidence.discrepancy import remainder
+from sandbox.gap.evidence.fit import Fit, Weights, fit
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.priors import Coordinate, of_part
+from sandbox.gap.evidence.spectrum import best_values
+from sandbox.gap.evidence.spike_slab import gains_of
+from sandbox.gap.search.forward import WORTH, Search, excess, rms_of
+from sandbox.gap.search.judged import Judged, judge
+from sandbox.gap.search.points import towards
+from sandbox.gap.search.posterior import ACCURATE
+from sandbox.gap.search.selection import CLOSES, DOUBTED, OPEN
+from sandbox.gap.search.subsets import log_prior
+from sandbox.plant.sets import further_parts
+
+BEGUN = 1e-3  # of an amplitude's typical size: a part that a fit begins with is on, and hardly more
+
+
+@dataclass(frozen=True)
+class Start:
+    """A part of an effect that may be there: the values that are looked for (order, phase), those a fit begins from
+    (amplitudes among them), and its coordinates."""
+
+    effect: str
+    begun: Mapping[str, float]
+    coordinates: tuple[Coordinate, ...]
+
+
+def with_parts(
+    found: Search, raw: float, weights: Weights, *, exclude: Sequence[str] = (), workers: int = 1,
+    report: Callable[[str], None] = lambda _: None,
+) -> Search:  # fmt: skip
+    """Return a search whose best set has as many parts of its effects as the recordings show.
+
+    Where the set leaves a gap that `unknown` may have to explain, orders of effects that are not in it are tried, too:
+    one that is there must close half of it.  raw: normalised rms of the nominal model.
+    """
+    t = 1.0 + raw / ACCURATE
+    grown, cost = _grown(found, t, exclude, weights, workers, report)
+    if grown:
+        report("weighing hypotheses")
+        others = _without(grown[-1], found, t, weights, workers)
+        cost += sum(j.simulations + j.fit.simulations for j in others)
+        grown += others
+    sets: dict[tuple[str, ...], Judged] = {}
+    for j in (*found.judged, *grown):
+        if j.effects not in sets or j.fit.objective < sets[j.effects].fit.objective:
+            sets[j.effects] = j
+    values = grown[-1].fit.point.values if grown else {}
+    further = {k: v for k, v in values.items() if library.is_further(k)}
+    return replace(
+        found, judged=tuple(sets.values()), simulations=found.simulations + cost, fitted=found.fitted | set(sets),
+        further=further,
+    )  # fmt: skip
+
+
+def _grown(
+    found: Search, t: float, exclude: Sequence[str], weights: Weights, workers: int, report: Callable[[str], None]
+) -> tuple[list[Judged], float]:
+    """Return the best set with one part more, and one more than that, as long as each is worth it; and simulations.
+
+    t: for how much less the data counts.
+    """
+    best, cost, out = max(found.judged, key=lambda j: j.log_evidence), 0.0, []
+    while tried := starts(best.fit.point, candidates(best, found, exclude)):
+        gains, n, _ = gains_of(best.fit, [s.coordinates for s in tried], weights, workers)
+        cost, price = cost + n.simulations, WORTH + math.log(len(tried))
+        half = 0.5 * (1.0 - CLOSES[0]) * excess(best.fit)  # log evidence that closes as much of the gap as it has to
+        told = [g if s.effect in best.effects or g > half else -math.inf for g, s in zip(gains, tried, strict=True)]
+        if max(told) < price * max(t, rms_of(best.fit) ** 2):
+            break
+        start = tried[int(np.argmax(told))]
+        report(f"fitting another part of {start.effect}")
+        new = _with(best, start, found, weights, workers)
+        cost += new.simulations + new.fit.simulations if new else 0.0
+        if new is None or not _worth(new, best, price, t):
+            break
+        best = new
+        out.append(new)
+    return out, cost
+
+
+def candidates(best: Judged, found: Search, exclude: Sequence[str]) -> list[str]:
+    """Return the effects of which another part is looked for: those of the best set, and where it leaves a gap those
+    that a search of first parts may have missed."""
+    if remainder(found.null, best.fit).unknown < OPEN:
+        return list(best.effects)
+    others = [
+        e for e in library.effect_names() if e not in {*best.effects, *exclude} and library.load_effect(e).further
+    ]
+    return [*best.effects, *others]
+
+
+def _worth(new: Judged, best: Judged, price: float, temperature: float) -> bool:
+    """Return whether a set with one part more is better by the price of a part, one with another effect also by half of
+    the gap."""
+    gained = level(new, max(temperature, rms_of(best.fit) ** 2)) - level(best, max(temperature, rms_of(best.fit) ** 2))
+    return gained >= price and (new.effects == best.effects or excess(new.fit) < CLOSES[0] * excess(best.fit))
+
+
+def _without(best: Judged, found: Search, temperature: float, weights: Weights, workers: int) -> list[Judged]:
+    """Return the best set without each effect that its parts may have made needless (all but those about which the
+    recordings are clear), fitted and weighed; and the same of the best of these, as long as one is better."""
+    out: list[Judged] = []
+    while True:
+        rests = []
+        for gone in best.effects:
+            rest = tuple(e for e in best.effects if e != gone)
+            told = best.table.log_evidence(rest, temperature=temperature) + log_prior(rest)
+            if told > level(best, temperature) - DOUBTED:
+                with suppress(BadInput):  # none a drive can have
+                    own = fit(towards(best.fit, rest, found.chosen), rest, weights, workers=workers)
+                    rests.append(judge(own, found.chosen, found.share, weights, workers))
+        out += rests
+        first = max(rests, key=lambda j: level(j, temperature), default=best)
+        if level(first, temperature) <= level(best, temperature):
+            return out
+        best = first
+
+
+def starts(point: Point, effects: Sequence[str]) -> list[Start]:
+    """Return the parts that effects may have beyond those that are on at a point, one for every value scanned."""
+    out = []
+    for effect in effects:
+        card = library.load_effect(effect)
+        on = further_parts(card, point.values, library.neutral(point.prepared.campaign.drive.motor))
+        k = next((k for k in range(2, card.repeats + 1) if k not in on), None)
+        if k is not None:
+            part = card.part(k)
+            for values in _scanned(point, part, partial(card.public, k)):
+                out.append(_begun(point, effect, k, values))
+    return out
+
+
+def _scanned(point: Point, part: Part, public: Callable[[str], str]) -> list[dict[str, float]]:
+    """Return the values at which a part is tried: those of an amplitude with a phase that explain most, else all."""
+    choices = []
+    for p in part.parameters:
+        if p.scan and p.scan[2]:
+            low, high, step = p.scan
+            values = np.arange(low, high + 0.5 * step, step).tolist()
+            if part.polar:
+                values = best_values(point, (public(part.polar[0]), public(part.polar[1])), public(p.name), values)
+            choices.append([(public(p.name), x) for x in values])
+    return [dict(c) for c in product(*choices)] if choices else []
+
+
+def _begun(point: Point, effect: str, k: int, values: Mapping[str, float]) -> Start:
+    """Return the start of an effect's k-th part at scanned values."""
+    drive, card = point.prepared.campaign.drive, library.load_effect(effect)
+    part, along = card.part(k), tuple(values.items())
+    sizes = {
+        card.public(k, p.name): BEGUN * p.typical_for(drive.motor, drive.converter)
+        for p in part.parameters if p.name in part.switches
+    }  # fmt: skip
+    own = of_part(card, k, drive, {**point.values, **values})
+    return Start(effect, {**values, **sizes}, tuple(replace(c, along=along) for c in own))
+
+
+def _with(best: Judged, start: Start, found: Search, weights: Weights, workers: int) -> Judged | None:
+    """Return the best set with one part more, fitted and weighed; None where no drive can have it."""
+    at = replace(best.fit.point, values={**best.fit.point.values, **start.begun})
+    key = tuple(sorted({*best.effects, start.effect}))
+    try:
+        new: Fit = fit(at, key, weights, workers=workers)
+    except BadInput:
+        return None
+    return judge(new, found.chosen, found.share, weights, workers) if math.isfinite(new.objective) else None
+
+
+def level(j: Judged, temperature: float) -> float:
+    """Return the log posterior of a set, as hypotheses are weighed."""
+    return j.tempered(temperature) + log_prior(j.effects)

@@ -1,0 +1,153 @@
+"""Orders beyond the first: found in recordings of the switched bench, none where there are none."""
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import pytest
+
+from model.effects import library
+from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.priors import of_effect, of_part
+from sandbox.gap.evidence.probes import Probe
+from sandbox.gap.search import parts
+from sandbox.gap.search.estimates import estimates
+from sandbox.gap.search.forward import Search
+from sandbox.gap.search.judged import judge
+from sandbox.gap.search.parts import starts, with_parts
+from sandbox.plant.sets import complete
+from sandbox.replay.replay import prepare
+from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
+
+FLUX = DRIVE.motor.magnet_flux
+SIXTH = {"flux_harmonics.psi_d6": 0.01 * FLUX, "flux_harmonics.psi_q6": 0.006 * FLUX}
+FURTHER = {
+    "flux_harmonics.2.order": 18.0, "flux_harmonics.2.psi_d": 0.004 * FLUX, "flux_harmonics.2.psi_q": -0.003 * FLUX,
+}  # fmt: skip
+TURNING = (("slow", "driven", 40.0, 20.0), ("fast", "driven", 110.0, 20.0))
+
+
+def searched(effects):
+    """Return a search that has named flux harmonics in recordings of the switched bench, and their weights."""
+    prepared = prepare(small_campaign(effects, (CASES[0], *TURNING)))
+    start, weights = Point(prepared, complete(DRIVE.motor, DRIVE.converter)), weights_of(len(prepared.recordings))
+    chosen, null = (Probe("flux_harmonics", {}),), fit(start, (), weights)
+    named = judge(fit(start, ("flux_harmonics",), weights), chosen, 0.01, weights, 1)
+    return Search(null, (named,), 0.0, frozenset({("flux_harmonics",)}), chosen, 0.01), weights
+
+
+def test_a_second_order_is_found_and_no_third():
+    """The bench has orders 6 and 18.  Values lie within their 95 % intervals, widened by one half: three intervals are
+    looked at, and a deviation of three has a chance of 0.3 %."""
+    found, weights = searched({**SIXTH, **FURTHER})
+    new = with_parts(found, 5.0, weights)
+    (best,) = new.judged
+    told = estimates(best)
+    assert best.effects == ("flux_harmonics",)
+    assert told["flux_harmonics.2.order"].value == 18.0
+    assert not any(name.startswith("flux_harmonics.3.") for name in told)
+    for name in ("flux_harmonics.2.psi_d", "flux_harmonics.2.psi_q", "flux_harmonics.psi_d6"):
+        e = told[name]
+        assert abs(e.value - {**SIXTH, **FURTHER}[name]) < 1.5 * (e.high - e.value), name
+    assert new.simulations > found.simulations
+
+
+def test_no_further_order_where_there_is_none():
+    found, weights = searched(SIXTH)
+    new = with_parts(found, 5.0, weights)
+    assert new.judged == found.judged
+
+
+def test_a_part_is_off_until_it_has_an_amplitude():
+    """An order and a phase alone move nothing, so no coordinates belong to them."""
+    neutral = complete(DRIVE.motor, DRIVE.converter)
+    off = {**neutral, "flux_harmonics.2.order": 18.0}
+    assert of_effect("flux_harmonics", DRIVE, off) == of_effect("flux_harmonics", DRIVE, neutral)
+    on = of_effect("flux_harmonics", DRIVE, {**off, "flux_harmonics.2.psi_q": 1e-9})
+    assert {c.label for c in on} - {c.label for c in of_effect("flux_harmonics", DRIVE, off)} == {
+        "flux_harmonics.2.psi_d", "flux_harmonics.2.psi_q",
+    }  # fmt: skip
+    polar = of_part(library.load_effect("cogging_torque"), 3, DRIVE, neutral)
+    assert [c.form for c in polar] == ["cosine", "sine"]
+    assert polar[0].names == ("cogging_torque.3.amplitude", "cogging_torque.3.phase")
+
+
+def test_every_order_is_tried_in_either_phase(monkeypatch):
+    """Cards scan orders 6 to 60 in steps of six, each with phase 0 and a quarter turn; of the cogging torque, whose
+    phase is fitted, the best values are taken; the next free place is that after the parts that are on."""
+    campaign = small_campaign({}, CASES[:1])
+    values = complete(DRIVE.motor, DRIVE.converter, {"flux_harmonics.2.order": 12.0, "flux_harmonics.2.psi_d": 1e-4})
+    point = Point(prepare(campaign), values)
+    found = starts(point, ["flux_harmonics"])
+    tried = {(s.begun["flux_harmonics.3.order"], s.begun["flux_harmonics.3.phase"]) for s in found}
+    assert tried == {(6.0 * n, x) for n in range(1, 11) for x in (0.0, 0.5 * math.pi)}
+    assert all(s.begun["flux_harmonics.3.psi_d"] == pytest.approx(parts.BEGUN * 0.005 * FLUX) for s in found)
+    assert all(dict(c.along)["flux_harmonics.3.order"] == s.begun["flux_harmonics.3.order"]
+               for s in found for c in s.coordinates)  # fmt: skip
+    monkeypatch.setattr(parts, "best_values", lambda *x: [9.0])
+    (cogging,) = starts(point, ["cogging_torque"])
+    assert cogging.begun["cogging_torque.2.order_mech"] == 9.0
+    assert not starts(point, ["dead_time"])
+    every = {f"flux_harmonics.{k}.psi_d": 1e-4 for k in range(2, 7)}
+    assert not starts(dataclasses.replace(point, values={**values, **every}), ["flux_harmonics"])
+
+
+def stand_in(effects, told, excess=0.0):
+    """Return a judged set with a level and an excess over noise that are given, and leave-one-out levels `told`."""
+    table = SimpleNamespace(log_evidence=lambda rest, temperature: told.get(rest, -1e6))
+    return SimpleNamespace(effects=effects, level=told[effects], excess=excess, table=table, fit=effects)
+
+
+@pytest.fixture
+def planned(monkeypatch):
+    """Levels and excesses as stand-ins say, no prior on numbers, fits and judgements by the plan's table."""
+    plan = {}
+    monkeypatch.setattr(parts, "level", lambda j, t: j.level)
+    monkeypatch.setattr(parts, "excess", lambda f: plan[f].excess)
+    monkeypatch.setattr(parts, "rms_of", lambda f: 1.0)
+    monkeypatch.setattr(parts, "log_prior", lambda effects: 0.0)
+    monkeypatch.setattr(parts, "towards", lambda fit, rest, chosen: None)
+    monkeypatch.setattr(parts, "fit", lambda start, rest, *x, **y: rest)
+    monkeypatch.setattr(parts, "judge", lambda rest, *x: plan[rest])
+    return plan
+
+
+def test_a_part_pays_its_price_and_another_effect_closes_half_of_the_gap(planned):
+    """By hand: the price is 3; the gap 100, of which CLOSES leaves one half."""
+    best, more, other = (stand_in(e, {e: x}) for e, x in ((("a",), 0.0), (("a",), 3.1), (("a", "b"), 10.0)))
+    assert parts._worth(more, best, 3.0, 1.0)
+    assert not parts._worth(more, best, 3.2, 1.0)
+    planned |= {("a",): SimpleNamespace(excess=100.0), ("a", "b"): SimpleNamespace(excess=49.0)}
+    assert parts._worth(other, best, 3.0, 1.0)
+    planned[("a", "b")].excess = 51.0
+    assert not parts._worth(other, best, 3.0, 1.0)
+
+
+@pytest.mark.parametrize(("other", "fitted"), [(26.0, ["b"]), (24.0, ["a"]), (-1.0, ["a"])])
+def test_an_effect_that_is_not_in_the_set_has_to_promise_half_of_the_gap(planned, monkeypatch, other, fitted):
+    """By hand: the excess is 100, so 25 of log evidence close its half; a part of an effect of the set promises 20,
+    more than the price of two that are tried (2 + log 2)."""
+    best = stand_in(("a",), {("a",): 0.0}, 100.0)
+    best.log_evidence, best.fit = 0.0, SimpleNamespace(point=None, effects=("a",))
+    monkeypatch.setattr(parts, "excess", lambda f: 100.0)
+    monkeypatch.setattr(parts, "candidates", lambda *x: ["a", "b"])
+    tried = [SimpleNamespace(effect=e, coordinates=()) for e in ("a", "b")]
+    monkeypatch.setattr(parts, "starts", lambda *x: tried)
+    monkeypatch.setattr(parts, "gains_of", lambda *x: ([20.0, other], SimpleNamespace(simulations=7.0), None))
+    asked = []
+    monkeypatch.setattr(parts, "_with", lambda best, start, *x: asked.append(start.effect))
+    grown = parts._grown(SimpleNamespace(judged=(best,)), 1.0, (), {}, 1, lambda words: None)
+    assert (grown, asked) == (([], 7.0), fitted)
+
+
+def test_effects_that_an_order_has_made_needless_go_one_by_one(planned):
+    """Levels by hand: b and c are each worth less than nothing, a is needed; a leave-out that is clearly worse (40, and
+    30 are DOUBTED) is not fitted."""
+    levels = {("a", "b", "c"): 0.0, ("b", "c"): -40.0, ("a", "b"): 1.0, ("a", "c"): 2.0, ("a",): 4.0, ("c",): -50.0}
+    levels |= {("b",): -50.0, (): -99.0}
+    planned |= {k: stand_in(k, {**levels, k: levels[k]}) for k in levels}
+    found = SimpleNamespace(chosen=(), share=0.0)
+    out = parts._without(planned[("a", "b", "c")], found, 1.0, {}, 1)
+    assert [j.effects for j in out] == [("a", "c"), ("a", "b"), ("a",)]
