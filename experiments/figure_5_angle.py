@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
-from experiments.levels import formula_slopes, ripple_scale, true_slopes
+from experiments.ripple_at_bias import formula_slopes, ripple_scale, true_slopes
 from model.drive_files import load_drive
 from sandbox.drive.locked_test import Bench, paper_campaign
 from sandbox.recordings.identify import identify

@@ -40,8 +40,10 @@ def quartic_fit(m: FluxMap, limit: float) -> tuple[Energy, float]:
         c, *_ = np.linalg.lstsq(
             np.column_stack([np.concatenate([rows_d, rows_q]), one]), np.concatenate([i_d, i_q]), rcond=None
         )
-        magnet -= 0.5 * c[7] / c[0]  # a constant current means the magnet flux is elsewhere
-    return Energy(*(float(x) for x in c[:7])), float(magnet)
+        *coefficients, constant = c
+        energy = Energy(*(float(x) for x in coefficients))
+        magnet -= 0.5 * constant / energy.gamma_d  # a constant current means the magnet flux is elsewhere
+    return energy, float(magnet)
 
 
 def carried(train: FluxMap, rated: float, x: np.ndarray, y: np.ndarray) -> dict[str, tuple[np.ndarray, ...]]:
@@ -119,7 +121,7 @@ def judge(name: str) -> tuple[dict[str, object], dict[str, np.ndarray]]:
             "outside_valid_domain": int(np.sum(held & ~np.isfinite(psi_d))),
         }
     cut = np.linspace(full.i_q[0], full.i_q[-1], 401)
-    lines = {k: v[4] for k, v in carried(train, rated, np.zeros_like(cut), cut).items()}
+    lines = {k: l_qq for k, (*_, l_qq) in carried(train, rated, np.zeros_like(cut), cut).items()}
     zero = int(np.argmin(np.abs(full.i_d)))
     return numbers, {"i_q": cut, **lines, "grid": full.i_q, "difference": fd[2][zero]}
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
-from experiments.levels import formula_slopes
+from experiments.ripple_at_bias import formula_slopes
 from model.drive_files import load_drive
 from model.energy import Energy
 from model.identification import first_order

@@ -119,11 +119,13 @@ def friction(run: Run, above: float = 30.0, cutoff: float = 25.0, predict_at: fl
     units = ("N m/A", "kg m^2", "N m", "N m s/rad")
     values, low, high = (_with_steady(x, predict_at) for x in (values, low, high))
     steady = [_with_steady(v, predict_at)[-1] for v, _, _ in others]
-    parts = [Fitted(float(values[k]), float(low[k]), float(high[k]), units[k], basis) for k in range(4)]
+    constant, inertia, coulomb, viscous = (
+        Fitted(float(values[k]), float(low[k]), float(high[k]), unit, basis) for k, unit in enumerate(units)
+    )
     speed, current, acceleration = samples
-    inertial = values[1] / values[0] * acceleration
+    inertial = inertia.value / constant.value * acceleration
     predicted = (float(values[-1]), float(min(steady)), float(max(steady)))
-    return Friction(parts[0], parts[1], parts[2], parts[3], speed, current, inertial, predicted)
+    return Friction(constant, inertia, coulomb, viscous, speed, current, inertial, predicted)
 
 
 def speed_ripple(run: Run, order: int, cutoff: float = 200.0) -> float:
@@ -142,7 +144,8 @@ def speed_ripple(run: Run, order: int, cutoff: float = 200.0) -> float:
 
 def _with_steady(x: np.ndarray, speed: float) -> np.ndarray:
     """Append the steady current (A) at a speed to (K, J, T_c, B)."""
-    return np.r_[x, (x[2] + x[3] * speed) / x[0]]
+    constant, _, dry, viscous = x
+    return np.r_[x, (dry + viscous * speed) / constant]
 
 
 def _friction(

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +44,18 @@ OVERLOAD = 2.5  # of rated current: the limit, and the worst point of every loop
 
 Complex = NDArray[np.complex128]
 Response = Callable[[NDArray[np.float64], float], tuple[Complex, float, float]]  # (grid, bandwidth): loop, kp, ki
+
+
+class SampledMotor(NamedTuple):
+    """A motor as its loops see it."""
+
+    n: int  # samples of an injection period
+    h: float  # s, sampling period
+    resistance: float  # ohm
+    low: float  # H, smallest incremental inductance
+    high: float  # H, largest
+    torque_gain: float  # electrical acceleration per q current, rad/s^2 per A
+    share: float  # see `tracking_loop`
 
 
 @dataclass(frozen=True)
@@ -106,11 +118,11 @@ def design(drive: Drive, start_up: bool = True) -> Design:
     power = float(np.dot(wave.primitive, wave.primitive))
     largest = OVERLOAD * motor.rated_current
     saliency = injection.amplitude * abs(1.0 / motor.inductance_d - 1.0 / motor.inductance_q)
-    loops = _remembered(
+    loops = _remembered(SampledMotor(
         n, h, motor.resistance, *extreme_inductances(motor.energy, largest),
-        1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia,
-        motor.inductance_q / (motor.inductance_q - motor.inductance_d),
-    )  # fmt: skip
+        torque_gain=1.5 * motor.pole_pairs**2 * motor.magnet_flux / motor.inertia,
+        share=motor.inductance_q / (motor.inductance_q - motor.inductance_d),
+    ))  # fmt: skip
     current, track, speed = loops["current"], loops["tracking"], loops["speed"]
     control = Control(
         n, h, current.kp, current.kp, current.ki, current.ki, motor.magnet_flux,
@@ -133,39 +145,27 @@ def design(drive: Drive, start_up: bool = True) -> Design:
     return Design(control, tuning, loops)
 
 
-def _remembered(*key: Any) -> dict[str, Loop]:
-    """Return `design_loops(*key)`, from disk where this version has designed them before."""
-    version = hashlib.sha256(Path(__file__).read_bytes() + repr(key).encode()).hexdigest()[:24]
+def _remembered(plant: SampledMotor) -> dict[str, Loop]:
+    """Return `design_loops(plant)`, from disk where this version has designed them before."""
+    version = hashlib.sha256(Path(__file__).read_bytes() + repr(plant).encode()).hexdigest()[:24]
     path = cache_home() / "designs" / f"{version}.kept"
     stored = kept.read(path)
     if stored is not None:
         return {name: Loop(**loop) for name, loop in json.loads(stored).items()}
-    loops = design_loops(*key)
+    loops = design_loops(plant)
     kept.write(path, json.dumps({name: asdict(loop) for name, loop in loops.items()}).encode())
     return loops
 
 
-def design_loops(
-    n: int,
-    h: float,
-    resistance: float,
-    low: float,
-    high: float,
-    torque_gain: float,
-    share: float,
-) -> dict[str, Loop]:
-    """Return the three loops.
-
-    n, h: samples a period and sampling period (s); low, high: extreme inductances (H); torque_gain:
-    electrical acceleration per q current, rad/s^2 per A; share: see `tracking_loop`.
-    """
-    highest = 2.0 * math.pi / (n * h) / INJECTION_RATIO
-    inner = _tuned([partial(current_loop, n, h, resistance, low, high)], h, PHASE_MARGIN, highest)
-    inner = replace(inner, highest=top_speed(n, h, resistance, low, high, inner))
-    tracking = _tuned([partial(tracking_loop, n, h, share)], h, TRACKING_MARGIN, highest)
-    rest = n, h, share, torque_gain
-    followed = [partial(_closed_current, n, h, resistance, inner, inductance) for inductance in (low, high)]
-    ends = [partial(speed_loop, *rest, follow, tracking.bandwidth) for follow in followed]
+def design_loops(plant: SampledMotor) -> dict[str, Loop]:
+    """Return the three loops."""
+    h = plant.h
+    highest = 2.0 * math.pi / (plant.n * h) / INJECTION_RATIO
+    inner = _tuned([partial(current_loop, plant)], h, PHASE_MARGIN, highest)
+    inner = replace(inner, highest=top_speed(plant, inner))
+    tracking = _tuned([partial(tracking_loop, plant)], h, TRACKING_MARGIN, highest)
+    followed = [partial(_closed_current, plant, inner, inductance) for inductance in (plant.low, plant.high)]
+    ends = [partial(speed_loop, plant, follow, tracking.bandwidth) for follow in followed]
     speed = _tuned(ends, h, PHASE_MARGIN, highest)
     return {"current": inner, "tracking": tracking, "speed": speed}
 
@@ -179,38 +179,36 @@ def _window(n: int, z: Complex) -> Complex:
     return np.asarray(sum(z**-k for k in range(n)) / n)
 
 
-def current_loop(
-    n: int, h: float, resistance: float, low: float, high: float, w: NDArray[np.float64], bandwidth: float
-) -> tuple[Complex, float, float]:
+def current_loop(plant: SampledMotor, w: NDArray[np.float64], bandwidth: float) -> tuple[Complex, float, float]:
     """Return open loop and PI gains: one period of delay, held voltage (together 1.5 periods), n-sample average.
 
     Proportional gain for the smallest inductance, where the loop is fastest; zero at the slowest winding pole, so
     that no inductance in between has less margin.
     """
-    kp, ki = bandwidth * low, bandwidth * low * resistance / high
-    return _current_loop(n, h, resistance, kp, ki, low, w), kp, ki
+    kp, ki = bandwidth * plant.low, bandwidth * plant.low * plant.resistance / plant.high
+    return _current_loop(plant, kp, ki, plant.low, w), kp, ki
 
 
-def _current_loop(
-    n: int, h: float, resistance: float, kp: float, ki: float, inductance: float, w: NDArray[np.float64]
-) -> Complex:
+def _current_loop(plant: SampledMotor, kp: float, ki: float, inductance: float, w: NDArray[np.float64]) -> Complex:
     import control
 
+    h = plant.h
     z = np.exp(1j * w * h)
-    winding = control.sample_system(control.tf([1.0], [inductance, resistance]), h, method="zoh")
-    return np.asarray((kp + ki * h / (z - 1)) * np.asarray(winding(z)) / z * _window(n, z))
+    winding = control.sample_system(control.tf([1.0], [inductance, plant.resistance]), h, method="zoh")
+    return np.asarray((kp + ki * h / (z - 1)) * np.asarray(winding(z)) / z * _window(plant.n, z))
 
 
-def top_speed(n: int, h: float, resistance: float, low: float, high: float, loop: Loop) -> float:
+def top_speed(plant: SampledMotor, loop: Loop) -> float:
     """Return the electrical speed (rad/s) up to which the current loop keeps a modulus margin of LEAST_MODULUS.
 
     At speed omega the winding's pole seen from the rotor frame is complex, R/L + j omega; with the delay and the
     average in the loop, cross-coupling eats the margin: held voltage, all in the rotor frame, both senses.
     """
+    n, h, resistance = plant.n, plant.h, plant.resistance
     nu = np.concatenate([-_grid(h)[::-1], _grid(h)])[::8]
     z = np.exp(1j * nu * h)
     best = math.inf
-    for inductance in (low, high):
+    for inductance in (plant.low, plant.high):
         gain = -math.expm1(-resistance / inductance * h) / resistance
         pi = loop.kp + loop.ki * h / (z - 1)
         for omega in np.geomspace(1.0, 0.5 / h, 120):
@@ -221,9 +219,7 @@ def top_speed(n: int, h: float, resistance: float, low: float, high: float, loop
     return best
 
 
-def tracking_loop(
-    n: int, h: float, share: float, w: NDArray[np.float64], bandwidth: float
-) -> tuple[Complex, float, float]:
+def tracking_loop(plant: SampledMotor, w: NDArray[np.float64], bandwidth: float) -> tuple[Complex, float, float]:
     """Return open loop and gains of the type-2 loop around demodulation.
 
     An error of the estimate makes q ripple in two ways, y_q = (Gamma_dd - Gamma_qq) e: the frame it is looked at
@@ -232,6 +228,7 @@ def tracking_loop(
     from its own axis (share < 0, L_d > L_q); looked at from the present frame it acts at once, except that the
     frame is turned back with the estimated speed, d samples on average.
     """
+    n, h, share = plant.n, plant.h, plant.share
     z = np.exp(1j * w * h)
     kp, ki, d = 2.0 * DAMPING * bandwidth, bandwidth**2, 0.75 * n - 0.5
     angle = (kp * h + ki * h * h * z / (z - 1)) / (z - 1)
@@ -245,28 +242,20 @@ def _demodulation(n: int, z: Complex) -> Complex:
     return np.asarray(0.5 * (1.0 + z ** (-n // 2)) * _window(n, z))
 
 
-def _closed_current(
-    n: int, h: float, resistance: float, tuned: Loop, inductance: float, w: NDArray[np.float64]
-) -> Complex:
+def _closed_current(plant: SampledMotor, tuned: Loop, inductance: float, w: NDArray[np.float64]) -> Complex:
     """Return actual current over its reference at an inductance: the average sits in the feedback path."""
-    z = np.exp(1j * w * h)
-    loop = _current_loop(n, h, resistance, tuned.kp, tuned.ki, inductance, w)
-    return loop / _window(n, z) / (1.0 + loop)
+    z = np.exp(1j * w * plant.h)
+    loop = _current_loop(plant, tuned.kp, tuned.ki, inductance, w)
+    return loop / _window(plant.n, z) / (1.0 + loop)
 
 
 def speed_loop(
-    n: int,
-    h: float,
-    share: float,
-    torque_gain: float,
-    inner: Callable[..., Complex],
-    tracking: float,
-    w: Any,
-    bandwidth: float,
+    plant: SampledMotor, inner: Callable[..., Complex], tracking: float, w: NDArray[np.float64], bandwidth: float
 ) -> tuple[Complex, float, float]:
     """Return open loop and PI gains of the speed controller around current loop and the tracking loop's speed."""
+    n, h, torque_gain = plant.n, plant.h, plant.torque_gain
     z = np.exp(1j * w * h)
-    loop, _, t_ki = tracking_loop(n, h, share, w, tracking)
+    loop, _, t_ki = tracking_loop(plant, w, tracking)
     # Angle to speed estimate: what the window lets through, then the loop's integral path.
     estimate = _demodulation(n, z) / (1.0 + loop) * t_ki * h * z / (z - 1)
     kp = bandwidth / torque_gain

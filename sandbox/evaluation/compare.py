@@ -154,6 +154,7 @@ def single(
     scenario: Scenario,
     estimator: AnyEstimator,
     belief: str = "saturated",
+    *,
     closed_loop: bool = True,
     seed: int = 0,
     effects: Mapping[str, float] | None = None,

@@ -15,7 +15,7 @@ from model.saliency import current_for_torque
 from sandbox.drive.design import design
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
-from sandbox.evaluation.protocol_tests import Outcome, points_of, verdict
+from sandbox.evaluation.protocol_tests import Case, Outcome, points_of, verdict
 from sandbox.evaluation.score import error_of, is_lost
 
 SLOWEST, FASTEST, LENGTH = 1.0, 80.0, 4.0  # Hz; s
@@ -75,7 +75,8 @@ def hand_over(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> 
             "free", "speed",
         )  # fmt: skip
         try:
-            return verdict(points_of(drive, scenario, estimator, belief, True, seed, f"{100 * speed:g} %"), belief)
+            case = Case(scenario, f"{100 * speed:g} %")
+            return verdict(points_of(case, drive, estimator, belief, seed), belief)
         except (BadInput, PhysicsError):
             continue
     return Outcome((), {"lost": None, "mean_deg": None, "p95_deg": None}, None)

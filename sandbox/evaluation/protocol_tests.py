@@ -62,6 +62,16 @@ class Outcome:
     passed: bool | None
 
 
+@dataclass(frozen=True)
+class Case:
+    """One run of a test: what its points are called, whether the estimate controls, what the plant has more."""
+
+    scenario: Scenario
+    name: str
+    closed: bool = True
+    effects: Mapping[str, float] | None = None
+
+
 def informative(drive: Drive, i_d: float, i_q: float) -> bool:
     """Tell whether the saliency at a current (A) is at least INFORMATIVE of that at zero current."""
     m = drive.motor.energy
@@ -72,12 +82,9 @@ def informative(drive: Drive, i_d: float, i_q: float) -> bool:
     return bool(math.hypot(dd - qq, 2.0 * dq) >= INFORMATIVE * abs(m.gamma_d - m.gamma_q))
 
 
-def points_of(
-    drive: Drive, scenario: Scenario, estimator: AnyEstimator, belief: str, closed: bool, seed: int, case: str,
-    effects: Mapping[str, float] | None = None,
-) -> list[Point]:  # fmt: skip
-    """Run a scenario and return its scored segments as points; PhysicsError and BadInput as `simulate`."""
-    own = load_estimator(estimator)
+def points_of(case: Case, drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> list[Point]:
+    """Run a case and return its scored segments as points; PhysicsError and BadInput as `simulate`."""
+    own, scenario, closed, effects = load_estimator(estimator), case.scenario, case.closed, case.effects
     run = simulate(
         drive, scenario, own, belief, closed_loop=closed, seed=seed, effects=effects,
         stride=max(1, math.ceil(scenario.duration / drive.converter.sampling_period / 4e5)),
@@ -92,7 +99,7 @@ def points_of(
         deficit = torque_deficit(drive, part, s) if scenario.reference == "current" else None
         values = (e.mean, e.rms, e.p95, e.max)
         found.append(
-            Point(case, closed, s.load, s.current_d, s.speed, *values, row.lost_lock, predicted, clear, deficit,
+            Point(case.name, closed, s.load, s.current_d, s.speed, *values, row.lost_lock, predicted, clear, deficit,
                   row.reference_held)
         )  # fmt: skip
     return found
@@ -161,7 +168,7 @@ def static_map(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
                                          current_d=r * math.cos(beta)) for r in radii)  # fmt: skip
                 ray = Scenario("ray", segments, start_up=False, start_angle=0.3 + 0.1 * k)
                 try:
-                    points += points_of(drive, ray, estimator, belief, closed, seed, f"{30 * k} degrees")
+                    points += points_of(Case(ray, f"{30 * k} degrees", closed), drive, estimator, belief, seed)
                     break
                 except PhysicsError:
                     radii.pop()
@@ -171,7 +178,7 @@ def static_map(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
 def _both(drive: Drive, scenario: Scenario, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     points = []
     for closed in (True, False):
-        points += points_of(drive, scenario, estimator, belief, closed, seed, scenario.name)
+        points += points_of(Case(scenario, scenario.name, closed), drive, estimator, belief, seed)
     return verdict(points, belief)
 
 
@@ -215,7 +222,7 @@ def mission_scenario() -> Scenario:
 
 def mission(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
     """210 s at low speed, estimate in control: loads to 180 %, reversals, ramps, creeping."""
-    return verdict(points_of(drive, mission_scenario(), estimator, belief, True, seed, "mission"), belief)
+    return verdict(points_of(Case(mission_scenario(), "mission"), drive, estimator, belief, seed), belief)
 
 
 ROBUST = Scenario(
@@ -257,7 +264,7 @@ def robustness(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) ->
     metrics: dict[str, float | None] = {}
     for name, plant, effects in [*cases, ("noise 10 mA", noisy, {})]:
         try:
-            found = points_of(plant, ROBUST, estimator, belief, True, seed, name, effects)
+            found = points_of(Case(ROBUST, name, effects=effects), plant, estimator, belief, seed)
         except BadInput:  # a motor with a flux map has no alphas to move, nor inductances
             continue
         except PhysicsError:

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.effects.library import effect_names
 from model.errors import BadInput, unknown
 from sandbox.motion.shaft import (
     STEADIEST,
@@ -29,11 +30,11 @@ from sandbox.motion.shaft import (
     reweighted,
     with_orders,
 )
+from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, not_told, numbers, users
 from sandbox.motion.windows import SAMPLES, STEP, averages, white
 from sandbox.recordings.motion_log import MotionCampaign
 
 Array = NDArray[np.float64]
-EFFECTS = ("coulomb_friction", "cogging_torque", "viscous_friction", "inertia", "current_filter")
 ORDINARY = 0.05  # relative deviation of a stated inertia or friction where the campaign states none
 ALIKE = 0.05  # of a column's size: what nothing else can stand in for, least
 LARGEST = 1e12  # rad/s^2, N m, ...: beyond it a unit is wrong
@@ -76,6 +77,10 @@ class Motion:
         """The most probable set."""
         return self.weighed[0]
 
+    def looked_for(self, effect: str) -> bool:
+        """Return whether any set holds an effect."""
+        return any(effect in w.effects for w in self.weighed)
+
     def inclusion(self, effect: str) -> float:
         """Return the probability of all sets that hold an effect."""
         return sum(w.probability for w in self.weighed if effect in w.effects)
@@ -95,12 +100,12 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     if turned < 0.05:
         raise BadInput(f"{campaign.name}: the rotor turns by {turned:.2g} rad at most; record it turning")
     nominal = Nominal(
-        campaign.inertia, campaign.viscous_friction, campaign.deviations.get("inertia", ORDINARY),
-        campaign.deviations.get("viscous_friction", ORDINARY),
+        campaign.inertia, campaign.viscous_friction, campaign.deviations.get(INERTIA.stated, ORDINARY),
+        campaign.deviations.get(VISCOUS.stated, ORDINARY),
     )  # fmt: skip
     plain, held = design_of(parts), _held_out(parts)
     cannot = _cannot(plain, nominal, exclude)
-    able = [e for e in EFFECTS if e not in cannot and e not in exclude]
+    able = [e for e in numbers() if e not in cannot and e not in exclude]
     whole = _terms(able, _width(plain, able, nominal, ()), ())
     design = plain
     for e, why in _driving(reweighted(plain, fitted(plain, whole, nominal)), whole, nominal, able).items():
@@ -109,7 +114,7 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     whole = _terms(able, _width(plain, able, nominal, ()), ())
     for _ in range(2):
         design = _scaled(reweighted(plain, fitted(design, whole, nominal)), whole, nominal)
-        if "cogging_torque" in able:
+        if COGGING.effect in able:
             whole = with_orders(design, replace(whole, orders=()), nominal)
         whole = _terms(able, _width(design, able, nominal, whole.orders), whole.orders)
     design = _scaled(reweighted(plain, fitted(design, whole, nominal)), whole, nominal)
@@ -131,16 +136,15 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
 
 
 def _check_known(name: str) -> None:
-    from model.effects.library import effect_names
-
     if name not in effect_names():
         raise unknown("effect", name, effect_names())
 
 
 def _terms(effects: Sequence[str], width: float, orders: tuple[int, ...]) -> Terms:
     return Terms(
-        "inertia" in effects, "viscous_friction" in effects, width if "coulomb_friction" in effects else None,
-        "current_filter" in effects, orders if "cogging_torque" in effects else (),
+        INERTIA.effect in effects, VISCOUS.effect in effects, width if DRY.effect in effects else None,
+        LAG.effect in effects, orders if COGGING.effect in effects else (),
+        tuple(n.size for n in users() if n.effect in effects),
     )  # fmt: skip
 
 
@@ -161,7 +165,7 @@ def _scaled(design: Design, whole: Terms, nominal: Nominal) -> Design:
 
 def _width(design: Design, able: Sequence[str], nominal: Nominal, orders: tuple[int, ...]) -> float:
     """Return the width of dry friction that leaves least."""
-    if "coulomb_friction" not in able:
+    if DRY.effect not in able:
         return WIDTHS[0]
     return min(WIDTHS, key=lambda w: fitted(design, _terms(able, w, orders), nominal).chi2)
 
@@ -170,10 +174,10 @@ def _driving(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]
     """Return frictions that would drive the motion instead of braking it, each with the size that says so."""
     out = {}
     shaft = fitted(design, whole, nominal)
-    for effect, size, unit in (("coulomb_friction", "dry", "N m"), ("viscous_friction", "viscous", "N m s/rad")):
-        if effect in able and shaft.ci95(size)[1] < 0.0:
+    for effect, n in numbers().items():
+        if n.brakes and effect in able and shaft.ci95(n.size)[1] < 0.0:
             out[effect] = (
-                f"it would drive the motion ({shaft.value(size):.3g} {unit}): the current's sign is reversed, or "
+                f"it would drive the motion ({shaft.value(n.size):.3g} {n.unit}): the current's sign is reversed, or "
                 "something else acts"
             )
     return out
@@ -181,30 +185,23 @@ def _driving(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]
 
 def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[str, str]:
     """Return the effects that others could stand in for on this motion, each with why and what would tell it."""
-    why = {
-        "coulomb_friction": "the motion goes one way only, so dry friction and a constant torque (or an offset of the "
-        "current) are one number; record the same backwards",
-        "viscous_friction": "speed hardly varies beside what else it could be; record at several speeds",
-        "current_filter": "the current hardly varies; record with load steps or accelerations",
-        "inertia": "the speed hardly changes; record accelerations",
-    }
     base = [np.ones(len(design.torque))]
     if nominal.inertia is None:
         base.append(design.acceleration)
     columns = {
-        "coulomb_friction": design.dry(0.2), "inertia": design.acceleration, "viscous_friction": design.speed,
-        "current_filter": design.slope,
+        DRY.effect: design.dry(0.2), INERTIA.effect: design.acceleration, VISCOUS.effect: design.speed,
+        LAG.effect: design.slope, **{n.effect: design.of_users[n.size] for n in users()},
     }  # fmt: skip
-    found: dict[str, str] = {}
+    known, found = numbers(), not_told()
     if nominal.inertia is None:
-        found["inertia"] = "no inertia is stated, so there is none to differ from; its value is estimated"
+        found[INERTIA.effect] = "no inertia is stated, so there is none to differ from; its value is estimated"
     for name, column in columns.items():
         if name in found or name in exclude:
             continue
         q, _ = np.linalg.qr(np.stack(base, axis=1))
         alone = float(np.linalg.norm(column - q @ (q.T @ column)))
         if not alone > ALIKE * float(np.linalg.norm(column)):
-            found[name] = why[name]
+            found[name] = known[name].hidden
         else:
             base.append(column)
     return found
@@ -212,11 +209,11 @@ def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[st
 
 def _sets(design: Design, able: Sequence[str], whole: Terms, nominal: Nominal) -> list[Weighed]:
     """Return every set of effects, the most probable first."""
-    able = [e for e in able if e != "cogging_torque" or whole.orders]
+    able = [e for e in able if e != COGGING.effect or whole.orders]
     rows = int(np.count_nonzero(design.weight))
     richest = fitted(design, _terms(able, whole.dry or WIDTHS[0], whole.orders), nominal)
     effective = max(rows / richest.inflation, 2.0)
-    size: dict[str, int] = {"cogging_torque": 2 * len(whole.orders), "coulomb_friction": 2}
+    size: dict[str, int] = {COGGING.effect: 2 * len(whole.orders), DRY.effect: 2}
     found = []
     for count in range(len(able) + 1):
         for effects in itertools.combinations(able, count):
@@ -250,7 +247,7 @@ def _floor(design: Design, shaft: Shaft) -> Array:
     told = seen[seen > 0.0]
     usual = float(np.median(told)) if told.size else float(np.sqrt(np.mean(shaft.residual**2)))
     for k, a in enumerate(design.averages):
-        known = np.hypot(shaft.value("inertia") * a.noise_acceleration, a.noise_torque)
+        known = np.hypot(shaft.value(INERTIA.size) * a.noise_acceleration, a.noise_torque)
         random = 0.0 if np.any(a.noise_torque) else max(seen[k], STEADIEST * usual) if seen[k] > 0.0 else usual
         out[design.owner == k] = np.maximum(known, random)
     return out

@@ -7,12 +7,13 @@ among all that were tried.  Intervals allow for residuals that go together withi
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbox.motion.torques import DRY, INERTIA, LAG, VISCOUS, against, users
 from sandbox.motion.windows import Averages
 
 Array = NDArray[np.float64]
@@ -32,7 +33,8 @@ STUDENT = 2.07  # 95 % of Student's t with BLOCKS - 1 degrees of freedom
 class Design:
     """The equations J a = torque + ..., one row a window: recordings stacked, with one offset in common.
 
-    weight: one over the standard deviation of a row; block: which rows go together; step: s, usual between samples.
+    weight: one over the standard deviation of a row; block: which rows go together; step: s, usual between samples;
+    of_users: columns of the user's effects by their sizes' names.
     """
 
     torque: Array
@@ -44,6 +46,7 @@ class Design:
     weight: Array
     block: NDArray[np.int64]
     step: float
+    of_users: Mapping[str, Array] = field(default_factory=dict)
 
     def dry(self, width: float) -> Array:
         """Return the column of dry friction."""
@@ -63,13 +66,14 @@ class Design:
 @dataclass(frozen=True)
 class Terms:
     """Which torques a model has: free inertia and viscous friction, dry friction (its width, rad/s), a first-order lag
-    of the current's readings (s), orders of cogging."""
+    of the current's readings (s), orders of cogging, sizes of the user's effects."""
 
     inertia: bool = False
     viscous: bool = False
     dry: float | None = None
     lag: bool = False
     orders: tuple[int, ...] = ()
+    of_users: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -124,7 +128,8 @@ def design_of(parts: Sequence[Averages]) -> Design:
         np.concatenate([getattr(a, name) for a in parts]) for name in ("torque", "slope", "acceleration", "speed")
     )
     step = float(np.median([a.step for a in parts]))
-    return Design(torque, slope, acceleration, speed, tuple(parts), owner, np.ones(len(owner)), block, step)
+    of_users = {n.size: np.concatenate([a.mean(against(n, a.angle, a.sample_speed)) for a in parts]) for n in users()}
+    return Design(torque, slope, acceleration, speed, tuple(parts), owner, np.ones(len(owner)), block, step, of_users)
 
 
 def _blocks(rows: int, recordings: int) -> NDArray[np.int64]:
@@ -134,18 +139,21 @@ def _blocks(rows: int, recordings: int) -> NDArray[np.int64]:
 def columns_of(design: Design, terms: Terms, nominal: Nominal) -> tuple[list[str], Array, Array, Array]:
     """Return names, columns, and prior means and deviations (inf: free) of a model's sizes.
 
-    torque = J a + B omega + T_c dry - orders - offset, each row.
+    torque = J a + B omega + T_c dry + the user's - orders - offset, each row.
     """
     free = math.inf
     j = nominal.inertia
-    names, mean = ["inertia", "viscous"], [0.0 if j is None else j, nominal.viscous]
+    names, mean = [INERTIA.size, VISCOUS.size], [0.0 if j is None else j, nominal.viscous]
     wide = [free if terms.inertia or j is None else nominal.inertia_deviation * j,
             free if terms.viscous else nominal.viscous_deviation * nominal.viscous]  # fmt: skip
     columns = [design.acceleration[:, None], design.speed[:, None]]
     if terms.dry is not None:
-        names, mean, wide = [*names, "dry"], [*mean, 0.0], [*wide, free]
+        names, mean, wide = [*names, DRY.size], [*mean, 0.0], [*wide, free]
         columns.append(design.dry(terms.dry)[:, None])
-    names, mean, wide = [*names, "lag"], [*mean, 0.0], [*wide, free if terms.lag else ORDINARY_LAG * design.step]
+    for size in terms.of_users:
+        names, mean, wide = [*names, size], [*mean, 0.0], [*wide, free]
+        columns.append(design.of_users[size][:, None])
+    names, mean, wide = [*names, LAG.size], [*mean, 0.0], [*wide, free if terms.lag else ORDINARY_LAG * design.step]
     columns.append(-design.slope[:, None])  # true torque = as read + lag x its slope
     for n in terms.orders:
         names, mean, wide = [*names, f"sin {n}", f"cos {n}"], [*mean, 0.0, 0.0], [*wide, free, free]

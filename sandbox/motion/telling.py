@@ -6,9 +6,10 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from model.effects.library import load_effect
 from model.effects.library import parameters as library_parameters
 from sandbox.motion.judging import Motion, Weighed
+from sandbox.motion.shaft import STUDENT
+from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, numbers, users
 from sandbox.output.document import answer, bullets, figure, prose, table
 from sandbox.output.refitted import Refitted
 
@@ -44,25 +45,18 @@ def _hypotheses(m: Motion) -> list[tuple[list[str], float, Weighed]]:
 
 def parameters(m: Motion, w: Weighed) -> dict[str, dict[str, Any]]:
     """Return the library's parameters of a set's effects, each with value, 95 % interval and unit."""
-    s, out = w.shaft, {}
-
-    def one(name: str, size: str, unit: str) -> None:
-        """Add a size under the library's name."""
-        out[name] = {"value": s.value(size), "ci95": list(s.ci95(size)), "unit": unit}
-
-    if "coulomb_friction" in w.effects:
-        one("coulomb_friction.torque", "dry", "N m")
-    if "viscous_friction" in w.effects:
-        one("viscous_friction.coefficient", "viscous", "N m s/rad")
-    if "inertia" in w.effects:
-        one("inertia.inertia", "inertia", "kg m^2")
-    if "current_filter" in w.effects:
-        one("current_filter.time_constant", "lag", "s")
-    if "cogging_torque" in w.effects:
+    s, units = w.shaft, {name: p.unit for name, p in library_parameters().items()}
+    out: dict[str, dict[str, Any]] = {
+        n.parameter: {"value": s.value(n.size), "ci95": list(s.ci95(n.size)), "unit": n.unit}
+        for n in (DRY, VISCOUS, INERTIA, LAG, *users())
+        if n.effect in w.effects
+    }
+    if COGGING.effect in w.effects:
         lead = orders(m, w)[0]
-        for key, unit in (("amplitude", "N m"), ("phase", "rad")):
-            out[f"cogging_torque.{key}"] = {**lead[key], "unit": unit}
-        out["cogging_torque.order_mech"] = {"value": lead["order"], "ci95": [lead["order"]] * 2, "unit": ""}
+        order = {"value": lead["order"], "ci95": [lead["order"]] * 2}
+        for key, found in (("amplitude", lead["amplitude"]), ("phase", lead["phase"]), ("order_mech", order)):
+            name = COGGING.card.public(1, key)
+            out[name] = {**found, "unit": units[name]}
     return out
 
 
@@ -70,9 +64,9 @@ def orders(m: Motion, w: Weighed) -> list[dict[str, Any]]:
     """Return the orders of cogging, the largest first: amplitude (N m), as a current (A), phase of the torque on the
     rotor (rad), each with a 95 % interval."""
     rows, constant = [], m.campaign.torque_constant
-    for n in w.shaft.terms.orders if "cogging_torque" in w.effects else ():
+    for n in w.shaft.terms.orders if COGGING.effect in w.effects else ():
         size, sd, phase, turn = w.shaft.amplitude(n)
-        half, around = 2.07 * sd, 2.07 * turn
+        half, around = STUDENT * sd, STUDENT * turn
         rows.append({
             "order": n, "amplitude": {"value": size, "ci95": [size - half, size + half]},
             "current": {"value": size / constant, "ci95": [(size - half) / constant, (size + half) / constant]},
@@ -84,20 +78,18 @@ def orders(m: Motion, w: Weighed) -> list[dict[str, Any]]:
 def refitted(m: Motion) -> Refitted:
     """Return the shaft's effects as a file for the simulator; the motor is not known, a late reading is the log's."""
     found, ci95 = dict[str, float](), dict[str, tuple[float, float]]()
-    lead = parameters(m, m.best)
-    for name, p in lead.items():
-        if not name.startswith(("current_filter.", "cogging_torque.")):
-            found[name], ci95[name] = p["value"], (p["ci95"][0], p["ci95"][1])
-    if "coulomb_friction" in m.best.effects and m.best.shaft.terms.dry:
-        found["coulomb_friction.width"] = m.best.shaft.terms.dry
-    card = load_effect("cogging_torque")
+    s, card = m.best.shaft, COGGING.card
+    for n in (DRY, VISCOUS, INERTIA, *users()):
+        if n.effect in m.best.effects:
+            found[n.parameter], ci95[n.parameter] = s.value(n.size), s.ci95(n.size)
+    if DRY.effect in m.best.effects and s.terms.dry:
+        found[DRY.card.public(1, "width")] = s.terms.dry
     for k, row in enumerate(orders(m, m.best)[: card.repeats], start=1):
         found[card.public(k, "order_mech")] = float(row["order"])
         for key in ("amplitude", "phase"):
             name = card.public(k, key)
             found[name], ci95[name] = row[key]["value"], (row[key]["ci95"][0], row[key]["ci95"][1])
-    found["inertia.inertia"] = m.best.shaft.value("inertia")
-    ci95["inertia.inertia"] = m.best.shaft.ci95("inertia")
+    found[INERTIA.parameter], ci95[INERTIA.parameter] = s.value(INERTIA.size), s.ci95(INERTIA.size)
     units = {name: p.unit for name, p in library_parameters().items()}
     said = f"Fitted to the motion of '{m.campaign.name}' by diagnose: the shaft alone, no voltages were recorded"
     return Refitted(None, found, {}, ci95, units, {}, said)
@@ -122,13 +114,15 @@ def contract(m: Motion) -> dict[str, Any]:
         "effects": [
             {"name": e, "probability": m.inclusion(e), "share": {"value": m.shares.get(e, 0.0), "ci95": None},
              "parameters": {k: v for k, v in parameters(m, m.best).items() if k.startswith(f"{e}.")}, "group": None}
-            for e in sorted({e for w in m.weighed for e in w.effects}, key=m.inclusion, reverse=True)
+            for e in sorted((e for e in numbers() if m.looked_for(e)), key=m.inclusion, reverse=True)
         ],
         "unknown": {"probability": m.unknown, "share": None, "where": "torque"},
         "ambiguity_set": _set(m), "next_recording": following(m), "excluded": list(m.excluded),
         "motion": {
             "electrical": m.campaign.why, "torque_constant": m.campaign.torque_constant,
-            "inertia": {"value": s.value("inertia"), "ci95": list(s.ci95("inertia")), "unit": "kg m^2"},
+            "inertia": {
+                "value": s.value(INERTIA.size), "ci95": list(s.ci95(INERTIA.size)), "unit": INERTIA.unit,
+            },
             "stated_inertia": m.campaign.inertia, "dry_friction_width": s.terms.dry,
             "orders": orders(m, m.best), "cannot": m.cannot,
             "stamp_jitter": {a.file: a.jitter for a in m.design.averages},
@@ -144,25 +138,18 @@ def _closed(m: Motion, after: float) -> float | None:
 
 def where(m: Motion) -> list[dict[str, Any]]:
     """Return which torques make the gap, the largest first."""
-    words = {
-        "coulomb_friction": "a torque against the motion, whatever the speed",
-        "viscous_friction": "a torque that grows with speed", "inertia": "torque missing while the speed changes",
-        "cogging_torque": "a torque bound to the rotor's angle",
-        "current_filter": "the current's readings come late",
-    }  # fmt: skip
-    rows = []
+    rows, known = [], numbers()
     for e, share in sorted(m.shares.items(), key=lambda x: -x[1]):
-        order = orders(m, m.best)[0]["order"] if e == "cogging_torque" else None
-        part = "sensor" if e == "current_filter" else "mechanics"
-        text = f"{words[e]} ({100.0 * share:.0f} % of the gap)"
-        rows.append({"subsystem": part, "channel": "torque", "region": "whole motion", "order": order, "share": share,
-                     "text": text})  # fmt: skip
+        order = orders(m, m.best)[0]["order"] if e == COGGING.effect else None
+        text = f"{known[e].shows} ({100.0 * share:.0f} % of the gap)"
+        rows.append({"subsystem": known[e].card.subsystem, "channel": "torque", "region": "whole motion",
+                     "order": order, "share": share, "text": text})  # fmt: skip
     return rows
 
 
 def following(m: Motion) -> dict[str, Any] | None:
     """Return the recording that would tell what this motion cannot, None where nothing is missing."""
-    asked = [(e, why) for e, why in m.cannot.items() if ";" in why and e not in m.excluded and e != "inertia"]
+    asked = [(e, why) for e, why in m.cannot.items() if ";" in why and e not in m.excluded and e != INERTIA.effect]
     if not asked:
         return None
     effect, why = asked[0]

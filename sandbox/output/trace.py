@@ -7,7 +7,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,7 +115,8 @@ def _send_plot(stream: rr.RecordingStream, entity: str, plot: Plot | Sheet) -> r
             stream.log(f"{entity}/{name}", drawn, static=True, strict=True)
         return rrb.Spatial2DView(name=plot.title, origin=f"/{entity}")
     if not plot.bars:
-        _send(stream, entity, plot.x, list(plot.lines.values()), list(plot.lines), list(plot.colours))
+        named = zip(plot.lines.items(), plot.colours, strict=False)
+        _send(stream, entity, plot.x, *(_Line(name, values, colour) for (name, values), colour in named))
         return rrb.TimeSeriesView(name=plot.title, contents=[f"/{entity}"])
     own = None if plot.width is None else plot.width / len(plot.lines)
     for k, ((line, values), colour) in enumerate(zip(plot.lines.items(), plot.colours, strict=False)):
@@ -178,28 +179,28 @@ def read_properties(path: Path) -> dict[str, str]:
     return found
 
 
+class _Line(NamedTuple):
+    """A series of values with its name and colour."""
+
+    name: str
+    values: Array
+    colour: Colour
+
+
 def _send(
-    stream: rr.RecordingStream,
-    entity: str,
-    t: Array,
-    columns: Sequence[Array],
-    names: Sequence[str],
-    colours: Sequence[Colour],
-    *,
-    width: float = 1.5,
-    stepped: bool = False,
+    stream: rr.RecordingStream, entity: str, t: Array, *lines: _Line, width: float = 1.5, stepped: bool = False
 ) -> None:
-    """Send k named, coloured series of n values at times t (s), grouped in one entity."""
+    """Send lines of n values at times t (s), grouped in one entity."""
     import rerun as rr
 
     style = rr.SeriesLines(
-        names=list(names),
-        colors=list(colours),
-        widths=[width] * len(names),
+        names=[line.name for line in lines],
+        colors=[line.colour for line in lines],
+        widths=[width] * len(lines),
         interpolation_mode=rr.components.InterpolationMode.StepAfter if stepped else None,
     )
     stream.log(entity, style, static=True, strict=True)
-    values = np.column_stack(columns)
+    values = np.column_stack([line.values for line in lines])
     for start in range(0, t.size, CHUNK):
         part = values[start : start + CHUNK]
         time = rr.TimeColumn(TIMELINE, duration=_nanoseconds(t[start : start + CHUNK]))
@@ -216,19 +217,25 @@ def _send_run(stream: rr.RecordingStream, run: Run, stride: int) -> None:
     """Send the channels of one run under its name."""
     rec, name, slow = run.recording, run.name, SLOW * stride
     colour = COLOURS.get(run.belief, GREY)
-    pair, colours = [f"true, {run.belief} run", f"estimated, {run.belief}"], [pale(colour), colour]
     thin, thinner = slice(None, None, stride), slice(None, None, slow)
 
-    error, angles = np.rad2deg(rec.error[thin]), [rec.theta[thin], rec.theta_hat[thin]]
-    speeds = [rec.omega[thinner], rec.omega_hat[thinner]]
-    _send(stream, f"{name}/error", rec.t[thin], [error], [run.belief], [colour])
-    _send(stream, f"{name}/angle", rec.t[thin], angles, pair, colours, width=2.0)
-    _send(stream, f"{name}/speed", rec.t[thinner], speeds, pair, colours)
+    def own(values: Array) -> _Line:
+        """Return a line of the run's name and colour."""
+        return _Line(run.belief, values, colour)
+
+    def both(true: Array, estimated: Array) -> tuple[_Line, _Line]:
+        """Return what is true, pale, and its estimate."""
+        said = _Line(f"estimated, {run.belief}", estimated, colour)
+        return _Line(f"true, {run.belief} run", true, pale(colour)), said
+
+    _send(stream, f"{name}/error", rec.t[thin], own(np.rad2deg(rec.error[thin])))
+    _send(stream, f"{name}/angle", rec.t[thin], *both(rec.theta[thin], rec.theta_hat[thin]), width=2.0)
+    _send(stream, f"{name}/speed", rec.t[thinner], *both(rec.omega[thinner], rec.omega_hat[thinner]))
     # Single samples would meet the injected ripple at one phase only: currents are averaged instead.
     middle = means(rec.t, slow)
     for axis, current, ripple in (("d", rec.i_d, rec.ripple_d), ("q", rec.i_q, rec.ripple_q)):
-        _send(stream, f"{name}/current_{axis}", middle, [means(current, slow)], [run.belief], [colour])
-        _send(stream, f"{name}/ripple_{axis}", rec.t[thinner], [ripple[thinner]], [run.belief], [colour])
+        _send(stream, f"{name}/current_{axis}", middle, own(means(current, slow)))
+        _send(stream, f"{name}/ripple_{axis}", rec.t[thinner], own(ripple[thinner]))
     _send_prediction(stream, run, pale(colour))
     _send_state(stream, run)
 
@@ -240,8 +247,8 @@ def _send_prediction(stream: rr.RecordingStream, run: Run, colour: Colour) -> No
     if known:
         times = np.array([t for start, end, _ in known for t in (start, end, end + 1e-6)])
         values = np.array([v for _, _, value in known for v in (value, value, math.nan)], dtype=np.float64)
-        names = [f"theory, {run.belief}"]
-        _send(stream, f"{run.name}/predicted", times, [values], names, [colour], width=3.0)
+        theory = _Line(f"theory, {run.belief}", values, colour)
+        _send(stream, f"{run.name}/predicted", times, theory, width=3.0)
 
 
 def _send_state(stream: rr.RecordingStream, run: Run) -> None:
@@ -265,8 +272,8 @@ def _send_scenario(stream: rr.RecordingStream, comparison: Comparison, slow: int
     """Send what the scenario asks of every run, as its longest recording shows it."""
     rec = max((run.recording for run in comparison.runs), key=lambda recording: recording.t.size)
     t, load, speed = rec.t[::slow], 100.0 * rec.load[::slow], rec.omega_ref[::slow]
-    _send(stream, "scenario/load", t, [load], ["load"], [GREY], width=2.0, stepped=True)
-    _send(stream, "scenario/speed_ref", t, [speed], ["reference"], [GREY], width=2.0)
+    _send(stream, "scenario/load", t, _Line("load", load, GREY), width=2.0, stepped=True)
+    _send(stream, "scenario/speed_ref", t, _Line("reference", speed, GREY), width=2.0)
 
 
 def _send_properties(stream: rr.RecordingStream, comparison: Comparison, stride: int) -> None:

@@ -304,7 +304,9 @@ def simulate(
 
         drive = bench_of(drive, own)
     stride = stride_of(drive, scene) if record is None else 1
-    result, gains = single(drive, scene, own, belief, closed_loop, seed, added, plant, stride)
+    result, gains = single(
+        drive, scene, own, belief, closed_loop=closed_loop, seed=seed, effects=added, plant=plant, stride=stride
+    )
     if record is not None:
         from sandbox.drive.record import campaign_of
         from sandbox.recordings.writing import write_campaign

@@ -27,6 +27,10 @@ LARGEST = 2**1000  # a whole number beyond is none of ours, and no float
 MOST = 50  # differences that are told
 ROWS = "withheld.rows.jsonl"
 SCORED = "withheld score"
+FUNCTIONS = (
+    "simulate", "compare", "tolerances", "sweep", "protocol", "audit", "maps", "identify", "diagnose", "replay",
+    "export_estimator",
+)  # fmt: skip
 
 
 class Difference(NamedTuple):
@@ -163,8 +167,8 @@ def _again(path: Path, call: Mapping[str, Any]) -> Any:
     function, arguments = call["function"], dict(call["arguments"])
     if function == SCORED:
         return _scored(path.parent, call["inputs"])
-    if function not in _functions():
-        raise BadInput(f"a result of {brief(function)} cannot be made once more; verify {', '.join(_functions())}")
+    if function not in FUNCTIONS:
+        raise BadInput(f"a result of {brief(function)} cannot be made once more; verify {', '.join(FUNCTIONS)}")
     _check_inputs(call["inputs"], hashes(arguments))
     import sandbox
 
@@ -182,13 +186,6 @@ def _again(path: Path, call: Mapping[str, Any]) -> Any:
             raise BadInput(f"'{path}' was made by another version of '{function}' ({error}); run it anew") from None
         found = run(**arguments)
         return _swept(found, path.parent) if function == "sweep" else plain(found.as_json())
-
-
-def _functions() -> tuple[str, ...]:
-    return (
-        "simulate", "compare", "tolerances", "sweep", "protocol", "audit", "maps", "identify", "diagnose", "replay",
-        "export_estimator",
-    )  # fmt: skip
 
 
 def _check_inputs(stated: Mapping[str, Any], found: Mapping[str, str]) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,17 @@ STILL = 2e-4  # of the largest vector's average: drift allowed where there is no
 LARGEST_TURN = 0.05  # rad, of a rotor called locked
 WRONG_AXIS = 0.35  # rad between injected voltage and the axis it is said to lie on
 WRONG_UNIT = 8.0  # factor between resistance found and nominal
+
+
+class _Level(NamedTuple):
+    """What is read of one steady stretch, as in `Levels`."""
+
+    voltage: Array
+    current: Array
+    slope: Array
+    voltage_sd: Array
+    slope_sd: Array
+    waveform: Array
 
 
 def levels_of(campaign: Campaign) -> Levels:
@@ -71,13 +83,15 @@ def _levels(r: CampaignRecording, drive: Drive) -> Levels:
     stretches = steady(np.concatenate([i.mean(axis=1), u.mean(axis=1)], axis=1), r.file, n)
     _check_injection(r, drive, u, axis, stretches, theta)
     rows = [_level(u[a:b], i[a:b], axis, drive) for a, b in stretches]
-    v, c, s, v_sd, s_sd, w = (np.array(x) for x in zip(*rows, strict=True))
+    own = _Level(*(np.array(x) for x in zip(*rows, strict=True)))
     periods = np.sqrt([[b - a] for a, b in stretches])
-    v_sd, s_sd = (_pooled(x * periods) / periods for x in (v_sd, s_sd))
+    voltage_sd, slope_sd = (_pooled(x * periods) / periods for x in (own.voltage_sd, own.slope_sd))
     m = len(rows)
     return Levels(
-        drive.converter.sampling_period, np.full(m, axis), v, c, s, v_sd, s_sd, w, np.full(m, theta), m * (r.file,)
-    )
+        period=drive.converter.sampling_period, axis=np.full(m, axis), voltage=own.voltage, current=own.current,
+        slope=own.slope, voltage_sd=voltage_sd, slope_sd=slope_sd, waveform=own.waveform, theta=np.full(m, theta),
+        source=m * (r.file,),
+    )  # fmt: skip
 
 
 def _in_frame(alpha: Array, beta: Array, theta: float, n: int) -> Array:
@@ -121,7 +135,7 @@ def steady(averages: Array, file: str, n: int) -> list[tuple[int, int]]:
     return kept
 
 
-def _level(u: Array, i: Array, axis: int, drive: Drive) -> tuple[Array, ...]:
+def _level(u: Array, i: Array, axis: int, drive: Drive) -> _Level:
     """Return mean voltage and current, slopes, their standard deviations and the waveform of a stretch."""
     h = drive.converter.sampling_period
     wave = u.mean(axis=0) - u.mean(axis=(0, 1))
@@ -136,7 +150,7 @@ def _level(u: Array, i: Array, axis: int, drive: Drive) -> tuple[Array, ...]:
         np.sqrt(_error_of_mean(bias) ** 2 + blur**2 + (TRANSIENT_DOUBT * rest) ** 2), 1e-7 * np.max(np.abs(wave)) + 1e-9
     )
     s_sd = np.maximum(_error_of_mean(slope), 1e-7 * np.max(np.abs(slope)))
-    return bias.mean(axis=0) - rest, current.mean(axis=0), slope.mean(axis=0), v_sd, s_sd, wave
+    return _Level(bias.mean(axis=0) - rest, current.mean(axis=0), slope.mean(axis=0), v_sd, s_sd, wave)
 
 
 def _rest_of_transient(current: Array, resistance: float, inductance: Array, period: float) -> tuple[Array, Array]:

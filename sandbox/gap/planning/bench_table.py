@@ -30,8 +30,8 @@ DIGITS = "%.7g"
 
 @dataclass(frozen=True)
 class BenchTable:
-    """An experiment's columns by name (n,), what [[recording]] has to say of it, the largest values in it, and what its
-    bench may do."""
+    """An experiment's settings in words, its columns by name (n,), what [[recording]] has to say of it, the largest
+    values in it, and what its bench may do."""
 
     entry: Entry
     settings: str

@@ -133,7 +133,7 @@ def _directions(point: Point, shown: Sequence[Residual], weight: dict[str, float
     whole = 0.0
     for (p, noise, _, _), r in zip(blocks, point.prepared.recordings, strict=True):
         power = np.maximum(0.0, np.sum(p**2, axis=0) - np.sum(noise**2, axis=0))
-        most = max(power[0] + power[1], power[2] + power[3], power[4] + power[5])
+        most = np.max(power.reshape(-1, 2).sum(axis=1))  # of the pairs that make a vector each
         if most > 0.0:
             whole += weight[r.file]
             for name, value in zip(DIRECTIONS, power / most, strict=True):

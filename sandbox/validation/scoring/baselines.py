@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,15 @@ LOOSE = 30.0  # times the stated deviations: priors so wide that the data decide
 REFINED = 3  # effects that are fitted in full after the linear screening
 ROUNDS, FREE = 3, 4  # of Gauss-Newton: with priors, without
 UNFITTED = (BadInput, PhysicsError, np.linalg.LinAlgError)  # what a fit may end with
+
+
+class _Fitted(NamedTuple):
+    """One hypothesis of `by_bic`: its effects, criterion, the effect's own intervals, normalised rms."""
+
+    effects: tuple[str, ...]
+    criterion: float
+    own: Any
+    rms: float
 
 
 def nuisances(campaign: Campaign) -> tuple[Refit, float]:
@@ -71,22 +80,23 @@ def by_bic(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     started, campaign = time.perf_counter(), read_campaign(folder)
     null, raw = nuisances(campaign)
     listed, spent = screened(null, [e for e in effect_names() if e not in exclude])
-    ranked: list[Any] = [((), null.cost, {}, null.rms)]
+    found = [_Fitted((), null.cost, {}, null.rms)]
     unbent = replace(null.point, values=with_usual_sign(null.point.values, campaign.drive.motor))
     for _, probe in listed[:REFINED]:
         begin, coordinates = fit.with_effect(unbent, probe)
         try:
-            found = fit.refit(begin, coordinates, ROUNDS)
-            own = fit.intervals(found, probe.effect)
+            one = fit.refit(begin, coordinates, ROUNDS)
+            own = fit.intervals(one, probe.effect)
         except UNFITTED:
             continue
-        spent += found.simulations
-        criterion = found.cost + _count(probe.effect, coordinates) * math.log(fit.readings(found.normal))
-        ranked.append(((probe.effect,), criterion, own, found.rms))
-    best = min(r[1] for r in ranked)
-    weights = sorted(((e, math.exp(-0.5 * min(c - best, 1400.0)), p, j) for e, c, p, j in ranked), key=lambda r: -r[1])
-    gaps = raw, null.rms, weights[0][3]
-    return answer(campaign, [w[:3] for w in weights], gaps, started, round(null.simulations + spent))
+        spent += one.simulations
+        criterion = one.cost + _count(probe.effect, coordinates) * math.log(fit.readings(one.normal))
+        found.append(_Fitted((probe.effect,), criterion, own, one.rms))
+    least = min(f.criterion for f in found)
+    behind = sorted(((min(f.criterion - least, 1400.0), f) for f in found), key=lambda x: x[0])
+    ranked = [(f.effects, math.exp(-0.5 * far), f.own) for far, f in behind]
+    _, best = behind[0]
+    return answer(campaign, ranked, (raw, null.rms, best.rms), started, round(null.simulations + spent))
 
 
 def screened(null: Refit, effects: Sequence[str]) -> tuple[list[tuple[float, Probe]], float]:

@@ -27,7 +27,7 @@ from sandbox.recordings.campaign import read_campaign
 from sandbox.validation.scoring.documents import check_report, check_truth
 from sandbox.validation.scoring.recommended import recommended
 from sandbox.validation.scoring.rows import BLIND, LEFT_OUT, RESOLVED, Row, one_code, row
-from sandbox.validation.scoring.running import Diagnose, code_digest, follow_all, run_all
+from sandbox.validation.scoring.running import Check, Diagnose, code_digest, follow_all, run_all
 from sandbox.validation.scoring.tables_of_rows import Scores, scored
 from sandbox.validation.withheld.make import CAMPAIGNS, HASH, SEAL
 
@@ -68,6 +68,7 @@ def score(
     if not 0.0 <= leave_out <= 1.0:
         raise BadInput(f"leave_out = {leave_out} is no share; give a number in [0, 1]")
     folder = folder if cluster is None else folder.resolve()
+    check = Check(folder, diagnose, jobs, cluster, progress)
     names = campaign_names(folder, limit)
     sealed(folder)  # an hour of diagnosing is not spent on a check whose truth was changed
     reports = folder / DIAGNOSES if method == "diagnosis" else folder / DIAGNOSES / method
@@ -81,7 +82,7 @@ def score(
         if not allow_mixed:  # nor on reports that cannot be judged beside older ones
             places = (reports, reports / LEFT_OUT, reports / RESOLVED)
             one_code([r for p in places for r in _rows(method, BLIND, p, names, {})], f"'{reports}'", [code_digest()])
-        run_all(folder, dict.fromkeys(names, ()), diagnose, reports, jobs, progress, cluster)
+        run_all(check, dict.fromkeys(names, ()), reports)
     content = opened(folder)
     truth = content["campaigns"]
     _complete(folder, truth)
@@ -90,8 +91,8 @@ def score(
     found = {n: read_report(reports, n) for n in names}
     asked = {n: entry for n, d in found.items() if "failed" not in d and (entry := recommended(d)) is not None}
     if not finished:
-        run_all(folder, without, diagnose, reports / LEFT_OUT, jobs, progress, cluster)
-        follow_all(folder, asked, content, diagnose, reports / RESOLVED, jobs, progress, cluster)
+        run_all(check, without, reports / LEFT_OUT)
+        follow_all(check, asked, content, reports / RESOLVED)
     parts = ((BLIND, reports, names), (LEFT_OUT, reports / LEFT_OUT, without), (RESOLVED, reports / RESOLVED, asked))
     rows = [r for part, place, chosen in parts for r in _rows(method, part, place, chosen, truth)]
     if not allow_mixed:

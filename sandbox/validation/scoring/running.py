@@ -31,34 +31,33 @@ CODE = (  # what a diagnosis depends on, and what records where a recommended re
 )  # fmt: skip
 
 
-def run_all(
-    folder: Path, work: dict[str, tuple[str, ...]], diagnose: Diagnose, reports: Path, jobs: int,
-    progress: Callable[[float], None] | None = None, cluster: Cluster | None = None,
-) -> None:  # fmt: skip
-    """Diagnose campaigns, each with effects excluded, that have no report yet; every finished one is kept.
+@dataclass(frozen=True)
+class Check:
+    """A check's folder, what diagnoses its campaigns, on how many processes or which cluster; told the share done.
 
     A cluster's workers read and write the same folder, at the same place.
     """
-    _spread(diagnose, [_Task(folder / CAMPAIGNS / n, x, reports) for n, x in work.items()], jobs, progress, cluster)
+
+    folder: Path
+    diagnose: Diagnose
+    jobs: int = 1
+    cluster: Cluster | None = None
+    progress: Callable[[float], None] | None = None
 
 
-def follow_all(
-    folder: Path,
-    asked: Mapping[str, tuple[str, float]],
-    content: Mapping[str, Any],
-    diagnose: Diagnose,
-    reports: Path,
-    jobs: int,
-    progress: Callable[[float], None] | None = None,
-    cluster: Cluster | None = None,
-) -> None:
+def run_all(check: Check, work: Mapping[str, tuple[str, ...]], reports: Path) -> None:
+    """Diagnose campaigns, each with effects excluded, that have no report yet; every finished one is kept."""
+    _spread(check, [_Task(check.folder / CAMPAIGNS / n, x, reports) for n, x in work.items()])
+
+
+def follow_all(check: Check, asked: Mapping[str, tuple[str, float]], content: Mapping[str, Any], reports: Path) -> None:
     """Make the recording asked for (entry, seconds) of each campaign that has no report here yet, and diagnose it with
     the rest."""
     left = [n for n in asked if not reported(reports, n) or _of_another(reports / f"{n}.json", asked[n])]
     for name in left:
         (reports / f"{name}.json").unlink(missing_ok=True)
-    tasks = [_Task(folder / CAMPAIGNS / n, (), reports, asked[n], drawn_again(content, n)) for n in left]
-    _spread(diagnose, tasks, jobs, progress, cluster)
+    campaigns = check.folder / CAMPAIGNS
+    _spread(check, [_Task(campaigns / n, (), reports, asked[n], drawn_again(content, n)) for n in left])
 
 
 def reported(reports: Path, name: str) -> bool:
@@ -91,14 +90,11 @@ class _Task:
         return self.campaign.name
 
 
-def _spread(
-    diagnose: Diagnose, tasks: Sequence[_Task], jobs: int, progress: Callable[[float], None] | None,
-    cluster: Cluster | None = None,
-) -> None:  # fmt: skip
+def _spread(check: Check, tasks: Sequence[_Task]) -> None:
     left = [t for t in tasks if not reported(t.reports, t.name)]
-    for done, _ in enumerate(spread(partial(_one, diagnose), left, jobs, _lost, cluster), 1):
-        if progress is not None:
-            progress(done / len(left))
+    for done, _ in enumerate(spread(partial(_one, check.diagnose), left, check.jobs, _lost, check.cluster), 1):
+        if check.progress is not None:
+            check.progress(done / len(left))
 
 
 def _one(diagnose: Diagnose, task: _Task) -> None:

@@ -144,7 +144,8 @@ def recording(
         b = b._replace(link_voltage=b.link_voltage * link / converter.dc_bus_voltage)
         converter = replace(converter, dc_bus_voltage=link)
         drive = replace(drive, converter=converter)
-    asked = np.array(plan.plan[:, 3])
+    _, _, _, load = plan.plan.T
+    asked = np.array(load)
     noise = 1.0 + drawn.bench.background["load_torque_gain"] * rng.standard_normal(n)
     acting = asked * noise + drawn.bench.load_torque_offset
     u_dc = converter.dc_bus_voltage + LINK_NOISE * rng.standard_normal(n)

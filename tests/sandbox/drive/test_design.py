@@ -67,9 +67,9 @@ def test_tracking_loop_by_transfer_function(name):
 def test_tracking_model_tells_where_the_loop_rings():
     """For the IPM as printed (share -1) the model's phase margin vanishes between 230 and 400 rad/s: so it rings."""
     drive = load_drive("ipm")
-    grid = ds._grid(H)
-    assert ds._crossing(ds.tracking_loop(N, H, -0.993, grid, 230.0)[0], grid)[0] > 15.0
-    assert ds._crossing(ds.tracking_loop(N, H, -0.993, grid, 400.0)[0], grid)[0] < -5.0
+    grid, plant = ds._grid(H), ds.SampledMotor(N, H, np.nan, np.nan, np.nan, np.nan, share=-0.993)
+    assert ds._crossing(ds.tracking_loop(plant, grid, 230.0)[0], grid)[0] > 15.0
+    assert ds._crossing(ds.tracking_loop(plant, grid, 400.0)[0], grid)[0] < -5.0
     assert spread(drive, 230.0) < 1.0
     assert spread(drive, 400.0) > 5.0
 

@@ -10,9 +10,9 @@ from sandbox.gap.evidence import discrepancy
 from sandbox.gap.evidence.inverter_or_machine import _before, _short
 from sandbox.gap.report import outside
 from sandbox.gap.search import judged as judging
-from sandbox.gap.search import unfitted
+from sandbox.gap.search import selection, unfitted
 from sandbox.gap.search.estimates import Spread, _of_effect, public
-from sandbox.gap.search.forward import _both_best
+from sandbox.gap.search.forward import Search, _both_best
 from sandbox.gap.search.inclusion import summed
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.posterior import with_unknown
@@ -191,3 +191,27 @@ def test_the_two_effects_that_explain_most_alone_are_tried_together():
     settled = fitted_to(("dead_time",), 840.0, {})
     assert _both_best({(): null, ("dead_time",): settled, ("pwm_delay",): delay}, null) == []
     assert _both_best({(): null, ("dead_time",): dead}, null) == []
+
+
+@pytest.mark.parametrize(("unknown", "looked_for"), [(0.89, True), (0.91, False)])
+def test_rivals_are_fitted_below_nine_tenths_of_unknown(monkeypatch, unknown, looked_for):
+    """A search of one effect goes on from its point (`unknown` 0.5 there) to a set of two, at which `unknown` has the
+    chance that is given."""
+    one, two = (SimpleNamespace(effects=e, objective=0.0) for e in (("inertia",), ("dead_time", "inertia")))
+    judged = {
+        f.effects: SimpleNamespace(
+            effects=f.effects, fit=f, table=None, log_evidence=99.0 * k, tempered=lambda t, k=k: 99.0 * k
+        )
+        for k, f in enumerate((one, two))
+    }
+    asked = []
+    monkeypatch.setattr(selection, "rms_of", lambda fit: 1.0)
+    monkeypatch.setattr(selection, "select", lambda s, *rest: setattr(s, "best", two))
+    monkeypatch.setattr(selection, "judged_of", lambda s, fit: judged[fit.effects])
+    monkeypatch.setattr(selection, "rivals", lambda s, best: asked.append(best.effects) or [])
+    monkeypatch.setattr(
+        selection, "remainder", lambda null, fit: SimpleNamespace(unknown=0.5 if fit is one else unknown)
+    )
+    found = selection.widened(Search(None, (judged[one.effects],), 0.0, frozenset(), (), 0.01), 40.0, {})
+    assert asked == ([two.effects] if looked_for else [])
+    assert [j.effects for j in found.judged] == [one.effects, two.effects]

@@ -4,6 +4,9 @@ cannot tell is said; nothing electrical is claimed."""
 import dataclasses
 import json
 import math
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,13 +17,15 @@ from sandbox import diagnose
 from sandbox.cli import main
 from sandbox.motion.judging import judge
 from sandbox.motion.telling import contract, parameters, refitted, verdict
+from sandbox.motion.torques import numbers
 from sandbox.recordings.motion_log import MotionCampaign, MotionRecording
 
+ROOT = Path(__file__).resolve().parents[3]
 CONSTANT, INERTIA, COUNT = 0.05, 2e-4, math.tau / 8192
 ORDERS = {7: (0.02, 1.0), 12: (0.012, -2.0), 36: (0.006, 0.3)}  # N m, rad
 
 
-def shaft(seed, run, *, inertia=INERTIA, dry=0.0, viscous=0.0, orders=(), lag=0.0, noise=0.02, seconds=6.0):
+def shaft(seed, run, *, inertia=INERTIA, dry=0.0, viscous=0.0, orders=(), fan=0.0, lag=0.0, noise=0.02, seconds=6.0):
     """A speed-controlled run (its course in rad/s over time), 20 kHz Euler steps, logged unevenly by counts."""
     rng, h = np.random.default_rng(seed), 5e-5
     steps = round(seconds / h)
@@ -34,7 +39,7 @@ def shaft(seed, run, *, inertia=INERTIA, dry=0.0, viscous=0.0, orders=(), lag=0.
         i = 0.4 * (goal[k] - omega) + 8.0 * total
         late += h / lag * (i - late) if lag else i - late
         theta[k], shown[k] = angle, late
-        torque = CONSTANT * i - dry * math.tanh(omega / 0.2) - viscous * omega
+        torque = CONSTANT * i - dry * math.tanh(omega / 0.2) - viscous * omega - fan * omega * abs(omega)
         for n in orders:
             size, phase = ORDERS[n]
             torque += size * math.sin(n * angle + phase)
@@ -107,6 +112,8 @@ def test_the_gap_is_closed_on_runs_held_out_and_shared(planted):
     assert all(h["name"] in ("inertia", "current_filter") or "friction" in h["name"] or h["name"] == "cogging_torque"
                for h in answer["effects"])  # fmt: skip
     json.dumps(answer, allow_nan=False)
+    listed = [e["name"] for e in answer["effects"]]  # ties stand alike in every process
+    assert listed == sorted(numbers(), key=lambda e: -planted.inclusion(e))
     lead = parameters(planted, planted.best)["cogging_torque.order_mech"]
     assert lead["value"] == 7  # the largest of the three
 
@@ -164,6 +171,51 @@ def test_exclude_and_a_rotor_that_stands():
         judge(campaign(still))
     with pytest.raises(BadInput, match="unknown effect 'friction'"):
         judge(campaign(still), ["friction"])
+
+
+USERS = """
+import json, sys
+from model.effects.adopt import adopt
+adopt(sys.argv[1])
+from sandbox.motion.judging import judge
+from sandbox.motion.telling import contract, refitted
+from tests.sandbox.motion.test_motion import both_ways, campaign, shaft
+found = judge(campaign(*(shaft(k, both_ways, dry=0.008, fan=4e-4, seconds=4.0) for k in range(2))))
+told = contract(found)
+print(json.dumps([told["hypotheses"][0], told["where"], found.cannot, refitted(found).effects]))
+"""
+BENT = """
+
+@inlined
+def square(size, omega):
+    return size * size * omega
+
+
+OWN = (replace(FAN.parameters[0], name="size"),)
+EFFECTS = (FAN, RESOLVER, replace(FAN, name="bent", parameters=OWN, at=(At("friction", square, ("size",)),)))
+"""
+
+
+def test_a_users_torque_is_a_candidate(tmp_path):
+    """The example's fan, 4e-4 N m s^2/rad^2 (0.03 N m at the runs' 9 rad/s, 30 times the current's noise), is found
+    beside dry friction; a torque by the square of its number is told to be none; a resolver is electrical."""
+    mine = tmp_path / "mine.py"
+    mine.write_text("from dataclasses import replace\n" + (ROOT / "experiments" / "my_effects.py").read_text() + BENT)
+    call = [sys.executable, "-c", USERS, str(mine)]
+    done = subprocess.run(call, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert not done.returncode, done.stderr
+    first, where, cannot, effects = json.loads(done.stdout)
+    assert set(first["effects"]) == {"coulomb_friction", "fan"}
+    fan = first["parameters"]["fan.coefficient"]
+    low, high = fan["ci95"]
+    # twice the interval: one in 10 000 by chance; 5 % besides, as for what was planted above
+    assert abs(fan["value"] - 4e-4) < 2.0 * (high - low) / 2.0 + 0.05 * 4e-4
+    assert fan["unit"] == "N m s^2/rad^2"
+    assert effects["fan.coefficient"] == fan["value"]
+    assert "a fan on the shaft: torque by the square of speed" in {w["text"].partition(" (")[0] for w in where}
+    assert {w["subsystem"] for w in where} == {"mechanics"}
+    assert "not proportional to one number" in cannot["bent"]
+    assert "resolver" not in cannot
 
 
 MAP = """

@@ -2,7 +2,6 @@
 
 import ast
 import json
-import os
 import shutil
 import subprocess
 import sys
@@ -13,34 +12,12 @@ from types import SimpleNamespace
 import pytest
 
 from model.errors import BadInput
-from sandbox.engine.processes import spread
 from sandbox.validation.scoring import running
 from sandbox.validation.scoring.blind import score
 from sandbox.validation.scoring.running import code_digest
 from sandbox.validation.withheld import make as maker
 from sandbox.validation.withheld.make import campaign_of, make
 from tests.sandbox.validation.test_withheld_score import diagnosis_of
-
-
-def die_on_three(x):
-    """Square a number; a process that meets 3 dies at once, without a word."""
-    if x == 3:
-        os._exit(9)
-    return x * x
-
-
-def test_a_process_that_dies_costs_one_item():
-    assert sorted(spread(die_on_three, range(6), 2, lambda x: -x)) == [-3, 0, 1, 4, 16, 25]
-    with pytest.raises(RuntimeError, match="process"):  # BrokenProcessPool
-        list(spread(die_on_three, range(6), 2))
-
-
-def test_one_job_and_a_single_item_survive_it_too():
-    """Without somebody to tell, a single job stays in this process: nothing to start."""
-    assert sorted(spread(die_on_three, [2, 3, 4], 1, lambda x: -x)) == [-3, 4, 16]
-    assert list(spread(die_on_three, [3], 2, lambda x: -x)) == [-3]
-    assert list(spread(lambda x: os.getpid(), [1, 2], 1)) == [os.getpid()] * 2
-
 
 PAIR = diagnosis_of((["dead_time"], 0.6), (["device_drop"], 0.4), members=[["dead_time"], ["device_drop"]])
 AMBIGUOUS = {

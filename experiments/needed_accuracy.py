@@ -1,6 +1,6 @@
 """How well does the motor have to be known?  Gain of the saturated belief with parameters off by up to 5, 10, 20 %.
 
-python -m experiments.tolerances [--jobs N | --dask ADDRESS] [--draws N]      writes experiments/results/tolerances/
+python -m experiments.needed_accuracy [--jobs N | --dask ADDRESS] [--draws N]   writes experiments/results/tolerances/
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def main() -> None:
         "is exactly right, below 0 where it is worse. *95 % of draws* have at least so much left.",
         "- **lost**: draws with which the drive lost lock.",
         "",
-        f"Made by `python -m experiments.tolerances`, {datetime.date.today()}, {version()}.",
+        f"Made by `python -m experiments.needed_accuracy`, {datetime.date.today()}, {version()}.",
     ]
     for motor in options.motors:
         found = tolerances(motor, "staircase", draws=options.draws, jobs=options.jobs, cluster=options.dask)

@@ -39,7 +39,7 @@ def main(name: str = "ipm_exchanged") -> None:
             axis.plot(THRESHOLDS, 100 * np.array(worst), "o-", color=COLOURS[colour], label=method)
         axis.set(title=title, yscale="log", xlabel="voltage lost by each leg (V)", ylabel="worst relative error (%)")
         axis.legend(fontsize=8)
-    save("dead_time", {"motor": name, "rows": rows}, figure)
+    save("inverter_on_identification", {"motor": name, "rows": rows}, figure)
 
 
 if __name__ == "__main__":
