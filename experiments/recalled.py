@@ -68,6 +68,7 @@ def recalled(campaign: str) -> Iterator[Memory]:
         key = MEMORY.key(point) + repr(tuple(coordinates))
         if key in MEMORY.whole:
             MEMORY.found += 1
+            equations.simulated(MEMORY.whole[key].simulations)  # what it would have taken is part of the answer
             return MEMORY.whole[key]
         made = plain(point, coordinates, workers=workers)
         own = sum(r.nbytes for r in made.rows) + sum(s.a.nbytes for s in made.segments)
@@ -89,6 +90,7 @@ def recalled(campaign: str) -> Iterator[Memory]:
             MEMORY.size += own
         else:
             MEMORY.found += len(keys)
+            equations.simulated(float(len(keys)))
         return [MEMORY.moved[k] for k in keys]
 
     holders = [m for m in list(sys.modules.values()) if getattr(m, "normal", None) is plain]

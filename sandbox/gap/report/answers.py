@@ -14,7 +14,6 @@ from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
-from sandbox.gap.evidence.shortened import share, shortened
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.planning.next_recording import Next, recommend
 from sandbox.gap.report.distinguishability import Alike, alike
@@ -24,6 +23,7 @@ from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.report.where import Finding, percent, summary, where
 from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
 from sandbox.gap.search.posterior import UNKNOWN
+from sandbox.gap.search.shortened import share, shortened
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
 from sandbox.replay.memory import USUAL
 

@@ -12,9 +12,9 @@ from dataclasses import replace
 
 from sandbox.gap.evidence.beside import beside
 from sandbox.gap.evidence.fit import Weights
-from sandbox.gap.evidence.shortened import shortened
 from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import Judged
+from sandbox.gap.search.shortened import shortened
 from sandbox.gap.search.subsets import Subsets
 
 ROUNDS = 3  # fits without what is not believed, each at a point of its own
