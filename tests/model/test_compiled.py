@@ -99,7 +99,8 @@ def test_callers_share_one_callee_and_python_has_its_own():
     """5 x 1.5: constants are integers to the callee, which is made ready for Python when Python calls it."""
     assert both(1.5) == 7.5
     integer_and_real = (types.int64, types.float64)
-    assert scaled.twin.signatures == [integer_and_real]
+    kept = not both.stats.cache_misses  # the caller's code was kept by an earlier run, so its callee is not compiled
+    assert scaled.twin.signatures == ([] if kept else [integer_and_real])
     assert scaled.signatures == []
     assert scaled(2, 1.5) == 3.0
     assert scaled.signatures == [integer_and_real]

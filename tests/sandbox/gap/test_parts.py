@@ -52,7 +52,7 @@ def test_a_second_order_is_found_and_no_third():
         e = told[name]
         assert abs(e.value - {**SIXTH, **FURTHER}[name]) < 1.5 * (e.high - e.value), name
     assert new.further["flux_harmonics.2.order"] == 18.0
-    assert new.further["flux_harmonics.2.psi_d"] == told["flux_harmonics.2.psi_d"].value
+    assert new.further["flux_harmonics.2.psi_d"] == best.fit.point.values["flux_harmonics.2.psi_d"]
 
 
 def test_no_further_order_where_there_is_none():
