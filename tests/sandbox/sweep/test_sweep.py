@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -256,9 +257,10 @@ seed = {integers = [0, 999]}
 
 
 def command(place, *more):
-    """Start `sensorless sweep` on two processes."""
+    """Start `sensorless sweep` on two processes, Ctrl-C not ignored (as it is where a shell runs the tests with &)."""
     call = [sys.executable, "-m", "sandbox.cli", "sweep", str(place / "long.toml"), "--out", str(place / "out"), *more]
-    return subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)
+    return subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
 
 
 def children(pid):
