@@ -63,7 +63,7 @@ CARD = Effect(
         parameters=(
             Parameter("gamma", "1/H", 0.0, -1e4, 1e4, 0.005, "1 / L_d"),
             Parameter("pulse", "1/H", 0.0, -1e4, 1e4, 0.005, "1 / L_d"),
-            Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(6.0, 60.0, 6.0)),
+            Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(12.0, 60.0, 6.0)),
             Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0, scan=EITHER_PHASE),
         ),
         at=(At("energy", of_order, ("gamma", "pulse", "order", "phase")),),
