@@ -90,6 +90,18 @@ def fit(
     return replace(free, simulations=held.simulations + free.simulations)
 
 
+def attempted(
+    start: Point, effects: Sequence[str], weights: Weights, *, smooth: bool = False, workers: int = 1
+) -> Fit | None:
+    """Return the fit of a set, None where no drive can have it or it predicts nothing finite; smooth: free rotors'
+    motion is smoothed at the start."""
+    try:
+        found = fit(start.resmoothed() if smooth else start, effects, weights, workers=workers)
+    except BadInput:
+        return None
+    return found if math.isfinite(found.objective) else None
+
+
 def normalised(n: Normal, weights: Weights) -> float:
     """Return the normalised rms of the segments that count."""
     own = [s for s in n.segments if weights.get((s.recording, s.channel), 0.0)]

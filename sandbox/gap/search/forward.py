@@ -7,7 +7,6 @@ The best are fitted; from the two best of them sets grow on.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from sandbox.gap.evidence.fit import Fit, Weights, fit
+from sandbox.gap.evidence.fit import Fit, Weights, attempted, fit
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.probes import Probe, probe_coordinates, probes
 from sandbox.gap.evidence.spike_slab import gains_of, ordinary_share, table
@@ -94,14 +93,9 @@ class Forward:
         self.report(f"fitting {' + '.join(key)}")
         from_here = parent.point if parent.effects else unbent(parent.point)
         at = replace(from_here, values={**from_here.values, **begin})
-        try:
-            found = fit(at.resmoothed() if begin else at, key, self.weights, workers=self.workers)
-        except BadInput:
-            return None
-        self.cost += found.simulations
-        if not math.isfinite(found.objective):
-            return None
-        self.fits[key] = found
+        found = attempted(at, key, self.weights, smooth=bool(begin), workers=self.workers)
+        if found is not None:
+            self.fits[key], self.cost = found, self.cost + found.simulations
         return found
 
     def look(self, at: Fit) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
@@ -18,9 +17,8 @@ import numpy as np
 
 from model.effects import library
 from model.effects.card import Part
-from model.errors import BadInput
 from sandbox.gap.evidence.discrepancy import remainder
-from sandbox.gap.evidence.fit import Fit, Weights, fit
+from sandbox.gap.evidence.fit import Weights, attempted
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import Coordinate, of_part
 from sandbox.gap.evidence.spectrum import best_values
@@ -137,8 +135,10 @@ def candidates(best: Judged, found: Search, exclude: Sequence[str]) -> list[str]
 def _worth(new: Judged, best: Judged, price: float, temperature: float) -> bool:
     """Return whether a set with one part more is better by the price of a part, one with another effect also by half of
     the gap."""
-    gained = level(new, max(temperature, rms_of(best.fit) ** 2)) - level(best, max(temperature, rms_of(best.fit) ** 2))
-    return gained >= price and (new.effects == best.effects or excess(new.fit) < CLOSES[0] * excess(best.fit))
+    t = max(temperature, rms_of(best.fit) ** 2)
+    return level(new, t) - level(best, t) >= price and (
+        new.effects == best.effects or excess(new.fit) < CLOSES[0] * excess(best.fit)
+    )
 
 
 def _without(best: Judged, found: Search, temperature: float, weights: Weights, workers: int) -> list[Judged]:
@@ -151,9 +151,8 @@ def _without(best: Judged, found: Search, temperature: float, weights: Weights, 
             rest = tuple(e for e in best.effects if e != gone)
             told = best.table.log_evidence(rest, temperature=temperature) + log_prior(rest)
             if told > level(best, temperature) - DOUBTED:
-                with suppress(BadInput):  # none a drive can have
-                    own = fit(towards(best.fit, rest, found.chosen), rest, weights, workers=workers)
-                    rests.append(judge(own, found.chosen, found.share, weights, workers))
+                own = attempted(towards(best.fit, rest, found.chosen), rest, weights, workers=workers)
+                rests += [] if own is None else [judge(own, found.chosen, found.share, weights, workers)]
         out += rests
         first = max(rests, key=lambda j: level(j, temperature), default=best)
         if level(first, temperature) <= level(best, temperature):
@@ -205,12 +204,8 @@ def _begun(point: Point, effect: str, k: int, values: Mapping[str, float]) -> St
 def _with(best: Judged, start: Start, found: Search, weights: Weights, workers: int) -> Judged | None:
     """Return the best set with one part more, fitted and weighed; None where no drive can have it."""
     at = replace(best.fit.point, values={**best.fit.point.values, **start.begun})
-    key = tuple(sorted({*best.effects, start.effect}))
-    try:
-        new: Fit = fit(at, key, weights, workers=workers)
-    except BadInput:
-        return None
-    return judge(new, found.chosen, found.share, weights, workers) if math.isfinite(new.objective) else None
+    new = attempted(at, tuple(sorted({*best.effects, start.effect})), weights, workers=workers)
+    return None if new is None else judge(new, found.chosen, found.share, weights, workers)
 
 
 def level(j: Judged, temperature: float) -> float:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 from model.errors import BadInput
 from sandbox.gap.evidence.discrepancy import remainder
-from sandbox.gap.evidence.fit import Fit, Weights, fit
+from sandbox.gap.evidence.fit import Fit, Weights, attempted, fit
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, table
 from sandbox.gap.search.forward import FAR, WORTH, Search, choose, excess, rms_of
@@ -83,16 +83,11 @@ class Selection:
             new = [p for p in self.chosen if p.effect in key and p.effect not in self.best.effects]
             point = towards(self.best, key, self.chosen)
             sized = new[0].sized if len(new) == 1 else None
-            try:
-                at = point if sized is None else replace(point, values={**point.values, **sized})
-                found = fit(at.resmoothed() if sized else at, key, self.weights, workers=self.workers)
-            except BadInput:
-                return None
-            self.cost += found.simulations
-            if not math.isfinite(found.objective):
-                return None
-            self.fits[key] = found
-        return self.fits[key]
+            at = point if sized is None else replace(point, values={**point.values, **sized})
+            found = attempted(at, key, self.weights, smooth=bool(sized), workers=self.workers)
+            if found is not None:
+                self.fits[key], self.cost = found, self.cost + found.simulations
+        return self.fits.get(key)
 
 
 def widened(

@@ -112,7 +112,7 @@ def planned(monkeypatch):
     monkeypatch.setattr(parts, "rms_of", lambda f: 1.0)
     monkeypatch.setattr(parts, "log_prior", lambda effects: 0.0)
     monkeypatch.setattr(parts, "towards", lambda fit, rest, chosen: None)
-    monkeypatch.setattr(parts, "fit", lambda start, rest, *x, **y: rest)
+    monkeypatch.setattr(parts, "attempted", lambda start, rest, *x, **y: rest)
     monkeypatch.setattr(parts, "judge", lambda rest, *x: plan[rest])
     return plan
 
