@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from model import steps
 from model.effects.card import Effect, Parameter
 
 CARD = Effect(
@@ -32,4 +33,6 @@ CARD = Effect(
         "skin_rate": 1.0 / v["skin_effect.time_constant"],
     },
     switches=("resistance",),
+    needs="skin",
+    longest=lambda v, motor, omega: steps.for_winding(motor.resistance + v["skin_effect.resistance"], motor.energy),
 )

@@ -54,11 +54,10 @@ class Rig(NamedTuple):
     start_time: float  # s, of starting up, before the profile begins
     link: float  # V, nominal
     link_noise: float  # V rms, of its reading, by which duties are formed
-    jitter: float  # s rms, of the instant of sampling
     encoder_step: float  # rad, electrical, of one count; 0: no counts
 
 
-RIG = numba.typeof(Rig(*5 * (0,), *8 * (0.0,)))
+RIG = numba.typeof(Rig(*5 * (0,), *7 * (0.0,)))
 RNG = numba.typeof(np.random.default_rng(0))
 VECTOR = types.Array(types.float64, 1, "C")
 ALONE = types.none  # no readings inside the period

@@ -57,9 +57,9 @@ def encoder(w, features, theta, omega, step):
 @kernel
 def instant(w, rig, rng):
     """Return when the next sample is taken, s after its pattern's start (before it where negative)."""
-    if rig.jitter == 0.0:
+    if w.jitter[0] == 0.0:
         return w.sample[0]
-    s = w.sample[0] + w.delay[0] + rig.jitter * rng.standard_normal()
+    s = w.sample[0] + w.delay[0] + w.jitter[0] * rng.standard_normal()
     return min(max(s, SOONEST * rig.sampling_period), LATEST * rig.sampling_period) - w.delay[0]
 
 

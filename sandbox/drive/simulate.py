@@ -172,7 +172,7 @@ def run_once(
     inside = inside_for(estimator, drive)
     on = _switched if setup.plant == SWITCHED else exact_bench
     run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None, inside)
-    rig = rig_of(drive, scenario, values, closed_loop, samples, stride, setup.start_time)
+    rig = rig_of(drive, scenario, closed_loop, samples, stride, setup.start_time)
     if setup.plant == EXACT:
         check_length(samples, max(1, math.ceil(h / bench[0].timing.longest)), h)
     step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
@@ -209,11 +209,11 @@ def exact_bench(
 
     inside: what is read inside a period, None for nothing.
     """
-    motor = true_motor(drive.motor, values)
+    motor = drive.motor
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
-    every = sets.complete(drive.motor, drive.converter, values)
-    step = min(plant_step, longest_step(motor, every, features_of(drive.motor, every), top))
-    bench = closed_bench(drive.motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth)
+    every = sets.complete(motor, drive.converter, values)
+    step = min(plant_step, longest_step(motor, every, features_of(motor, every), top))
+    bench = closed_bench(motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth)
     bench = looked_into(bench) if inside else bench
     return loop.run_for(bench.flux_map, believed, inside) if believed else loop.run_python, bench
 
@@ -242,16 +242,14 @@ def _switched(
     return run, x, b, drive.converter.dc_bus_voltage
 
 
-def rig_of(
-    drive: Drive, scenario: Scenario, values: Mapping[str, float], closed: bool, n: int, stride: int, start: float
-) -> loop.Rig:
+def rig_of(drive: Drive, scenario: Scenario, closed: bool, n: int, stride: int, start: float) -> loop.Rig:
     """Return sensors and converter for n samples, with the time of starting up in s."""
     c = drive.converter
     counts = math.tau * drive.motor.pole_pairs / c.encoder_counts if c.encoder_counts else 0.0
     return loop.Rig(
         n, stride, loop.CLOSED if closed else loop.OPEN, int(scenario.reference == "speed"), ROTORS[scenario.rotor],
         c.sampling_period, c.current_noise, c.current_resolution, start, c.dc_bus_voltage, c.link_noise,
-        values["current_sampling.jitter"], counts,
+        counts,
     )  # fmt: skip
 
 

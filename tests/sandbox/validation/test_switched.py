@@ -191,9 +191,9 @@ def test_unequal_spelling_out_of_bounds_and_contradiction_are_told():
         bench(motor, converter, {"cogging_torque.phase": np.inf})
     with pytest.raises(BadInput, match="contradict"):
         bench(motor, converter, {"saturation.alpha_12": 1.0, "cross_saturation.alpha_12": 2.0})
-    with pytest.raises(BadInput, match="less than half the PWM period"):
+    with pytest.raises(BadInput, match="half the PWM period"):
         bench(motor, converter, {"pwm_delay.delay": 2e-4})
-    with pytest.raises(BadInput, match="less than the total inertia"):
+    with pytest.raises(BadInput, match="the total inertia"):
         bench(motor, converter, {"shaft_compliance.stiffness": 1.0, "shaft_compliance.load_inertia": 1.0})
     with pytest.raises(BadInput, match="unknown rotor 'fre'; did you mean 'free'"):
         replay(bench(motor, converter), "fre", [0.0], [0.0], 400.0)
