@@ -214,11 +214,11 @@ def check_inside(motor: Motor, converter: Converter, values: Mapping[str, float]
 def longest_step(motor: Motor, values: Mapping[str, float], omega: float) -> float:
     """Return the longest step (s) that the effects of completed values allow a closed loop, inf where none matters.
 
-    motor: the nominal one; omega: rad/s electrical, its highest speed.
+    motor: the true one; omega: rad/s electrical, its highest speed.
     """
-    true, idle = true_motor(motor, values), neutral(motor)
+    idle = neutral(motor)
     cards = [card for card in map(load_effect, effect_names()) if card.longest and card.is_on(values, idle)]
-    found = {card.name: card.longest(values, true, omega) for card in cards if card.longest}
+    found = {card.name: card.longest(values, motor, omega) for card in cards if card.longest}
     for name, step in found.items():
         if not step > 0.0:
             raise BadInput(f"effect '{name}' asks for steps of {step:g} s; its card must give more than 0")

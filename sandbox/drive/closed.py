@@ -23,10 +23,9 @@ from sandbox.replay.walking import at_rest
 def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_omega: float) -> float:
     """Return the plant's longest step (s) for speeds up to top_omega (rad/s, electrical).
 
-    motor: the nominal one.  Where the machine changes with the angle, the sixth order is the least that is resolved.
+    motor: the true one.  Where the machine changes with the angle, the sixth order is the least that is resolved.
     """
-    true = library.true_motor(motor, values)
-    step = min(steps.for_winding(true.resistance, true.energy), steps.for_turn(top_omega))
+    step = min(steps.for_winding(motor.resistance, motor.energy), steps.for_turn(top_omega))
     if features & add.ANGULAR:
         step = min(step, steps.for_orders((), top_omega))
     return min(step, library.longest_step(motor, values, top_omega))

@@ -209,11 +209,11 @@ def exact_bench(
 
     inside: what is read inside a period, None for nothing.
     """
-    motor = drive.motor
+    motor = true_motor(drive.motor, values)
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
-    every = sets.complete(motor, drive.converter, values)
-    step = min(plant_step, longest_step(motor, every, features_of(motor, every), top))
-    bench = closed_bench(motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth)
+    every = sets.complete(drive.motor, drive.converter, values)
+    step = min(plant_step, longest_step(motor, every, features_of(drive.motor, every), top))
+    bench = closed_bench(drive.motor, drive.converter, values, scenario.rotor, scenario.start_angle, step, truth)
     bench = looked_into(bench) if inside else bench
     return loop.run_for(bench.flux_map, believed, inside) if believed else loop.run_python, bench
 
