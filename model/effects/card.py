@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from model.parameters import Converter, Motor
@@ -233,14 +234,15 @@ class Effect:
         """Return the public name of a parameter of the k-th part (1 ... repeats)."""
         return f"{self.name}.{parameter}" if k == 1 else f"{self.name}.{k}.{parameter}"
 
-    def switches_of(self, k: int) -> tuple[str, ...]:
-        """Return the public names of the parameters that switch the effect's k-th part on."""
-        part = self.part(k)
-        return tuple(self.public(k, n) for n in part.switches or tuple(p.name for p in part.parameters))
+    @cached_property
+    def switched_by(self) -> tuple[tuple[str, ...], ...]:
+        """The public names of the parameters that switch each part on."""
+        parts = [(k, self.part(k)) for k in range(1, self.repeats + 1)]
+        return tuple(tuple(self.public(k, n) for n in p.switches or [q.name for q in p.parameters]) for k, p in parts)
 
     def switched_off(self, values: Mapping[str, float], neutral: Mapping[str, float], k: int = 1) -> bool:
         """Return whether completed values leave the effect's k-th part off."""
-        return all(values[n] == neutral[n] for n in self.switches_of(k))
+        return all(values[n] == neutral[n] for n in self.switched_by[k - 1])
 
     def is_on(self, values: Mapping[str, float], neutral: Mapping[str, float]) -> bool:
         """Return whether any part of the effect is there."""

@@ -103,15 +103,22 @@ def rows_of(motor: Motor, converter: Converter, v: Set) -> dict[str, Any]:
                 rows[name] += value
             else:
                 raise unknown(f"number of the plant in the rows of effect '{card.name}',", name, PLANT)
-        for at in card.at:
-            rows |= {field(card.name, n): v[f"{card.name}.{n}"] for n in at.numbers}
-        rows |= further_rows(card, v, neutral)
+        if card.repeats > 1:
+            rows |= further_rows(card, v, neutral)
+    rows |= {own: v[name] for own, name in _numbers()}
     rows["pairs"], rows["soft"] = float(motor.pole_pairs), 1.0 / v["bench.soft_current"]
     rows["shape"] = v["bench.soft_shape"]
     rows["supply"] = (1.0 + link_gain) * converter.dc_bus_voltage
     rows["common"] = v["bench.common_offset"]
     rows["load_gain"], rows["load_offset"] = v["bench.load_torque_gain"], v["bench.load_torque_offset"]
     return rows
+
+
+@cache
+def _numbers() -> tuple[tuple[str, str], ...]:
+    """Return the rows that hold effects' parameters, each with the parameter's name."""
+    cards = [library.load_effect(name) for name in library.effect_names()]
+    return tuple((field(c.name, n), c.public(1, n)) for c in cards for at in c.at for n in at.numbers)
 
 
 def further_parts(card: Effect, v: Set, neutral: Set) -> list[int]:
@@ -121,8 +128,6 @@ def further_parts(card: Effect, v: Set, neutral: Set) -> list[int]:
 
 def further_rows(card: Effect, v: Set, neutral: Set) -> dict[str, list[float]]:
     """Return the rows of an effect's further parts: those that are there first, neutral ones behind."""
-    if card.repeats == 1:
-        return {}
     there = further_parts(card, v, neutral)
     order = [*there, *(k for k in range(2, card.repeats + 1) if k not in there)]
     names = {n for at in card.part(2).at for n in at.numbers}
@@ -146,8 +151,10 @@ def _needs() -> tuple[Need, ...]:
         out += [Need(PORT_BITS[at.port], _switches(card, at)) for at in card.at if at.port in PORT_BITS]
         rubbing = [card.switches or at.numbers for at in card.at if at.port in RUBBING]
         out += [Need(add.RUB, tuple(card.public(1, n) for n in names), zero=True) for names in rubbing]
-        out += [Need(PORT_BITS.get(at.port, add.RUB), card.switches_of(k)) for k in parts[1:] for at in card.part(k).at]
-        out += [Need(MACHINERY_BITS[card.needs], card.switches_of(k)) for k in parts if card.needs]
+        out += [
+            Need(PORT_BITS.get(at.port, add.RUB), card.switched_by[k - 1]) for k in parts[1:] for at in card.part(k).at
+        ]
+        out += [Need(MACHINERY_BITS[card.needs], card.switched_by[k - 1]) for k in parts if card.needs]
     return tuple(out)
 
 

@@ -146,6 +146,7 @@ def own_card(monkeypatch):
     def forget():
         library.forget()
         sets._needs.cache_clear()
+        sets._numbers.cache_clear()
 
     yield give
     monkeypatch.undo()
