@@ -24,7 +24,7 @@ from sandbox.drive.closed import closed_bench, longest_step, looked_into, rotor_
 from sandbox.drive.design import Design, belief_of, design
 from sandbox.drive.feasible import check_call, check_feasible, check_injection, check_length, checked
 from sandbox.drive.inside import Inside, inside_of
-from sandbox.drive.recording import Recording
+from sandbox.drive.recording import ROW, Recording
 from sandbox.drive.scenario import Scenario
 from sandbox.plant import sets
 from sandbox.plant.sets import features_of
@@ -168,7 +168,7 @@ def run_once(
             f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
         )
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle + scenario.start_error)
-    table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
+    rows = np.zeros(-(-samples // stride), ROW)
     inside = inside_for(estimator, drive)
     on = _switched if setup.plant == SWITCHED else exact_bench
     run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None, inside)
@@ -180,12 +180,12 @@ def run_once(
     begun = time.thread_time()
     status, at = run(
         step, state, *bench, inside, rig, gains.control, believed, tuning, profile,
-        setup.carrier.waveform, setup.carrier.primitive, np.random.default_rng(seed), table,
+        setup.carrier.waveform, setup.carrier.primitive, np.random.default_rng(seed), rows,
     )  # fmt: skip
     spent = time.thread_time() - begun
     if status != loop.DONE:
         raise _failure(status, at * h, _flux(setup.plant, bench), drive)
-    return Simulation(Recording(table), gains, setup.start_time, spent)
+    return Simulation(Recording.of(rows), gains, setup.start_time, spent)
 
 
 def plant_named(plant: str) -> str:

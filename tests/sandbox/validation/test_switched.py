@@ -271,8 +271,8 @@ def test_measure_and_advance_by_hand_equal_replay():
     b = bench(motor, converter, ALL_ON)
     u_alpha, u_beta = commands(60)
     expected = replay(b, "free", u_alpha, u_beta, 399.0, load_torque=0.1, theta=0.1, speed=5.0, seed=4)
-    state, reading, rng = start(b, 0.1, 5.0), np.empty(4), np.random.default_rng(4)
+    state, rng = start(b, 0.1, 5.0), np.random.default_rng(4)
     for k in range(60):
-        measure(state, b, FREE, u_alpha[k], u_beta[k], 399.0, 0.1, 0.0, rng, reading)
+        reading = measure(state, b, FREE, u_alpha[k], u_beta[k], 399.0, 0.1, 0.0, rng)
         assert np.array_equal(reading, [expected[name][k] for name in ("i_a", "i_b", "i_c", "theta")])
         advance(state, b, FREE, u_alpha[k], u_beta[k], 399.0, 0.1, 0.0)
