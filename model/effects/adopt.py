@@ -10,7 +10,7 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
-from model import compiled
+from model.compiled import depend_on
 from model.effects import library
 from model.effects.card import PORTS, REPEATED, Effect, Part
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
@@ -37,7 +37,7 @@ def adopt(path: str | Path) -> tuple[Effect, ...]:
         raise BadInput(f"{path}: the plant is compiled already; name your effects before the first run of the process")
     digest = hashlib.sha256(text).hexdigest()[:16]
     name = f"sensorless_effects_{digest}"
-    compiled.depend_on(digest, EQUATIONS)
+    depend_on(digest, EQUATIONS)
     cards = _cards(file, name)
     for card in cards:
         _check(card, file)
