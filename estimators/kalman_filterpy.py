@@ -16,7 +16,7 @@ from estimators.contract import Belief, Estimate, Estimator, Sample, Tuning
 from estimators.demodulation import AXIS, PHASE, blank, demodulate
 from estimators.kalman import START_ANGLE, START_FLUX, START_SPEED
 from estimators.startup import TRACKING, start, tell
-from model import energy
+from model.energy import currents, hessian
 
 OMEGA, THETA = 2, 3  # places in the filter's state, behind the two fluxes in the stationary frame
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
@@ -41,13 +41,13 @@ class EnergyFilter(ExtendedKalmanFilter):
         """Return i_alpha, i_beta of the believed motor at state x (4,)."""
         turn = rotation(x[THETA])
         d, q = turn.T @ x[:2] - [self.belief.magnet_flux, 0.0]
-        return turn @ np.array(energy.currents.py_func(self.belief.energy, d, q))
+        return turn @ np.array(currents.py_func(self.belief.energy, d, q))
 
     def current_jacobian(self, x: np.ndarray) -> np.ndarray:
         """Return d(i_alpha, i_beta)/dx, 2 x 4."""
         turn = rotation(x[THETA])
         d, q = turn.T @ x[:2] - [self.belief.magnet_flux, 0.0]
-        dd, dq, qq = energy.hessian.py_func(self.belief.energy, d, q)
+        dd, dq, qq = hessian.py_func(self.belief.energy, d, q)
         g = turn @ np.array([[dd, dq], [dq, qq]]) @ turn.T
         by_theta = J @ self.current(x) - g @ J @ x[:2]
         return np.column_stack([g, np.zeros(2), by_theta])

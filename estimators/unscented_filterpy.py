@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from filterpy.kalman import MerweScaledSigmaPoints, UnscentedKalmanFilter
 
-from estimators import kalman_filterpy
 from estimators.contract import Belief, Estimate, Estimator, Sample, Tuning
 from estimators.kalman_filterpy import EnergyFilter, State, filtered, init
+from estimators.kalman_filterpy import begin as begin_extended
 from estimators.unscented import ALPHA, BETA, KAPPA
 
 
 def begin(theta: float, i: np.ndarray, belief: Belief, tuning: Tuning) -> Any:
     """Return a filter at the position found by starting up, i (2,) being the current there."""
-    model: EnergyFilter = kalman_filterpy.begin(theta, i, belief, tuning)
+    model: EnergyFilter = begin_extended(theta, i, belief, tuning)
     t = tuning.sampling_period
 
     def move(x: np.ndarray, dt: float, u: np.ndarray) -> np.ndarray:

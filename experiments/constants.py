@@ -8,7 +8,8 @@ Diagnoses of one campaign share most of their simulations; `recalled.py` makes t
 
 Run: python -m experiments.constants [FOLDER] [--jobs N | --dask ADDRESS] [--cases p12 ...] [--only WIDE ...] [--name N]
 (FOLDER: practice campaigns, usually $SENSORLESS_RECORDINGS/practice, or what `withheld make` wrote: campaigns that no
-constant was chosen on; results go to N.jsonl and N.md; 900 diagnoses of 4 s in the middle: an hour of one core)
+constant was chosen on; results go to N.jsonl and N.md; 900 diagnoses of 4 s in the middle: an hour of one core;
+--recompute writes N.md anew from N.jsonl, by whatever state of the code that is)
 """
 
 from __future__ import annotations
@@ -17,7 +18,6 @@ import argparse
 import ast
 import importlib
 import json
-import math
 import os
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -26,6 +26,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from experiments.constants_page import Listed, page
 from experiments.recalled import Memory, recalled
 from model.errors import BadInput
 from sandbox.cli.sweeping import on_dask
@@ -213,54 +214,6 @@ def _key(answer: Mapping[str, Any]) -> tuple[str, str, float]:
     return answer["case"], answer["constant"], answer["factor"]
 
 
-def table(found: Sequence[Mapping[str, Any]], truths: Mapping[str, Sequence[str]]) -> list[str]:
-    """Return lines of markdown: a row a constant and factor, with the cases whose answer changes, and how."""
-    base = {a["case"]: a for a in found if not a["constant"]}
-    lines = [
-        "| constant | what it is | chosen on | times | changes | largest change of probability |",
-        "|---|---|---|--:|---|--:|",
-    ]
-    for k, c in enumerate(CONSTANTS):
-        for factor in FACTORS:
-            own = [a for a in found if _key(a)[1:] == (label_of(k), factor) and a["case"] in base]
-            if not own:
-                continue
-            notes = [n for a in own if (n := change(base[a["case"]], a, truths.get(a["case"])))]
-            moved = max((_moved(base[a["case"]], a) for a in own), default=0.0)
-            told = "; ".join(notes) or f"none of {len(own)}"
-            lines.append(f"| `{label_of(k)}` | {c.what} | {c.chosen} | {factor:g} | {told} | {moved:.3f} |")
-    return lines
-
-
-def change(before: Mapping[str, Any], after: Mapping[str, Any], truth: Sequence[str] | None) -> str:
-    """Return in words what a changed constant does to one case's answer, nothing where it stays; truth: if known."""
-    if "failed" in after or "failed" in before:
-        return "" if "failed" in before else f"{after['case']}: fails"
-    if (before["verdict"], before["effects"]) == (after["verdict"], after["effects"]):
-        same = truth is None or (sorted(truth) in before["ambiguity_set"]) == (sorted(truth) in after["ambiguity_set"])
-        return "" if same else f"{after['case']}: truth {_inside(truth, after)} the ambiguity set"
-    words = (
-        f"{after['case']}: {after['verdict']}, {' + '.join(after['effects']) or 'none'} ({after['probability']:.3f})"
-    )
-    if truth is not None:
-        right = (
-            "right" if sorted(truth) == after["effects"] else f"wrong, truth {_inside(truth, after)} the ambiguity set"
-        )
-        words += f", {right}"
-    return words.replace("_", " ")
-
-
-def _inside(truth: Sequence[str] | None, answer: Mapping[str, Any]) -> str:
-    return "in" if sorted(truth or ()) in answer["ambiguity_set"] else "outside"
-
-
-def _moved(before: Mapping[str, Any], after: Mapping[str, Any]) -> float:
-    """Return by how much the first hypothesis' probability moves where it stays the first."""
-    if "failed" in before or "failed" in after or before["effects"] != after["effects"]:
-        return 0.0 if "failed" in before else 1.0
-    return math.fabs(before["probability"] - after["probability"])
-
-
 def truths_of(folder: Path) -> dict[str, list[str]]:
     """Return the effects put into every campaign whose truth lies beside it, or in the seal of what was made blindly;
     nothing of campaigns with a cause outside the library."""
@@ -288,23 +241,27 @@ def main(arguments: Sequence[str] | None = None, how: Callable[[Path], Mapping[s
     parser.add_argument("--only", nargs="+", help="constants by name (all)")
     parser.add_argument("--results", type=Path, default=RESULTS, help=argparse.SUPPRESS)
     parser.add_argument("--name", default="constants", help="of the results' files (constants)")
+    parser.add_argument("--recompute", action="store_true", help="only write the page anew, of one state of the code")
     options = parser.parse_args(arguments)
-    cases = [p for p in campaigns_of(options.folder) if options.cases is None or p.name in options.cases]
-    if not cases:
-        raise BadInput(f"no such campaign in '{options.folder}'; give a folder of campaigns, and --cases in it")
-    chosen = [k for k, c in enumerate(CONSTANTS) if options.only is None or c.name in options.only]
-    trials = [t for p in cases for t in (Trial(p, None, 1.0), *(Trial(p, k, f) for k in chosen for f in FACTORS))]
     kept = options.results / f"{options.name}.jsonl"
-    done = run(trials, kept, options.jobs, how, options.dask)
-    found = [a for a in answers(kept) if a["code"] == code_digest()]
-    lines = [
-        f"By `python -m experiments.constants` ({len(found)} diagnoses, code `{code_digest()}`): answers that change",
-        "with a constant halved or doubled.",
-        "",
-        *table(found, truths_of(options.folder)),
-    ]
-    (options.results / f"{options.name}.md").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    print(f"{done} diagnoses made, {len(found)} in {kept}")
+    if not options.recompute:
+        cases = [p for p in campaigns_of(options.folder) if options.cases is None or p.name in options.cases]
+        if not cases:
+            raise BadInput(f"no such campaign in '{options.folder}'; give a folder of campaigns, and --cases in it")
+        done = run(trials_of(cases, options.only), kept, options.jobs, how, options.dask)
+        print(f"{done} diagnoses made, the answers are in {kept}")
+    found = [a for a in answers(kept) if options.recompute or a["code"] == code_digest()]
+    if len({a["code"] for a in found}) > 1:
+        raise BadInput(f"'{kept}' holds answers by several states of the code; keep those of one")
+    listed = [Listed(label_of(k), c.what, c.chosen) for k, c in enumerate(CONSTANTS)]
+    text = "\n".join(page(found, truths_of(options.folder), listed)) + "\n"
+    (options.results / f"{options.name}.md").write_text(text, encoding="utf-8")
+
+
+def trials_of(cases: Sequence[Path], only: Sequence[str] | None) -> list[Trial]:
+    """Return the diagnoses to make: every campaign as it is, then with each constant (those named, or all) scaled."""
+    chosen = [k for k, c in enumerate(CONSTANTS) if only is None or c.name in only]
+    return [t for p in cases for t in (Trial(p, None, 1.0), *(Trial(p, k, f) for k in chosen for f in FACTORS))]
 
 
 if __name__ == "__main__":

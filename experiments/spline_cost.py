@@ -22,9 +22,10 @@ from model.parameters import Drive, Motor
 from sandbox.drive.scenario import load_scenario
 from sandbox.evaluation.compare import compare
 from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.replay.grouping import ROOMS
 from sandbox.replay.replay import plan, prepare, run_block
 
-SIDE = 16  # sets side by side
+SIDE = ROOMS[-1]  # sets side by side: a full block
 COUNT, TURNS, GOALS = 200_000, 40, {"evaluation_ns": 3.0, "replay_ns": 2.5, "compare_cpu_s": 4.0}
 
 

@@ -15,13 +15,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numba.extending import overload
 from numpy.typing import ArrayLike, NDArray
 
-from model import quartic, spline
 from model.compiled import inlined, kernel
 from model.errors import PhysicsError
 from model.quartic import OUTSIDE, SOLVED, Energy, convex_between, min_eigenvalue
@@ -33,7 +33,7 @@ AnyEnergy = Energy | SplineEnergy
 
 def _either(name: str) -> Callable[..., Any]:
     """Return a function (m, x, ...) that is `name` of `model.quartic` or of `model.spline`, by the type of m."""
-    of_quartic, of_spline = getattr(quartic, name), getattr(spline, name)
+    of_quartic, of_spline = (getattr(import_module(f"model.{kind}"), name) for kind in ("quartic", "spline"))
 
     def interpreted(m, *rest):
         """Do it outside kernels, on scalars or arrays of one shape."""

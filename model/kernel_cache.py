@@ -17,8 +17,9 @@ from typing import Any
 from numba.core.caching import Cache
 from numba.core.serialize import dumps
 
-from model import kept
 from model.callees import rebuilt
+from model.kept import digest, note_damage, write, write_plain
+from model.kept import read as read_kept
 
 DIGITS = 32  # of the SHA-256 in a file's name
 
@@ -31,10 +32,10 @@ class KernelCache(Cache):
         name = f"{source.stem}.{function.__qualname__}".replace("<", "").replace(">", "")
         self._py_func = function
         self._name = repr(function)
-        self._folder = folder / f"{source.parent.name}_{kept.digest(os.fsencode(source.parent))[:DIGITS]}"
+        self._folder = folder / f"{source.parent.name}_{digest(os.fsencode(source.parent))[:DIGITS]}"
         line = function.__code__.co_firstlineno
         self._base = f"{name[:120]}-{line}{kind and '-'}{kind}.py{sys.version_info[0]}{sys.version_info[1]}"
-        self._stamp = kept.digest(source.read_bytes())
+        self._stamp = digest(source.read_bytes())
         self.enable()
 
     @property
@@ -59,13 +60,13 @@ class KernelCache(Cache):
             body = path.read_bytes()
         except OSError:
             return None
-        if f".{kept.digest(body)[:DIGITS]}." not in name:
-            kept.note_damage(path)
+        if f".{digest(body)[:DIGITS]}." not in name:
+            note_damage(path)
             return None
         try:
             return rebuilt(target_context, pickle.loads(body))
         except Exception:  # whole, but not of this numba or this machine
-            kept.note_damage(path)
+            note_damage(path)
             return None
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -73,21 +74,21 @@ class KernelCache(Cache):
         if not self._enabled or any(not x.can_cache for x in data.lifted) or data.library.has_dynamic_globals:
             return
         key, body = self._index_key(sig, data.codegen), dumps(data._reduce())
-        name = f"{self._base}.{kept.digest(body)[:DIGITS]}.nbc"
-        kept.write_plain(self._folder / name, body)
+        name = f"{self._base}.{digest(body)[:DIGITS]}.nbc"
+        write_plain(self._folder / name, body)
         self._write_index({**self._index(), key: name})
 
     def _index(self) -> dict[Any, str]:
         path = self._folder / f"{self._base}.nbi"
-        body = kept.read(path)
+        body = read_kept(path)
         if body is None:
             return {}
         try:
             stamp, names = pickle.loads(body)
         except Exception:  # whole, but of classes that are no longer there
-            kept.note_damage(path)
+            note_damage(path)
             return {}
         return dict(names) if stamp == self._stamp else {}
 
     def _write_index(self, names: dict[Any, str]) -> None:
-        kept.write(self._folder / f"{self._base}.nbi", dumps((self._stamp, names)))
+        write(self._folder / f"{self._base}.nbi", dumps((self._stamp, names)))

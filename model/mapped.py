@@ -18,13 +18,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from model import kept
 from model.arrays import MOST_BYTES
 from model.compiled import cache_home
 from model.datasets import dataset, fetch
 from model.energy import AnyEnergy
 from model.errors import BadInput, PhysicsError, brief, unknown
 from model.fluxmap import FluxMap, check_axis, check_physical
+from model.kept import read as read_kept
+from model.kept import write as write_kept
 from model.map_points import Quality, check_angle, fit_points, quality, read_points
 from model.names import check_file
 from model.parameters import Motor, build
@@ -141,7 +142,7 @@ def _remembered(
     code = b"".join((here / name).read_bytes() for name in FITTED_BY)
     key = hashlib.sha256(code + content + repr((path.suffix, frame, choice)).encode()).hexdigest()[:24]
     place = cache_home() / "maps" / f"{key}.kept"
-    stored = kept.read(place)
+    stored = read_kept(place)
     if stored is not None:
         with np.load(io.BytesIO(stored)) as numbers:
             rest = map(float, numbers["rest"])
@@ -149,7 +150,7 @@ def _remembered(
     spline, flux = _fitted(path, frame, choice)
     body = io.BytesIO()
     np.savez(body, cells=spline.cells, rest=np.array(spline[1:]), magnet=flux)
-    kept.write(place, body.getvalue())
+    write_kept(place, body.getvalue())
     return spline, flux
 
 

@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from model import inverter_table
 from model.energy import AnyEnergy, Energy
 from model.errors import BadInput, brief, unknown
+from model.inverter_table import Points, checked
 from model.names import check_name
 
 LARGEST = 1e300
@@ -133,12 +133,12 @@ class Converter:
     pwm_counts: int | None = quantity("counts of half a PWM period", 16, 1e9, default=None)
     readings: int | None = quantity("current readings inside a PWM period", 4, 32, default=None)
     pulse_shift: float | None = quantity("of a period, the legs' pulses against each other", 0.01, 0.25, default=None)
-    inverter_table: inverter_table.Points | None = None  # a leg's voltage error (V) against its current (A)
+    inverter_table: Points | None = None  # a leg's voltage error (V) against its current (A)
 
     def __post_init__(self) -> None:
         check(self, "drive")
         if self.inverter_table is not None:
-            object.__setattr__(self, "inverter_table", inverter_table.checked(self.inverter_table))
+            object.__setattr__(self, "inverter_table", checked(self.inverter_table))
         if self.transformation != "amplitude-invariant":
             raise BadInput(f"[drive] transformation = '{self.transformation}' is not known; only 'amplitude-invariant'")
         if not any(abs(self.samples_a_period - n) < 1e-6 for n in (1.0, 2.0)):

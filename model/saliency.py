@@ -15,9 +15,17 @@ from itertools import product
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from model import energy as en
 from model.compiled import kernel
-from model.energy import AnyEnergy
+from model.energy import (
+    AnyEnergy,
+    boundary_on_ray,
+    flux_from_current,
+    flux_newton,
+    hessian,
+    is_convex_to,
+    min_eigenvalue,
+)
+from model.energy import torque as torque_of
 from model.errors import BadInput, PhysicsError
 from model.parameters import Motor
 
@@ -54,7 +62,7 @@ def tracking_sign(m: AnyEnergy) -> float:
 
 def local_angle(m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike) -> Array:
     """Return the cross-saturation angle e (rad) for actual rotor-frame currents in A (encoder controls)."""
-    dd, dq, qq = en.hessian.py_func(m, *en.flux_from_current(m, i_d, i_q))
+    dd, dq, qq = hessian.py_func(m, *flux_from_current(m, i_d, i_q))
     s = tracking_sign(m)
     return np.asarray(0.5 * np.arctan2(-2.0 * s * dq, s * (dd - qq)))
 
@@ -62,8 +70,8 @@ def local_angle(m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike) -> Array:
 def _q_ripple(m: AnyEnergy, i_d: float, i_q: float, e: float) -> float:
     """Return y_q(e) where the reference (i_d, i_q) is applied in the estimated frame; NaN outside the domain."""
     a, b = math.cos(e) * i_d + math.sin(e) * i_q, -math.sin(e) * i_d + math.cos(e) * i_q
-    d, q, status = en.flux_newton(m, a, b, 0.0, 0.0)
-    return math.nan if status else float(ripple.py_func(*en.hessian(m, d, q), e)[1])
+    d, q, status = flux_newton(m, a, b, 0.0, 0.0)
+    return math.nan if status else float(ripple.py_func(*hessian(m, d, q), e)[1])
 
 
 def self_consistent_angle(m: AnyEnergy, i_d: float, i_q: float, steps: int = 60) -> float:
@@ -102,8 +110,8 @@ def current_for_torque(motor: Motor, torque: float, closed_loop: bool, steps: in
             return 0.0, 0.0
         e = self_consistent_angle(m, 0.0, i_q, 20) if closed_loop else float(local_angle(m, 0.0, i_q))
         a = e if closed_loop else 0.0
-        d, q = en.flux_from_current(m, math.sin(a) * i_q, math.cos(a) * i_q)
-        return e, float(en.torque.py_func(m, d, q, motor.magnet_flux, motor.pole_pairs))
+        d, q = flux_from_current(m, math.sin(a) * i_q, math.cos(a) * i_q)
+        return e, float(torque_of.py_func(m, d, q, motor.magnet_flux, motor.pole_pairs))
 
     previous = 0.0
     for i_q in np.linspace(0.0, 6.0, steps + 1)[1:] * motor.rated_current * (1.0 if torque >= 0 else -1.0):
@@ -163,13 +171,13 @@ def audit(motor: Motor, radius: float | None = None, rays: int = 72, points: int
         d = q = 0.0
         for r in np.linspace(0.0, radius, points + 1):
             x, y = float(r * np.cos(angle)), float(r * np.sin(angle))
-            d, q, status = en.flux_newton(m, x, y, d, q)
-            if status or not en.is_convex_to(m, d, q):
-                b_d, b_q, value = en.boundary_on_ray(m, x, y)
+            d, q, status = flux_newton(m, x, y, d, q)
+            if status or not is_convex_to(m, d, q):
+                b_d, b_q, value = boundary_on_ray(m, x, y)
                 violations.append({"i_d": b_d, "i_q": b_q, "eigenvalue": value})
                 break
-            dd, dq, qq = en.hessian(m, d, q)
-            value = float(en.min_eigenvalue(dd, dq, qq))
+            dd, dq, qq = hessian(m, d, q)
+            value = float(min_eigenvalue(dd, dq, qq))
             if value < least:
                 least, worst = value, (x, y)
             if sign * (dd - qq) <= 0:
@@ -193,9 +201,9 @@ def _eigenvalues(m: AnyEnergy, grid: Array) -> Array:
     """Return the smallest eigenvalue over the plane of currents (i_q, i_d), NaN where there is no valid point."""
     values = np.full((grid.size, grid.size), np.nan)
     for (row, y), (column, x) in product(enumerate(grid), enumerate(grid)):
-        d, q, status = en.flux_newton(m, x, y, 0.0, 0.0)
-        if not status and en.is_convex_to(m, d, q):
-            values[row, column] = en.min_eigenvalue(*en.hessian(m, d, q))
+        d, q, status = flux_newton(m, x, y, 0.0, 0.0)
+        if not status and is_convex_to(m, d, q):
+            values[row, column] = min_eigenvalue(*hessian(m, d, q))
     return values
 
 
@@ -205,10 +213,10 @@ def _angles(motor: Motor, load: Array) -> tuple[Array, Array, Array]:
     local, closed, slope = np.full(n, np.nan), np.full(n, np.nan), np.full(n, np.nan)
     for k, i_q in enumerate(load * motor.rated_current):
         try:
-            d, q = en.flux_from_current(m, 0.0, i_q)
+            d, q = flux_from_current(m, 0.0, i_q)
             local[k], closed[k] = local_angle(m, 0.0, i_q), self_consistent_angle(m, 0.0, float(i_q))
         except (BadInput, PhysicsError):
             continue
-        dd, dq, qq = en.hessian.py_func(m, d, q)
+        dd, dq, qq = hessian.py_func(m, d, q)
         slope[k] = np.hypot(dd - qq, 2 * dq) / abs(m.gamma_d - m.gamma_q)
     return local, closed, slope

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import sys
 from importlib import import_module
-from importlib.machinery import ModuleSpec
-from importlib.util import find_spec
-from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
+
+from sandbox.shadowing import share
 
 if TYPE_CHECKING:
     from estimators.contract import Belief as Belief
@@ -91,21 +90,8 @@ _HOME = {name: home for home, names in _HOMES.items() for name in names}
 _TOGETHER = ("model", "estimators")  # the top-level packages installed with this one
 
 
-def _hidden_by(name: str) -> str | None:
-    """Return the file that stands before one of our packages on Python's path, None where ours is found."""
-    loaded = sys.modules.get(name)
-    spec: ModuleSpec | None = getattr(loaded, "__spec__", None) if loaded else find_spec(name)
-    own = Path(__file__).resolve().parent.parent / name / "__init__.py"
-    found = (spec.origin if spec else None) or getattr(loaded, "__file__", None)
-    return None if not found or Path(found).resolve() == own else str(found)
-
-
 for _name in _TOGETHER:
-    if _file := _hidden_by(_name):
-        raise ImportError(
-            f"'{_file}' hides the package '{_name}' that sensorless-sandbox is installed with; rename that file or "
-            f"folder, for example to my_{_name}{Path(_file).suffix if Path(_file).stem == _name else ''}"
-        )
+    share(_name)
 
 
 class _Page(ModuleType):

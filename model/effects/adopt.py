@@ -11,7 +11,7 @@ import sys
 from dataclasses import fields
 from pathlib import Path
 
-from model import compiled
+from model.compiled import depend_on
 from model.drive_files import load_drive
 from model.effects import library
 from model.effects.card import MACHINERY, PORTS, REPEATED, Effect, Part
@@ -41,7 +41,7 @@ def adopt(path: str | Path) -> tuple[Effect, ...]:
         raise BadInput(f"{path}: the plant is compiled already; name your effects before the first run of the process")
     digest = hashlib.sha256(text).hexdigest()[:16]
     name = f"sensorless_effects_{digest}"
-    compiled.depend_on(digest, EQUATIONS)
+    depend_on(digest, EQUATIONS)
     cards = _cards(file, name)
     for card in cards:
         _check(card, file)

@@ -48,7 +48,7 @@ CARD = Effect(
     parameters=(
         Parameter("torque", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque"),
         Parameter("width", "rad/s", 2.0, 1e-3, 1e3, 2.0, fit="log", spread=0.5),
-        Parameter("stribeck_torque", "N m", 0.0, 0.0, 1e5, 0.0, "rated torque", fit="fixed", change=0.03),
+        Parameter("stribeck_torque", "N m", 0.0, 0.0, 1e5, 0.0, "rated torque", change=0.01),
         Parameter("stribeck_speed", "rad/s", 5.0, 1e-3, 1e3, 5.0, fit="fixed"),
     ),
     axis="motion (and i_q under speed control)",

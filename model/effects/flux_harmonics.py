@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from model import steps
 from model.compiled import inlined
 from model.effects.card import EITHER_PHASE, INF, At, Effect, Limit, Parameter, Part
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
 from model.parameters import Converter, Motor
+from model.steps import for_orders
 
 PARTS = 6  # the sixth order, and others
 FURTHER = tuple(f"flux_harmonics.{k}" for k in range(2, PARTS + 1))
@@ -56,7 +56,7 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
 def longest(v: Mapping[str, float], motor: Motor, omega: float) -> float:
     """Return the longest step (s) that resolves the highest order."""
     there = [part for part in FURTHER if v[f"{part}.psi_d"] or v[f"{part}.psi_q"]]
-    return steps.for_orders([v[f"{part}.order"] for part in there], omega)
+    return for_orders([v[f"{part}.order"] for part in there], omega)
 
 
 CARD = Effect(

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from model import steps
 from model.effects.card import Effect, Parameter
+from model.steps import for_winding
 
 CARD = Effect(
     name="skin_effect",
@@ -34,5 +34,5 @@ CARD = Effect(
     },
     switches=("resistance",),
     needs="skin",
-    longest=lambda v, motor, omega: steps.for_winding(motor.resistance + v["skin_effect.resistance"], motor.energy),
+    longest=lambda v, motor, omega: for_winding(motor.resistance + v["skin_effect.resistance"], motor.energy),
 )

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from model import steps
 from model.effects import library
 from model.energy import AnyEnergy
 from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
+from model.steps import for_orders, for_turn, for_winding
 from sandbox.drive.loop import Bench
 from sandbox.plant import additions as add
 from sandbox.plant.batch import blank_room
@@ -25,9 +25,9 @@ def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_o
 
     motor: the true one.  Where the machine changes with the angle, the sixth order is the least that is resolved.
     """
-    step = min(steps.for_winding(motor.resistance, motor.energy), steps.for_turn(top_omega))
+    step = min(for_winding(motor.resistance, motor.energy), for_turn(top_omega))
     if features & add.ANGULAR:
-        step = min(step, steps.for_orders((), top_omega))
+        step = min(step, for_orders((), top_omega))
     return min(step, library.longest_step(motor, values, top_omega))
 
 

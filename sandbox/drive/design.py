@@ -22,10 +22,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.contract import Belief, Tuning
-from model import kept
 from model.compiled import cache_home
 from model.energy import AnyEnergy, flux_newton, hessian, min_eigenvalue
 from model.errors import BadInput
+from model.kept import read as read_kept
+from model.kept import write as write_kept
 from model.parameters import Drive
 from model.saliency import tracking_sign
 from sandbox.drive.control import Control
@@ -149,11 +150,11 @@ def _remembered(plant: SampledMotor) -> dict[str, Loop]:
     """Return `design_loops(plant)`, from disk where this version has designed them before."""
     version = hashlib.sha256(Path(__file__).read_bytes() + repr(plant).encode()).hexdigest()[:24]
     path = cache_home() / "designs" / f"{version}.kept"
-    stored = kept.read(path)
+    stored = read_kept(path)
     if stored is not None:
         return {name: Loop(**loop) for name, loop in json.loads(stored).items()}
     loops = design_loops(plant)
-    kept.write(path, json.dumps({name: asdict(loop) for name, loop in loops.items()}).encode())
+    write_kept(path, json.dumps({name: asdict(loop) for name, loop in loops.items()}).encode())
     return loops
 
 

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from model import first_order
 from model.energy import Energy, flux_newton, hessian, is_convex_to
 from model.errors import BadInput
+from model.first_order import inductances as first_inductances
 from model.parameters import Motor
 from model.saliency import tracking_sign
 
@@ -82,7 +82,7 @@ def maps(motor: Motor, radius: float | None = None, points: int = 61) -> Maps:
     det = dd * qq - dq * dq
     zero = abs(m.gamma_d - m.gamma_q)
     if isinstance(m, Energy):
-        f_dd, f_dq, f_qq = first_order.inductances(m, x, y)
+        f_dd, f_dq, f_qq = first_inductances(m, x, y)
     else:  # a flux map has no alphas
         f_dd, f_dq, f_qq = np.full((3, *x.shape), np.nan)
     f_det = f_dd * f_qq - f_dq**2

@@ -18,10 +18,10 @@ from pathlib import Path
 from typing import Any
 
 from estimators.registry import MODULES, AnyEstimator, load_estimator
-from model import kept as keeping
 from model.datasets import locate
 from model.drive_files import fetched, load_drive
 from model.errors import BadInput, PhysicsError, unknown
+from model.kept import digest
 from model.parameters import Drive
 from model.sources import ROOT, source_key
 from sandbox.engine.processes import Cluster, spread
@@ -220,7 +220,7 @@ def protocol(
     read = {str(m): load_drive(m) for m in files}  # last: what is to be downloaded comes after all else is read
     loaded = {name: motor if isinstance(motor, Drive) else read[str(motor)] for name, motor in drives.items()}
     loaded[PEER] = reversal_case()[0]
-    kept = Kept(keep, seed, {name: keeping.digest(repr(drive).encode()) for name, drive in loaded.items()})
+    kept = Kept(keep, seed, {name: digest(repr(drive).encode()) for name, drive in loaded.items()})
     missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
     lock, done = threading.Lock(), len(todo) - len(missing)
 
@@ -271,7 +271,7 @@ class Kept:
 
     def _read(self, line: bytes) -> None:
         stated, _, body = line.partition(b" ")
-        if stated != keeping.digest(body).encode():  # a line cut off by the interruption
+        if stated != digest(body).encode():  # a line cut off by the interruption
             return
         try:
             found = json.loads(body)
@@ -297,7 +297,7 @@ class Kept:
             }  # fmt: skip
             body = json.dumps(plain(line)).encode()
             with self.path.open("ab") as file:  # begins a line: the one before may be half written
-                file.write(b"\n%s %s\n" % (keeping.digest(body).encode(), body))
+                file.write(b"\n%s %s\n" % (digest(body).encode(), body))
 
 
 def forget(folder: Path) -> None:

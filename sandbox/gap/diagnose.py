@@ -25,7 +25,7 @@ from sandbox.gap.evidence.noise import floor_of, noise_caution
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.search.estimates import Estimate, estimates
 from sandbox.gap.search.forward import Judged, Search, search
-from sandbox.gap.search.parts import with_parts
+from sandbox.gap.search.parts import in_parts, with_parts
 from sandbox.gap.search.points import unbent
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.search.selection import widened
@@ -118,9 +118,7 @@ def _diagnosed(
     barred = (*exclude, *hidden)
     left = held_out(start, barred, workers=workers)
     fitted, everything, raw = weights_of(count, left), weights_of(count), rms(nominal, range(count))
-    found = search(start, everything, exclude=barred, workers=workers, report=report)
-    found = with_parts(found, raw, everything, exclude=barred, workers=workers, report=report)
-    found = widened(found, raw, everything, exclude=barred, workers=workers, report=report)
+    found = _searched(start, raw, everything, barred, workers, report)
     found = _with_rivals(found, [s for s in rivals if not set(s) & set(hidden)], everything, workers)
     report("measuring the gap")
     judged, ranked, temperature = _ranked(found, raw, everything, workers)
@@ -134,6 +132,21 @@ def _diagnosed(
         tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,
         0, 0.0, tuple(exclude), noise_caution(own), hidden,
     )  # fmt: skip
+
+
+def _searched(
+    start: Point, raw: float, weights: Weights, barred: Sequence[str], workers: int, report: Callable[[str], None]
+) -> Search:
+    """Return the search from a nominal point: few effects, their further parts, more effects, and the parts of those.
+
+    raw: normalised rms of the nominal model; barred: effects that are no candidates.
+    """
+    first = search(start, weights, exclude=barred, workers=workers, report=report)
+    few = with_parts(first, raw, weights, exclude=barred, workers=workers, report=report)
+    wide = widened(few, raw, weights, exclude=barred, workers=workers, report=report)
+    if not set(in_parts(wide)) - set(in_parts(few)):
+        return wide
+    return with_parts(wide, raw, weights, exclude=barred, workers=workers, report=report)
 
 
 def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]:

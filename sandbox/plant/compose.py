@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from model import compiled
+from model.compiled import kernel_folder
 from model.effects import own
 from model.effects.card import PORTS, REPEATED, At, Effect
 from model.effects.library import effect_names, load_effect
@@ -130,7 +130,7 @@ def with_own_effects() -> None:
     cards = [load_effect(name) for name in effect_names()]
     modules = dict.fromkeys((c.name for c in cards), LIBRARY) | {card.name: module for card, module in extra}
     text = source(cards, modules)
-    folder = compiled.kernel_folder()
+    folder = kernel_folder()
     file = folder / "ports.py"
     aside = folder / f"ports-{os.getpid()}.part"
     aside.write_text(text, encoding="utf-8")

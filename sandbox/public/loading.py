@@ -6,8 +6,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from estimators import registry
 from estimators.registry import AnyEstimator
+from estimators.registry import load_estimator as registered
+from estimators.registry import load_estimator_library as registered_library
 from model.drive_files import load_drive
 from model.effects.adopt import adopt
 from model.errors import BadInput
@@ -143,7 +144,7 @@ def load_estimator(estimator: AnyEstimator = "qnull") -> Estimator:
 
         if not isinstance(estimator, Estimator):
             _text(estimator, "estimator", "an Estimator")
-    return registry.load_estimator(estimator)
+    return registered(estimator)
 
 
 def load_estimator_library(path: str | Path) -> Estimator:
@@ -174,7 +175,7 @@ def load_estimator_library(path: str | Path) -> Estimator:
     """
     if not isinstance(path, (str, Path)):
         _text(path, "estimator library", "a library")
-    return registry.load_estimator_library(path)
+    return registered_library(path)
 
 
 def read_campaign(

@@ -80,13 +80,16 @@ class Running:
         """Go on to sample `stop`: readings (A) into columns first ... of out (stop - done, 3, ...), innovations of a
         free rotor into those of moved (stop - done, ...).  Before the end of a recording `out` has a row more."""
         columns = slice(first, first + len(self.supply))
+        ahead = stop < self.r.samples
+        assert out.shape[0] >= stop - self.done + ahead, "no room for the readings: compiled code writes unchecked"
+        assert out.shape[2] >= columns.stop, "no room for every lane of the block"
         if self.ahead is not None:
             out[0, :, columns] = self.ahead
         self.span = run(
             self.batch, self.flux_map, self.timing, self.features, self.room, self.track, self.r.motion.eccentric,
             self.supply, self.span, self.done, stop, out, moved, first,
         )  # fmt: skip
-        self.ahead = out[stop - self.done, :, columns].copy() if stop < self.r.samples else None
+        self.ahead = out[stop - self.done, :, columns].copy() if ahead else None
         self.done = stop
 
 

@@ -17,15 +17,14 @@ from experiments.constants import (
     answered,
     answers,
     campaigns_of,
-    change,
     changed,
     label_of,
     main,
     places_of,
     remembered,
-    table,
     truths_of,
 )
+from experiments.constants_page import Listed, change, page, table, tried
 from experiments.recalled import MEMORY, recalled
 from model.errors import BadInput
 from sandbox.gap.evidence import priors
@@ -104,10 +103,40 @@ def test_a_table_has_a_row_for_what_was_tried():
         answer("c", case="p2", constant=own, factor=0.5),
         answer("a", case="p1", constant=own, factor=2.0, probability=0.7),
     ]  # fmt: skip
-    rows = table(found, {"p2": ["a"]})[2:]
+    base = {a["case"]: a for a in found[:2]}
+    listed = [Listed(own, "a width", "practice"), Listed("other", "never tried", "")]
+    rows = table(tried(found, base, {"p2": ["a"]}, listed))[2:]
     assert len(rows) == 2
     assert "p2: explained, c (0.900), wrong, truth outside the ambiguity set | 1.000 |" in rows[0]
     assert "| none of 1 | 0.200 |" in rows[1]
+
+
+def test_a_page_counts_what_changes():
+    """Of four answers one is wrong now and one has lost the truth; the constant that changes nothing is named apart."""
+    listed = [Listed("a.ONE", "one", "practice"), Listed("b.TWO", "two", "practice"), Listed("c.THREE", "three", "")]
+    found = [
+        answer("x", case="p1"), answer("x", case="p1", constant="a.ONE", factor=0.5, members=[["y"]]),
+        answer("y", case="p1", constant="a.ONE", factor=2.0),
+        answer("x", case="p1", constant="b.TWO", factor=0.5, probability=0.88),
+        answer("x", case="p1", constant="b.TWO", factor=2.0),
+    ]  # fmt: skip
+    text = "\n".join(page(found, {"p1": ["x"]}, listed))
+    assert "1 campaigns were diagnosed with each of 2 constants" in text
+    assert "2 of the 4 answers change" in text
+    assert "In 1 of them the first hypothesis is wrong." in text
+    assert "| p1 | x | explained | x | 0.900 |" in text
+    assert "\n`b.TWO` (two)." in text
+
+
+def test_a_page_is_of_one_state_of_the_code(tmp_path):
+    for code in ("one", "other"):
+        with (tmp_path / "constants.jsonl").open("a") as file:
+            file.write(json.dumps({**answer("x"), "code": code}) + "\n")
+    with pytest.raises(BadInput, match="several states of the code"):
+        main([str(tmp_path), "--results", str(tmp_path), "--recompute"])
+    (tmp_path / "constants.jsonl").write_text(json.dumps({**answer("x"), "code": "old"}) + "\n")
+    main([str(tmp_path), "--results", str(tmp_path), "--recompute"])
+    assert "(`old`, " in (tmp_path / "constants.md").read_text()
 
 
 def test_it_goes_on_where_it_stopped(tmp_path):

@@ -65,11 +65,17 @@ def with_parts(
     for j in (*found.judged, *grown):
         if j.effects not in sets or j.fit.objective < sets[j.effects].fit.objective:
             sets[j.effects] = j
-    further = {k: v for k, v in values.items() if library.is_further(k)}
+    further = {k: v for k, v in values.items() if library.is_further(k)} or found.further
     return replace(
         found, judged=tuple(sets.values()), simulations=found.simulations + cost, fitted=found.fitted | set(sets),
         further=further,
     )  # fmt: skip
+
+
+def in_parts(found: Search) -> tuple[str, ...]:
+    """Return the effects of a search's best set that can have several parts."""
+    best = max(found.judged, key=lambda j: j.log_evidence)
+    return tuple(e for e in best.effects if library.load_effect(e).repeats > 1)
 
 
 def _grown(

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from model import energy
 from model.drive_files import load_drive
+from model.energy import SOLVED, flux_newton, is_convex_to
 from model.errors import unknown
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
@@ -101,8 +101,8 @@ def valid(motor: Motor) -> bool:
     for angle in np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False):
         d = q = 0.0
         for r in np.linspace(0.0, VALID_TO * motor.rated_current, 25)[1:]:
-            d, q, status = energy.flux_newton(m, float(r * np.cos(angle)), float(r * np.sin(angle)), d, q)
-            if status != energy.SOLVED or not energy.is_convex_to(m, d, q):
+            d, q, status = flux_newton(m, float(r * np.cos(angle)), float(r * np.sin(angle)), d, q)
+            if status != SOLVED or not is_convex_to(m, d, q):
                 return False
     return True
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from model.effects import library
+from sandbox.gap import diagnose as diagnosing
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
@@ -53,6 +54,28 @@ def test_a_second_order_is_found_and_no_third():
         assert abs(e.value - {**SIXTH, **FURTHER}[name]) < 1.5 * (e.high - e.value), name
     assert new.further["flux_harmonics.2.order"] == 18.0
     assert new.further["flux_harmonics.2.psi_d"] == best.fit.point.values["flux_harmonics.2.psi_d"]
+    assert with_parts(new, 5.0, weights).further == new.further
+
+
+@pytest.mark.parametrize(("few", "wide", "calls"), [((), ("flux_harmonics",), 2), ((), ("dead_time",), 1),
+                         (("flux_harmonics",), ("dead_time", "flux_harmonics"), 1)])  # fmt: skip
+def test_orders_are_looked_for_again_where_the_wider_search_names_a_harmonic(monkeypatch, few, wide, calls):
+    """Whatever the wider search names for the first time can have further orders that nothing has looked for."""
+
+    def named(effects):
+        return SimpleNamespace(judged=(SimpleNamespace(effects=effects, log_evidence=0.0),))
+
+    asked = []
+
+    def looked(found, *_, **__):
+        asked.append(found.judged[0].effects)
+        return found
+
+    monkeypatch.setattr(diagnosing, "search", lambda *_, **__: named(few))
+    monkeypatch.setattr(diagnosing, "widened", lambda *_, **__: named(wide))
+    monkeypatch.setattr(diagnosing, "with_parts", looked)
+    assert diagnosing._searched(None, 1.0, {}, (), 1, print).judged[0].effects == wide
+    assert asked == [few, wide][:calls]
 
 
 def test_no_further_order_where_there_is_none():

@@ -34,9 +34,9 @@ def names_tested():
     return found
 
 
-def python(code, folder, **more):
+def python(code, folder, script="script.py", **more):
     """Run a script of its own in a folder, with variables of the environment; return what it did."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), **more}
-    script = folder / "script.py"
-    script.write_text(code)
-    return subprocess.run([sys.executable, str(script)], cwd=folder, env=environment, capture_output=True, text=True)
+    file = folder / script
+    file.write_text(code)
+    return subprocess.run([sys.executable, str(file)], cwd=folder, env=environment, capture_output=True, text=True)

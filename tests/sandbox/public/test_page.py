@@ -1,10 +1,12 @@
-"""The page of public Python as a whole: lazy, documented, every name tested, a hidden package named."""
+"""The page of public Python as a whole: lazy, documented, every name tested, a user's own `model.py` beside ours."""
 
 from __future__ import annotations
 
+import ast
 import doctest
 import inspect
 from importlib import import_module
+from pathlib import Path
 
 import pytest
 
@@ -53,20 +55,94 @@ def test_importing_the_page_is_light(tmp_path):
     assert python(code, tmp_path).stdout.strip() == "set()"
 
 
-@pytest.mark.parametrize(
-    ("place", "name"),
-    [("model.py", "model"), ("estimators.py", "estimators"), ("model/__init__.py", "model")],
-)
-def test_a_users_own_module_of_our_name_is_named(place, name, tmp_path):
-    file = tmp_path / place
-    file.parent.mkdir(exist_ok=True)
+MINE = """
+print("own code runs")
+from sandbox import list_motors
+
+energy, registry, kept = "energy of mine", "registry of mine", len(list_motors()) > 2
+
+
+class Net:
+    pass
+"""
+BESIDE = """
+from sandbox import list_scenarios, load_estimator, load_motor
+
+print(load_motor("ipm").motor.name, load_estimator("qnull").name)
+import {name}
+
+print("so far ours")
+print({name}.energy, "|", {name}.registry, "|", {name}.kept)
+from {name} import Net
+from {name}.{ours} import {what}
+
+print(Net.__module__, {what}.__module__, {name}.{ours})
+import pickle
+
+pickle.loads(pickle.dumps(Net()))
+try:
+    {name}.nothing
+except AttributeError as error:
+    print(error)
+"""
+
+
+@pytest.mark.parametrize("first", [False, True])
+@pytest.mark.parametrize(("name", "ours", "what"), [("model", "energy", "flux_from_current"),
+                         ("estimators", "registry", "load_estimator")])  # fmt: skip
+def test_a_users_own_module_of_our_name_is_there_beside_ours(name, ours, what, first, tmp_path):
+    """Theirs runs when it is asked for, once, keeps its names, and may use the page itself; ours stay ours."""
+    file = tmp_path / f"{name}.py"
+    file.write_text(MINE)
+    code = BESIDE.format(name=name, ours=ours, what=what)
+    done = python((f"import {name}\n" if first else "") + code, tmp_path)
+    assert done.returncode == 0, done.stderr
+    said = ["ipm qnull", "so far ours"]
+    said = ["own code runs", *said] if first else [*said, "own code runs"]
+    assert done.stdout.splitlines() == [
+        *said, "energy of mine | registry of mine | True", f"{name} {name}.{ours} {ours} of mine",
+        f"module '{name}' ('{file}') has no attribute 'nothing'",
+    ]  # fmt: skip
+
+
+def test_a_script_of_our_name_runs_once(tmp_path):
+    """`python model.py` is a program, which our code must not run again."""
+    done = python("from sandbox import load_motor\nprint(load_motor('ipm').motor.name)\n", tmp_path, "model.py")
+    assert done.stdout == "ipm\n", done.stderr
+
+
+def test_a_users_file_that_fails_says_why_and_leaves_ours(tmp_path):
+    (tmp_path / "model.py").write_text("x = 1 / 0\n")
+    code = (
+        "from sandbox import load_motor\ntry:\n    from model import x\nexcept ZeroDivisionError as e:\n    print(e)\n"
+    )
+    done = python(code + "print(load_motor('ipm').motor.name)", tmp_path)
+    assert done.stdout.splitlines() == ["division by zero", "ipm"], done.stderr
+
+
+def test_a_users_package_of_our_name_is_named(tmp_path):
+    """A folder with submodules of its own cannot share a name."""
+    file = tmp_path / "model" / "__init__.py"
+    file.parent.mkdir()
     file.write_text("x = 1\n")
-    for code in ("from sandbox import simulate", f"import {name}\nfrom sandbox import simulate"):
+    for code in ("from sandbox import simulate", "import model\nfrom sandbox import simulate"):
         done = python(code, tmp_path)
         said = done.stderr.strip().splitlines()[-1]
         assert done.returncode == 1
-        assert said.startswith(f"ImportError: '{file}' hides the package '{name}'")
-        assert f"rename that file or folder, for example to my_{name}" in said
+        assert said.startswith(f"ImportError: '{file}' hides the package 'model'")
+        assert "rename that file or folder, for example to my_model" in said
+
+
+def test_our_code_takes_names_from_submodules_alone():
+    """So a user's `model.py`, whose attributes the package then has, never comes into it (`sandbox/shadowing.py`)."""
+    root = Path(sandbox.__file__).parent.parent
+    for folder in ("model", "estimators", "sandbox"):
+        for path in (root / folder).rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+                if isinstance(node, ast.ImportFrom):
+                    assert node.module not in ("model", "estimators"), path
+                if isinstance(node, ast.Import):
+                    assert not {a.name.partition(".")[0] for a in node.names} & {"model", "estimators"}, path
 
 
 def test_a_folder_without_package_hides_nothing(tmp_path):

@@ -18,7 +18,7 @@ from model.errors import BadInput
 from sandbox.plant import additions as add
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
-from sandbox.replay.replay import halving_error, plan, prepare, replay, residuals, with_steps
+from sandbox.replay.replay import halving_error, plan, prepare, replay, residuals, run_block, with_steps
 from sandbox.replay.sensitivity import all_parameters, sensitivities
 from sandbox.validation.switched.advance import replay as switched
 from sandbox.validation.switched.bench_numbers import bench, quiet
@@ -398,3 +398,14 @@ def test_a_fit_finds_dead_time_from_sensitivities():
     recorded, values, _ = practice("p02")
     found, _ = fitted(recorded, {k: v for k, v in values.items() if not k.startswith("dead_time")}, rounds=4)
     assert found["dead_time.time"] == pytest.approx(values["dead_time.time"], abs=2e-8)
+
+
+def test_too_little_room_for_a_block_is_noticed_before_anything_is_written():
+    """Compiled code writes unchecked: sixteen sets run in a block of 24 lanes."""
+    prepared = prepare(campaign({}, cases=CASES[:1]), steps=1)
+    block = plan(prepared, [{}] * 16)[0]
+    r, moved = prepared.recordings[0], np.empty((1, 1))
+    run_block(prepared, r, block, np.empty((r.samples, 3, block.lanes)), moved, 0)
+    for shape in ((r.samples, 3, 16), (r.samples - 1, 3, block.lanes)):
+        with pytest.raises(AssertionError, match="no room"):
+            run_block(prepared, r, block, np.empty(shape), moved, 0)
