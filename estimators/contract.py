@@ -18,7 +18,7 @@ import numba
 import numpy as np
 from numba import types
 
-from model.compiled import compiled_as
+from model.compiled import compiled_as, kernel
 from model.energy import AnyEnergy, Energy
 
 PULSATING, ROTATING, NONE, PWM = "pulsating", "rotating", "none", "pwm"
@@ -35,6 +35,15 @@ class Sample(NamedTuple):
     carrier: float  # s, zero-mean primitive F of the injected waveform at t_k: flux ripple per volt
 
 
+@kernel
+def as_sample(row):
+    """Return the Sample whose numbers stand in a row (5,), in its order."""
+    return Sample(i_alpha=row[0], i_beta=row[1], u_alpha=row[2], u_beta=row[3], carrier=row[4])
+
+
+READ_ALPHA, READ_BETA, TOLD_ALPHA, TOLD_BETA = range(4)  # what stands in a row of `Oversampled.readings`
+
+
 class Oversampled(NamedTuple):
     """A Sample, and what was read inside the PWM period that ends at t_k."""
 
@@ -43,7 +52,7 @@ class Oversampled(NamedTuple):
     u_alpha: float
     u_beta: float
     carrier: float
-    readings: np.ndarray  # (n, 4): i_alpha, i_beta (A) read at t_k - h + (j + 1/2) h/n, V s commanded since t_k - h
+    readings: np.ndarray  # (n, 4), see READ_ALPHA: A read at t_k - h + (j + 1/2) h/n, V s commanded since t_k - h
 
 
 class Estimate(NamedTuple):

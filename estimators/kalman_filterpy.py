@@ -18,6 +18,7 @@ from estimators.kalman import START_ANGLE, START_FLUX, START_SPEED
 from estimators.startup import TRACKING, start, tell
 from model.energy import currents, hessian
 
+OMEGA, THETA = 2, 3  # places in the filter's state, behind the two fluxes in the stationary frame
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 
 
@@ -38,13 +39,13 @@ class EnergyFilter(ExtendedKalmanFilter):
 
     def current(self, x: np.ndarray) -> np.ndarray:
         """Return i_alpha, i_beta of the believed motor at state x (4,)."""
-        turn = rotation(x[3])
+        turn = rotation(x[THETA])
         d, q = turn.T @ x[:2] - [self.belief.magnet_flux, 0.0]
         return turn @ np.array(currents.py_func(self.belief.energy, d, q))
 
     def current_jacobian(self, x: np.ndarray) -> np.ndarray:
         """Return d(i_alpha, i_beta)/dx, 2 x 4."""
-        turn = rotation(x[3])
+        turn = rotation(x[THETA])
         d, q = turn.T @ x[:2] - [self.belief.magnet_flux, 0.0]
         dd, dq, qq = hessian.py_func(self.belief.energy, d, q)
         g = turn @ np.array([[dd, dq], [dq, qq]]) @ turn.T
@@ -53,7 +54,7 @@ class EnergyFilter(ExtendedKalmanFilter):
 
     def rate(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """Return dx/dt without noise."""
-        return np.concatenate([u - self.belief.resistance * self.current(x), [0.0, x[2]]])
+        return np.concatenate([u - self.belief.resistance * self.current(x), [0.0, x[OMEGA]]])
 
     def predict_x(self, u: Any = 0) -> None:
         """Propagate the mean by one Heun step and leave the Jacobian in F for filterpy's covariance."""
@@ -61,7 +62,7 @@ class EnergyFilter(ExtendedKalmanFilter):
         slope = self.rate(x, u)
         derivative = np.zeros((4, 4))
         derivative[:2] = -self.belief.resistance * self.current_jacobian(x)
-        derivative[3, 2] = 1.0
+        derivative[THETA, OMEGA] = 1.0
         self.F = np.eye(4) + t * derivative
         self.x = x + 0.5 * t * (slope + self.rate(x + t * slope, u))
 
@@ -103,7 +104,7 @@ def filtered(
     f = state.filter
     f.predict(u=np.array([sample.u_alpha, sample.u_beta]))
     update(f, i)
-    theta, omega = float(f.x[3]), float(f.x[2])
+    theta, omega = float(f.x[THETA]), float(f.x[OMEGA])
     _, _, y_d, y_q = demodulate(state.memory, sample, theta, omega, tuning)
     amplitude = tuning.amplitude * tuning.peak
     return Estimate(theta, omega, theta, 0.0, 1.0, y_d * amplitude, y_q * amplitude, 1.0)

@@ -21,7 +21,15 @@ from __future__ import annotations
 import cmath
 
 from estimators.believed import tracked
-from estimators.contract import PWM, STEP_INSIDE, Estimator
+from estimators.contract import (
+    PWM,
+    READ_ALPHA,
+    READ_BETA,
+    STEP_INSIDE,
+    TOLD_ALPHA,
+    TOLD_BETA,
+    Estimator,
+)
 from estimators.demodulation import AXIS, FREE, OMEGA, PHASE, blank
 from estimators.matrix_fit import TAKEN, add, angle_error, believed, forgetting, get, put, solve
 from estimators.startup import TRACKING, start, tell
@@ -39,7 +47,7 @@ OWN = TAKEN + 8 * MOST + 2
 @kernel
 def flux_of(readings, j, area, resistance):
     """Return the flux (Wb) at a reading that the voltage and R i have made; area: integral of the current (A s)."""
-    return complex(readings[j, 2], readings[j, 3]) - resistance * area
+    return complex(readings[j, TOLD_ALPHA], readings[j, TOLD_BETA]) - resistance * area
 
 
 @kernel
@@ -47,9 +55,9 @@ def lines(readings, h, resistance):
     """Return means and slopes a period of flux (Wb) and current (A) over a period's readings, by least squares."""
     n = readings.shape[0]
     area = psi_0 = psi_1 = i_0 = i_1 = 0j
-    last = complex(readings[0, 0], readings[0, 1])
+    last = complex(readings[0, READ_ALPHA], readings[0, READ_BETA])
     for j in range(n):
-        x, i = (j + 0.5) / n - 0.5, complex(readings[j, 0], readings[j, 1])
+        x, i = (j + 0.5) / n - 0.5, complex(readings[j, READ_ALPHA], readings[j, READ_BETA])
         area += 0.5 * h / n * (last + i)
         last = i
         psi = flux_of(readings, j, area, resistance)
@@ -63,9 +71,9 @@ def ripples(state, readings, back, resistance, h):
     """Write f (Wb) and g (A) of a period, turned by `back`; return the scalar product of f with the last period's."""
     psi_0, psi_1, i_0, i_1 = lines(readings, h, resistance)
     n, product = readings.shape[0], 0.0
-    area, last = 0j, complex(readings[0, 0], readings[0, 1])
+    area, last = 0j, complex(readings[0, READ_ALPHA], readings[0, READ_BETA])
     for j in range(n):
-        x, i = (j + 0.5) / n - 0.5, complex(readings[j, 0], readings[j, 1])
+        x, i = (j + 0.5) / n - 0.5, complex(readings[j, READ_ALPHA], readings[j, READ_BETA])
         area += 0.5 * h / n * (last + i)
         last = i
         f = back * (flux_of(readings, j, area, resistance) - psi_0 - x * psi_1)
@@ -105,7 +113,7 @@ def step(state, sample, belief, tuning):
     back = cmath.exp(-1j * (axis - 0.5 * tuning.sampling_period * state[OMEGA]))
     mean = 0j
     for j in range(sample.readings.shape[0]):
-        mean += complex(sample.readings[j, 0], sample.readings[j, 1])
+        mean += complex(sample.readings[j, READ_ALPHA], sample.readings[j, READ_BETA])
     mean *= back / sample.readings.shape[0]
     both = 0.5 * (mean + get(state, MEAN))
     put(state, MEAN, mean)

@@ -34,6 +34,9 @@ INJECTIONS = (NONE, PULSATING, ROTATING)  # by number
 # Places in the state, in words of 8 bytes: address of the step, angle told last (rad), whether one has been told, room
 # for a sample and an estimate, the library's own.
 ADDRESS, THETA, TOLD, SAMPLE, ESTIMATE, OWN = 0, 1, 2, 3, 8, 16
+# Places in the structures `sensorless_sample` and `sensorless_estimate` of the header.
+I_ALPHA, I_BETA, U_ALPHA, U_BETA, CARRIER = range(5)
+ANGLE, OMEGA, AXIS, BIAS, TRACKING, RIPPLE_D, RIPPLE_Q, INJECTION = range(8)
 GUARD = 0x5EA15EA15EA15EA1  # behind the library's own: still there after init
 
 
@@ -185,30 +188,37 @@ def _followed(state, theta):
     return theta
 
 
+@numba.njit(inline="always", error_model="numpy")
+def _told(x, e, sample):
+    """Write a sample, and an estimate that the library has not filled in yet."""
+    x[I_ALPHA], x[I_BETA] = sample.i_alpha, sample.i_beta
+    x[U_ALPHA], x[U_BETA] = sample.u_alpha, sample.u_beta
+    x[CARRIER] = sample.carrier
+    e[: INJECTION + 1] = 0.0
+    e[INJECTION] = 1.0
+
+
+@numba.njit(inline="always", error_model="numpy")
+def _found(state, e):
+    """Return the estimate that the library has written, its angle going on from the last one."""
+    return Estimate(
+        _followed(state, np.float64(e[ANGLE])), np.float64(e[OMEGA]), np.float64(e[AXIS]), np.float64(e[BIAS]),
+        np.float64(e[TRACKING]), np.float64(e[RIPPLE_D]), np.float64(e[RIPPLE_Q]), np.float64(e[INJECTION]),
+    )  # fmt: skip
+
+
 @kernel_as(STEP)
 def step_double(state, sample, belief, tuning):
     """Take one sample: a library of doubles."""
-    state[SAMPLE], state[SAMPLE + 1] = sample.i_alpha, sample.i_beta
-    state[SAMPLE + 2], state[SAMPLE + 3] = sample.u_alpha, sample.u_beta
-    state[SAMPLE + 4] = sample.carrier
-    state[ESTIMATE : ESTIMATE + 7] = 0.0
-    state[ESTIMATE + 7] = 1.0
+    _told(state[SAMPLE:ESTIMATE], state[ESTIMATE:OWN], sample)
     _call(state.view(np.int64)[ADDRESS], state)  # type: ignore[call-arg]  # numba hands the context over
-    e = state[ESTIMATE : ESTIMATE + 8]
-    return Estimate(_followed(state, e[0]), e[1], e[2], e[3], e[4], e[5], e[6], e[7])
+    return _found(state, state[ESTIMATE:OWN])
 
 
 @kernel_as(STEP)
 def step_single(state, sample, belief, tuning):
     """Take one sample: a library of floats."""
-    x, e = state[SAMPLE:ESTIMATE].view(np.float32), state[ESTIMATE:OWN].view(np.float32)
-    x[0], x[1], x[2], x[3] = sample.i_alpha, sample.i_beta, sample.u_alpha, sample.u_beta
-    x[4] = sample.carrier
-    e[0:7] = 0.0
-    e[7] = 1.0
+    e = state[ESTIMATE:OWN].view(np.float32)
+    _told(state[SAMPLE:ESTIMATE].view(np.float32), e, sample)
     _call(state.view(np.int64)[ADDRESS], state)  # type: ignore[call-arg]  # numba hands the context over
-    theta = _followed(state, np.float64(e[0]))
-    return Estimate(
-        theta, np.float64(e[1]), np.float64(e[2]), np.float64(e[3]), np.float64(e[4]), np.float64(e[5]),
-        np.float64(e[6]), np.float64(e[7]),
-    )  # fmt: skip
+    return _found(state, e)

@@ -83,8 +83,8 @@ class _Tests(NamedTuple):
 
 
 @kernel
-def _predict(m, resistance, chain, tests, out):
-    """Fill out (n, 4): mean voltage d, q (V) and slopes d, q (1/H) as the bench reads them; return 0 if solved."""
+def _predict(m, resistance, chain, tests, voltage, slope):
+    """Fill in mean voltage (V) and slopes (1/H), (n, 2) along d, q, as the bench reads them; return 0 if solved."""
     n, samples = tests.flux.shape
     gain, offset = chain.gain, chain.offset
     v = np.empty((samples, 2))
@@ -109,8 +109,8 @@ def _predict(m, resistance, chain, tests, out):
             a, b = rotate(ripple[j, 0], ripple[j, 1], angle)
             x, y = gain[0, 0] * a + gain[0, 1] * b, gain[1, 0] * a + gain[1, 1] * b
             ripple[j, 0], ripple[j, 1] = rotate(x, y, -theta)
-        out[k, 0], out[k, 1] = rotate(u_d, u_q, error)
-        out[k, 2], out[k, 3] = slopes(ripple, tests.flux[k])
+        voltage[k, 0], voltage[k, 1] = rotate(u_d, u_q, error)
+        slope[k, 0], slope[k, 1] = slopes(ripple, tests.flux[k])
     return 0
 
 
@@ -137,13 +137,13 @@ class Problem:
         motor, bench = MotorUnknowns.of(unknowns), BenchUnknowns.of(unknowns)
         if motor.resistance <= 0 or motor.inductance_d <= 0 or motor.inductance_q <= 0:
             return None
-        out = np.empty((len(lv.axis), 4))
+        voltage, slope = np.empty((len(lv.axis), 2)), np.empty((len(lv.axis), 2))
         tests = _Tests(lv.theta, lv.waveform, lv.flux, lv.current, lv.period)
-        if _predict(motor.energy, motor.resistance, self.chain(bench), tests, out):
+        if _predict(motor.energy, motor.resistance, self.chain(bench), tests, voltage, slope):
             return None
-        bias = (lv.voltage - out[:, :2]) / (lv.voltage_sd * self.inflate[0])
+        bias = (lv.voltage - voltage) / (lv.voltage_sd * self.inflate[0])
         rows = lv.axis != NONE
-        ripple = ((lv.slope - out[:, 2:]) / (lv.slope_sd * self.inflate[1]))[rows]
+        ripple = ((lv.slope - slope) / (lv.slope_sd * self.inflate[1]))[rows]
         finite = np.isfinite(self.prior)
         return np.concatenate([bias.ravel(), ripple.ravel(), unknowns[MOTOR:][finite] / self.prior[finite]])
 

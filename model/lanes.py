@@ -76,6 +76,14 @@ def fading(x):
 
 
 @inlined
+def soft_sign(x, shape):
+    """Return the sign of a current over its half-width as it goes through zero: linear (shape 0) to tanh (1)."""
+    e = fading(-2.0 * abs(x))
+    tanh = (1.0 - e) / (1.0 + e)
+    return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * (tanh if x >= 0.0 else -tanh)
+
+
+@inlined
 def lag_weights(x):
     """Return of a first-order lag over a step of x time constants: decay and weights of the input at start, middle and
     end, the input a parabola through them (they sum to one minus the decay)."""

@@ -160,6 +160,22 @@ def test_the_diagnosis_names_no_effect():
                 assert of_shaft or not quoted.fullmatch(node.value), f"{path}:{node.lineno}: {node.value}"
 
 
+def test_the_plant_names_no_effect():
+    """An effect is one file: neither the library nor the plant nor the closed loop has its name or imports its file.
+
+    The plant on one readable page has its equations once more; the locked test and `record` speak of a bench.
+    """
+    readable = {"reference.py", "ports.py", "locked_test.py", "record.py"}
+    names = "|".join(effect_names())
+    rooms = [p for room in ("plant", "drive") for p in (ROOT / "sandbox" / room).glob("*.py") if p.name not in readable]
+    known = {"encoder_offset.offset", "current_offset"}  # what turns an angle that is read; a key of [background]
+    for path in (ROOT / "model" / "effects" / "library.py", ROOT / "model" / "effects" / "adopt.py", *rooms):
+        assert not any(re.fullmatch(rf"model\.effects\.(?:{names})", n) for n in imported(path)), path
+        strings = {n.value for n in ast.walk(ast.parse(path.read_text())) if isinstance(n, ast.Constant)}
+        quoted = {s for s in strings if isinstance(s, str) and re.fullmatch(rf"(?:{names})(?:\.\w*)?", s)}
+        assert quoted <= (known if path.name == "sets.py" else set()), path
+
+
 def test_rooms_of_the_diagnosis_stay_small():
     for room in (ROOT / "sandbox" / "gap").rglob("*"):
         if room.is_dir() and "withheld" not in room.parts:

@@ -21,6 +21,27 @@ the square of speed.
 # - ``Parameter("coefficient", unit, neutral, low, high, typical)``: at the neutral value the effect must do nothing.
 # - The other fields are text for people. ``confused_with`` and ``separated_by`` are printed by a diagnosis.
 #
+# What else a card can say
+# ------------------------
+# The bounds of a ``Parameter`` are fixed numbers. If a bound depends on the drive, give ``limits``: a function that yields every size with
+# its bound. If the effect is fast, ``longest`` says which step (s) the plant may take at most in a closed loop, at a speed ``omega`` (rad/s,
+# electrical):
+#
+# .. code-block:: python
+#
+#     from model.effects.card import Limit
+#
+#     def limits(values, motor, converter):
+#         speed = motor.rated_omega / motor.pole_pairs
+#         torque = values["fan.coefficient"] * speed**2
+#         yield Limit("fan.coefficient", torque, motor.rated_torque, "N m, rated torque, at rated speed")
+#
+#     FAN = Effect(..., limits=limits, longest=lambda values, motor, omega: 1e-4)
+#
+# A coefficient of 1e-3 is then refused on ``ipm_exchanged`` in one sentence: *fan.coefficient: 35.5306 is out of range; it must stay below
+# 1.06 N m, rated torque, at rated speed*. Some effects need parts of the plant that run only where they are asked for, such as late pulses
+# or a filter of the readings; ``needs`` names the part, and ``rows`` feeds it. ``model/effects/README.md`` lists all fields of a card.
+#
 # Use it
 # ------
 # On the command line, give the file; then the effect has a name like any other::

@@ -5,19 +5,23 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import inspect
+import math
 import os
 import sys
 from dataclasses import fields
 from pathlib import Path
 
 from model.compiled import depend_on
+from model.drive_files import load_drive
 from model.effects import library
-from model.effects.card import PORTS, REPEATED, Effect, Part
+from model.effects.card import MACHINERY, PORTS, REPEATED, Effect, Part
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
-from model.errors import BadInput, brief
+from model.errors import BadInput, brief, unknown
+from model.parameters import Drive
 
 MOST_PARTS = 12
 LONGEST_TEXT = 1000  # characters of a card's line
+TRIED_ON = "ipm"  # the motor with which a card's functions are tried
 
 
 def adopt(path: str | Path) -> tuple[Effect, ...]:
@@ -43,7 +47,7 @@ def adopt(path: str | Path) -> tuple[Effect, ...]:
         _check(card, file)
     FILES[str(file)] = name
     os.environ[VARIABLE] = os.pathsep.join(FILES)
-    _forget()
+    library.forget()
     return cards
 
 
@@ -83,6 +87,9 @@ def _check(card: Effect, file: Path) -> None:
     for at in card.part(2).at if card.repeats > 1 else ():
         if at.port not in REPEATED:
             raise BadInput(f"{file}: '{card.name}' repeats at the port '{at.port}'; it can at {', '.join(REPEATED)}")
+    if card.needs and card.needs not in MACHINERY:
+        raise BadInput(f"{file}: '{card.name}': {unknown('machinery in needs', card.needs, MACHINERY)}")
+    _try(card, file)
 
 
 def _check_equations(card: Effect, part: Part, file: Path) -> None:
@@ -102,10 +109,32 @@ def _check_equations(card: Effect, part: Part, file: Path) -> None:
             raise BadInput(f"{file}: the equation of '{card.name}' must be @inlined and take ({quantities})")
 
 
-def _forget() -> None:
-    """Let the library look again."""
-    for function in (library.effect_names, library.load_effect, library.parameters, library._neutral):
-        function.cache_clear()
+def _try(card: Effect, file: Path) -> None:
+    """Raise BadInput unless a card's functions work at each end of each parameter, the others neutral."""
+    drive = load_drive(TRIED_ON)
+    own = {card.public(k, p.name): p for k in range(1, card.repeats + 1) for p in card.part(k).parameters}
+    neutral = library.neutral(drive.motor) | {name: p.neutral_for(drive.motor) for name, p in own.items()}
+    for name, end in [(n, end) for n, p in own.items() if math.isfinite(p.low) for end in (p.low, p.high)]:
+        try:
+            _ask(card, neutral | {name: end}, neutral, drive)
+        except BadInput:  # a limit of the card, in its own words
+            continue
+        except Exception as error:  # whatever a user's file raises is the user's to mend
+            text = f"{type(error).__name__}: {error}"
+            raise BadInput(f"{file}: '{card.name}' fails with {name} = {end:g}: {text}") from None
+
+
+def _ask(card: Effect, values: dict[str, float], neutral: dict[str, float], drive: Drive) -> None:
+    """Call a card's functions as a run does."""
+    for limit in card.limits(values, drive.motor, drive.converter) if card.limits else ():
+        if limit.size > 0.0 and not limit.size < limit.bound:
+            return  # nothing else is asked then
+    if card.rows:
+        dict(card.rows(values, drive.motor))
+    if card.longest and card.is_on(values, neutral):
+        step = card.longest(values, drive.motor, drive.motor.rated_omega)
+        if not step > 0.0:
+            raise ValueError(f"longest gives {step}; give s, more than 0")
 
 
 def inherit() -> None:

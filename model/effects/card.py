@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, NamedTuple
 
 from model.parameters import Converter, Motor
 
@@ -43,6 +44,9 @@ class Parameter:
     value is taken over; `resolved_by` "time" or "turns": a change is as fine as the recordings' length resolves;
     `same_as`: the parameter of another effect that is the same number; `predicted` False: pure noise, no prediction
     moves; `ordinary`: the deviation that every drive may have.
+
+    What else it is: `scales`, the motor's value that it multiplies (one without a neutral value of its own replaces the
+    motor's; in the library alone); `whole`: only whole numbers but 0 make sense, such as orders.
     """
 
     name: str
@@ -63,6 +67,8 @@ class Parameter:
     same_as: str = ""
     predicted: bool = True
     ordinary: Ordinary | None = None
+    scales: str = ""
+    whole: bool = False
 
     def neutral_for(self, motor: Motor) -> float:
         """Return the neutral value for a motor."""
@@ -154,6 +160,27 @@ class Part:
 
 
 REPEATED = ("magnets", "energy", "torque")  # ports at which parts beyond the first can enter
+MACHINERY = {  # what the plant has beside its ports and runs only where an effect needs it; fed by the rows named
+    "iron": "a branch across the slope of the flux, with a lag: core_g, core_rate",
+    "skin": "a branch of the winding, with a lag: skin_r, skin_rate",
+    "filter": "a low-pass between sensors and samplers: filter_rate",
+    "delay": "pulses later than the samples: delay, sample",
+    "twist": "a second mass behind the shaft: motor_inv, load_inv, load_share, swing_rate, swing_ratio",
+}
+
+
+class Limit(NamedTuple):
+    """A size that must stay below a bound beside the rest of the drive; no limit for sizes of 0 or less.
+
+    name: whose size, as the user calls it; what: the unit, and in words what the bound is, such as "V, the DC link";
+    simulated: only a simulated drive has this limit, a recorded one may be beyond it.
+    """
+
+    name: str
+    size: float
+    bound: float
+    what: str
+    simulated: bool = False
 
 
 @dataclass(frozen=True)
@@ -163,6 +190,11 @@ class Effect:
     at: its equations at ports of the plant; rows: numbers of the plant itself that it changes (fields of
     `sandbox.plant.batch.PLANT`), added to the motor's, as a function of the completed parameters of all effects and the
     motor; switches: the effect is off while these parameters are neutral (default: all of its parameters).
+
+    needs: what of the plant's MACHINERY runs while the effect is on ("": none).  limits: bounds that completed values
+    have beside a motor and a converter, asked for where a parameter of the effect is not neutral; it raises BadInput
+    for what is no matter of a bound.  longest: the longest step (s) that a closed loop may take while the effect is on,
+    by completed values, the motor (true) and its highest speed (rad/s, electrical); see `model.steps`.
 
     repeats: how many parts like its first it can have at once, that one included; they add up.  Parameters of the first
     are `effect.parameter`, of the k-th (k from 2 on) `effect.k.parameter`, neutral unless given; further: what parts
@@ -186,6 +218,9 @@ class Effect:
     at: tuple[At, ...] = ()
     rows: Callable[[Mapping[str, float], Motor], dict[str, float]] | None = None
     switches: tuple[str, ...] = ()
+    needs: str = ""
+    limits: Callable[[Mapping[str, float], Motor, Converter], Iterable[Limit]] | None = None
+    longest: Callable[[Mapping[str, float], Motor, float], float] | None = None
     repeats: int = 1
     further: Part | None = None
 
@@ -199,11 +234,19 @@ class Effect:
         """Return the public name of a parameter of the k-th part (1 ... repeats)."""
         return f"{self.name}.{parameter}" if k == 1 else f"{self.name}.{k}.{parameter}"
 
+    @cached_property
+    def switched_by(self) -> tuple[tuple[str, ...], ...]:
+        """The public names of the parameters that switch each part on."""
+        parts = [(k, self.part(k)) for k in range(1, self.repeats + 1)]
+        return tuple(tuple(self.public(k, n) for n in p.switches or [q.name for q in p.parameters]) for k, p in parts)
+
     def switched_off(self, values: Mapping[str, float], neutral: Mapping[str, float], k: int = 1) -> bool:
         """Return whether completed values leave the effect's k-th part off."""
-        part = self.part(k)
-        names = [self.public(k, n) for n in part.switches or tuple(p.name for p in part.parameters)]
-        return all(values[n] == neutral[n] for n in names)
+        return all(values[n] == neutral[n] for n in self.switched_by[k - 1])
+
+    def is_on(self, values: Mapping[str, float], neutral: Mapping[str, float]) -> bool:
+        """Return whether any part of the effect is there."""
+        return not all(self.switched_off(values, neutral, k) for k in range(1, self.repeats + 1))
 
 
 def saturation_size(motor: Motor, alpha: str) -> float:

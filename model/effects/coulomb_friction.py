@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
+from model.effects.card import At, Effect, Limit, Parameter
+from model.effects.shaft_compliance import motor_inertia
 from model.lanes import fading
+from model.parameters import Converter, Motor
+
+FASTEST = 1e6  # 1/s: steps that resolve more would be too short
+LARGEST_RUB = 0.5  # of the time in which friction brings the rotor to rest within its width, in one step
 
 
 @inlined
@@ -15,6 +22,18 @@ def drag(torque, width, stribeck_torque, stribeck_speed, omega_mech):
     e = fading(-2.0 * abs(omega_mech) / width)
     size = level * (1.0 - e) / (1.0 + e)  # tanh
     return size if omega_mech >= 0.0 else -size
+
+
+def rate(v: Mapping[str, float]) -> float:
+    """Return how fast dry friction pulls a free rotor to rest within its width, 1/s."""
+    level = v["coulomb_friction.torque"] + v["coulomb_friction.stribeck_torque"]
+    return level / (v["coulomb_friction.width"] * motor_inertia(v)) if motor_inertia(v) > 0.0 else 0.0
+
+
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield how steep friction may be at standstill."""
+    what = "1/s, torque over width and inertia: the steps that resolve it would be too short (give a wider one)"
+    yield Limit("coulomb_friction.width", rate(v), FASTEST, what)
 
 
 CARD = Effect(
@@ -39,4 +58,6 @@ CARD = Effect(
     separated_by="coasting down to standstill: straight line against exponential; reversal",
     at=(At("friction", drag, ("torque", "width", "stribeck_torque", "stribeck_speed")),),
     switches=("torque", "stribeck_torque"),
+    limits=limits,
+    longest=lambda v, motor, omega: LARGEST_RUB / rate(v),
 )

@@ -35,4 +35,5 @@ CARD = Effect(
     ),
     trace=0.3,
     rows=lambda v, motor: {"filter_rate": rate_of(v["current_filter.time_constant"])},
+    needs="filter",
 )

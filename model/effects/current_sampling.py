@@ -2,7 +2,28 @@
 
 from __future__ import annotations
 
-from model.effects.card import Effect, Parameter
+from collections.abc import Iterator, Mapping
+
+from model.effects.card import Effect, Limit, Parameter
+from model.parameters import Converter, Motor
+
+
+def rows(v: Mapping[str, float], motor: Motor) -> dict[str, float]:
+    """Return when samples are taken after the pattern's start, and their jitter (s)."""
+    return {
+        "sample": v["current_sampling.delay"] - v["pwm_delay.delay"],
+        "jitter": v["current_sampling.jitter"],
+    }
+
+
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield how far from its instant a sample may be."""
+    half = 0.5 * converter.sampling_period
+    yield Limit("current_sampling.delay", abs(v["current_sampling.delay"]), half, "s, half the sampling period")
+    yield Limit(
+        "current_sampling.jitter", 6.0 * v["current_sampling.jitter"], half, "s in six sigma, half the PWM period"
+    )
+
 
 CARD = Effect(
     name="current_sampling",
@@ -30,5 +51,6 @@ CARD = Effect(
         "the zero vector"
     ),
     trace=0.3,
-    rows=lambda v, motor: {"sample": v["current_sampling.delay"] - v["pwm_delay.delay"]},
+    rows=rows,
+    limits=limits,
 )

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
+from model.effects.card import At, Effect, Limit, Parameter
+from model.parameters import Converter, Motor
 
 HALF_ROOT = 0.8660254037844386
+LARGEST_SAG = 0.2  # of the link
 
 
 @inlined
@@ -18,6 +22,13 @@ def sag(resistance, d_a, d_b, d_c, i_a, i_b):
 def drawn(d_a, d_b, d_c, i_alpha, i_beta):
     """Return the mean current (A) that legs of these duties draw from the link at a current vector (A)."""
     return (d_a - 0.5 * (d_b + d_c)) * i_alpha + HALF_ROOT * (d_b - d_c) * i_beta
+
+
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield how much the link may sag."""
+    bound = LARGEST_SAG * converter.dc_bus_voltage / motor.rated_current
+    what = "ohm: a fifth of the link is lost where it feeds rated current"
+    yield Limit("dc_link_error.sag", v["dc_link_error.sag"], bound, what)
 
 
 CARD = Effect(
@@ -47,4 +58,5 @@ CARD = Effect(
     ),
     at=(At("drawn", sag, ("sag",)),),
     rows=lambda v, motor: {"link_gain": v["dc_link_error.gain_error"]},
+    limits=limits,
 )

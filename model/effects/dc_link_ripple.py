@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
-from model.effects.card import INF, At, Effect, Parameter
+from model.effects.card import INF, At, Effect, Limit, Parameter
 from model.lanes import sine_cosine
+from model.parameters import Converter, Motor
 
 
 @inlined
@@ -14,6 +16,11 @@ def ripple(amplitude, frequency, phase, time):
     """Return the ripple (V) at an instant of the recording (s)."""
     sine, _ = sine_cosine(math.tau * frequency * time + phase)
     return amplitude * sine
+
+
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield how large a ripple may be."""
+    yield Limit("dc_link_ripple.amplitude", v["dc_link_ripple.amplitude"], converter.dc_bus_voltage, "V, the DC link")
 
 
 CARD = Effect(
@@ -38,4 +45,5 @@ CARD = Effect(
     polar=("amplitude", "phase"),
     at=(At("link", ripple, ("amplitude", "frequency", "phase")),),
     switches=("amplitude",),
+    limits=limits,
 )

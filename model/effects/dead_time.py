@@ -2,19 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 from model.compiled import inlined
-from model.effects.card import At, Effect, Ordinary, Parameter
-from model.lanes import fading
-
-SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
-
-
-@inlined
-def soft_sign(x, shape):
-    """Return the sign of a current over its half-width as it goes through zero: linear (shape 0) to tanh (1)."""
-    e = fading(-2.0 * abs(x))
-    tanh = (1.0 - e) / (1.0 + e)
-    return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * (tanh if x >= 0.0 else -tanh)
+from model.effects.card import At, Effect, Limit, Ordinary, Parameter
+from model.lanes import soft_sign
+from model.parameters import Converter, Motor
 
 
 @inlined
@@ -29,6 +22,13 @@ def around_zero(zone_width, zone_shape, current, soft, sign):
     given = zone_width > 0.0
     x = current / (zone_width if given else 1.0) if given else current * soft
     return soft_sign(x, zone_shape) - sign if given or zone_shape > 0.0 else 0.0
+
+
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield how late an edge may be."""
+    yield Limit(
+        "dead_time.time", abs(v["dead_time.time"]), 0.5 * converter.sampling_period, "s, half the sampling period"
+    )
 
 
 CARD = Effect(
@@ -57,4 +57,5 @@ CARD = Effect(
     separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",
     at=(At("edge", late, ("time",)), At("sign", around_zero, ("zone_width", "zone_shape"))),
     switches=("time",),
+    limits=limits,
 )

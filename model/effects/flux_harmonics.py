@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 from model.compiled import inlined
-from model.effects.card import EITHER_PHASE, INF, At, Effect, Parameter, Part
+from model.effects.card import EITHER_PHASE, INF, At, Effect, Limit, Parameter, Part
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
+from model.parameters import Converter, Motor
+from model.steps import step_for_orders
+
+PARTS = 6  # the sixth order, and others
+FURTHER = tuple(f"flux_harmonics.{k}" for k in range(2, PARTS + 1))
 
 
 @inlined
@@ -38,6 +45,20 @@ def of_order(psi_d, psi_q, order, phase, c, s):
     return psi_d * x, psi_q * y, -order * psi_d * y, order * psi_q * x
 
 
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield how large the harmonics may be."""
+    for axis in "dq":
+        size = abs(v[f"flux_harmonics.psi_{axis}6"]) + sum(abs(v[f"{part}.psi_{axis}"]) for part in FURTHER)
+        what = "Wb in all orders together, the magnet flux"
+        yield Limit(f"flux_harmonics.psi_{axis}6", size, motor.magnet_flux, what)
+
+
+def longest(v: Mapping[str, float], motor: Motor, omega: float) -> float:
+    """Return the longest step (s) that resolves the highest order."""
+    there = [part for part in FURTHER if v[f"{part}.psi_d"] or v[f"{part}.psi_q"]]
+    return step_for_orders([v[f"{part}.order"] for part in there], omega)
+
+
 CARD = Effect(
     name="flux_harmonics",
     summary="harmonics of the magnet flux in the rotor frame: the sixth (5th and 7th of the back-EMF), and any others",
@@ -60,12 +81,14 @@ CARD = Effect(
     confused_with=("inductance_harmonics", "dead_time", "cogging_torque"),
     separated_by="driven rotor at zero current: 5th and 7th of the back-EMF proportional to speed",
     at=(At("magnets", harmonic, ("psi_d6", "psi_q6")),),
-    repeats=6,
+    limits=limits,
+    longest=longest,
+    repeats=PARTS,
     further=Part(
         parameters=(
             Parameter("psi_d", "Wb", 0.0, -1e2, 1e2, 0.005, "magnet flux"),
             Parameter("psi_q", "Wb", 0.0, -1e2, 1e2, 0.003, "magnet flux"),
-            Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(12.0, 60.0, 6.0)),
+            Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(12.0, 60.0, 6.0), whole=True),
             Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0, scan=EITHER_PHASE),
         ),
         at=(At("magnets", of_order, ("psi_d", "psi_q", "order", "phase")),),

@@ -27,8 +27,26 @@ CARD = Effect(
         " Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
     ),
     parameters=(
-        Parameter("scale_d", "", 1.0, 0.2, 5.0, 0.9, ordinary=Ordinary("inductance_d", 0.03, of_motor=True)),
-        Parameter("scale_q", "", 1.0, 0.2, 5.0, 1.1, ordinary=Ordinary("inductance_q", 0.03, of_motor=True)),
+        Parameter(
+            "scale_d",
+            "",
+            1.0,
+            0.2,
+            5.0,
+            0.9,
+            ordinary=Ordinary("inductance_d", 0.03, of_motor=True),
+            scales="inductance_d",
+        ),
+        Parameter(
+            "scale_q",
+            "",
+            1.0,
+            0.2,
+            5.0,
+            1.1,
+            ordinary=Ordinary("inductance_q", 0.03, of_motor=True),
+            scales="inductance_q",
+        ),
     ),
     axis="d and q, each its own",
     order="0 and the injection band",

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+
 from model.compiled import inlined
-from model.effects.card import EITHER_PHASE, INF, At, Effect, Parameter, Part
+from model.effects.card import EITHER_PHASE, INF, At, Effect, Limit, Parameter, Part
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
+from model.parameters import Converter, Motor
+from model.steps import step_for_orders
+
+PARTS = 6  # the sixth order, and others
+FURTHER = tuple(f"inductance_harmonics.{k}" for k in range(2, PARTS + 1))
 
 
 @inlined
@@ -39,6 +46,20 @@ def of_order(gamma, pulse, order, phase, c, s, d, q):
     return i_d + pulse * x * d, i_q + pulse * x * q, 0.5 * order * bent
 
 
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield how large the harmonics may be."""
+    size = abs(v["inductance_harmonics.gamma_6"])
+    size += sum(abs(v[f"{part}.gamma"]) + abs(v[f"{part}.pulse"]) for part in FURTHER)
+    least = min(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
+    yield Limit("inductance_harmonics.gamma_6", size, least, "1/H in all orders together, where H is not convex")
+
+
+def longest(v: Mapping[str, float], motor: Motor, omega: float) -> float:
+    """Return the longest step (s) that resolves the highest order."""
+    there = [part for part in FURTHER if v[f"{part}.gamma"] or v[f"{part}.pulse"]]
+    return step_for_orders([v[f"{part}.order"] for part in there], omega)
+
+
 CARD = Effect(
     name="inductance_harmonics",
     summary="harmonics of the inductances, the sixth and any others, with the torque that energy demands",
@@ -58,12 +79,14 @@ CARD = Effect(
     confused_with=("flux_harmonics", "cross_saturation", "winding_asymmetry"),
     separated_by="locked rotor at several angles with injection; or slow driven rotor under current",
     at=(At("energy", further, ("gamma_6",)),),
-    repeats=6,
+    limits=limits,
+    longest=longest,
+    repeats=PARTS,
     further=Part(
         parameters=(
             Parameter("gamma", "1/H", 0.0, -1e4, 1e4, 0.005, "1 / L_d"),
             Parameter("pulse", "1/H", 0.0, -1e4, 1e4, 0.005, "1 / L_d"),
-            Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(12.0, 60.0, 6.0)),
+            Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(12.0, 60.0, 6.0), whole=True),
             Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0, scan=EITHER_PHASE),
         ),
         at=(At("energy", of_order, ("gamma", "pulse", "order", "phase")),),

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from model.effects.card import INF, Effect, Parameter
 
+LARGEST_LAG = 0.5  # of the time constant in one step: the current is no parabola over a longer one
+
 CARD = Effect(
     name="iron_loss",
     summary="eddy currents and hysteresis of the core, as a resistance across the flux slope",
@@ -31,4 +33,6 @@ CARD = Effect(
         "core_rate": 1.0 / v["iron_loss.time_constant"],
     },
     switches=("core_resistance",),
+    needs="iron",
+    longest=lambda v, motor, omega: LARGEST_LAG * v["iron_loss.time_constant"],
 )

@@ -23,20 +23,6 @@ from model.spline import SplineEnergy
 
 FOLDER = Path(__file__).parent
 NOT_EFFECTS = ("__init__", "adopt", "card", "library", "own")
-SHARED = ("alpha_12", "alpha_22")  # cross_saturation is a part of saturation
-OF_MOTOR = {  # parameters that replace a value of the motor
-    "stator_resistance.resistance": "resistance",
-    "magnet_flux.magnet_flux": "magnet_flux",
-    "viscous_friction.coefficient": "viscous_friction",
-    "inertia.inertia": "inertia",
-    **{f"saturation.alpha_{n}": f"alpha_{n}" for n in ("30", "12", "40", "22", "04")},
-}
-SCALES_OF_MOTOR = {f"inductance.scale_{axis}": f"inductance_{axis}" for axis in "dq"}  # that multiply one
-WHOLE = tuple(
-    f"{effect}.{k}.order" for effect in ("flux_harmonics", "inductance_harmonics") for k in range(2, 7)
-)  # electrical orders: windings of all pole pairs in series see no others
-FASTEST_FRICTION = 1e6  # 1/s
-LATEST = 3.0  # sampling periods: the latest that a recorded voltage may act
 BEGIN, END = "<!-- table: python -m model.effects.library -->\n", "<!-- end of table -->\n"
 
 
@@ -73,9 +59,38 @@ def is_further(name: str) -> bool:
 
 
 @cache
+def replaced() -> dict[str, str]:
+    """Return the parameters that replace a value of the motor: {parameter: the motor's field}."""
+    return {name: p.of_motor for name, p in _of_library().items() if p.of_motor and not p.same_as}
+
+
+@cache
+def scaled() -> dict[str, str]:
+    """Return the parameters that multiply a value of the motor: {parameter: the motor's field}."""
+    return {name: p.scales for name, p in _of_library().items() if p.scales}
+
+
+def _of_library() -> dict[str, Parameter]:
+    """Return the parameters of effects that are nobody's own: those alone are values of the motor."""
+    others = {card.name for card, _ in own.cards()}
+    return {name: p for name, p in parameters().items() if name.partition(".")[0] not in others}
+
+
+@cache
 def same_numbers() -> dict[str, str]:
     """Return the parameters that are the same number as another effect's: {double: the other's}."""
     return {name: p.same_as for name, p in parameters().items() if p.same_as}
+
+
+@cache
+def shared() -> frozenset[str]:
+    """Return the parameters that stand under two names, by either."""
+    return frozenset((*same_numbers(), *same_numbers().values()))
+
+
+def one_name(name: str) -> str:
+    """Return the name under which a parameter is the same as its double: the other's for a double."""
+    return same_numbers().get(name, name)
 
 
 def moved(name: str, to: float) -> dict[str, float]:
@@ -120,7 +135,17 @@ def checked(name: str, value: float) -> float:
         )
     if math.isinf(p.low) and not math.isfinite(value):
         raise BadInput(f"{name} = {value!r} is not finite; give a number in {p.unit}")
+    if p.whole and (value != round(value) or value == 0.0):
+        raise BadInput(f"{name} = {value:g} is no whole order; give 1, 2, ..., {p.high:g}, or a negative one")
     return float(value)
+
+
+def forget() -> None:
+    """Look for the effects anew."""
+    for function in (
+        effect_names, load_effect, parameters, replaced, scaled, same_numbers, shared, _neutral, _limited,
+    ):  # fmt: skip
+        function.cache_clear()
 
 
 def neutral(motor: Motor) -> dict[str, float]:
@@ -136,108 +161,49 @@ def _neutral(motor: Motor) -> dict[str, float]:
 def complete(motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None) -> dict[str, float]:
     """Return all parameters, the given ones checked alone and together.
 
-    BadInput also where effects contradict each other: two values of one coefficient, a load heavier than the
-    total inertia, delays beyond half the PWM period.
+    BadInput also where effects contradict each other or the drive: two values of one coefficient, a size beyond a
+    limit of its card.
     """
-    given = dict(effects or {})
+    given, moved = effects or {}, dict[str, None]()  # moved: effects, as a set that keeps its order
     values = neutral(motor)
     for name, value in given.items():
         if not (type(value) is float and value == values.get(name)):  # a neutral one is right as it is
             values[name] = checked(name, value)
-    for alpha in SHARED:
-        one, other = f"saturation.{alpha}", f"cross_saturation.{alpha}"
+            moved[name.partition(".")[0]] = None
+    for other, one in same_numbers().items():
         if one in given and other in given and values[one] != values[other]:
             raise BadInput(f"{one} = {values[one]:g} and {other} = {values[other]:g} contradict each other; give one")
         values[one] = values[other] = values[other] if other in given else values[one]
-    _check_timing(converter, values)
-    total, load = values["inertia.inertia"], values["shaft_compliance.load_inertia"]
-    if not load < total:
-        raise BadInput(
-            f"shaft_compliance.load_inertia = {load:g} is out of range; give less than the total inertia of "
-            f"{total:g} kg m^2"
-        )
-    _check_sizes(motor, converter, values, given)
+        if other.partition(".")[0] in moved:
+            moved[one.partition(".")[0]] = None
+    for card in _limited():
+        if card.name in moved:
+            _hold(card, motor, converter, values)
     return values
 
 
-def friction_rate(v: Mapping[str, float]) -> float:
-    """Return how fast dry friction pulls a free rotor to rest within its width, 1/s."""
-    load = v["shaft_compliance.load_inertia"] if math.isfinite(v["shaft_compliance.stiffness"]) else 0.0
-    level = v["coulomb_friction.torque"] + v["coulomb_friction.stribeck_torque"]
-    return level / (v["coulomb_friction.width"] * (v["inertia.inertia"] - load))
+@cache
+def _limited() -> tuple[Effect, ...]:
+    return tuple(card for card in map(load_effect, effect_names()) if card.limits)
 
 
-def _check_sizes(motor: Motor, converter: Converter, v: Mapping[str, float], given: Mapping[str, float]) -> None:
-    """Raise BadInput for sizes that no drive can have beside the rest of it."""
-    idle = neutral(motor)
-    shaft = [f"shaft_compliance.{p}" for p in ("stiffness", "load_inertia")]
-    changed = [name for name in shaft if given.get(name, idle[name]) != idle[name]]
-    if len(changed) == 1:
-        raise BadInput(f"{changed[0]} alone does nothing; give shaft_compliance.stiffness and .load_inertia together")
-    resistance = v["stator_resistance.resistance"] + min(v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"])
-    least = min(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
-    stiffness, load = v["shaft_compliance.stiffness"], v["shaft_compliance.load_inertia"]
-    rate = 0.0
-    if load > 0.0 and math.isfinite(stiffness) and load < v["inertia.inertia"]:
-        rate = math.sqrt(stiffness * (1.0 / load + 1.0 / (v["inertia.inertia"] - load)))
-    bounds = (
-        ("dc_link_error.sag", v["dc_link_error.sag"], 0.2 * converter.dc_bus_voltage / motor.rated_current,
-         "ohm: a fifth of the link is lost where it feeds rated current"),
-        ("coulomb_friction.width", friction_rate(v), FASTEST_FRICTION,
-         "1/s, torque over width and inertia: the steps that resolve it would be too short (give a wider one)"),
-        ("dc_link_ripple.amplitude", abs(v["dc_link_ripple.amplitude"]), converter.dc_bus_voltage, "V, the DC link"),
-        ("current_sampling.jitter", 6.0 * v["current_sampling.jitter"], 0.5 * converter.sampling_period,
-         "s in six sigma, half the PWM period"),
-        ("inductance_harmonics.gamma_6", _together(v, "inductance_harmonics", ("gamma_6", "gamma", "pulse")), least,
-         "1/H in all orders together, where H is not convex"),
-        ("flux_harmonics.psi_d6", _together(v, "flux_harmonics", ("psi_d6", "psi_d")), motor.magnet_flux,
-         "Wb in all orders together, the magnet flux"),
-        ("flux_harmonics.psi_q6", _together(v, "flux_harmonics", ("psi_q6", "psi_q")), motor.magnet_flux,
-         "Wb in all orders together, the magnet flux"),
-        ("shaft_compliance resonance", rate, math.pi / converter.sampling_period,
-         "rad/s, half the sampling frequency (give stiffness = inf for a rigid shaft)"),
-    )  # fmt: skip
-    for name in WHOLE:
-        if v[name] != round(v[name]) or v[name] == 0.0:
-            raise BadInput(f"{name} = {v[name]:g} is no whole order; give 1, 2, ..., 60, or a negative one")
-    for name, size, bound, what in bounds:
-        if size > 0.0 and not size < bound:
-            raise BadInput(f"{name}: {size:g} is out of range; it must stay below {bound:g} {what}")
-    if resistance < 0.0:
-        raise BadInput(f"winding_asymmetry leaves a phase {resistance:g} ohm; give more than minus the resistance")
+def _hold(
+    card: Effect, motor: Motor, converter: Converter, values: Mapping[str, float], simulated: bool = False
+) -> None:
+    """Raise BadInput for a size beyond a limit of its card; simulated: those of a simulated drive alone."""
+    assert card.limits
+    for limit in card.limits(values, motor, converter):
+        if limit.simulated == simulated and limit.size > 0.0 and not limit.size < limit.bound:
+            raise BadInput(
+                f"{limit.name}: {limit.size:g} is out of range; it must stay below {limit.bound:g} {limit.what}"
+            )
 
 
-def _together(v: Mapping[str, float], effect: str, names: tuple[str, ...]) -> float:
-    """Return the sum of sizes of all parts of an effect."""
-    card = load_effect(effect)
-    parts = range(1, card.repeats + 1)
-    return sum(abs(v[card.public(k, p.name)]) for k in parts for p in card.part(k).parameters if p.name in names)
-
-
-def _check_timing(converter: Converter, values: Mapping[str, float]) -> None:
-    period = converter.sampling_period
-    timing = max(abs(values["current_sampling.delay"]), abs(values["dead_time.time"]))
-    if timing >= 0.5 * period:
-        raise BadInput(
-            f"current_sampling.delay or dead_time.time = {timing:g} s is out of range; "
-            f"give less than half the sampling period of {period:g} s"
-        )
-    if values["pwm_delay.delay"] >= LATEST * period:
-        raise BadInput(
-            f"pwm_delay.delay = {values['pwm_delay.delay']:g} s is out of range; give less than {LATEST:g} sampling "
-            f"periods of {period:g} s"
-        )
-
-
-def check_inside(converter: Converter, values: Mapping[str, float]) -> None:
-    """Raise BadInput for completed values that a simulated drive cannot have, though a recorded one may: a voltage that
-    comes so late that its control would know nothing of it."""
-    late, period = values["pwm_delay.delay"] + abs(values["dead_time.time"]), converter.sampling_period
-    if late >= 0.5 * period:
-        raise BadInput(
-            f"pwm_delay.delay + dead_time.time = {late:g} s is out of range; a simulated drive takes less than half "
-            f"the PWM period of {period:g} s"
-        )
+def check_inside(motor: Motor, converter: Converter, values: Mapping[str, float]) -> None:
+    """Raise BadInput for completed values, or a converter, that a simulated drive cannot have, though a recorded one
+    may."""
+    for card in _limited():
+        _hold(card, motor, converter, values, simulated=True)
     if converter.double:
         raise BadInput(
             f"[drive] pwm_frequency = {converter.pwm_frequency:g} Hz is double update, which only recordings may have; "
@@ -245,17 +211,30 @@ def check_inside(converter: Converter, values: Mapping[str, float]) -> None:
         )
 
 
+def longest_step(motor: Motor, values: Mapping[str, float], omega: float) -> float:
+    """Return the longest step (s) that the effects of completed values allow a closed loop, inf where none matters.
+
+    motor: the true one; omega: rad/s electrical, its highest speed.
+    """
+    idle = neutral(motor)
+    cards = [card for card in map(load_effect, effect_names()) if card.longest and card.is_on(values, idle)]
+    found = {card.name: card.longest(values, motor, omega) for card in cards if card.longest}
+    for name, step in found.items():
+        if not step > 0.0:
+            raise BadInput(f"effect '{name}' asks for steps of {step:g} s; its card must give more than 0")
+    return min(found.values(), default=math.inf)
+
+
 def true_motor(motor: Motor, values: Mapping[str, float], *, keep_map: bool = False) -> Motor:
     """Return the motor with the values that effects replace (`complete`d); BadInput where none can have them.
 
     keep_map: a flux map stays as it is, whatever effects on the magnetics add to it in the plant.
     """
-    changes: dict[str, Any] = {field: values[name] for name, field in OF_MOTOR.items()}
-    scaled = {field: values[name] for name, field in SCALES_OF_MOTOR.items()}
-    changes |= {field: scale * getattr(motor, field) for field, scale in scaled.items()}
+    changes = [(field, values[name]) for name, field in replaced().items()]
+    changes += [(field, values[name] * getattr(motor, field)) for name, field in scaled().items()]
+    kept: dict[str, Any] = {field: value for field, value in changes if value != getattr(motor, field)}
     if keep_map and isinstance(motor.energy, SplineEnergy):
-        changes = {field: value for field, value in changes.items() if not field.startswith(("inductance_", "alpha_"))}
-    kept = {field: value for field, value in changes.items() if value != getattr(motor, field)}
+        kept = {field: value for field, value in kept.items() if not field.startswith(("inductance_", "alpha_"))}
     return dataclasses.replace(motor, **kept) if kept else motor
 
 

@@ -2,7 +2,22 @@
 
 from __future__ import annotations
 
-from model.effects.card import Effect, Parameter
+from collections.abc import Iterator, Mapping
+
+from model.effects.card import Effect, Limit, Parameter
+from model.parameters import Converter, Motor
+
+LATEST = 3.0  # sampling periods: the latest that a recorded voltage may act
+
+
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield how late a recorded voltage may come, and a simulated one, of which the control knows nothing."""
+    delay, period = v["pwm_delay.delay"], converter.sampling_period
+    yield Limit("pwm_delay.delay", delay, LATEST * period, f"s, {LATEST:g} sampling periods")
+    late = delay + abs(v["dead_time.time"])
+    what = "s, half the PWM period: a simulated drive's control takes its voltage for punctual"
+    yield Limit("pwm_delay.delay + dead_time.time", late, 0.5 * period, what, simulated=True)
+
 
 CARD = Effect(
     name="pwm_delay",
@@ -24,4 +39,6 @@ CARD = Effect(
     confused_with=("current_sampling", "current_filter", "encoder_offset"),
     separated_by="injection with steps of large amplitude, at two PWM frequencies",
     rows=lambda v, motor: {"delay": v["pwm_delay.delay"]},
+    needs="delay",
+    limits=limits,
 )

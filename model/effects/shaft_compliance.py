@@ -3,9 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
-from model.effects.card import INF, Effect, Parameter
+from model.effects.card import INF, Effect, Limit, Parameter
+from model.errors import BadInput
+from model.parameters import Converter, Motor
+
+
+def motor_inertia(v: Mapping[str, float]) -> float:
+    """Return the inertia (kg m^2) on the motor's side: all of it where the shaft is rigid."""
+    load = v["shaft_compliance.load_inertia"] if math.isfinite(v["shaft_compliance.stiffness"]) else 0.0
+    return v["inertia.inertia"] - load
+
+
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield how much of the inertia the load may have, and how fast the shaft may swing; it takes two numbers."""
+    total, load, k = v["inertia.inertia"], v["shaft_compliance.load_inertia"], v["shaft_compliance.stiffness"]
+    yield Limit("shaft_compliance.load_inertia", load, total, "kg m^2, the total inertia")
+    if math.isfinite(k) != (load > 0.0):
+        alone = "stiffness" if math.isfinite(k) else "load_inertia"
+        raise BadInput(
+            f"shaft_compliance.{alone} alone does nothing; give shaft_compliance.stiffness and .load_inertia together"
+        )
+    if load > 0.0:
+        swing = math.sqrt(k * (1.0 / load + 1.0 / (total - load)))
+        what = "rad/s, half the sampling frequency (give stiffness = inf for a rigid shaft)"
+        yield Limit("shaft_compliance resonance", swing, math.pi / converter.sampling_period, what)
 
 
 def two_masses(v: Mapping[str, float]) -> dict[str, float]:
@@ -57,4 +80,6 @@ CARD = Effect(
     separated_by="free rotor, step of load or torque, sampled for several periods of the resonance",
     rows=lambda v, motor: two_masses(v),
     switches=("stiffness",),
+    needs="twist",
+    limits=limits,
 )

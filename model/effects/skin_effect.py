@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from model.effects.card import Effect, Parameter
+from model.steps import step_for_winding
 
 CARD = Effect(
     name="skin_effect",
@@ -32,4 +33,6 @@ CARD = Effect(
         "skin_rate": 1.0 / v["skin_effect.time_constant"],
     },
     switches=("resistance",),
+    needs="skin",
+    longest=lambda v, motor, omega: step_for_winding(motor.resistance + v["skin_effect.resistance"], motor.energy),
 )

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.compiled import inlined
-from model.effects.card import At, Effect, Parameter
+from model.effects.card import At, Effect, Limit, Parameter
+from model.errors import BadInput
+from model.parameters import Converter, Motor
 
 
 @inlined
@@ -11,6 +15,14 @@ def drop(delta_a, delta_b, i_alpha, i_beta):
     """Return the additional voltage drop (V) in the stationary frame."""
     v_a, v_b = delta_a * i_alpha, delta_b * (0.8660254037844386 * i_beta - 0.5 * i_alpha)
     return (2.0 * v_a - v_b) / 3.0, v_b * 0.5773502691896258
+
+
+def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> tuple[Limit, ...]:
+    """Raise BadInput where a phase would have less than no resistance."""
+    least = v["stator_resistance.resistance"] + min(v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"])
+    if least < 0.0:
+        raise BadInput(f"winding_asymmetry leaves a phase {least:g} ohm; give more than minus the resistance")
+    return ()
 
 
 CARD = Effect(
@@ -35,4 +47,5 @@ CARD = Effect(
         "also acts where no voltage drops"
     ),
     at=(At("winding", drop, ("delta_a", "delta_b")),),
+    limits=limits,
 )

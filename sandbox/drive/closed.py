@@ -8,37 +8,27 @@ from typing import Any
 
 import numpy as np
 
-from model.effects.library import check_inside, friction_rate
+from model.effects import library
 from model.energy import AnyEnergy
 from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
+from model.steps import step_for_orders, step_for_turn, step_for_winding
 from sandbox.drive.loop import Bench
 from sandbox.plant import additions as add
 from sandbox.plant.batch import blank_room
-from sandbox.plant.sets import batch_of, complete, features_of, highest_order, timing_of
+from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.walking import at_rest
-
-LARGEST_TURN = 0.1  # rad of the rotor, and of a harmonic of its angle thrice that, in one step
-LARGEST_DECAY = 0.1  # of the winding's time constant at zero current, in one step
-LARGEST_RUB = 0.5  # of the time in which dry friction brings the rotor to rest within its width
-LARGEST_LAG = 0.5  # of the iron's time constant: its current is no parabola over a longer segment
 
 
 def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_omega: float) -> float:
     """Return the plant's longest step (s) for speeds up to top_omega (rad/s, electrical).
 
-    The step is of third order: at these bounds its error in the resistive drop stays below 1e-5 of it (tests).
+    motor: the true one.  Where the machine changes with the angle, the sixth order is the least that is resolved.
     """
-    energy = motor.energy
-    decay = (motor.resistance + values["skin_effect.resistance"]) * max(energy.gamma_d, energy.gamma_q)
-    step = min(LARGEST_DECAY / decay, LARGEST_TURN / max(top_omega, 1.0))
+    step = min(step_for_winding(motor.resistance, motor.energy), step_for_turn(top_omega))
     if features & add.ANGULAR:
-        step = min(step, 3.0 * LARGEST_TURN / (highest_order(motor, values) * max(top_omega, 1.0)))
-    if features & add.IRON:
-        step = min(step, LARGEST_LAG * values["iron_loss.time_constant"])
-    if friction_rate(values) > 0.0:
-        step = min(step, LARGEST_RUB / friction_rate(values))
-    return step
+        step = min(step, step_for_orders((), top_omega))
+    return min(step, library.longest_step(motor, values, top_omega))
 
 
 def closed_bench(
@@ -51,7 +41,7 @@ def closed_bench(
     truth: another magnetic model than the motor's.
     """
     values = complete(motor, converter, dict(effects))
-    check_inside(converter, values)
+    library.check_inside(motor, converter, values)
     features = features_of(motor, values) | add.MOVED
     w = batch_of(motor, converter, [values], 1)
     if rotor == "free":
@@ -65,7 +55,7 @@ def closed_bench(
     timing = timing_of(w, converter.sampling_period, 1)
     longest = min(timing.longest, step)
     bench = Bench(w, flux_map, timing._replace(longest=longest), features, blank_room(1))
-    return turned_to(looked_into(bench) if effects["current_sampling.jitter"] > 0.0 else bench, theta)
+    return turned_to(looked_into(bench) if w["jitter"][0] > 0.0 else bench, theta)
 
 
 def looked_into(bench: Bench) -> Bench:

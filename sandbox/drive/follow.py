@@ -7,14 +7,13 @@ from typing import Any
 import numba
 from numba import types
 
-from estimators.contract import ESTIMATE, SAMPLE, STATE, TUNING, Belief, Estimator, Sample
+from estimators.contract import ESTIMATE, SAMPLE, STATE, TUNING, Belief, Estimator, as_sample
 from model.compiled import compiled_as
 
 
 def _follow(step, state, samples, belief, tuning, out):
     for k in range(len(samples)):
-        s = samples[k]
-        out[k] = step(state, Sample(s[0], s[1], s[2], s[3], s[4]), belief, tuning).theta
+        out[k] = step(state, as_sample(samples[k]), belief, tuning).theta
 
 
 def follow(estimator: Estimator, state: Any, samples: Any, belief: Belief, tuning: Any, out: Any) -> None:

@@ -22,7 +22,7 @@ from model.energy import min_eigenvalue
 from model.frames import rotate, stationary
 from sandbox.drive.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
 from sandbox.drive.inside import ask, shift_pulses
-from sandbox.drive.recording import CHANNELS
+from sandbox.drive.recording import ROW
 from sandbox.drive.sensing import encoder, gather, instant, looked_at, read_link, read_phases
 from sandbox.plant.batch import numba_type, room_type
 from sandbox.plant.edges import duties, write_edges
@@ -35,7 +35,6 @@ TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF, I_D_REF = range(6)  # columns of a 
 CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK, ENCODER = range(7)
 INSTANT, SPAN = 9, 10
 MEMORY = 11  # the encoder's speed has three places
-N_CHANNELS = len(CHANNELS)
 CLOSED, OPEN = 1, 0
 LOCKED, DRIVEN, FREE = 0, 1, 2
 
@@ -54,15 +53,15 @@ class Rig(NamedTuple):
     start_time: float  # s, of starting up, before the profile begins
     link: float  # V, nominal
     link_noise: float  # V rms, of its reading, by which duties are formed
-    jitter: float  # s rms, of the instant of sampling
     encoder_step: float  # rad, electrical, of one count; 0: no counts
 
 
-RIG = numba.typeof(Rig(*5 * (0,), *8 * (0.0,)))
+RIG = numba.typeof(Rig(*5 * (0,), *7 * (0.0,)))
 RNG = numba.typeof(np.random.default_rng(0))
 VECTOR = types.Array(types.float64, 1, "C")
 ALONE = types.none  # no readings inside the period
-TABLE = types.Array(types.float64, 2, "C")
+PROFILE = types.Array(types.float64, 2, "C")
+ROWS = types.Array(numba.from_dtype(ROW), 1, "C")
 TIMING, ROOM = numba.typeof(Timing(*5 * (0.0,))), numba.from_dtype(room_type(1))
 
 
@@ -76,9 +75,19 @@ class Bench(NamedTuple):
     room: Any
 
 
+class Wanted(NamedTuple):
+    """What the scenario asks for at an instant."""
+
+    load: float  # of rated current
+    torque: float  # N m, of the load
+    i_q: float  # A
+    omega: float  # rad/s, electrical
+    i_d: float  # A
+
+
 @kernel
 def interpolate(profile, t, cursor):
-    """Return the row of breakpoints at time t and the cursor; the cursor only moves forward."""
+    """Return what is wanted at time t and the cursor; the cursor only moves forward."""
     last = profile.shape[0] - 1
     while cursor < last - 1 and t >= profile[cursor + 1, TIME]:
         cursor += 1
@@ -90,13 +99,14 @@ def interpolate(profile, t, cursor):
     i_q = a[I_Q_REF] + s * (b[I_Q_REF] - a[I_Q_REF])
     omega = a[OMEGA_REF] + s * (b[OMEGA_REF] - a[OMEGA_REF])
     i_d = a[I_D_REF] + s * (b[I_D_REF] - a[I_D_REF])
-    return (load, torque, i_q, omega, i_d), cursor
+    return Wanted(load, torque, i_q, omega, i_d), cursor
 
 
 @kernel
 def sample_of(k, reading, memory, primitive):
     """Return what the estimator is given at t_k."""
-    m_alpha, m_beta = stationary(reading[0], reading[1], reading[2])
+    i_a, i_b, i_c = reading
+    m_alpha, m_beta = stationary(i_a, i_b, i_c)
     carrier = primitive[k % primitive.size]
     return Sample(m_alpha, m_beta, memory[LAST_ALPHA], memory[LAST_BETA], carrier)
 
@@ -128,7 +138,7 @@ def command(k, measured, sample, estimate, wanted, rig, control, controller, wav
     measured: angle and speed from the encoder, by which an open loop controls.
     """
     h = control.sampling_period
-    _, _, i_q_ref, omega_ref, i_d_ref = wanted
+    i_q_ref, i_d_ref = wanted.i_q, wanted.i_d
     starting = estimate.tracking == 0.0
     angle, omega = estimate.theta, estimate.omega
     if rig.closed == OPEN and not starting:
@@ -138,8 +148,8 @@ def command(k, measured, sample, estimate, wanted, rig, control, controller, wav
     if starting:
         i_d_ref, i_q_ref = estimate.bias, 0.0
     elif rig.speed_controlled:
-        i_q_ref = speed_control(controller, control, omega_ref, omega, 0.0)
-    u_d, u_q = current_control(controller, control, i_d, i_q, i_d_ref, i_q_ref, omega_ref)
+        i_q_ref = speed_control(controller, control, wanted.omega, omega, 0.0)
+    u_d, u_q = current_control(controller, control, i_d, i_q, i_d_ref, i_q_ref, wanted.omega)
     u_alpha, u_beta = rotate(u_d, u_q, angle + 1.5 * h * omega)  # centre of the interval it acts in
     pulse = control.amplitude * estimate.injection * waveform[(k + 1) % waveform.size]
     p_alpha, p_beta = rotate(pulse, 0.0, estimate.axis + 1.5 * h * estimate.omega)
@@ -148,16 +158,17 @@ def command(k, measured, sample, estimate, wanted, rig, control, controller, wav
 
 @kernel
 def record(row, t, motion, measured, reading, true, acting, estimate, wanted, i_q_ref, u_dc):
-    """Write one row in the order of CHANNELS; `acting` is the voltage of the interval that starts at t."""
-    row[0] = t
-    row[1], row[2], row[3] = reading
-    row[4], row[5] = acting
-    row[6], row[7], row[8], row[9] = motion[0], estimate.theta, motion[1], estimate.omega
-    row[10], row[11] = true
-    row[12], row[13] = estimate.ripple_d, estimate.ripple_q
-    row[14], row[15] = wanted[0], wanted[1]
-    row[16], row[17], row[18], row[19] = wanted[3], i_q_ref, estimate.tracking, measured[0]
-    row[20] = u_dc
+    """Write one row of ROW; `acting` is the voltage of the interval that starts at t."""
+    row.t, row.u_dc = t, u_dc
+    row.i_a, row.i_b, row.i_c = reading
+    row.u_alpha, row.u_beta = acting
+    row.theta, row.omega = motion
+    row.theta_read, _ = measured
+    row.theta_hat, row.omega_hat = estimate.theta, estimate.omega
+    row.i_d, row.i_q = true
+    row.ripple_d, row.ripple_q, row.tracking = estimate.ripple_d, estimate.ripple_q, estimate.tracking
+    row.load, row.load_torque = wanted.load, wanted.torque
+    row.omega_ref, row.i_q_ref = wanted.omega, i_q_ref
 
 
 @kernel
@@ -167,7 +178,7 @@ def imposed_on(k, omega, rig, profile, memory):
         return 0.0
     t = (k + 1) * rig.sampling_period - rig.start_time
     later, _ = interpolate(profile, t, int(memory[CURSOR]))
-    return (later[3] - omega) / rig.sampling_period
+    return (later.omega - omega) / rig.sampling_period
 
 
 @kernel
@@ -221,13 +232,13 @@ def run_signature(flux_map: Any, belief: Any, inside: Any = ALONE) -> Any:
     step = types.FunctionType(ESTIMATE(STATE, SAMPLE if inside == ALONE else OVERSAMPLED, belief, TUNING))
     bench = types.NamedTuple((numba_type(1), flux_map, TIMING, types.int64, ROOM), Bench)
     return types.UniTuple(types.int64, 2)(
-        step, STATE, bench, inside, RIG, CONTROL, belief, TUNING, TABLE, VECTOR, VECTOR, RNG, TABLE
+        step, STATE, bench, inside, RIG, CONTROL, belief, TUNING, PROFILE, VECTOR, VECTOR, RNG, ROWS
     )
 
 
 @kernel_as(run_signature(types.none, BELIEF))
-def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profile, waveform, primitive, rng, table):
-    """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped).
+def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profile, waveform, primitive, rng, rows):
+    """Run the loop; fill `rows` (of ROW); return (status, sample at which it stopped).
 
     inside: None, or what is read inside a period (`Inside`), pulses then shifted.
     """
@@ -245,7 +256,7 @@ def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profi
         imposed = imposed_on(k, omega, rig, profile, memory)
         if inside is not None:
             shift(bench.room, k, inside)
-        progress(k, bench, rig, wanted[1], imposed, memory, looks, seen, rng)
+        progress(k, bench, rig, wanted.torque, imposed, memory, looks, seen, rng)
         reading = read_phases(w, rig, rng)
         sample = sample_of(k, reading, memory, primitive)
         estimate = ask(step, state, sample, inside, belief, tuning)
@@ -253,7 +264,7 @@ def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profi
         u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
             true, u_dc = at_start(w, theta), rig.link * memory[LINK]
-            row = table[k // rig.stride]
+            row = rows[k // rig.stride]
             record(row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc)
         if inside is not None:
             gather(w, bench.room, rig, inside, rig.link * memory[LINK], seen, rng)

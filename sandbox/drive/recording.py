@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import pandas
 
 Array = NDArray[np.float64]
-# Order of the kernel's record row; units in NOMENCLATURE.md.
+# Units in NOMENCLATURE.md.
 CHANNELS = (
     "t", "i_a", "i_b", "i_c", "u_alpha", "u_beta", "theta", "theta_hat", "omega", "omega_hat", "i_d", "i_q",
     "ripple_d", "ripple_q", "load", "load_torque", "omega_ref", "i_q_ref", "tracking",
@@ -25,6 +25,7 @@ UNITS = dict(zip(CHANNELS, (
     "s", "A", "A", "A", "V", "V", "rad", "rad", "rad/s", "rad/s", "A", "A", "A", "A", "of rated current", "N m",
     "rad/s", "A", "", "rad", "V",
 ), strict=True))  # fmt: skip
+ROW = np.dtype([(name, np.float64) for name in CHANNELS], align=True)  # what a loop writes of a sample
 
 
 @dataclass(frozen=True, repr=False)
@@ -38,6 +39,11 @@ class Recording:
     """
 
     table: Array
+
+    @classmethod
+    def of(cls, rows: NDArray[np.void]) -> Recording:
+        """Return the recording that a loop wrote into rows (n,) of ROW."""
+        return cls(rows.view(np.float64).reshape(len(rows), len(CHANNELS)))
 
     def __getattr__(self, name: str) -> Array:
         if name in CHANNELS:

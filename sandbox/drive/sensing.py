@@ -11,6 +11,7 @@ import math
 
 import numpy as np
 
+from estimators.contract import READ_ALPHA, READ_BETA, TOLD_ALPHA, TOLD_BETA
 from model.compiled import kernel
 from model.frames import stationary
 from sandbox.drive.inside import commanded
@@ -57,9 +58,9 @@ def encoder(w, features, theta, omega, step):
 @kernel
 def instant(w, rig, rng):
     """Return when the next sample is taken, s after its pattern's start (before it where negative)."""
-    if rig.jitter == 0.0:
+    if w.jitter[0] == 0.0:
         return w.sample[0]
-    s = w.sample[0] + w.delay[0] + rig.jitter * rng.standard_normal()
+    s = w.sample[0] + w.delay[0] + w.jitter[0] * rng.standard_normal()
     return min(max(s, SOONEST * rig.sampling_period), LATEST * rig.sampling_period) - w.delay[0]
 
 
@@ -106,5 +107,7 @@ def gather(w, room, rig, inside, u_dc, seen, rng):
             ahead[j, 0], ahead[j, 1] = next_a, next_b
         w.held_a[0], w.held_b[0] = a, b
         i_a, i_b, i_c = read_phases(w, rig, rng)
-        readings[j, 0], readings[j, 1] = stationary(i_a, i_b, i_c)
-        readings[j, 2], readings[j, 3] = commanded((j + 0.5) * period / n, period, room.duty, room.shift, u_dc)
+        readings[j, READ_ALPHA], readings[j, READ_BETA] = stationary(i_a, i_b, i_c)
+        readings[j, TOLD_ALPHA], readings[j, TOLD_BETA] = commanded(
+            (j + 0.5) * period / n, period, room.duty, room.shift, u_dc
+        )

@@ -24,7 +24,7 @@ from sandbox.drive.closed import closed_bench, longest_step, looked_into, rotor_
 from sandbox.drive.design import Design, belief_of, design
 from sandbox.drive.feasible import check_call, check_feasible, check_injection, check_length, checked
 from sandbox.drive.inside import Inside, inside_of
-from sandbox.drive.recording import Recording
+from sandbox.drive.recording import ROW, Recording
 from sandbox.drive.scenario import Scenario
 from sandbox.plant import sets
 from sandbox.plant.sets import features_of
@@ -168,11 +168,11 @@ def run_once(
             f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
         )
     state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle + scenario.start_error)
-    table = np.zeros((-(-samples // stride), loop.N_CHANNELS))
+    rows = np.zeros(-(-samples // stride), ROW)
     inside = inside_for(estimator, drive)
     on = _switched if setup.plant == SWITCHED else exact_bench
     run, *bench = on(drive, scenario, values, plant_step, truth, believed if estimator.compiled else None, inside)
-    rig = rig_of(drive, scenario, values, closed_loop, samples, stride, setup.start_time)
+    rig = rig_of(drive, scenario, closed_loop, samples, stride, setup.start_time)
     if setup.plant == EXACT:
         check_length(samples, max(1, math.ceil(h / bench[0].timing.longest)), h)
     step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
@@ -180,12 +180,12 @@ def run_once(
     begun = time.thread_time()
     status, at = run(
         step, state, *bench, inside, rig, gains.control, believed, tuning, profile,
-        setup.carrier.waveform, setup.carrier.primitive, np.random.default_rng(seed), table,
+        setup.carrier.waveform, setup.carrier.primitive, np.random.default_rng(seed), rows,
     )  # fmt: skip
     spent = time.thread_time() - begun
     if status != loop.DONE:
         raise _failure(status, at * h, _flux(setup.plant, bench), drive)
-    return Simulation(Recording(table), gains, setup.start_time, spent)
+    return Simulation(Recording.of(rows), gains, setup.start_time, spent)
 
 
 def plant_named(plant: str) -> str:
@@ -242,16 +242,14 @@ def _switched(
     return run, x, b, drive.converter.dc_bus_voltage
 
 
-def rig_of(
-    drive: Drive, scenario: Scenario, values: Mapping[str, float], closed: bool, n: int, stride: int, start: float
-) -> loop.Rig:
+def rig_of(drive: Drive, scenario: Scenario, closed: bool, n: int, stride: int, start: float) -> loop.Rig:
     """Return sensors and converter for n samples, with the time of starting up in s."""
     c = drive.converter
     counts = math.tau * drive.motor.pole_pairs / c.encoder_counts if c.encoder_counts else 0.0
     return loop.Rig(
         n, stride, loop.CLOSED if closed else loop.OPEN, int(scenario.reference == "speed"), ROTORS[scenario.rotor],
         c.sampling_period, c.current_noise, c.current_resolution, start, c.dc_bus_voltage, c.link_noise,
-        values["current_sampling.jitter"], counts,
+        counts,
     )  # fmt: skip
 
 

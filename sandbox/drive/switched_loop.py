@@ -9,7 +9,19 @@ import numba
 import numpy as np
 from numba import types
 
-from estimators.contract import BELIEF, ESTIMATE, OVERSAMPLED, SAMPLE, STATE, TUNING, Belief
+from estimators.contract import (
+    BELIEF,
+    ESTIMATE,
+    OVERSAMPLED,
+    READ_ALPHA,
+    READ_BETA,
+    SAMPLE,
+    STATE,
+    TOLD_ALPHA,
+    TOLD_BETA,
+    TUNING,
+    Belief,
+)
 from model.compiled import compiled_as, kernel, kernel_as
 from model.frames import rotate, stationary
 from sandbox.drive.control import CONTROL, SIZE, speed_from
@@ -22,9 +34,10 @@ from sandbox.drive.loop import (
     MEMORY,
     NOT_FINITE,
     OUTSIDE_DOMAIN,
+    PROFILE,
     RIG,
     RNG,
-    TABLE,
+    ROWS,
     U_ALPHA,
     U_BETA,
     VECTOR,
@@ -62,8 +75,8 @@ def run_signature(belief: Any, inside: Any, of_bench: Any = BENCH) -> Any:
     sample = SAMPLE if inside == ALONE else OVERSAMPLED
     step = types.FunctionType(ESTIMATE(STATE, sample, belief, TUNING))
     return types.UniTuple(types.int64, 2)(
-        step, STATE, VECTOR, of_bench, types.float64, inside, RIG, CONTROL, belief, TUNING, TABLE,
-        VECTOR, VECTOR, RNG, TABLE,
+        step, STATE, VECTOR, of_bench, types.float64, inside, RIG, CONTROL, belief, TUNING, PROFILE,
+        VECTOR, VECTOR, RNG, ROWS,
     )  # fmt: skip
 
 
@@ -88,12 +101,14 @@ def gather(state, b, acting, u_dc, rng, inside):
     for j in range(n):
         slot = READINGS + 1 + 2 * j
         i_a, i_b, i_c = phase_currents(complex(state[slot], state[slot + 1]))
-        readings[j, 0], readings[j, 1] = stationary(
+        readings[j, READ_ALPHA], readings[j, READ_BETA] = stationary(
             sensor(b, i_a, b.gain_a, b.common_offset + b.offset_a, rng),
             sensor(b, i_b, b.gain_b, b.common_offset + b.offset_b, rng),
             sensor(b, i_c, b.gain_c, b.common_offset - b.offset_a - b.offset_b, rng),
         )
-        readings[j, 2], readings[j, 3] = commanded((j + 0.5) * b.period / n, b.period, legs, state[SHIFT:], u_dc)
+        readings[j, TOLD_ALPHA], readings[j, TOLD_BETA] = commanded(
+            (j + 0.5) * b.period / n, b.period, legs, state[SHIFT:], u_dc
+        )
 
 
 @kernel
@@ -108,15 +123,14 @@ def progress(k, x, b, mode, acting, read, torque, imposed, inside, rng):
 
 @kernel_as(run_signature(BELIEF, ALONE))
 def run_compiled(
-    step, state, x, b, u_dc, inside, rig, control, belief, tuning, profile, waveform, primitive, rng, table
+    step, state, x, b, u_dc, inside, rig, control, belief, tuning, profile, waveform, primitive, rng, rows
 ):
-    """Run the loop; fill `table` (rows, channels); return (status, sample at which it stopped).
+    """Run the loop; fill `rows` (of ROW); return (status, sample at which it stopped).
 
     u_dc: V, nominal; inside: None, or what is read inside a period (`Inside`), pulses then shifted.
     """
     controller = np.zeros(SIZE)
     memory = np.zeros(MEMORY)
-    held = np.zeros(4)
     for k in range(rig.samples):
         t = k * rig.sampling_period
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
@@ -124,18 +138,18 @@ def run_compiled(
         read = u_dc * read_link(rig, rng)
         imposed = imposed_on(k, b.pole_pairs * x[SPEED], rig, profile, memory) / b.pole_pairs
         acting = (memory[U_ALPHA], memory[U_BETA])
-        measure(x, b, rig.rotor, acting[0], acting[1], read, wanted[1], imposed, rng, held)
-        reading = (held[0], held[1], held[2])
+        held = measure(x, b, rig.rotor, acting[0], acting[1], read, wanted.torque, imposed, rng)
+        reading = (held.i_a, held.i_b, held.i_c)
         motion = (x[THETA], b.pole_pairs * x[SPEED])
         slope = encoder_slope(b, x[THETA], x[SPEED])
-        measured = (held[3], speed_from(memory, ENCODER, held[3], slope, b.encoder_step, rig.sampling_period))
+        measured = (held.theta, speed_from(memory, ENCODER, held.theta, slope, b.encoder_step, rig.sampling_period))
         true = rotate(x[I_ALPHA], x[I_BETA], -x[THETA])
         sample = sample_of(k, reading, memory, primitive)
         estimate = ask(step, state, sample, inside, belief, tuning)
         u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
         if k % rig.stride == 0:
-            record(table[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q, read)
-        progress(k, x, b, rig.rotor, acting, read, wanted[1], imposed, inside, rng)
+            record(rows[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q, read)
+        progress(k, x, b, rig.rotor, acting, read, wanted.torque, imposed, inside, rng)
         keep(memory, (u_alpha, u_beta))
         if not math.isfinite(x[PSI_ALPHA] + x[PSI_BETA] + x[SPEED] + x[THETA] + u_alpha + u_beta):
             return NOT_FINITE, k

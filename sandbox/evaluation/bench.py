@@ -52,7 +52,7 @@ def plant_second() -> float:
     drive = load_drive("ipm")
     motor = dataclasses.replace(drive.motor, magnet_flux=0.2, inertia=1e-3)
     bench = closed_bench(motor, drive.converter, complete(motor, drive.converter), "free", 0.0, 1.0)
-    rig = loop.Rig(1, 1, 0, 0, loop.FREE, drive.converter.sampling_period, *3 * (0.0,), 400.0, *3 * (0.0,))
+    rig = loop.Rig(1, 1, 0, 0, loop.FREE, drive.converter.sampling_period, *3 * (0.0,), 400.0, 0.0, 0.0)
     memory, rng = np.zeros(loop.MEMORY), np.random.default_rng(0)
     memory[loop.LINK] = 1.0
     _many_periods(bench, rig, memory, rng, 10)

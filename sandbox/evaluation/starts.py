@@ -18,7 +18,7 @@ from sandbox.drive import loop
 from sandbox.drive.closed import turned_to
 from sandbox.drive.design import belief_of, design
 from sandbox.drive.feasible import check_feasible
-from sandbox.drive.recording import CHANNELS
+from sandbox.drive.recording import ROW
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import LONGEST, exact_bench, inside_for, profile_of, rig_of
 from sandbox.recordings.injection import carrier
@@ -58,9 +58,8 @@ def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, s
     samples = round((begin + AFTER) / h)
     values = complete(drive.motor, drive.converter, None)
     run, bench = exact_bench(drive, scenario, values, LONGEST, None, believed, inside_for(estimator, drive))
-    rig = rig_of(drive, scenario, values, True, samples, 1, begin)
-    step, table = estimator.step_for(believed), np.zeros((samples, loop.N_CHANNELS))
-    theta, theta_hat, tracking = (CHANNELS.index(name) for name in ("theta", "theta_hat", "tracking"))
+    rig = rig_of(drive, scenario, True, samples, 1, begin)
+    step, rows = estimator.step_for(believed), np.zeros(samples, ROW)
     seeds = count // ANGLES
     errors = np.full((ANGLES, seeds), np.nan)
     for k, angle in enumerate(np.arange(ANGLES) * 2.0 * math.pi / ANGLES - math.pi):
@@ -69,9 +68,9 @@ def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, s
             rng = np.random.default_rng([seed, k, n])
             status, _ = run(
                 step, estimator.init(believed, tuning), at, inside_for(estimator, drive), rig, gains.control, believed,
-                tuning, profile, wave.waveform, wave.primitive, rng, table,
+                tuning, profile, wave.waveform, wave.primitive, rng, rows,
             )  # fmt: skip
-            first = int(np.argmax(table[:, tracking] > 0.0))
-            if status == loop.DONE and table[first, tracking] > 0.0:
-                errors[k, n] = wrapped(table[first, theta] - table[first, theta_hat])
+            first = rows[int(np.argmax(rows["tracking"] > 0.0))]
+            if status == loop.DONE and first["tracking"] > 0.0:
+                errors[k, n] = wrapped(first["theta"] - first["theta_hat"])
     return Starts(errors)

@@ -20,7 +20,7 @@ from estimators.contract import (
     Belief,
     Estimator,
     Oversampled,
-    Sample,
+    as_sample,
 )
 from estimators.registry import AnyEstimator, load_estimator
 from model.compiled import compiled_as
@@ -45,8 +45,7 @@ def _through(step, state, samples, belief, tuning):
     """Step through samples (n, 5); return the last angle."""
     theta = 0.0
     for k in range(samples.shape[0]):
-        s = samples[k]
-        theta = step(state, Sample(s[0], s[1], s[2], s[3], s[4]), belief, tuning).theta
+        theta = step(state, as_sample(samples[k]), belief, tuning).theta
     return theta
 
 
@@ -54,8 +53,9 @@ def _through_inside(step, state, samples, belief, tuning, readings):
     """The same with readings (n, m, 4) inside every period."""
     theta = 0.0
     for k in range(samples.shape[0]):
-        s = samples[k]
-        theta = step(state, Oversampled(s[0], s[1], s[2], s[3], s[4], readings[k]), belief, tuning).theta
+        s = as_sample(samples[k])
+        inside = Oversampled(s.i_alpha, s.i_beta, s.u_alpha, s.u_beta, s.carrier, readings[k])
+        theta = step(state, inside, belief, tuning).theta
     return theta
 
 

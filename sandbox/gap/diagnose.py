@@ -218,9 +218,8 @@ def _ranked(
 def _with_effects(point: Point, best: Judged) -> Point:
     """Return a point without effects with the values of a fit to all recordings, for another fit to start from."""
     found = best.fit.point.values
-    own = {k: v for k, v in found.items() if k.partition(".")[0] in best.effects}
-    shared = {k.partition(".")[2] for k in own} & set(library.SHARED)
-    own |= {k: v for k, v in found.items() if k.partition(".")[2] in shared}  # one number under two names
+    numbers = {library.one_name(k) for k in found if k.partition(".")[0] in best.effects}
+    own = {k: v for k, v in found.items() if library.one_name(k) in numbers}
     begun = unbent(point)
     return replace(begun, values={**begun.values, **own}).resmoothed()
 

@@ -6,8 +6,7 @@ Lags stand in `lags`, what windings and legs lose in `losses`.
 from __future__ import annotations
 
 from model.compiled import inlined, kernel
-from model.effects.dead_time import soft_sign
-from model.lanes import sine_cosine
+from model.lanes import sine_cosine, soft_sign
 from sandbox.plant import ports
 from sandbox.plant.electrical import THIRD, facing, pull, seen
 

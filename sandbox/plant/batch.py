@@ -70,6 +70,7 @@ PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; 
     "supply": "mean voltage of the DC link, V", "common": "offset of all readings alike, A",
     "soft": "1/A: over half the width of sign(i) through zero", "shape": "of it: 0 linear, 1 tanh",
     "delay": "of the pattern, s", "sample": "instant of sampling less t_k and less the pattern's delay, s",
+    "jitter": "of the instant of sampling, s rms: in a closed loop, noise elsewhere",
     "core_g": "conductance across the flux slope, 1/ohm", "core_rate": "1/s of the iron's lag",
     "skin_r": "ohm", "skin_rate": "1/s", "filter_rate": "1/s", "offset": "of the angle's reading, rad electrical",
     "inertia_inv": "1/(kg m^2), all of it", "motor_inv": "1/(kg m^2), the motor's side", "load_inv": "the load's",

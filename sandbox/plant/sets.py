@@ -8,15 +8,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cache
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
 from model.effects.card import At, Effect, Ordinary
-from model.effects.current_filter import FASTEST
-from model.effects.dead_time import SOFT_SIGN
 from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor
 from sandbox.plant import additions as add
@@ -27,11 +26,14 @@ from sandbox.plant.period import Timing
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
-SIXTH = 6.0  # the order of harmonics that have none to give
+SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes through zero
 RUBBING = ("torque", "friction", "load")  # a motor's own friction is neutral, but there
 PORT_BITS = {
     "link": add.LINK, "drawn": add.DRAWN, "leg": add.LEG, "winding": add.WINDING, "magnets": add.MAGNETS,
     "energy": add.ENERGY, "angle": add.WOBBLE, "sign": add.ZONE,
+}  # fmt: skip
+MACHINERY_BITS = {
+    "iron": add.IRON, "skin": add.SKIN, "filter": add.FILTER, "delay": add.DELAYED, "twist": add.TWIST,
 }  # fmt: skip
 
 
@@ -97,17 +99,26 @@ def rows_of(motor: Motor, converter: Converter, v: Set) -> dict[str, Any]:
         for name, value in (card.rows(v, motor) if card.rows else {}).items():
             if name == "link_gain":
                 link_gain += value
-            else:
+            elif name in PLANT:
                 rows[name] += value
-        for at in card.at:
-            rows |= {field(card.name, n): v[f"{card.name}.{n}"] for n in at.numbers}
-        rows |= further_rows(card, v, neutral)
+            else:
+                raise unknown(f"number of the plant in the rows of effect '{card.name}',", name, PLANT)
+        if card.repeats > 1:
+            rows |= further_rows(card, v, neutral)
+    rows |= {own: v[name] for own, name in _numbers()}
     rows["pairs"], rows["soft"] = float(motor.pole_pairs), 1.0 / v["bench.soft_current"]
     rows["shape"] = v["bench.soft_shape"]
     rows["supply"] = (1.0 + link_gain) * converter.dc_bus_voltage
     rows["common"] = v["bench.common_offset"]
     rows["load_gain"], rows["load_offset"] = v["bench.load_torque_gain"], v["bench.load_torque_offset"]
     return rows
+
+
+@cache
+def _numbers() -> tuple[tuple[str, str], ...]:
+    """Return the rows that hold effects' parameters, each with the parameter's name."""
+    cards = [library.load_effect(name) for name in library.effect_names()]
+    return tuple((field(c.name, n), c.public(1, n)) for c in cards for at in c.at for n in at.numbers)
 
 
 def further_parts(card: Effect, v: Set, neutral: Set) -> list[int]:
@@ -117,46 +128,50 @@ def further_parts(card: Effect, v: Set, neutral: Set) -> list[int]:
 
 def further_rows(card: Effect, v: Set, neutral: Set) -> dict[str, list[float]]:
     """Return the rows of an effect's further parts: those that are there first, neutral ones behind."""
-    if card.repeats == 1:
-        return {}
     there = further_parts(card, v, neutral)
     order = [*there, *(k for k in range(2, card.repeats + 1) if k not in there)]
     names = {n for at in card.part(2).at for n in at.numbers}
     return {further_field(card.name, n): [v[card.public(k, n)] for k in order] for n in names}
 
 
+class Need(NamedTuple):
+    """What the plant needs (bits) while one of some parameters is other than neutral, or than 0 where zero says so."""
+
+    bits: int
+    names: tuple[str, ...]
+    zero: bool = False
+
+
+@cache
+def _needs() -> tuple[Need, ...]:
+    """Return what all effects need, by their cards."""
+    out = []
+    for card in map(library.load_effect, library.effect_names()):
+        parts = range(1, card.repeats + 1)
+        out += [Need(PORT_BITS[at.port], _switches(card, at)) for at in card.at if at.port in PORT_BITS]
+        rubbing = [card.switches or at.numbers for at in card.at if at.port in RUBBING]
+        out += [Need(add.RUB, tuple(card.public(1, n) for n in names), zero=True) for names in rubbing]
+        out += [
+            Need(PORT_BITS.get(at.port, add.RUB), card.switched_by[k - 1]) for k in parts[1:] for at in card.part(k).at
+        ]
+        out += [Need(MACHINERY_BITS[card.needs], card.switched_by[k - 1]) for k in parts if card.needs]
+    return tuple(out)
+
+
+def _switches(card: Effect, at: At) -> tuple[str, ...]:
+    """Return the parameters of an effect's first part that switch one of its equations on."""
+    names = [n for n in at.numbers if n in card.switches] or at.numbers
+    return tuple(card.public(1, n) for n in names)
+
+
 def features_of(motor: Motor, v: Set) -> int:
     """Return what a completed set needs beside the bare plant (bits of `sandbox.plant.additions`)."""
-    neutral, out = library.neutral(motor), 0
-    for card in map(library.load_effect, library.effect_names()):
-        for at in card.at:
-            if at.port in PORT_BITS and is_on(card, at, v, neutral):
-                out |= PORT_BITS[at.port]
-            if at.port in RUBBING and any(v[f"{card.name}.{n}"] != 0.0 for n in card.switches or at.numbers):
-                out |= add.RUB
-        if card.repeats > 1 and further_parts(card, v, neutral):
-            for at in card.part(2).at:
-                out |= PORT_BITS.get(at.port, add.RUB)
-    iron, filtered = math.isfinite(v["iron_loss.core_resistance"]), v["current_filter.time_constant"] > 0.0
-    twisting = math.isfinite(v["shaft_compliance.stiffness"]) and v["shaft_compliance.load_inertia"] > 0.0
-    out |= (add.IRON if iron else 0) | (add.FILTER if filtered else 0) | (add.TWIST if twisting else 0)
-    out |= add.SKIN if v["skin_effect.resistance"] else 0
-    out |= add.ROUND if v["bench.soft_shape"] else 0
-    return out | (add.DELAYED if v["pwm_delay.delay"] else 0)
-
-
-def is_on(card: Effect, at: At, v: Set, neutral: Set) -> bool:
-    """Return whether an equation of an effect does anything: one of its switches is not neutral."""
-    names = [n for n in at.numbers if n in card.switches] or at.numbers
-    return any(v[f"{card.name}.{n}"] != neutral[f"{card.name}.{n}"] for n in names)
-
-
-def highest_order(motor: Motor, v: Set) -> float:
-    """Return the highest electrical order in which a completed set's machine changes with the angle."""
-    out, neutral = SIXTH, library.neutral(motor)
-    for card in map(library.load_effect, library.effect_names()):
-        if card.repeats > 1 and any(at.port in ("magnets", "energy") for at in card.part(2).at):
-            out = max([out, *(abs(v.get(card.public(k, "order"), SIXTH)) for k in further_parts(card, v, neutral))])
+    neutral, out = library.neutral(motor), add.ROUND if v["bench.soft_shape"] else 0
+    for bits, names, zero in _needs():
+        for name in names:
+            if v[name] != (0.0 if zero else neutral[name]):
+                out |= bits
+                break
     return out
 
 
@@ -180,7 +195,6 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
     w["when"][:] = readings_at(w["sample"], converter.sampling_period)
-    w["filter_rate"][w["filter_rate"] == 0.0] = FASTEST
     return w
 
 

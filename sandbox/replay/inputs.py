@@ -21,7 +21,7 @@ from sandbox.plant.mechanics import swing
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.kernel import TRACK
-from sandbox.replay.smoothing import Motion, driven_motion, free_motion, locked_motion, motion_gains
+from sandbox.replay.smoothing import GAINS, Motion, driven_motion, free_motion, locked_motion, motion_gains
 
 Array = NDArray[np.float64]
 LOAD_SHARE = 0.01  # where [background] is silent
@@ -120,7 +120,7 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
     duty = np.ascontiguousarray(counted(duties(r.u_alpha, r.u_beta, r.u_dc), converter.pwm_counts).T)
     load = np.array(r.columns.get("load_torque", np.zeros(n)), dtype=float)
     motion = _motion(campaign, r, base, load, count)
-    gains = np.zeros((n, 3))
+    gains = np.zeros(n, GAINS)
     if r.rotor == "free":
         torque_error, rate = torque_noise(motor, converter), motor.pole_pairs / motor.inertia
         start = (count / period) ** 2
@@ -130,7 +130,8 @@ def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float
     columns = {f"d_{x}": d for x, d in zip("abc", duty, strict=True)} | course
     half = 1.0 - 2.0 * (np.arange(n) % 2) if converter.double else np.zeros(n)
     columns |= {"half": half, "link": link_of(r, converter)}
-    columns |= {"load": load, "read": read, "gain_angle": gains[:, 0], "gain_speed": gains[:, 1], "scale": gains[:, 2]}
+    columns |= {"load": load, "read": read, "scale": gains["scale"]}
+    columns |= {"gain_angle": gains["angle"], "gain_speed": gains["speed"]}
     track = with_columns(np.zeros(n, TRACK), columns)
     read_currents = np.ascontiguousarray(np.stack([r.i_a, r.i_b, r.i_c], axis=1))
     off = at_rest_reading(batch_of(motor, converter, [complete(motor, converter, base)], 1))

@@ -93,17 +93,25 @@ def typical_change(prepared: Prepared, name: str, value: float) -> float:
     return p.away_for(motor, converter)
 
 
-def displaced(prepared: Prepared, base: Set, name: str, share: float) -> tuple[dict[str, float], float, str]:
-    """Return the set with one parameter moved by a share of its typical change, the step and the coordinate's name."""
+class Displaced(NamedTuple):
+    """A set with one parameter moved, by which step, and the name of the coordinate that moved."""
+
+    values: dict[str, float]
+    step: float
+    coordinate: str
+
+
+def displaced(prepared: Prepared, base: Set, name: str, share: float) -> Displaced:
+    """Return a set with one parameter moved by a share of its typical change."""
     value, size = base[name], typical_change(prepared, name, base[name])
     step = share * size
     if math.isinf(value):
         step = max(abs(share), library.parameters()[name].secant) * size
-        return {**base, name: 1.0 / step}, step, f"1/{name}"
+        return Displaced({**base, name: 1.0 / step}, step, f"1/{name}")
     p = BENCH.get(name) or library.parameters()[name]
     if value + step > p.high:
         step = -step
-    return {**base, **library.moved(name, value + step)}, step, name
+    return Displaced({**base, **library.moved(name, value + step)}, step, name)
 
 
 def sensitivities(
@@ -126,13 +134,15 @@ def sensitivities(
         raise BadInput(f"{len(chosen)} parameters, share = {share!r}; give at least one name and a share in (0, 1]")
     at = base_set(prepared, base)
     moves = [displaced(prepared, at, name, share) for name in chosen]
-    steps = np.array([m[1] for m in moves])
+    steps = np.array([m.step for m in moves])
     mechanical = [mechanical_only(name) for name in chosen]
     every = stretches([r.samples for r in prepared.recordings], math.inf)
-    told = [x for _, x in slopes(prepared, Moves(at, [m[0] for m in moves], steps, mechanical), every, workers=workers)]
+    told = [
+        x for _, x in slopes(prepared, Moves(at, [m.values for m in moves], steps, mechanical), every, workers=workers)
+    ]
     typical = np.array([typical_change(prepared, name, at[name]) for name in chosen])
     currents, motion, angle = (tuple(getattr(x, name) for x in told) for name in ("current", "motion", "angle"))
-    return Sensitivity(chosen, tuple(m[2] for m in moves), steps, typical, at, currents, motion, angle)
+    return Sensitivity(chosen, tuple(m.coordinate for m in moves), steps, typical, at, currents, motion, angle)
 
 
 class Slopes(NamedTuple):

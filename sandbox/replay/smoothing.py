@@ -30,6 +30,13 @@ LARGEST_MISS = (
 )
 
 
+# a step of the filter: predicted state (angle, speed, constant acceleration), its covariance, the innovation and its
+# variance
+STATES, COVARIANCES, INNOVATION = ("x_0", "x_1", "x_2"), ("p_00", "p_01", "p_02", "p_11", "p_12", "p_22"), ("y", "s")
+STEP = np.dtype([(name, np.float64) for name in (*STATES, *COVARIANCES, *INNOVATION)], align=True)
+GAINS = np.dtype([(name, np.float64) for name in ("angle", "speed", "scale")], align=True)
+
+
 @dataclass(frozen=True)
 class Motion:
     """Encoder-side angle (rad, electrical, counts removed) and speed (rad/s, electrical), one value a sample (n,).
@@ -81,16 +88,16 @@ def free_motion(theta: Array, acceleration: Array, period: float, count: float, 
     variance = max(count, 1e-9) ** 2 / 12.0
     start = (count / period) ** 2
     base, white = np.asarray(theta - theta[0]), np.asarray(noise) ** 2
-    told = [filtered(base, acceleration, white, period, variance, start, q, np.empty((0, 0))) for q in UNEXPLAINED]
-    work = np.empty((len(theta), 12))
+    told = [filtered(base, acceleration, white, period, variance, start, q, np.empty(0, STEP)) for q in UNEXPLAINED]
+    work = np.empty(len(theta), STEP)
     filtered(base, acceleration, white, period, variance, start, UNEXPLAINED[int(np.argmax(told))], work)
     smoothed(work, period, variance)
-    return Motion(theta[0] + work[:, 0], work[:, 1].copy())
+    return Motion(theta[0] + work["x_0"], work["x_1"].copy())
 
 
 @kernel
 def filtered(read, acceleration, white, period, variance, start, q, work):
-    """Return the log likelihood of the readings (n,); work (n, 12), or empty: predicted state, covariance, innovation.
+    """Return the log likelihood of the readings (n,); work (n,) of STEP, or empty, is filled.
 
     white: (n,) variance of the acceleration's white part; variance: of a reading; start: of the first speed.
     """
@@ -116,10 +123,11 @@ def filtered(read, acceleration, white, period, variance, start, q, work):
         s, y = p_00 + variance, read[k] - x_0
         total -= 0.5 * (y * y / s + math.log(s))
         if len(work):
-            work[k, 0], work[k, 1], work[k, 2] = x_0, x_1, x_2
-            work[k, 3], work[k, 4], work[k, 5] = p_00, p_01, p_02
-            work[k, 6], work[k, 7], work[k, 8] = p_11, p_12, p_22
-            work[k, 9], work[k, 10] = y, s
+            step = work[k]
+            step.x_0, step.x_1, step.x_2 = x_0, x_1, x_2
+            step.p_00, step.p_01, step.p_02 = p_00, p_01, p_02
+            step.p_11, step.p_12, step.p_22 = p_11, p_12, p_22
+            step.y, step.s = y, s
         g_0, g_1, g_2 = p_00 / s, p_01 / s, p_02 / s
         x_0, x_1, x_2 = x_0 + g_0 * y, x_1 + g_1 * y, x_2 + g_2 * y
         p_11, p_12, p_22 = p_11 - g_1 * p_01, p_12 - g_1 * p_02, p_22 - g_2 * p_02
@@ -130,28 +138,29 @@ def filtered(read, acceleration, white, period, variance, start, q, work):
 
 @kernel
 def smoothed(work, period, variance):
-    """Replace the predicted states in `work` (n, 12) by smoothed ones: adjoint r, x = x_predicted + P r."""
+    """Replace the predicted states in `work` (n,) of STEP by smoothed ones: adjoint r, x = x_predicted + P r."""
     r_0 = r_1 = r_2 = 0.0
     for k in range(len(work) - 1, -1, -1):
-        p_00, p_01, p_02 = work[k, 3], work[k, 4], work[k, 5]
-        p_11, p_12, p_22 = work[k, 6], work[k, 7], work[k, 8]
-        y, s = work[k, 9], work[k, 10]
+        step = work[k]
+        p_00, p_01, p_02 = step.p_00, step.p_01, step.p_02
+        p_11, p_12, p_22 = step.p_11, step.p_12, step.p_22
+        y, s = step.y, step.s
         r_0 = y / s + variance / s * r_0 - (p_01 * r_1 + p_02 * r_2) / s  # (I - K H)' r + H' y / s
-        work[k, 0] += p_00 * r_0 + p_01 * r_1 + p_02 * r_2
-        work[k, 1] += p_01 * r_0 + p_11 * r_1 + p_12 * r_2
-        work[k, 2] += p_02 * r_0 + p_12 * r_1 + p_22 * r_2
+        step.x_0 += p_00 * r_0 + p_01 * r_1 + p_02 * r_2
+        step.x_1 += p_01 * r_0 + p_11 * r_1 + p_12 * r_2
+        step.x_2 += p_02 * r_0 + p_12 * r_1 + p_22 * r_2
         r_0, r_1, r_2 = r_0, r_1 + period * r_0, r_2 + period * (r_1 + 0.5 * period * r_0)
 
 
 @kernel
 def motion_gains(load, acceleration, period, count_variance, torque_variance, load_share, speed_variance):
-    """Return gains for angle and speed and the scale 1/standard deviation of the innovation, (n, 3).
+    """Return gains for angle and speed and the scale 1/standard deviation of the innovation, (n,) of GAINS.
 
     The Kalman filter of a free rotor's reading: white torque error (N m)^2 a sample plus `load_share` of the load
     (n,), counts of the given variance (rad^2); acceleration: p/J; the first reading starts the angle.
     """
     n = len(load)
-    out = np.zeros((n, 3))
+    out = np.zeros(n, GAINS)
     p_11, p_12, p_22 = count_variance, 0.0, speed_variance
     for k in range(1, n):
         q = acceleration * acceleration * (torque_variance + (load_share * load[k - 1]) ** 2)
@@ -160,7 +169,8 @@ def motion_gains(load, acceleration, period, count_variance, torque_variance, lo
         p_22 += period * period * q
         s = p_11 + count_variance
         g_1, g_2 = p_11 / s, p_12 / s
-        out[k, 0], out[k, 1], out[k, 2] = g_1, g_2, 1.0 / math.sqrt(s)
+        row = out[k]
+        row.angle, row.speed, row.scale = g_1, g_2, 1.0 / math.sqrt(s)
         p_22 -= g_2 * p_12
         p_12 -= g_2 * p_11
         p_11 -= g_1 * p_11

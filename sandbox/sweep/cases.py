@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from estimators.contract import Belief
 from estimators.registry import load_estimator
 from model.drive_files import load_drive
-from model.effects.library import OF_MOTOR
+from model.effects.library import replaced, scaled
 from model.errors import BadInput, PhysicsError, sentence
 from model.parameters import Drive
 from model.spline import SplineEnergy
@@ -32,9 +32,7 @@ from sandbox.sweep.plan import OWN, Sweep, again, scene_of
 
 OK, REFUSED, FAILED, ERROR, CRASHED = "ok", "refused", "failed", "error", "crashed"
 EACH_TIME = ("true_factor", "believed_factor", "effects", "seed", "closed_loop")  # need no other design
-EFFECTS = {field: name for name, field in OF_MOTOR.items()} | {
-    f"inductance_{axis}": f"inductance.scale_{axis}" for axis in "dq"
-}
+EFFECTS = {field: name for name, field in (*replaced().items(), *scaled().items())}
 OF_MAP = ("inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 Case = Mapping[str, Value]
 

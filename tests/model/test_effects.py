@@ -9,7 +9,7 @@ import pytest
 
 from model.drive_files import load_drive
 from model.effects import library
-from model.effects.card import SUBSYSTEMS
+from model.effects.card import MACHINERY, SUBSYSTEMS
 from model.errors import BadInput
 
 DRIVE = load_drive("ipm_exchanged")
@@ -48,11 +48,27 @@ def test_all_canonical_effects_are_there():
     assert set(library.effect_names()) == set(CANONICAL)
 
 
+def test_a_moved_double_is_asked_for_the_limits_of_both():
+    """cross_saturation.alpha_12 is saturation.alpha_12; what stands under two names is told."""
+    assert library.shared() == {f"{e}.alpha_{n}" for e in ("saturation", "cross_saturation") for n in ("12", "22")}
+    assert library.one_name("cross_saturation.alpha_22") == library.one_name("saturation.alpha_22")
+
+
+def test_values_of_the_motor_are_told_by_the_cards():
+    assert library.scaled() == {"inductance.scale_d": "inductance_d", "inductance.scale_q": "inductance_q"}
+    alphas = {f"saturation.alpha_{n}": f"alpha_{n}" for n in ("30", "12", "40", "22", "04")}
+    assert library.replaced() == alphas | {
+        "stator_resistance.resistance": "resistance", "magnet_flux.magnet_flux": "magnet_flux",
+        "inertia.inertia": "inertia", "viscous_friction.coefficient": "viscous_friction",
+    }  # fmt: skip
+
+
 @pytest.mark.parametrize("name", library.effect_names())
 def test_card_is_complete(name):
     card = library.load_effect(name)
     assert card.name == name
     assert card.subsystem in SUBSYSTEMS
+    assert not card.needs or card.needs in MACHINERY
     for text in (card.summary, card.equation, card.source, card.axis, card.order, card.region, card.separated_by):
         assert text
     assert card.confused_with
@@ -105,10 +121,10 @@ def test_parse_refuses_with_advice(text, words):
     ("effects", "words"),
     [
         ({"saturation.alpha_12": 1.0, "cross_saturation.alpha_12": 2.0}, "contradict each other"),
-        ({"shaft_compliance.load_inertia": 0.0011}, "less than the total inertia of 0.0011"),
-        ({"shaft_compliance.load_inertia": 0.001, "inertia.inertia": 0.0009}, "less than the total inertia of 0.0009"),
-        ({"pwm_delay.delay": 7.6e-4}, "less than 3 sampling periods"),
-        ({"current_sampling.delay": -1.3e-4}, "less than half the sampling period"),
+        ({"shaft_compliance.load_inertia": 0.0011}, "below 0.0011 kg m.2, the total inertia"),
+        ({"shaft_compliance.load_inertia": 0.001, "inertia.inertia": 0.0009}, "below 0.0009 kg m.2"),
+        ({"pwm_delay.delay": 7.6e-4}, "delay: 0.00076 is .* below 0.00075 s, 3 sampling periods"),
+        ({"current_sampling.delay": -1.3e-4}, "half the sampling period"),
         ({"dead_time.time": True}, "out of range"),
     ],
 )

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +46,14 @@ def prior_of(coordinates: Sequence[Coordinate]) -> Prior:
     )  # fmt: skip
 
 
+class MostProbable(NamedTuple):
+    """The most probable values (p,), which of them are free (inside their bounds), and the objective there."""
+
+    x: Array
+    free: NDArray[np.bool_]
+    objective: float
+
+
 @dataclass(frozen=True)
 class Algebra:
     """Normal equations of all coordinates: A (p, p), g (p,), r'r at the values x (p,)."""
@@ -62,15 +71,15 @@ class Algebra:
         """Return the same for a noise variance so many times larger."""
         return Algebra(self.a / noise, self.g / noise, self.rr / noise, self.x)
 
-    def most_probable(self, prior: Prior) -> tuple[Array, NDArray[np.bool_], float]:
-        """Return the most probable values (p,), which of them are free (inside their bounds), and the objective.
+    def most_probable(self, prior: Prior) -> MostProbable:
+        """Return the most probable values under a prior.
 
         Least squares within bounds, in prior deviations.  Where a prediction overflowed nothing is probable: the
         objective is infinite.
         """
         movable = prior.deviation > 0.0
         if not (np.isfinite(self.a).all() and np.isfinite(self.g).all() and math.isfinite(self.rr)):
-            return self.x, movable, math.inf
+            return MostProbable(self.x, movable, math.inf)
         size = prior.deviation[movable]
         x = np.clip(prior.mean, prior.low, prior.high)
         start = x[movable]
@@ -81,7 +90,7 @@ class Algebra:
         free = movable.copy()
         free[movable] = inside
         x[movable] = start + size * step
-        return x, free, self.objective(x, prior)
+        return MostProbable(x, free, self.objective(x, prior))
 
     def objective(self, x: Array, prior: Prior) -> float:
         """Return r'r predicted at x (p,) and the squared deviations from the prior's means together."""

@@ -196,7 +196,7 @@ def objective(n: Normal, prior: Prior, weights: Weights) -> float:
     """Return the sum of squared residuals and of squared deviations from the prior's means."""
     free = prior.deviation > 0.0
     away = (n.x - prior.mean)[free] / prior.deviation[free]
-    return n.summed(weights)[2] + float(np.sum(away**2))
+    return n.summed(weights).rr + float(np.sum(away**2))
 
 
 def _step(n: Normal, prior: Prior, weights: Weights, damping: float) -> tuple[Array, float]:
@@ -207,5 +207,5 @@ def _step(n: Normal, prior: Prior, weights: Weights, damping: float) -> tuple[Ar
     equations = algebra(n, weights)
     count = sum(float(s.n.sum()) for s in n.segments if weights.get((s.recording, s.channel)))
     noise = max(1.0, equations.rr / count)
-    x = equations.scaled(noise).damped(damping).most_probable(prior)[0]
+    x = equations.scaled(noise).damped(damping).most_probable(prior).x
     return x, equations.objective(n.x, prior) - equations.objective(x, prior)

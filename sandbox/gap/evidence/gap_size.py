@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,19 +21,26 @@ DRAWS = 400
 UNDEFINED = 0.05  # of the draws, without a gap to close: more, and there is no interval
 
 
+class OfRecording(NamedTuple):
+    """The normalised rms of one recording before and after, and whether it was held out."""
+
+    file: str
+    before: float
+    after: float
+    held_out: bool
+
+
 @dataclass(frozen=True)
 class Size:
-    """Normalised rms on the recordings held out: raw, before, after, share closed (or None) and its interval (or None).
-
-    recordings: (file, before, after, held out) of each.
-    """
+    """Normalised rms on the recordings held out: raw, before, after, share closed (or None) and its interval (or None),
+    and of each recording."""
 
     raw: float
     before: float
     after: float
     closed: float | None
     closed_ci95: tuple[float, float] | None
-    recordings: tuple[tuple[str, float, float, bool], ...]
+    recordings: tuple[OfRecording, ...]
 
 
 def squares(n: Normal, recordings: Sequence[int]) -> tuple[Array, Array]:
@@ -60,7 +68,9 @@ def size_of(raw: Normal, before: Fit, after: Fit, held_out: Sequence[int], files
     """
     chosen = list(held_out) or list(range(len(files)))
     j0, j1 = rms(before.normal, chosen), rms(after.normal, chosen)
-    each = tuple((f, rms(before.normal, [k]), rms(after.normal, [k]), k in held_out) for k, f in enumerate(files))
+    each = tuple(
+        OfRecording(f, rms(before.normal, [k]), rms(after.normal, [k]), k in held_out) for k, f in enumerate(files)
+    )
     closed = interval = None
     if after.effects and j0 > 1.0:
         closed = share_closed(j0, j1)

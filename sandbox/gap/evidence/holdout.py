@@ -60,7 +60,7 @@ def worst_share(n: Normal, left: Sequence[int], groups: Sequence[Sequence[str]])
     Fit: variance with all recordings over variance without those left out; check: A of those left out over all A.
     """
     count = 1 + max(s.recording for s in n.segments)
-    whole, kept = n.summed()[0], n.summed(weights_of(count, left))[0]
+    whole, kept = n.summed().a, n.summed(weights_of(count, left)).a
     prior = np.diag([c.deviation**-2 for c in n.coordinates])
     narrow, wide = np.diag(np.linalg.inv(whole + prior)), np.diag(np.linalg.inv(kept + prior))
     place = {c.label: k for k, c in enumerate(n.coordinates)}

@@ -17,7 +17,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +78,14 @@ def simulated(cost: float) -> None:
     _COUNT.get()(cost)
 
 
+class Sums(NamedTuple):
+    """Normal equations: A (p, p), g (p,) and r'r, as the residual's squares are r'r - 2 g'dx + dx'A dx."""
+
+    a: Array
+    g: Array
+    rr: float
+
+
 @dataclass(frozen=True)
 class Normal:
     """All segments at a point: coordinates (turns last), their values x (p,), the cost in simulations of
@@ -128,7 +136,7 @@ class Normal:
         """Return the same without slopes, which are large."""
         return replace(self, rows=())
 
-    def summed(self, weights: Mapping[tuple[int, str], float] | None = None) -> tuple[Array, Array, float]:
+    def summed(self, weights: Mapping[tuple[int, str], float] | None = None) -> Sums:
         """Return A (p, p), g (p,) and r'r over all segments; weights: per (recording, channel), 0 leaves one out."""
         p = len(self.x)
         a, g, rr = np.zeros((p, p)), np.zeros(p), 0.0
@@ -138,7 +146,7 @@ class Normal:
                 a[np.ix_(s.places, s.places)] += w * s.a.sum(0)
                 g[s.places] += w * s.g.sum(0)
                 rr += w * float(s.rr.sum())
-        return a, g, rr
+        return Sums(a, g, rr)
 
 
 @dataclass(frozen=True)

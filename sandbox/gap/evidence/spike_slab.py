@@ -106,7 +106,7 @@ def settled(t: Table, prior: Prior, weights: Weights, workers: int) -> tuple[Tab
     shares = np.array([c.form == "share" for c in t.coordinates])
     part, promised = 1.0, 0.0
     for _ in range(ROUNDS):
-        x = np.where(shares, t.normal.x, t.equations.most_probable(prior)[0])
+        x = np.where(shares, t.normal.x, t.equations.most_probable(prior).x)
         promised = value - t.equations.objective(x, prior)
         if promised < SETTLED:
             promised = 0.0

@@ -175,9 +175,9 @@ def _recordings(a: Answers, part: Decomposition) -> list[list[str]]:
 def _by_recording(a: Answers) -> str:
     rows = a.diagnosis.size.recordings
     labels = [Path(f).stem + (" ●" if held else "") for f, _, _, held in rows]
-    series = {"before": [r[1] for r in rows]}
+    series = {"before": [r.before for r in rows]}
     if a.diagnosis.after.effects:
-        series["after"] = [r[2] for r in rows]
+        series["after"] = [r.after for r in rows]
     return bars_svg(labels, series, "residual / noise floor", log_from=0.5)
 
 

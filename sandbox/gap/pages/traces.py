@@ -49,7 +49,7 @@ def _seen(point: Point) -> tuple[Prediction, list[Residual]]:
 def _whole(a: Answers, parts: dict[str, Decomposition]) -> Iterator[tuple[str, Plot]]:
     rows = a.diagnosis.size.recordings
     place = np.arange(1.0, len(rows) + 1.0) - HALF
-    columns = {"before": np.array([r[1] for r in rows]), "after": np.array([r[2] for r in rows])}
+    columns = {"before": np.array([r.before for r in rows]), "after": np.array([r.after for r in rows])}
     yield (
         "recordings",
         Plot("Residual over floor, by recording (in the summary's order)", place, columns, [BEFORE, AFTER], bars=True),

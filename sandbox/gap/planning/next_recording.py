@@ -101,7 +101,7 @@ def _missed(told: Campaign, truth: Mapping[str, float], a: Judged) -> float:
     without = {**truth, **{k: v for k, v in neutral.items() if k.startswith(gone)}}
     n = normal(Point(as_predicted(prepare(told, without, steps=1), truth), without), ())
     count = sum(float(s.n.sum()) for s in n.segments)
-    return 0.5 * (FLOOR * count + SHARE * n.summed()[2])
+    return 0.5 * (FLOOR * count + SHARE * n.summed().rr)
 
 
 def _surprise(

@@ -79,7 +79,7 @@ def _cosine(j: Judged, effect: str, rival: tuple[str, ...], temperature: float) 
     wide = t.prior(j.effects)
     sizes = t.of_effects & (without.deviation < wide.deviation)
     places = np.array([k for k in t.members[effect] if sizes[k]], dtype=np.int64)
-    move = equations.most_probable(wide)[0][places] - wide.mean[places]
+    move = equations.most_probable(wide).x[places] - wide.mean[places]
     whole = float(move @ equations.a[np.ix_(places, places)] @ move)
     if not whole > 0.0:
         return None

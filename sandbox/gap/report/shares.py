@@ -72,7 +72,7 @@ def _worths(j: Judged, named: Sequence[str]) -> Callable[[frozenset[str]], Array
         """Return the squares that each recording leaves."""
         if kept not in known:
             gone = [e for e in named if e not in kept]
-            shift = j.equations.most_probable(held_at_neutral(j, gone))[0] - j.normal.x
+            shift = j.equations.most_probable(held_at_neutral(j, gone)).x - j.normal.x
             out = np.zeros(count)
             for s in j.normal.segments:
                 x = shift[s.places]
@@ -126,7 +126,7 @@ def is_shape_only(j: Judged, effect: str) -> bool:
 
 def without(j: Judged, gone: Sequence[str], named: Sequence[str]) -> Point:
     """Return the point at which effects are missing and all else follows by algebra; shapes at their neutral values."""
-    x = j.equations.most_probable(held_at_neutral(j, gone))[0]
+    x = j.equations.most_probable(held_at_neutral(j, gone)).x
     moved = [(c, to) for c, to in zip(j.normal.coordinates, x, strict=True) if c.form != "share"]
     point = j.table.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
     neutral = library.neutral(point.prepared.campaign.drive.motor)

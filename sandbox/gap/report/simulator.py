@@ -56,7 +56,7 @@ def baked(motor: Motor, values: Mapping[str, float]) -> Motor:
 def beside(motor: Motor, converter: Converter, values: Mapping[str, float]) -> dict[str, float]:
     """Return what of a completed set is not neutral beside a motor that already holds its values."""
     neutral = complete(motor, converter)
-    done = () if isinstance(motor, MappedMotor) else library.SCALES_OF_MOTOR
+    done = () if isinstance(motor, MappedMotor) else library.scaled()
     moved = {k: v for k, v in values.items() if v == v and v != neutral[k] and k not in done}
     return {k: v for k, v in moved.items() if library.same_numbers().get(k) not in moved}
 

@@ -124,8 +124,8 @@ def _losses(j: Judged, effects: Sequence[str]) -> dict[str, float]:
         groups.setdefault(library.load_effect(effect).subsystem, []).append(effect)
     if len(groups) <= 1:
         return dict.fromkeys(groups, 1.0)
-    best = j.equations.most_probable(held_at_neutral(j, []))[2]
-    left = {name: j.equations.most_probable(held_at_neutral(j, own))[2] for name, own in groups.items()}
+    best = j.equations.most_probable(held_at_neutral(j, [])).objective
+    left = {name: j.equations.most_probable(held_at_neutral(j, own)).objective for name, own in groups.items()}
     lost = {name: max(0.0, x - best) for name, x in left.items()}
     total = sum(lost.values())
     return {name: x / total if total else 1.0 / len(lost) for name, x in lost.items()}
@@ -149,11 +149,11 @@ def held_at_neutral(j: Judged, effects: Sequence[str]) -> Prior:
 
 def _spans(j: Judged) -> dict[str, float]:
     """Return how much of what a hypothesis leaves each subsystem's effects could take up together; sums to 1."""
-    base = j.equations.most_probable(j.prior)[2]
+    base = j.equations.most_probable(j.prior).objective
     gain = {}
     for name in SUBSYSTEMS:
         own = [e for e in j.table.members if library.load_effect(e).subsystem == name and e not in j.effects]
-        gain[name] = max(0.0, base - j.equations.most_probable(j.table.prior([*j.effects, *own]))[2])
+        gain[name] = max(0.0, base - j.equations.most_probable(j.table.prior([*j.effects, *own])).objective)
     total = sum(gain.values())
     return {name: g / total if total else 1.0 / len(gain) for name, g in gain.items()}
 
@@ -167,7 +167,7 @@ def without(d: Diagnosis, subsystem: str, *, alone: bool) -> Point:
     if alone or not own:
         return d.before.point
     j, drive = d.best.judged, d.campaign.drive
-    x = j.equations.most_probable(held_at_neutral(j, own))[0]
+    x = j.equations.most_probable(held_at_neutral(j, own)).x
     moved = [(c, to) for c, to in zip(j.normal.coordinates, x, strict=True) if c.form != "share"]
     point = j.table.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
     with suppress(BadInput):  # extrapolated: none that a drive can have

@@ -73,10 +73,10 @@ def of_motor(j: Judged) -> dict[str, Estimate]:
     taken together."""
     s, motor, out = spread(j), j.fit.point.prepared.campaign.drive.motor, dict[str, Estimate]()
     place = s.place
-    for name, key in {**library.OF_MOTOR, **library.SCALES_OF_MOTOR}.items():
+    for name, key in {**library.replaced(), **library.scaled()}.items():
         if name in place:
             k, unit = place[name], type(motor).__dataclass_fields__[key].metadata["unit"]
-            size = getattr(motor, key) if name in library.SCALES_OF_MOTOR else 1.0
+            size = getattr(motor, key) if name in library.scaled() else 1.0
             c = j.fit.coordinates[k]
             value, *ends = (size * public(c.form, c.bounded(float(to[k]))) for to in (s.x, *s.ends))
             out[key] = Estimate(value, min(ends), max(ends), unit, not s.free[k])

@@ -82,10 +82,10 @@ def with_sizes(
     flat = [replace(found.point, values={**found.point.values, **m}) for own in moves for m in own]
     if not flat:
         return list(probes), 0.0
-    level = algebra(n, weights).most_probable(prior)[2]
+    level = algebra(n, weights).most_probable(prior).objective
     named = [set(m) for own in moves for m in own]
     reached = [
-        math.inf if x is None else algebra(x, weights).most_probable(held(prior, x, names))[2]
+        math.inf if x is None else algebra(x, weights).most_probable(held(prior, x, names)).objective
         for x, names in zip(_replayed(n, flat, workers), named, strict=True)
     ]
     gains = iter([0.5 * (level - x) if np.isfinite(x) else -np.inf for x in reached])
@@ -113,7 +113,7 @@ def _farther(
             gain = (
                 -np.inf
                 if x is None
-                else 0.5 * (level - algebra(x, weights).most_probable(held(prior, x, set(move)))[2])
+                else 0.5 * (level - algebra(x, weights).most_probable(held(prior, x, set(move))).objective)
             )
             if gain > probe.gain:
                 probe = replace(probe, sized=move, gain=float(gain))

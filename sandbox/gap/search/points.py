@@ -18,7 +18,7 @@ def towards(best: Fit, key: Sequence[str], chosen: Sequence[Probe]) -> Point:
     neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
     gone = tuple(f"{e}." for e in best.effects if e not in key)
     own = [k for k in neutral if k.startswith(gone) and k not in kept]
-    off = {k: neutral[k] for k in own if k.partition(".")[2] not in library.SHARED}
+    off = {k: neutral[k] for k in own if k not in library.shared()}
     start = replace(best.point, values={**best.point.values, **off})
     return starting(start, [e for e in key if e not in best.effects], chosen)
 

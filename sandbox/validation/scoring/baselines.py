@@ -118,7 +118,7 @@ def screened(null: Refit, effects: Sequence[str]) -> tuple[list[tuple[float, Pro
         free = [c.label in more or c.label in known or c.form == "turn" for c in chosen]
         held = [replace(c, mean=float(x), deviation=0.0) for c, x in zip(chosen, n.x, strict=True)]
         prior = prior_of([c if f else h for c, f, h in zip(chosen, free, held, strict=True)])
-        out.append((a.most_probable(prior)[2] + len(more) * size, probe))
+        out.append((a.most_probable(prior).objective + len(more) * size, probe))
     return sorted(out, key=lambda r: r[0]), n.simulations
 
 

@@ -95,7 +95,7 @@ def stepped(point: Point, n: Normal, prior: Prior, cost: float) -> tuple[Point, 
 
     All as it was where no share does.
     """
-    step = algebra(n).most_probable(prior)[0] - n.x
+    step = algebra(n).most_probable(prior).x - n.x
     for tries, share in enumerate(SHARES, 1):
         trial = point.moved(n.coordinates, n.x + share * step)
         try:

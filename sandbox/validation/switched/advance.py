@@ -3,7 +3,7 @@
     state = start(b, theta=0.3)
     rng = numpy.random.default_rng(0)
     for each sampling instant t_k:
-        measure(state, b, FREE, u_alpha, u_beta, u_dc, load_torque, 0.0, rng, reading)
+        reading = measure(state, b, FREE, u_alpha, u_beta, u_dc, load_torque, 0.0, rng)
         advance(state, b, FREE, u_alpha, u_beta, u_dc, load_torque, 0.0)
 
 u_alpha, u_beta is the command acting from t_k on: sensors that sample late already see it.
@@ -12,6 +12,7 @@ u_alpha, u_beta is the command acting from t_k on: sensors that sample late alre
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -45,6 +46,18 @@ from sandbox.validation.switched.phase_machine import DRIVEN, FREE, LOCKED, curr
 Vector = NDArray[np.float64]
 MODES = {"locked": LOCKED, "driven": DRIVEN, "free": FREE}
 NEWTON_STEPS = 50
+PREDICTED = np.dtype(
+    [(name, np.float64) for name in ("i_a", "i_b", "i_c", "theta", "position", "speed", "torque")], align=True
+)
+
+
+class Reading(NamedTuple):
+    """What the sensors read at t_k."""
+
+    i_a: float  # A
+    i_b: float
+    i_c: float
+    theta: float  # rad, electrical, of the encoder
 
 
 def flux_for(b: Bench, i: complex, theta: float) -> complex:
@@ -126,34 +139,39 @@ def sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration):
 
 
 @kernel
-def measure(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, rng, reading):
-    """Write i_a, i_b, i_c (A) and the encoder's angle (rad) for t_k into reading; the other arguments as `advance`.
+def measure(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, rng):
+    """Return what the sensors read at t_k; the other arguments as `advance`.
 
     With jitter, the instant of the next sample is drawn here too: call it once a period, before `advance`.
     """
     i = sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration)
     i_a, i_b, i_c = phase_currents(i)
-    reading[0] = sensor(b, i_a, b.gain_a, b.common_offset + b.offset_a, rng)
-    reading[1] = sensor(b, i_b, b.gain_b, b.common_offset + b.offset_b, rng)
-    reading[2] = sensor(b, i_c, b.gain_c, b.common_offset - b.offset_a - b.offset_b, rng)
-    reading[3] = encoder(b, state[THETA])
+    i_a = sensor(b, i_a, b.gain_a, b.common_offset + b.offset_a, rng)
+    i_b = sensor(b, i_b, b.gain_b, b.common_offset + b.offset_b, rng)
+    i_c = sensor(b, i_c, b.gain_c, b.common_offset - b.offset_a - b.offset_b, rng)
+    theta = encoder(b, state[THETA])
     if b.jitter > 0.0:
         half = 0.45 * b.period
         state[OFFSET] = min(max(b.sampling_delay + b.jitter * rng.standard_normal(), -half), half)
+    return Reading(i_a, i_b, i_c, theta)
 
 
 @kernel
 def run(state, b, mode, u_alpha, u_beta, u_dc, load_torque, theta, speed, rng, out):
-    """Replay commands; a DRIVEN rotor follows theta (rad, electrical) and speed (rad/s, mechanical) at each t_k."""
+    """Replay commands into rows of PREDICTED.
+
+    A DRIVEN rotor follows theta (rad, electrical) and speed (rad/s, mechanical) at each t_k.
+    """
     last = len(u_alpha) - 1
     for k in range(last + 1):
         acceleration = 0.0
         if mode == DRIVEN:
             state[THETA], state[SPEED] = theta[k], speed[k]
             acceleration = (speed[min(k + 1, last)] - speed[k]) / b.period
-        measure(state, b, mode, u_alpha[k], u_beta[k], u_dc[k], load_torque[k], acceleration, rng, out[k, :4])
-        out[k, 4], out[k, 5] = state[THETA], state[SPEED]
-        out[k, 6] = current_and_torque(b, complex(state[PSI_ALPHA], state[PSI_BETA]), state[THETA])[1]
+        read, row = measure(state, b, mode, u_alpha[k], u_beta[k], u_dc[k], load_torque[k], acceleration, rng), out[k]
+        row.i_a, row.i_b, row.i_c, row.theta = read.i_a, read.i_b, read.i_c, read.theta
+        row.position, row.speed = state[THETA], state[SPEED]
+        _, row.torque = current_and_torque(b, complex(state[PSI_ALPHA], state[PSI_BETA]), state[THETA])
         advance(state, b, mode, u_alpha[k], u_beta[k], u_dc[k], load_torque[k], acceleration)
 
 
@@ -183,11 +201,10 @@ def replay(
     columns = {"u_beta": u_beta, "u_dc": u_dc, "load_torque": load_torque, "theta": theta, "speed": speed}
     spread = {name: _column(name, value, n) for name, value in columns.items()}
     state = start(b, float(spread["theta"][0]), float(spread["speed"][0]), *current)
-    out = np.empty((n, 7))
+    out = np.empty(n, PREDICTED)
     alpha = np.ascontiguousarray(u_alpha, dtype=float)
     run(state, b, MODES[rotor], alpha, *spread.values(), np.random.default_rng(seed), out)
-    names = ("i_a", "i_b", "i_c", "theta", "position", "speed", "torque")
-    return {name: out[:, k] for k, name in enumerate(names)}
+    return {name: out[name] for name in PREDICTED.names or ()}
 
 
 def true_angle(b: Bench, read: ArrayLike) -> Vector:

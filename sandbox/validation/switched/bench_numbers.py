@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from model.effects.library import check_inside, complete, friction_rate
+from model.effects.library import check_inside, complete
 from model.parameters import Converter, Motor
 from sandbox.validation.switched.flux_map import FluxMap, flux_map_of
 from sandbox.validation.switched.harmonics import (
@@ -137,7 +137,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     m_motor = v["inertia.inertia"] - m_load  # total inertia unchanged
     stiffness = v["shaft_compliance.stiffness"] if m_load else 0.0
     reduced = m_motor * m_load / (m_motor + m_load)
-    check_inside(converter, v)
+    check_inside(motor, converter, v)
     period = converter.sampling_period
     flux_map = flux_map_of(motor.energy)
     values: dict[str, Any] = {
@@ -191,7 +191,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     values |= {key: v[name] for name in v for effect, _, key in [name.partition(".")] if effect in same_name}
     rate = math.sqrt(stiffness / reduced) if m_load else 0.0
     table = leg_table(*zip(*converter.inverter_table, strict=True)) if converter.inverter_table else None
-    step = _longest_step(period, v, rate)
+    step = _longest_step(period, v, rate, m_motor)
     step = step if table is None else min(step, period / STEPS_WITH_CORNERS)
     return Bench(**values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map)
 
@@ -228,8 +228,11 @@ def _energy(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
     }
 
 
-def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float) -> float:
-    """A quarter of the period, less where an effect has a shorter time constant (Runge-Kutta must resolve it)."""
+def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float, inertia: float) -> float:
+    """A quarter of the period, less where an effect has a shorter time constant (Runge-Kutta must resolve it).
+
+    inertia: on the motor's side, which dry friction brings to rest within its width.
+    """
     step = period / STEPS_A_PERIOD
     if v["device_drop.threshold"] > 0.0:
         step = period / STEPS_WITH_CORNERS
@@ -237,6 +240,7 @@ def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float) -> f
         step = min(step, 0.25 * v["iron_loss.time_constant"])
     if v["skin_effect.resistance"] > 0.0:
         step = min(step, 0.5 * v["skin_effect.time_constant"])
-    if friction_rate(v) > 0.0:
-        step = min(step, 1.0 / friction_rate(v))
+    dry = v["coulomb_friction.torque"] + v["coulomb_friction.stribeck_torque"]
+    if dry > 0.0:
+        step = min(step, 1.0 / (dry / (v["coulomb_friction.width"] * inertia)))
     return min(step, 0.2 / shaft_rate) if shaft_rate > 0.0 else step

@@ -15,6 +15,7 @@ from model.parameters import Drive
 from sandbox.gap.planning.menu import FULL_RATE
 
 Array = NDArray[np.float64]
+KIND, FIRST, SECOND, LOAD = range(4)  # columns of `plan`
 VOLTAGE, CURRENT, SPEED = 0.0, 1.0, 2.0  # what `plan` asks for: u_d, u_q; i_d, i_q; electrical speed, -
 
 

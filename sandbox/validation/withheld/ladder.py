@@ -15,7 +15,7 @@ from typing import Any
 from numpy.random import Generator
 
 from model.effects.card import scales
-from model.effects.library import OF_MOTOR
+from model.effects.library import replaced, scaled
 from model.parameters import Converter, Drive, Motor
 from sandbox.validation.withheld.drives import ALPHAS
 
@@ -205,12 +205,9 @@ OUTSIDE = {
 
 def truth_of(names: list[str], true: Motor, believed: Motor, plant_values: Mapping[str, float]) -> dict[str, float]:
     """Return the true parameters of effects by public name; scales and replaced values against the stated motor."""
-    of_motor = {name: float(getattr(true, field_)) for name, field_ in OF_MOTOR.items()}
+    of_motor = {name: float(getattr(true, field_)) for name, field_ in replaced().items()}
     of_motor |= {f"cross_{k}": v for k, v in of_motor.items() if k in ("saturation.alpha_12", "saturation.alpha_22")}
-    of_motor |= {
-        f"inductance.scale_{axis}": getattr(true, f"inductance_{axis}") / getattr(believed, f"inductance_{axis}")
-        for axis in "dq"
-    }
+    of_motor |= {name: getattr(true, field_) / getattr(believed, field_) for name, field_ in scaled().items()}
     known = of_motor | dict(plant_values)
     return {k: v for k, v in known.items() if k.partition(".")[0] in names}
 

@@ -23,12 +23,12 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
 from sandbox.validation.switched.bench_numbers import Bench, bench
 from sandbox.validation.withheld.cycle_styles import cycles
-from sandbox.validation.withheld.cycles import Cycle, scale_of
+from sandbox.validation.withheld.cycles import LOAD, Cycle, scale_of
 from sandbox.validation.withheld.cycles_narrow import all_cycles as narrow
 from sandbox.validation.withheld.draw import Drawn, cases, draw, outside_names, uncertainty
 from sandbox.validation.withheld.drives import LINK_NOISE
 from sandbox.validation.withheld.ladder import DRIFT_TIME
-from sandbox.validation.withheld.rig import COLUMNS, record, tuned
+from sandbox.validation.withheld.rig import RECORDED, record, tuned
 from sandbox.validation.withheld.users_effects import users_cards
 
 SEAL, HASH, CAMPAIGNS = "truth.sealed", "SHA256", "campaigns"
@@ -144,14 +144,13 @@ def recording(
         b = b._replace(link_voltage=b.link_voltage * link / converter.dc_bus_voltage)
         converter = replace(converter, dc_bus_voltage=link)
         drive = replace(drive, converter=converter)
-    _, _, _, load = plan.plan.T
-    asked = np.array(load)
+    asked = plan.plan[:, LOAD].copy()
     noise = 1.0 + drawn.bench.background["load_torque_gain"] * rng.standard_normal(n)
     acting = asked * noise + drawn.bench.load_torque_offset
     u_dc = converter.dc_bus_voltage + LINK_NOISE * rng.standard_normal(n)
     tuning = tuned(drive, drawn.stated, plan.injection_axis, rng)
     table = record(b, plan, tuning, drawn.theta, acting, u_dc, int(rng.integers(2**31)))
     columns = {"t": np.arange(n, dtype=np.float64) * converter.sampling_period}
-    columns |= {name: table[:, j].copy() for j, name in enumerate(COLUMNS)}
+    columns |= {name: table[name].copy() for name in RECORDED.names or ()}
     columns |= {"u_dc": u_dc, "load_torque": asked}
     return CampaignRecording(f"{plan.file}.parquet", plan.rotor, plan.injection_axis, columns, link)

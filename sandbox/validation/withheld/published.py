@@ -18,13 +18,13 @@ import numpy as np
 from numpy.random import Generator
 
 from model.effects.card import scales
-from model.effects.library import OF_MOTOR
+from model.effects.library import replaced, scaled
 from model.parameters import Converter, Motor
 from sandbox.validation.withheld.ladder import STEPS, Planted, medium, sign
 
 TABLE = Path(__file__).with_name("published.toml")
 INVERSE = ("core_resistance", "stiffness")  # the larger, the smaller the effect
-FIELDS = {**OF_MOTOR, "inductance.scale_d": "inductance_d", "inductance.scale_q": "inductance_q"}
+FIELDS = {**replaced(), **scaled()}
 SI = ("s", "V", "rad", "rad/s")
 
 

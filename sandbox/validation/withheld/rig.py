@@ -22,13 +22,13 @@ from sandbox.validation.switched.bench_numbers import Bench
 from sandbox.validation.switched.inverter import PSI_ALPHA, PSI_BETA, THETA, advance
 from sandbox.validation.switched.inverter import SPEED as BENCH_SPEED
 from sandbox.validation.switched.phase_machine import DRIVEN
-from sandbox.validation.withheld.cycles import SPEED, VOLTAGE, Cycle
+from sandbox.validation.withheld.cycles import FIRST, KIND, SECOND, SPEED, VOLTAGE, Cycle
 
 Array = NDArray[np.float64]
 WINDOW = 0.002  # s over which the encoder's difference gives speed
 ROOM = 64  # samples a window may have
 SPEED_LAG = 2.5e-3  # s
-COLUMNS = ("u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta")
+RECORDED = np.dtype([(name, np.float64) for name in ("u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta")], align=True)
 REFERENCE_LAG = 4e-3  # s, of the current asked for
 RAMP = 0.5  # of what rated torque could do
 CURRENT_LIMIT = 1.8  # times rated current, for speed control
@@ -92,13 +92,12 @@ def averaged(ring, k, samples, i_d, i_q):
 
 @kernel
 def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
-    """Run a cycle; out: (n, 6) as COLUMNS; return the samples done (fewer where the state is no longer finite).
+    """Run a cycle; out: (n,) of RECORDED; return the samples done (fewer where the state is no longer finite).
 
     u_dc: (n,) V as read; plan: (n, 4); angle, speed: imposed motion (rad electrical, rad/s mechanical); load: (n,)
     torque that really acts, N m.
     """
     n = len(plan)
-    held = np.zeros(4)
     currents, angles = np.zeros((2, ROOM)), np.zeros(ROOM)
     u_alpha = u_beta = sum_d = sum_q = omega = sum_speed = want_d = want_q = wanted = 0.0
     samples = g.injection_samples if g.axis > 0.0 else 1
@@ -107,10 +106,10 @@ def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
         if rotor == DRIVEN:
             x[THETA], x[BENCH_SPEED] = angle[k], speed[k]
             acceleration = (speed[min(k + 1, n - 1)] - speed[k]) / g.period
-        measure(x, b, rotor, u_alpha, u_beta, u_dc[k], load[k], acceleration, rng, held)
-        out[k, 0], out[k, 1], out[k, 2:6] = u_alpha, u_beta, held
-        theta = held[3]
-        i_alpha, i_beta = (2.0 * held[0] - held[1] - held[2]) / 3.0, (held[1] - held[2]) / math.sqrt(3.0)
+        held, row = measure(x, b, rotor, u_alpha, u_beta, u_dc[k], load[k], acceleration, rng), out[k]
+        i_a, i_b, i_c, theta = held.i_a, held.i_b, held.i_c, held.theta
+        row.u_alpha, row.u_beta, row.i_a, row.i_b, row.i_c, row.theta = u_alpha, u_beta, i_a, i_b, i_c, theta
+        i_alpha, i_beta = (2.0 * i_a - i_b - i_c) / 3.0, (i_b - i_c) / math.sqrt(3.0)
         c, s = math.cos(theta), math.sin(theta)
         i_d, i_q = averaged(currents, k, samples, c * i_alpha + s * i_beta, c * i_beta - s * i_alpha)
         back = min(k, g.window)
@@ -118,11 +117,12 @@ def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
             difference = (theta - angles[(k - back) % ROOM]) / (back * g.period)
             omega += (difference - omega) * g.period / SPEED_LAG
         angles[k % ROOM] = theta
-        u_d, u_q = plan[k, 1], plan[k, 2]
-        if plan[k, 0] != VOLTAGE:
-            ask_d, ask_q = plan[k, 1], plan[k, 2]
-            if plan[k, 0] == SPEED:
-                wanted += min(max(plan[k, 1] - wanted, -g.ramp * g.period), g.ramp * g.period)
+        kind, first, second = plan[k, KIND], plan[k, FIRST], plan[k, SECOND]
+        u_d, u_q = first, second
+        if kind != VOLTAGE:
+            ask_d, ask_q = first, second
+            if kind == SPEED:
+                wanted += min(max(first - wanted, -g.ramp * g.period), g.ramp * g.period)
                 miss = wanted - omega
                 want = g.speed_gain * miss + sum_speed
                 ask_d, ask_q = 0.0, min(max(want, -g.current_limit), g.current_limit)
@@ -148,8 +148,10 @@ def run_cycle(x, b, rotor, g, u_dc, plan, angle, speed, load, rng, out):
     return n
 
 
-def record(b: Bench, cycle: Cycle, tuning: Tuning, theta: float, load: Array, u_dc: Array, seed: int) -> Array:
-    """Return a recorded cycle (n, 6), columns COLUMNS; theta: true angle at the start, rad.
+def record(
+    b: Bench, cycle: Cycle, tuning: Tuning, theta: float, load: Array, u_dc: Array, seed: int
+) -> NDArray[np.void]:
+    """Return a recorded cycle (n,) of RECORDED; theta: true angle at the start, rad.
 
     load: (n,) N m that really acts; u_dc: (n,) V as read.  PhysicsError where the bench's equations blow up.
     """
@@ -157,7 +159,7 @@ def record(b: Bench, cycle: Cycle, tuning: Tuning, theta: float, load: Array, u_
     angle = theta + tuning.period * np.concatenate([[0.0], np.cumsum(0.5 * (cycle.speed[1:] + cycle.speed[:-1]))])
     speed = cycle.speed / tuning.pole_pairs
     state = start(b, theta, float(speed[0]))
-    out = np.empty((n, len(COLUMNS)))
+    out = np.empty(n, RECORDED)
     rng = np.random.default_rng(seed)
     done = run_cycle(state, b, MODES[cycle.rotor], tuning, u_dc, cycle.plan, angle, speed, load, rng, out)
     if done < n:

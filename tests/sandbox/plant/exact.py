@@ -27,8 +27,7 @@ class Exact:
         self.bench = looked_into(self.bench) if inside else self.bench
         self.w, self.pairs, self.inside = self.bench.w, motor.pole_pairs, inside
         self.w["speed"][0] = self.pairs * speed
-        jitter = values["current_sampling.jitter"]
-        self.rig = Rig(*5 * (0,), converter.sampling_period, 0.0, 0.0, 0.0, converter.dc_bus_voltage, 0.0, jitter, 0.0)
+        self.rig = Rig(*5 * (0,), converter.sampling_period, 0.0, 0.0, 0.0, converter.dc_bus_voltage, 0.0, 0.0)
         self.memory = np.zeros(MEMORY)
         self.memory[LINK], self.memory[INSTANT] = 1.0, self.w["sample"][0]
         self.looks, self.seen = looked_at(self.w, converter.sampling_period, inside)

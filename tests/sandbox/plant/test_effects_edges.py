@@ -11,8 +11,8 @@ from estimators.registry import load_estimator
 from model.drive_files import load_drive
 from model.effects import library
 from model.errors import BadInput
+from model.steps import LARGEST_DECAY
 from sandbox.cli import main
-from sandbox.drive.closed import LARGEST_DECAY
 from sandbox.drive.control import ENCODER_BANDWIDTH, speed_from
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate

@@ -9,16 +9,21 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import sandbox.plant.electrical as electrical  # from here on an effect comes too late
 from model import compiled
-from model.effects import adopt
-from model.effects.card import At, Effect, Parameter
+from model.drive_files import load_drive
+from model.effects import adopt, library, own
+from model.effects.card import MACHINERY, At, Effect, Limit, Parameter
 from model.effects.library import load_effect
 from model.effects.own import EQUATIONS
 from model.errors import BadInput
+from sandbox.drive.closed import longest_step
+from sandbox.plant import additions as add
+from sandbox.plant import sets
 from sandbox.validation.switched import inverter
 
 ROOT = Path(__file__).parents[3]
@@ -114,6 +119,80 @@ def card(name="mine", at=(), numbers=("size",), repeats=1):
 
 
 DRAG = load_effect("viscous_friction").at[0].equation  # takes (coefficient, omega)
+SOUND = card(at=(At("friction", DRAG, ("size",)),))
+
+
+def rows(v, motor):
+    """A cable's delay comes on top of that of the pulses."""
+    return {"delay": v["cable.delay"], "sample": -v["cable.delay"]}
+
+
+CABLE = replace(
+    card("cable", (At("friction", DRAG, ("drag",)),), ("delay", "drag")), rows=rows, switches=("delay",), needs="delay",
+    limits=lambda v, motor, converter: [Limit("cable.delay", v["cable.delay"], motor.resistance * 1e-6, "s, R x 1 uF")],
+    longest=lambda v, motor, omega: 0.25 * abs(v["cable.delay"]),
+)  # fmt: skip
+
+
+@pytest.fixture
+def own_card(monkeypatch):
+    """Have the library know a card of one's own, without its equations in the plant; return how it is given."""
+
+    def give(card):
+        monkeypatch.setitem(own.FILES, "cable.py", "cable_of_test")
+        monkeypatch.setitem(sys.modules, "cable_of_test", SimpleNamespace(EFFECTS=(card,)))
+        forget()
+
+    def forget():
+        library.forget()
+        sets._needs.cache_clear()
+        sets._numbers.cache_clear()
+
+    yield give
+    monkeypatch.undo()
+    forget()
+
+
+def test_a_card_states_its_need_its_limit_and_its_step(own_card):
+    """The cable's delay: below R x 1 uF = 12.15 us on `ipm` (12.15 ohm), the plant's delayed pulses, a quarter as step;
+    the plant's own step is longer at rest."""
+    drive = load_drive("ipm")
+    neutral = sets.complete(drive.motor, drive.converter)
+    features = sets.features_of(drive.motor, neutral)
+    alone = longest_step(drive.motor, neutral, features, 0.0)
+    adopt._check(CABLE, Path("cable.py"))
+    own_card(CABLE)
+    values = sets.complete(drive.motor, drive.converter, {"cable.delay": 4e-6})
+    assert sets.features_of(drive.motor, values) == features | add.DELAYED
+    assert longest_step(drive.motor, values, features, 0.0) == 1e-6 < alone
+    told = sets.rows_of(drive.motor, drive.converter, values)
+    assert (told["delay"], told["sample"]) == (4e-6, -4e-6)
+    with pytest.raises(BadInput, match=r"cable.delay: 2e-05 is out of range; .* below 1.215e-05 s, R x 1 uF"):
+        sets.complete(drive.motor, drive.converter, {"cable.delay": 2e-5})
+    off = sets.complete(drive.motor, drive.converter, {"cable.drag": 1e-3})
+    assert sets.features_of(drive.motor, off) == features
+    assert longest_step(drive.motor, off, features, 0.0) == alone
+
+
+def test_a_limit_of_simulated_drives_does_not_hold_for_recorded_ones(own_card):
+    drive = load_drive("ipm")
+    limits = [Limit("cable.delay", 2.0, 1.0, "s", simulated=True)]
+    own_card(replace(CABLE, limits=lambda v, motor, converter: limits))
+    values = sets.complete(drive.motor, drive.converter, {"cable.delay": 4e-6})
+    with pytest.raises(BadInput, match=r"cable\.delay: 2 is out of range"):
+        library.check_inside(drive.motor, drive.converter, values)
+
+
+def test_rows_that_the_plant_has_not_are_refused(own_card):
+    drive = load_drive("ipm")
+    own_card(replace(CABLE, rows=lambda v, motor: {"cre_g": 0.0}))
+    values = sets.complete(drive.motor, drive.converter)
+    with pytest.raises(BadInput, match="in the rows of effect 'cable', 'cre_g'; did you mean 'core_g'"):
+        sets.rows_of(drive.motor, drive.converter, values)
+
+
+def test_the_plant_has_all_machinery_that_a_card_may_need():
+    assert set(sets.MACHINERY_BITS) == set(MACHINERY)
 
 
 @pytest.mark.parametrize(
@@ -130,6 +209,10 @@ DRAG = load_effect("viscous_friction").at[0].equation  # takes (coefficient, ome
         (card(at=(At("friction", abs, ("size",)),)), "must be @inlined"),
         (card(at=(At("friction", DRAG, ("size",)),), repeats=3), "repeats at the port 'friction'"),
         (card(at=(At("friction", DRAG, ("size",)),), repeats=0), "give 1 ..."),
+        (replace(SOUND, needs="irn"), r"'mine': unknown machinery in needs 'irn'; did you mean 'iron'\?"),
+        (replace(SOUND, limits=lambda v, motor, converter: [1.0 / 0.0]), "fails with mine.size = -1: ZeroDivision"),
+        (replace(SOUND, longest=lambda v, motor, omega: v["mine.sizes"]), "fails with mine.size = -1: KeyError"),
+        (replace(SOUND, longest=lambda v, motor, omega: 0.0), "longest gives 0.0; give s, more than 0"),
     ],
 )
 def test_a_card_that_the_plant_cannot_take_is_refused(wrong, said):

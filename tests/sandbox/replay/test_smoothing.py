@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sandbox.replay.replay import prepare
-from sandbox.replay.smoothing import ANYWHERE, CONSTANT, filtered, free_motion, smoothed
+from sandbox.replay.smoothing import ANYWHERE, CONSTANT, STATES, STEP, filtered, free_motion, smoothed
 from tests.sandbox.replay.test_replay import DRIVE, campaign
 
 COUNT = 2.0 * np.pi * 2 / 4096
@@ -19,7 +19,7 @@ def test_the_smoother_solves_the_least_squares_problem_it_stands_for():
     n, period, variance, start, q = 40, 1e-3, 1e-6, 4.0, 1e3
     read = np.cumsum(rng.normal(size=n)) * 1e-3
     acceleration, noise = 50.0 * rng.normal(size=n), rng.uniform(1.0, 5.0, n)
-    work = np.empty((n, 12))
+    work = np.empty(n, STEP)
     filtered(read, acceleration, noise**2, period, variance, start, q, work)
     smoothed(work, period, variance)
 
@@ -42,14 +42,14 @@ def test_the_smoother_solves_the_least_squares_problem_it_stands_for():
         told(rest, 0.0, np.sqrt(q * period))
     x = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0].reshape(n, 3)
     for j in range(3):
-        assert np.max(np.abs(work[:, j] - x[:, j])) < 1e-6 * np.max(np.abs(x[:, j]))
+        assert np.max(np.abs(work[STATES[j]] - x[:, j])) < 1e-6 * np.max(np.abs(x[:, j]))
 
 
 def test_likelihood_is_that_of_the_readings_distribution():
     """Two readings, by hand: the second is the first, moved by what speed and acceleration at the start allow."""
     period, variance, start, q = 1e-2, 1e-4, 2.0, 0.0
     read = np.array([0.0, 0.05])
-    told = filtered(read, np.zeros(2), np.zeros(2), period, variance, start, q, np.empty((0, 0)))
+    told = filtered(read, np.zeros(2), np.zeros(2), period, variance, start, q, np.empty(0, STEP))
     first = -0.5 * np.log((ANYWHERE + 1.0) * variance)
     known = variance * ANYWHERE / (ANYWHERE + 1.0)  # of the first angle, once read
     second = known + period**2 * start + (0.5 * period**2 * CONSTANT) ** 2 + variance

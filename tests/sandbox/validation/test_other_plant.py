@@ -154,7 +154,7 @@ def test_latest():
     """Three sampling periods are the latest that a recorded voltage may act."""
     converter = Converter(250e-6, NOMINAL, 0.0, 0.01)
     complete(MOTOR, converter, {"pwm_delay.delay": 749e-6})
-    with pytest.raises(BadInput, match="less than 3 sampling periods"):
+    with pytest.raises(BadInput, match="3 sampling periods"):
         complete(MOTOR, converter, {"pwm_delay.delay": 750e-6})
 
 

@@ -191,9 +191,9 @@ def test_unequal_spelling_out_of_bounds_and_contradiction_are_told():
         bench(motor, converter, {"cogging_torque.phase": np.inf})
     with pytest.raises(BadInput, match="contradict"):
         bench(motor, converter, {"saturation.alpha_12": 1.0, "cross_saturation.alpha_12": 2.0})
-    with pytest.raises(BadInput, match="less than half the PWM period"):
+    with pytest.raises(BadInput, match="half the PWM period"):
         bench(motor, converter, {"pwm_delay.delay": 2e-4})
-    with pytest.raises(BadInput, match="less than the total inertia"):
+    with pytest.raises(BadInput, match="the total inertia"):
         bench(motor, converter, {"shaft_compliance.stiffness": 1.0, "shaft_compliance.load_inertia": 1.0})
     with pytest.raises(BadInput, match="unknown rotor 'fre'; did you mean 'free'"):
         replay(bench(motor, converter), "fre", [0.0], [0.0], 400.0)
@@ -271,8 +271,8 @@ def test_measure_and_advance_by_hand_equal_replay():
     b = bench(motor, converter, ALL_ON)
     u_alpha, u_beta = commands(60)
     expected = replay(b, "free", u_alpha, u_beta, 399.0, load_torque=0.1, theta=0.1, speed=5.0, seed=4)
-    state, reading, rng = start(b, 0.1, 5.0), np.empty(4), np.random.default_rng(4)
+    state, rng = start(b, 0.1, 5.0), np.random.default_rng(4)
     for k in range(60):
-        measure(state, b, FREE, u_alpha[k], u_beta[k], 399.0, 0.1, 0.0, rng, reading)
+        reading = measure(state, b, FREE, u_alpha[k], u_beta[k], 399.0, 0.1, 0.0, rng)
         assert np.array_equal(reading, [expected[name][k] for name in ("i_a", "i_b", "i_c", "theta")])
         advance(state, b, FREE, u_alpha[k], u_beta[k], 399.0, 0.1, 0.0)
