@@ -1,7 +1,8 @@
 """One line for whoever waits: "compiling once, about N s", when a kernel is compiled and not read from the cache.
 
-It goes to the logger `sensorless`, which Python prints to stderr unless it is told otherwise.  N is what compiling
-took on this machine the last time the same program was called with the same command.
+It goes to the logger `sensorless`, which Python prints to stderr unless it is told otherwise.  It is said once
+compiling has taken SHORT.  N is what it took on this machine the last time the same program was called with the same
+command, or USUAL where that was hardly anything.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from numba.core import event
 from model.sources import ROOMS
 
 USUAL = 30.0  # s on a machine where nothing has been compiled yet
-SHORT = 2.0  # s: not worth a word
+SHORT = 2.0  # s: less is not worth a word
 LOGGER = logging.getLogger("sensorless")
 
 
@@ -30,25 +31,26 @@ class Watch(event.Listener):
     def __init__(self, path: Path) -> None:
         self.path = path
         self.call = " ".join([Path(sys.argv[0]).name, *sys.argv[1:2]])
-        self.said = False
+        self.heard = self.said = False
         self.seconds = 0.0
         self.depth = threading.local()
 
     def on_start(self, event: Any) -> None:
-        """Say it once, when the first function of our own is compiled."""
+        """Say it once, when a function of our own is compiled and this has taken a while."""
         function = event.data["dispatcher"].py_func
         if function.__module__.partition(".")[0] not in ROOMS:
             return
-        level = getattr(self.depth, "level", 0)
+        level, now = getattr(self.depth, "level", 0), time.perf_counter()
         if level == 0:
-            self.depth.begun = time.perf_counter()
+            self.depth.begun = now
         self.depth.level = level + 1
-        if not self.said:
+        if not self.heard:
+            self.heard = True
+            atexit.register(self.remember)
+        if not self.said and self.seconds + now - self.depth.begun >= SHORT:
             self.said = True
             expected = self.known().get(self.call, USUAL)
-            if expected >= SHORT:
-                LOGGER.warning("compiling once, about %.0f s", expected)
-            atexit.register(self.remember)
+            LOGGER.warning("compiling once, about %.0f s", expected if expected > 2.0 * SHORT else USUAL)
 
     def on_end(self, event: Any) -> None:
         """Add up the time."""

@@ -12,7 +12,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
-from sandbox.shadowing import share
+from sandbox.shadowing import share_names
 
 if TYPE_CHECKING:
     from estimators.contract import Belief as Belief
@@ -87,11 +87,9 @@ _HOMES = {
     "sandbox.public.verifying": ("verify",),
 }  # fmt: skip
 _HOME = {name: home for home, names in _HOMES.items() for name in names}
-_TOGETHER = ("model", "estimators")  # the top-level packages installed with this one
 
 
-for _name in _TOGETHER:
-    share(_name)
+share_names()
 
 
 class _Page(ModuleType):

@@ -42,18 +42,19 @@ def rate_bar(title: str, quiet: bool, what: str = "runs") -> Iterator[Callable[[
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     columns = (
-        TextColumn(f"{title} {{task.completed:,.0f}} of {{task.total:,.0f}} {what}"), BarColumn(),
+        TextColumn(f"{title} {{task.fields[count]}}"), BarColumn(),
         TextColumn("{task.fields[rate]}"), TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
     )  # fmt: skip
     with Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0) as bar:
-        task = bar.add_task(title, total=None, rate="")
+        task = bar.add_task(title, total=None, rate="", count="")
 
         def told(done: int, total: int) -> None:
             """Show it; what was there before the first call is not counted into the rate."""
             if bar.tasks[0].total is None:
-                bar.reset(task, total=total, completed=done, rate="")
+                bar.reset(task, total=total, completed=done, rate="", count="")
             speed = bar.tasks[0].speed
-            bar.update(task, completed=done, rate=f"{speed:.3g}/s" if speed else "")
+            rate = f"{speed:.3g}/s" if speed else ""
+            bar.update(task, completed=done, rate=rate, count=f"{done:,.0f} of {total:,.0f} {what}")
 
         yield told
 

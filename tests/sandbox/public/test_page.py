@@ -120,6 +120,38 @@ def test_a_users_file_that_fails_says_why_and_leaves_ours(tmp_path):
     assert done.stdout.splitlines() == ["division by zero", "ipm"], done.stderr
 
 
+ATTACKS = """
+import importlib
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import sandbox
+import model
+
+print(model.__version__, importlib.reload(model).x)
+del sys.modules["model"]  # as tools do that load modules again
+print(sandbox.load_motor("ipm").motor.name)
+import model
+
+with ThreadPoolExecutor(4) as pool:
+    print(*pool.map(lambda _: model.x, range(4)))
+"""
+
+
+def test_a_users_module_may_be_loaded_again_forgotten_and_read_from_threads(tmp_path):
+    (tmp_path / "model.py").write_text("import time\nprint('runs')\ntime.sleep(0.1)\n__version__, x = '1.2', 3\n")
+    done = python(ATTACKS, tmp_path)
+    assert done.stdout.splitlines() == ["runs", "runs", "1.2 3", "ipm", "runs", "3 3 3 3"], done.stderr
+
+
+def test_a_users_module_may_be_collected_by_pytest(tmp_path):
+    """Its loader is pytest's own there."""
+    text = "from sandbox import load_motor\n\n\ndef test_it():\n    assert load_motor('ipm').motor.name == 'ipm'\n"
+    (tmp_path / "model.py").write_text(text)
+    done = python("import pytest, sys\nsys.exit(pytest.main(['-q', '-p', 'no:cacheprovider', 'model.py']))", tmp_path)
+    assert done.returncode == 0, done.stdout
+
+
 def test_a_users_package_of_our_name_is_named(tmp_path):
     """A folder with submodules of its own cannot share a name."""
     file = tmp_path / "model" / "__init__.py"
