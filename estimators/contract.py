@@ -29,9 +29,9 @@ class Sample(NamedTuple):
     """What the drive knows at t_k; nothing here comes from the true rotor."""
 
     i_alpha: float  # A, as the sensors read it at t_k
-    i_beta: float
+    i_beta: float  # A, the same along beta
     u_alpha: float  # V, commanded for the interval that ends at t_k
-    u_beta: float
+    u_beta: float  # V, the same along beta
     carrier: float  # s, zero-mean primitive F of the injected waveform at t_k: flux ripple per volt
 
 
@@ -47,11 +47,11 @@ READ_ALPHA, READ_BETA, TOLD_ALPHA, TOLD_BETA = range(4)  # what stands in a row 
 class Oversampled(NamedTuple):
     """A Sample, and what was read inside the PWM period that ends at t_k."""
 
-    i_alpha: float
-    i_beta: float
-    u_alpha: float
-    u_beta: float
-    carrier: float
+    i_alpha: float  # A, as in Sample
+    i_beta: float  # A, as in Sample
+    u_alpha: float  # V, as in Sample
+    u_beta: float  # V, as in Sample
+    carrier: float  # s, as in Sample
     readings: np.ndarray  # (n, 4), see READ_ALPHA: A read at t_k - h + (j + 1/2) h/n, V s commanded since t_k - h
 
 
@@ -62,19 +62,19 @@ class Estimate(NamedTuple):
     omega: float  # rad/s, electrical
     axis: float  # rad, where to inject
     bias: float  # A, current to hold along theta while starting up
-    tracking: float  # 0 while starting up, 1 after, 2 where the belief has no flux at the measured current
-    ripple_d: float  # A, ripple amplitude along and across the axis
-    ripple_q: float
-    injection: float = 1.0  # of the amplitude, 0 to 1: how much of it is wanted
+    tracking: float  # no unit: 0 while starting up, 1 after, 2 where the belief has no flux at the measured current
+    ripple_d: float  # A, amplitude of the current's ripple along the axis
+    ripple_q: float  # A, the same across the axis
+    injection: float = 1.0  # no unit, 0 to 1: share of the injection's amplitude that is wanted
 
 
 class Belief(NamedTuple):
     """What the estimator believes of the motor; never the truth, never changed."""
 
-    energy: AnyEnergy
-    magnet_flux: float
-    resistance: float
-    pole_pairs: float
+    energy: AnyEnergy  # magnetic model: a quartic (its coefficients in 1/H, A/Wb^2, A/Wb^3) or a flux map
+    magnet_flux: float  # Wb, flux of the magnets along d
+    resistance: float  # ohm, of a phase winding
+    pole_pairs: float  # pairs of poles: electrical angle over mechanical angle
     inertia: float  # kg m^2, of the whole shaft
 
 
@@ -83,19 +83,19 @@ class Tuning(NamedTuple):
 
     period: int  # samples in an injection period, N
     present: int  # 1: the whole window is looked at from the present frame, 0: from the axis of each sample
-    settle: int  # injection periods to wait for, and to average, in each step of starting up
-    average: int
-    sampling_period: float  # s
-    amplitude: float  # V
+    settle: int  # injection periods to wait for in each step of starting up
+    average: int  # injection periods to average, after these
+    sampling_period: float  # s, from one sample to the next
+    amplitude: float  # V, of the injected voltage
     power: float  # s^2, sum of F^2 over a period
     peak: float  # s, max |F|
     lag: float  # s^2, -<F, F''''>/<F, F''> of the sampled carrier: weight of the (R Gamma)^2 correction
-    kp: float  # 1/s
-    ki: float  # 1/s^2
-    bias: float  # A, polarity test
-    current_variance: float  # A^2, one axis
-    flux_variance: float  # Wb^2 a step
-    speed_variance: float  # (rad/s)^2 a step
+    kp: float  # 1/s, proportional gain of the tracking loop
+    ki: float  # 1/s^2, integral gain of the tracking loop
+    bias: float  # A, current along d, either way, that tells the magnet's north from its south
+    current_variance: float  # A^2, of the noise of a current reading, one axis
+    flux_variance: float  # Wb^2 a step, of what the flux does beside the belief (Kalman filters)
+    speed_variance: float  # (rad/s)^2 a step, of what the speed does unforeseen (Kalman filters)
 
 
 _ZERO_BELIEF = Belief(Energy(*7 * (0.0,)), 0.0, 0.0, 0.0, 0.0)
@@ -119,15 +119,16 @@ def is_usual(belief: Belief) -> bool:
 class Estimator:
     """An estimator by name: its two functions, one line on what it does, and its card."""
 
-    name: str
-    summary: str
-    init: Callable[..., Any]
+    name: str  # as it is asked for
+    summary: str  # one line: what it does
+    init: Callable[..., Any]  # (belief, tuning, angle) -> state; angle: rad, None to find it
+    # (state, sample, belief, tuning) -> Estimate, once a sampling period; changes the state
     step: Callable[[Any, Any, Belief, Tuning], Estimate]
-    compiled: bool = True
+    compiled: bool = True  # whether step has the signature STEP and runs inside the compiled loop
     injection: str = PULSATING  # PULSATING, ROTATING, NONE or PWM (its own ripple); starting up always pulsates
-    delay: str = ""
+    delay: str = ""  # in words: how late it tells the angle
     speeds: str = ""  # where it may be used
-    source: str = ""
+    source: str = ""  # where it is published
 
     def __repr__(self) -> str:
         return f"<Estimator: {self.name}, {self.summary}>"

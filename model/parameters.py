@@ -68,23 +68,24 @@ def texts(table: dict[str, Any]) -> dict[str, str]:
 class Motor:
     """A two-axis permanent-magnet motor with the energy of the paper; currents peak, amplitude-invariant."""
 
-    name: str
-    pole_pairs: int = quantity("", 1, 100)
-    resistance: float = quantity("ohm", 1e-5, 1e3)
-    magnet_flux: float = quantity("Wb", 0, 1e2)
-    inductance_d: float = quantity("H", 1e-7, 10)
-    inductance_q: float = quantity("H", 1e-7, 10)
-    inertia: float = quantity("kg m^2", 1e-9, 1e4)
-    rated_current: float = quantity("A peak", 1e-3, 1e5)
-    rated_torque: float = quantity("N m", 1e-6, 1e6)
-    rated_speed_rpm: float = quantity("rpm", 0.01, 2e5)
-    alpha_30: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)
-    alpha_12: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)
-    alpha_40: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
-    alpha_22: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
-    alpha_04: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
+    name: str  # as results call it
+    pole_pairs: int = quantity("", 1, 100)  # pairs of poles
+    resistance: float = quantity("ohm", 1e-5, 1e3)  # of a phase winding
+    magnet_flux: float = quantity("Wb", 0, 1e2)  # flux of the magnets along d, peak; 0 for a reluctance motor
+    inductance_d: float = quantity("H", 1e-7, 10)  # along d at zero current
+    inductance_q: float = quantity("H", 1e-7, 10)  # along q at zero current
+    inertia: float = quantity("kg m^2", 1e-9, 1e4)  # of the whole shaft, load included
+    rated_current: float = quantity("A peak", 1e-3, 1e5)  # amplitude of a phase current
+    rated_torque: float = quantity("N m", 1e-6, 1e6)  # at rated current, i_d = 0
+    rated_speed_rpm: float = quantity("rpm", 0.01, 2e5)  # rated mechanical speed
+    alpha_30: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)  # of phi_d^3 in the energy: saturation along d
+    alpha_12: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)  # of phi_d phi_q^2: cross-saturation
+    alpha_40: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)  # of phi_d^4: saturation along d
+    alpha_22: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)  # of phi_d^2 phi_q^2: cross-saturation
+    alpha_04: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)  # of phi_q^4: saturation along q
+    # torque against the motion over mechanical speed
     viscous_friction: float = quantity("N m s/rad", 0, 1e4, default=0.0)
-    description: str = ""
+    description: str = ""  # one line for people: where the values come from
 
     def __post_init__(self) -> None:
         check(self, "motor")
@@ -120,18 +121,24 @@ class Converter:
     readings, pulse_shift: for estimators that read inside the PWM period (usual values where None), not used by others.
     """
 
-    sampling_period: float = quantity("s", 1e-6, 0.01)
-    dc_bus_voltage: float = quantity("V", 0.1, 1e5)
-    current_resolution: float = quantity("A per count", 0, 1e4)
-    current_noise: float = quantity("A rms", 0, 1e4)
+    sampling_period: float = quantity("s", 1e-6, 0.01)  # one sample of the currents and one new voltage in each
+    dc_bus_voltage: float = quantity("V", 0.1, 1e5)  # of the DC link, nominal
+    current_resolution: float = quantity("A per count", 0, 1e4)  # step of a current reading; 0: none
+    current_noise: float = quantity("A rms", 0, 1e4)  # of one phase's reading
+    # None: 1 / sampling_period, one sample a PWM period; half of that: double update
     pwm_frequency: float | None = quantity("Hz", 1, 1e6, default=None)
-    transformation: str = "amplitude-invariant"
+    transformation: str = "amplitude-invariant"  # of phases to alpha and beta; there is no other
+    # None: angle readings are exact
     encoder_counts: int | None = quantity("counts per revolution", 1, 1e9, default=None)
-    link_noise: float = quantity("V rms of the DC-link reading", 0, 1e4, default=0.0)
+    link_noise: float = quantity("V rms of the DC-link reading", 0, 1e4, default=0.0)  # about what the link is
+    # of recordings: `steady` (u_dc is noise about the nominal) or `measured`; None: as recordings show
     dc_link: str | None = None
-    command: str = "volts"
+    command: str = "volts"  # of recordings: u in `volts`, in `duties`, or divided by the `nominal` link voltage
+    # to which duties are rounded; None: exact
     pwm_counts: int | None = quantity("counts of half a PWM period", 16, 1e9, default=None)
+    # for estimators that read there; None: the usual
     readings: int | None = quantity("current readings inside a PWM period", 4, 32, default=None)
+    # for the same; None: the usual
     pulse_shift: float | None = quantity("of a period, the legs' pulses against each other", 0.01, 0.25, default=None)
     inverter_table: Points | None = None  # a leg's voltage error (V) against its current (A)
 
@@ -184,9 +191,9 @@ class Injection:
     waveform: `square`, `sine`, or `random`: pseudo-random signs for half a period, then the same negated.
     """
 
-    frequency: float = quantity("Hz", 0.1, 1e6)
-    amplitude: float = quantity("V", 1e-3, 1e5)
-    waveform: str = "square"
+    frequency: float = quantity("Hz", 0.1, 1e6)  # of the injected voltage
+    amplitude: float = quantity("V", 1e-3, 1e5)  # of the injected voltage
+    waveform: str = "square"  # `square`, `sine` or `random`
 
     def __post_init__(self) -> None:
         check(self, "injection")
@@ -198,10 +205,11 @@ class Injection:
 class Limits:
     """What a bench may do at the most (None: what the drive is rated for), and what it can do with the rotor."""
 
+    # largest amplitude of a phase current; None: as the motor's rating says
     current: float | None = quantity("A peak", 1e-3, 1e5, default=None)
-    speed_rpm: float | None = quantity("rpm", 0.01, 2e5, default=None)
-    voltage: float | None = quantity("V of the DC link", 0.1, 1e5, default=None)
-    can: tuple[str, ...] = ROTORS
+    speed_rpm: float | None = quantity("rpm", 0.01, 2e5, default=None)  # largest mechanical speed; None: the same
+    voltage: float | None = quantity("V of the DC link", 0.1, 1e5, default=None)  # largest; None: that of the converter
+    can: tuple[str, ...] = ROTORS  # what the bench can do with the rotor: locked, driven, free
 
     def __post_init__(self) -> None:
         check(self, "limits")
@@ -217,10 +225,10 @@ class Limits:
 class Drive:
     """Motor, converter and injection together, and where the values come from."""
 
-    motor: Motor
-    converter: Converter
-    injection: Injection
-    provenance: dict[str, str]
+    motor: Motor  # what is driven
+    converter: Converter  # inverter and sensors
+    injection: Injection  # what is injected for the estimator
+    provenance: dict[str, str]  # where each value comes from, in words, by name
 
     @property
     def name(self) -> str:

@@ -4,6 +4,10 @@ Python looks beside the running script first, so such a file would hide our pack
 module stands for both: its submodules (`model.energy`) are ours, its attributes (`model.anything`) are those of the
 user's file, which runs when the first of them is asked for.  Our own code imports names from submodules only, never
 from the package itself (a test holds it), so neither side sees the other.
+
+What this cannot do: a file that is imported for what it does, not for a name, waits until a name is read; a file that
+comes onto Python's path after ours were loaded is not found; `import model.energy` gives no `model.energy.currents`
+where the user's file is there (`from model.energy import currents` does).
 """
 
 from __future__ import annotations

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import re
 import shlex
@@ -35,6 +36,17 @@ def built():
     done = subprocess.run(call, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr  # every warning is an error
     return DOCS / "_build" / "html"
+
+
+def test_every_field_of_the_objects_page_has_a_meaning(monkeypatch):
+    """A comment beside it in its source, in words; a unit alone says nothing."""
+    monkeypatch.syspath_prepend(str(DOCS / "extensions"))
+    pages = importlib.import_module("field_pages")
+    for module, name in (own for classes in pages.OBJECTS.values() for own in classes):
+        noted = pages.comments(module, name)
+        assert noted
+        for field, (_, comment) in noted.items():
+            assert len(comment.split()) > 1, f"{name}.{field}: '{comment}'"
 
 
 def test_pages_load_nothing_from_a_network(built):

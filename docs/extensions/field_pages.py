@@ -27,23 +27,19 @@ has to be given.
 
 
 def comments(module: str, name: str) -> dict[str, tuple[str, str]]:
-    """Return each field's usual value and the comment beside it, in the order of a class's source."""
+    """Return each field's usual value and the comment beside it, or above it, in the order of a class's source."""
     path = Path(inspect.getfile(import_module(module)))
     lines = path.read_text(encoding="utf-8").splitlines()
     (own,) = (n for n in ast.parse("\n".join(lines)).body if isinstance(n, ast.ClassDef) and n.name == name)
     found = {}
     for node in own.body:
         if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            comment = re.search(r"#\s*(.*)$", lines[node.end_lineno - 1][node.end_col_offset :])
+            behind = re.search(r"#\s*(.*)$", lines[node.end_lineno - 1][node.end_col_offset :])
+            above = re.fullmatch(r"\s*#\s*(.*)", lines[node.lineno - 2])
             usual = ast.unparse(node.value) if node.value is not None else ""
+            comment = behind or above
             found[node.target.id] = (usual, comment[1] if comment else "")
     return found
-
-
-def like(name: str, found: dict[str, tuple[str, str]]) -> str:
-    """Return the comment of the field that one without a comment goes with: `i_alpha` for `i_beta`, else `Sample`'s."""
-    other = name.replace("_beta", "_alpha").replace("ripple_q", "ripple_d")
-    return found.get(other, ("", ""))[1] or (comments("estimators.contract", "Sample").get(other, ("", ""))[1])
 
 
 def rows(module: str, name: str) -> list[tuple[str, str, str]]:
@@ -51,7 +47,6 @@ def rows(module: str, name: str) -> list[tuple[str, str, str]]:
     declared = getattr(getattr(import_module(module), name), "__dataclass_fields__", {})
     found, noted = [], comments(module, name)
     for field, (usual, comment) in noted.items():
-        comment = comment or like(field, noted)
         stated = declared[field].metadata if field in declared else {}
         if "low" in stated:
             usual = "" if declared[field].default is MISSING else str(declared[field].default)

@@ -20,13 +20,16 @@ LONGEST = 3600.0  # s of simulated time
 class Segment:
     """A stretch at one load and speed, reached by a linear ramp from the one before."""
 
-    duration: float = quantity("s", 1e-3, LONGEST)
+    duration: float = quantity("s", 1e-3, LONGEST)  # how long it lasts, the ramp included
+    # at its end; i_q over rated current, or the torque that this i_q gives
     load: float = quantity("of rated current", -10, 10, default=0.0)
+    # at its end; of a driven rotor, or the reference of a speed controller
     speed: float = quantity("of rated speed", -2, 2, default=0.0)
+    # time in which load and speed go from the segment before to these
     ramp: float = quantity("s", 0, LONGEST, default=0.0)
     settle: float | None = None  # s before its errors count; None: the scenario's
-    score: bool = True
-    current_d: float = quantity("of rated current", -3, 3, default=0.0)  # of a current reference
+    score: bool = True  # whether its position errors count
+    current_d: float = quantity("of rated current", -3, 3, default=0.0)  # reference of i_d; with reference = current
 
     def __post_init__(self) -> None:
         check(self, "segment")
@@ -49,14 +52,16 @@ class Scenario:
     (otherwise the estimator is told it, wrong by start_error).
     """
 
-    name: str
-    segments: tuple[Segment, ...]
-    rotor: str = "locked"
-    reference: str = "current"
+    name: str  # as results call it
+    segments: tuple[Segment, ...]  # one after another
+    rotor: str = "locked"  # locked, driven (its speed imposed) or free
+    reference: str = "current"  # current (i_d and i_q are controlled) or speed
+    # time after a segment's ramp before its errors count, where the segment says nothing
     settle: float = quantity("s", 0, LONGEST, default=0.0)
-    description: str = ""
-    start_angle: float = quantity("rad", -10, 10, default=1.0)
-    start_up: bool = True
+    description: str = ""  # one line for people
+    start_angle: float = quantity("rad", -10, 10, default=1.0)  # true electrical angle at the beginning
+    start_up: bool = True  # whether the estimator has to find the position first
+    # by how much it is told the position wrong, without starting up
     start_error: float = quantity("rad", -3.2, 3.2, default=0.0)
 
     def __post_init__(self) -> None:
