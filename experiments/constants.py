@@ -253,9 +253,17 @@ def main(arguments: Sequence[str] | None = None, how: Callable[[Path], Mapping[s
     found = [a for a in answers(kept) if options.recompute or a["code"] == code_digest()]
     if len({a["code"] for a in found}) > 1:
         raise BadInput(f"'{kept}' holds answers by several states of the code; keep those of one")
-    listed = [Listed(label_of(k), c.what, c.chosen) for k, c in enumerate(CONSTANTS)]
-    text = "\n".join(page(found, truths_of(options.folder), listed)) + "\n"
+    text = "\n".join(page(found, truths_of(options.folder), listed_for(found))) + "\n"
     (options.results / f"{options.name}.md").write_text(text, encoding="utf-8")
+
+
+def listed_for(found: Sequence[Mapping[str, Any]]) -> list[Listed]:
+    """Return the constants of some answers: as in the list, or by their name alone where they stand elsewhere now."""
+    own = {label_of(k): c for k, c in enumerate(CONSTANTS)}
+    named = {c.label: c for c in CONSTANTS}
+    labels = [*own, *sorted({a["constant"] for a in found} - set(own) - {""})]
+    pairs = [(label, own.get(label) or named.get(label.rpartition(".")[2])) for label in labels]
+    return [Listed(label, c.what, c.chosen) if c else Listed(label, "no longer there", "") for label, c in pairs]
 
 
 def trials_of(cases: Sequence[Path], only: Sequence[str] | None) -> list[Trial]:

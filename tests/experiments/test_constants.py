@@ -4,6 +4,7 @@ import gc
 import importlib
 import json
 import math
+import shutil
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from experiments.constants import (
     CONSTANTS,
     FACTORS,
+    RESULTS,
     Constant,
     Trial,
     answered,
@@ -19,6 +21,7 @@ from experiments.constants import (
     campaigns_of,
     changed,
     label_of,
+    listed_for,
     main,
     places_of,
     remembered,
@@ -31,6 +34,7 @@ from sandbox.gap.evidence import priors
 from sandbox.gap.search import multistart, posterior
 from sandbox.recordings.writing import write_campaign
 from sandbox.validation.scoring.running import code_digest
+from tests.data import recordings_folder
 from tests.sandbox.gap.conftest import CASES, small_campaign
 
 WIDE = next(k for k, c in enumerate(CONSTANTS) if c.name == "WIDE")
@@ -128,6 +132,13 @@ def test_a_page_counts_what_changes():
     assert "\n`b.TWO` (two)." in text
 
 
+def test_a_constant_that_has_moved_keeps_its_words():
+    found = [answer("x", constant="search.before.POINTS"), answer("x", constant="search.before.GONE")]
+    told = {c.label: c.what for c in listed_for(found)}
+    assert told["search.before.POINTS"] == told["search.neighbours.POINTS"] != ""
+    assert told["search.before.GONE"] == "no longer there"
+
+
 def test_a_page_is_of_one_state_of_the_code(tmp_path):
     for code in ("one", "other"):
         with (tmp_path / "constants.jsonl").open("a") as file:
@@ -217,3 +228,11 @@ def test_campaigns_and_truths_of_what_was_made_blindly(tmp_path):
     (tmp_path / "truth.sealed").write_text(json.dumps({"campaigns": sealed}))
     assert [p.name for p in campaigns_of(tmp_path)] == ["w000"]
     assert truths_of(tmp_path) == {"w000": ["inertia"]}
+
+
+def test_the_page_that_is_kept_follows_from_its_rows(tmp_path):
+    """Rows and truths alone make the page again; that of practice needs its truths."""
+    practice = recordings_folder() / "practice"
+    shutil.copy(RESULTS / "constants.jsonl", tmp_path)
+    main([str(practice), "--results", str(tmp_path), "--recompute"])
+    assert (tmp_path / "constants.md").read_text() == (RESULTS / "constants.md").read_text()

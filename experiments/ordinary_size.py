@@ -1,0 +1,120 @@
+"""How large is the simulator's own error, told in effects?
+
+A diagnosis lets every effect have an *ordinary size* beside those it claims, a small share of its wide prior (SMALL, up
+to LARGEST where the gap is large, `sandbox/gap/evidence/spike_slab.py`).  It stands for the simulator's own error where
+that resembles an effect.  This script measures it on campaigns whose truth is known: their true effects and the
+ordinary deviations are fitted, then every other effect is freed on its own, one at a time.  What it comes out at,
+beyond what the noise of the readings explains, is the error, as a share of its wide prior.
+
+Run: python -m experiments.ordinary_size FOLDER [FOLDER ...] [--count N]
+(FOLDER: practice campaigns with truths beside them, or what `withheld make` wrote, its seal opened; half a minute each)
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tomllib
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.constants import campaigns_of, truths_of
+from model.effects import library
+from sandbox.gap.diagnose import out_of_sight
+from sandbox.gap.evidence.algebra import Prior
+from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.spike_slab import LARGEST, SMALL, Table, is_shape, ordinary_share, table
+from sandbox.gap.search.forward import choose, rms_of
+from sandbox.output.files import write_json
+from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import read_campaign
+from sandbox.replay.replay import prepare
+from sandbox.validation.withheld.make import SEAL
+
+RESULTS = Path(__file__).parent / "results" / "diagnosis"
+KNOWN = 0.5  # of the ordinary size: coordinates that noise alone leaves less known say nothing of it
+
+
+def values_of(folder: Path, name: str) -> dict[str, float]:
+    """Return the true effects' parameters."""
+    if (folder / SEAL).is_file():
+        return dict(json.loads((folder / SEAL).read_text(encoding="utf-8"))["campaigns"][name]["parameters"])
+    truth = tomllib.loads((folder / f"{name}.truth.toml").read_text(encoding="utf-8"))
+    return {f"{e}.{n}": float(x) for e in truth["effects"] for n, x in truth[e].items()}
+
+
+def traces(path: Path, effects: Sequence[str], values: Mapping[str, float]) -> Iterator[dict[str, Any]]:
+    """Give what every effect but the true ones comes out at on its own, as a share of its wide prior."""
+    campaign = read_campaign(path)
+    drive, weights = campaign.drive, weights_of(len(campaign.recordings))
+    nominal = Point(prepare(campaign), complete(drive.motor, drive.converter))
+    null = fit(nominal, (), weights)
+    true = Point(prepare(campaign, values), complete(drive.motor, drive.converter, values))
+    found = fit(true, tuple(effects), weights) if effects else null
+    chosen, _ = choose(null, out_of_sight(campaign), weights, 1)
+    at, probes = table(found.point, chosen, effects, 1.0, weights, 1), {p.effect: p for p in chosen}
+    for effect in sorted(set(probes) - set(effects)):
+        prior = alone(at, effects, effect)
+        x, free, _ = at.equations.most_probable(prior)
+        known = np.sqrt(np.diag(at.equations.covariance(prior)))
+        for k in at.members[effect]:
+            c = at.coordinates[k]
+            if at.of_effects[k] and free[k] and not is_shape(c, probes[effect]):
+                size = library.load_effect(effect).trace * c.deviation
+                share, sd = float((x[k] - prior.mean[k]) / size), float(known[k] / size)
+                yield {"campaign": path.name, "rms": rms_of(null), "left": rms_of(found), "effect": effect,
+                       "coordinate": c.label, "share": share, "deviation": sd}  # fmt: skip
+
+
+def alone(at: Table, effects: Sequence[str], effect: str) -> Prior:
+    """Return the priors with the true effects and one more free, without bounds for that one, all others held."""
+    prior = at.prior(effects, alone=True)
+    own = np.isin(np.arange(len(prior.mean)), at.members[effect])
+    deviation = np.where(own, at.wide.deviation, prior.deviation)
+    low, high = np.where(own, -np.inf, prior.low), np.where(own, np.inf, prior.high)
+    return Prior(np.where(own, at.wide.mean, prior.mean), deviation, low, high)
+
+
+def summary(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
+    """Return, for small and for large gaps, the error's size beyond the noise beside the ordinary size assumed."""
+    out = []
+    for low, high in ((0.0, 3.0), (3.0, 10.0), (10.0, 30.0), (30.0, np.inf)):
+        own = [r for r in rows if low <= r["rms"] < high]
+        own = [r for r in own if r["deviation"] < KNOWN * ordinary_share(r["rms"])]
+        if own:
+            share, noise = np.array([r["share"] for r in own]), np.array([r["deviation"] for r in own])
+            beyond = np.sqrt(np.maximum(share**2 - noise**2, 0.0))
+            out.append({
+                "from": low, "to": high, "coordinates": len(own), "campaigns": len({r["campaign"] for r in own}),
+                "rms": float(np.sqrt(max(np.mean(share**2 - noise**2), 0.0))), "half_below": float(np.median(beyond)),
+                "nine_of_ten_below": float(np.quantile(beyond, 0.9)),
+                "assumed": float(np.mean([ordinary_share(r["rms"]) for r in own])),
+            })  # fmt: skip
+    return out
+
+
+def main() -> None:
+    """Measure, keep every coordinate, print the summary."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folders", type=Path, nargs="+")
+    parser.add_argument("--count", type=int, default=20, help="campaigns of each folder (20)")
+    options = parser.parse_args()
+    rows: list[dict[str, Any]] = []
+    for folder in options.folders:
+        truths = truths_of(folder)
+        for path in [p for p in campaigns_of(folder) if p.name in truths][: options.count]:
+            rows += traces(path, truths[path.name], values_of(folder, path.name))
+            print(path.name, len(rows), flush=True)
+    told = summary(rows)
+    write_json(RESULTS, "ordinary_size", {"small": SMALL, "largest": LARGEST, "summary": told, "coordinates": rows})
+    for line in told:
+        print({k: round(v, 4) if np.isfinite(v) else v for k, v in line.items()})
+
+
+if __name__ == "__main__":
+    main()
