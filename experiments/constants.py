@@ -26,7 +26,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from experiments.constants_page import Listed, page
+from experiments.constants_page import TITLE, Listed, page
 from experiments.recalled import Memory, recalled
 from model.errors import BadInput
 from sandbox.cli.sweeping import on_dask
@@ -253,7 +253,8 @@ def main(arguments: Sequence[str] | None = None, how: Callable[[Path], Mapping[s
     found = [a for a in answers(kept) if options.recompute or a["code"] == code_digest()]
     if len({a["code"] for a in found}) > 1:
         raise BadInput(f"'{kept}' holds answers by several states of the code; keep those of one")
-    text = "\n".join(page(found, truths_of(options.folder), listed_for(found))) + "\n"
+    title = TITLE if options.name == "constants" else f"{TITLE} ({options.name.removeprefix('constants_')})"
+    text = "\n".join(page(found, truths_of(options.folder), listed_for(found), title)) + "\n"
     (options.results / f"{options.name}.md").write_text(text, encoding="utf-8")
 
 

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 MOVED = 0.05  # of the first hypothesis' probability: less is told of no constant
+TITLE = "Which answers hang on a constant of the diagnosis?"
 Answer = Mapping[str, Any]
 Truths = Mapping[str, Sequence[str]]
 
@@ -29,7 +30,7 @@ class Tried(NamedTuple):
     moved: float
 
 
-def page(found: Sequence[Answer], truths: Truths, listed: Sequence[Listed]) -> list[str]:
+def page(found: Sequence[Answer], truths: Truths, listed: Sequence[Listed], title: str = TITLE) -> list[str]:
     """Return the page in markdown; found: answers by one state of the code."""
     base = {a["case"]: a for a in found if not a["constant"]}
     rows = tried(found, base, truths, listed)
@@ -39,7 +40,7 @@ def page(found: Sequence[Answer], truths: Truths, listed: Sequence[Listed]) -> l
     count, changed = sum(r.count for r in rows), sum(len(r.notes) for r in rows)
     wrong = sum("wrong" in note for r in rows for note in r.notes)
     return [
-        "# Which answers hang on a constant of the diagnosis?",
+        f"# {title}",
         "",
         f"{len(base)} campaigns were diagnosed with each of {len(quiet) + len({r.constant for r in shown})} constants "
         f"halved and doubled, all else as it is: {count} diagnoses by one state of the code (`{code}`, "
@@ -54,11 +55,11 @@ def page(found: Sequence[Answer], truths: Truths, listed: Sequence[Listed]) -> l
         "",
         f"Or that move the first hypothesis' probability by more than {MOVED:g}.",
         "",
-        *table(shown),
+        *(table(shown) if shown else ["None."]),
         "",
         "## Constants that change none",
         "",
-        ", ".join(f"`{c.label}` ({c.what})" for c in quiet) + ".",
+        (", ".join(f"`{c.label}` ({c.what})" for c in quiet) or "None") + ".",
     ]
 
 
