@@ -29,7 +29,7 @@ from sandbox.output.files import plain, version
 
 HERE = Path(__file__).parent
 PLAN, RESULTS, RUNS = HERE / "yield_curve.toml", HERE / "results" / "yield", Path("sensorless-out") / "yield_curve"
-PIECE = 500  # points of the scaling measurement
+PIECE = 2000  # points of the scaling measurement: half a minute
 TOLD = 5.0  # % of the runs between two lines of progress
 
 
