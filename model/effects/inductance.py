@@ -26,27 +26,18 @@ CARD = Effect(
         "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet Synchronous Motors"
         " Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"
     ),
-    parameters=(
+    parameters=tuple(
         Parameter(
-            "scale_d",
+            f"scale_{axis}",
             "",
             1.0,
             0.2,
             5.0,
-            0.9,
-            ordinary=Ordinary("inductance_d", 0.03, of_motor=True),
-            scales="inductance_d",
-        ),
-        Parameter(
-            "scale_q",
-            "",
-            1.0,
-            0.2,
-            5.0,
-            1.1,
-            ordinary=Ordinary("inductance_q", 0.03, of_motor=True),
-            scales="inductance_q",
-        ),
+            typical,
+            scales=f"inductance_{axis}",
+            ordinary=Ordinary(f"inductance_{axis}", 0.03, of_motor=True),
+        )
+        for axis, typical in (("d", 0.9), ("q", 1.1))
     ),
     axis="d and q, each its own",
     order="0 and the injection band",

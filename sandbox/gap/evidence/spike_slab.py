@@ -30,8 +30,8 @@ Array = NDArray[np.float64]
 ROUNDS, SETTLED = 8, 0.5  # steps to a table's most probable point; promised gain of the objective that ends them
 SIZES = (1.0, 0.5, 0.25, 0.125)  # shares of an effect's wide prior, alike in probability
 TRACE = 4.0  # deviations that a trace may have, to either side
-# Shares of the wide prior; normalised rms that doubles the smallest.  About twice the error that was measured (rms, its
-# tail is heavy): experiments/ordinary_size.py.
+# Shares of the wide prior; normalised rms that doubles the smallest.  Two to three times the error that was measured
+# (rms, its tail is heavy): experiments/ordinary_size.py.
 SMALL, LARGEST, GROWS = 0.01, 0.06, 7.0
 
 
