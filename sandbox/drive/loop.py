@@ -29,7 +29,6 @@ from sandbox.plant.edges import duties, write_edges
 from sandbox.plant.period import Course, Timing, travel
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
-TIME, LOAD, LOAD_TORQUE, I_Q_REF, OMEGA_REF, I_D_REF = range(6)  # columns of a profile's breakpoints
 # the loop's own memory: voltage now acting, and before; link voltage as read over its nominal value; the last sample's
 # instant less t_k (s), the plant's last segment (s)
 CURSOR, U_ALPHA, U_BETA, LAST_ALPHA, LAST_BETA, LINK, ENCODER = range(7)
@@ -60,7 +59,6 @@ RIG = numba.typeof(Rig(*5 * (0,), *7 * (0.0,)))
 RNG = numba.typeof(np.random.default_rng(0))
 VECTOR = types.Array(types.float64, 1, "C")
 ALONE = types.none  # no readings inside the period
-PROFILE = types.Array(types.float64, 2, "C")
 ROWS = types.Array(numba.from_dtype(ROW), 1, "C")
 TIMING, ROOM = numba.typeof(Timing(*5 * (0.0,))), numba.from_dtype(room_type(1))
 
@@ -85,20 +83,25 @@ class Wanted(NamedTuple):
     i_d: float  # A
 
 
+# a profile's breakpoints, between them straight lines: s from the scenario's begin, then what is wanted
+BREAKPOINT = np.dtype([("time", np.float64), *((name, np.float64) for name in Wanted._fields)])
+PROFILE = types.Array(numba.from_dtype(BREAKPOINT), 1, "C")
+
+
 @kernel
 def interpolate(profile, t, cursor):
     """Return what is wanted at time t and the cursor; the cursor only moves forward."""
-    last = profile.shape[0] - 1
-    while cursor < last - 1 and t >= profile[cursor + 1, TIME]:
+    last = profile.size - 1
+    while cursor < last - 1 and t >= profile[cursor + 1].time:
         cursor += 1
-    span = profile[cursor + 1, TIME] - profile[cursor, TIME]
-    s = min(max((t - profile[cursor, TIME]) / span, 0.0), 1.0) if span > 0.0 else 1.0
     a, b = profile[cursor], profile[cursor + 1]
-    load = a[LOAD] + s * (b[LOAD] - a[LOAD])
-    torque = a[LOAD_TORQUE] + s * (b[LOAD_TORQUE] - a[LOAD_TORQUE])
-    i_q = a[I_Q_REF] + s * (b[I_Q_REF] - a[I_Q_REF])
-    omega = a[OMEGA_REF] + s * (b[OMEGA_REF] - a[OMEGA_REF])
-    i_d = a[I_D_REF] + s * (b[I_D_REF] - a[I_D_REF])
+    span = b.time - a.time
+    s = min(max((t - a.time) / span, 0.0), 1.0) if span > 0.0 else 1.0
+    load = a.load + s * (b.load - a.load)
+    torque = a.torque + s * (b.torque - a.torque)
+    i_q = a.i_q + s * (b.i_q - a.i_q)
+    omega = a.omega + s * (b.omega - a.omega)
+    i_d = a.i_d + s * (b.i_d - a.i_d)
     return Wanted(load, torque, i_q, omega, i_d), cursor
 
 

@@ -54,33 +54,28 @@ def torque_at_load(drive: Drive, load: float) -> float:
     return float(torque.py_func(motor.energy, d, q, motor.magnet_flux, motor.pole_pairs))
 
 
-def profile_of(drive: Drive, scenario: Scenario) -> NDArray[np.float64]:
-    """Return the breakpoints: time, load, load torque (N m), i_q reference (A), speed (rad/s), i_d reference (A)."""
-    rows: list[list[float]] = []
+def profile_of(drive: Drive, scenario: Scenario) -> NDArray[np.void]:
+    """Return the breakpoints (of `loop.BREAKPOINT`) of load, speed and references, in order of time."""
+    rows: list[tuple[float, ...]] = []
     t = load = speed = i_d = 0.0  # starting up happens at rest without load
     for s in scenario.segments:
-        rows.append(_breakpoint(drive, scenario, t, load, speed, i_d))
+        rows.append((t, *_wanted(drive, scenario, load, speed, i_d)))
         if s.ramp or (s.load, s.speed, s.current_d) != (load, speed, i_d):
             for part in np.linspace(0.0, 1.0, 9)[1:]:  # torque is not linear in load
                 x, y = load + part * (s.load - load), speed + part * (s.speed - speed)
                 z = i_d + part * (s.current_d - i_d)
-                rows.append(_breakpoint(drive, scenario, t + part * s.ramp, x, y, z))
+                rows.append((t + part * s.ramp, *_wanted(drive, scenario, x, y, z)))
         t, load, speed, i_d = t + s.duration, s.load, s.speed, s.current_d
-        rows.append(_breakpoint(drive, scenario, t, load, speed, i_d))
-    return np.array(rows)
+        rows.append((t, *_wanted(drive, scenario, load, speed, i_d)))
+    return np.array(rows, loop.BREAKPOINT)
 
 
-def _breakpoint(drive: Drive, scenario: Scenario, t: float, load: float, speed: float, i_d: float) -> list[float]:
-    held = scenario.rotor != "free"
+def _wanted(drive: Drive, scenario: Scenario, load: float, speed: float, i_d: float) -> loop.Wanted:
+    """Return what is wanted at a breakpoint; load, i_d: of rated current, speed: of rated speed."""
     motor = drive.motor
-    return [
-        t,
-        load,
-        0.0 if held else torque_at_load(drive, load),
-        load * motor.rated_current if scenario.reference == "current" else 0.0,
-        speed * motor.rated_omega,
-        i_d * motor.rated_current,
-    ]
+    torque = 0.0 if scenario.rotor != "free" else torque_at_load(drive, load)
+    i_q = load * motor.rated_current if scenario.reference == "current" else 0.0
+    return loop.Wanted(load, torque, i_q, speed * motor.rated_omega, i_d * motor.rated_current)
 
 
 @dataclass(frozen=True)
@@ -98,7 +93,7 @@ class Setup:
     start_time: float  # s of starting up
 
     @cached_property
-    def profile(self) -> NDArray[np.float64]:
+    def profile(self) -> NDArray[np.void]:
         """The breakpoints of load and speed, see `profile_of`; asked for once the run is known to be feasible."""
         return profile_of(self.drive, self.scenario)
 
