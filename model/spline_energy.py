@@ -14,6 +14,7 @@ Checked: gradient and Hessian against SciPy's BSpline, planted motors, symmetry,
 from __future__ import annotations
 
 import math
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,7 @@ FLOOR = 0.1  # of the smallest curvature in the data: least curvature anywhere i
 CHOICES = [(c, s) for c in ((10, 8), (14, 12), (20, 16)) for s in (1e-4, 3e-4, 1e-3, 3e-3)]  # cells, smoothness
 FOLDS = 5
 TOLERATED = 1.2  # of the least squared error: the smoothest choice within it is taken
+SECOND = ((2, 0), (1, 1), (0, 2))  # orders of the second derivatives
 ROUNDS = 60
 MOST_PLANES = 800  # inequalities kept: more than twice what any measured map needed; beyond, a fit has no end
 
@@ -87,7 +89,8 @@ def fit(
     box = _Box(psi_d, psi_q, cells)
     grad_d, grad_q = box.rows(psi_d, psi_q, 1, 0), box.rows(psi_d, psi_q, 0, 1)
     points = box.check_points()
-    curvature = [box.rows(*points, a, b) for a, b in ((2, 0), (1, 1), (0, 2))]
+    curvature = [box.rows(*points, *order) for order in SECOND]
+    at_data = [box.rows(psi_d, psi_q, *order) for order in SECOND]
     linear = np.polyfit(psi_d, i_d, 1)[0], float(psi_q @ i_q / (psi_q @ psi_q))
     weight = np.tile(np.array([1 / linear[0], 0.0, 1 / linear[1]]), (len(psi_d), 1))
     if not min(linear) > 0.0:
@@ -105,7 +108,7 @@ def fit(
         size = float(np.sqrt(np.mean(goal**2)))
         rough = smooth / size * box.roughness(c, floor, linear) * len(goal) ** 0.5
         c = _convex_least_squares(np.concatenate([rows / size, rough]), goal / size, box, curvature, floor)
-        g = [r @ c for r in (box.rows(psi_d, psi_q, *o) for o in ((2, 0), (1, 1), (0, 2)))]
+        g = [r @ c for r in at_data]
         det = g[0] * g[2] - g[1] ** 2
         weight = np.column_stack([g[2] / det, -g[1] / det, g[0] / det])
     assert c is not None
@@ -118,9 +121,9 @@ def fit_map(m: FluxMap) -> SplineEnergy:
     a, b = np.meshgrid(np.arange(len(m.i_d)), np.arange(len(m.i_q)), indexing="ij")
     border = (a == 0) | (b == 0) | (a == a[-1, 0]) | (b == b[0, -1])  # always fitted: the box must hold the rest
     group = np.where(border, -1, (a + 2 * b) % FOLDS).ravel()
-    errors = []
+    errors: list[float] = []
     for cells, smooth in CHOICES:
-        error = 0.0
+        error, most = 0.0, TOLERATED * min(errors, default=np.inf)  # beyond it a choice is not taken: no more folds
         for fold in range(FOLDS):
             out = group == fold
             try:
@@ -130,6 +133,7 @@ def fit_map(m: FluxMap) -> SplineEnergy:
                 error += float(np.sum((d - data[0][out]) ** 2 + (q - data[1][out]) ** 2))
             except PhysicsError:  # this choice does not reach every point of the map
                 error = np.inf
+            if error > most:
                 break
         errors.append(error)
     good = [k for k, e in enumerate(errors) if e <= TOLERATED * min(errors)]
@@ -171,6 +175,25 @@ class _Box:
         x, y = np.meshgrid(d, q, indexing="ij")
         return x.ravel(), y.ravel()
 
+    @cached_property
+    def differences(self) -> tuple[Array, Array, Array]:
+        """Third differences of H along d, along q, and mixed, by the free coefficients; not yet weighted."""
+        m_d, m_q = self.n_d + DEGREE, self.n_q + DEGREE
+        along_d = np.kron(np.diff(np.eye(m_d), 3, axis=0), self.fold)
+        along_q = np.kron(np.eye(m_d), np.diff(np.eye(m_q), 3, axis=0) @ self.fold)
+        mixed = np.kron(np.diff(np.eye(m_d), 2, axis=0), np.diff(np.eye(m_q), 2, axis=0) @ self.fold)
+        return np.asarray(along_d), np.asarray(along_q), np.asarray(mixed)
+
+    @cached_property
+    def at_coefficients(self) -> tuple[Array, Array]:
+        """Matrices of H_dd and H_qq where each coefficient counts most (inside the box)."""
+        m_d, m_q = self.n_d + DEGREE, self.n_q + DEGREE
+        step_d, step_q = self.knots_d[1] - self.knots_d[0], self.knots_q[1] - self.knots_q[0]
+        x = np.clip(self.low_d + step_d * (np.arange(m_d) + 0.5 - 0.5 * DEGREE), self.low_d, self.high_d)
+        y = np.clip(step_q * (np.arange(m_q) + 0.5 - 0.5 * m_q), -self.high_q, self.high_q)
+        a, b = (z.ravel() for z in np.meshgrid(x, y, indexing="ij"))
+        return self.rows(a, b, 2, 0), self.rows(a, b, 0, 2)
+
     def roughness(self, c: Array | None, floor: float, start: tuple[float, float]) -> Array:
         """Return the third differences of H along both axes as flux errors (Wb), by the free coefficients.
 
@@ -178,20 +201,13 @@ class _Box:
         """
         m_d, m_q = self.n_d + DEGREE, self.n_q + DEGREE
         step_d, step_q = self.knots_d[1] - self.knots_d[0], self.knots_q[1] - self.knots_q[0]
-        x = np.clip(self.low_d + step_d * (np.arange(m_d) + 0.5 - 0.5 * DEGREE), self.low_d, self.high_d)
-        y = np.clip(step_q * (np.arange(m_q) + 0.5 - 0.5 * m_q), -self.high_q, self.high_q)
-        a, b = (z.ravel() for z in np.meshgrid(x, y, indexing="ij"))
         l_d, l_q = np.full((m_d, m_q), 1 / start[0]), np.full((m_d, m_q), 1 / start[1])
         if c is not None:
-            l_d = (1 / np.maximum(self.rows(a, b, 2, 0) @ c, floor)).reshape(m_d, m_q)
-            l_q = (1 / np.maximum(self.rows(a, b, 0, 2) @ c, floor)).reshape(m_d, m_q)
-        fold, both = self.fold, np.sqrt(l_d * l_q)
-        along_d = np.kron(np.diff(np.eye(m_d), 3, axis=0), fold) * (l_d[1:-2].ravel() / step_d)[:, None]
-        along_q = (
-            np.kron(np.eye(m_d), np.diff(np.eye(m_q), 3, axis=0) @ fold) * (l_q[:, 1:-2].ravel() / step_q)[:, None]
-        )
-        mixed = np.kron(np.diff(np.eye(m_d), 2, axis=0), np.diff(np.eye(m_q), 2, axis=0) @ fold)
-        mixed = mixed * (both[1:-1, 1:-1].ravel() / np.sqrt(step_d * step_q))[:, None]
+            l_d, l_q = ((1 / np.maximum(rows @ c, floor)).reshape(m_d, m_q) for rows in self.at_coefficients)
+        along_d, along_q, mixed = self.differences
+        along_d = along_d * (l_d[1:-2].ravel() / step_d)[:, None]
+        along_q = along_q * (l_q[:, 1:-2].ravel() / step_q)[:, None]
+        mixed = mixed * (np.sqrt(l_d * l_q)[1:-1, 1:-1].ravel() / np.sqrt(step_d * step_q))[:, None]
         return np.concatenate([along_d, along_q, mixed])
 
     def spline(self, c: Array) -> SplineEnergy:
