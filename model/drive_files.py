@@ -44,7 +44,7 @@ def motor_file(name: str | Path) -> Path:
     if str(name) in mapped_names():
         return MAPPED / f"{name}.toml"
     if str(name) not in motor_names():
-        raise unknown("motor", str(name), [*motor_names(), *mapped_names()])
+        raise unknown("motor", name, [*motor_names(), *mapped_names()])
     return MOTORS / f"{name}.toml"
 
 

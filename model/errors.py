@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from pathlib import PurePath
 
 LONGEST_SENTENCE = 400  # characters; more is a user's text inside it
 LONGEST_NAME = 60  # characters of a user's own name repeated to him
@@ -52,7 +53,7 @@ class PhysicsError(RuntimeError):
 def unknown(kind: str, name: object, known: Iterable[str]) -> BadInput:
     """Return the error for an unknown name, with the nearest known one."""
     names = [n[:LONGEST_NAME] for n in sorted(known)]
-    name = str(name)[:LONGEST_NAME]
+    name = str(name)[:LONGEST_NAME] if isinstance(name, (str, PurePath)) else brief(name, LONGEST_NAME)
     near = difflib.get_close_matches(name, names[:COMPARED], n=1, cutoff=0.5)
     listed = ", ".join(names)
     if len(listed) > LONGEST_LIST:

@@ -217,7 +217,7 @@ class Limits:
             raise BadInput(f"[limits] can = {brief(self.can)} is no list; give some of {', '.join(ROTORS)}")
         for kind in self.can:
             if kind not in ROTORS:
-                raise unknown("kind of rotor", str(kind), ROTORS)
+                raise unknown("kind of rotor", kind, ROTORS)
         object.__setattr__(self, "can", tuple(self.can))
 
 

@@ -67,9 +67,9 @@ class Scenario:
     def __post_init__(self) -> None:
         check(self, "scenario")
         if self.rotor not in ("locked", "driven", "free"):
-            raise unknown("rotor", str(self.rotor), ("locked", "driven", "free"))
+            raise unknown("rotor", self.rotor, ("locked", "driven", "free"))
         if self.reference not in ("current", "speed"):
-            raise unknown("reference", str(self.reference), ("current", "speed"))
+            raise unknown("reference", self.reference, ("current", "speed"))
         if self.reference == "speed" and self.rotor != "free":
             raise BadInput(
                 f"reference = 'speed' needs rotor = 'free', not '{self.rotor}'; a held rotor has no speed to control"
@@ -126,7 +126,7 @@ def load_scenario(name: str | Path) -> Scenario:
     path = Path(name)
     if not is_file_name(path):
         if str(name) not in scenario_names():
-            raise unknown("scenario", str(name), scenario_names())
+            raise unknown("scenario", name, scenario_names())
         path = SCENARIOS / f"{name}.toml"
     data = read_toml(path)
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import random
 import re
@@ -102,13 +103,13 @@ def _damage(tree: Any, chance: random.Random) -> None:
             continue
         kind = chance.randrange(4)
         if kind <= 1:
-            node[key] = chance.choice(TREE)
+            node[key] = copy.deepcopy(chance.choice(TREE))
         elif kind == 2:
             del node[key]
         elif isinstance(node, dict):
             node[chance.choice(("", "x", "effects", "failed", "\x1b"))] = node.pop(key)
         else:
-            node.insert(0, chance.choice(TREE))
+            node.insert(0, copy.deepcopy(chance.choice(TREE)))
         return
 
 
