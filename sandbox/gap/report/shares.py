@@ -66,7 +66,7 @@ def _worths(j: Judged, named: Sequence[str]) -> Callable[[frozenset[str]], Array
     """Return what a set of the effects takes off the squares of each recording (r,), by algebra, all else refitted."""
     count = 1 + max(s.recording for s in j.normal.segments)
     known: dict[frozenset[str], Array] = {}
-    shapes = {e: _squares(without(j, [e], named)) - _squares(j.fit.point) for e in named if is_shape_only(j, e)}
+    shapes = {e: _squares(without(j, [e])) - _squares(j.fit.point) for e in named if is_shape_only(j, e)}
 
     def left(kept: frozenset[str]) -> Array:
         """Return the squares that each recording leaves."""
@@ -112,7 +112,7 @@ def _waterfall(d: Diagnosis, j: Judged, ranked: Sequence[str]) -> list[tuple[str
     out = []
     for k, effect in enumerate(ranked[:-1]):
         try:
-            n = normal(without(j, ranked[k + 1 :], ranked), ())
+            n = normal(without(j, ranked[k + 1 :]), ())
             out.append((effect, rms(n, chosen)))
         except BadInput:  # extrapolated: none that a drive can have
             out.append((effect, math.nan))
@@ -124,13 +124,13 @@ def is_shape_only(j: Judged, effect: str) -> bool:
     return all(j.table.coordinates[k].form == "log" for k in j.table.members[effect])
 
 
-def without(j: Judged, gone: Sequence[str], named: Sequence[str]) -> Point:
+def without(j: Judged, gone: Sequence[str]) -> Point:
     """Return the point at which effects are missing and all else follows by algebra; shapes at their neutral values."""
     x = j.equations.most_probable(held_at_neutral(j, gone)).x
     moved = [(c, to) for c, to in zip(j.normal.coordinates, x, strict=True) if c.form != "share"]
     point = j.table.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
     neutral = library.neutral(point.prepared.campaign.drive.motor)
-    shapes = tuple(f"{e}." for e in gone if e in named and is_shape_only(j, e))
+    shapes = tuple(f"{e}." for e in gone if is_shape_only(j, e))
     off = {k: v for k, v in neutral.items() if shapes and k.startswith(shapes)}
     return replace(point, values={**point.values, **off})
 

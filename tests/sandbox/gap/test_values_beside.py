@@ -1,0 +1,145 @@
+"""Numbers of the regression beside effects, of groups, probes and equations, by hand."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from model.effects import library
+from sandbox.gap.evidence import probes
+from sandbox.gap.evidence.algebra import Algebra, Prior
+from sandbox.gap.evidence.inverter_or_machine import voltages
+from sandbox.gap.evidence.regression import RIDGE, scalars
+from sandbox.gap.evidence.spike_slab import Table
+from sandbox.gap.search import inclusion, stranger
+from sandbox.replay.inputs import LEGS
+from tests.sandbox.gap.conftest import DRIVE
+
+
+def offered(i_d=0.0, speed=0.0, theta=0.0):
+    """Return the values of the free functions at one operating point, by their kinds."""
+    found = [(float(f[0]), kind) for f, kind in scalars(np.array([[i_d, 0.0]]), np.array([speed]), np.array([theta]))]
+    return [sorted({round(v, 12) for v, k in found if k == kind}) for kind in range(3)]
+
+
+def test_functions_of_currents_are_powers_up_to_the_third_and_a_sign():
+    """At i_d = 0.1 of rated: 1, 0.1, 0.01, 0.001, and the sign, a tanh of width 0.1 (five times SIGN): tanh(1)."""
+    assert offered(i_d=0.1)[0] == pytest.approx([0.0, 1e-3, 1e-2, 0.1, np.tanh(1.0), 1.0])
+
+
+def test_functions_of_the_angle_are_of_the_first_second_and_sixth_order():
+    expected = [0.0, *(f(n * 0.1) for n in (1, 2, 6) for f in (np.cos, np.sin))]
+    assert offered(theta=0.1)[1] == pytest.approx(sorted(expected))
+
+
+def test_functions_of_speed_are_its_square_and_a_sign_of_half_its_top():
+    """At 0.5 of the top speed, no current, angle 0: speed and its square, and tanh(0.2 speed / 0.1) = tanh(1)."""
+    assert offered(speed=0.5)[2] == pytest.approx([0.0, 0.25, 0.5, np.tanh(1.0)])
+
+
+def test_ridges_are_decades():
+    assert RIDGE.tolist() == pytest.approx([1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 0.1, 1.0, 10.0])
+
+
+def test_what_an_inverter_may_do_by_hand():
+    """Pulses shorter than 4, 8, 16, 32, 64 thousandths of a period: one of 0.01 is lost at the last three only, as a
+    share of the width.  The link sags with the current drawn up to 7 periods back (8 signals); a leg's voltage has a
+    sign of 2 % of rated current."""
+    n = 12
+    duty = np.full((n, 3), 0.5)
+    duty[:, 0] = 0.01
+    read = np.zeros((n, 3))
+    read[0] = (0.02, -0.01, -0.01)
+    track = {f"d_{x}": duty[:, k] for k, x in enumerate("abc")}
+    r = SimpleNamespace(track=track, mean_duty=lambda: (2.0 / 3.0) * duty @ LEGS)
+    found = np.array(list(voltages(r, read)))
+    eight, legs, link = found[:8], found[8:17], found[17:25]
+    assert np.abs(eight[0]) == pytest.approx(np.full(n, (2.0 / 3.0) * 0.49))
+    assert np.abs(legs[0, 0]) == pytest.approx(np.tanh(1.0))
+    assert [int(np.flatnonzero(np.abs(v))[0]) for v in link] == list(range(8))
+    short = found[25:].reshape(5, 6, n)  # widths; differences of two legs, then legs
+    assert np.abs(short[:, 3, 0]) == pytest.approx([0.0, 0.0, 0.01 / 0.016, 0.01 / 0.032, 0.01 / 0.064])
+    assert not short[:, :3].any()  # legs differ by 0.49 or not at all
+
+
+@pytest.mark.parametrize(("unknown", "left"), [(0.49, "abcde"), (0.51, "ab")])
+def test_three_rounds_leave_out_what_is_not_believed(monkeypatch, unknown, left):
+    """Each round believes all but the last effect: of five, two are left after three rounds, all where `unknown` has
+    less than even odds."""
+    monkeypatch.setattr(stranger, "replace", lambda x, **_: x)
+    monkeypatch.setattr(stranger, "shortened", lambda x: x)
+    monkeypatch.setattr(stranger, "beside", lambda *_, **__: SimpleNamespace(equations=None))
+    monkeypatch.setattr(stranger, "believed", lambda sets, effects: effects[:-1])
+    judged = lambda kept, *_: SimpleNamespace(effects=kept, table=SimpleNamespace(point=None), prior=None)  # noqa: E731
+    found = SimpleNamespace(judged=(), judge_also=judged)
+    assert stranger.beside_unknown(found, judged(tuple("abcde")), unknown, 1.0, {}, 1).effects == tuple(left)
+
+
+@pytest.mark.parametrize(("count", "groups"), [(4, 1), (5, 0)])
+def test_a_group_has_at_most_four_effects(count, groups):
+    """So many effects, each alone with the same chance, one of them there in 96 of 100 cases."""
+    sets = {(e,): 0.96 / count for e in "abcde"[:count]} | {(): 0.04}
+    assert len(inclusion.summed(sets, "abcde"[:count]).groups) == groups
+
+
+def test_a_set_with_and_without_unknown_is_one_set(monkeypatch):
+    """0.5 for a, 0.2 for a beside `unknown`, 0.3 for none; algebra adds that b is as unlikely as e^-40."""
+    table = SimpleNamespace(members={"a": (), "b": ()})
+
+    class Sets:
+        def __init__(self, *_):
+            self.known = {}
+
+        def weigh(self, effects):
+            return self.known.setdefault(tuple(sorted(effects)), 0.0 if tuple(effects) == ("a",) else -40.0)
+
+        def climb(self, effects):
+            return effects, 0.0
+
+    monkeypatch.setattr(inclusion, "Subsets", Sets)
+    told = [(("a",), 0.5), (("a", "unknown"), 0.2), ((), 0.3)]
+    found = inclusion.inclusion(
+        [SimpleNamespace(effects=e, probability=p, judged=SimpleNamespace(table=table)) for e, p in told], 1.0
+    )
+    assert found.chances == pytest.approx({"a": 0.7, "b": 0.0}, abs=1e-12)
+
+
+def test_scans_reach_their_last_value(monkeypatch):
+    """Cogging is looked for at every whole order of a turn from 1 to 72."""
+    seen = {}
+    others = [e for e in library.effect_names() if e != "cogging_torque"]
+    monkeypatch.setattr(probes, "best_values", lambda point, pair, name, values: seen.setdefault(name, values)[:1])
+    prepared = SimpleNamespace(campaign=SimpleNamespace(drive=DRIVE), recordings=(), samples=1)
+    probes.probes(SimpleNamespace(prepared=prepared, values=library.neutral(DRIVE.motor)), others)
+    assert seen == {"cogging_torque.order_mech": pytest.approx(list(range(1, 73)))}
+
+
+def test_damping_adds_to_the_diagonal():
+    own = Algebra(np.array([[4.0, 1.0], [1.0, 2.0]]), np.zeros(2), 0.0, np.zeros(2))
+    assert own.damped(0.5).a == pytest.approx(np.array([[6.0, 1.0], [1.0, 3.0]]))
+
+
+def test_a_tail_beside_a_free_value_by_hand():
+    """A = [[2, 1], [1, 3]], both prior deviations 1/2 (4 on the diagonal), means 1 and 0; the first is held at 0.5 from
+    below, so its prior pulls back by 4 (1 - 0.5) = 2 and the data by -10 and what the free one leaves.
+
+    The free one is at 2/7; the held one's slope is -10 - 2 x 0.5 - 2/7 + 2 = -65/7 with curve 2 + 4 - 1/7 = 41/7: its
+    posterior is the tail of a Gaussian, of which 5 % lie beyond the answer."""
+    own = Algebra(np.array([[2.0, 1.0], [1.0, 3.0]]), np.array([-10.0, 2.5]), 0.0, np.zeros(2))
+    prior = Prior(np.array([1.0, 0.0]), np.full(2, 0.5), np.array([0.5, -9.0]), np.full(2, np.inf))
+    found = own.tails(prior)
+    slope, curve = 65.0 / 7.0, 41.0 / 7.0
+    beyond = slope / np.sqrt(curve)
+    expected = (norm.isf(0.05 * norm.sf(beyond)) - beyond) / np.sqrt(curve)
+    assert found == pytest.approx([expected, 0.0], rel=1e-9)
+
+
+def test_a_whole_share_leaves_the_wide_deviation():
+    """An effect's size is averaged over shares of its wide deviation; the whole one is that deviation itself, smaller
+    ones stand on top of the ordinary one: hypot(0.1, 2/4)."""
+    one, wide = np.zeros(1), np.full(1, np.inf)
+    narrow = Prior(one, np.full(1, 0.1), -wide, wide)
+    table = Table(None, None, None, narrow, narrow.with_deviation(np.full(1, 2.0)), {"a": (0,)}, np.ones(1, dtype=bool))
+    assert table._sized("a", np.full(1, 2.0), 1.0) == pytest.approx([2.0])
+    assert table._sized("a", np.full(1, 2.0), 0.25) == pytest.approx([np.hypot(0.1, 0.5)])
