@@ -83,7 +83,8 @@ def check_truth(content: Any) -> dict[str, Any]:
         _texts(_there(entry, "effects"), f"{where}.effects")
         sizes = _rows(_there(entry, "sizes"), f"{where}.sizes")
         for size in sizes:
-            _number(size, f"{where}.sizes")
+            if not _number(size, f"{where}.sizes") > 0.0:
+                raise BadInput(f"{where}.sizes = {brief(size)} is no size; it is a multiple of the medium one, above 0")
         if entry["kind"] == "one" and not (len(sizes) == len(entry["effects"]) == 1):
             raise BadInput(f"{where} is of one effect, but names {len(entry['effects'])} and {len(sizes)} sizes")
         for key, value in _table(_there(entry, "parameters"), f"{where}.parameters").items():
