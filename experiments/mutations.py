@@ -242,11 +242,20 @@ def holds(a: Answer | None) -> bool:
     return a is not None and (bool(a.noticed) or a.tests == digest(*group_of(a.file).tests))
 
 
+@cache
+def measured() -> set[tuple[str, str]]:
+    """Return the constants (file, name) for which `constants` tells how answers change."""
+    listed = tomllib.loads(Path(__file__).with_name("constants.toml").read_text(encoding="utf-8"))["constants"]
+    return {(f"sandbox/gap/{entry['module'].replace('.', '/')}.py", entry["name"]) for entry in listed}
+
+
 def reason(a: Answer) -> str:
     """Return why nothing noticed a change, as `mutations.toml` says."""
     for entry in LIST.get("reasons", []):
         if entry["file"] == a.file and entry["change"] in a.change:
             return str(entry["why"])
+    if (a.file, a.constant) in measured():
+        return "answers at its half and its double are measured: [table](diagnosis/constants.md)"
     return "open" if holds(a) else "open; the tests have changed since"
 
 
