@@ -22,7 +22,7 @@ from typing import Any
 
 from tests.fuzz.doors import STOPPED, Outcome, damaged, limit_memory, listing, tried
 from tests.fuzz.mutations import CALLS
-from tests.fuzz.whole import COSTLY, DOORS, call, call_number, make_home
+from tests.fuzz.whole import COSTLY, DOORS, call, call_number, left_behind, make_home
 
 FINDINGS = Path(__file__).resolve().parents[1] / "tests" / "fuzz" / "findings"
 SMALLER = 15.0  # s spent on making an escape smaller
@@ -123,7 +123,7 @@ def run_calls(count: Count, until: int, deadline: float) -> None:
                 number = count.next
                 words = call_number(number)
                 outcome = call(words)
-                if left := listing(folder) - here:
+                if left := left_behind(folder, here, words):
                     outcome = Outcome("escaped", f"left {sorted(left)[:3]} behind", outcome.seconds)
                     here |= left
                 if count.add(outcome):

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from model.errors import BadInput
+from model.errors import BadInput, brief
 from sandbox.output.provenance import version
 
 SCHEMA = 1
@@ -112,6 +112,8 @@ def _waiting(out: Path) -> Path:
 
 def check_output(out: Path) -> None:
     """Raise BadInput, before a run, where its results could not be written to a folder; nothing is left there."""
+    if "\0" in str(out):
+        raise BadInput(f"cannot write to {brief(str(out))}: a name holds no NUL; give another --out")
     try:
         _waiting(out)
     finally:

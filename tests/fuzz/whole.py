@@ -9,6 +9,7 @@ import io
 import json
 import pkgutil
 import random
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 from unittest import mock
@@ -38,7 +39,7 @@ from sandbox.sweep.plan import read_sweep
 from sandbox.sweep.sweep import check_size
 from sandbox.validation.scoring.blind import score
 from sandbox.validation.scoring.tables_of_rows import Scores, table
-from tests.fuzz.doors import Door, Outcome, called
+from tests.fuzz.doors import Door, Outcome, called, listing
 from tests.fuzz.logs import LOG_DOORS
 from tests.fuzz.mutations import damaged_bytes, damaged_call, damaged_json, damaged_toml
 
@@ -412,6 +413,14 @@ def make_home(folder):
     (folder / "check").mkdir()
     make_campaign(folder / "campaign")
     make_check(folder / "check")
+
+
+def left_behind(folder: Path, before: set[str], words: Sequence[str]) -> set[str]:
+    """Return what a call has left in a folder beside what lay there; `check` writes its findings, whatever they are."""
+    own = {"check.json", "columns.toml"} if words[:1] == ["check"] else set()
+    left = [folder / name for name in listing(folder) - before]
+    kept = {p for p in left if p.name in own} | {d for p in left if p.name in own for d in p.parents}
+    return {p.relative_to(folder).as_posix() for p in left if p not in kept}
 
 
 def call_number(number: int) -> list[str]:
