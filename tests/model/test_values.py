@@ -1,0 +1,85 @@
+"""Numbers of the model by hand: slope of the null, rays of an audit, a map's margin, intervals, what is refused."""
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from model import mapped
+from model.drive_files import load_drive
+from model.energy import currents, flux_from_current, hessian, min_eigenvalue
+from model.errors import BadInput
+from model.fluxmap import _check_size
+from model.levels import Fit
+from model.saliency import audit
+from model.spline import SplineEnergy
+from model.spline_energy import MARGIN, _Box
+
+MOTOR = load_drive("ipm_exchanged").motor
+
+
+def numerical_hessian(m, d, q, step=1e-6):
+    """Central differences of the currents, which are the energy's gradient."""
+    along_d = np.subtract(currents(m, d + step, q), currents(m, d - step, q))
+    along_q = np.subtract(currents(m, d, q + step), currents(m, d, q - step))
+    return np.array([along_d, along_q]).T / (2.0 * step)
+
+
+def test_the_slope_of_the_null_is_the_difference_of_the_eigenvalues():
+    """Of the inverse inductances, over that at zero current: L_dq counts by its double."""
+    m, found = MOTOR.energy, audit(MOTOR, rays=4, points=4)
+    for load, slope in zip(found.load[::6], found.slope[::6], strict=True):
+        d, q = flux_from_current(m, 0.0, load * MOTOR.rated_current)
+        low, high = np.linalg.eigvalsh(numerical_hessian(m, float(d), float(q)))
+        assert slope == pytest.approx((high - low) / abs(m.gamma_d - m.gamma_q), rel=1e-6)
+
+
+def test_rays_of_an_audit_go_round_once():
+    """Four rays are the half axes: the least eigenvalue is that of the worst of them."""
+    found = audit(MOTOR, rays=4, points=6)
+    least = math.inf
+    for angle in (0.0, 0.5, 1.0, 1.5):
+        for r in np.linspace(0.0, found.radius, 7):
+            i = r * np.cos(angle * math.pi), r * np.sin(angle * math.pi)
+            d, q = flux_from_current(MOTOR.energy, *i)
+            least = min(least, min_eigenvalue(*hessian(MOTOR.energy, float(d), float(q))))
+    assert found.min_eigenvalue == pytest.approx(least, rel=1e-9)
+    assert min(abs(x) for x in found.worst_current) < 1e-12
+
+
+def test_a_map_s_box_reaches_three_hundredths_beyond_its_data():
+    box = _Box(np.array([0.1, 0.3]), np.array([-0.5, 0.4]), (4, 4))
+    assert (box.low_d, box.high_d, box.high_q) == pytest.approx((0.094, 0.306, 0.515))
+    assert MARGIN == 0.03
+
+
+@pytest.mark.parametrize(("magnet", "kept"), [(-0.0009, 0.0), (-0.0011, -0.0011)])
+def test_a_flux_a_thousandth_below_zero_is_noise_of_a_motor_without_magnets(monkeypatch, tmp_path, magnet, kept):
+    """The map goes down to -1 Wb.  A motor that keeps a negative flux is refused: its bounds say so."""
+    spline = SplineEnergy(np.zeros((1, 1, 5, 5)), -1.0, -1.0, 1.0, 1.0, 10.0, 20.0)
+    monkeypatch.setattr(mapped, "_remembered", lambda *_: (spline, magnet))
+    seen = {}
+    monkeypatch.setattr(mapped, "build", lambda kind, values, where: seen.update(values) or 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        mapped.mapped_motor({}, {"file": "mine.csv"}, tmp_path)
+    assert seen["magnet_flux"] == kept
+
+
+def test_an_interval_is_two_standard_deviations_wide_on_either_side():
+    fit = SimpleNamespace(values={"resistance": 3.0}, sd={"resistance": 0.1})
+    assert Fit.ci95(fit, "resistance") == pytest.approx((3.0 - 0.1959964, 3.0 + 0.1959964))
+
+
+def test_how_many_numbers_of_a_map_are_missing_is_told():
+    values = np.array([1.0 + 1.0j, np.nan, 2.0, np.nan, 1.0j])
+    with pytest.raises(BadInput, match=r"mine.csv: 2 of 5 currents are not finite"):
+        _check_size("mine.csv", "currents", values, (1e-3, 1e5), "A")
+
+
+def test_readings_inside_a_period_are_a_whole_number():
+    own = load_drive("ipm_exchanged").converter
+    assert dataclasses.replace(own, readings=8.0).readings == 8.0
+    with pytest.raises(BadInput, match=r"readings = 8.5 is not whole"):
+        dataclasses.replace(own, readings=8.5)
