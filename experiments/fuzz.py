@@ -125,7 +125,7 @@ def run_calls(count: Count, until: int, deadline: float) -> None:
                 outcome = call(words)
                 if left := left_behind(folder, here, words):
                     outcome = Outcome("escaped", f"left {sorted(left)[:3]} behind", outcome.seconds)
-                    here |= left
+                here = listing(folder)
                 if count.add(outcome):
                     name = keep("cli", "x.json", json.dumps(words).encode())
                     count.escapes[place(outcome.why)] |= {"number": number, "file": name}
