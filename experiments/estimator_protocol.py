@@ -1,7 +1,7 @@
 """Which estimator for which motor: the whole protocol, every family with both beliefs on four motors.
 
-python -m experiments.estimator_protocol [--peer-python PYTHON] [--jobs N | --dask ADDRESS]
-    writes results/estimator_protocol.{json,md,png}
+python -m experiments.estimator_protocol [--peer-python PYTHON] [--jobs N | --dask ADDRESS | --page]
+    writes results/estimator_protocol.{json,md,png}; --page: nothing is run, page and figure anew from the JSON
 
 The table of README.md and the account in estimators/LIMITS.md quote these files.  An interrupted run goes on where it
 stopped.  With a Python that has motulator 0.18 the reversal is measured beside it in the same run.
@@ -10,14 +10,17 @@ stopped.  With a Python that has motulator 0.18 the reversal is measured beside 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 
 from experiments.drawing import RESULTS, save
 from sandbox.cli.sweeping import on_dask
 from sandbox.evaluation.bench import peer
-from sandbox.evaluation.protocol import READING, Protocol, forget, protocol, table, tables
+from sandbox.evaluation.protocol import READING, Protocol, Row, Unit, forget, protocol, table, tables
+from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.output.columns import write_table
 from sandbox.output.files import output_folder, version
 from sandbox.output.plots import protocol_figure
@@ -27,11 +30,12 @@ ANCHORS = Path("../shared/anchors")
 NAME = "estimator_protocol"
 WIDEST = 5  # tests side by side
 LEGEND = """\
-Each line is an estimator with its belief, saturated or linear. ✓ and ✗ say whether the goal is met; where there is
-neither, there is no goal. A cell of a test of position gives the worst mean error and, in brackets, the worst error
-that 95 % of the samples stay below, in electrical degrees. It looks at loads up to 180 %, and where the ripple carries
-information. *Lost* counts the parts of the test in which lock was lost, *slow* those in which the drive did not reach
-the speed asked for in time.
+Each line is an estimator with its belief, saturated or linear. ✓ and ✗ say whether the goal beside them is met. ○ says
+that what stands beside it holds, while the error itself is beyond the goal of 1 (3)°, or starts end at the wrong pole;
+*as theory* is an error as large as theory foretells for a linear belief. Without a mark there is no goal. A cell of a
+test of position gives the worst mean error and, in brackets, the worst error that 95 % of the samples stay below, in
+electrical degrees. It looks at loads up to 180 %, and where the ripple carries information. *Lost* counts the parts of
+the test in which lock was lost, *slow* those in which the drive did not reach the speed asked for in time.
 
 - **start**: how often the polarity is right in 3024 starts. All estimators share one start-up, so only the first lines
   have it.
@@ -70,24 +74,45 @@ def folded(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
     return out
 
 
+def kept() -> tuple[Protocol, str]:
+    """Return the protocol that the JSON keeps, without its points, and its date."""
+    found = json.loads((RESULTS / f"{NAME}.json").read_text(encoding="utf-8"))
+    rows = [
+        Row(Unit(*(r[f.name] for f in fields(Unit))), Outcome((), r["metrics"], r["passed"]), r["cpu_seconds"],
+            r["failure"])
+        for r in found["tests"]
+    ]  # fmt: skip
+    beside = found["peer"] and (found["peer"]["cpu_s_per_s"], found["peer"]["rms_deg"])
+    return Protocol(tuple(rows), found["seed"], beside), found["date"]
+
+
+def draw(result: Protocol, date: str) -> None:
+    """Write page and figure, and print the page."""
+    text = markdown(result, date)
+    (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
+    protocol_figure(tables(result), READING, RESULTS / f"{NAME}.png")
+    print(text)
+
+
 def main() -> None:
     """Run, print, keep."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--peer-python", help="Python >= 3.12 that has motulator 0.18")
     arguments.add_argument("--jobs", type=int, default=2)
     on_dask(arguments)
+    arguments.add_argument("--page", action="store_true")
     options = arguments.parse_args()
+    if options.page:
+        draw(*kept())
+        return
     folder = output_folder(Path("sensorless-out") / NAME)
     result = protocol(jobs=options.jobs, keep=folder, cluster=options.dask)
     if options.peer_python:
         result = result.beside(*peer(ANCHORS, options.peer_python, "lin", 4.0))
-    text = markdown(result, time.strftime("%Y-%m-%d"))
-    (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
-    protocol_figure(tables(result), READING, RESULTS / f"{NAME}.png")
+    draw(result, time.strftime("%Y-%m-%d"))
     write_table(folder / f"{NAME}.parquet", ProtocolResult(result).to_table())
     save(NAME, {"version": version(), **result.as_json()})
     forget(folder)
-    print(text)
 
 
 if __name__ == "__main__":

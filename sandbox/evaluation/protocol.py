@@ -9,6 +9,7 @@ which drive it is of: half a line, or one of a motor file that was changed meanw
 from __future__ import annotations
 
 import json
+import re
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -54,13 +55,13 @@ READING = (
     "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the ripple "
     "carries information; attraction: started wrong all round, share back / at the wrong pole / elsewhere; "
     "slow: the speed asked for not reached in time; cost: a step, torque ripple at standstill/at speed; "
-    "✓ ✗: the goal beside it is met or not. 'as theory': the error may be large, as long as it is the one that theory "
-    "foretells for a linear belief."
+    f"✓ ✗: the goal beside it is met or not. ○: what stands beside it holds, but the error is beyond {MEAN_GOAL:g} "
+    f"({P95_GOAL:g})°, or starts end at the wrong pole; 'as theory': it is as large as theory foretells for a linear "
+    "belief."
 )
-LOCK = "lock kept"
-GOALS = {  # beside a verdict; what is not here is judged by `verdict`: mean and 95th percentile, or theory
-    "start": f"≥ {100.0 * POLARITY_GOAL:g} %", "robustness": LOCK, "reversal": LOCK, "attraction": "no third rest",
-}  # fmt: skip
+MARKS = GOOD, BAD, HOLDS = "✓", "✗", "○"
+GOAL = f"≤ {MEAN_GOAL:g} ({P95_GOAL:g})°"  # mean and 95th percentile of the error
+CHECKS = {"robustness": "lock kept", "reversal": "lock kept", "attraction": "no third rest"}  # asked, instead of GOAL
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
 MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
 
@@ -332,19 +333,35 @@ def table(result: Protocol, motor: str) -> tuple[list[str], list[list[str]]]:
     return ["estimator", *tests], lines
 
 
-def goal_of(row: Row) -> str:
-    """Return the goal that a unit is judged by, in a few words."""
-    if row.outcome.metrics.get("rms_to_peer") is not None:
-        return "≤ 1/2, ≤ 1/300"
-    judged = f"≤ {MEAN_GOAL:g} ({P95_GOAL:g})°" if row.unit.belief == "saturated" else f"as theory ±{THEORY_GOAL:g}°"
-    return GOALS.get(row.unit.test, judged)
+def judged(row: Row) -> tuple[str, str]:
+    """Return a unit's mark, and the goal or the check that it says something of; nothing where there is neither."""
+    m, passed, linear = row.outcome.metrics, row.outcome.passed, row.unit.belief == "linear"
+    if passed is None:
+        return "", ""
+    check = CHECKS.get(row.unit.test, f"as theory ±{THEORY_GOAL:g}°" if linear else "")
+    if m.get("rms_to_peer") is not None:
+        check, goal, good = "", "≤ 1/2, ≤ 1/300", passed
+    elif row.unit.test == "start":
+        check, goal, good = "", f"≥ {100.0 * POLARITY_GOAL:g} %", passed
+    elif row.unit.test == "attraction":
+        goal, good = "all back", passed and m.get("back") == 1.0
+    else:
+        errors = m.get("mean_deg"), m.get("p95_deg")
+        goal, good = GOAL, passed and (not check or _within_goal(*errors))
+    if good:
+        return GOOD, goal
+    return (HOLDS, check) if passed else (BAD, check or goal)
+
+
+def _within_goal(mean: float | None, p95: float | None) -> bool:
+    return mean is not None and p95 is not None and abs(mean) <= MEAN_GOAL and p95 <= P95_GOAL
 
 
 def cell(row: Row | None) -> str:
     """Return a unit as text: worst mean (worst p95) in degrees, stretches lost, a mark for the verdict, the goal."""
     if row is None:
         return ""
-    mark = {True: f" ✓ {goal_of(row)}", False: f" ✗ {goal_of(row)}", None: ""}[row.outcome.passed]
+    mark = " ".join(["", *judged(row)]).rstrip()
     m = row.outcome.metrics
     if row.failure:
         return f"{'refused' if 'refused' in m else 'failed'}{mark}"
@@ -366,7 +383,7 @@ def cell(row: Row | None) -> str:
     lost += f", {m['speed_missed']:.0f} slow" if m.get("speed_missed") else ""
     if m.get("mean_deg") is None:
         return f"lost{mark}"
-    return f"{m['mean_deg']:.2f} ({m['p95_deg']:.1f}){lost}{mark}"
+    return f"{abs(m['mean_deg']):.2f} ({m['p95_deg']:.1f}){lost}{mark}"
 
 
 def with_motulator(result: Protocol, anchors: Path, python: str) -> Protocol:
@@ -382,7 +399,7 @@ def show(result: Protocol) -> None:
     """Print a table per motor, how to read it, and the cost."""
     for motor in dict.fromkeys(row.unit.motor for row in result.rows):
         heads, lines = table(result, motor)
-        lines = [[text.replace(" ✓ ", " ✓\n").replace(" ✗ ", " ✗\n") for text in line] for line in lines]
+        lines = [[re.sub(f" ([{''.join(MARKS)}]) ", r" \1\n", text) for text in line] for line in lines]
         print_table(f"{motor}: worst mean ° (worst 95 %)", heads, lines)
     print(READING)
     print(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")

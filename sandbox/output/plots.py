@@ -250,13 +250,13 @@ def protocol_figure(by_motor: Mapping[str, Cells], note: str, path: str | Path |
 
 
 def _draw_cells(axes: Axes, heads: Sequence[str], names: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
-    """Draw a table of texts: green where there is a tick before the goal, red for a cross, grey without verdict."""
-    colours = {"✓": "#cfe8d5", "✗": "#f3cdc7"}
+    """Draw a table of texts: green where there is a tick before the goal, red for a cross, grey for all else."""
+    colours = {"✓": "#cfe8d5", "✗": "#f3cdc7", "○": "0.93"}
     for y, row in enumerate(cells):
         for x, text in enumerate(row):
             mark = next((m for m in colours if f" {m}" in text), "")
             face = colours.get(mark, "0.93" if text else "white")
-            text = text.replace(f" {mark} ", "\ngoal: ") if mark else text
+            text = text.replace(f" {mark} ", f"\n{mark} ") if mark else text
             axes.fill_between([x + 0.02, x + 0.98], y + 0.04, y + 0.96, color=face, linewidth=0)
             axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6.5)
     axes.set_xticks([x + 0.5 for x in range(len(heads))], heads, fontsize=8)
