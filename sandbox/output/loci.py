@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sandbox.output.looks import Plane, over_angle
 from sandbox.output.plots import by_load, colour_of, draw_panel, page, svg_text
-from sandbox.output.vector import PHONE, named
+from sandbox.output.vector import PHONE, named, widths
 
 if TYPE_CHECKING:
     from sandbox.evaluation.compare import Run
@@ -35,8 +35,8 @@ def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
         axes.clabel(lines, fontsize=8, fmt="%g°")
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
     axes.plot(rated * np.cos(turn), rated * np.sin(turn), linestyle=(0, (1, 2)), color="#000000", linewidth=0.9)
-    for belief, own in paths.items():
-        axes.plot(*own, color=colour_of(belief), linewidth=1.1, label=belief)
+    for width, (belief, own) in zip(widths(len(paths)), paths.items(), strict=True):
+        axes.plot(*own, color=colour_of(belief), linewidth=width, label=belief)
     axes.set(xlabel="i_d (A)", ylabel="i_q (A)", aspect="equal", xlim=(i[0], i[-1]), ylim=(i[0], i[-1]))
     named(axes)
     return svg_text(drawing, "loci" + "".join(paths))
@@ -48,8 +48,8 @@ def hodograph_svg(paths: Mapping[str, Way], magnet_flux: float) -> str:
     axes = panels[0, 0]
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
     axes.plot(magnet_flux * np.cos(turn), magnet_flux * np.sin(turn), linestyle=(0, (1, 2)), color="#000000", lw=0.9)
-    for belief, own in paths.items():
-        axes.plot(*own, color=colour_of(belief), linewidth=1.1, label=belief)
+    for width, (belief, own) in zip(widths(len(paths)), paths.items(), strict=True):
+        axes.plot(*own, color=colour_of(belief), linewidth=width, label=belief)
     axes.set(xlabel="ψ_α (Wb)", ylabel="ψ_β (Wb)", aspect="equal")
     axes.plot(0.0, 0.0, "+", color="#000000", markersize=8)
     named(axes)
@@ -66,11 +66,11 @@ def angle_svg(errors: Mapping[str, tuple[Array, Array]]) -> str:
         return ""
     drawing, panels = page((PHONE, 2.9), 1, 1, squeeze=False)
     axes = panels[0, 0]
-    for belief, seen in found.items():
+    for width, (belief, seen) in zip(widths(len(found)), found.items(), strict=True):
         if seen is not None:
             at, mean, low, high = seen
             axes.fill_between(at, low, high, color=colour_of(belief), alpha=0.25, linewidth=0)
-            axes.plot(at, mean, color=colour_of(belief), linewidth=1.2, label=belief)
+            axes.plot(at, mean, color=colour_of(belief), linewidth=width, label=belief)
     axes.axhline(0.0, **FAINT)
     axes.set(xlabel="electrical angle (°)", ylabel="position error (°)", xlim=(0, 360), xticks=range(0, 361, 60))
     named(axes)

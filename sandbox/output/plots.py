@@ -57,12 +57,16 @@ def comparison_figure(comparison: Comparison, path: str | Path | None = None) ->
     for axes, estimator in zip(panels[0], estimators, strict=True):
         axes.set_title(estimator, fontweight="bold")
     figure.suptitle(f"{comparison.drive.name}, {comparison.scenario.name}", parse_math=False)
-    foretold = any(row.predicted_mean_deg is not None for run in comparison.runs for row in run.rows)
-    reading = READING if foretold else READING.replace("dashed: theory;  ", "")
-    figure.supxlabel(textwrap.fill(reading, int(LETTERS * size[0])), fontsize=9, color="0.25")
+    figure.supxlabel(textwrap.fill(reading(comparison.runs), int(LETTERS * size[0])), fontsize=9, color="0.25")
     for axes in panels[-1]:
         axes.set_xlabel("load (% of rated)" if loads else "segment: load (%), speed (rpm)")
     return drawn(figure, path)
+
+
+def reading(runs: Sequence[Run]) -> str:
+    """Return how to read the position error of runs; theory is named where there is one."""
+    foretold = any(row.predicted_mean_deg is not None for run in runs for row in run.rows)
+    return READING if foretold else READING.replace("dashed: theory;  ", "")
 
 
 def by_load(runs: Sequence[Run]) -> bool:
@@ -113,7 +117,8 @@ def _draw_belief(axes: Axes, belief: str, rows: Sequence[Row], places: Sequence[
     theory = [(x, row.predicted_mean_deg) for x, row in zip(places, rows, strict=False)]
     theory = [(x, value) for x, value in theory if value is not None]
     if theory:
-        axes.plot(*zip(*theory, strict=True), color=colour, linewidth=1.4, linestyle=(0, (4, 2)), zorder=2)
+        width = 2.4 if belief == "linear" else 1.2  # both are seen where they agree
+        axes.plot(*zip(*theory, strict=True), color=colour, linewidth=width, linestyle=(0, (4, 2)), zorder=2)
     for place, row in zip(places, rows, strict=False):
         x = place + shift
         mean, p95 = row.error_deg.mean, row.error_deg.p95

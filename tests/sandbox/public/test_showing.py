@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from importlib import import_module
+from types import SimpleNamespace
 
 import pytest
 
@@ -60,6 +62,31 @@ def test_tables_fit_eighty_columns(small_comparison, capsys):
             assert cell in said
     assert said.count("load %") == 2 * len(folded(heads, rows, 3, 80))
     assert folded(["k", *(10 * ["x" * 17])], [], 1, 80) == [[0, 1, 2, 3], [0, 4, 5, 6], [0, 7, 8, 9], [0, 10]]
+
+
+def test_a_column_of_theory_is_there_where_theory_foretells_something(small_comparison, tmp_path, capsys):
+    from sandbox.evaluation.compare_page import write_run
+    from sandbox.public.printed import print_comparison, print_run
+
+    def said(c):
+        """Return heads, printed text and page, of a comparison and of its first run."""
+        alone = dataclasses.replace(c, runs=c.runs[:1])
+        print_comparison(c)
+        print_run(alone, SimpleNamespace(loops={}))
+        write_run(tmp_path / "run.html", alone)
+        return capsys.readouterr().out, (tmp_path / "run.html").read_text(encoding="utf-8")
+
+    def unforetold(run):
+        return dataclasses.replace(run, rows=tuple(dataclasses.replace(r, predicted_mean_deg=None) for r in run.rows))
+
+    printed, page = said(small_comparison)
+    assert printed.count("theory °") >= 3  # both loops, and the run
+    assert "theory °" in page
+    assert "dashed: theory" in page
+    without = dataclasses.replace(small_comparison, runs=tuple(map(unforetold, small_comparison.runs)))
+    printed, page = said(without)
+    assert "theory °" not in printed
+    assert "theory" not in page
 
 
 def test_a_long_first_column_is_broken_and_numbers_are_not(capsys):
