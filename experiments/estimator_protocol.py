@@ -15,11 +15,13 @@ import time
 from collections.abc import Sequence
 from dataclasses import fields
 from pathlib import Path
+from textwrap import fill
 
 from experiments.drawing import RESULTS, save
 from sandbox.cli.sweeping import on_dask
 from sandbox.evaluation.bench import peer
 from sandbox.evaluation.protocol import READING, Protocol, Row, Unit, forget, protocol, table, tables
+from sandbox.evaluation.protocol_names import LINES
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.output.columns import write_table
 from sandbox.output.files import output_folder, version
@@ -35,27 +37,14 @@ that what stands beside it holds, while the error itself is beyond the goal of 1
 *as theory* is an error as large as theory foretells for a linear belief. Without a mark there is no goal. A cell of a
 test of position gives the worst mean error and, in brackets, the worst error that 95 % of the samples stay below, in
 electrical degrees. It looks at loads up to 180 %, and where the ripple carries information. *Lost* counts the parts of
-the test in which lock was lost, *slow* those in which the drive did not reach the speed asked for in time.
-
-- **start**: how often the polarity is right in 3024 starts. All estimators share one start-up, so only the first lines
-  have it.
-- **static_map**: locked rotor, currents in twelve directions up to twice rated current.
-- **load_step**: a free rotor is held at standstill; the load steps from 0 to 180 % and back.
-- **creep**: a free rotor creeps through a reversal at 0.2 % of rated speed, under 180 % load.
-- **hand_over**: a free rotor goes from standstill to at most 30 % speed and back, under rated load.
-- **robustness**: standstill and 5 % speed, with one thing at a time other than believed. The goal is to keep lock.
-- **attraction**: the first position is told wrong, all round the circle. The three shares say how many runs come back
-  to the right pole, end at the wrong pole, and end elsewhere.
-- **bandwidth**: the frequency at which the estimate's answer to an oscillation of the rotor has fallen by 3 dB.
-- **mission**: 210 s at low speed: loads up to 180 %, reversals, ramps, creeping.
-- **reversal**: motulator's run on motulator's motor; error (rms) and processor time beside motulator's.
-- **cost**: the time of one step, and the torque ripple at standstill and at speed."""
+the test in which lock was lost, *slow* those in which the drive did not reach the speed asked for in time."""
 
 
 def markdown(result: Protocol, date: str) -> str:
     """Return the result page: every motor's table, worst figures of each test."""
     cpu = sum(row.cpu_seconds for row in result.rows)
-    blocks = ["# Protocol of all estimators", f"{date}, {version()}: {cpu:.0f} s of processor time.", LEGEND]
+    tests = "\n".join(fill(f"- **{name}**: {line}.", 120, subsequent_indent="  ") for name, line in LINES.items())
+    blocks = ["# Protocol of all estimators", f"{date}, {version()}: {cpu:.0f} s of processor time.", LEGEND, tests]
     if result.peer:
         blocks.append(f"motulator's reversal in the same run: {result.peer[1]:.2f}° rms, {result.peer[0]:.2f} CPU s/s.")
     for motor in dict.fromkeys(row.unit.motor for row in result.rows):

@@ -11,7 +11,8 @@ GROUPS = {
         "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign", "use_effects",
     ),
     "Look up": (
-        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "describe",
+        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets",
+        "list_tests", "describe",
     ),
     "Run": ("simulate", "compare", "tolerances", "sweep", "protocol", "bench"),
     "Without a run": ("audit", "maps", "export_estimator"),

@@ -78,7 +78,7 @@ def add_judging(add: Add) -> None:
     _own(c)
     text = "names or files, separated by commas (three, and `baldor_pmsyrm` where its map is at hand)"
     c.add_argument("--motors", metavar="A,B", help=text)
-    c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
+    c.add_argument("--tests", metavar="A,B", help="names of `sensorless list tests`, separated by commas (all)")
     on_dask(c)
     _peers(c)
     text = "what a step of the plant and a simulated second in closed loop cost on this machine"
@@ -126,7 +126,7 @@ def add_export(add: Add) -> None:
 def add_looking(add: Add) -> None:
     """Add `list`, `view` and `show`, which write nothing."""
     c = add("list", commands.run_list, "names and one line each of motors, effects and so on", writes=False)
-    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets", "presets"))
+    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets", "presets", "tests"))
     c.add_argument("name", nargs="?", help="of an effect or estimator: its card is printed")
     add_own_effects(c)
     c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)

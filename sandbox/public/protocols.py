@@ -147,7 +147,7 @@ def protocol(
     motors : iterable of str, Path or Drive, optional
         See `load_motor`; three by default, and a measured one where its flux map is at hand.
     tests : iterable of str, optional
-        Names of tests, such as 'static_map'; all by default.
+        Names of tests, see `list_tests`; all by default.
     seed : int
         Seed of the sensors' noise.
     jobs : int, optional
