@@ -110,7 +110,8 @@ CALLS = {
     "diagnose": ["diagnose", "folder"], "list_motors": ["list", "motors"], "list_effects": ["list", "effects"],
     "list_estimators": ["list", "estimators"], "list_scenarios": ["list", "scenarios"],
     "list_datasets": ["list", "datasets"], "list_tests": ["list", "tests"], "view": ["view", "x.rrd"],
-    "show": ["show", "x"], "sweep": ["sweep", "x.toml"], "verify": ["verify", "x"], "check": ["check", "folder"], "plan": ["plan"],
+    "show": ["show", "x"], "sweep": ["sweep", "x.toml"], "verify": ["verify", "x"], "check": ["check", "folder"],
+    "plan": ["plan"],
 }  # fmt: skip
 
 
