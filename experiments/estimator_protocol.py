@@ -20,7 +20,8 @@ from textwrap import fill
 from experiments.drawing import RESULTS, save
 from sandbox.cli.sweeping import on_dask
 from sandbox.evaluation.bench import peer
-from sandbox.evaluation.protocol import READING, Protocol, Row, Unit, forget, protocol, table, tables
+from sandbox.evaluation.protocol import Protocol, Row, Unit, forget, protocol
+from sandbox.evaluation.protocol_cells import READING, table, tables
 from sandbox.evaluation.protocol_names import LINES
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.output.columns import write_table

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sandbox.evaluation.choice import MANY, either, few
-from sandbox.evaluation.protocol import BAD, CHECKS, GOOD, PEER, READING, SHARED, Protocol, Row, table, tables
+from sandbox.evaluation.protocol import PEER, SHARED, Protocol, Row
+from sandbox.evaluation.protocol_cells import BAD, CHECKS, GOOD, READING, table, tables
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
 from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
 from sandbox.output.vector import SERIES, bars_svg

@@ -24,7 +24,7 @@ LEAST_ANGLE = 0.1  # degrees; without saturation there is nothing to draw
 
 def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
     """Return the paths of the currents (A) over the saliency map, {belief: path}; rated: current, A."""
-    drawing, panels = page((PHONE, 4.4), 1, 1, squeeze=False)
+    drawing, panels = page((PHONE, 4.4), 1, 1)
     axes = panels[0, 0]
     i = plane.current
     filled = axes.contourf(i, i, plane.gain.T, levels=LEVELS, cmap="Greys", alpha=0.4, vmin=0.0)
@@ -44,7 +44,7 @@ def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
 
 def hodograph_svg(paths: Mapping[str, Way], magnet_flux: float) -> str:
     """Return the path of the flux linkage (Wb) in the stator's frame, {belief: path}."""
-    drawing, panels = page((PHONE, 4.4), 1, 1, squeeze=False)
+    drawing, panels = page((PHONE, 4.4), 1, 1)
     axes = panels[0, 0]
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
     axes.plot(magnet_flux * np.cos(turn), magnet_flux * np.sin(turn), linestyle=(0, (1, 2)), color="#000000", lw=0.9)
@@ -64,7 +64,7 @@ def angle_svg(errors: Mapping[str, tuple[Array, Array]]) -> str:
     found = {belief: over_angle(error, theta) for belief, (error, theta) in errors.items()}
     if not any(found.values()):
         return ""
-    drawing, panels = page((PHONE, 2.9), 1, 1, squeeze=False)
+    drawing, panels = page((PHONE, 2.9), 1, 1)
     axes = panels[0, 0]
     for width, (belief, seen) in zip(widths(len(found)), found.items(), strict=True):
         if seen is not None:
@@ -79,7 +79,7 @@ def angle_svg(errors: Mapping[str, tuple[Array, Array]]) -> str:
 
 def estimator_svg(runs: Sequence[Run]) -> str:
     """Return the position error of one estimator, every belief, over load or segment, as `comparison_figure` does."""
-    drawing, panels = page((PHONE, 3.1), 1, 1, squeeze=False)
+    drawing, panels = page((PHONE, 3.1), 1, 1)
     axes = panels[0, 0]
     loads = by_load(runs)
     draw_panel(axes, runs, loads)
@@ -92,7 +92,7 @@ def contours(plane: Plane) -> list[tuple[float, Array]]:
     """Return lines of equal angle over the plane of currents: (degrees, points (n, 2) of i_d and i_q in A)."""
     if not np.nanmax(np.abs(plane.angle)) > LEAST_ANGLE:
         return []
-    _, panels = page((PHONE, PHONE), 1, 1, squeeze=False)
+    _, panels = page((PHONE, PHONE), 1, 1)
     found = panels[0, 0].contour(plane.current, plane.current, plane.angle.T, levels=LEVELS)
     levels = zip(found.levels, found.allsegs, strict=True)
     return [(float(level), line) for level, lines in levels for line in lines if len(line) > 1]

@@ -22,7 +22,7 @@ def bars_svg(
     colours: Sequence[Any] = SERIES,
 ) -> str:  # fmt: skip
     """Return horizontal bars as inline SVG, one group a label, one bar a series; log_from: logarithmic from there."""
-    drawing, panels = page((PHONE, 0.9 + 0.34 * len(labels)), 1, 1, squeeze=False)
+    drawing, panels = page((PHONE, 0.9 + 0.34 * len(labels)), 1, 1)
     axes = panels[0, 0]
     height = 0.8 / max(1, len(series))
     for k, (name, values) in enumerate(series.items()):
@@ -50,7 +50,7 @@ def lines_svg(
 
     log: the logarithmic axes, such as "y" or "xy"; alike: lines may lie on each other, see `widths`.
     """
-    drawing, places = page((PHONE, 0.7 + 1.5 * len(panels)), len(panels), 1, sharex=True, squeeze=False)
+    drawing, places = page((PHONE, 0.7 + 1.5 * len(panels)), len(panels), 1, sharex=True)
     for axes, (ylabel, lines) in zip(places[:, 0], panels, strict=True):
         wide = widths(len(lines)) if alike else [THIN] * len(lines)
         for k, (name, (x, y)) in enumerate(lines.items()):

@@ -35,10 +35,10 @@ def test_protocol_takes_objects_and_shows_goals(own_file, tmp_path, capsys):
 
 def test_goal_beside_every_verdict_and_a_tick_only_for_what_is_good():
     """Issue 17: 12.9° and "51 % at the wrong pole" were green.  Goals: 1 (3)°, stated with the protocol's tests."""
-    p, t = import_module("sandbox.evaluation.protocol"), import_module("sandbox.evaluation.protocol_tests")
+    p, t, cells = (import_module(f"sandbox.evaluation.protocol{part}") for part in ("", "_tests", "_cells"))
 
     def said(test, belief, passed, **metrics):
-        return p.cell(p.Row(p.Unit("m", test, "e", belief), t.Outcome((), metrics, passed), 0.0))
+        return cells.cell(p.Row(p.Unit("m", test, "e", belief), t.Outcome((), metrics, passed), 0.0))
 
     small, large = {"mean_deg": -0.9, "p95_deg": 2.9}, {"mean_deg": 12.9, "p95_deg": 14.0}
     for test in set(p.TESTS) - {"start", "attraction"}:
@@ -46,7 +46,7 @@ def test_goal_beside_every_verdict_and_a_tick_only_for_what_is_good():
             assert said(test, belief, True, **small) == "0.90 (2.9) ✓ ≤ 1 (3)°"
             assert said(test, belief, None, **large) == "12.90 (14.0)"
             for passed in (True, False):
-                assert p.judged(p.Row(p.Unit("m", test, "e", belief), t.Outcome((), large, passed), 0.0))[1]
+                assert cells.judged(p.Row(p.Unit("m", test, "e", belief), t.Outcome((), large, passed), 0.0))[1]
     assert said("creep", "linear", True, **large) == "12.90 (14.0) ○ as theory ±0.3°"
     assert said("creep", "linear", False, **large) == "12.90 (14.0) ✗ as theory ±0.3°"
     assert said("creep", "saturated", False, **large) == "12.90 (14.0) ✗ ≤ 1 (3)°"
