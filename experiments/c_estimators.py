@@ -107,8 +107,8 @@ def foreign(library: Estimator) -> list[dict[str, str]]:
 
 
 def by_chance(libraries: dict[str, Estimator]) -> dict[str, dict[str, dict[str, float]]]:
-    """Return how far means of `static_map` with counts are apart, saturated belief: C and Python, Python with two seeds,
-    C and Python over longer stretches."""
+    """Return how far means of `static_map` with counts are apart, saturated belief: C and Python, Python with two
+    seeds, C and Python over longer stretches."""
     drive, found = load_drive("ipm_exchanged"), {}
 
     def points(which: AnyEstimator, seed: int = 0, seconds: float = 0.08) -> tuple[Point, ...]:
