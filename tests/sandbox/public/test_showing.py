@@ -136,12 +136,14 @@ def test_seed_and_jobs_are_told_where_they_do_something(capsys):
     for command, seed, jobs in (
         ("compare", True, True), ("simulate", True, False), ("protocol", True, True), ("audit", False, False),
         ("maps", False, False), ("identify", False, False), ("bench", False, False), ("diagnose", False, True),
-        ("sweep", False, True),
+        ("sweep", False, True), ("check", False, True), ("plan", False, True), ("replay", False, True),
+        ("verify", False, False), ("export-estimator", False, False),
     ):  # fmt: skip
         with pytest.raises(SystemExit):
             main([command, "--help"])
         said = capsys.readouterr().out
         assert ("--seed" in said, "--jobs" in said) == (seed, jobs), command
+        assert ("(all cores)" in said) == (command in ("compare", "protocol", "diagnose", "sweep")), command
 
 
 def test_how_many_simulations_to_expect():
