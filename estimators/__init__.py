@@ -5,4 +5,4 @@ import sys
 
 # A user's plain folder of this name beside their script is found, too, after ours (sandbox/shadowing.py).
 _plain = (os.path.join(place, __name__) for place in sys.path)
-__path__ += [folder for folder in _plain if os.path.isdir(folder) and "__init__.py" not in os.listdir(folder)]
+__path__ += [f for f in _plain if os.path.isdir(f) and not os.path.exists(os.path.join(f, "__init__.py"))]

@@ -63,6 +63,12 @@ class Later:
     def __init__(self, theirs: Loader) -> None:
         self.theirs = theirs
 
+    def __getattr__(self, name: str) -> Any:
+        """Do all else as their loader does, such as reading a package's data."""
+        if name == "theirs":
+            raise AttributeError(name)
+        return getattr(self.theirs, name)
+
     def create_module(self, spec: ModuleSpec) -> Shared:
         """Return the module that stands for both."""
         return Shared(spec.name)
@@ -138,23 +144,17 @@ def submodule(package: ModuleType | None, name: str, path: Sequence[str]) -> Mod
 
 def folders(name: str, theirs: Iterable[str]) -> list[str]:
     """Return where submodules are looked for, ours first; ImportError for a submodule that both have."""
-    ours = {part_of(path): path for path in (ROOT / name).iterdir()}
-    theirs = [folder for folder in theirs if not is_our_folder(folder)]
-    for folder in theirs:
-        for path in sorted(Path(folder).iterdir()):
-            part = part_of(path)
-            if part and part in ours:
+    others = [Path(folder) for folder in theirs if not is_our_folder(folder)]
+    parts = [path.stem for path in sorted((ROOT / name).iterdir()) if not path.stem.startswith("__")] if others else []
+    for folder in others:
+        for path in (place for part in parts for place in (folder / f"{part}.py", folder / part / "__init__.py")):
+            if path.is_file():
+                part = path.relative_to(folder).with_suffix("").parts[0]
                 raise ImportError(
                     f"'{path}' and a part of sensorless-sandbox are both called '{name}.{part}'; rename yours, or its "
                     f"folder, for example to my_{name}"
                 )
-    return [str(ROOT / name), *theirs]
-
-
-def part_of(path: Path) -> str:
-    """Return what a file or folder in a package is imported as; nothing for what is no module."""
-    is_module = path.suffix == ".py" if path.is_file() else (path / "__init__.py").is_file()
-    return path.stem if is_module and not path.stem.startswith("__") else ""
+    return [str(ROOT / name), *map(str, others)]
 
 
 def is_our_file(file: str | None, name: str) -> bool:

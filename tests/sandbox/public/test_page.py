@@ -172,7 +172,9 @@ import model.deep.layer
 from model.errors import BadInput
 
 print(model.energy, model.net.Net is model.deep.layer.Net is model.Net, BadInput.__module__)
-print(open(model.__file__.replace("__init__.py", "weights.csv")).read().strip())
+from importlib.resources import files
+
+print(files(model).joinpath("weights.csv").read_text().strip())
 """
 
 
