@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, page
+from sandbox.output.vector import widths
 from sandbox.sweep.summary import curve
 
 if TYPE_CHECKING:
@@ -59,13 +60,14 @@ def tolerance_figure(rows: Sequence[Any], title: str, path: str | Path | None = 
     names = list(dict.fromkeys(row.estimator for row in rows))
     figure, panels = page((1.0 + 3.4 * len(names), 3.8), 1, len(names), ax, sharey=True)
     for axes, name in zip(panels[0], names, strict=True):
-        for belief in ("linear", "saturated"):
+        for width, belief in zip(widths(2), ("linear", "saturated"), strict=True):
             own = [r for r in rows if (r.estimator, r.belief) == (name, belief)]
             x = [100.0 * r.tolerance for r in own]
             middle, most = ([np.nan if v is None else v for v in values] for values in
                             ([r.median_deg for r in own], [r.p95_deg for r in own]))  # fmt: skip
-            axes.plot(x, middle, "o-", color=colour_of(belief), label=f"{belief}: median of draws")
-            axes.plot(x, most, "--", color=colour_of(belief), label="95 % of draws")
+            how = {"color": colour_of(belief), "linewidth": width}
+            axes.plot(x, middle, "o-", markersize=4.0 + width, label=f"{belief}: median of draws", **how)
+            axes.plot(x, most, "--", label="95 % of draws", **how)
         axes.set(title=name, xlabel="the belief's parameters off by up to ± (%)")
         axes.set_ylim(bottom=0.0)
         axes.grid(axis="y", color="0.9", linewidth=0.6)
