@@ -1,7 +1,7 @@
 """Which estimator for which motor: the whole protocol, every family with both beliefs on four motors.
 
-python -m experiments.estimator_protocol [--peer-python PYTHON] [--jobs N | --dask ADDRESS]
-    writes results/estimator_protocol.{json,md,png}
+python -m experiments.estimator_protocol [--peer-python PYTHON] [--jobs N | --dask ADDRESS | --page]
+    writes results/estimator_protocol.{json,md,png}; --page: nothing is run, page and figure anew from the JSON
 
 The table of README.md and the account in estimators/LIMITS.md quote these files.  An interrupted run goes on where it
 stopped.  With a Python that has motulator 0.18 the reversal is measured beside it in the same run.
@@ -10,14 +10,20 @@ stopped.  With a Python that has motulator 0.18 the reversal is measured beside 
 from __future__ import annotations
 
 import argparse
+import json
 import time
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
+from textwrap import fill
 
 from experiments.drawing import RESULTS, save
 from sandbox.cli.sweeping import on_dask
 from sandbox.evaluation.bench import peer
-from sandbox.evaluation.protocol import READING, Protocol, forget, protocol, table, tables
+from sandbox.evaluation.protocol import Protocol, Row, Unit, forget, protocol
+from sandbox.evaluation.protocol_cells import READING, table, tables
+from sandbox.evaluation.protocol_names import LINES
+from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.output.columns import write_table
 from sandbox.output.files import output_folder, version
 from sandbox.output.plots import protocol_figure
@@ -27,31 +33,19 @@ ANCHORS = Path("../shared/anchors")
 NAME = "estimator_protocol"
 WIDEST = 5  # tests side by side
 LEGEND = """\
-Each line is an estimator with its belief, saturated or linear. ✓ and ✗ say whether the goal is met; where there is
-neither, there is no goal. A cell of a test of position gives the worst mean error and, in brackets, the worst error
-that 95 % of the samples stay below, in electrical degrees. It looks at loads up to 180 %, and where the ripple carries
-information. *Lost* counts the parts of the test in which lock was lost, *slow* those in which the drive did not reach
-the speed asked for in time.
-
-- **start**: how often the polarity is right in 3024 starts. All estimators share one start-up, so only the first lines
-  have it.
-- **static_map**: locked rotor, currents in twelve directions up to twice rated current.
-- **load_step**: a free rotor is held at standstill; the load steps from 0 to 180 % and back.
-- **creep**: a free rotor creeps through a reversal at 0.2 % of rated speed, under 180 % load.
-- **hand_over**: a free rotor goes from standstill to at most 30 % speed and back, under rated load.
-- **robustness**: standstill and 5 % speed, with one thing at a time other than believed. The goal is to keep lock.
-- **attraction**: the first position is told wrong, all round the circle. The three shares say how many runs come back
-  to the right pole, end at the wrong pole, and end elsewhere.
-- **bandwidth**: the frequency at which the estimate's answer to an oscillation of the rotor has fallen by 3 dB.
-- **mission**: 210 s at low speed: loads up to 180 %, reversals, ramps, creeping.
-- **reversal**: motulator's run on motulator's motor; error (rms) and processor time beside motulator's.
-- **cost**: the time of one step, and the torque ripple at standstill and at speed."""
+Each line is an estimator with its belief, saturated or linear. ✓ and ✗ say whether the goal beside them is met. ○ says
+that what stands beside it holds, while the error itself is beyond the goal of 1 (3)°, or starts end at the wrong pole;
+*as theory* is an error as large as theory foretells for a linear belief. Without a mark there is no goal. A cell of a
+test of position gives the worst mean error and, in brackets, the worst error that 95 % of the samples stay below, in
+electrical degrees. It looks at loads up to 180 %, and where the ripple carries information. *Lost* counts the parts of
+the test in which lock was lost, *slow* those in which the drive did not reach the speed asked for in time."""
 
 
 def markdown(result: Protocol, date: str) -> str:
     """Return the result page: every motor's table, worst figures of each test."""
     cpu = sum(row.cpu_seconds for row in result.rows)
-    blocks = ["# Protocol of all estimators", f"{date}, {version()}: {cpu:.0f} s of processor time.", LEGEND]
+    tests = "\n".join(fill(f"- **{name}**: {line}.", 120, subsequent_indent="  ") for name, line in LINES.items())
+    blocks = ["# Protocol of all estimators", f"{date}, {version()}: {cpu:.0f} s of processor time.", LEGEND, tests]
     if result.peer:
         blocks.append(f"motulator's reversal in the same run: {result.peer[1]:.2f}° rms, {result.peer[0]:.2f} CPU s/s.")
     for motor in dict.fromkeys(row.unit.motor for row in result.rows):
@@ -70,24 +64,45 @@ def folded(heads: Sequence[str], lines: Sequence[Sequence[str]]) -> list[str]:
     return out
 
 
+def kept() -> tuple[Protocol, str]:
+    """Return the protocol that the JSON keeps, without its points, and its date."""
+    found = json.loads((RESULTS / f"{NAME}.json").read_text(encoding="utf-8"))
+    rows = [
+        Row(Unit(*(r[f.name] for f in fields(Unit))), Outcome((), r["metrics"], r["passed"]), r["cpu_seconds"],
+            r["failure"])
+        for r in found["tests"]
+    ]  # fmt: skip
+    beside = found["peer"] and (found["peer"]["cpu_s_per_s"], found["peer"]["rms_deg"])
+    return Protocol(tuple(rows), found["seed"], beside), found["date"]
+
+
+def draw(result: Protocol, date: str) -> None:
+    """Write page and figure, and print the page."""
+    text = markdown(result, date)
+    (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
+    protocol_figure(tables(result), READING, RESULTS / f"{NAME}.png")
+    print(text)
+
+
 def main() -> None:
     """Run, print, keep."""
     arguments = argparse.ArgumentParser(description=__doc__)
     arguments.add_argument("--peer-python", help="Python >= 3.12 that has motulator 0.18")
     arguments.add_argument("--jobs", type=int, default=2)
     on_dask(arguments)
+    arguments.add_argument("--page", action="store_true")
     options = arguments.parse_args()
+    if options.page:
+        draw(*kept())
+        return
     folder = output_folder(Path("sensorless-out") / NAME)
     result = protocol(jobs=options.jobs, keep=folder, cluster=options.dask)
     if options.peer_python:
         result = result.beside(*peer(ANCHORS, options.peer_python, "lin", 4.0))
-    text = markdown(result, time.strftime("%Y-%m-%d"))
-    (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
-    protocol_figure(tables(result), READING, RESULTS / f"{NAME}.png")
+    draw(result, time.strftime("%Y-%m-%d"))
     write_table(folder / f"{NAME}.parquet", ProtocolResult(result).to_table())
     save(NAME, {"version": version(), **result.as_json()})
     forget(folder)
-    print(text)
 
 
 if __name__ == "__main__":

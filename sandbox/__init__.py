@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from sandbox.public.catalogue import list_motors as list_motors
     from sandbox.public.catalogue import list_presets as list_presets
     from sandbox.public.catalogue import list_scenarios as list_scenarios
+    from sandbox.public.catalogue import list_tests as list_tests
     from sandbox.public.exporting import export_estimator as export_estimator
     from sandbox.public.loading import load_estimator as load_estimator
     from sandbox.public.loading import load_estimator_library as load_estimator_library
@@ -57,8 +58,8 @@ if TYPE_CHECKING:
 
 __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign",
-    "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "describe",
-    "use_effects", "plan", "check",
+    "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "list_tests",
+    "describe", "use_effects", "plan", "check",
     "simulate", "compare", "tolerances", "sweep", "protocol", "bench", "audit", "maps", "identify", "diagnose",
     "replay", "export_estimator", "verify", "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "BadInput", "PhysicsError",
@@ -73,7 +74,8 @@ _HOMES = {
     ),
     "sandbox.public.exporting": ("export_estimator",),
     "sandbox.public.catalogue": (
-        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "describe",
+        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets",
+        "list_tests", "describe",
     ),
     "sandbox.public.campaigns.checked": ("plan", "check"),
     "sandbox.public.runs": ("simulate", "compare"),

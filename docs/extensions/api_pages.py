@@ -11,7 +11,8 @@ GROUPS = {
         "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign", "use_effects",
     ),
     "Look up": (
-        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "describe",
+        "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets",
+        "list_tests", "describe",
     ),
     "Run": ("simulate", "compare", "tolerances", "sweep", "protocol", "bench"),
     "Without a run": ("audit", "maps", "export_estimator"),
@@ -51,6 +52,22 @@ What a scenario, a motor and an estimator hold, field by field: [objects and the
 
 """
 
+RESULTS_HEAD = """## Results
+
+Every result can do what the first class lists. `.plot()` returns a figure of matplotlib, whose panels are its `.axes`;
+`.plot(ax=...)` draws in axes of your own, as many as the figure has panels:
+
+```python
+import matplotlib.pyplot as plt
+from sandbox import simulate
+
+figure, axes = plt.subplots(4, 2, sharex="col")
+simulate(belief="linear").plot(ax=axes[:, 0])
+simulate(belief="saturated").plot(ax=axes[:, 1])
+```
+
+"""
+
 
 def block(lines: list[str]) -> str:
     """Return directives as MyST takes them."""
@@ -64,7 +81,7 @@ def page() -> str:
     text = HEAD
     for title, names in (GROUPS | ({"More": rest} if rest else {})).items():
         text += f"## {title}\n\n" + block([f".. autofunction:: sandbox.{name}" for name in names])
-    text += "## Results\n\nEvery result can do what the first class lists.\n\n"
+    text += RESULTS_HEAD
     lines = []
     for name, members in RESULTS.items():
         lines += [f".. autoclass:: {name}", *([f"   :members: {members}"] if members else [])]

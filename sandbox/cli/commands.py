@@ -168,7 +168,7 @@ def run_list(options: argparse.Namespace) -> None:
     lists = {
         "motors": sandbox.list_motors, "effects": sandbox.list_effects, "estimators": sandbox.list_estimators,
         "scenarios": sandbox.list_scenarios, "datasets": sandbox.list_datasets,
-        "presets": sandbox.list_presets,
+        "presets": sandbox.list_presets, "tests": sandbox.list_tests,
     }  # fmt: skip
     print_list(lists[options.kind]())
 

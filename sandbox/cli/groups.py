@@ -13,7 +13,8 @@ from sandbox.cli.arguments import Parser, add_own_effects, number, positive_int,
 from sandbox.cli.diagnosing import PRESET, add_check, add_diagnose, add_plan, add_replay
 from sandbox.cli.sweeping import add_tolerances, on_dask
 
-PARALLEL = ("compare", "protocol", "diagnose", "check", "plan", "replay", "sweep")  # use threads, or processes
+PARALLEL = ("compare", "protocol", "diagnose", "sweep")  # use all cores, as threads or processes
+SHORT = ("check", "plan", "replay")  # done before a second thread would pay, unless more are asked for
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
 TABLELESS = ("verify", "export-estimator")  # write no table
 MOTOR = "a motor of `sensorless list motors`, or a file of yours (ipm_exchanged)"
@@ -33,6 +34,7 @@ class Add(Protocol):
 def add_common(command: Parser, name: str) -> None:
     """Add what every command that writes results takes; seed, jobs and csv are told where they do something."""
     jobs = "threads or processes (all cores)" if name in PARALLEL else argparse.SUPPRESS
+    jobs = "threads (1)" if name in SHORT else jobs
     seed = "seed of the sensors' noise (0)" if name in NOISY else argparse.SUPPRESS
     command.add_argument("--out", type=Path, help=f"folder for results (./sensorless-out/{name})")
     command.add_argument("--jobs", type=positive_int, help=jobs)
@@ -78,7 +80,7 @@ def add_judging(add: Add) -> None:
     _own(c)
     text = "names or files, separated by commas (three, and `baldor_pmsyrm` where its map is at hand)"
     c.add_argument("--motors", metavar="A,B", help=text)
-    c.add_argument("--tests", metavar="A,B", help="names, separated by commas (all)")
+    c.add_argument("--tests", metavar="A,B", help="names of `sensorless list tests`, separated by commas (all)")
     on_dask(c)
     _peers(c)
     text = "what a step of the plant and a simulated second in closed loop cost on this machine"
@@ -126,7 +128,7 @@ def add_export(add: Add) -> None:
 def add_looking(add: Add) -> None:
     """Add `list`, `view` and `show`, which write nothing."""
     c = add("list", commands.run_list, "names and one line each of motors, effects and so on", writes=False)
-    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets", "presets"))
+    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets", "presets", "tests"))
     c.add_argument("name", nargs="?", help="of an effect or estimator: its card is printed")
     add_own_effects(c)
     c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)

@@ -13,7 +13,7 @@ from sandbox.evaluation.compare_sheets import most_current, over_angle, spectra,
 from sandbox.output import looks
 from sandbox.output.document import answer, figure, fold, pairs, prose, table, write_page
 from sandbox.output.loci import angle_svg, estimator_svg, hodograph_svg, loci_svg
-from sandbox.output.plots import READING, colour_of
+from sandbox.output.plots import colour_of, reading
 from sandbox.output.tables import comparison_tables
 from sandbox.output.vector import lines_svg
 
@@ -44,7 +44,7 @@ def _run_parts(c: Comparison, run: Run, title: str) -> Iterator[str]:
     yield f"<h1>{prose(title)}</h1>"
     yield answer("How far is it off?", far_off(standings(run.rows)[0]))
     yield answer("What is not in it?", _effects_said(c))
-    yield figure(estimator_svg([run]), READING)
+    yield figure(estimator_svg([run]), reading(c.runs))
     yield from looked(c, [run])
     for heading, heads, rows in comparison_tables(c):
         yield fold(f"Every stretch: {heading}", table(heads, rows))
@@ -67,7 +67,7 @@ def parts(c: Comparison, title: str) -> Iterator[str]:
             groups.setdefault(run.estimator, []).append(run)
     drawn = (f"<div><h3>{prose(name)}</h3>{figure(estimator_svg(own), '')}</div>" for name, own in groups.items())
     yield from pairs(drawn)
-    yield f"<p class='soft'>{prose(READING)}</p>"
+    yield f"<p class='soft'>{prose(reading(c.runs))}</p>"
     chosen = next((s.estimator for s in best(found)), next(iter(groups), None))
     if chosen is not None:
         yield f"<h2>{prose(chosen)}, looked at</h2>"
@@ -109,7 +109,7 @@ def looked(c: Comparison, runs: Sequence[Run]) -> Iterator[str]:
     if any(np.any(run.recording.omega) for run in runs):
         panels.append(("speed\n(rad/s el.)", {n: _line(run, "omega") for n, run in kept.items()}))
     yield figure(
-        lines_svg(panels, "time (s)", colours=colours),
+        lines_svg(panels, "time (s)", colours=colours, alike=True),
         "Over time: true minus estimated position (lost lock left out), true current and speed.",
     )
     yield from pairs(_planes(c, kept))
@@ -158,7 +158,7 @@ def _spectra(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
             for key, title in (("current", "i_dq (A)"), ("error", "error (°)"))
         ]
         yield figure(
-            lines_svg(panels, "frequency (Hz)", log="y", colours=[colour_of(name) for name in found]),
+            lines_svg(panels, "frequency (Hz)", log="y", colours=[colour_of(name) for name in found], alike=True),
             f"Spectrum of the true current in the rotor's frame and of the position error, longest evaluated stretch "
             f"in lock; injection at {c.drive.injection.frequency:g} Hz. Height: amplitude of a line there.",
         )

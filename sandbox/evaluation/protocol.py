@@ -9,6 +9,7 @@ which drive it is of: half a line, or one of a motor file that was changed meanw
 from __future__ import annotations
 
 import json
+import re
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -26,12 +27,9 @@ from model.parameters import Drive
 from model.sources import ROOT, source_key
 from sandbox.engine.processes import Cluster, spread
 from sandbox.evaluation.compare import distinct
+from sandbox.evaluation.protocol_cells import MARKS, READING, table
 from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
 from sandbox.evaluation.protocol_tests import (
-    MEAN_GOAL,
-    P95_GOAL,
-    POLARITY_GOAL,
-    THEORY_GOAL,
     Outcome,
     Point,
     attraction,
@@ -50,17 +48,6 @@ ESTIMATORS = (
     "qnull", "inversion", "rotating", "table", "arbitrary", "pwm_ripple", "fluxdemod", "pll3", "mechanical", "monitor",
     "active_flux", "hybrid", "ekf", "ukf",
 )  # fmt: skip
-READING = (
-    "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the ripple "
-    "carries information; attraction: started wrong all round, share back / at the wrong pole / elsewhere; "
-    "slow: the speed asked for not reached in time; cost: a step, torque ripple at standstill/at speed; "
-    "✓ ✗: the goal beside it is met or not. 'as theory': the error may be large, as long as it is the one that theory "
-    "foretells for a linear belief."
-)
-LOCK = "lock kept"
-GOALS = {  # beside a verdict; what is not here is judged by `verdict`: mean and 95th percentile, or theory
-    "start": f"≥ {100.0 * POLARITY_GOAL:g} %", "robustness": LOCK, "reversal": LOCK, "attraction": "no third rest",
-}  # fmt: skip
 MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
 MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
 
@@ -316,59 +303,6 @@ def tidy(result: Protocol) -> list[dict[str, Any]]:
     return rows
 
 
-def tables(result: Protocol) -> dict[str, tuple[list[str], list[list[str]]]]:
-    """Return every motor's table."""
-    return {motor: table(result, motor) for motor in dict.fromkeys(row.unit.motor for row in result.rows)}
-
-
-def table(result: Protocol, motor: str) -> tuple[list[str], list[list[str]]]:
-    """Return heads and cells of one motor's table: a line per estimator and belief, a column per test."""
-    rows = {(r.unit.estimator, r.unit.belief, r.unit.test): r for r in result.rows if r.unit.motor == motor}
-    tests = list(dict.fromkeys(test for _, _, test in rows))
-    lines = []
-    for estimator, belief in dict.fromkeys((e, b) for e, b, _ in rows):
-        cells = [cell(rows.get((estimator, belief, test))) for test in tests]
-        lines.append([f"{estimator} {belief[:3]}.", *cells])
-    return ["estimator", *tests], lines
-
-
-def goal_of(row: Row) -> str:
-    """Return the goal that a unit is judged by, in a few words."""
-    if row.outcome.metrics.get("rms_to_peer") is not None:
-        return "≤ 1/2, ≤ 1/300"
-    judged = f"≤ {MEAN_GOAL:g} ({P95_GOAL:g})°" if row.unit.belief == "saturated" else f"as theory ±{THEORY_GOAL:g}°"
-    return GOALS.get(row.unit.test, judged)
-
-
-def cell(row: Row | None) -> str:
-    """Return a unit as text: worst mean (worst p95) in degrees, stretches lost, a mark for the verdict, the goal."""
-    if row is None:
-        return ""
-    mark = {True: f" ✓ {goal_of(row)}", False: f" ✗ {goal_of(row)}", None: ""}[row.outcome.passed]
-    m = row.outcome.metrics
-    if row.failure:
-        return f"{'refused' if 'refused' in m else 'failed'}{mark}"
-    if m.get("rms_to_peer") is not None:
-        return f"rms {m['rms_to_peer']:.3f}, CPU 1/{1.0 / (m['cpu_to_peer'] or 1.0):.0f} of peer{mark}"
-    if "polarity_right" in m:
-        return f"{100 * (m['polarity_right'] or 0):.2f} %{mark}"
-    if "back" in m:
-        return (
-            f"{100 * (m['back'] or 0):.0f}/{100 * (m['reversed'] or 0):.0f}/{100 * (m['elsewhere'] or 0):.0f} %{mark}"
-        )
-    if m.get("step_ns") is not None:
-        ripples = [m.get(name) for name in ("torque_ripple", "torque_ripple_at_speed")]
-        said = "/".join("–" if v is None else f"{100 * v:.1f}" for v in ripples)
-        return f"{m['step_ns']:.0f} ns, {said} %{mark}"
-    if "bandwidth_hz" in m:
-        return f"{m['bandwidth_hz']:.0f} Hz{mark}" if m["bandwidth_hz"] is not None else f"–{mark}"
-    lost = f", {m['lost']:.0f} lost" if m.get("lost") else ""
-    lost += f", {m['speed_missed']:.0f} slow" if m.get("speed_missed") else ""
-    if m.get("mean_deg") is None:
-        return f"lost{mark}"
-    return f"{m['mean_deg']:.2f} ({m['p95_deg']:.1f}){lost}{mark}"
-
-
 def with_motulator(result: Protocol, anchors: Path, python: str) -> Protocol:
     """Return the protocol with motulator's reversal beside ours, measured now; BadInput where it is not at hand."""
     if not any(row.unit.test == "reversal" for row in result.rows):
@@ -382,7 +316,7 @@ def show(result: Protocol) -> None:
     """Print a table per motor, how to read it, and the cost."""
     for motor in dict.fromkeys(row.unit.motor for row in result.rows):
         heads, lines = table(result, motor)
-        lines = [[text.replace(" ✓ ", " ✓\n").replace(" ✗ ", " ✗\n") for text in line] for line in lines]
+        lines = [[re.sub(f" ([{''.join(MARKS)}]) ", r" \1\n", text) for text in line] for line in lines]
         print_table(f"{motor}: worst mean ° (worst 95 %)", heads, lines)
     print(READING)
     print(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")

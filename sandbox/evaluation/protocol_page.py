@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sandbox.evaluation.choice import MANY, either, few
-from sandbox.evaluation.protocol import PEER, READING, SHARED, Protocol, Row, table, tables
+from sandbox.evaluation.protocol import PEER, SHARED, Protocol, Row
+from sandbox.evaluation.protocol_cells import BAD, CHECKS, GOOD, READING, table, tables
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
 from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
 from sandbox.output.vector import SERIES, bars_svg
@@ -67,10 +68,26 @@ def which(rows: Sequence[Row], motor: str) -> str:
     if not first[0].missed:
         verb = "meets" if len(first) == 1 else "each meets"
         text = f"{names} with the saturated belief: {verb} {_all(first[0].judged)}.{_cheapest(first)}"
-        return text + "".join(f" {m.estimator} was slow in {', '.join(m.slow)}." for m in first if m.slow)
+        text += "".join(f" {m.estimator} was slow in {', '.join(m.slow)}." for m in first if m.slow)
+        return text + held([r for r in rows if r.unit.motor == motor], [m.estimator for m in first])
     text = f"None meets every goal. Nearest: {names} with the saturated belief"
     text += f", {first[0].judged - len(first[0].missed)} of {first[0].judged}."
     return text + "".join(f" {m.estimator} misses {'; '.join(map(why, m.missed))}." for m in first[:3])
+
+
+def held(rows: Sequence[Row], names: Sequence[str]) -> str:
+    """Return how large the errors were where lock alone is asked for, saturated belief of these estimators."""
+    text, own = "", [r for r in rows if r.unit.estimator in names and r.unit.belief == "saturated" and not r.failure]
+    for test, key, unit, what in (
+        ("robustness", "mean_deg", "°", "the worst mean error there is"),
+        ("attraction", "reversed", " %", "the share that ends at the wrong pole is"),
+    ):
+        found = [r.outcome.metrics.get(key) for r in own if r.unit.test == test]
+        sizes = [(100.0 if unit == " %" else 1.0) * abs(v) for v in found if v is not None]
+        if sizes and max(sizes) > 0.0:
+            ends = list(dict.fromkeys(f"{v:.3g}" for v in (min(sizes), max(sizes))))
+            text += f" `{test}` asks for no more than '{CHECKS[test]}'; {what} {' to '.join(ends)}{unit}."
+    return text
 
 
 def _all(judged: int) -> str:
@@ -214,6 +231,6 @@ def _cases(rows: Sequence[Row], motor: str) -> str:
 
 
 def _mean(value: float | None) -> str:
-    return (
-        "lost ✗ lock kept" if value is None else f"{value:.2f}" + (f" ✓ ≤ {MEAN_GOAL:g}" if value <= MEAN_GOAL else "")
-    )
+    if value is None:
+        return f"lost {BAD} {CHECKS['robustness']}"
+    return f"{value:.2f}" + (f" {GOOD} ≤ {MEAN_GOAL:g}°" if value <= MEAN_GOAL else "")

@@ -156,15 +156,16 @@ def verdict(points: Iterable[Point], belief: str) -> Outcome:
     return Outcome(points, m, passed)
 
 
-def static_map(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
-    """Locked rotor, currents along rays to twice rated current, estimate and encoder in control."""
+def static_map(drive: Drive, estimator: AnyEstimator, belief: str, seed: int, seconds: float = 0.08) -> Outcome:
+    """Locked rotor, currents along rays to twice rated current, estimate and encoder in control; each current is looked
+    at for so many seconds."""
     points = []
     for k in range(DIRECTIONS):
         beta = 2.0 * math.pi * k / DIRECTIONS
         for closed in (True, False):
             radii = list(RADII)
             while radii:  # a ray ends where the motor's model does
-                segments = tuple(Segment(0.25, r * math.sin(beta), ramp=0.1, settle=0.17,
+                segments = tuple(Segment(0.17 + seconds, r * math.sin(beta), ramp=0.1, settle=0.17,
                                          current_d=r * math.cos(beta)) for r in radii)  # fmt: skip
                 ray = Scenario("ray", segments, start_up=False, start_angle=0.3 + 0.1 * k)
                 try:

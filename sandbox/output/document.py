@@ -70,7 +70,7 @@ document.querySelectorAll("figure svg").forEach(s => {{
 </body></html>
 """
 ENLARGE = "Click to enlarge; then the wheel zooms, dragging moves, Escape or a double click closes."
-MARKS = {"✓": "good", "✗": "bad"}
+MARKS = {"✓": "good", "✗": "bad", "○": "none"}  # ○: as it should be, but not good
 
 
 def write_page(path: Path, title: str, parts: Iterable[str]) -> None:
@@ -106,7 +106,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def verdicts(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table of texts with a verdict in them, such as '0.1 (0.4) ✓ ≤ 1': coloured, the goal below."""
+    """Return a table of texts with a verdict in them, such as '0.1 (0.4) ✓ ≤ 1': coloured by MARKS, the goal below."""
     head = "".join(f"<th>{prose(h)}</th>" for h in heads)
     body = "".join(f"<tr><td>{prose(row[0])}</td>{''.join(map(_verdict, row[1:]))}</tr>" for row in rows)
     return f"<div class='wide marks'><table><tr>{head}</tr>{body}</table></div>"

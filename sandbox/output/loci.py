@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from sandbox.output.looks import Plane, over_angle
 from sandbox.output.plots import by_load, colour_of, draw_panel, page, svg_text
-from sandbox.output.vector import PHONE, named
+from sandbox.output.vector import PHONE, named, widths
 
 if TYPE_CHECKING:
     from sandbox.evaluation.compare import Run
@@ -24,7 +24,7 @@ LEAST_ANGLE = 0.1  # degrees; without saturation there is nothing to draw
 
 def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
     """Return the paths of the currents (A) over the saliency map, {belief: path}; rated: current, A."""
-    drawing, panels = page((PHONE, 4.4), 1, 1, squeeze=False)
+    drawing, panels = page((PHONE, 4.4), 1, 1)
     axes = panels[0, 0]
     i = plane.current
     filled = axes.contourf(i, i, plane.gain.T, levels=LEVELS, cmap="Greys", alpha=0.4, vmin=0.0)
@@ -35,8 +35,8 @@ def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
         axes.clabel(lines, fontsize=8, fmt="%g°")
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
     axes.plot(rated * np.cos(turn), rated * np.sin(turn), linestyle=(0, (1, 2)), color="#000000", linewidth=0.9)
-    for belief, own in paths.items():
-        axes.plot(*own, color=colour_of(belief), linewidth=1.1, label=belief)
+    for width, (belief, own) in zip(widths(len(paths)), paths.items(), strict=True):
+        axes.plot(*own, color=colour_of(belief), linewidth=width, label=belief)
     axes.set(xlabel="i_d (A)", ylabel="i_q (A)", aspect="equal", xlim=(i[0], i[-1]), ylim=(i[0], i[-1]))
     named(axes)
     return svg_text(drawing, "loci" + "".join(paths))
@@ -44,12 +44,12 @@ def loci_svg(plane: Plane, paths: Mapping[str, Way], rated: float) -> str:
 
 def hodograph_svg(paths: Mapping[str, Way], magnet_flux: float) -> str:
     """Return the path of the flux linkage (Wb) in the stator's frame, {belief: path}."""
-    drawing, panels = page((PHONE, 4.4), 1, 1, squeeze=False)
+    drawing, panels = page((PHONE, 4.4), 1, 1)
     axes = panels[0, 0]
     turn = np.linspace(0.0, 2.0 * np.pi, 121)
     axes.plot(magnet_flux * np.cos(turn), magnet_flux * np.sin(turn), linestyle=(0, (1, 2)), color="#000000", lw=0.9)
-    for belief, own in paths.items():
-        axes.plot(*own, color=colour_of(belief), linewidth=1.1, label=belief)
+    for width, (belief, own) in zip(widths(len(paths)), paths.items(), strict=True):
+        axes.plot(*own, color=colour_of(belief), linewidth=width, label=belief)
     axes.set(xlabel="ψ_α (Wb)", ylabel="ψ_β (Wb)", aspect="equal")
     axes.plot(0.0, 0.0, "+", color="#000000", markersize=8)
     named(axes)
@@ -64,13 +64,13 @@ def angle_svg(errors: Mapping[str, tuple[Array, Array]]) -> str:
     found = {belief: over_angle(error, theta) for belief, (error, theta) in errors.items()}
     if not any(found.values()):
         return ""
-    drawing, panels = page((PHONE, 2.9), 1, 1, squeeze=False)
+    drawing, panels = page((PHONE, 2.9), 1, 1)
     axes = panels[0, 0]
-    for belief, seen in found.items():
+    for width, (belief, seen) in zip(widths(len(found)), found.items(), strict=True):
         if seen is not None:
             at, mean, low, high = seen
             axes.fill_between(at, low, high, color=colour_of(belief), alpha=0.25, linewidth=0)
-            axes.plot(at, mean, color=colour_of(belief), linewidth=1.2, label=belief)
+            axes.plot(at, mean, color=colour_of(belief), linewidth=width, label=belief)
     axes.axhline(0.0, **FAINT)
     axes.set(xlabel="electrical angle (°)", ylabel="position error (°)", xlim=(0, 360), xticks=range(0, 361, 60))
     named(axes)
@@ -79,7 +79,7 @@ def angle_svg(errors: Mapping[str, tuple[Array, Array]]) -> str:
 
 def estimator_svg(runs: Sequence[Run]) -> str:
     """Return the position error of one estimator, every belief, over load or segment, as `comparison_figure` does."""
-    drawing, panels = page((PHONE, 3.1), 1, 1, squeeze=False)
+    drawing, panels = page((PHONE, 3.1), 1, 1)
     axes = panels[0, 0]
     loads = by_load(runs)
     draw_panel(axes, runs, loads)
@@ -92,7 +92,7 @@ def contours(plane: Plane) -> list[tuple[float, Array]]:
     """Return lines of equal angle over the plane of currents: (degrees, points (n, 2) of i_d and i_q in A)."""
     if not np.nanmax(np.abs(plane.angle)) > LEAST_ANGLE:
         return []
-    _, panels = page((PHONE, PHONE), 1, 1, squeeze=False)
+    _, panels = page((PHONE, PHONE), 1, 1)
     found = panels[0, 0].contour(plane.current, plane.current, plane.angle.T, levels=LEVELS)
     levels = zip(found.levels, found.allsegs, strict=True)
     return [(float(level), line) for level, lines in levels for line in lines if len(line) > 1]

@@ -7,9 +7,13 @@ import math
 import os
 import textwrap
 from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
+from model.errors import BadInput
 from sandbox.output.trace import COLOURS, GREY
 
 if TYPE_CHECKING:
@@ -21,6 +25,7 @@ if TYPE_CHECKING:
     from sandbox.evaluation.compare import Comparison, Row, Run
     from sandbox.evaluation.maps import Maps
 
+AnyAxes = Any  # None, one Axes of matplotlib, or a sequence or an array of them
 Cells = tuple[Sequence[str], Sequence[Sequence[str]]]  # heads and lines of a table of texts
 DPI = 150
 LETTERS = 12  # of nine points in an inch
@@ -31,23 +36,20 @@ READING = (
 )
 
 
-def comparison_figure(comparison: Comparison, path: str | Path | None = None) -> Figure:
+def comparison_figure(comparison: Comparison, path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
     """Draw position error (deg electrical) against load or segment: columns estimators, rows closed and open.
 
     Markers are means, outer ends of the bars 95th percentiles of |error|, dashed lines theory, crosses lost
     locks. Returns the figure, and writes it where a path is given: its suffix (.png, .svg, .pdf) is the format, the
-    file appears whole or not at all. Raises ValueError if there is no run or an unknown suffix, OSError if the file
-    is not writable.
+    file appears whole or not at all. ax: see `page`. Raises ValueError if there is no run or an unknown suffix, OSError
+    if the file is not writable.
     """
-    from matplotlib.figure import Figure
-
     if not comparison.runs:
         raise ValueError("a figure needs at least one run, this comparison has none")
     estimators = list(dict.fromkeys(run.estimator for run in comparison.runs))
     loops = sorted({run.closed_loop for run in comparison.runs}, reverse=True)
     size = (1.2 + 3.3 * len(estimators), 1.3 + 2.8 * len(loops))
-    figure = Figure(figsize=size, layout="constrained")
-    panels = figure.subplots(len(loops), len(estimators), sharex=True, sharey=True, squeeze=False)
+    figure, panels = page(size, len(loops), len(estimators), ax, sharex=True, sharey=True)
     loads = by_load(comparison.runs)
     for axes_row, closed in zip(panels, loops, strict=True):
         for axes, estimator in zip(axes_row, estimators, strict=True):
@@ -56,13 +58,18 @@ def comparison_figure(comparison: Comparison, path: str | Path | None = None) ->
         axes_row[0].set_ylabel(f"{'closed' if closed else 'open'} loop\nposition error (° electrical)")
     for axes, estimator in zip(panels[0], estimators, strict=True):
         axes.set_title(estimator, fontweight="bold")
-    figure.suptitle(f"{comparison.drive.name}, {comparison.scenario.name}", parse_math=False)
-    foretold = any(row.predicted_mean_deg is not None for run in comparison.runs for row in run.rows)
-    reading = READING if foretold else READING.replace("dashed: theory;  ", "")
-    figure.supxlabel(textwrap.fill(reading, int(LETTERS * size[0])), fontsize=9, color="0.25")
+    if ax is None:
+        figure.suptitle(f"{comparison.drive.name}, {comparison.scenario.name}", parse_math=False)
+        figure.supxlabel(textwrap.fill(reading(comparison.runs), int(LETTERS * size[0])), fontsize=9, color="0.25")
     for axes in panels[-1]:
         axes.set_xlabel("load (% of rated)" if loads else "segment: load (%), speed (rpm)")
     return drawn(figure, path)
+
+
+def reading(runs: Sequence[Run]) -> str:
+    """Return how to read the position error of runs; theory is named where there is one."""
+    foretold = any(row.predicted_mean_deg is not None for run in runs for row in run.rows)
+    return READING if foretold else READING.replace("dashed: theory;  ", "")
 
 
 def by_load(runs: Sequence[Run]) -> bool:
@@ -113,7 +120,8 @@ def _draw_belief(axes: Axes, belief: str, rows: Sequence[Row], places: Sequence[
     theory = [(x, row.predicted_mean_deg) for x, row in zip(places, rows, strict=False)]
     theory = [(x, value) for x, value in theory if value is not None]
     if theory:
-        axes.plot(*zip(*theory, strict=True), color=colour, linewidth=1.4, linestyle=(0, (4, 2)), zorder=2)
+        width = 2.4 if belief == "linear" else 1.2  # both are seen where they agree
+        axes.plot(*zip(*theory, strict=True), color=colour, linewidth=width, linestyle=(0, (4, 2)), zorder=2)
     for place, row in zip(places, rows, strict=False):
         x = place + shift
         mean, p95 = row.error_deg.mean, row.error_deg.p95
@@ -161,15 +169,12 @@ def _label_beliefs(axes: Axes, beliefs: Sequence[str], rows: Sequence[Sequence[R
         )
 
 
-def audit_figure(drive: Drive, audit: Audit, path: str | Path | None = None) -> Figure:
+def audit_figure(drive: Drive, audit: Audit, path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
     """Draw the current plane (convexity, saliency) and the cross-saturation angle against load.
 
-    Raises as `comparison_figure`.
+    ax: see `page`. Raises as `comparison_figure`.
     """
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10.5, 4.8), layout="constrained")
-    plane, angles = figure.subplots(1, 2)
+    figure, ((plane, angles),) = page((10.5, 4.8), 1, 2, ax)
     _draw_plane(plane, drive, audit)
     load = 100.0 * audit.load
     for values, name, style in (
@@ -181,7 +186,7 @@ def audit_figure(drive: Drive, audit: Audit, path: str | Path | None = None) -> 
     angles.set(xlabel="load (% of rated, i_d = 0)", ylabel="error of a linear belief (° electrical)")
     angles.set_title("cross-saturation angle")
     angles.legend(frameon=False, fontsize=9)
-    figure.suptitle(f"{drive.name}: where the model may be used", parse_math=False)
+    entitle(figure, f"{drive.name}: where the model may be used", ax)
     return drawn(figure, path)
 
 
@@ -203,12 +208,12 @@ def _draw_plane(axes: Axes, drive: Drive, audit: Audit) -> None:
     axes.set_title("valid" if audit.passed else "grey: not valid")
 
 
-def maps_figure(maps: Maps, path: str | Path | None = None) -> Figure:
-    """Draw inductances, cross-saturation angle and gain over the current plane, and the first order's error of L_dd."""
-    from matplotlib.figure import Figure
+def maps_figure(maps: Maps, path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
+    """Draw inductances, cross-saturation angle and gain over the current plane, and the first order's error of L_dd.
 
-    figure = Figure(figsize=(12.5, 7.2), layout="constrained")
-    axes = figure.subplots(2, 3, sharex=True, sharey=True)
+    ax: see `page`.
+    """
+    figure, axes = page((12.5, 7.2), 2, 3, ax, sharex=True, sharey=True)
     panels = [
         ("L_dd (mH)", 1e3 * maps.l_dd),
         ("L_dq (mH)", 1e3 * maps.l_dq),
@@ -222,41 +227,44 @@ def maps_figure(maps: Maps, path: str | Path | None = None) -> Figure:
         panels = panels[:-1]
     for panel, (title, values) in zip(axes.flat, panels, strict=False):
         filled = panel.contourf(maps.i_d, maps.i_q, values.T, levels=14, cmap="viridis")
-        figure.colorbar(filled, ax=panel)
+        panel.figure.colorbar(filled, ax=panel)
         panel.set(title=title, aspect="equal", facecolor="0.85")
     for panel in axes[-1]:
         panel.set_xlabel("i_d (A)")
     for panel in axes[:, 0]:
         panel.set_ylabel("i_q (A)")
-    figure.suptitle(f"{maps.motor}: incremental inductances and what injection sees", parse_math=False)
+    entitle(figure, f"{maps.motor}: incremental inductances and what injection sees", ax)
     return drawn(figure, path)
 
 
-def protocol_figure(by_motor: Mapping[str, Cells], note: str, path: str | Path | None = None) -> Figure:
-    """Draw a page: a panel per motor, a line per estimator and belief, a column per test, coloured by the verdict."""
-    from matplotlib.figure import Figure
+def protocol_figure(
+    by_motor: Mapping[str, Cells], note: str, path: str | Path | None = None, ax: AnyAxes = None
+) -> Figure:
+    """Draw a page: a panel per motor, a line per estimator and belief, a column per test, coloured by the verdict.
 
+    ax: see `page`.
+    """
     motors, tables = list(by_motor), list(by_motor.values())
     lines = sum(len(cells) + 2 for _, cells in tables)
     width = 2.2 + 1.45 * (max(len(heads) for heads, _ in tables) - 1)
-    figure = Figure(figsize=(width, 0.8 + 0.34 * lines), layout="constrained")
     heights = [len(cells) + 1 for _, cells in tables]
-    panels = figure.subplots(len(motors), 1, squeeze=False, gridspec_kw={"height_ratios": heights})[:, 0]
-    for panel, motor, (heads, cells) in zip(panels, motors, tables, strict=True):
+    figure, panels = page((width, 0.8 + 0.34 * lines), len(motors), 1, ax, height_ratios=heights)
+    for panel, motor, (heads, cells) in zip(panels[:, 0], motors, tables, strict=True):
         _draw_cells(panel, heads[1:], [row[0] for row in cells], [row[1:] for row in cells])
         panel.set_title(motor, loc="left", fontweight="bold", fontsize=10, parse_math=False)
-    figure.supxlabel(note, fontsize=8, color="0.25", wrap=True)
+    if ax is None:
+        figure.supxlabel(note, fontsize=8, color="0.25", wrap=True)
     return drawn(figure, path)
 
 
 def _draw_cells(axes: Axes, heads: Sequence[str], names: Sequence[str], cells: Sequence[Sequence[str]]) -> None:
-    """Draw a table of texts: green where there is a tick before the goal, red for a cross, grey without verdict."""
-    colours = {"✓": "#cfe8d5", "✗": "#f3cdc7"}
+    """Draw a table of texts: green where there is a tick before the goal, red for a cross, grey for all else."""
+    colours = {"✓": "#cfe8d5", "✗": "#f3cdc7", "○": "0.93"}
     for y, row in enumerate(cells):
         for x, text in enumerate(row):
             mark = next((m for m in colours if f" {m}" in text), "")
             face = colours.get(mark, "0.93" if text else "white")
-            text = text.replace(f" {mark} ", "\ngoal: ") if mark else text
+            text = text.replace(f" {mark} ", f"\n{mark} ") if mark else text
             axes.fill_between([x + 0.02, x + 0.98], y + 0.04, y + 0.96, color=face, linewidth=0)
             axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6.5)
     axes.set_xticks([x + 0.5 for x in range(len(heads))], heads, fontsize=8)
@@ -266,12 +274,39 @@ def _draw_cells(axes: Axes, heads: Sequence[str], names: Sequence[str], cells: S
     axes.spines[:].set_visible(False)
 
 
-def page(size: tuple[float, float], rows: int, columns: int, **layout: Any) -> tuple[Figure, Any]:
-    """Return an empty figure (inches) and its panels (rows, columns), for figures that other rooms draw."""
+def page(size: tuple[float, float], rows: int, columns: int, ax: AnyAxes = None, **layout: Any) -> tuple[Figure, Any]:
+    """Return an empty figure (inches) and its panels, (rows, columns), or the figure of the axes that are given.
+
+    ax: axes of the caller's own to draw in, one for each panel, row by row; BadInput where these are more or fewer.
+    """
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=size, layout="constrained")
-    return figure, figure.subplots(rows, columns, **layout)
+    if ax is None:
+        figure = Figure(figsize=size, layout="constrained")
+        vars(figure)["_repr_png_"] = partial(png, figure)  # notebooks show it, though pyplot does not know it
+        return figure, figure.subplots(rows, columns, squeeze=False, **layout)
+    own = np.array(ax, dtype=object).reshape(-1)
+    if own.size != rows * columns or not all(hasattr(axes, "axhline") for axes in own):
+        raise BadInput(
+            f"ax: this figure has {rows * columns} panel{'s' if rows * columns > 1 else ''}, and needs as many axes of "
+            f"matplotlib; make them by plt.subplots({rows}, {columns})"
+        )
+    return own[0].figure.figure, own.reshape(rows, columns)  # of a part of a figure, the whole
+
+
+def entitle(figure: Figure, title: str, ax: AnyAxes) -> None:
+    """Write a title above a figure, or above the one panel of the caller's own; several of these keep theirs."""
+    if ax is None:
+        figure.suptitle(title, parse_math=False)
+    elif np.size(ax) == 1:
+        np.array(ax, dtype=object).item().set_title(title, parse_math=False, fontsize=11)
+
+
+def png(figure: Figure) -> bytes:
+    """Return a figure as PNG, at its own resolution."""
+    out = io.BytesIO()
+    figure.savefig(out, format="png")
+    return out.getvalue()
 
 
 def plain_ticks(axes: Axes, which: str = "x") -> None:
@@ -311,10 +346,8 @@ def drawn(figure: Figure, path: str | Path | None) -> Figure:
 
 def save(figure: Figure, path: Path) -> None:
     """Save a figure under a temporary name beside its place, then move it there."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-
     kind = path.suffix.lstrip(".").lower()
-    if kind not in FigureCanvasAgg(figure).get_supported_filetypes():
+    if kind not in figure.canvas.get_supported_filetypes():
         raise ValueError(f"cannot draw to {path.name!r}: use a name that ends in .png, .svg or .pdf")
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:

@@ -5,15 +5,16 @@ from __future__ import annotations
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from sandbox.evaluation.compare import Comparison
+    from sandbox.evaluation.compare import Comparison, Run
     from sandbox.evaluation.score import Row
 
 BELIEFS = ("saturated", "linear")
+THEORY = "theory °"  # head of a column
 
 WIDTH = 80  # columns of a printed table where no wider terminal is there
 
@@ -163,21 +164,29 @@ def _grid(rows: list[list[str]]) -> Any:
 def comparison_tables(c: Comparison) -> list[tuple[str, list[str], list[list[str]]]]:
     """Return title, heads and cells of one table for the closed and one for the open loop.
 
-    A line is a segment; a cell the mean error in degrees with the 95th percentile of its size.
+    A line is a segment; a cell the mean error in degrees with the 95th percentile of its size. Without theory there is
+    no column of it.
     """
     tables = []
     for closed in sorted({r.closed_loop for r in c.runs}, reverse=True):
         runs = [r for r in c.runs if r.closed_loop == closed]
         loop = "closed loop (the estimate controls)" if closed else "open loop (the encoder controls)"
-        heads = ["load %", "rpm", "theory °", *(f"{r.estimator} {r.belief[:3]}." for r in runs)]
-        lines = []
-        for k, row in enumerate(runs[0].rows):
-            theory = [r.rows[k].predicted_mean_deg for r in runs if r.belief == "linear"]
-            known = next((t for t in theory if t is not None), None)
-            cells = [_cell(r.rows[k]) for r in runs]
-            lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", number_text(known), *cells])
+        heads, lines = ["load %", "rpm"], [[f"{100 * r.load:+.0f}", f"{r.speed_rpm:+.4g}"] for r in runs[0].rows]
+        theory = theory_of([r for r in runs if r.belief == "linear"] or runs)
+        columns = [(THEORY, theory)] if theory else []
+        columns += [(f"{r.estimator} {r.belief[:3]}.", [_cell(row) for row in r.rows]) for r in runs]
+        for head, cells in columns:
+            heads.append(head)
+            lines = [[*line, cell] for line, cell in zip(lines, cells, strict=True)]
         tables.append((f"{c.drive.name}, {c.scenario.name}, {loop}", heads, lines))
     return tables
+
+
+def theory_of(runs: Sequence[Run]) -> list[str]:
+    """Return what theory foretells for each stretch (degrees), nothing where it foretells none of these runs."""
+    known = [[v for v in values if v is not None] for values in
+             zip(*([row.predicted_mean_deg for row in run.rows] for run in runs), strict=True)]  # fmt: skip
+    return [number_text(values[0] if values else None) for values in known] if any(known) else []
 
 
 def number_text(value: float | None) -> str:

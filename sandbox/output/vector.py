@@ -12,6 +12,8 @@ if TYPE_CHECKING:
 
 PHONE = 4.6  # inches: a phone's width at a legible size
 SERIES = ("#de6210", "#2e86de", "#7f7f7f")  # before, after, recorded; as in the trace
+THIN = 0.7  # points: a line's width
+TOP, WIDER = 1.1, 1.5  # points: that of the topmost of lines that may lie on each other, what each below has more
 Line = tuple[Sequence[float], Sequence[float]]  # x, y
 
 
@@ -20,7 +22,7 @@ def bars_svg(
     colours: Sequence[Any] = SERIES,
 ) -> str:  # fmt: skip
     """Return horizontal bars as inline SVG, one group a label, one bar a series; log_from: logarithmic from there."""
-    drawing, panels = page((PHONE, 0.9 + 0.34 * len(labels)), 1, 1, squeeze=False)
+    drawing, panels = page((PHONE, 0.9 + 0.34 * len(labels)), 1, 1)
     axes = panels[0, 0]
     height = 0.8 / max(1, len(series))
     for k, (name, values) in enumerate(series.items()):
@@ -41,16 +43,18 @@ def bars_svg(
 
 
 def lines_svg(
-    panels: Sequence[tuple[str, Mapping[str, Line]]], xlabel: str, *, log: str = "", colours: Sequence[Any] = SERIES
-) -> str:
+    panels: Sequence[tuple[str, Mapping[str, Line]]], xlabel: str, *, log: str = "", colours: Sequence[Any] = SERIES,
+    alike: bool = False,
+) -> str:  # fmt: skip
     """Return panels of lines over a common axis as inline SVG; a panel: its y label, {name: (x, y)}.
 
-    log: the logarithmic axes, such as "y" or "xy".
+    log: the logarithmic axes, such as "y" or "xy"; alike: lines may lie on each other, see `widths`.
     """
-    drawing, places = page((PHONE, 0.7 + 1.5 * len(panels)), len(panels), 1, sharex=True, squeeze=False)
+    drawing, places = page((PHONE, 0.7 + 1.5 * len(panels)), len(panels), 1, sharex=True)
     for axes, (ylabel, lines) in zip(places[:, 0], panels, strict=True):
+        wide = widths(len(lines)) if alike else [THIN] * len(lines)
         for k, (name, (x, y)) in enumerate(lines.items()):
-            axes.plot(x, y, color=colours[k % len(colours)], linewidth=0.7, label=name)
+            axes.plot(x, y, color=colours[k % len(colours)], linewidth=wide[k], label=name)
         axes.set_ylabel(ylabel)
         axes.spines[["top", "right"]].set_visible(False)
         if "y" in log:
@@ -62,6 +66,11 @@ def lines_svg(
     named(places[0, 0])
     places[-1, 0].set_xlabel(xlabel)
     return svg_text(drawing, "".join(p[0] for p in panels) + xlabel + "".join(n for p in panels for n in p[1]))
+
+
+def widths(count: int) -> list[float]:
+    """Return the widths of lines in the order of drawing: each looks out on both sides where the next lies on it."""
+    return [TOP + WIDER * (count - 1 - k) for k in range(count)]
 
 
 def named(axes: Axes, columns: int = 3) -> None:

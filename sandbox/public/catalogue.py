@@ -115,6 +115,24 @@ def list_presets() -> dict[str, str]:
     return {name: preset_line(name) for name in preset_names()}
 
 
+def list_tests() -> dict[str, str]:
+    """Return the tests of the protocol, for `tests` of `protocol`: name and one line each.
+
+    Returns
+    -------
+    dict of str to str
+
+    Examples
+    --------
+    >>> from sandbox import list_tests
+    >>> list(list_tests())[:3]
+    ['start', 'static_map', 'load_step']
+    """
+    from sandbox.evaluation.protocol_names import LINES
+
+    return dict(LINES)
+
+
 def describe(name: str) -> str:
     """Return the card of an effect or an estimator as text.
 

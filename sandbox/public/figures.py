@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from model.levels import AT_ZERO, D, Q
 from sandbox.output.looks import thinned
-from sandbox.output.plots import colour_of, drawn, page
+from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, page
 
 if TYPE_CHECKING:
     from model.levels import Levels
@@ -30,10 +30,10 @@ STAIRCASES = (  # injected axis, biased axis, component of the slope: title, uni
 )  # fmt: skip
 
 
-def run_figure(run: Run, title: str, path: str | Path | None = None) -> Figure:
+def run_figure(run: Run, title: str, path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
     """Draw a run over time (s): position error (° electrical), currents (A), speed (rad/s electrical), load (%).
 
-    Evaluated stretches are shaded. Returns the figure, and writes it where a path is given.
+    Evaluated stretches are shaded. Returns the figure, and writes it where a path is given; ax: see `page`.
     """
     r = run.recording
     t, error = r.t, np.degrees(r.error)
@@ -43,7 +43,8 @@ def run_figure(run: Run, title: str, path: str | Path | None = None) -> Figure:
         ("speed (rad/s el.)", {"estimated": r.omega_hat, "true": r.omega}),
         ("load (% of rated)", {"": 100.0 * r.load}),
     ]
-    figure, axes = page((9.0, 7.6), 4, 1, sharex=True, height_ratios=(1.6, 1.2, 1.2, 0.7))
+    figure, panels_ = page((9.0, 7.6), 4, 1, ax, sharex=True, height_ratios=(1.6, 1.2, 1.2, 0.7))
+    axes = panels_[:, 0]
     for panel, (label, lines) in zip(axes, panels, strict=True):
         for k, (name, values) in enumerate(lines.items()):
             panel.plot(*thinned(t, values), color=("#2e86de", "#de6210")[k], linewidth=0.9, label=name)
@@ -60,19 +61,19 @@ def run_figure(run: Run, title: str, path: str | Path | None = None) -> Figure:
         axes[0].set_ylim(-reach, reach)
     axes[0].axhline(0.0, color="0.6", linewidth=0.8)
     axes[-1].set_xlabel("time (s); grey: evaluated")
-    figure.suptitle(title, parse_math=False)
+    entitle(figure, title, ax)
     return drawn(figure, path)
 
 
-def identification_figure(result: Identification, path: str | Path | None = None) -> Figure:
+def identification_figure(result: Identification, path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
     """Draw the measured inverse inductances over current with the fits through them, and what the fits leave.
 
     Above: slope of the ripple (1/H, bars: two standard deviations) at each level of a staircase; lines: what a fit
     says at these levels. Below: measured less fitted peak of the ripple (mA). Returns the figure, and writes it where
-    a path is given.
+    a path is given; ax: see `page`.
     """
     levels = result.levels
-    figure, axes = page((12.5, 6.4), 2, len(STAIRCASES), sharex="col", height_ratios=(2.0, 1.0))
+    figure, axes = page((12.5, 6.4), 2, len(STAIRCASES), ax, sharex="col", height_ratios=(2.0, 1.0))
     peak = np.max(np.abs(levels.flux), axis=1)
     for k, (injected, biased, component, title) in enumerate(STAIRCASES):
         rows = staircase(levels, injected, biased)
@@ -92,7 +93,7 @@ def identification_figure(result: Identification, path: str | Path | None = None
     axes[1, 0].set_ylabel("left by the fit (mA)")
     axes[0, 0].legend(frameon=False, fontsize=8)
     left_over = "; ".join(f"{name} leaves {1e3 * fit.residual_rms:.3g} mA rms" for name, fit in result.fits.items())
-    figure.suptitle(f"{result.campaign.name}: measured and fitted ({left_over})", parse_math=False)
+    entitle(figure, f"{result.campaign.name}: measured and fitted ({left_over})", ax)
     return drawn(figure, path)
 
 
@@ -104,9 +105,9 @@ def staircase(levels: Levels, injected: int, biased: int) -> NDArray[np.int64]:
     return rows[np.argsort(levels.current[rows, biased])]
 
 
-def replay_figure(title: str, rms: Mapping[str, float], path: str | Path | None = None) -> Figure:
-    """Draw the rms of each recording's current residual over its noise floor. Returns the figure."""
-    figure, panels = page((8.0, 1.2 + 0.35 * len(rms)), 1, 1, squeeze=False)
+def replay_figure(title: str, rms: Mapping[str, float], path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
+    """Draw the rms of each recording's current residual over its noise floor. Returns the figure; ax: see `page`."""
+    figure, panels = page((8.0, 1.2 + 0.35 * len(rms)), 1, 1, ax)
     panel = panels[0, 0]
     panel.barh(list(rms), list(rms.values()), color=colour_of("saturated"))
     panel.axvline(1.0, color="0.3", linewidth=0.9)
@@ -114,5 +115,5 @@ def replay_figure(title: str, rms: Mapping[str, float], path: str | Path | None 
     panel.set_xlabel("rms of measured less simulated current, over the noise floor (1: noise alone)")
     if max(rms.values(), default=1.0) > 30.0 * max(min(rms.values(), default=1.0), 1e-9):
         panel.set_xscale("log")
-    figure.suptitle(title, parse_math=False)
+    entitle(figure, title, ax)
     return drawn(figure, path)

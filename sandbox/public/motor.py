@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from model.map_points import Quality
     from model.saliency import Audit
     from sandbox.evaluation.maps import Maps
-    from sandbox.output.plots import Figure
+    from sandbox.output.plots import AnyAxes, Figure
 
 LARGEST = 20.0  # x rated current: radius of an audit
 
@@ -62,11 +62,14 @@ class AuditResult(Result):
             "error_per_10mA_deg": Column(content["error_per_10mA_deg"], "deg"),
         }
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return the plane of currents and the cross-saturation angle; a path (.png, .svg, .pdf) is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return the plane of currents and the cross-saturation angle; a path (.png, .svg, .pdf) is written as well.
+
+        ax: two axes of your own to draw in; see `Result.plot`.
+        """
         from sandbox.output.plots import audit_figure
 
-        return audit_figure(self.drive, self.audit, path)
+        return audit_figure(self.drive, self.audit, path, ax=ax)
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,11 +98,14 @@ class MapsResult(Result):
         named = {name: Column(v.ravel(), units[name.removeprefix("first_")]) for name, v in arrays.items()}
         return {"i_d": Column(i_d.ravel(), "A"), "i_q": Column(i_q.ravel(), "A"), **named}
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return the maps as contours; a path (.png, .svg, .pdf) is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return the maps as contours; a path (.png, .svg, .pdf) is written as well.
+
+        ax: six axes of your own to draw in, two rows of three; see `Result.plot`.
+        """
         from sandbox.output.plots import maps_figure
 
-        return maps_figure(self.maps, path)
+        return maps_figure(self.maps, path, ax=ax)
 
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:
         """Write maps.json, .png and .npz (csv: as CSV, too) into a folder, together; return it."""

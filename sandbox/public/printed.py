@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from model.errors import PhysicsError
-from sandbox.output.tables import comparison_tables, number_text, print_table
+from sandbox.output.tables import THEORY, comparison_tables, number_text, print_table, theory_of
 
 if TYPE_CHECKING:
     from model.parameters import Drive
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def print_comparison(c: Comparison) -> None:
     """Print both tables and how to read them."""
     for title, heads, rows in comparison_tables(c):
-        print_table(title, heads, rows, fixed=3)
+        print_table(title, heads, rows, fixed=3 if heads[2] == THEORY else 2)
     theory = "theory: the cross-saturation angle that a linear belief cannot see, for small ripple."
     if all(row.predicted_mean_deg is None for row in c.rows):
         theory = "theory: none, as it knows the motor alone, not the effects of this plant or these estimators."
@@ -33,13 +33,14 @@ def print_comparison(c: Comparison) -> None:
 def print_run(c: Comparison, gains: Design) -> None:
     """Print the rows of a single run and the loops it was controlled by."""
     run = c.runs[0]
-    heads = ["load %", "rpm", "theory °", "mean °", "rms °", "p95 °", "max °"]
+    theory = theory_of([run])
+    heads = ["load %", "rpm", *[THEORY][: len(theory)], "mean °", "rms °", "p95 °", "max °"]
     lines = []
-    for row in run.rows:
+    for k, row in enumerate(run.rows):
         e = row.error_deg
         values = ["lost lock", "", "", ""] if row.lost_lock else [number_text(e.mean), *(f"{v:.2f}" for v in _sizes(e))]
         values[0] += "" if row.reference_held else " (speed missed)"
-        lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", number_text(row.predicted_mean_deg), *values])
+        lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", *theory[k : k + 1], *values])
     print_table(f"{c.drive.name}, {c.scenario.name}, {run.name}: position error", heads, lines)
     heads = ["loop", "bandwidth\nrad/s", "phase margin\n°", "gain\nmargin", "disk\nmargin"]
     loops = [

@@ -19,7 +19,7 @@ from sandbox.public.result import Result
 if TYPE_CHECKING:
     from sandbox.engine.processes import Cluster
     from sandbox.evaluation.protocol import Protocol
-    from sandbox.output.plots import Figure
+    from sandbox.output.plots import AnyAxes, Figure
 
 POINT_UNITS = {
     "load": "of rated current", "load_d": "of rated current", "speed": "of rated speed", "mean_deg": "deg",
@@ -53,12 +53,15 @@ class ProtocolResult(Result):
         names = ["motor", "test", "estimator", "belief", "passed", *(f.name for f in fields(Point))]
         return columns_of([{name: row[name] for name in names} for row in rows], POINT_UNITS)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return the page of verdicts, a panel a motor; a path (.png, .svg, .pdf) is written as well."""
-        from sandbox.evaluation.protocol import READING, tables
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return the page of verdicts, a panel a motor; a path (.png, .svg, .pdf) is written as well.
+
+        ax: axes of your own to draw in, one for each motor; see `Result.plot`.
+        """
+        from sandbox.evaluation.protocol_cells import READING, tables
         from sandbox.output.plots import protocol_figure
 
-        return protocol_figure(tables(self.protocol), READING, path)
+        return protocol_figure(tables(self.protocol), READING, path, ax=ax)
 
     def to_html(self, path: str | Path) -> Path:
         """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""
@@ -106,11 +109,14 @@ class BenchResult(Result):
         kinds = ["measured"] * len(self.measured) + ["ratio"] * len(self.ratios)
         return {"figure": Column(list(both)), "kind": Column(kinds), "value": Column(list(both.values()))}
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return the ratios as bars; a path (.png, .svg, .pdf) is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return the ratios as bars; a path (.png, .svg, .pdf) is written as well.
+
+        ax: axes of your own to draw in; see `Result.plot`.
+        """
         from sandbox.output.plots import drawn, page
 
-        figure, panels = page((7.0, 0.8 + 0.3 * len(self.ratios)), 1, 1, squeeze=False)
+        figure, panels = page((7.0, 0.8 + 0.3 * len(self.ratios)), 1, 1, ax)
         panels[0, 0].barh(list(self.ratios), list(self.ratios.values()), color="#2e86de")
         panels[0, 0].set(xscale="log", xlabel="ratio (CPU or error)")
         return drawn(figure, path)
@@ -147,7 +153,7 @@ def protocol(
     motors : iterable of str, Path or Drive, optional
         See `load_motor`; three by default, and a measured one where its flux map is at hand.
     tests : iterable of str, optional
-        Names of tests, such as 'static_map'; all by default.
+        Names of tests, see `list_tests`; all by default.
     seed : int
         Seed of the sensors' noise.
     jobs : int, optional

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas
     import pyarrow
 
-    from sandbox.output.plots import Figure
+    from sandbox.output.plots import AnyAxes, Figure
 
 
 @dataclass(frozen=True, repr=False)
@@ -41,8 +41,12 @@ class Result(ABC):
         """Return the columns of the result's table."""
 
     @abstractmethod
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return the result's figure (its panels: `.axes`); a path (.png, .svg, .pdf) is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return the result's figure (its panels: `.axes`); a path (.png, .svg, .pdf) is written as well.
+
+        ax: axes of your own to draw in, one for each panel, such as those of `plt.subplots`; their figure is returned.
+        BadInput says how many panels there are.
+        """
 
     @abstractmethod
     def summary(self) -> str:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from sandbox.drive.recording import Recording
     from sandbox.evaluation.compare import Comparison, Run
     from sandbox.evaluation.score import ErrorDeg, Row
-    from sandbox.output.plots import Figure
+    from sandbox.output.plots import AnyAxes, Figure
 
 AnyMotor = str | Path | Drive
 AnyScenario = str | Path | Scenario
@@ -111,12 +111,15 @@ class SimulationResult(Result):
         signals = {name: Column(self.recording[name], unit) for name, unit in UNITS.items()}
         return signals | {"error": Column(self.recording.error, "rad")}
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return position error, currents, speed and load over time; a path (.png, .svg, .pdf) is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return position error, currents, speed and load over time; a path (.png, .svg, .pdf) is written as well.
+
+        ax: four axes of your own to draw in, one for each; see `Result.plot`.
+        """
         from sandbox.public.figures import run_figure
 
         drive, scenario = self.comparison.drive.name, self.comparison.scenario.name
-        return run_figure(self.run, f"{drive}, {scenario}: {self.run.estimator}, {self.run.belief} belief", path)
+        return run_figure(self.run, f"{drive}, {scenario}: {self.run.estimator}, {self.run.belief} belief", path, ax=ax)
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write the run as a trace (`.rrd`); return its path."""
@@ -178,11 +181,14 @@ class ComparisonResult(Result):
         """Return one row for each evaluated stretch of each run."""
         return row_columns(self.rows)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return position error against load, a column an estimator; a path (.png, .svg, .pdf) is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return position error against load, a column an estimator; a path (.png, .svg, .pdf) is written as well.
+
+        ax: axes of your own to draw in, a row with the estimate in control and one with the encoder; see `Result.plot`.
+        """
         from sandbox.output.plots import comparison_figure
 
-        return comparison_figure(self.comparison, path)
+        return comparison_figure(self.comparison, path, ax=ax)
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write all runs as one trace (`.rrd`); return its path."""

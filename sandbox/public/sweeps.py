@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     import pyarrow
 
     from sandbox.engine.processes import Cluster
-    from sandbox.output.plots import Figure
+    from sandbox.output.plots import AnyAxes, Figure
     from sandbox.sweep.plan import Sweep
     from sandbox.sweep.summary import Group
     from sandbox.sweep.tolerances import ToleranceRow
@@ -80,15 +80,18 @@ class SweepResult(Result):
 
         return open_traces(self.folder)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return the share of drives below an error, a curve a group; a path (.png, .svg, .pdf) is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return the share of drives below an error, a curve a group; a path (.png, .svg, .pdf) is written as well.
+
+        ax: axes of your own to draw in; see `Result.plot`.
+        """
         from sandbox.sweep.curves import yield_figure
         from sandbox.sweep.summary import errors_of
 
         table, groups = self.to_table(), self.groups
         errors, cell = errors_of(table), table["run"].to_numpy() % len(groups)
         curves = {g.name: errors[cell == k] for k, g in enumerate(groups)}
-        return yield_figure(curves, self.plan.name, path)
+        return yield_figure(curves, self.plan.name, path, ax=ax)
 
     def save(self, folder: str | Path | None = None, *, csv: bool = False) -> Path:
         """Write sweep.json and .png (csv: all runs as CSV, too) into the sweep's folder, or another; return it."""
@@ -133,11 +136,14 @@ class ToleranceResult(Result):
         """Return one row for each estimator, belief and tolerance."""
         return columns_of([dataclasses.asdict(row) for row in self.rows], UNITS)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return position error over tolerance, a panel an estimator; a path (.png, .svg, .pdf) is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return position error over tolerance, a panel an estimator; a path (.png, .svg, .pdf) is written as well.
+
+        ax: axes of your own to draw in, one for each estimator; see `Result.plot`.
+        """
         from sandbox.sweep.curves import tolerance_figure
 
-        return tolerance_figure(self.rows, f"{self.motor}, {self.scenario}", path)
+        return tolerance_figure(self.rows, f"{self.motor}, {self.scenario}", path, ax=ax)
 
 
 @told

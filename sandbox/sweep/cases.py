@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from estimators.contract import Belief
 from estimators.registry import load_estimator
 from model.drive_files import load_drive
-from model.effects.library import replaced, scaled
+from model.effects.library import parameters, replaced, scaled
 from model.errors import BadInput, PhysicsError, sentence
 from model.parameters import Drive
 from model.spline import SplineEnergy
@@ -27,7 +27,7 @@ from sandbox.drive.recording import CHANNELS, Recording
 from sandbox.drive.scenario import Scenario, load_scenario
 from sandbox.drive.simulate import EXACT, LONGEST, Setup, Simulation, run_once, set_up
 from sandbox.evaluation.score import ErrorDeg, is_lost, speed_held, statistics
-from sandbox.sweep.keys import Value
+from sandbox.sweep.keys import Value, keys
 from sandbox.sweep.plan import OWN, Sweep, again, scene_of
 
 OK, REFUSED, FAILED, ERROR, CRASHED = "ok", "refused", "failed", "error", "crashed"
@@ -156,8 +156,19 @@ def effects_of(drive: Drive, case: Case) -> dict[str, float]:
         name = EFFECTS[field]
         if name in found:
             raise BadInput(f"true_factor.{field} and effects.{name} set the same value; give one of them")
-        found[name] = factor if name.startswith("inductance.") else factor * getattr(drive.motor, field)
+        own = 1.0 if name.startswith("inductance.") else float(getattr(drive.motor, field))
+        found[name] = factor * own
+        _check_factor(field, factor, name, own)
     return found
+
+
+def _check_factor(field: str, factor: float, name: str, own: float) -> None:
+    """Raise BadInput, in the words of the sweep's file, for a factor that takes an effect's value out of its bounds."""
+    p, key = parameters()[name], keys()[f"motor_value.{field}"]
+    low, high = (p.low, p.high) if name.startswith("inductance.") else (max(p.low, key.low), min(p.high, key.high))
+    if not low <= factor * own <= high:
+        least, most = sorted((low / own, high / own))
+        raise BadInput(f"true_factor.{field} = {factor:g} is out of range; give a number in [{least:.4g}, {most:.4g}]")
 
 
 def _with_belief(ready: Ready, case: Case) -> Setup:
@@ -169,7 +180,10 @@ def _with_belief(ready: Ready, case: Case) -> Setup:
     if isinstance(drive.motor.energy, SplineEnergy):
         _refuse_of_map("believed_factor", factors)
     changed = {name: factor * getattr(drive.motor, name) for name, factor in factors.items()}
-    motor = dataclasses.replace(drive.motor, **changed)
+    try:
+        motor = dataclasses.replace(drive.motor, **changed)
+    except BadInput as error:
+        raise BadInput(f"believed_factor: {error}") from None
     believed: Belief = belief_of(dataclasses.replace(drive, motor=motor), ready.belief)
     return dataclasses.replace(ready.setup, believed=believed)
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.output.plots import colour_of, drawn, page
+from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, page
+from sandbox.output.vector import widths
 from sandbox.sweep.summary import curve
 
 if TYPE_CHECKING:
@@ -22,13 +23,15 @@ OTHERS = ("#1b6ca8", "#d1802c", "#5a9367", "#8e44ad", "#7f7f7f", "#c0392b")
 
 
 def yield_figure(
-    curves: Mapping[str, NDArray[np.float64]], title: str, path: str | Path | None = None, share: float = 0.95
-) -> Figure:
+    curves: Mapping[str, NDArray[np.float64]], title: str, path: str | Path | None = None, share: float = 0.95,
+    ax: AnyAxes = None,
+) -> Figure:  # fmt: skip
     """Draw the share of drives (%) whose |mean position error| stays below x (° electrical), a curve a group.
 
-    curves: errors of each group, infinite where lock was lost.  Returns the figure; written where a path is given.
+    curves: errors of each group, infinite where lock was lost.  Returns the figure; written where a path is given; ax:
+    see `page`.
     """
-    figure, panels = page((7.6, 4.8), 1, 1, squeeze=False)
+    figure, panels = page((7.6, 4.8), 1, 1, ax)
     axes = panels[0, 0]
     seen: dict[str | None, int] = {}
     for k, (name, errors) in enumerate(list(curves.items())[:MOST_CURVES]):
@@ -49,26 +52,27 @@ def yield_figure(
     return drawn(figure, path)
 
 
-def tolerance_figure(rows: Sequence[Any], title: str, path: str | Path | None = None) -> Figure:
+def tolerance_figure(rows: Sequence[Any], title: str, path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
     """Draw position error against how far the belief's parameters are off, a panel an estimator; see `tolerances`.
 
-    Returns the figure; written where a path is given.
+    Returns the figure; written where a path is given; ax: see `page`.
     """
     names = list(dict.fromkeys(row.estimator for row in rows))
-    figure, panels = page((1.0 + 3.4 * len(names), 3.8), 1, len(names), sharey=True, squeeze=False)
+    figure, panels = page((1.0 + 3.4 * len(names), 3.8), 1, len(names), ax, sharey=True)
     for axes, name in zip(panels[0], names, strict=True):
-        for belief in ("linear", "saturated"):
+        for width, belief in zip(widths(2), ("linear", "saturated"), strict=True):
             own = [r for r in rows if (r.estimator, r.belief) == (name, belief)]
             x = [100.0 * r.tolerance for r in own]
             middle, most = ([np.nan if v is None else v for v in values] for values in
                             ([r.median_deg for r in own], [r.p95_deg for r in own]))  # fmt: skip
-            axes.plot(x, middle, "o-", color=colour_of(belief), label=f"{belief}: median of draws")
-            axes.plot(x, most, "--", color=colour_of(belief), label="95 % of draws")
+            how = {"color": colour_of(belief), "linewidth": width}
+            axes.plot(x, middle, "o-", markersize=4.0 + width, label=f"{belief}: median of draws", **how)
+            axes.plot(x, most, "--", label="95 % of draws", **how)
         axes.set(title=name, xlabel="the belief's parameters off by up to ± (%)")
         axes.set_ylim(bottom=0.0)
         axes.grid(axis="y", color="0.9", linewidth=0.6)
         axes.spines[["top", "right"]].set_visible(False)
     panels[0, 0].set_ylabel("position error, rms of means (° el.)")
     panels[0, -1].legend(frameon=False, fontsize=8)
-    figure.suptitle(title, parse_math=False)
+    entitle(figure, title, ax)
     return drawn(figure, path)

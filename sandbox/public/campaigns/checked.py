@@ -24,7 +24,7 @@ from sandbox.recordings.preflight import NOTE, REFUSED, Noticed, noticed
 if TYPE_CHECKING:
     from sandbox.gap.planning.bench_plan import Plan
     from sandbox.gap.planning.visible import Visible
-    from sandbox.output.plots import Figure
+    from sandbox.output.plots import AnyAxes, Figure
 
 REPEATS = 2  # of each planned recording: one is fitted, one held out
 
@@ -76,12 +76,15 @@ class CheckResult(Result):
         rows = self.as_json()["findings"] or [dict.fromkeys(("level", "file", "column", "row", "text"))]
         return columns_of(rows, {})
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return how many standard deviations a typical size of each effect is worth; a path is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return how many standard deviations a typical size of each effect is worth; a path is written as well.
+
+        ax: axes of your own to draw in; see `Result.plot`.
+        """
         from sandbox.public.figures import replay_figure
 
         sizes = {} if self.visible is None else self.visible.sizes
-        return replay_figure(f"{self.name}: typical size of effects / what recordings leave of it", sizes, path)
+        return replay_figure(f"{self.name}: typical size of effects / what recordings leave of it", sizes, path, ax=ax)
 
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:
         """Write check.json (csv: the findings, too) into a folder; return it.  Tables that nothing describes: a draft
@@ -184,12 +187,15 @@ class PlanResult(Result):
         ]  # fmt: skip
         return columns_of(rows, {"seconds": "s"})
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return how many standard deviations a typical size of each effect is worth; a path is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return how many standard deviations a typical size of each effect is worth; a path is written as well.
+
+        ax: axes of your own to draw in; see `Result.plot`.
+        """
         from sandbox.public.figures import replay_figure
 
         return replay_figure(
-            f"{self.plan.drive.name}: what the planned recordings tell", self.plan.together.sizes, path
+            f"{self.plan.drive.name}: what the planned recordings tell", self.plan.together.sizes, path, ax=ax
         )
 
     def save(self, folder: str | Path, *, csv: bool = False) -> Path:

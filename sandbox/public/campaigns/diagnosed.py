@@ -26,7 +26,7 @@ from sandbox.recordings.preflight import further
 if TYPE_CHECKING:
     from sandbox.gap.planning.bench_table import BenchTable
     from sandbox.gap.report.answers import Answers
-    from sandbox.output.plots import Figure
+    from sandbox.output.plots import AnyAxes, Figure
     from sandbox.output.refitted import Refitted
 
 AnyCampaign = str | Path | Campaign
@@ -97,13 +97,16 @@ class DiagnosisResult(Result):
             rows += [head | one for one in own or [none]]
         return columns_of(rows, {"closed": "of the reducible gap"})
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return the gap of each recording after the best hypothesis; a path is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return the gap of each recording after the best hypothesis; a path is written as well.
+
+        ax: axes of your own to draw in; see `Result.plot`.
+        """
         from sandbox.public.figures import replay_figure
 
         d = self.answers.diagnosis
         return replay_figure(f"{d.campaign.name}: with {', '.join(d.best.effects) or 'no effect'}",
-                             {file: after for file, _, after, _ in d.size.recordings}, path)  # fmt: skip
+                             {file: after for file, _, after, _ in d.size.recordings}, path, ax=ax)  # fmt: skip
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write residuals before and after as a trace (`.rrd`); return its path."""

@@ -13,7 +13,7 @@ from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
-    from sandbox.output.plots import Figure
+    from sandbox.output.plots import AnyAxes, Figure
     from sandbox.recordings.identify import Identification
 
 AnyCampaign = str | Path | Campaign
@@ -50,11 +50,14 @@ class IdentificationResult(Result):
         self.identification.refitted().write(out)
         return super()._write(out, csv)
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return measured slopes and the fits through them over current; a path is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return measured slopes and the fits through them over current; a path is written as well.
+
+        ax: eight axes of your own to draw in, two rows of four; see `Result.plot`.
+        """
         from sandbox.public.figures import identification_figure
 
-        return identification_figure(self.identification, path)
+        return identification_figure(self.identification, path, ax=ax)
 
 
 @told

@@ -13,7 +13,7 @@ from sandbox.public.result import Result
 
 if TYPE_CHECKING:
     from sandbox.motion.judging import Motion
-    from sandbox.output.plots import Figure
+    from sandbox.output.plots import AnyAxes, Figure
     from sandbox.recordings.motion_log import MotionCampaign
 
 
@@ -52,12 +52,15 @@ class MotionResult(Result):
         ]
         return columns_of(rows or [{"parameter": None, "value": None, "low": None, "high": None, "unit": None}], {})
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return each recording's residual over its noise floor; a path is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return each recording's residual over its noise floor; a path is written as well.
+
+        ax: axes of your own to draw in; see `Result.plot`.
+        """
         from sandbox.public.figures import replay_figure
 
         rows = {file: after for file, _, after, _ in self.motion.by_recording}
-        return replay_figure(self.summary(), rows, path)
+        return replay_figure(self.summary(), rows, path, ax=ax)
 
     def to_html(self, path: str | Path) -> Path:
         """Write the report, one page with its figures inside (`.html`); return its path."""

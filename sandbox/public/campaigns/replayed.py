@@ -20,7 +20,7 @@ from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
-    from sandbox.output.plots import Figure
+    from sandbox.output.plots import AnyAxes, Figure
     from sandbox.replay.replay import Prediction, Prepared
 
 AnyCampaign = str | Path | Campaign
@@ -67,12 +67,15 @@ class ReplayResult(Result):
             for k, v in parts.items()
         }
 
-    def plot(self, path: str | Path | None = None) -> Figure:
-        """Return the rms of each recording's residual over its noise floor; a path is written as well."""
+    def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return the rms of each recording's residual over its noise floor; a path is written as well.
+
+        ax: axes of your own to draw in; see `Result.plot`.
+        """
         from sandbox.public.figures import replay_figure
 
         named = ", ".join(f"{k} = {v:g}" for k, v in self.effects.items()) or "the nominal model"
-        return replay_figure(f"{self.prepared.campaign.name}: {named}", self.rms, path)
+        return replay_figure(f"{self.prepared.campaign.name}: {named}", self.rms, path, ax=ax)
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write measured and simulated currents as a trace (`.rrd`), a tab a recording; return its path."""

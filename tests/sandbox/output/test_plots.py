@@ -1,5 +1,6 @@
 """The comparison figure shows each mean, bar, theory line and lost lock, and is written whole."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -143,3 +144,17 @@ def test_a_narrow_figure_says_its_reading_whole():
 
 def test_prose_shows_calls_as_code_and_stays_text():
     assert document.prose("see `list` of <b> 5 %") == "see <code>list</code> of &lt;b&gt; 5&nbsp;%"
+
+
+def test_a_line_on_another_leaves_it_in_sight():
+    """Drawn first is wider than drawn last, so it looks out on both sides; elsewhere all lines are thin."""
+    same = {"linear": ([0.0, 1.0], [2.0, 1.0]), "saturated": ([0.0, 1.0], [2.0, 1.0])}
+    colours = ["#de6210", "#2e86de"]
+
+    def drawn(**how):
+        svg = vector.lines_svg([("i_q (A)", same)], "time (s)", colours=colours, **how)
+        return {c: {float(w) for w in re.findall(f"stroke: {c}; stroke-width: ([0-9.]+)", svg)} for c in colours}
+
+    alike, usual = drawn(alike=True), drawn()
+    assert min(alike["#de6210"]) >= max(alike["#2e86de"]) + 1.0
+    assert usual["#2e86de"] == usual["#de6210"]

@@ -20,7 +20,7 @@ def test_protocol_takes_objects_and_shows_goals(own_file, tmp_path, capsys):
     import_module("sandbox.evaluation.protocol").show(result.protocol)
     said = capsys.readouterr().out
     assert "≤ 1 (3)°" in said
-    assert "as theory ±0.3°" not in said or "✓" in said
+    assert "✓ as theory" not in " ".join(said.split())
     assert result.to_table().column("motor").to_pylist()[0] == "ipm_exchanged"
     with pytest.raises(sandbox.BadInput, match="no trace"):
         result.to_rerun(tmp_path / "x.rrd")
@@ -33,16 +33,31 @@ def test_protocol_takes_objects_and_shows_goals(own_file, tmp_path, capsys):
     assert json.loads((tmp_path / "out" / "protocol.json").read_text())["page"] == "protocol.html"
 
 
-def test_goal_beside_every_verdict():
-    p, t = import_module("sandbox.evaluation.protocol"), import_module("sandbox.evaluation.protocol_tests")
-    outcome = t.Outcome((), {"mean_deg": 12.9, "p95_deg": 14.0, "lost": 0}, True)
-    for test in p.TESTS:
+def test_goal_beside_every_verdict_and_a_tick_only_for_what_is_good():
+    """Issue 17: 12.9° and "51 % at the wrong pole" were green.  Goals: 1 (3)°, stated with the protocol's tests."""
+    p, t, cells = (import_module(f"sandbox.evaluation.protocol{part}") for part in ("", "_tests", "_cells"))
+
+    def said(test, belief, passed, **metrics):
+        return cells.cell(p.Row(p.Unit("m", test, "e", belief), t.Outcome((), metrics, passed), 0.0))
+
+    small, large = {"mean_deg": -0.9, "p95_deg": 2.9}, {"mean_deg": 12.9, "p95_deg": 14.0}
+    for test in set(p.TESTS) - {"start", "attraction"}:
         for belief in ("saturated", "linear"):
-            row = p.Row(p.Unit("m", test, "e", belief), outcome, 0.0)
-            text = p.cell(row)
-            assert text.partition("✓ ")[2] == p.goal_of(row) != ""
-    linear = p.cell(p.Row(p.Unit("m", "creep", "e", "linear"), outcome, 0.0))
-    assert linear == "12.90 (14.0) ✓ as theory ±0.3°"
+            assert said(test, belief, True, **small) == "0.90 (2.9) ✓ ≤ 1 (3)°"
+            assert said(test, belief, None, **large) == "12.90 (14.0)"
+            for passed in (True, False):
+                assert cells.judged(p.Row(p.Unit("m", test, "e", belief), t.Outcome((), large, passed), 0.0))[1]
+    assert said("creep", "linear", True, **large) == "12.90 (14.0) ○ as theory ±0.3°"
+    assert said("creep", "linear", False, **large) == "12.90 (14.0) ✗ as theory ±0.3°"
+    assert said("creep", "saturated", False, **large) == "12.90 (14.0) ✗ ≤ 1 (3)°"
+    assert said("robustness", "saturated", True, **large) == "12.90 (14.0) ○ lock kept"
+    assert said("robustness", "saturated", True, mean_deg=0.5, p95_deg=3.1) == "0.50 (3.1) ○ lock kept"
+    turned = {"back": 0.49, "reversed": 0.51, "elsewhere": 0.0}
+    assert said("attraction", "saturated", True, **turned) == "49/51/0 % ○ no third rest"
+    assert said("attraction", "saturated", True, back=1.0, reversed=0.0, elsewhere=0.0) == "100/0/0 % ✓ all back"
+    assert said("start", "saturated", True, polarity_right=1.0) == "100.00 % ✓ ≥ 99.9 %"
+    ratios = {"rms_to_peer": 0.4, "cpu_to_peer": 1 / 400}
+    assert said("reversal", "saturated", True, **ratios) == "rms 0.400, CPU 1/400 of peer ✓ ≤ 1/2, ≤ 1/300"
 
 
 @of("bench", "diagnose")

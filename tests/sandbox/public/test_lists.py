@@ -14,12 +14,12 @@ from model.drive_files import load_drive
 from tests.sandbox.public.naming import of, python
 
 
-@of("list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets")
-@pytest.mark.parametrize("kind", ["estimators", "effects", "motors", "scenarios", "datasets"])
+@of("list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_tests")
+@pytest.mark.parametrize("kind", ["estimators", "effects", "motors", "scenarios", "datasets", "tests"])
 def test_lists_compile_nothing(kind, tmp_path):
-    """With an empty cache, too; estimators do not even bring in numba."""
+    """With an empty cache, too; estimators and tests do not even bring in numba."""
     code = f"import sys\nfrom sandbox.cli import main\nassert main(['list', '{kind}']) == 0\n"
-    code += "assert 'numba' not in sys.modules\n" * (kind == "estimators")
+    code += "assert 'numba' not in sys.modules\n" * (kind in ("estimators", "tests"))
     done = python(code, tmp_path, SENSORLESS_CACHE=str(tmp_path / "cache"))
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
@@ -32,6 +32,12 @@ def test_listed_estimators_say_what_their_objects_say():
     assert sandbox.list_estimators() == {
         name: sandbox.load_estimator(name).summary for name in sandbox.list_estimators()
     }
+
+
+def test_listed_tests_are_those_of_the_protocol():
+    from sandbox.evaluation.protocol import TESTS
+
+    assert list(sandbox.list_tests()) == list(TESTS)
 
 
 @pytest.mark.parametrize(("known", "expected"), [(None, 30), (0.4, 30), (75.0, 75)])

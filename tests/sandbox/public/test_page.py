@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import sandbox
-from tests.sandbox.public.naming import names_tested, python
+from tests.sandbox.public.naming import ROOT, names_tested, python
 
 FUNCTIONS = [name for name in sandbox.__all__ if inspect.isfunction(getattr(sandbox, name))]
 
@@ -152,17 +152,73 @@ def test_a_users_module_may_be_collected_by_pytest(tmp_path):
     assert done.returncode == 0, done.stdout
 
 
-def test_a_users_package_of_our_name_is_named(tmp_path):
-    """A folder with submodules of its own cannot share a name."""
-    file = tmp_path / "model" / "__init__.py"
-    file.parent.mkdir()
-    file.write_text("x = 1\n")
+PACKAGE = {
+    "__init__.py": "print('package runs')\nfrom .net import Net\nfrom sandbox import list_motors\nenergy = 'of mine'\n",
+    "net.py": "print('net runs')\nfrom sandbox import Scenario\n\n\nclass Net:\n    pass\n",
+    "deep/__init__.py": "",
+    "deep/layer.py": "from ..net import Net\nfrom sandbox import simulate\n",
+    "weights.csv": "1,2\n",
+}  # fmt: skip
+OF_PACKAGE = """
+{first}
+from sandbox import load_motor
+
+print(load_motor("ipm").motor.name)
+from model.{part} import Net
+
+print(Net.__module__)
+import model
+import model.deep.layer
+from model.errors import BadInput
+
+print(model.energy, model.net.Net is model.deep.layer.Net is model.Net, BadInput.__module__)
+from importlib.resources import files
+
+print(files(model).joinpath("weights.csv").read_text().strip())
+"""
+
+
+def users_package(folder, files):
+    """Write a package of a user's own named `model`; return its folder."""
+    for name, text in files.items():
+        file = folder / "model" / name
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    return folder / "model"
+
+
+@pytest.mark.parametrize(("first", "part"), [("", "net"), ("", "deep.layer"), ("import model", "net")])
+def test_a_users_package_of_our_name_is_there_beside_ours(first, part, tmp_path):
+    """Theirs runs once, before its first submodule as Python does, keeps its names, and may use the page itself."""
+    users_package(tmp_path, PACKAGE)
+    done = python(OF_PACKAGE.format(first=first, part=part), tmp_path)
+    assert done.returncode == 0, done.stderr
+    said, runs = ["ipm"], ["package runs", "net runs"]
+    said = [*runs, *said] if first else [*said, *runs]
+    assert done.stdout.splitlines() == [*said, "model.net", "of mine True model.errors", "1,2"]
+
+
+def test_a_part_that_a_users_package_and_ours_both_have_is_named(tmp_path):
+    file = users_package(tmp_path, {"__init__.py": "", "errors.py": "", "data/errors.py": ""}) / "errors.py"
     for code in ("from sandbox import simulate", "import model\nfrom sandbox import simulate"):
         done = python(code, tmp_path)
-        said = done.stderr.strip().splitlines()[-1]
         assert done.returncode == 1
-        assert said.startswith(f"ImportError: '{file}' hides the package 'model'")
-        assert "rename that file or folder, for example to my_model" in said
+        assert done.stderr.strip().splitlines()[-1] == (
+            f"ImportError: '{file}' and a part of sensorless-sandbox are both called 'model.errors'; rename yours, or "
+            "its folder, for example to my_model"
+        )
+
+
+def test_a_compiled_library_of_our_name_is_named(tmp_path):
+    """Nothing can run beside it."""
+    from importlib.machinery import EXTENSION_SUFFIXES
+
+    file = tmp_path / f"model{EXTENSION_SUFFIXES[0]}"
+    file.write_bytes(b"")
+    done = python("from sandbox import simulate", tmp_path)
+    said = done.stderr.strip().splitlines()[-1]
+    assert said.startswith(f"ImportError: '{file}' hides the package 'model'")
+    assert "rename that file or folder, for example to my_model" in said
 
 
 def test_our_code_takes_names_from_submodules_alone():
@@ -177,10 +233,33 @@ def test_our_code_takes_names_from_submodules_alone():
                     assert not {a.name.partition(".")[0] for a in node.names} & {"model", "estimators"}, path
 
 
-def test_a_folder_without_package_hides_nothing(tmp_path):
-    (tmp_path / "model").mkdir()
-    done = python("from sandbox import list_scenarios; print(len(list_scenarios()))", tmp_path)
-    assert done.stdout.strip() == "3", done.stderr
+PLAIN = """
+{before}
+from sandbox import list_scenarios
+
+print(len(list_scenarios()))
+from model.mine import x
+from model.errors import BadInput
+
+print(x, BadInput.__module__)
+"""
+
+
+@pytest.mark.parametrize("before", ["", "from model.mine import x"])
+def test_a_plain_folder_of_our_name_hides_nothing_and_is_not_hidden(before, tmp_path):
+    """Scripts and data, without `__init__.py`; ours is found first where both have a file of one name."""
+    users_package(tmp_path, {"mine.py": "x = 3\n", "errors.py": "x = 1 / 0\n", "weights.csv": "1,2\n"})
+    done = python(PLAIN.format(before=before), tmp_path)
+    assert done.stdout.splitlines() == ["3", "3 model.errors"], done.stderr
+
+
+def test_a_plain_folder_found_before_ours_came_onto_the_path(tmp_path):
+    users_package(tmp_path, {"mine.py": "x = 3\n"})
+    late = f"import model, sys\nsys.path.append({str(ROOT)!r})\nimport model.mine\n"
+    code = late + "from sandbox import load_motor\nprint(model.mine.x, load_motor('ipm').motor.name)\n"
+    bare = "import os, sys\nsys.path[:] = [p for p in sys.path if not os.path.isdir(os.path.join(p, 'sandbox'))]\n"
+    done = python(bare + code, tmp_path, PYTHONPATH="")
+    assert done.stdout.splitlines() == ["3 ipm"], done.stderr
 
 
 def test_every_name_is_there_and_has_a_test():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import json
 import sys
 from importlib import import_module
@@ -11,6 +12,8 @@ import pyarrow.parquet as pq
 import pytest
 
 import sandbox
+from sandbox.public import figures
+from sandbox.public.result import Result
 from tests.sandbox.public.naming import ROOT, SHORT, of
 
 
@@ -64,6 +67,51 @@ def test_a_run_as_table_frame_figure_trace_and_folder(run, tmp_path):
         f"simulate.{kind}" for kind in ("html", "png", "parquet", "rrd")
     )
     assert run.to_rerun(str(tmp_path / "alone.rrd")).is_file()
+
+
+def test_figures_draw_in_axes_of_ones_own(run, tmp_path):
+    """As many as there are panels, in any figure or part of one; what else is in it stays."""
+    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
+
+    mine = Figure()
+    left, right = mine.subfigures(1, 2)
+    axes, other = left.subplots(4, 1), right.subplots()
+    assert run.plot(ax=axes) is mine
+    drawn = run.plot().axes
+    assert [a.get_ylabel() for a in axes] == [a.get_ylabel() for a in drawn]
+    assert [len(a.lines) for a in axes] == [len(a.lines) for a in drawn]
+    assert not other.lines
+    assert mine.get_suptitle() == ""
+    audit, (fig, pair) = sandbox.audit("ipm"), plt.subplots(1, 2)
+    canvas = fig.canvas
+    assert audit.plot(tmp_path / "mine.png", ax=list(pair)) is fig
+    assert (tmp_path / "mine.png").read_bytes().startswith(b"\x89PNG")
+    assert fig.canvas is canvas  # a window or a notebook goes on showing it
+    plt.close(fig)
+    assert pair[1].get_title() == "cross-saturation angle"
+    one = Figure().subplots()
+    title = "four recordings"
+    assert figures.replay_figure(title, {"a": 1.2}, ax=one) is one.figure
+    assert one.get_title() == title
+    for wrong in (one, [one] * 3, "axes", [1, 2]):
+        with pytest.raises(sandbox.BadInput, match=r"has 2 panels.*plt.subplots\(1, 2\)"):
+            audit.plot(ax=wrong)
+
+
+def test_every_figure_can_be_shown_by_a_notebook_and_takes_axes(run):
+    """A notebook asks for `_repr_png_` where pyplot, which alone tells it of figures, was not loaded."""
+    assert run.plot()._repr_png_().startswith(b"\x89PNG")
+
+    def every(kind):
+        return [kind, *(k for c in kind.__subclasses__() for k in every(c))]
+
+    for name in sandbox.__all__:
+        getattr(sandbox, name)  # loads the classes of its results
+    for kind in every(Result):
+        if "plot" in vars(kind):
+            assert "ax" in inspect.signature(kind.plot).parameters, kind
+            assert "ax: " in inspect.getdoc(kind.plot), kind
 
 
 def test_without_pandas_one_sentence(run, monkeypatch):

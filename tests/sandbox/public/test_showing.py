@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from importlib import import_module
+from types import SimpleNamespace
 
 import pytest
 
@@ -62,6 +64,31 @@ def test_tables_fit_eighty_columns(small_comparison, capsys):
     assert folded(["k", *(10 * ["x" * 17])], [], 1, 80) == [[0, 1, 2, 3], [0, 4, 5, 6], [0, 7, 8, 9], [0, 10]]
 
 
+def test_a_column_of_theory_is_there_where_theory_foretells_something(small_comparison, tmp_path, capsys):
+    from sandbox.evaluation.compare_page import write_run
+    from sandbox.public.printed import print_comparison, print_run
+
+    def said(c):
+        """Return heads, printed text and page, of a comparison and of its first run."""
+        alone = dataclasses.replace(c, runs=c.runs[:1])
+        print_comparison(c)
+        print_run(alone, SimpleNamespace(loops={}))
+        write_run(tmp_path / "run.html", alone)
+        return capsys.readouterr().out, (tmp_path / "run.html").read_text(encoding="utf-8")
+
+    def unforetold(run):
+        return dataclasses.replace(run, rows=tuple(dataclasses.replace(r, predicted_mean_deg=None) for r in run.rows))
+
+    printed, page = said(small_comparison)
+    assert printed.count("theory °") >= 3  # both loops, and the run
+    assert "theory °" in page
+    assert "dashed: theory" in page
+    without = dataclasses.replace(small_comparison, runs=tuple(map(unforetold, small_comparison.runs)))
+    printed, page = said(without)
+    assert "theory °" not in printed
+    assert "theory" not in page
+
+
 def test_a_long_first_column_is_broken_and_numbers_are_not(capsys):
     print_table("files", ["recording", "before", "after"], [["x" * 90, "123456.78", "1.25"]])
     said = capsys.readouterr().out.splitlines()
@@ -82,8 +109,9 @@ CALLS = {
     "audit": ["audit", "ipm"], "maps": ["maps", "ipm"], "identify": ["identify", "folder"],
     "diagnose": ["diagnose", "folder"], "list_motors": ["list", "motors"], "list_effects": ["list", "effects"],
     "list_estimators": ["list", "estimators"], "list_scenarios": ["list", "scenarios"],
-    "list_datasets": ["list", "datasets"], "view": ["view", "x.rrd"], "show": ["show", "x"],
-    "sweep": ["sweep", "x.toml"], "verify": ["verify", "x"], "check": ["check", "folder"], "plan": ["plan"],
+    "list_datasets": ["list", "datasets"], "list_tests": ["list", "tests"], "view": ["view", "x.rrd"],
+    "show": ["show", "x"], "sweep": ["sweep", "x.toml"], "verify": ["verify", "x"], "check": ["check", "folder"],
+    "plan": ["plan"],
 }  # fmt: skip
 
 
@@ -108,12 +136,14 @@ def test_seed_and_jobs_are_told_where_they_do_something(capsys):
     for command, seed, jobs in (
         ("compare", True, True), ("simulate", True, False), ("protocol", True, True), ("audit", False, False),
         ("maps", False, False), ("identify", False, False), ("bench", False, False), ("diagnose", False, True),
-        ("sweep", False, True),
+        ("sweep", False, True), ("check", False, True), ("plan", False, True), ("replay", False, True),
+        ("verify", False, False), ("export-estimator", False, False),
     ):  # fmt: skip
         with pytest.raises(SystemExit):
             main([command, "--help"])
         said = capsys.readouterr().out
         assert ("--seed" in said, "--jobs" in said) == (seed, jobs), command
+        assert ("(all cores)" in said) == (command in ("compare", "protocol", "diagnose", "sweep")), command
 
 
 def test_how_many_simulations_to_expect():

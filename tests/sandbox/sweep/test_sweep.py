@@ -109,6 +109,23 @@ def test_a_failing_case_is_a_row_with_its_sentence():
     assert bus.mean_deg is None
 
 
+@pytest.mark.parametrize(
+    ("family", "field", "factor", "bounds"),
+    [
+        ("true_factor", "inductance_q", 7.0, "[0.2, 5]"),  # those of `inductance.scale_q`, itself a factor
+        ("true_factor", "resistance", 0.0, "[8.23e-07, 82.3]"),  # 1e-5 and 1e3 ohm over the motor's 12.15 ohm
+        ("believed_factor", "inductance_q", 0.0, "[1e-07, 10] H"),
+    ],
+)
+def test_a_refused_factor_is_told_by_the_key_of_the_sweeps_file(family, field, factor, bounds):
+    row = one_row(**{family: {field: factor}})
+    assert row.status == "refused"
+    assert row.sentence.startswith(family)
+    assert field in row.sentence
+    assert "scale_" not in row.sentence
+    assert row.sentence.endswith(bounds)
+
+
 def test_groups_count_what_has_no_result_as_beyond_any_error():
     plan = sweep_of(SCENE | {"grid": {"scenario_factor": {"load": [1.0, 3.0]}, "seed": [1, 2, 3]}})
     table = rows_of(plan)

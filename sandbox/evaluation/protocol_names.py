@@ -1,0 +1,18 @@
+"""The protocol's tests by name, and what each does: plain texts, so that nothing is compiled to list them."""
+
+from __future__ import annotations
+
+LINES = {
+    "start": "how often the polarity is right in 3024 starts; one start-up serves all estimators",
+    "static_map": "a locked rotor, currents in twelve directions up to twice rated current",
+    "load_step": "a free rotor is held at standstill; the load steps from 0 to 180 % and back",
+    "creep": "a free rotor creeps through a reversal at 0.2 % of rated speed, under 180 % load",
+    "hand_over": "a free rotor goes from standstill to at most 30 % speed and back, under rated load",
+    "robustness": "standstill and 5 % speed, one thing at a time other than believed; asks that lock be kept",
+    "attraction": "the first position is told wrong, all round the circle: how many come back to the right pole, end "
+    "at the wrong one, end elsewhere",
+    "bandwidth": "the frequency at which the estimate's answer to a swinging rotor has fallen by 3 dB",
+    "mission": "210 s at low speed: loads up to 180 %, reversals, ramps, creeping; on one motor",
+    "reversal": "motulator's run on motulator's motor; with --peer error (rms) and CPU beside motulator's",
+    "cost": "the time of one step, and the torque ripple at standstill and at speed",
+}
