@@ -12,6 +12,8 @@ from pathlib import Path
 from api_pages import block
 from markdown import cell, code, table
 
+import sandbox
+
 OBJECTS = {
     "Scenario and segments": [("sandbox.drive.scenario", "Scenario"), ("sandbox.drive.scenario", "Segment")],
     "What an estimator is given, and gives": [
@@ -72,7 +74,8 @@ def part(module: str, name: str) -> str:
     """Return what the page says of a class: its text, with a table of its fields where the text does not list them."""
     said = inspect.getdoc(getattr(import_module(module), name)) or ""
     if has_parameters(module, name):
-        return block([f".. autoclass:: {module}.{name}"])
+        home = "sandbox" if name in sandbox.__all__ else module  # where a reader imports it from
+        return block([f".. autoclass:: {home}.{name}"])
     return f"{said}\n\n" + table(("field", "usual", "unit, range, meaning"), rows(module, name))
 
 

@@ -106,8 +106,8 @@ class Scenario:
     Examples
     --------
     >>> from sandbox import Scenario, Segment
-    >>> steps = Scenario("steps", (Segment(0.3), Segment(0.5, load=1.2, ramp=0.1, settle=0.2)))
-    >>> steps.duration
+    >>> parts = (Segment(0.3), Segment(0.5, load=1.2, ramp=0.1, settle=0.2))
+    >>> Scenario("steps", parts, rotor="locked").duration
     0.8
     """
 

@@ -133,8 +133,11 @@ def check(
 
     Examples
     --------
-    >>> from sandbox import check
-    >>> check("campaign").mistakes  # doctest: +SKIP
+    >>> import tempfile
+    >>> from sandbox import check, simulate
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     run = simulate("ipm_exchanged", duration=0.2, record=f"{folder}/mine")
+    ...     check(f"{folder}/mine", effects=False).mistakes
     ()
     """
     name, read, found, why = _read(campaign, columns, preset)
