@@ -68,6 +68,16 @@ def test_lists_fit_eighty_columns(kind, printed):
     assert len(said) >= len(getattr(sandbox, f"list_{kind}")())
 
 
+@pytest.mark.parametrize("command", ["audit", "maps"])
+def test_answers_fit_eighty_columns(command, printed, tmp_path, monkeypatch):
+    """Tables, sentences and all; `spm` is the motor whose audit has most to say."""
+    monkeypatch.chdir(tmp_path)
+    said = printed(80, lambda: main([command, "spm", "--out", "here"]))
+    assert max(map(len, said)) <= 80
+    assert said[-1] == "results in here"
+    assert any(line.startswith("└") for line in said)
+
+
 @pytest.mark.parametrize("name", sandbox.list_estimators())
 def test_cards_of_estimators_fit_eighty_columns(name, printed):
     """Those of effects: tests/model/test_effects.py. The dearest cost in words that was seen is that of Python."""
