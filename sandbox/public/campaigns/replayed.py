@@ -136,11 +136,9 @@ def replay(
 
     Examples
     --------
-    A run with dead time, recorded; the simulator meets its currents to within their noise if it has the dead time, too.
-
     >>> import tempfile
     >>> from sandbox import replay, simulate
-    >>> late = {"dead_time.time": 2e-6}
+    >>> late = {"dead_time.time": 2e-6}  # recorded with it; replayed with it only noise remains
     >>> with tempfile.TemporaryDirectory() as folder:
     ...     run = simulate("ipm_exchanged", duration=0.2, effects=late, record=f"{folder}/mine")
     ...     with_it, without = replay(f"{folder}/mine", late), replay(f"{folder}/mine")
