@@ -247,7 +247,9 @@ def print_files(found: DiagnosisResult) -> None:
     """Print what became of an earlier answer, and which files go on from here."""
     if found.continued is not None:
         left = "; or ".join(" + ".join(s) or "no effect" for s in found.continued["ambiguity_set"])
-        print_prose(f"Before: {found.continued['verdict']} ({left}).")
-    print_prose("The simulator with it: motor.toml and effects.toml (sensorless replay, simulate --motor, --effects).")
+        print_prose(f"The earlier diagnosis said: {found.continued['verdict']} ({left}).")
+    print_prose("For a simulator that has what was found, give motor.toml and effects.toml to --motor and --effects.")
     if found.table is not None:
-        print_prose("The next recording to play: next_recording.csv; with it in the campaign, --continue this result.")
+        print_prose(
+            "next_recording.csv is the recording to make next; add it to the campaign and --continue from this result."
+        )
