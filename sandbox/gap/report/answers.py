@@ -268,7 +268,11 @@ def _of_the_model(told: Mapping[str, str]) -> list[str]:
     """Return what of a nominal model's provenance limits the answers; the whole of it stands with the model."""
     assumed = [what for what, text in told.items() if text.startswith("assumed")]
     out = [f"Cannot show: {text}" for what, text in told.items() if what.startswith("cannot show")]
-    return out + ([f"Usual values were assumed, as nothing states them: {', '.join(assumed)}."] if assumed else [])
+    return out + (
+        [f"Values of the nominal model that are assumed, as no source states them: {', '.join(assumed)}."]
+        if assumed
+        else []
+    )
 
 
 def remains_text(a: Answers) -> str:

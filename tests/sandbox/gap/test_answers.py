@@ -158,7 +158,7 @@ def test_no_gap_is_said_plainly(quiet_answers):
     assert "Nothing is needed" in next_text(quiet_answers)
     assert any("held out" in text for text in caveats(quiet_answers))  # a campaign of one recording
     assert caveats(quiet_answers)[-1].startswith(
-        "Usual values were assumed, as nothing states them: magnet_flux, inertia"
+        "Values of the nominal model that are assumed, as no source states them: magnet_flux, inertia"
     )
     assert not any("printed" in text for text in caveats(quiet_answers))  # what is known is no caveat
 
