@@ -26,13 +26,29 @@ MAX_PERIOD = 64  # samples in an injection period
 
 
 class Sample(NamedTuple):
-    """What the drive knows at t_k; nothing here comes from the true rotor."""
+    """What an estimator is given once a sampling period, at t_k; nothing in it comes from the true rotor.
 
-    i_alpha: float  # A, as the sensors read it at t_k
-    i_beta: float  # A, the same along beta
-    u_alpha: float  # V, commanded for the interval that ends at t_k
-    u_beta: float  # V, the same along beta
-    carrier: float  # s, zero-mean primitive F of the injected waveform at t_k: flux ripple per volt
+    Parameters
+    ----------
+    i_alpha, i_beta : float
+        A: current along alpha and beta, as the sensors read it at t_k.
+    u_alpha, u_beta : float
+        V: voltage commanded along alpha and beta for the interval that ends at t_k.
+    carrier : float
+        s: zero-mean primitive F of the injected waveform at t_k, the ripple of the flux (Wb) for each injected volt.
+
+    Examples
+    --------
+    >>> from sandbox import Sample
+    >>> Sample(i_alpha=0.5, i_beta=0.0, u_alpha=10.0, u_beta=0.0, carrier=1e-4).u_alpha
+    10.0
+    """
+
+    i_alpha: float
+    i_beta: float
+    u_alpha: float
+    u_beta: float
+    carrier: float
 
 
 @kernel
@@ -56,46 +72,133 @@ class Oversampled(NamedTuple):
 
 
 class Estimate(NamedTuple):
-    """What the estimator makes of it."""
+    """What an estimator makes of a sample.
 
-    theta: float  # rad, electrical, of the magnet axis at t_k
-    omega: float  # rad/s, electrical
-    axis: float  # rad, where to inject
-    bias: float  # A, current to hold along theta while starting up
-    tracking: float  # no unit: 0 while starting up, 1 after, 2 where the belief has no flux at the measured current
-    ripple_d: float  # A, amplitude of the current's ripple along the axis
-    ripple_q: float  # A, the same across the axis
-    injection: float = 1.0  # no unit, 0 to 1: share of the injection's amplitude that is wanted
+    Parameters
+    ----------
+    theta : float
+        rad: electrical angle of the magnet axis at t_k.
+    omega : float
+        rad/s: electrical speed.
+    axis : float
+        rad: angle of the axis to inject along.
+    bias : float
+        A: current to hold along theta while starting up.
+    tracking : float
+        No unit: 0 while starting up, 1 after it, 2 where the belief has no flux at the measured current.
+    ripple_d, ripple_q : float
+        A: amplitude of the current's ripple along the axis and across it.
+    injection : float, default 1.0
+        No unit, 0 to 1: share of the injection's amplitude that is wanted.
+
+    Examples
+    --------
+    >>> from sandbox import Estimate
+    >>> Estimate(theta=0.1, omega=0.0, axis=0.1, bias=0.0, tracking=1.0, ripple_d=0.02, ripple_q=0.0).injection
+    1.0
+    """
+
+    theta: float
+    omega: float
+    axis: float
+    bias: float
+    tracking: float
+    ripple_d: float
+    ripple_q: float
+    injection: float = 1.0
 
 
 class Belief(NamedTuple):
-    """What the estimator believes of the motor; never the truth, never changed."""
+    """What an estimator believes of the motor; it is never the truth, and never changed.
 
-    energy: AnyEnergy  # magnetic model: a quartic (its coefficients in 1/H, A/Wb^2, A/Wb^3) or a flux map
-    magnet_flux: float  # Wb, flux of the magnets along d
-    resistance: float  # ohm, of a phase winding
-    pole_pairs: float  # pairs of poles: electrical angle over mechanical angle
-    inertia: float  # kg m^2, of the whole shaft
+    Parameters
+    ----------
+    energy : Energy or SplineEnergy
+        The magnetic model: a quartic (its coefficients in 1/H, A/Wb^2 and A/Wb^3), or a flux map.
+    magnet_flux : float
+        Wb: peak flux of the magnets along d.
+    resistance : float
+        ohm: of a phase winding.
+    pole_pairs : float
+        Electrical angle over mechanical angle.
+    inertia : float
+        kg m^2: of the whole shaft.
+
+    Examples
+    --------
+    >>> from sandbox import Belief, load_motor
+    >>> motor = load_motor("ipm_exchanged").motor
+    >>> linear = Belief(motor.linear_energy, motor.magnet_flux, motor.resistance, 6.0, motor.inertia)
+    >>> round(1.0 / linear.energy.gamma_d, 6)  # H, along d
+    0.0458
+    """
+
+    energy: AnyEnergy
+    magnet_flux: float
+    resistance: float
+    pole_pairs: float
+    inertia: float
 
 
 class Tuning(NamedTuple):
-    """Everything set by design (`sandbox.drive.design`), none of it measured."""
+    """What an estimator is told about the drive and its gains: set by design before the run, none of it measured.
 
-    period: int  # samples in an injection period, N
-    present: int  # 1: the whole window is looked at from the present frame, 0: from the axis of each sample
-    settle: int  # injection periods to wait for in each step of starting up
-    average: int  # injection periods to average, after these
-    sampling_period: float  # s, from one sample to the next
-    amplitude: float  # V, of the injected voltage
-    power: float  # s^2, sum of F^2 over a period
-    peak: float  # s, max |F|
-    lag: float  # s^2, -<F, F''''>/<F, F''> of the sampled carrier: weight of the (R Gamma)^2 correction
-    kp: float  # 1/s, proportional gain of the tracking loop
-    ki: float  # 1/s^2, integral gain of the tracking loop
-    bias: float  # A, current along d, either way, that tells the magnet's north from its south
-    current_variance: float  # A^2, of the noise of a current reading, one axis
-    flux_variance: float  # Wb^2 a step, of what the flux does beside the belief (Kalman filters)
-    speed_variance: float  # (rad/s)^2 a step, of what the speed does unforeseen (Kalman filters)
+    Parameters
+    ----------
+    period : int
+        Samples in an injection period, N.
+    present : int
+        1: the whole window is looked at from the present frame; 0: from the axis of each sample.
+    settle : int
+        Injection periods to wait for in each step of starting up.
+    average : int
+        Injection periods to average after these.
+    sampling_period : float
+        s: from one sample to the next.
+    amplitude : float
+        V: of the injected voltage.
+    power : float
+        s^2: sum of F^2 over an injection period (F: see `Sample.carrier`).
+    peak : float
+        s: largest magnitude of F.
+    lag : float
+        s^2: -<F, F''''>/<F, F''> of the sampled carrier, the weight of the (R Gamma)^2 correction.
+    kp : float
+        1/s: proportional gain of the tracking loop.
+    ki : float
+        1/s^2: integral gain of the tracking loop.
+    bias : float
+        A: current along d, either way, that tells the magnet's north from its south.
+    current_variance : float
+        A^2: of the noise of a current reading, one axis.
+    flux_variance : float
+        Wb^2 a step: of what the flux does beside the belief (Kalman filters).
+    speed_variance : float
+        (rad/s)^2 a step: of what the speed does unforeseen (Kalman filters).
+
+    Examples
+    --------
+    >>> from sandbox import simulate
+    >>> tuning = simulate("ipm_exchanged", duration=0.05).design.tuning
+    >>> tuning.period, tuning.sampling_period, tuning.amplitude
+    (8, 0.00025, 30.0)
+    """
+
+    period: int
+    present: int
+    settle: int
+    average: int
+    sampling_period: float
+    amplitude: float
+    power: float
+    peak: float
+    lag: float
+    kp: float
+    ki: float
+    bias: float
+    current_variance: float
+    flux_variance: float
+    speed_variance: float
 
 
 _ZERO_BELIEF = Belief(Energy(*7 * (0.0,)), 0.0, 0.0, 0.0, 0.0)
@@ -117,18 +220,55 @@ def is_usual(belief: Belief) -> bool:
 
 @dataclass(frozen=True, repr=False)
 class Estimator:
-    """An estimator by name: its two functions, one line on what it does, and its card."""
+    """An estimator: its name, its two functions, and what its card says.
 
-    name: str  # as it is asked for
-    summary: str  # one line: what it does
-    init: Callable[..., Any]  # (belief, tuning, angle) -> state; angle: rad, None to find it
-    # (state, sample, belief, tuning) -> Estimate, once a sampling period; changes the state
+    Parameters
+    ----------
+    name : str
+        As it is asked for; not that of a built-in one.
+    summary : str
+        One line: what it does.
+    init : callable
+        ``init(belief, tuning, angle=None) -> state``; angle: rad, where the rotor is, None to find it. The state is the
+        estimator's only memory: an array of float64 if `compiled`, otherwise any object.
+    step : callable
+        ``step(state, sample, belief, tuning) -> Estimate``, called once a sampling period with a `Sample`, a `Belief`
+        and a `Tuning`; it changes the state in place.
+    compiled : bool, default True
+        Whether `step` has the signature STEP of this module and runs inside the compiled loop. A step in Python
+        (False) runs on a slower path.
+    injection : {'pulsating', 'rotating', 'none', 'pwm'}, default 'pulsating'
+        What it injects while it tracks ('pwm': nothing, it reads the ripple of the PWM itself); starting up always
+        pulsates.
+    delay : str, default ''
+        In words: how late it tells the angle.
+    speeds : str, default ''
+        In words: where it may be used.
+    source : str, default ''
+        Where it is published.
+
+    Examples
+    --------
+    An estimator that believes that the rotor never turns:
+
+    >>> from sandbox import Estimate, Estimator, Sample
+    >>> def init(belief, tuning, angle=None):
+    ...     return [angle or 0.0]
+    >>> def step(state, sample, belief, tuning):
+    ...     return Estimate(state[0], 0.0, state[0], bias=0.0, tracking=1.0, ripple_d=0.0, ripple_q=0.0)
+    >>> Estimator("still", "the rotor never turns", init, step, compiled=False)
+    <Estimator: still, the rotor never turns>
+    """
+
+    name: str
+    summary: str
+    init: Callable[..., Any]
     step: Callable[[Any, Any, Belief, Tuning], Estimate]
-    compiled: bool = True  # whether step has the signature STEP and runs inside the compiled loop
-    injection: str = PULSATING  # PULSATING, ROTATING, NONE or PWM (its own ripple); starting up always pulsates
-    delay: str = ""  # in words: how late it tells the angle
-    speeds: str = ""  # where it may be used
-    source: str = ""  # where it is published
+    compiled: bool = True
+    injection: str = PULSATING
+    delay: str = ""
+    speeds: str = ""
+    source: str = ""
 
     def __repr__(self) -> str:
         return f"<Estimator: {self.name}, {self.summary}>"

@@ -66,26 +66,67 @@ def texts(table: dict[str, Any]) -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Motor:
-    """A two-axis permanent-magnet motor with the energy of the paper; currents peak, amplitude-invariant."""
+    """A permanent-magnet motor in two axes, with the energy of the paper; currents are peak, amplitude-invariant.
 
-    name: str  # as results call it
-    pole_pairs: int = quantity("", 1, 100)  # pairs of poles
-    resistance: float = quantity("ohm", 1e-5, 1e3)  # of a phase winding
-    magnet_flux: float = quantity("Wb", 0, 1e2)  # flux of the magnets along d, peak; 0 for a reluctance motor
-    inductance_d: float = quantity("H", 1e-7, 10)  # along d at zero current
-    inductance_q: float = quantity("H", 1e-7, 10)  # along q at zero current
-    inertia: float = quantity("kg m^2", 1e-9, 1e4)  # of the whole shaft, load included
-    rated_current: float = quantity("A peak", 1e-3, 1e5)  # amplitude of a phase current
-    rated_torque: float = quantity("N m", 1e-6, 1e6)  # at rated current, i_d = 0
-    rated_speed_rpm: float = quantity("rpm", 0.01, 2e5)  # rated mechanical speed
-    alpha_30: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)  # of phi_d^3 in the energy: saturation along d
-    alpha_12: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)  # of phi_d phi_q^2: cross-saturation
-    alpha_40: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)  # of phi_d^4: saturation along d
-    alpha_22: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)  # of phi_d^2 phi_q^2: cross-saturation
-    alpha_04: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)  # of phi_q^4: saturation along q
-    # torque against the motion over mechanical speed
+    Parameters
+    ----------
+    name : str
+        As results call it; it must do as a file's name.
+    pole_pairs : int
+        1 to 100: electrical angle over mechanical angle.
+    resistance : float
+        ohm, 1e-05 to 1000: of a phase winding.
+    magnet_flux : float
+        Wb, 0 to 100: peak flux of the magnets along d; 0 for a reluctance motor.
+    inductance_d, inductance_q : float
+        H, 1e-07 to 10: along d and q at zero current.
+    inertia : float
+        kg m^2, 1e-09 to 10000: of the whole shaft, load included.
+    rated_current : float
+        A peak, 0.001 to 100000: amplitude of a phase current.
+    rated_torque : float
+        N m, 1e-06 to 1e+06: at rated current, i_d = 0.
+    rated_speed_rpm : float
+        rpm, 0.01 to 200000: mechanical.
+    alpha_30, alpha_12 : float, default 0.0
+        A/Wb^2, -1e+09 to 1e+09: of phi_d^3 (saturation along d) and phi_d phi_q^2 (cross-saturation) in the energy.
+    alpha_40, alpha_22, alpha_04 : float, default 0.0
+        A/Wb^3, -1e+12 to 1e+12: of phi_d^4, phi_d^2 phi_q^2 (cross-saturation) and phi_q^4.
+    viscous_friction : float, default 0.0
+        N m s/rad, 0 to 10000: torque against the motion over mechanical speed.
+    description : str, default ''
+        One line for people: where the values come from.
+
+    Raises
+    ------
+    BadInput
+        For a value outside its range, and for pole pairs that are not whole.
+
+    Examples
+    --------
+    >>> from sandbox import load_motor
+    >>> motor = load_motor("ipm_exchanged").motor
+    >>> motor.inductance_q, motor.rated_current
+    (0.0919, 1.2)
+    """
+
+    name: str
+    pole_pairs: int = quantity("", 1, 100)
+    resistance: float = quantity("ohm", 1e-5, 1e3)
+    magnet_flux: float = quantity("Wb", 0, 1e2)
+    inductance_d: float = quantity("H", 1e-7, 10)
+    inductance_q: float = quantity("H", 1e-7, 10)
+    inertia: float = quantity("kg m^2", 1e-9, 1e4)
+    rated_current: float = quantity("A peak", 1e-3, 1e5)
+    rated_torque: float = quantity("N m", 1e-6, 1e6)
+    rated_speed_rpm: float = quantity("rpm", 0.01, 2e5)
+    alpha_30: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)
+    alpha_12: float = quantity("A/Wb^2", -1e9, 1e9, default=0.0)
+    alpha_40: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
+    alpha_22: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
+    alpha_04: float = quantity("A/Wb^3", -1e12, 1e12, default=0.0)
     viscous_friction: float = quantity("N m s/rad", 0, 1e4, default=0.0)
-    description: str = ""  # one line for people: where the values come from
+    description: str = ""
 
     def __post_init__(self) -> None:
         check(self, "motor")

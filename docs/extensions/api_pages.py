@@ -48,7 +48,8 @@ function needs is loaded when it is first called.
 from sandbox import compare, load_motor, simulate
 ```
 
-What a scenario, a motor and an estimator hold, field by field: [objects and their fields](fields.md).
+What you build or are handed (`Scenario`, `Segment`, `Estimator`, `Sample`, `Belief`, `Tuning`, `Estimate`, and the
+`motor` of a drive) stands on a page of its own: [objects and their fields](fields.md).
 
 """
 

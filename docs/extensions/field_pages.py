@@ -1,4 +1,4 @@
-"""The page of the objects that one builds or is handed: their fields, from the comments beside them."""
+"""The page of the objects that one builds or is handed: their own text, or a table of the comments at their fields."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ from dataclasses import MISSING
 from importlib import import_module
 from pathlib import Path
 
+from api_pages import block
 from markdown import cell, code, table
+
+import sandbox
 
 OBJECTS = {
     "Scenario and segments": [("sandbox.drive.scenario", "Scenario"), ("sandbox.drive.scenario", "Segment")],
@@ -20,8 +23,8 @@ OBJECTS = {
 }
 HEAD = """# Objects and their fields
 
-All numbers are in SI units; see [conventions](../../explanation/conventions.md). An empty *usual* means that the field
-has to be given.
+All numbers are in SI units; see [conventions](../../explanation/conventions.md). A parameter without a default has to
+be given; in a table such a field has an empty *usual*.
 
 """
 
@@ -63,7 +66,19 @@ def page() -> str:
     for title, classes in OBJECTS.items():
         text += f"## {title}\n\n"
         for module, name in classes:
-            said = inspect.getdoc(getattr(import_module(module), name)) or ""
-            heads = ("field", "usual", "unit, range, meaning")
-            text += f"### `{name}`\n\n{said}\n\n" + table(heads, rows(module, name)) + "\n"
+            text += f"### `{name}`\n\n{part(module, name)}\n"
     return text
+
+
+def part(module: str, name: str) -> str:
+    """Return what the page says of a class: its text, with a table of its fields where the text does not list them."""
+    said = inspect.getdoc(getattr(import_module(module), name)) or ""
+    if has_parameters(module, name):
+        home = "sandbox" if name in sandbox.__all__ else module  # where a reader imports it from
+        return block([f".. autoclass:: {home}.{name}"])
+    return f"{said}\n\n" + table(("field", "usual", "unit, range, meaning"), rows(module, name))
+
+
+def has_parameters(module: str, name: str) -> bool:
+    """Return whether the text of a class lists its fields, in numpydoc form."""
+    return "\nParameters\n---" in (inspect.getdoc(getattr(import_module(module), name)) or "")

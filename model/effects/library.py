@@ -22,6 +22,7 @@ from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 
 FOLDER = Path(__file__).parent
+CARD_WIDTH = 80  # columns of a card, which fits a terminal and a page
 NOT_EFFECTS = ("__init__", "adopt", "card", "library", "own")
 BEGIN, END = "<!-- table: python -m model.effects.library -->\n", "<!-- end of table -->\n"
 
@@ -245,26 +246,28 @@ def typical(name: str, motor: Motor, converter: Converter) -> dict[str, float]:
 
 def card_text(card: Effect) -> str:
     """Return a card as lines a person can read."""
-    sizes = [f"  {card.name}.{p.name:<18} {_parameter(p)}" for p in card.parameters]
+    sizes = [entry(f"  {card.name}.{p.name}", _parameter(p), 32) for p in card.parameters]
     if card.repeats > 1:
         sizes.append(f"further ones, k = 2 ... {card.repeats}:")
-        sizes += [f"  {card.name}.k.{p.name:<16} {_parameter(p)}" for p in card.part(2).parameters]
-    lines = [f"{card.name} ({card.subsystem}): {card.summary}", "", _entry("equation", card.equation)]
-    lines += [_entry("source", card.source), "", "parameters: neutral; bounds; typical", *sizes, ""]
-    lines += [_entry("axis", card.axis), _entry("order", card.order), _entry("region", card.region)]
+        sizes += [entry(f"  {card.name}.k.{p.name}", _parameter(p), 32) for p in card.part(2).parameters]
+    lines = [entry(f"{card.name} ({card.subsystem}):", card.summary, 2), "", entry("equation", card.equation)]
+    lines += [entry("source", card.source), "", "parameters: neutral; bounds; typical", *sizes, ""]
+    lines += [entry("axis", card.axis), entry("order", card.order), entry("region", card.region)]
     return "\n".join(
-        [*lines, _entry("confused with", ", ".join(card.confused_with)), _entry("separated by", card.separated_by)]
+        [*lines, entry("confused with", ", ".join(card.confused_with)), entry("separated by", card.separated_by)]
     )
 
 
-def _entry(head: str, text: str) -> str:
-    return textwrap.fill(text, 110, initial_indent=f"{head:<14}", subsequent_indent=14 * " ")
+def entry(head: str, text: str, column: int = 14) -> str:
+    """Return one entry of a card, folded; its text begins at a column, or one blank after a longer head."""
+    head = f"{head:<{column - 1}} "
+    return textwrap.fill(text, CARD_WIDTH, initial_indent=head, subsequent_indent=column * " ", break_on_hyphens=False)
 
 
 def _parameter(p: Parameter) -> str:
     neutral_value = f"nominal {p.of_motor}" if p.neutral is None else f"{p.neutral:g}"
     size = f"{p.typical:g}" + (f" x {p.relative_to}" if p.relative_to else f" {p.unit}")
-    return f"{neutral_value}; [{p.low:g}, {p.high:g}] {p.unit}; {size}".replace("  ", " ")
+    return f"{neutral_value}; [{p.low:g}, {p.high:g}] {p.unit}; {size}".replace("  ", " ").replace(" ;", ";")
 
 
 def table() -> str:

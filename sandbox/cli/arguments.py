@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from model.errors import brief, sentence
 from sandbox.output.files import check_output
+from sandbox.output.tables import print_prose
 
 LARGEST_COUNT = 1_000_000  # of anything that is counted on the command line
 
@@ -74,4 +75,4 @@ def finish(options: argparse.Namespace, found: Any, folder: Path, show: Callable
     found.save(folder, csv=options.csv)
     if not options.quiet:
         show()
-        print(f"results in {folder}")
+        print_prose(f"results in {folder}")

@@ -11,7 +11,7 @@ import sandbox
 from estimators.registry import LIBRARIES
 from sandbox.cli.arguments import checked_folder, finish
 from sandbox.cli.sweeping import check_tolerances, run_tolerances
-from sandbox.output.tables import print_list, print_table, progress_bar
+from sandbox.output.tables import print_list, print_prose, print_table, progress_bar
 
 
 def names_of(text: str | None, usual: Iterable[str] = ()) -> list[str]:
@@ -45,7 +45,7 @@ def run_compare(options: argparse.Namespace) -> None:
         print_comparison(result.comparison)
         simulated = sum(run.recording.t[-1] for run in result.runs)
         cpu = sum(run.cpu_seconds for run in result.runs)
-        print(f"{simulated:.0f} s simulated in {cpu:.1f} s of CPU; results in {folder}")
+        print_prose(f"{simulated:.0f} s simulated in {cpu:.1f} s of CPU; results in {folder}")
     if options.tolerances is not None:
         run_tolerances(options, folder, names_of(options.estimators) + options.estimator)
 
@@ -69,7 +69,9 @@ def run_simulate(options: argparse.Namespace) -> None:
     result.save(folder, csv=options.csv, trace=more and not options.no_trace, figure=more, table=more)
     if not options.quiet:
         print_run(result.comparison, result.design)
-        print(f"{result.recording.t[-1]:.2f} s simulated in {result.run.cpu_seconds:.3f} s of CPU; results in {folder}")
+        print_prose(
+            f"{result.recording.t[-1]:.2f} s simulated in {result.run.cpu_seconds:.3f} s of CPU; results in {folder}"
+        )
 
 
 def run_audit(options: argparse.Namespace) -> None:
@@ -84,8 +86,8 @@ def run_audit(options: argparse.Namespace) -> None:
     if not options.quiet:
         print_audit(result.drive, result.audit)
         for sentence in result.flux_map.sentences() if result.flux_map else ():
-            print(sentence)
-        print(f"results in {folder}{f'; {kept}' if kept else ''}")
+            print_prose(sentence)
+        print_prose(f"results in {folder}{f'; {kept}' if kept else ''}")
 
 
 def run_maps(options: argparse.Namespace) -> None:
@@ -99,7 +101,7 @@ def run_maps(options: argparse.Namespace) -> None:
     result.save(folder, csv=options.csv)
     if not options.quiet:
         print_maps(result.maps)
-        print(f"results in {folder}{f'; {kept}' if kept else ''}")
+        print_prose(f"results in {folder}{f'; {kept}' if kept else ''}")
 
 
 def run_identify(options: argparse.Namespace) -> None:
@@ -134,8 +136,11 @@ def run_export(options: argparse.Namespace) -> None:
     result = sandbox.export_estimator(options.name, options.motor, options.belief)
     result.save(folder)
     if not options.quiet:
-        print(f"{result.name} for {result.motor}: {result.operations.said()}; {result.state_bytes} bytes of state")
-        print(f"{', '.join(result.files)} in {folder}; check them: cc -std=c99 -O2 *.c -lm && ./a.out")
+        print_prose(
+            f"{result.name} for {result.motor}: {result.operations.said()}; {result.state_bytes} bytes of state"
+        )
+        print_prose(f"{', '.join(result.files)} in {folder}")
+        print_prose("check them: cc -std=c99 -O2 *.c -lm && ./a.out")
 
 
 def run_bench(options: argparse.Namespace) -> None:
@@ -152,9 +157,9 @@ def run_verify(options: argparse.Namespace) -> int:
     found = sandbox.verify(options.result, options.tolerance)
     found.save(folder)
     if not options.quiet:
-        print(found.sentence())
+        print_prose(found.sentence())
         for change in found.changed:
-            print(f"not as then: {change}")
+            print_prose(f"not as then: {change}")
     return 0 if found.same else 1
 
 
@@ -163,7 +168,7 @@ def run_list(options: argparse.Namespace) -> None:
     from sandbox.public.catalogue import card_of
 
     if options.name is not None:
-        print(card_of(options.kind, options.name))
+        print_prose(card_of(options.kind, options.name))
         return
     lists = {
         "motors": sandbox.list_motors, "effects": sandbox.list_effects, "estimators": sandbox.list_estimators,
@@ -180,4 +185,4 @@ def run_view(options: argparse.Namespace) -> None:
 
 def run_show(options: argparse.Namespace) -> None:
     """Open what a result holds."""
-    print(sandbox.show(options.result))
+    print_prose(sandbox.show(options.result))

@@ -9,7 +9,7 @@ from typing import Any
 
 from model.errors import BadInput
 from sandbox.cli.arguments import checked_folder, finish
-from sandbox.output.tables import effort_bar
+from sandbox.output.tables import effort_bar, print_prose
 
 PRESET = "a program whose column names and units are known: `sensorless list presets`"
 
@@ -148,4 +148,4 @@ def run_diagnose(options: argparse.Namespace) -> None:
         else:
             print_answers(found.answers)
             print_files(found)
-        print(f"results in {folder}")
+        print_prose(f"results in {folder}")

@@ -57,8 +57,9 @@ def add_runs(add: Add) -> None:
     add_tolerances(c, positive_int)
     c = add("simulate", commands.run_simulate, "one run of one estimator")
     _which(c)
-    one, text = c.add_mutually_exclusive_group(), "what finds the position, `sensorless list estimators` (qnull)"
-    one.add_argument("--estimator", default="qnull", metavar="NAME or FILE.py", help=text)
+    one = c.add_mutually_exclusive_group()
+    text = "what finds the position: a name of `sensorless list estimators`, or a file FILE.py (qnull)"
+    one.add_argument("--estimator", default="qnull", metavar="NAME", help=text)
     one.add_argument("--estimator-library", type=Path, metavar="FILE.so", help=LIBRARY)
     _belief(c)
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")

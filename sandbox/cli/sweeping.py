@@ -9,7 +9,7 @@ from typing import Any
 
 from model.errors import BadInput
 from sandbox.cli.arguments import checked_folder, number
-from sandbox.output.tables import print_table, rate_bar
+from sandbox.output.tables import print_prose, print_table, rate_bar
 
 MOST_PERCENT = 50.0  # of a belief's parameters
 
@@ -46,8 +46,8 @@ def run_sweep(options: argparse.Namespace) -> None:
     if not options.quiet:
         print_table(f"{result.plan.name}: size of the mean position error", *lines(result.groups))
         for why in result.as_json()["sentences"][:3]:
-            print(f"{why['runs']} runs have no result: {why['sentence']}")
-        print(f"{result.summary()}; results in {folder}")
+            print_prose(f"{why['runs']} runs have no result: {why['sentence']}")
+        print_prose(f"{result.summary()}; results in {folder}")
 
 
 def add_tolerances(command: Any, positive: Callable[[str], int]) -> None:
@@ -82,7 +82,7 @@ def run_tolerances(options: argparse.Namespace, folder: Path, estimators: list[s
     if not options.quiet:
         title = f"{result.motor}, {result.scenario}: position error when the belief is known to ± so much"
         print_table(title, *lines(result.rows))
-        print(f"results in {folder}")
+        print_prose(f"results in {folder}")
 
 
 def percents(text: str) -> list[float]:

@@ -12,7 +12,7 @@ from sandbox.cli.arguments import add_own_effects
 from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import results, write_json
 from sandbox.output.provenance import Call, digest_of, made_by
-from sandbox.output.tables import print_table, progress_bar
+from sandbox.output.tables import print_prose, print_table, progress_bar
 
 Number = Callable[[str], int]
 ROWS = "withheld.rows.jsonl"
@@ -78,9 +78,9 @@ def run_make(options: argparse.Namespace) -> None:
     def announce(digest: str) -> None:
         """Print the seal's hash before anything is recorded."""
         if not options.quiet:
-            print(f"truth sealed, SHA-256 {digest}", flush=True)
+            print_prose(f"truth sealed, SHA-256 {digest}")
             if options.kind == "mixed" and (reason := missing()):
-                print(reason)
+                print_prose(reason)
 
     with progress_bar("recording", options.quiet) as progress:
         made = make(
@@ -88,7 +88,7 @@ def run_make(options: argparse.Namespace) -> None:
             jobs=options.jobs or os.cpu_count() or 1, cluster=options.dask, announce=announce, progress=progress,
         )  # fmt: skip
     if not options.quiet:
-        print(f"{options.count} campaigns in {made.folder / 'campaigns'}, {made.recorded} recorded now")
+        print_prose(f"{options.count} campaigns in {made.folder / 'campaigns'}, {made.recorded} recorded now")
 
 
 def run_score(options: argparse.Namespace) -> None:
@@ -122,13 +122,15 @@ def run_score(options: argparse.Namespace) -> None:
         print_table(f"{options.folder}: {len(scored[0].judged)} campaigns", *table(scored))
         for s in scored:
             if len(s.code) > 1:
-                print(f"reports of '{s.method}' come from {len(s.code)} versions of the code; see by_code of each")
+                print_prose(
+                    f"reports of '{s.method}' come from {len(s.code)} versions of the code; see by_code of each"
+                )
             failed = [j.name for j in s.judged if j.failed]
             more = [j.name for j in (*s.followed, *s.left_out) if j.failed]
             if more:
-                print(f"'{s.method}' failed once more on {len(more)}, see their reports: {', '.join(more[:5])}")
+                print_prose(f"'{s.method}' failed once more on {len(more)}, see their reports: {', '.join(more[:5])}")
             if options.leave_out and s is scored[0] and not s.left_out:
-                print("no single effect of medium size or more among these campaigns: nothing was left out")
+                print_prose("no single effect of medium size or more among these campaigns: nothing was left out")
             if failed:
-                print(f"'{s.method}' failed on {len(failed)}, counted as missed: {', '.join(failed[:5])}")
-        print(f"seal and hash agree; {ROWS}, withheld.json and withheld.png in {options.folder}")
+                print_prose(f"'{s.method}' failed on {len(failed)}, counted as missed: {', '.join(failed[:5])}")
+        print_prose(f"seal and hash agree; {ROWS}, withheld.json and withheld.png in {options.folder}")

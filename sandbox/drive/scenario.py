@@ -18,18 +18,47 @@ LONGEST = 3600.0  # s of simulated time
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch at one load and speed, reached by a linear ramp from the one before."""
+    """A stretch of a scenario at one load and one speed, reached by a linear ramp from those of the stretch before.
 
-    duration: float = quantity("s", 1e-3, LONGEST)  # how long it lasts, the ramp included
-    # at its end; i_q over rated current, or the torque that this i_q gives
+    Parameters
+    ----------
+    duration : float
+        s, 0.001 to 3600: how long it lasts, the ramp included.
+    load : float, default 0.0
+        of rated current, -10 to 10: at its end, i_q over rated current (under speed control the torque that this i_q
+        gives).
+    speed : float, default 0.0
+        of rated speed, -2 to 2: at its end, the speed of a driven rotor, or the reference of the speed controller.
+    ramp : float, default 0.0
+        s, 0 to 3600: time in which load and speed go from those of the segment before to these; at most `duration`.
+    settle : float, optional
+        s, shorter than `duration`: how long to wait before its position errors count; the scenario's by default.
+    score : bool, default True
+        Whether its position errors count.
+    current_d : float, default 0.0
+        of rated current, -3 to 3: reference of i_d, where the scenario's `reference` is 'current'.
+
+    Raises
+    ------
+    BadInput
+        For a value outside its range.
+
+    Examples
+    --------
+    120 % load, reached in 0.1 s; the errors of the last 0.3 s count.
+
+    >>> from sandbox import Segment
+    >>> Segment(0.5, load=1.2, ramp=0.1, settle=0.2).load
+    1.2
+    """
+
+    duration: float = quantity("s", 1e-3, LONGEST)
     load: float = quantity("of rated current", -10, 10, default=0.0)
-    # at its end; of a driven rotor, or the reference of a speed controller
     speed: float = quantity("of rated speed", -2, 2, default=0.0)
-    # time in which load and speed go from the segment before to these
     ramp: float = quantity("s", 0, LONGEST, default=0.0)
-    settle: float | None = None  # s before its errors count; None: the scenario's
-    score: bool = True  # whether its position errors count
-    current_d: float = quantity("of rated current", -3, 3, default=0.0)  # reference of i_d; with reference = current
+    settle: float | None = None
+    score: bool = True
+    current_d: float = quantity("of rated current", -3, 3, default=0.0)
 
     def __post_init__(self) -> None:
         check(self, "segment")
@@ -45,23 +74,51 @@ class Segment:
 
 @dataclass(frozen=True)
 class Scenario:
-    """Segments one after another, how the rotor is held, and what the drive controls.
+    """What a drive is asked to do: segments one after another, how the rotor is held, and what is controlled.
 
-    rotor: locked, driven (speed imposed) or free; reference: `current` (i_d = 0, i_q = load x rated current) or
-    `speed` (speed controller; load is the torque that this i_q gives).  start_up: find the position first
-    (otherwise the estimator is told it, wrong by start_error).
+    Parameters
+    ----------
+    name : str
+        As results call it; it must do as a file's name.
+    segments : tuple of Segment
+        One after another; at least one, at most 3600 s together.
+    rotor : {'locked', 'driven', 'free'}, default 'locked'
+        What is done with the rotor: it cannot turn, its speed is imposed, or it turns as the torque makes it.
+    reference : {'current', 'speed'}, default 'current'
+        What is controlled: i_d and i_q, or the speed of a free rotor (`load` is then the load's torque).
+    settle : float, default 0.0
+        s, 0 to 3600: time to wait in a segment before its errors count, where the segment does not say it; at most
+        half of a segment.
+    description : str, default ''
+        One line for people.
+    start_angle : float, default 1.0
+        rad, -10 to 10: true electrical angle at the beginning.
+    start_up : bool, default True
+        Whether the estimator has to find the position first; otherwise it is told.
+    start_error : float, default 0.0
+        rad, -3.2 to 3.2: by how much it is told the position wrong; only without starting up.
+
+    Raises
+    ------
+    BadInput
+        For a value outside its range, and for values that contradict each other, such as a locked rotor with a speed.
+
+    Examples
+    --------
+    >>> from sandbox import Scenario, Segment
+    >>> parts = (Segment(0.3), Segment(0.5, load=1.2, ramp=0.1, settle=0.2))
+    >>> Scenario("steps", parts, rotor="locked").duration
+    0.8
     """
 
-    name: str  # as results call it
-    segments: tuple[Segment, ...]  # one after another
-    rotor: str = "locked"  # locked, driven (its speed imposed) or free
-    reference: str = "current"  # current (i_d and i_q are controlled) or speed
-    # time after a segment's ramp before its errors count, where the segment says nothing
+    name: str
+    segments: tuple[Segment, ...]
+    rotor: str = "locked"
+    reference: str = "current"
     settle: float = quantity("s", 0, LONGEST, default=0.0)
-    description: str = ""  # one line for people
-    start_angle: float = quantity("rad", -10, 10, default=1.0)  # true electrical angle at the beginning
-    start_up: bool = True  # whether the estimator has to find the position first
-    # by how much it is told the position wrong, without starting up
+    description: str = ""
+    start_angle: float = quantity("rad", -10, 10, default=1.0)
+    start_up: bool = True
     start_error: float = quantity("rad", -3.2, 3.2, default=0.0)
 
     def __post_init__(self) -> None:

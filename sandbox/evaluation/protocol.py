@@ -42,7 +42,7 @@ from sandbox.evaluation.protocol_tests import (
     static_map,
 )  # fmt: skip
 from sandbox.output.files import plain
-from sandbox.output.tables import BELIEFS, print_table
+from sandbox.output.tables import BELIEFS, print_prose, print_table
 
 ESTIMATORS = (
     "qnull", "inversion", "rotating", "table", "arbitrary", "pwm_ripple", "fluxdemod", "pll3", "mechanical", "monitor",
@@ -318,5 +318,5 @@ def show(result: Protocol) -> None:
         heads, lines = table(result, motor)
         lines = [[re.sub(f" ([{''.join(MARKS)}]) ", r" \1\n", text) for text in line] for line in lines]
         print_table(f"{motor}: worst mean ° (worst 95 %)", heads, lines)
-    print(READING)
-    print(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")
+    print_prose(READING)
+    print_prose(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")

@@ -107,21 +107,41 @@ def print_table(title: str, heads: list[str], rows: list[list[str]], fixed: int 
     from rich.console import Console
 
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
-    for number, chosen in enumerate(folded(heads, rows, fixed, width)):
+    Console(markup=False, highlight=False).print(_fitted(title), style="bold", soft_wrap=True)
+    for chosen in folded(heads, rows, fixed, width):
         picked = [[row[k] for k in chosen] for row in [heads, *rows]]
         needed = 1 + sum(_width(picked, k) for k in range(len(chosen)))
         console = Console(width=max(width, needed), markup=False, highlight=False)
-        if number == 0:
-            console.print(title, style="bold", soft_wrap=True)
         console.print(_grid(picked), soft_wrap=needed > width)
 
 
 def print_list(lines: Mapping[str, str]) -> None:
-    """Print name and text of each entry: in a terminal folded to its width, elsewhere one line each."""
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else 10_000
+    """Print name and text of each entry, as `print_prose` does."""
     for name, text in lines.items():
-        head = f"{name:<20} "
-        print(textwrap.fill(text, max(width, 40), initial_indent=head, subsequent_indent=" " * len(head)))
+        print_prose(text, f"{name:<20} ")
+
+
+def print_prose(text: str, head: str = "") -> None:
+    """Print a text behind a head: in a terminal folded to its width, elsewhere one line, which `grep` finds whole.
+
+    Later lines begin below the text's first word. A word that is longer than a line, such as a path, is kept whole.
+    """
+    print(_fitted(text, head), flush=True)
+
+
+def _fitted(text: str, head: str = "") -> str:
+    """Return a text as `print_prose` prints it; its own line breaks are kept."""
+    if not sys.stdout.isatty():
+        return head + text
+    width, inner = max(shutil.get_terminal_size().columns, 40), " " * len(head)
+    parts = [
+        textwrap.wrap(
+            part, width, initial_indent=inner, subsequent_indent=inner, break_long_words=False, break_on_hyphens=False
+        )
+        or [""]
+        for part in text.split("\n")
+    ]
+    return head + "\n".join(line for lines in parts for line in lines).removeprefix(inner)
 
 
 LEAST = 24  # columns that a first column keeps where it has to be broken, its frame included

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from model.errors import BadInput
+
+if TYPE_CHECKING:
+    from estimators.contract import Estimator
 
 
 def list_motors() -> dict[str, str]:
@@ -191,9 +196,13 @@ def _estimator_card(name: str) -> str:
 
     e, motor = load_estimator(name), "ipm_exchanged"
     prices = [f"{belief} {cost(load_drive(motor), name, belief, 0)['step_ns']:.0f}" for belief in BELIEFS]
-    rows = [
-        ("injection", e.injection), ("delay", e.delay), ("speeds", e.speeds),
-        ("cost", f"{', '.join(prices)} ns a step, measured now on {motor}" + ("" if e.compiled else " (in Python)")),
-        ("source", e.source),
-    ]  # fmt: skip
-    return "\n".join([f"{e.name}: {e.summary}", "", *(f"{head:<11}{text}" for head, text in rows)])
+    said = f"{', '.join(prices)} ns a step, measured now on {motor}{'' if e.compiled else ' (in Python)'}"
+    return estimator_card_text(e, said)
+
+
+def estimator_card_text(e: Estimator, cost: str) -> str:
+    """Return an estimator's card as lines a person can read; cost: what a step costs, in words."""
+    from model.effects.library import entry
+
+    rows = [("injection", e.injection), ("delay", e.delay), ("speeds", e.speeds), ("cost", cost), ("source", e.source)]
+    return "\n".join([entry(f"{e.name}:", e.summary, 2), "", *(entry(head, text, 11) for head, text in rows)])

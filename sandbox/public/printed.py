@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from model.errors import PhysicsError
-from sandbox.output.tables import THEORY, comparison_tables, number_text, print_table, theory_of
+from sandbox.output.tables import THEORY, comparison_tables, number_text, print_prose, print_table, theory_of
 
 if TYPE_CHECKING:
     from model.parameters import Drive
@@ -27,7 +27,7 @@ def print_comparison(c: Comparison) -> None:
     theory = "theory: the cross-saturation angle that a linear belief cannot see, for small ripple."
     if all(row.predicted_mean_deg is None for row in c.rows):
         theory = "theory: none, as it knows the motor alone, not the effects of this plant or these estimators."
-    print(f"Position error in electrical degrees, mean (95th percentile of its size); {theory}")
+    print_prose(f"Position error in electrical degrees, mean (95th percentile of its size); {theory}")
 
 
 def print_run(c: Comparison, gains: Design) -> None:
@@ -85,7 +85,7 @@ def _torque(drive: Drive) -> float:
 def print_audit(drive: Drive, a: Audit) -> None:
     """Print an audit: validity in sentences, then the cross-saturation angle against load."""
     if a.passed:
-        print(
+        print_prose(
             f"{a.motor}: valid up to {a.radius:.4g} A ({a.radius / a.rated_current:.0%} of rated current); smallest "
             f"eigenvalue of the Hessian {a.min_eigenvalue:.4g} 1/H "
             f"at i = ({a.worst_current[0]:.3f}, {a.worst_current[1]:.3f}) A"
@@ -95,15 +95,17 @@ def print_audit(drive: Drive, a: Audit) -> None:
 
         v = a.violations[0]
         end = "the energy stops being convex" if isinstance(drive.motor.energy, Energy) else "the flux map ends"
-        print(
+        print_prose(
             f"{a.motor}: NOT valid over the audited {a.radius:.4g} A: {end} at i_d = "
             f"{v['i_d']:.4g} A, i_q = {v['i_q']:.3f} A, so it may be used up to {a.valid_radius:.4g} A "
             f"({a.valid_radius / a.rated_current:.0%} of rated current)"
         )
     kept = "in the whole disc" if a.saliency_radius >= a.radius else f"up to {a.saliency_radius:.4g} A"
-    print(f"saliency L_qq - L_dd keeps its sign, so that q-null injection is feasible: {kept}")
+    print_prose(f"saliency L_qq - L_dd keeps its sign, so that q-null injection is feasible: {kept}")
     rated = drive.motor.rated_torque
-    print(f"torque at rated current on q: {_torque(drive):.4g} N m (rated torque {rated:.4g} N m; currents are peak)")
+    print_prose(
+        f"torque at rated current on q: {_torque(drive):.4g} N m (rated torque {rated:.4g} N m; currents are peak)"
+    )
     content = audit_content(drive, a)
     heads = [
         "load %",
@@ -135,9 +137,9 @@ def print_identification(result: Identification) -> None:
     print_table(f"{result.campaign.name}: identified motor (SI)", heads, lines, fixed=2)
     for name, fit in result.fits.items():
         share = "" if math.isnan(fit.misfit) else f", {fit.misfit:.3g} x what noise explains"
-        print(f"{name}: residual {1e3 * fit.residual_rms:.3g} mA rms{share}")
+        print_prose(f"{name}: residual {1e3 * fit.residual_rms:.3g} mA rms{share}")
     for remark in result.remarks:
-        print(remark)
+        print_prose(remark)
 
 
 def print_maps(m: Maps) -> None:
@@ -160,7 +162,9 @@ def print_maps(m: Maps) -> None:
     title = f"{m.motor}: over i_d and i_q up to ±{m.i_d[-1]:.4g} A, {valid:.3g} % of it valid"
     heads = ["what injection sees", "at zero\ncurrent", "at rated\ni_q", "least", "most", "first order\nerrs by ≤"]
     print_table(title, heads, rows)
-    print("angle: error of a q-null estimator with a linear belief; gain: slope of its null relative to zero current")
+    print_prose(
+        "angle: error of a q-null estimator with a linear belief; gain: slope of its null relative to zero current"
+    )
 
 
 LABELS = {"l_dd": "L_dd", "l_dq": "L_dq", "l_qq": "L_qq"}

@@ -171,11 +171,14 @@ def quantum(x: Array) -> float | None:
 
 
 def ripple(r: CampaignRecording, drive: Drive) -> list[Finding]:
-    """Return a finding where injection is stated and its frequency is not in the commands."""
+    """Return a finding where injection is stated and its frequency is not in the commands, seen from the rotor.
+
+    Injection turns with the rotor: from outside, the speed would move its line.
+    """
     if r.injection_axis == "none":
         return []
     h, f = drive.converter.sampling_period, drive.injection.frequency
-    u = r.u_alpha + 1j * r.u_beta
+    u = (r.u_alpha + 1j * r.u_beta) * np.exp(-1j * r["theta"])
     spectrum = np.abs(np.fft.fft((u - u.mean()) * np.hanning(len(u)))) / (0.5 * len(u))
     at = np.abs(np.fft.fftfreq(len(u), h))
     near = np.abs(at - f) < max(4.0 / (len(u) * h), 0.02 * f)

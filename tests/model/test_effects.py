@@ -84,6 +84,7 @@ def test_card_is_complete(name):
     text = library.card_text(card)
     assert card.equation in " ".join(text.split())
     assert all(f"{name}.{p.name}" in text for p in card.parameters)
+    assert max(map(len, text.splitlines())) <= library.CARD_WIDTH == 80
 
 
 def test_table_in_the_readme_is_current():

@@ -21,7 +21,7 @@ from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.output.document import answer as answered
 from sandbox.output.document import bullets, figure, fold, pairs, prose, table, write_page
 from sandbox.output.files import version
-from sandbox.output.tables import print_table
+from sandbox.output.tables import print_prose, print_table
 from sandbox.output.vector import bars_svg, lines_svg
 
 FEWEST = 0.001  # probability below which a hypothesis stays in the folded part
@@ -37,10 +37,10 @@ FLAT = 3.0  # log likelihood: a fall of less is none that decides
 def print_answers(a: Answers) -> None:
     """Print the answers and what is left in sentences, the hypotheses and the gap per recording as tables."""
     d = a.diagnosis
-    print(f"{d.campaign.name}: {TITLES[a.verdict].lower()}")
+    print_prose(f"{d.campaign.name}: {TITLES[a.verdict].lower()}")
     for head, text in _three(a):
-        print(f"{head:<10} {text}")
-    print(f"{'Left?':<10} {answers.remains_text(a)}")
+        print_prose(text, f"{head:<10} ")
+    print_prose(answers.remains_text(a), f"{'Left?':<10} ")
     rows = [[label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
     print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
     if d.parameters[0]:
@@ -49,8 +49,8 @@ def print_answers(a: Answers) -> None:
     rows = [[f + (" (held out)" if h else ""), f"{b:.2f}", f"{x:.2f}"] for f, b, x, h in d.size.recordings]
     print_table("residual over its noise floor (rms)", ["recording", "before", "after"], rows)
     for text in answers.caveats(a):
-        print(f"note: {text}")
-    print(f"{d.simulations} simulations in {d.seconds:.1f} s")
+        print_prose(f"note: {text}")
+    print_prose(f"{d.simulations} simulations in {d.seconds:.1f} s")
 
 
 def write_report(path: Path, a: Answers) -> None:

@@ -212,7 +212,7 @@ def next_text(a: Answers) -> str:
             "[uncertainty] and [background] allow is refitted."
         )
     if a.verdict == "explained":
-        return "Nothing is needed to name the cause; the values above belong into this drive's simulator."
+        return "Nothing is needed to name the cause. Put the values above into the simulator of this drive."
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
     disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
     told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
@@ -258,8 +258,8 @@ def caveats(a: Answers) -> list[str]:
         out.append("No turning recording has injection, so the position error cannot be compared.")
     if d.temperature > 2.0:
         out.append(
-            f"In weighing hypotheses the data counted for {d.temperature:,.3g} times less than its samples: residuals "
-            "are alike within blocks of time, and the simulator's own error grows with the gap."
+            f"When hypotheses were compared, the data got {d.temperature:,.3g} times less weight than independent "
+            "samples have: neighbouring residuals are alike, and the simulator's own error grows with the gap."
         )
     return out + _of_the_model(d.campaign.drive.provenance)
 
@@ -268,7 +268,11 @@ def _of_the_model(told: Mapping[str, str]) -> list[str]:
     """Return what of a nominal model's provenance limits the answers; the whole of it stands with the model."""
     assumed = [what for what, text in told.items() if text.startswith("assumed")]
     out = [f"Cannot show: {text}" for what, text in told.items() if what.startswith("cannot show")]
-    return out + ([f"Assumed in the nominal model, known from nowhere: {', '.join(assumed)}."] if assumed else [])
+    return out + (
+        [f"Values of the nominal model that are assumed, as no source states them: {', '.join(assumed)}."]
+        if assumed
+        else []
+    )
 
 
 def remains_text(a: Answers) -> str:

@@ -13,6 +13,7 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of, table_of, write_table
 from sandbox.output.files import results, write_json
+from sandbox.output.tables import print_prose, print_table
 from sandbox.public.calls import told
 from sandbox.public.campaigns import drafting
 from sandbox.public.loading import load_motor
@@ -135,8 +136,11 @@ def check(
 
     Examples
     --------
-    >>> from sandbox import check
-    >>> check("campaign").mistakes  # doctest: +SKIP
+    >>> import tempfile
+    >>> from sandbox import check, simulate
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     run = simulate("ipm_exchanged", duration=0.2, record=f"{folder}/mine")
+    ...     check(f"{folder}/mine", effects=False).mistakes
     ()
     """
     name, read, found, why = _read(campaign, columns, preset)
@@ -267,14 +271,18 @@ def plan(
 
 def print_plan(found: PlanResult) -> None:
     """Print the experiments and what stays alike."""
-    print(f"{found.plan.drive.name}: record each of these {REPEATS} times, one to be fitted and one to be held out")
+    print_prose(
+        f"{found.plan.drive.name}: record each of these {REPEATS} times, one to be fitted and one to be held out"
+    )
     for k, p in enumerate(found.plan.experiments, 1):
-        print(f"{k}. {p.entry.name} ({p.entry.seconds:.3g} s): {p.entry.description}; {p.settings}")
-        print(f"   tells {len(p.tells)} effects, beyond those before it {', '.join(p.adds)}")
+        print_prose(f"{p.entry.name} ({p.entry.seconds:.3g} s): {p.entry.description}; {p.settings}", f"{k}. ")
+        print_prose(f"tells {len(p.tells)} effects, beyond those before it {', '.join(p.adds)}", "   ")
     v = found.plan.together
-    print("not told: " + (", ".join(e for e in v.sizes if v.words(e) == "not") or "none of the library's effects"))
+    print_prose(
+        "not told: " + (", ".join(e for e in v.sizes if v.words(e) == "not") or "none of the library's effects")
+    )
     for a, b, cosine in v.alike[:6]:
-        print(f"{a} and {b} still look alike (cosine {cosine:.3f})")
+        print_prose(f"{a} and {b} still look alike (cosine {cosine:.3f})")
 
 
 def _read(
@@ -309,20 +317,19 @@ def _draft(campaign: str | Path | Campaign, columns: str | Path | None) -> str:
 
 def print_check(found: CheckResult) -> None:
     """Print the findings and what the recordings could tell."""
-    from sandbox.output.tables import print_table
 
     words = {"refused": "REFUSED", "suspicious": "suspicious", "note": "note"}
     for n in found.noticed:
-        print(f"{words[n.level]}: {n.finding.text}")
+        print_prose(f"{words[n.level]}: {n.finding.text}")
     if not found.mistakes:
-        print(f"{found.name}: nothing wrong or suspicious")
+        print_prose(f"{found.name}: nothing wrong or suspicious")
     if found.visible is None:
-        print(found.why)
+        print_prose(found.why)
         if found.draft:
-            print(f"a draft of a column map, from the tables' own columns: {drafting.NAME} among the results")
+            print_prose(f"a draft of a column map, from the tables' own columns: {drafting.NAME} among the results")
         return
     v = found.visible
     rows = [[e, f"{z:.3g}", v.words(e)] for e, z in v.sizes.items()]
     print_table("effects at typical size", ["effect", "standard deviations", "visible"], rows)
     for a, b, cosine in v.alike[:6]:
-        print(f"{a} and {b} look alike on these recordings (cosine {cosine:.3f})")
+        print_prose(f"{a} and {b} look alike on these recordings (cosine {cosine:.3f})")

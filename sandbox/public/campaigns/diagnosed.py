@@ -15,6 +15,7 @@ from model.effects.library import load_effect
 from model.errors import BadInput
 from sandbox.output.columns import Column, columns_of, write_table
 from sandbox.output.files import results, write_json
+from sandbox.output.tables import print_prose
 from sandbox.public.calls import told
 from sandbox.public.campaigns.moved import MotionResult, diagnose_motion
 from sandbox.public.loading import motion_only, read_campaign
@@ -249,7 +250,9 @@ def print_files(found: DiagnosisResult) -> None:
     """Print what became of an earlier answer, and which files go on from here."""
     if found.continued is not None:
         left = "; or ".join(" + ".join(s) or "no effect" for s in found.continued["ambiguity_set"])
-        print(f"Before: {found.continued['verdict']} ({left}).")
-    print("The simulator with it: motor.toml and effects.toml (sensorless replay, simulate --motor, --effects).")
+        print_prose(f"The earlier diagnosis said: {found.continued['verdict']} ({left}).")
+    print_prose("For a simulator that has what was found, give motor.toml and effects.toml to --motor and --effects.")
     if found.table is not None:
-        print("The next recording to play: next_recording.csv; with it in the campaign, --continue this result.")
+        print_prose(
+            "next_recording.csv is the recording to make next; add it to the campaign and --continue from this result."
+        )

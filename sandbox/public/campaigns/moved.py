@@ -101,15 +101,15 @@ def diagnose_motion(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Mo
 def print_motion(m: Motion) -> None:
     """Print the answers in sentences, orders of cogging and the residual of each recording as tables."""
     from sandbox.motion.telling import TITLES, cogging_rows, sentences, verdict
-    from sandbox.output.tables import print_table
+    from sandbox.output.tables import print_prose, print_table
 
-    print(f"{m.campaign.name}, motion only: {TITLES[verdict(m)].lower()}")
+    print_prose(f"{m.campaign.name}, motion only: {TITLES[verdict(m)].lower()}")
     for head, text in sentences(m):
-        print(f"{head:<11} {text}")
+        print_prose(text, f"{head:<11} ")
     rows = cogging_rows(m)
     if rows:
         print_table("cogging", ["order", "N m", "A", "phase rad"], rows)
     table = [[f + (" (held out)" if h else ""), f"{b:.2f}", f"{a:.2f}"] for f, b, a, h in m.by_recording[:20]]
     print_table("residual torque over its noise floor (rms)", ["recording", "before", "after"], table)
     for finding in m.campaign.findings:
-        print(f"note: {finding.text}")
+        print_prose(f"note: {finding.text}")

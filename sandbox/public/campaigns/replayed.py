@@ -139,10 +139,14 @@ def replay(
 
     Examples
     --------
-    >>> from sandbox import replay
-    >>> as_measured = replay("campaign", {"dead_time.time": 2e-6})  # doctest: +SKIP
-    >>> as_measured.rms  # doctest: +SKIP
-    {'locked_d.parquet': 1.02}
+    >>> import tempfile
+    >>> from sandbox import replay, simulate
+    >>> late = {"dead_time.time": 2e-6}  # recorded with it; replayed with it only noise remains
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     run = simulate("ipm_exchanged", duration=0.2, effects=late, record=f"{folder}/mine")
+    ...     with_it, without = replay(f"{folder}/mine", late), replay(f"{folder}/mine")
+    >>> max(with_it.rms.values()) < 1.1 < min(without.rms.values())
+    True
     """
     from sandbox.gap.evidence.noise import floor_of
     from sandbox.gap.evidence.normal import Point

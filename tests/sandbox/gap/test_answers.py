@@ -158,7 +158,7 @@ def test_no_gap_is_said_plainly(quiet_answers):
     assert "Nothing is needed" in next_text(quiet_answers)
     assert any("held out" in text for text in caveats(quiet_answers))  # a campaign of one recording
     assert caveats(quiet_answers)[-1].startswith(
-        "Assumed in the nominal model, known from nowhere: magnet_flux, inertia"
+        "Values of the nominal model that are assumed, as no source states them: magnet_flux, inertia"
     )
     assert not any("printed" in text for text in caveats(quiet_answers))  # what is known is no caveat
 
@@ -285,7 +285,10 @@ def test_a_diagnosis_goes_on_from_an_earlier_one(quiet_folder, quiet_answers, tm
     out = tmp_path / "out"
     call = ["diagnose", str(quiet_folder), "--out", str(out), "--jobs", "1", "--continue", str(tmp_path)]
     assert main(call) == 0
-    assert "Before: ambiguous (dead_time + magnet_flux; or no effect; or unknown)." in capsys.readouterr().out
+    assert (
+        "The earlier diagnosis said: ambiguous (dead_time + magnet_flux; or no effect; or unknown)."
+        in capsys.readouterr().out
+    )
     found = json.loads((out / "diagnosis.json").read_text())
     assert misfits("diagnosis", found) == []
     assert found["continued"] == {"verdict": "ambiguous", "ambiguity_set": left["ambiguity_set"], "recommended": None}

@@ -5,15 +5,19 @@ from __future__ import annotations
 import ast
 import doctest
 import inspect
+import re
 from importlib import import_module
 from pathlib import Path
 
 import pytest
 
 import sandbox
+from model.parameters import Motor
 from tests.sandbox.public.naming import ROOT, names_tested, python
 
 FUNCTIONS = [name for name in sandbox.__all__ if inspect.isfunction(getattr(sandbox, name))]
+ERRORS = ("BadInput", "PhysicsError")
+OBJECTS = [*(getattr(sandbox, name) for name in sandbox.__all__ if name not in (*FUNCTIONS, *ERRORS)), Motor]
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
@@ -32,11 +36,39 @@ def test_every_function_has_a_numpydoc_text(name):
         assert f"\n{parameter} : " in text, parameter
 
 
-@pytest.mark.parametrize("name", FUNCTIONS)
+@pytest.mark.parametrize("kind", OBJECTS, ids=lambda kind: kind.__name__)
+def test_every_object_has_a_numpydoc_text(kind):
+    """Every field, in order, with its default, and the unit and range that it is declared and checked with."""
+    text = inspect.getdoc(kind)
+    assert "Examples\n--------\n" in text
+    assert ">>> from sandbox import" in text
+    head, *listed = re.split(r"^([\w, ]+) : (.+)$", text.partition("Parameters\n----------\n")[2], flags=re.M)
+    assert head == ""
+    told = [
+        (name, of, means)
+        for names, of, means in zip(listed[::3], listed[1::3], listed[2::3], strict=True)
+        for name in names.split(", ")
+    ]
+    parameters = inspect.signature(kind).parameters
+    assert [name for name, _, _ in told] == list(parameters)
+    declared = getattr(kind, "__dataclass_fields__", {})
+    for name, of, means in told:
+        usual, own = parameters[name].default, declared[name].metadata if name in declared else {}
+        if usual is None:
+            assert of.endswith(", optional"), name
+        else:
+            assert of.partition("default ")[2] == ("" if usual is inspect.Parameter.empty else repr(usual)), name
+        if own:
+            assert " ".join(means.split()).startswith(f"{own['unit']}, {own['low']:g} to {own['high']:g}:".lstrip(", "))
+    if declared and kind is not sandbox.Estimator:
+        assert "Raises\n------" in text
+
+
+@pytest.mark.parametrize("name", [*FUNCTIONS, *(kind.__name__ for kind in OBJECTS)])
 def test_examples_run(name):
-    function = getattr(sandbox, name)
+    function = Motor if name == "Motor" else getattr(sandbox, name)
     runner = doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE)
-    for example in doctest.DocTestFinder(recurse=False).find(function, name, module=False):
+    for example in doctest.DocTestFinder(recurse=False).find(function, name, module=False, globs={}):
         runner.run(example)
     assert runner.failures == 0
     assert runner.tries > 0

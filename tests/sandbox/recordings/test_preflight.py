@@ -12,7 +12,7 @@ import pytest
 
 from sandbox import check
 from sandbox.cli import main
-from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.campaign import EXAMPLE, read_campaign
 from sandbox.recordings.mistakes import PHASES
 from sandbox.recordings.preflight import REFUSED, noticed, quantum
 from sandbox.recordings.writing import write_campaign
@@ -128,6 +128,15 @@ def test_thirty_planted_mistakes_are_named():
 def test_clean_campaigns_pass_without_a_word():
     for name in ("p01", "p05", "p06", "p10", "p11"):
         assert findings(bench(name)) == [], name
+
+
+def test_the_sample_campaign_passes_without_a_word():
+    """One of its rotors is driven at 360 rad/s, which moves the injected 500 Hz by 57 Hz unless one turns with it."""
+    campaign = read_campaign(EXAMPLE)
+    assert findings(campaign) == []
+    none = [dataclasses.replace(r, columns={**r.columns, **dict.fromkeys(U, 0.0 * r.t)}) for r in campaign.recordings]
+    told = findings(dataclasses.replace(campaign, recordings=tuple(none)))
+    assert sum("but the commands hold" in text for text in told) == len(none)
 
 
 def test_wrong_statements_about_the_drive_are_noticed():
