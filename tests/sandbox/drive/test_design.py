@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
 from importlib import import_module
 
@@ -148,3 +149,47 @@ def test_a_winding_far_faster_than_sampling_is_refused_at_once():
     drive = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, **quick))
     with pytest.raises(BadInput, match=r"12000 samples of 2500000 plant steps of 1e-10 s are more than 4e\+09 steps"):
         simulate(drive, Scenario("s", (Segment(3.0),), start_up=False), load_estimator("qnull"))
+
+
+@pytest.mark.parametrize("name", motor_names())
+def test_each_loop_is_as_fast_as_its_margin_and_its_crossover_let_it(name):
+    """60 degrees (tracking: 45) or a crossover of an eighth of the injection's frequency, whichever comes first."""
+    drive = load_drive(name)
+    highest = 2.0 * np.pi * drive.injection.frequency / 8.0
+    for kind, least in (("current", 60.0), ("tracking", 45.0), ("speed", 60.0)):
+        loop = ds.design(drive).loops[kind]
+        spare = min(loop.phase_margin_deg / least - 1.0, 1.0 - loop.crossover / highest)
+        assert spare == pytest.approx(0.0, abs=3e-3), kind  # the grid's step in frequency
+
+
+def test_starting_up_waits_eight_time_constants_and_averages_sixteen_milliseconds():
+    """In whole periods of the injection, 2 ms: 8 ones; of the current loop's time constant the next larger number."""
+    drive = load_drive("ipm_exchanged")
+    found = ds.design(drive)
+    assert found.tuning.average == 8
+    assert found.tuning.settle == math.ceil(8.0 / found.loops["current"].bandwidth / 2e-3)
+    told = ds.design(drive, start_up=False).tuning
+    assert (told.settle, told.average) == (0, 0)
+
+
+def test_what_a_voltage_may_be_off_is_a_four_hundredth_of_the_link():
+    drive = load_drive("ipm_exchanged")
+    sigma = 0.0025 * drive.converter.dc_bus_voltage * drive.converter.sampling_period  # Wb in a sample
+    assert ds.design(drive).tuning.flux_variance == pytest.approx(sigma**2)
+
+
+@pytest.mark.parametrize("lag", [0.5, 2.0])
+def test_a_double_integrator_starts_at_minus_180_degrees(lag):
+    """(1 + j w) exp(-j lag w) / (j w)^2 with a gain that makes it cross at w = 1: its margin is 45 degrees less the
+    lag, the phase unwrapped from just above or just below -180 degrees."""
+    w = np.geomspace(1e-3, 10.0, 4000)
+    loop = (1.0 + 1j * w) * np.exp(-1j * lag * w) / (1j * w) ** 2 / np.sqrt(2.0)
+    margin, at = ds._crossing(loop, w)
+    assert at == pytest.approx(1.0, rel=5e-3)
+    assert margin == pytest.approx(45.0 - np.degrees(lag), abs=0.5)
+
+
+def test_disk_margin_of_an_integrator():
+    """1/(j w): |1 - L| = |1 + L| at every w, so that the balanced sensitivity is 1/2 and the margin 2."""
+    w = np.geomspace(1e-2, 1e2, 500)
+    assert ds._margins(1.0 / (1j * w), w)[2] == pytest.approx(2.0)

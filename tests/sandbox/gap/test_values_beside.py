@@ -84,7 +84,7 @@ def test_a_group_has_at_most_four_effects(count, groups):
 
 
 def test_a_set_with_and_without_unknown_is_one_set(monkeypatch):
-    """0.5 for a, 0.2 for a beside `unknown`, 0.3 for none; algebra adds that b is as unlikely as e^-40."""
+    """0.5 for a, 0.2 for a beside `unknown`, 0.3 for none; by algebra b is e times less likely than a: 0.7/e."""
     table = SimpleNamespace(members={"a": (), "b": ()})
 
     class Sets:
@@ -92,17 +92,18 @@ def test_a_set_with_and_without_unknown_is_one_set(monkeypatch):
             self.known = {}
 
         def weigh(self, effects):
-            return self.known.setdefault(tuple(sorted(effects)), 0.0 if tuple(effects) == ("a",) else -40.0)
+            return self.known.setdefault(tuple(sorted(effects)), {("a",): 0.0, ("b",): -1.0}.get(tuple(effects), -99.0))
 
         def climb(self, effects):
-            return effects, 0.0
+            return effects, self.weigh(("b",))
 
     monkeypatch.setattr(inclusion, "Subsets", Sets)
     told = [(("a",), 0.5), (("a", "unknown"), 0.2), ((), 0.3)]
     found = inclusion.inclusion(
         [SimpleNamespace(effects=e, probability=p, judged=SimpleNamespace(table=table)) for e, p in told], 1.0
     )
-    assert found.chances == pytest.approx({"a": 0.7, "b": 0.0}, abs=1e-12)
+    total = 1.0 + 0.7 / np.e
+    assert found.chances == pytest.approx({"a": 0.7 / total, "b": 0.7 / np.e / total}, abs=1e-12)
 
 
 def test_scans_reach_their_last_value(monkeypatch):
