@@ -50,7 +50,7 @@ def test_starts_are_looked_for_anew_two_hundredths_above_the_floor(monkeypatch, 
     assert len(calls) == asked
     assert [p.effect for p in s.chosen] == (["inertia"] if asked else ["dead_time"])
     assert s.cost == 7.0 * asked
-    assert all(p.sized is None for p in s.chosen)
+    assert all((p.sized, p.gain) == (None, 0.0) for p in s.chosen)
 
 
 @pytest.fixture
