@@ -129,7 +129,8 @@ def add_export(add: Add) -> None:
 def add_looking(add: Add) -> None:
     """Add `list`, `view` and `show`, which write nothing."""
     c = add("list", commands.run_list, "names and one line each of motors, effects and so on", writes=False)
-    c.add_argument("kind", choices=("motors", "effects", "estimators", "scenarios", "datasets", "presets", "tests"))
+    kinds = ("motors", "effects", "estimators", "scenarios", "datasets", "presets", "tests")
+    c.add_argument("kind", choices=kinds, metavar="KIND", help=", ".join(kinds))
     c.add_argument("name", nargs="?", help="of an effect or estimator: its card is printed")
     add_own_effects(c)
     c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)
