@@ -201,3 +201,17 @@ def test_shares_of_two_effects_by_hand(monkeypatch):
     assert found.of["b"] == pytest.approx((0.54, 0.54, 0.54))  # 0.81 x 60/90
     assert found.of["a"] == pytest.approx((0.27, 0.27, 0.27))
     assert [e for e, _ in found.waterfall] == ["b", "a"]
+
+
+@pytest.mark.parametrize(("left", "fits"), [(2.9, [False, True]), (3.1, [False])])
+def test_the_sign_of_currents_is_freed_within_three_floors(monkeypatch, left, fits):
+    asked = []
+
+    def fitted(start, effects, weights, workers, *, sign):
+        asked.append(sign)
+        return Fit((), None, None, 0.0, 1.0)
+
+    monkeypatch.setattr(fitting, "_fit", fitted)
+    monkeypatch.setattr(fitting, "normalised", lambda n, weights: left)
+    assert fitting.fit(None, (), {}).simulations == len(fits)
+    assert asked == fits

@@ -9,6 +9,7 @@ from scipy.stats import norm
 
 from model.drive_files import load_drive
 from model.effects import library
+from model.errors import BadInput
 from sandbox.gap.evidence import noise, priors
 from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, prior_of
 from sandbox.gap.evidence.holdout import worst_share
@@ -194,3 +195,19 @@ def test_what_a_float_rounds_is_no_noise(scatter, is_seen):
     swing = np.where(np.arange(2000) % 2, 1.0, -1.0) * 3.0 * (2.0 * scatter) / 4.0
     r = SimpleNamespace(i_a=np.full(2000, 2.0), i_b=np.full(2000, -1.0) + swing, i_c=np.full(2000, -1.0))
     assert (noise._of_blocks(SimpleNamespace(recordings=(r,)), 10.0) is not None) is is_seen
+
+
+@pytest.mark.parametrize(("shown", "said"), [(2.9, ""), (3.1, "look larger than it is"), (0.51, "")])
+def test_noise_three_times_as_large_as_stated_is_told(monkeypatch, shown, said):
+    """A scatter of half the stated noise is no reason to refuse; below it, it is."""
+    monkeypatch.setattr(noise, "noise_floor", lambda converter: 1.0)
+    monkeypatch.setattr(noise, "counted", lambda campaign: False)
+    monkeypatch.setattr(noise, "seen", lambda campaign: shown)
+    r = SimpleNamespace(i_a=np.arange(3.0), i_b=np.arange(3.0), i_c=np.arange(3.0))
+    own = SimpleNamespace(recordings=(r,), drive=SimpleNamespace(converter=None))
+    found = noise.noise_caution(own)
+    assert said in found
+    assert bool(found) == bool(said)
+    monkeypatch.setattr(noise, "seen", lambda campaign: 0.49)
+    with pytest.raises(BadInput, match="nothing could be seen"):
+        noise.noise_caution(own)
