@@ -217,11 +217,11 @@ def looked_at(monkeypatch, *peaks):
 def test_currents_shrink_into_a_limit_by_hand(monkeypatch, peaks, share):
     """Of 1 A: the first proportion, then 0.99 of it; what the link and the speed are is not touched."""
     looked_at(monkeypatch, *peaks)
-    found = within(entry_of(i_d=2.0, i_q=-1.0, speed=50.0), drive_at(), Limits(current=1.0))
+    found = within(entry_of(i_d=2.0, i_q=-3.0, speed=50.0), drive_at(), Limits(current=1.0))
     if share is None:
         assert found is None
         return
-    assert (found.i_d[0], found.i_q[0]) == pytest.approx((2.0 * share, -share))
+    assert (found.i_d[0], found.i_q[0]) == pytest.approx((2.0 * share, -3.0 * share))
     assert (found.speed[0], found.link) == (50.0, 1.0)
 
 
@@ -246,8 +246,9 @@ def test_the_link_is_that_of_the_bench(monkeypatch, limit, link):
 def test_a_speed_is_that_of_the_bench(monkeypatch, speed, left):
     """1500 / pi rpm of two pole pairs are 100 rad/s electrical."""
     looked_at(monkeypatch, 0.0)
-    found = within(entry_of(speed=speed), drive_at(), Limits(speed_rpm=1500.0 / math.pi))
-    assert found.speed[0] == pytest.approx(left)
+    entry = entry_of(speed=np.append(np.zeros(199), speed))
+    found = within(entry, drive_at(), Limits(speed_rpm=1500.0 / math.pi))
+    assert found.speed[-1] == pytest.approx(left)
 
 
 def test_a_room_by_hand():
