@@ -88,14 +88,14 @@ def test_the_worst_of_three_counts(worst):
 
 def test_peaks_are_looked_for_every_millisecond(monkeypatch):
     """At 4 kHz every fourth sample: a speed at the second one is not seen, one at the fifth is, and what the motor
-    needs for it: 100 rad/s times 0.16 Wb.  A motor that cannot have such currents is far beyond every limit."""
+    needs for it: 100 rad/s times 0.16 Wb; below 1 kHz every one.  A motor that cannot have such currents is far beyond every limit."""
     drive = drive_at(0.25e-3)
     monkeypatch.setattr(limiting, "complete", lambda *_: {})
     monkeypatch.setattr(limiting, "shaft", lambda values, slow: slow.converter.sampling_period)
-    for at, seen in ((1, 0.0), (2, 0.0), (4, 100.0)):
+    for at, period, seen in ((1, 0.25e-3, 0.0), (2, 0.25e-3, 0.0), (4, 0.25e-3, 100.0), (1, 2e-3, 100.0)):
         speed = np.zeros(9)
         speed[at] = -100.0
-        found = limiting._peaks(entry_of(speed=speed, n=9), drive)
+        found = limiting._peaks(entry_of(speed=speed, n=9), drive_at(period))
         assert dataclasses.astuple(found) == pytest.approx((0.0, seen, 0.16 * seen))
     periods = []
     monkeypatch.setattr(
@@ -122,5 +122,5 @@ def test_peaks_are_looked_for_every_millisecond(monkeypatch):
 )  # fmt: skip
 def test_an_injections_ripple_by_hand(currents, injection, expected):
     """4 V over half a wave, four samples of 1/1600 s, are 0.01 Wb: 0.2 A in 0.05 H and 0.1 A in 0.1 H, either way."""
-    entry = entry_of("locked", *currents, injection=injection)
+    entry = entry_of("locked", *(np.array([0.0, x]) for x in currents), n=2, injection=injection)
     assert largest_current(entry, drive_at()) == pytest.approx(expected)
