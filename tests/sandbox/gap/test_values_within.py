@@ -88,7 +88,8 @@ def test_the_worst_of_three_counts(worst):
 
 def test_peaks_are_looked_for_every_millisecond(monkeypatch):
     """At 4 kHz every fourth sample: a speed at the second one is not seen, one at the fifth is, and what the motor
-    needs for it: 100 rad/s times 0.16 Wb; below 1 kHz every one.  A motor that cannot have such currents is far beyond every limit."""
+    needs for it: 100 rad/s times 0.16 Wb; below 1 kHz every one.  A motor
+    that cannot have such currents is far beyond every limit."""
     drive = drive_at(0.25e-3)
     monkeypatch.setattr(limiting, "complete", lambda *_: {})
     monkeypatch.setattr(limiting, "shaft", lambda values, slow: slow.converter.sampling_period)
