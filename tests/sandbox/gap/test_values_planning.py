@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
+from model.errors import BadInput
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.planning import next_recording as following
 from sandbox.gap.planning.menu import Entry
 from sandbox.gap.planning.next_recording import Tried, power
-from sandbox.recordings.campaign import NO_LIMITS
+from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording
 from tests.sandbox.gap.conftest import DRIVE
 
 SURE_OF_TWO = math.log(19.0)  # log evidence that leaves 0.95 to one of two: 0.95 / 0.05
@@ -61,13 +62,13 @@ def test_what_a_simulator_misses_leans_by_three_tenths(missed, apart):
 
 @pytest.mark.parametrize(("between", "sides"), [(0.0, 1.0), (8.0, -1.0), (4.0, 0.0)])
 def test_rivals_on_one_side_go_together(between, sides):
-    """Both are 2 from the truth, so deviations of 2; 0, 4 or 8 from each other: the same, independent or opposite."""
+    """Both are 2 from the truth, so deviations of 2; 0, 4 or 8 from each other: the same, independent or opposite.  In
+    the mean each is as far behind as both together may be: half of the cases, fewer, none."""
     told, away = SURE_OF_TWO + math.log(2.0), np.array([[0.0, 2.0, 2.0], [2.0, 0.0, between], [2.0, between, 0.0]])
-    rng = np.random.default_rng(5)
-    a, b = 2.0 * rng.standard_normal((2, 400_000))
+    a, b = 2.0 * np.random.default_rng(5).standard_normal((2, 400_000))
     b = sides * a if sides else b
-    alone = np.mean(np.exp(-told - 2.0 - a) + np.exp(-told - 2.0 - b) <= 1.0 / 19.0)
-    assert power(even(3), tried(told + 2.0, away, n=3)) == pytest.approx(alone / 3.0, abs=DRAWN / 3.0)
+    alone = np.mean(np.exp(-a) + np.exp(-b) <= 2.0)
+    assert power(even(3), tried(told, away, n=3)) == pytest.approx(alone / 3.0, abs=DRAWN / 3.0)
 
 
 def test_a_longer_recording_brings_as_much_more():
@@ -93,9 +94,9 @@ def test_expected_evidence_by_hand(monkeypatch):
 def replayed(monkeypatch, n):
     """Equations n stand for a replay; returns the set it is asked at."""
     seen = {}
-    monkeypatch.setattr(following, "prepare", lambda told, truth, steps: None)
-    monkeypatch.setattr(following, "as_predicted", lambda prepared, truth: None)
-    monkeypatch.setattr(following, "Point", lambda prepared, values: seen.update(values))
+    monkeypatch.setattr(following, "prepare", lambda told, truth, steps: steps)
+    monkeypatch.setattr(following, "as_predicted", lambda steps, truth: steps)
+    monkeypatch.setattr(following, "Point", lambda steps, values: seen.update(values, steps=steps))
     monkeypatch.setattr(following, "normal", lambda point, own, workers=1: n)
     return seen
 
@@ -109,6 +110,7 @@ def test_what_a_simulator_misses_by_hand(monkeypatch):
     told = SimpleNamespace(drive=DRIVE)
     truth = {"dead_time.time": 1e-6, "magnet_flux.factor": 0.9}
     assert following._missed(told, truth, judged("dead_time")) == pytest.approx(0.5 * (12.0 + 6.0))
+    assert seen["steps"] == 1
     assert seen["dead_time.time"] == 0.0
     assert seen["magnet_flux.factor"] == 0.9
 
@@ -123,7 +125,7 @@ def test_surprise_by_hand(monkeypatch):
     turn = Coordinate("t", 0.0, 0.5, "turn", ("t.t",))
     n = SimpleNamespace(coordinates=(x, turn), summed=lambda: (np.diag([4.0, 6.0]), np.array([4.0, 0.0]), 20.0))
     asked = []
-    replayed(monkeypatch, n)
+    seen = replayed(monkeypatch, n)
     monkeypatch.setattr(following, "normal", lambda point, own, workers: asked.extend(c.label for c in own) or n)
     j = SimpleNamespace(
         fit=SimpleNamespace(point=SimpleNamespace(values={})), equations=SimpleNamespace(a=np.diag([8.0, 5.0, 1.0])),
@@ -131,9 +133,62 @@ def test_surprise_by_hand(monkeypatch):
         normal=SimpleNamespace(coordinates=(x, y, turn)),
     )  # fmt: skip
     told, wide = following._surprise(None, {}, j, 2.0, 1)
-    assert asked == ["x"]
+    assert (asked, seen) == (["x"], {"steps": 1})
     assert told == pytest.approx(4.8)
     assert wide == pytest.approx(0.5 * (math.log(10.0 / 8.0 * 7.0 / 4.0) - 0.2 - 3.0 / 7.0))
+
+
+def test_a_foretold_recording_holds_what_a_truth_reads(monkeypatch):
+    """Its currents, phase by phase, at the values that a fit has."""
+    read = np.arange(24.0).reshape(8, 3, 1)
+    columns = {k: np.zeros(8) for k in ("t", "u_alpha", "u_beta", "i_a", "i_b", "i_c", "theta")}
+    columns |= {"t": np.arange(8.0), "u_dc": np.full(8, 400.0)}
+    planned = Campaign("x", DRIVE, (CampaignRecording("r.parquet", "locked", "none", columns),), {}, {}, False)
+    monkeypatch.setattr(following, "shaft", lambda *_: None)
+    monkeypatch.setattr(following, "recording_of", lambda *_: planned)
+    monkeypatch.setattr(following, "prepare", lambda told, truth, steps: steps)
+    monkeypatch.setattr(following, "replay", lambda steps, sets: SimpleNamespace(currents=[steps * read]))
+    values = {"dead_time.time": 1e-6, "inertia.factor": math.nan}
+    a = SimpleNamespace(fit=SimpleNamespace(point=SimpleNamespace(values=values)))
+    told, truth = following.foretold(planned, None, a)
+    assert truth == {"dead_time.time": 1e-6}
+    assert np.array([told.recordings[0][f"i_{p}"] for p in "abc"]) == pytest.approx(read[:, :, 0].T)
+
+
+@pytest.mark.parametrize(("rotor", "off"), [("driven", 0.1), ("locked", 0.0)])
+def test_an_encoder_reads_its_own_turn(monkeypatch, rotor, off):
+    """A tenth of its angle too much, that is of the electrical one over 6 pole pairs."""
+
+    def eccentric(batch, turn, out):
+        out[:, 0] += 0.6 * turn
+
+    monkeypatch.setattr(following, "readings_off", eccentric)
+    columns = {k: np.zeros(8) for k in ("u_alpha", "u_beta", "i_a", "i_b", "i_c")}
+    columns |= {"t": np.arange(8.0), "theta": np.linspace(1.0, 2.0, 8), "u_dc": np.full(8, 400.0)}
+    planned = Campaign("x", DRIVE, (CampaignRecording("r.parquet", rotor, "none", columns),), {}, {}, False)
+    (r,) = following.encoded(planned, {}).recordings
+    assert r.theta == pytest.approx((1.0 + off) * columns["theta"])
+
+
+@pytest.mark.parametrize(
+    ("worst", "kept"), [(1.0, True), (math.inf, False), (math.nan, False), (BadInput("no"), False)]
+)
+def test_what_an_entry_brings_is_told_row_by_row(monkeypatch, worst, kept):
+    """Row: the true one; 10 times it and the other; kept where all numbers are finite."""
+
+    def brought(campaign, entry, a, others, temperature, workers):
+        if isinstance(worst, BadInput):
+            raise worst
+        own = np.array([10.0 * a.effects[0] + j.effects[0] for j in others])
+        return own * (worst if a.effects[0] == 2 else 1.0), -own, 5.0 + a.effects[0]
+
+    monkeypatch.setattr(following, "expected_evidence", brought)
+    found = following._tried(None, entry_of(), [(0.3, judged(k)) for k in range(3)], 1.0, 1)
+    assert (found is not None) == kept
+    if kept:
+        assert found.told.tolist() == [[math.inf, 1.0, 2.0], [10.0, math.inf, 12.0], [20.0, 21.0, math.inf]]
+        assert found.apart.tolist() == [[0.0, -1.0, -2.0], [-10.0, 0.0, -12.0], [-20.0, -21.0, 0.0]]
+        assert found.missed.tolist() == [5.0, 6.0, 7.0]
 
 
 @pytest.fixture
@@ -155,11 +210,15 @@ def recommending(monkeypatch):
             away = (missed or {}).get(entry.name, 0.0)
             return None if told is None else tried(told, 0.0, away, entry.name, entry.seconds, len(own))
 
+        def chance(own, x):
+            assert len(own) == len(x.told)
+            return float(x.told[0, 1])
+
         monkeypatch.setattr(following, "allowed", allowed)
         monkeypatch.setattr(following, "usual_seconds", lambda drive: 0.5)
         monkeypatch.setattr(following, "settings", lambda entry, drive: "")
         monkeypatch.setattr(following, "_tried", once)
-        monkeypatch.setattr(following, "power", lambda own, x: float(x.told[0, 1]))
+        monkeypatch.setattr(following, "power", chance)
         campaign = SimpleNamespace(drive=None, limits=NO_LIMITS, recordings=(), rated_from_data=False)
         return following.recommend(campaign, [(1.0 / rivals, judged(str(k))) for k in range(rivals)], 1.0)
 
