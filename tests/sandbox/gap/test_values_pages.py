@@ -165,7 +165,7 @@ def test_residuals_over_time_by_hand(monkeypatch, drawn, n, period, points, mill
     least) around the largest residuals, at the end."""
     residual = np.zeros((n, 3, 1))
     residual[n // 2 - 1, 0], residual[-5:, 1] = -3.0, 9.0
-    shown = [SimpleNamespace(current=residual, motion=None)]
+    shown = [SimpleNamespace(current=residual, motion=np.full((n, 1), -4.0))]
     prepared = SimpleNamespace(recordings=[SimpleNamespace(file="r", samples=n)], floor=0.5)
     columns = {f"i_{p}": np.full(n, 2.0) for p in "abc"}
     campaign = Recorded(r=SimpleNamespace(columns=columns))
@@ -179,6 +179,8 @@ def test_residuals_over_time_by_hand(monkeypatch, drawn, n, period, points, mill
     assert t[1] == pytest.approx(n // points * period)
     assert min(peaks) == -3.0
     assert max(peaks) == 0.0
+    assert drawn[0][0][3][0] == "motion"
+    assert drawn[0][0][3][1]["after"][1] == [-4.0] * points
     name, lines = drawn[1][0][1]
     assert name == "i_b (A)"
     assert lines["measured"][1][-1] == 2.0
@@ -191,6 +193,7 @@ def test_the_worst_stretch_by_hand():
     residual = np.array([[1.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, -3.0], [4.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     assert signals._worst(residual, 2) == (2, 4)  # 9 + 16; 9 + 9 before
     assert signals._worst(residual, 9) == (0, 5)
+    assert signals._worst(np.sqrt(np.array([[1.9, 0.0, 0.0], [1.5, 0.0, 0.0]])), 1) == (0, 1)
 
 
 def test_a_spectrums_bars_are_decibels_over_a_thousandth_of_the_floor(monkeypatch):
@@ -226,6 +229,33 @@ def test_a_trace_holds_400000_samples_of_a_recording(monkeypatch, samples, step)
     assert found["residual_d"].lines["after"] == pytest.approx(np.zeros(few), abs=1e-12)
     assert found["motion"].lines["after"].tolist() == [1.0] * few
     assert "angle" not in found
+    assert [len(found[x].colours) for x in ("current_d", "residual_d", "residual_q", "motion")] == [3, 2, 2, 2]
+
+
+def test_a_trace_has_a_tab_of_each_recording(monkeypatch, tmp_path):
+    """What is shown of the second: its own inputs, the prediction of all, its own residual, before and after."""
+    made = {}
+    points = {
+        name: SimpleNamespace(name=name, prepared=SimpleNamespace(recordings=[f"{name} a", f"{name} b"]))
+        for name in ("before", "after")
+    }
+    monkeypatch.setattr(traces, "_seen", lambda p: (f"{p.name} all", [f"{p.name} 0", f"{p.name} 1"]))
+    monkeypatch.setattr(traces, "decompose", lambda p, own: (p.name, own))
+    monkeypatch.setattr(traces, "_whole", lambda a, parts: [("parts", parts)])
+    monkeypatch.setattr(traces, "_recording", lambda k, period, shown: [("plot", (k, period, shown))])
+    monkeypatch.setattr(traces, "_text", lambda a: "told")
+    monkeypatch.setattr(traces, "write_series", lambda path, title, text, tabs: made.update(tabs))
+    files = [SimpleNamespace(file=f"{x}.parquet") for x in "ab"]
+    d = SimpleNamespace(
+        before=SimpleNamespace(point=points["before"]), after=SimpleNamespace(point=points["after"]), held_out=(1,),
+        start=SimpleNamespace(prepared=SimpleNamespace(recordings=files)),
+        campaign=SimpleNamespace(name="x", drive=DRIVE),
+    )  # fmt: skip
+    traces.write_traces(tmp_path, SimpleNamespace(diagnosis=d))
+    assert list(made) == ["Overview", "a", "b, held out"]
+    assert made["Overview"]["parts"]["after"] == ("after", ["after 0", "after 1"])
+    shown = {name: (f"{name} b", f"{name} all", f"{name} 1") for name in ("before", "after")}
+    assert made["b, held out"]["plot"] == (1, 0.25e-3, shown)
 
 
 def test_bars_of_width_one_stand_around_their_place(monkeypatch):
@@ -242,6 +272,7 @@ def test_bars_of_width_one_stand_around_their_place(monkeypatch):
     k = traces.ORDERS.index(2)
     own = found["electrical"]
     assert (own.x[k], own.lines["before"][k], own.lines["after"][k]) == (1.5, 50.0, 12.5)
+    assert own.lines["before"].sum() == 50.0
     assert (found["mechanical"].x[0], found["mechanical"].lines["after"][0]) == (0.5, 6.25)
 
 
