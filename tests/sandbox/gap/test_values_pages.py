@@ -206,6 +206,12 @@ def test_a_spectrums_bars_are_decibels_over_a_thousandth_of_the_floor(monkeypatc
     assert found.width == pytest.approx(10.0)
 
 
+@pytest.mark.parametrize(("f", "width"), [([10.0], 1.0), ([10.0, 14.0], 4.0)])
+def test_a_bar_is_as_wide_as_two_are_apart(monkeypatch, f, width):
+    monkeypatch.setattr(traces.looks, "spectrum", lambda values, period: (np.array(f), np.ones(len(f))))
+    assert traces._spectrum(1e-3, {"after": None}).width == width
+
+
 @pytest.mark.parametrize(("samples", "step"), [(400_000, 1), (500_000, 2), (800_000, 2), (800_004, 3)])
 def test_a_trace_holds_400000_samples_of_a_recording(monkeypatch, samples, step):
     """2 A along d and a residual of three floors along q, on a rotor that stands at 0.4, ... rad."""
