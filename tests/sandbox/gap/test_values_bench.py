@@ -54,6 +54,13 @@ def test_a_radian_counts_as_a_milliampere(amperes, begin):
     assert np.array_equal(visible._excerpt(r).i_a, r.i_a[begin : begin + 500])
 
 
+def test_an_excerpt_ends_with_the_recording():
+    """The 500 samples from 250 on would be one too many of 749."""
+    found = visible._excerpt(recorded(risen(749, 249), np.zeros(749)))
+    assert len(found.t) == 500
+    assert found.i_a[-1] == pytest.approx(250.0 / 500.0)
+
+
 def test_what_is_short_is_looked_at_whole():
     whole = recorded(np.zeros(500), np.zeros(500))
     assert visible._excerpt(whole) is whole
@@ -77,7 +84,7 @@ def test_a_typical_move_by_hand():
 )
 def test_two_effects_look_alike_from_a_cosine_of_98_hundredths(cosine, sizes, found):
     """Moves of 2 and 3 along slopes of length 1 and 4; both are to be seen at all."""
-    a = np.array([[1.0, 4.0 * cosine], [4.0 * cosine, 16.0]])
+    a = 1e-3 * np.array([[1.0, 4.0 * cosine], [4.0 * cosine, 16.0]])
     told = visible._alike(
         a, np.zeros(2), {"e": ["e"], "f": ["f"]}, {"e": 0, "f": 1}, {"e": np.array([2.0]), "f": np.array([3.0])},
         dict(zip("ef", sizes, strict=True)),
@@ -85,18 +92,25 @@ def test_two_effects_look_alike_from_a_cosine_of_98_hundredths(cosine, sizes, fo
     assert told == (() if found is None else (("e", "f", pytest.approx(found)),))
 
 
+def test_the_most_alike_are_told_first():
+    a = np.array([[1.0, 0.985, 0.99], [0.985, 1.0, 0.0], [0.99, 0.0, 1.0]])
+    groups, one = {e: [e] for e in "efg"}, dict.fromkeys("efg", np.ones(1))
+    told = visible._alike(a, np.zeros(3), groups, {"e": 0, "f": 1, "g": 2}, one, dict.fromkeys("efg", 9.0))
+    assert [x[:2] for x in told] == [("e", "g"), ("e", "f")]
+
+
 def test_sizes_grow_with_the_samples_left_out(monkeypatch):
     """500 of 1000 samples are replayed, so all squares count twice: of 2 x 3 beside a deviation of a half and a turn
-    of one (2 x 2 + 4, 2 x 1 + 1) 6 - 4/8 - 4/3 are left; a second effect alone has 2 x 8."""
+    of one (2 x 2 + 4, 2 x 1 + 1) 6 - 4/8 - 4/3 are left; a second effect, beside no ordinary one, has 2 x 1/8."""
     own = Coordinate("x", 0.0, 0.5, "linear", ("bench.x",))
     effects = [Coordinate(e, 0.0, 1.0, "share", (f"{e}.size",)) for e in "ef"]
     turn = Coordinate("t", 0.0, 1.0, "turn", ("bench.t",))
-    a = np.array([[2.0, 1.0, 0.0, 0.0], [1.0, 3.0, 0.0, 1.0], [0.0, 0.0, 8.0, 0.0], [0.0, 1.0, 0.0, 1.0]])
+    a = np.array([[2.0, 1.0, 0.0, 0.0], [1.0, 3.0, 0.1, 1.0], [0.0, 0.1, 0.125, 0.0], [0.0, 1.0, 0.0, 1.0]])
     n = SimpleNamespace(coordinates=(own, *effects, turn), summed=lambda: (a, None, None))
     seen = []
     monkeypatch.setattr(visible, "prepare", lambda campaign: seen.extend(len(r.t) for r in campaign.recordings))
     monkeypatch.setattr(visible, "coordinates_of", lambda *_: [own])
-    monkeypatch.setattr(visible, "probes_at_typical", lambda *_: [SimpleNamespace(effect=e) for e in "ef"])
+    monkeypatch.setattr(visible, "probes_at_typical", lambda *_: [SimpleNamespace(effect=e) for e in "fe"])
     monkeypatch.setattr(
         visible, "probe_coordinates", lambda start, probe, label: [c for c in effects if c.effect == probe.effect]
     )
@@ -104,8 +118,8 @@ def test_sizes_grow_with_the_samples_left_out(monkeypatch):
     campaign = Campaign("x", DRIVE, (recorded(np.zeros(1000), np.zeros(1000)),), {}, {}, False)
     found = visible.visible(campaign)
     assert seen == [500]
-    assert list(found.sizes) == ["f", "e"]
-    assert found.sizes == pytest.approx({"f": 4.0, "e": math.sqrt(6.0 - 0.5 - 4.0 / 3.0)})
+    assert list(found.sizes) == ["e", "f"]
+    assert found.sizes == pytest.approx({"f": 0.5, "e": math.sqrt(6.0 - 0.5 - 4.0 / 3.0)})
 
 
 @pytest.mark.parametrize(("counts", "planned"), [(None, 4096), (1000, 1000)])
