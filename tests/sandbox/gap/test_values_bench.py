@@ -127,7 +127,7 @@ def test_a_drive_that_names_no_encoder_is_planned_with_4096_counts(monkeypatch, 
     seen = []
     monkeypatch.setattr(bench_plan, "allowed", lambda drive, limits: seen.append(drive.converter.encoder_counts) or [])
     drive = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, encoder_counts=counts))
-    with pytest.raises(BadInput):
+    with pytest.raises(BadInput, match="no experiment of the menu"):
         bench_plan.plan(drive, NO_LIMITS)
     assert seen == [planned]
 
