@@ -130,7 +130,7 @@ def test_voltages_of_a_steady_motor_by_hand():
     assert theta == pytest.approx(0.3 + 100.0 * PERIOD * np.arange(200))
     assert speed is e.speed
     wave = np.array([1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0])
-    assert u_d[-8:] == pytest.approx(-19.0 + 5.0 * wave)  # 25 lags after the step
+    assert u_d[-16:] == pytest.approx(-19.0 + 5.0 * np.tile(wave, 2))  # 25 lags after the step
     assert u_q[-8:] == pytest.approx(23.0 + 3.0 * wave)
 
 
