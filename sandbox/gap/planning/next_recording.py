@@ -38,7 +38,7 @@ Array = NDArray[np.float64]
 Rivals = Sequence[tuple[float, Judged]]
 LEAST_POWER, SURE = 0.5, 0.95
 LEANS = 0.3  # correlation of what a simulator misses with the difference of two hypotheses; a choice, not measured
-LENGTHS = (1.0, 2.0, 4.0)  # times a menu's duration that a recording may take
+LONGER = (2.0, 4.0)  # times a menu's duration that a recording may take, where its own does not do
 RIVALS, CLOSER = 4, 3  # hypotheses looked at; entries that all of them are tried on
 DRAWS = 4000
 
@@ -185,7 +185,7 @@ def recommend(
         found.sort(key=lambda x: (power(rivals[:2], x), x.told.min()), reverse=True)
         found = [x for y in found[:CLOSER] if (x := _tried(campaign, y.entry, rivals, temperature, workers))]
     known = list(found)
-    for length in LENGTHS[1:] if found else ():
+    for length in LONGER if found else ():
         if max(power(rivals, x) for x in known) >= SURE:
             break
         promising = max(found, key=lambda x: (power(rivals, x.longer(length)), float(x.told.min())))

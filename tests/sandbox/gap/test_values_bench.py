@@ -1,0 +1,185 @@
+"""Numbers of what recordings could tell, of a bench's plan and of its table, by hand."""
+
+import dataclasses
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from model.errors import BadInput
+from model.parameters import Limits
+from sandbox.gap.evidence.priors import Coordinate
+from sandbox.gap.planning import bench_plan, bench_table, visible
+from sandbox.gap.planning.next_recording import Next
+from sandbox.gap.planning.visible import Visible
+from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording
+from tests.sandbox.gap.conftest import DRIVE
+from tests.sandbox.gap.test_values_planning import entry_of
+
+
+@pytest.mark.parametrize(("z", "word"), [(6.1, "clear"), (5.9, "faint"), (2.1, "faint"), (1.9, "not")])
+def test_clear_is_six_and_faint_two_standard_deviations(z, word):
+    own = Visible({"a": z}, ())
+    assert own.words("a") == word
+    assert bench_plan.Planned(entry_of(), "", own, ()).tells == (("a",) if word == "clear" else ())
+
+
+def recorded(i_a, theta, name="r"):
+    """Return a recording with a current along a, and an angle."""
+    n = len(i_a)
+    columns = {"t": np.arange(n) * 1e-3, "i_a": i_a, "i_b": np.zeros(n), "i_c": np.zeros(n), "theta": theta}
+    columns |= {"u_alpha": np.zeros(n), "u_beta": np.zeros(n), "u_dc": np.full(n, 400.0)}
+    return CampaignRecording(f"{name}.parquet", "driven", "none", columns)
+
+
+def risen(n, begin, size=1.0):
+    """Return a rise of a size within 500 samples."""
+    return size * np.clip((np.arange(n) - begin) / 500.0, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("begin", [0, 250, 500, 1000])
+def test_an_excerpt_is_the_500_samples_that_move_most(begin):
+    """Looked for every 250 samples."""
+    found = visible._excerpt(recorded(risen(1500, begin), np.zeros(1500)))
+    assert len(found.t) == 500
+    assert (found.t[0], found.i_a[0]) == (0.0, 0.0)
+    assert found.i_a[-1] == pytest.approx(499.0 / 500.0)
+
+
+@pytest.mark.parametrize(("amperes", "begin"), [(0.11, 0), (0.09, 1000)])
+def test_a_radian_counts_as_a_milliampere(amperes, begin):
+    """100 rad in the last 500 samples are worth 0.1 A."""
+    r = recorded(risen(1500, 0, amperes), risen(1500, 1000, 100.0))
+    assert np.array_equal(visible._excerpt(r).i_a, r.i_a[begin : begin + 500])
+
+
+def test_an_excerpt_ends_with_the_recording():
+    """The 500 samples from 250 on would be one too many of 749."""
+    found = visible._excerpt(recorded(risen(749, 249), np.zeros(749)))
+    assert len(found.t) == 500
+    assert found.i_a[-1] == pytest.approx(250.0 / 500.0)
+
+
+def test_what_is_short_is_looked_at_whole():
+    whole = recorded(np.zeros(500), np.zeros(500))
+    assert visible._excerpt(whole) is whole
+
+
+def test_what_ordinary_deviations_leave_by_hand():
+    """3 less 1 x 1 / (2 + 4) of the coordinate beside it, whose deviation is a half; a wide one takes nothing."""
+    a = np.array([[2.0, 1.0, 1.0], [1.0, 3.0, 1.0], [1.0, 1.0, 9.0]])
+    assert visible._left(a, np.array([4.0, 0.0, 0.0]), [1]) == pytest.approx(np.array([[17.0 / 6.0]]))
+
+
+def test_a_typical_move_by_hand():
+    """A share is a whole step; else 1/1.5 of the deviation that an effect's prior has."""
+    own = [Coordinate("s", 0.0, 3.0, "share", ("a.b",)), Coordinate("l", 0.0, 3.0, "linear", ("a.b",))]
+    assert visible._move(own, {"s": 0, "l": 1}, ["l", "s"]) == pytest.approx([2.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("cosine", "sizes", "found"),
+    [(0.975, (5.0, 5.0), None), (0.985, (5.0, 5.0), 0.985), (-0.985, (2.1, 2.1), 0.985), (0.985, (5.0, 1.9), None)],
+)
+def test_two_effects_look_alike_from_a_cosine_of_98_hundredths(cosine, sizes, found):
+    """Moves of 2 and 3 along slopes of length 1 and 4; both are to be seen at all."""
+    a = 1e-3 * np.array([[1.0, 4.0 * cosine], [4.0 * cosine, 16.0]])
+    told = visible._alike(
+        a, np.zeros(2), {"e": ["e"], "f": ["f"]}, {"e": 0, "f": 1}, {"e": np.array([2.0]), "f": np.array([3.0])},
+        dict(zip("ef", sizes, strict=True)),
+    )  # fmt: skip
+    assert told == (() if found is None else (("e", "f", pytest.approx(found)),))
+
+
+def test_the_most_alike_are_told_first():
+    a = np.array([[1.0, 0.985, 0.99], [0.985, 1.0, 0.0], [0.99, 0.0, 1.0]])
+    groups, one = {e: [e] for e in "efg"}, dict.fromkeys("efg", np.ones(1))
+    told = visible._alike(a, np.zeros(3), groups, {"e": 0, "f": 1, "g": 2}, one, dict.fromkeys("efg", 9.0))
+    assert [x[:2] for x in told] == [("e", "g"), ("e", "f")]
+
+
+def test_sizes_grow_with_the_samples_left_out(monkeypatch):
+    """500 of 1000 samples are replayed, so all squares count twice: of 2 x 3 beside a deviation of a half and a turn
+    of one (2 x 2 + 4, 2 x 1 + 1) 6 - 4/8 - 4/3 are left; a second effect, beside no ordinary one, has 2 x 1/8."""
+    own = Coordinate("x", 0.0, 0.5, "linear", ("bench.x",))
+    effects = [Coordinate(e, 0.0, 1.0, "share", (f"{e}.size",)) for e in "ef"]
+    turn = Coordinate("t", 0.0, 1.0, "turn", ("bench.t",))
+    a = np.array([[2.0, 1.0, 0.0, 0.0], [1.0, 3.0, 0.1, 1.0], [0.0, 0.1, 0.125, 0.0], [0.0, 1.0, 0.0, 1.0]])
+    n = SimpleNamespace(coordinates=(own, *effects, turn), summed=lambda: (a, None, None))
+    seen = []
+    monkeypatch.setattr(visible, "prepare", lambda campaign: seen.extend(len(r.t) for r in campaign.recordings))
+    monkeypatch.setattr(visible, "coordinates_of", lambda *_: [own])
+    monkeypatch.setattr(visible, "probes_at_typical", lambda *_: [SimpleNamespace(effect=e) for e in "fe"])
+    monkeypatch.setattr(
+        visible, "probe_coordinates", lambda start, probe, label: [c for c in effects if c.effect == probe.effect]
+    )
+    monkeypatch.setattr(visible, "normal", lambda *_, **__: n)
+    campaign = Campaign("x", DRIVE, (recorded(np.zeros(1000), np.zeros(1000)),), {}, {}, False)
+    found = visible.visible(campaign)
+    assert seen == [500]
+    assert list(found.sizes) == ["e", "f"]
+    assert found.sizes == pytest.approx({"f": 0.5, "e": math.sqrt(6.0 - 0.5 - 4.0 / 3.0)})
+
+
+@pytest.mark.parametrize(("counts", "planned"), [(None, 4096), (1000, 1000)])
+def test_a_drive_that_names_no_encoder_is_planned_with_4096_counts(monkeypatch, counts, planned):
+    seen = []
+    monkeypatch.setattr(bench_plan, "allowed", lambda drive, limits: seen.append(drive.converter.encoder_counts) or [])
+    drive = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, encoder_counts=counts))
+    with pytest.raises(BadInput, match="no experiment of the menu"):
+        bench_plan.plan(drive, NO_LIMITS)
+    assert seen == [planned]
+
+
+def test_experiments_are_in_the_order_of_what_they_add(monkeypatch):
+    monkeypatch.setattr(bench_plan, "settings", lambda *_: "")
+    told = [("x", {"a": 9.0, "b": 5.9}), ("y", {"a": 6.1, "b": 6.1}), ("z", {"b": 99.0, "c": 9.0}), ("w", {"c": 7.0})]
+    found = bench_plan._ordered(DRIVE, [(entry_of(n), Visible(sizes, ())) for n, sizes in told])
+    assert [(p.entry.name, p.adds) for p in found] == [("y", ("a", "b")), ("z", ("c",))]
+
+
+def test_setpoints_are_told_every_millisecond():
+    """At 4 kHz every fourth sample; 6 pole pairs at 60 pi rad/s: 300 rpm; half of 400 V."""
+    entry = entry_of(link=0.5, injection=(5.0, 3.0))
+    entry = dataclasses.replace(entry, i_d=np.arange(8.0), i_q=-np.arange(8.0), speed=np.full(8, 60.0 * math.pi))
+    first, second = bench_plan.setpoints(entry, DRIVE)
+    expected = {"t_s": 1e-3, "i_d_A": 4.0, "i_q_A": -4.0, "speed_rpm": 300.0, "injected_d_V": 5.0, "injected_q_V": 3.0,
+                "link_V": 200.0}  # fmt: skip
+    assert second == pytest.approx(expected)
+    assert first == pytest.approx(expected | {"t_s": 0.0, "i_d_A": 0.0, "i_q_A": 0.0})
+
+
+@pytest.mark.parametrize(("rotor", "link"), [("driven", 0.5), ("free", 1.0)])
+def test_a_bench_table_by_hand(monkeypatch, tmp_path, rotor, link):
+    """60 pi rad/s of 6 pole pairs are 300 rpm, or as fast as the angle goes: 0.25 rad a millisecond, 398 rpm.  3 and
+    4 V are 5 V phase peak, 3 V of them along a."""
+    n = 8
+    entry = dataclasses.replace(entry_of("one", 1.0, injection=(0.0, 5.0), link=link), rotor=rotor)
+    entry = dataclasses.replace(entry, speed=np.full(n, -60.0 * math.pi), i_q=np.full(n, 1.5))
+    columns = {"t": np.arange(n) * 1e-3, "theta": 0.25 * np.arange(n), "u_alpha": np.full(n, 3.0),
+               "u_beta": np.full(n, 4.0), "u_dc": np.full(n, 400.0 * link)}  # fmt: skip
+    planned = SimpleNamespace(recordings=(SimpleNamespace(**columns),))
+    monkeypatch.setattr(bench_table, "menu", lambda drive, seconds: [entry])
+    monkeypatch.setattr(bench_table, "within", lambda wanted, drive, limits: wanted)
+    monkeypatch.setattr(bench_table, "recording_of", lambda *_: planned)
+    monkeypatch.setattr(bench_table, "largest_current", lambda *_: 1.75)
+    monkeypatch.setattr(bench_table, "settings", lambda *_: "as told")
+    wanted = Next("one", "", 1.0, (("dead_time",), ()), 20.0, 0.97)
+    campaign = Campaign("x", DRIVE, (), {}, {}, False, limits=Limits(current=2.0, voltage=300.0))
+    found = bench_table.bench_table(campaign, wanted, DRIVE)
+    rpm = -300.0 if rotor == "driven" else 250.0 / 6.0 * 60.0 / math.tau
+    assert found.columns["speed_rpm"] == pytest.approx(rpm)
+    assert found.columns["injected_q_V"] == pytest.approx([5.0] * 4 + [-5.0] * 4)
+    assert not found.columns["injected_d_V"].any()
+    assert found.columns["u_a_V"] == pytest.approx(3.0)
+    assert found.limits == pytest.approx({"current": 1.75, "speed_rpm": abs(rpm), "voltage": 5.0, "link": 400.0 * link})
+    said = {"rotor": rotor, "injection_axis": "q"} | ({"dc_bus_voltage": 200.0} if link == 0.5 else {})
+    assert found.recording == said
+    bench_table.write_bench_table(tmp_path / "t.csv", found, wanted)
+    text = (tmp_path / "t.csv").read_text().splitlines()
+    assert (
+        f"# at most: 1.75 A peak, 5 V phase peak, {abs(rpm):.0f} rpm, link {400.0 * link:g} V; rotor {rotor}" in text[2]
+    )
+    assert text[2].endswith("; [limits]: 2 A peak, 300 V link")
+    assert text[-1].split(",")[3] == ("-300" if rotor == "driven" else "397.8874")  # seven digits

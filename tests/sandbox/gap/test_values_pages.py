@@ -1,0 +1,207 @@
+"""Numbers of what a person sees of a diagnosis: what is listed, said and drawn; drawings are told, not made."""
+
+import math
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from sandbox.gap.evidence.gap_size import OfRecording
+from sandbox.gap.pages import listed, page, signals
+from sandbox.gap.report.distinguishability import Alike
+from sandbox.gap.search.estimates import Estimate
+from tests.sandbox.gap.conftest import DRIVE
+
+
+def ranking(chances, unknown=0.0, **more):
+    own = {"of": {"inertia": (0.5, 0.25, 0.75)}, "waterfall": (), "parameters": {}, "groups": (), "moved": {}} | more
+    return SimpleNamespace(
+        inclusion=SimpleNamespace(chances=chances, groups=own["groups"]), unknown=unknown, unexplained=0.125,
+        shares=SimpleNamespace(of=own["of"], waterfall=own["waterfall"]), parameters=own["parameters"],
+        moved=own["moved"],
+    )  # fmt: skip
+
+
+def test_effects_are_listed_from_a_chance_of_one_in_a_hundred():
+    found = listed.rows(ranking({"inertia": 0.011, "iron_loss": 0.009}, 0.011))
+    outside = ["something outside the library", "1.1 %", "12.5 %", "–"]
+    assert found == [["inertia", "1.1 %", "50.0 % [25.0 %, 75.0 %]", "–"], outside]
+    assert listed.rows(ranking({"iron_loss": 0.5}, 0.009)) == [["iron loss", "50.0 %", "–", "–"]]
+
+
+@pytest.mark.parametrize(("count", "size"), [(1, "n0 1"), (2, "n0 1, n1 1"), (3, "3 numbers, below")])
+def test_two_parameters_stand_in_the_list(count, size):
+    own = {f"inertia.n{k}": Estimate(1.0, 1.0, 1.0, "") for k in range(count)}
+    told = listed.rows(ranking({"inertia": 1.0}, parameters={"inertia": own}))[0][3]
+    assert told.replace("1.00", "1") == size
+
+
+def test_groups_and_the_waterfall():
+    r = ranking({}, groups=((("inertia", "iron_loss"), 0.93),), waterfall=(("inertia", 2.0), ("iron_loss", math.inf)))
+    assert next(listed.group_sentences(r)).startswith("One of inertia or iron loss is there (93 %).")
+    a = SimpleNamespace(ranking=r, diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0)))
+    assert listed.waterfall(a) == (["before", "+ inertia", "noise"], [5.0, 2.0, 1.0])
+
+
+def hypotheses(*chances):
+    return [SimpleNamespace(effects=("inertia",), probability=p) for p in chances]
+
+
+@pytest.fixture
+def drawn(monkeypatch):
+    """What is drawn: a list of (labels or panels, series, logarithmic from)."""
+    seen = []
+
+    def bars(labels, series, xlabel, *, log_from=None):
+        seen.append((labels, series, log_from))
+        return ""
+
+    monkeypatch.setattr(page, "bars_svg", bars)
+    monkeypatch.setattr(page, "lines_svg", lambda panels, xlabel: seen.append((panels, None, None)) or "")
+    monkeypatch.setattr(signals, "lines_svg", lambda panels, xlabel, log="": seen.append((panels, None, log)) or "")
+    return seen
+
+
+def test_hypotheses_below_one_in_a_thousand_are_folded(monkeypatch):
+    seen = []
+    monkeypatch.setattr(page, "_three", lambda a: [])
+    monkeypatch.setattr(page, "_hypotheses", lambda a, chosen: seen.append([h.probability for h in chosen]) or "")
+    a = SimpleNamespace(verdict="no_gap", diagnosis=SimpleNamespace(hypotheses=hypotheses(0.9, 0.0011, 0.0009)))
+    body, detail = page._body(a, "x"), page._detail(a)
+    assert "No gap" in next(body)
+    assert next(body) == "<h2>Hypotheses</h2>"
+    assert "dropped" in next(detail)
+    assert seen == [[0.9, 0.0011], [0.0009]]
+
+
+def test_a_probability_is_a_number_and_a_bar(monkeypatch):
+    monkeypatch.setattr(page, "closed_by", lambda d, h: 0.25)
+    told = page._hypotheses(SimpleNamespace(diagnosis=None), hypotheses(0.9))
+    assert "width:90.0%" in told
+    assert ">90.0 %<" in told
+    assert ">25.0 %<" in told
+
+
+def test_six_hypotheses_are_printed(monkeypatch, capsys):
+    tables = {}
+    for name in ("where_text", "which_text", "far_text", "next_text", "remains_text"):
+        monkeypatch.setattr(page.answers, name, lambda a: "told")
+    monkeypatch.setattr(page.answers, "caveats", lambda a: [])
+    monkeypatch.setattr(page, "closed_by", lambda d, h: None)
+    monkeypatch.setattr(page, "print_table", lambda title, heads, rows: tables.update({title: rows}))
+    d = SimpleNamespace(
+        campaign=SimpleNamespace(name="x"), hypotheses=hypotheses(*[0.1] * 9), parameters=[{"a.b": None}, {}],
+        size=SimpleNamespace(recordings=[("r", 2.0, 1.0, True)]), simulations=7, seconds=1.0,
+    )  # fmt: skip
+    monkeypatch.setattr(page, "_parameters", lambda a, own: list(own))
+    page.print_answers(SimpleNamespace(diagnosis=d, verdict="explained"))
+    assert tables["hypotheses"] == [["inertia", "0.100", "–"]] * 6
+    assert tables["parameters"] == ["a.b"]
+    assert tables["residual over its noise floor (rms)"] == [["r (held out)", "2.00", "1.00"]]
+    assert "7 simulations in 1.0 s" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("fall", "said"), [(2.9, "Flat"), (3.1, "It falls by 3 on")])
+def test_a_likelihood_is_flat_up_to_a_fall_of_three(drawn, fall, said):
+    x = Alike(("inertia",), (), {"inertia": 0.5}, (0.0, 0.5, 1.0), (-1.0, -1.0 - fall, -1.5))
+    told = list(page._why_alike(x))
+    assert said in told[-1]
+    assert "looks like what ordinary deviations can do: cosine 0.5000" in told[1]
+
+
+@pytest.mark.parametrize(("count", "figures"), [(1, 0), (2, 1)])
+def test_a_waterfall_is_drawn_for_two_effects(monkeypatch, drawn, count, figures):
+    steps = (("inertia", 2.0), ("iron_loss", 1.5))[:count]
+    a = SimpleNamespace(
+        ranking=ranking({"inertia": 1.0}, waterfall=steps), diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0))
+    )
+    list(page._listed(a))
+    assert len(drawn) == figures
+    assert [x[2] for x in drawn] == [0.5] * figures  # half the noise floor
+
+
+@pytest.mark.parametrize(("effects", "series"), [((), ["before"]), (("inertia",), ["before", "after"])])
+def test_residuals_are_drawn_from_half_the_noise_floor_on(drawn, effects, series):
+    rows = [OfRecording("r.parquet", 4.0, 2.0, False)]
+    d = SimpleNamespace(size=SimpleNamespace(recordings=rows), after=SimpleNamespace(effects=effects))
+    page._by_recording(SimpleNamespace(diagnosis=d))
+    assert drawn[0][2] == 0.5
+    assert list(drawn[0][1]) == series
+    assert drawn[0][0] == ["r"]
+
+
+@pytest.mark.parametrize(("share", "figures"), [(0.0049, 1), (0.0051, 2)])
+def test_orders_are_drawn_where_one_holds_a_hundredth_of_the_gap(drawn, share, figures):
+    """Order 2 forwards and backwards together; what is left, 2 of 8, is told in shares of the gap before."""
+    part = SimpleNamespace(
+        excess=8.0, directions={"d": 0.5}, speeds={}, currents={}, electrical={0: 0.001, 2: share, -2: share}
+    )
+    rest = SimpleNamespace(excess=2.0, directions={"d": 0.4}, speeds={}, currents={}, electrical={2: 0.5})
+    list(page._shares(part, rest))
+    assert len(drawn) == figures
+    assert drawn[0][1] == {"before": [50.0], "after": pytest.approx([10.0])}
+    if figures > 1:
+        before, after = drawn[1][1].values()
+        assert drawn[1][0] == ["0", "2"]
+        assert before == pytest.approx([0.1, 200.0 * share])
+        assert after == pytest.approx([0.0, 12.5])
+
+
+def test_a_recordings_share_of_the_gap():
+    d = SimpleNamespace(size=SimpleNamespace(recordings=[("r", 2.0, 1.0, True)]))
+    part = SimpleNamespace(recordings={"r": 0.25})
+    assert page._recordings(SimpleNamespace(diagnosis=d), part) == [["r (held out)", "2.00", "1.00", "25 %"]]
+
+
+class Recorded(dict):
+    """Recordings by file, with a drive."""
+
+
+@pytest.mark.parametrize(("n", "period", "points", "milliseconds"), [(2401, 1e-3, 1200, 40), (900, 0.1, 900, 200)])
+def test_residuals_over_time_by_hand(monkeypatch, drawn, n, period, points, milliseconds):
+    """1200 points of a line, each the largest of its stretch with its sign; currents of 40 ms (two samples at the
+    least) around the largest residuals, at the end."""
+    residual = np.zeros((n, 3, 1))
+    residual[n // 2 - 1, 0], residual[-5:, 1] = -3.0, 9.0
+    shown = [SimpleNamespace(current=residual, motion=np.full((n, 1), -4.0))]
+    prepared = SimpleNamespace(recordings=[SimpleNamespace(file="r", samples=n)], floor=0.5)
+    columns = {f"i_{p}": np.full(n, 2.0) for p in "abc"}
+    campaign = Recorded(r=SimpleNamespace(columns=columns))
+    campaign.drive = SimpleNamespace(converter=SimpleNamespace(sampling_period=period))
+    a = SimpleNamespace(diagnosis=SimpleNamespace(start=SimpleNamespace(prepared=prepared), campaign=campaign))
+    monkeypatch.setattr(signals.looks, "spectrum", lambda x, period: (np.ones(1), np.ones(1)))
+    told = "".join(signals.waves(a, SimpleNamespace(recordings={"r": 1.0}), shown, shown))
+    assert f"sample by sample, {milliseconds} ms" in told
+    t, peaks = drawn[0][0][0][1]["before"]
+    assert len(t) == points
+    assert t[1] == pytest.approx(n // points * period)
+    assert min(peaks) == -3.0
+    assert max(peaks) == 0.0
+    assert drawn[0][0][3][0] == "motion"
+    assert drawn[0][0][3][1]["after"][1] == [-4.0] * points
+    name, lines = drawn[1][0][1]
+    assert name == "i_b (A)"
+    assert lines["measured"][1][-1] == 2.0
+    assert lines["before"][1][-1] == pytest.approx(2.0 - 0.5 * 9.0)
+    assert lines["before"][0][0] < (n - 5) * period <= lines["before"][0][-1] or n == 900
+    assert drawn[2][2] == "y"
+
+
+def test_the_worst_stretch_by_hand():
+    residual = np.array([[1.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, -3.0], [4.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    assert signals._worst(residual, 2) == (2, 4)  # 9 + 16; 9 + 9 before
+    assert signals._worst(residual, 9) == (0, 5)
+    assert signals._worst(np.sqrt(np.array([[1.9, 0.0, 0.0], [1.5, 0.0, 0.0]])), 1) == (0, 1)
+
+
+def test_facts_of_effects_and_nominal_model_are_told():
+    """The card of what is named, the drive by its own numbers."""
+    d = SimpleNamespace(
+        hypotheses=hypotheses(0.9), ambiguity_set=[SimpleNamespace(effects=("inertia", "unknown"))],
+        campaign=SimpleNamespace(drive=DRIVE), held_out=[],
+        size=SimpleNamespace(raw=9.0, before=4.0, after=1.0), simulations=7, seconds=1.0, start=None,
+    )  # fmt: skip
+    card, model, made = page._detail(SimpleNamespace(diagnosis=d))
+    assert "<td>rated_<wbr>current</td><td>1.2</td>" in model
+    assert "The effect inertia" in card
+    assert "9 noise floors" in made
