@@ -20,12 +20,12 @@ SEED, COUNT, WHICH = 7, 2, "w001"
 
 
 def keep(answer: Path, sealed: Path) -> None:
-    """Keep a diagnosis and what its seal says, six digits of every number."""
+    """Keep a diagnosis and what its seal says, six digits of every number, paths without the folder they lay in."""
     found = json.loads((answer / "diagnosis.json").read_text(encoding="utf-8"))
     truth = json.loads(sealed.read_text(encoding="utf-8"))["campaigns"][WHICH]
     today = {"date": datetime.date.today().isoformat()}
     for name, content in (("diagnosis", found), ("truth", {k: truth[k] for k in ("effects", "parameters")})):
-        text = json.dumps(rounded(today | content, 6), indent=1) + "\n"
+        text = json.dumps(rounded(today | content, 6), indent=1).replace(f"{answer.parent}/", "") + "\n"
         (HERE / f"{name}.json").write_text(text, encoding="utf-8")
     shutil.copy(answer / "report.html", HERE / "report.html")
 

@@ -56,6 +56,16 @@ def test_a_turn_needs_twice_as_many_samples_as_orders(per_turn, seen):
     assert (decompose._orders([r], [z], 1.0)[2] > 0.0) == seen
 
 
+def test_electrical_orders_by_hand():
+    """An amplitude of 3 at order 2, two stretches of two turns with m samples each: 1.5 x 9 m - 2 a stretch, noise's
+    own variance taken off; orders from -13 to 13 and of slots."""
+    r, z = turned(100, 4.5, 2)
+    found = decompose._orders([r], [3.0 * z], 1.0)
+    assert found[2] == pytest.approx(2 * (1.5 * 9.0 * 200 - 2.0))
+    assert max(v for n, v in found.items() if n != 2) == 0.0
+    assert sorted(found) == [-36, -30, -24, -18, *range(-13, 14), 18, 24, 30, 36]
+
+
 def test_mechanical_orders_by_hand():
     """A cos(5 theta), two turns of n samples each: 2 ((A n/2)^2/n - 1) a turn, nothing at the 47 other orders; a turn
     needs 96 samples."""
@@ -74,6 +84,8 @@ def test_an_amplitude_needs_thirty_blocks(count):
     none = np.zeros(count)
     found = decompose._amplitudes(np.full(count, 3.0), none, none, np.ones(count))[0, 1]
     assert found == pytest.approx(3.0 if count == 30 else math.nan, nan_ok=True)
+    beside = decompose._amplitudes(np.full(count, 5.0), np.full(count, 3.0), none, np.ones(count))[0, 1]
+    assert beside == pytest.approx(4.0 if count == 30 else math.nan, nan_ok=True)  # noise's squares taken off
 
 
 @pytest.mark.parametrize(("times", "told"), [(25.0, False), (40.0, True)])
@@ -122,3 +134,17 @@ def test_no_regression_where_nothing_outside_is_likely(monkeypatch, chance, aske
     monkeypatch.setattr(outside, "excesses", lambda shown: dict.fromkeys(("current", "sum", "motion", "angle"), 0.0))
     outside.outside(SimpleNamespace(turned=lambda: None, values={}), {}, chance)
     assert len(calls) == asked
+
+
+def test_where_nothing_was_asked_neither_side_predicts(monkeypatch):
+    """Of currents that no regression was made of the machine has six tenths, and of what effects could take up four."""
+    monkeypatch.setattr(outside, "residuals", lambda *_: [])
+    monkeypatch.setattr(outside, "replay", lambda *_: None)
+    own = {"current": 10.0, "sum": 0.0, "motion": 0.0, "angle": 0.0}
+    monkeypatch.setattr(outside, "excesses", lambda shown: own)
+    spans = {"machine": 0.0, "inverter": 1.0, "sensor": 0.0, "mechanics": 0.0}
+    point = SimpleNamespace(turned=lambda: None, values={})
+    expected = {"machine": 0.6, "inverter": 0.4, "sensor": 0.0, "mechanics": 0.0}
+    assert outside.outside(point, spans, 0.04) == pytest.approx(expected)
+    monkeypatch.setattr(outside, "explained", lambda point: (0.0, 1.0))
+    assert outside.outside(point, spans)["machine"] > 0.99
