@@ -1,13 +1,14 @@
 """Numbers of what a diagnosis says: which shares are spoken of, what counts as alike, which list holds 95 %."""
 
 import math
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.report import answers, position, position_moved, ranking, where
+from sandbox.gap.report import answers, position, position_moved, ranking, shares, where
 from sandbox.gap.report.decompose import CHANNELS, CURRENT_NAMES, DIRECTIONS, SPEED_NAMES, Decomposition
 from sandbox.gap.report.words import PREFIXES
 
@@ -194,3 +195,30 @@ def test_estimators_are_judged_where_they_work():
 def test_prefixes_are_those_of_the_si():
     assert dict(PREFIXES) == {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
     assert CHANNELS == ("currents", "motion", "position")
+
+
+def test_a_shape_that_is_gone_is_neutral_and_nothing_else(monkeypatch):
+    """A shaft has no size: its stiffness is put to its neutral value, what others have stays as algebra left it."""
+
+    @dataclass(frozen=True)
+    class At:
+        prepared: object
+        values: dict
+
+    campaign = SimpleNamespace(drive=SimpleNamespace(motor=None))
+    at = At(SimpleNamespace(campaign=campaign), {"shaft.stiffness": 90.0, "shaft_rub.torque": 2.0})
+    coordinate = SimpleNamespace(form="log")
+    table = SimpleNamespace(
+        coordinates=[coordinate], members={"shaft": (0,)}, point=SimpleNamespace(moved=lambda c, x: at)
+    )
+    found = SimpleNamespace(x=[1.0])
+    j = SimpleNamespace(
+        equations=SimpleNamespace(most_probable=lambda prior: found), table=table,
+        normal=SimpleNamespace(coordinates=[coordinate]),
+    )  # fmt: skip
+    monkeypatch.setattr(shares, "held_at_neutral", lambda j, gone: None)
+    neutral = {"shaft.stiffness": math.inf, "shaft_rub.torque": 0.0}
+    monkeypatch.setattr(shares, "library", SimpleNamespace(neutral=lambda motor: neutral))
+    assert shares.without(j, ["shaft"]).values == {"shaft.stiffness": math.inf, "shaft_rub.torque": 2.0}
+    coordinate.form = "linear"
+    assert shares.without(j, ["shaft"]).values == at.values
