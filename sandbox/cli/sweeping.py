@@ -44,7 +44,7 @@ def run_sweep(options: argparse.Namespace) -> None:
         )  # fmt: skip
     result.save(csv=options.csv)
     if not options.quiet:
-        print_table(f"{result.plan.name}: size of the mean position error", *lines(result.groups))
+        print_table(f"{result.plan.name}: largest mean position error of a run", *lines(result.groups))
         for why in result.as_json()["sentences"][:3]:
             print_prose(f"{why['runs']} runs have no result: {why['sentence']}")
         print_prose(f"{result.summary()}; results in {folder}")

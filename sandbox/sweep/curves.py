@@ -26,7 +26,7 @@ def yield_figure(
     curves: Mapping[str, NDArray[np.float64]], title: str, path: str | Path | None = None, share: float = 0.95,
     ax: AnyAxes = None,
 ) -> Figure:  # fmt: skip
-    """Draw the share of drives (%) whose |mean position error| stays below x (° electrical), a curve a group.
+    """Draw the share of drives (%) whose largest mean position error stays below x (° electrical), a curve a group.
 
     curves: errors of each group, infinite where lock was lost.  Returns the figure; written where a path is given; ax:
     see `page`.
@@ -41,7 +41,7 @@ def yield_figure(
         number = seen[belief] = seen.get(belief, -1) + 1
         axes.plot(np.maximum(x, LEAST), 100.0 * y, color=colour, linestyle=STYLES[number % len(STYLES)], label=name)
     axes.axhline(100.0 * share, color="0.6", linewidth=0.8)
-    axes.set(xscale="log", xlabel="size of the mean position error (° electrical)", ylabel="drives that err less (%)")
+    axes.set(xscale="log", xlabel="largest mean position error of a run (° electrical)", ylabel="drives that err less (%)")
     axes.set_ylim(0.0, 101.0)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(color="0.9", linewidth=0.6)

@@ -23,8 +23,8 @@ SURE = 1.96
 
 @dataclass(frozen=True)
 class Group:
-    """One combination of the grid.  Degrees are those that a share of all its runs stays below in |mean error|; runs
-    without a result and those that lost lock count as beyond any, None where the share falls among them.
+    """One combination of the grid.  Degrees are those that a share of all its runs stays below with the largest mean
+    error of their stretches, see `errors_of`; None where the share falls among runs beyond any.
     """
 
     values: dict[str, Value]
@@ -58,8 +58,10 @@ def groups_of(sweep: Sweep, table: pyarrow.Table) -> list[Group]:
 
 
 def errors_of(table: pyarrow.Table) -> NDArray[np.float64]:
-    """Return |mean error| of runs in degrees, infinite where there is none or lock was lost."""
-    found = table["mean_deg"].to_numpy(zero_copy_only=False)
+    """Return the size of each run's mean error in degrees, of the stretch where it is largest; infinite where there is
+    none or lock was lost.  Over several loads at once errors of either sign would cancel.
+    """
+    found = table["worst_mean_deg"].to_numpy(zero_copy_only=False)
     return np.where(np.isfinite(found), np.abs(found), math.inf)
 
 

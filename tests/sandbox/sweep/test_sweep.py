@@ -141,6 +141,17 @@ def test_groups_count_what_has_no_result_as_beyond_any_error():
     assert interval(hundred, 0.95) == (9458.0, 9543.0)
 
 
+def test_errors_of_either_sign_do_not_cancel():
+    """Loads of +100 and -100 % err by opposite angles, with a linear belief by several degrees (README: 6.9 at 120 %)."""
+    loads = [{"duration": 0.2, "load": x, "ramp": 0.05, "settle": 0.12} for x in (1.0, -1.0)]
+    plan = sweep_of({"scenario": {"start_up": False}, "segment": loads} | {"grid": {"belief": ["linear", "saturated"]}})
+    table = rows_of(plan)
+    linear, saturated = errors_of(table)
+    assert abs(table["mean_deg"][0].as_py()) < 1.0
+    assert linear == pytest.approx(abs(table["worst_mean_deg"][0].as_py()))
+    assert linear > 4.0 > 1.0 > saturated
+
+
 def test_table_and_schema_say_the_same(tmp_path):
     plan = sweep_of(SMALL)
     table = rows_of(plan)
