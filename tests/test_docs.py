@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import importlib
+import json
 import os
 import re
 import shlex
@@ -107,3 +109,19 @@ def test_drawings_are_those_of_their_script():
     done = subprocess.run(call, cwd=DOCS / "drawings", capture_output=True, text=True, check=True, encoding="utf-8")
     kept = "".join((DOCS / "_static" / f"{name}.svg").read_text(encoding="utf-8") for name in ("frames", "period"))
     assert done.stdout == kept
+
+
+def test_the_tutorial_quotes_the_kept_diagnosis():
+    """Its headings in quotes are those of the kept page, its sentence on where the gap lies is one of the diagnosis."""
+    text = (DOCS / "tutorials" / "plot_5_diagnosis.py").read_text(encoding="utf-8")
+    marked = (DOCS / "stored" / "report.html").read_text(encoding="utf-8")
+    page = html.unescape(re.sub(r"<[^>]*>", "", marked)).replace("\xa0", " ")
+    kept = json.loads((DOCS / "stored" / "diagnosis.json").read_text(encoding="utf-8"))
+    headings = re.findall(r'^# "([A-Z][^"]*)"$', text, re.MULTILINE)
+    assert len(headings) >= 6
+    assert [h for h in headings if h not in page] == []
+    quoted = re.findall(r'"(\d+ % of the gap[^"]*)"', text)
+    assert quoted
+    found = [finding["text"] for finding in kept["where"]]
+    assert [q for q in quoted if not any(q in f for f in found)] == []
+    assert [f for f in found if f not in page] == []

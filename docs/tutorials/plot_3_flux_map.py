@@ -106,4 +106,5 @@ both.plot()
 
 # %%
 # The same on the command line: ``sensorless compare --motor my_motor.toml --estimators qnull``. Three motors with maps of other
-# groups come with the package: ``brusa_hsm1`` and ``baldor_pmsyrm`` (measured), ``thor_fea`` (finite elements).
+# groups are known by name: ``brusa_hsm1`` and ``baldor_pmsyrm`` (measured; their maps are downloaded when first used) and
+# ``thor_fea`` (finite elements; its file has to lie in ``SENSORLESS_DATA``, a sentence says which).

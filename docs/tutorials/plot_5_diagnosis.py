@@ -44,8 +44,8 @@ for finding in kept["where"]:
     print(f"{finding['share']:4.0%}  {finding['text']}")
 
 # %%
-# "64 % of the gap is voltage, mostly on the d axis, growing with speed and independent of current" speaks for the
-# magnets: a voltage that grows with speed and does not depend on current is an induced one. The rest is motion, in the mechanics. "Electrical order 6 in the rotor frame" means that it
+# "64 % of the gap is voltage, mostly (88 %) on the d axis, growing with speed and independent of current: machine" speaks for the
+# magnets: a voltage that grows with speed and does not depend on current is an induced one. The rest is motion, in the mechanics. "Of electrical order 6 in the rotor frame" means that it
 # repeats six times in one electrical turn.
 #
 # "Which effect causes it?"

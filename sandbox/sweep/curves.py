@@ -41,7 +41,7 @@ def yield_figure(
         number = seen[belief] = seen.get(belief, -1) + 1
         axes.plot(np.maximum(x, LEAST), 100.0 * y, color=colour, linestyle=STYLES[number % len(STYLES)], label=name)
     axes.axhline(100.0 * share, color="0.6", linewidth=0.8)
-    axes.set(xscale="log", xlabel="largest mean position error of a run (° electrical)", ylabel="drives that err less (%)")
+    axes.set(xscale="log", xlabel="largest mean position error (° electrical)", ylabel="drives that err less (%)")
     axes.set_ylim(0.0, 101.0)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.grid(color="0.9", linewidth=0.6)

@@ -142,7 +142,7 @@ def test_groups_count_what_has_no_result_as_beyond_any_error():
 
 
 def test_errors_of_either_sign_do_not_cancel():
-    """Loads of +100 and -100 % err by opposite angles, with a linear belief by several degrees (README: 6.9 at 120 %)."""
+    """Loads of +100 and -100 % err by opposite angles, with a linear belief by degrees (README: 6.9 at 120 %)."""
     loads = [{"duration": 0.2, "load": x, "ramp": 0.05, "settle": 0.12} for x in (1.0, -1.0)]
     plan = sweep_of({"scenario": {"start_up": False}, "segment": loads} | {"grid": {"belief": ["linear", "saturated"]}})
     table = rows_of(plan)
