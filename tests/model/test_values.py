@@ -11,7 +11,7 @@ from model import mapped
 from model.drive_files import load_drive
 from model.energy import currents, flux_from_current, hessian, min_eigenvalue
 from model.errors import BadInput
-from model.fluxmap import _check_size
+from model.fluxmap import FluxMap, _check_size, check_physical
 from model.levels import Fit
 from model.saliency import audit
 from model.spline import SplineEnergy
@@ -70,6 +70,15 @@ def test_a_flux_a_thousandth_below_zero_is_noise_of_a_motor_without_magnets(monk
 def test_an_interval_is_two_standard_deviations_wide_on_either_side():
     fit = SimpleNamespace(values={"resistance": 3.0}, sd={"resistance": 0.1})
     assert Fit.ci95(fit, "resistance") == pytest.approx((3.0 - 0.1959964, 3.0 + 0.1959964))
+
+
+def test_a_magnet_off_the_d_axis_is_seen_where_a_map_ends_at_no_current_along_q():
+    """psi_q of 0.3 Wb at i_q = 0, the map's last column, and of 0.6 Wb at most."""
+    i_d, i_q = np.linspace(-2.0, 2.0, 5), np.linspace(-2.0, 0.0, 5)
+    x, y = np.meshgrid(i_d, i_q, indexing="ij")
+    with pytest.raises(BadInput, match="the magnet is not on the d axis"):
+        check_physical(FluxMap("mine", i_d, i_q, 0.1 * x, 0.3 + 0.1 * y))
+    check_physical(FluxMap("mine", i_d, i_q, 0.1 * x, 0.1 * y))
 
 
 def test_how_many_numbers_of_a_map_are_missing_is_told():

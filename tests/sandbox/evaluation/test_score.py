@@ -50,6 +50,14 @@ def test_slipping_poles_are_lost_however_fast(turns_per_second):
     assert row.error_deg.mean is None
 
 
+def test_one_slip_within_twenty_milliseconds_is_lost():
+    """One pole in 20 ms, 15 of them beyond 45 degrees, and no error before or after: no 100 ms are needed."""
+    slipped = np.concatenate([np.zeros(500), np.linspace(0.0, 360.0, 21), np.full(479, 360.0)])
+    assert np.sum(np.abs((slipped + 180.0) % 360.0 - 180.0) > 45.0) < 20
+    assert is_lost(recording(slipped))
+    assert not is_lost(recording(np.where(slipped == 360.0, 0.0, 0.3 * slipped)))
+
+
 def test_lock_lost_before_the_window_counts_too():
     drive = load_drive("ipm_exchanged")
     r = recording([170.0] * 300 + [0.0] * 700)

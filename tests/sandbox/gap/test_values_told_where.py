@@ -59,6 +59,11 @@ def test_below_a_tenth_nothing_is_said_nor_of_what_turns_with_the_rotor(detail):
     assert said(**detail) == []
 
 
+def test_the_first_two_orders_have_words():
+    assert "stands still in the stator" in said(electrical={1: 0.0, -1: 0.5})[0]
+    assert "turns against the rotor" in said(electrical={2: 0.0, -2: 0.5})[0]
+
+
 @pytest.mark.parametrize(("of", "count", "told"), [(0.74, 2, 0), (0.76, 2, 1), (0.09, 20, 0), (0.11, 20, 1)])
 def test_a_recording_is_told_of_where_it_has_half_more_than_its_share(of, count, told):
     """1.5 over their number, at least a tenth."""
