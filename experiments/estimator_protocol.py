@@ -21,7 +21,7 @@ from experiments.drawing import RESULTS, save
 from sandbox.cli.sweeping import on_dask
 from sandbox.evaluation.bench import peer
 from sandbox.evaluation.protocol import Protocol, Row, Unit, forget, protocol
-from sandbox.evaluation.protocol_cells import READING, table, tables
+from sandbox.evaluation.protocol_cells import reading, table, tables
 from sandbox.evaluation.protocol_names import LINES
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.output.columns import write_table
@@ -80,7 +80,7 @@ def draw(result: Protocol, date: str) -> None:
     """Write page and figure, and print the page."""
     text = markdown(result, date)
     (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
-    protocol_figure(tables(result), READING, RESULTS / f"{NAME}.png")
+    protocol_figure(tables(result), reading(result), RESULTS / f"{NAME}.png")
     print(text)
 
 
