@@ -34,11 +34,12 @@ NAME = "estimator_protocol"
 WIDEST = 5  # tests side by side
 LEGEND = """\
 Each line is an estimator with its belief, saturated or linear. ✓ and ✗ say whether the goal beside them is met. ○ says
-that what stands beside it holds, while the error itself is beyond the goal of 1 (3)°, or starts end at the wrong pole;
-*as theory* is an error as large as theory foretells for a linear belief. Without a mark there is no goal. A cell of a
-test of position gives the worst mean error and, in brackets, the worst error that 95 % of the samples stay below, in
-electrical degrees. It looks at loads up to 180 %, and where the ripple carries information. *Lost* counts the parts of
-the test in which lock was lost, *slow* those in which the drive did not reach the speed asked for in time."""
+that what stands beside it holds, while the error itself is beyond the goal of 1 (3)°, or starts end at the wrong pole,
+or the drive did not reach its speed in time; *as theory* is an error as large as theory foretells for a linear belief.
+Without a mark there is no goal. A cell of a test of position gives the worst mean error and, in brackets, the worst
+error that 95 % of the samples stay below, in electrical degrees. It looks at loads up to 180 %, and where the ripple
+carries information. *Lost* counts the parts of the test in which lock was lost, *slow* those in which the drive did not
+reach the speed asked for in time."""
 
 
 def markdown(result: Protocol, date: str) -> str:

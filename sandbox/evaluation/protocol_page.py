@@ -9,7 +9,7 @@ from pathlib import Path
 
 from sandbox.evaluation.choice import MANY, either, few
 from sandbox.evaluation.protocol import PEER, SHARED, TESTS, Protocol, Row
-from sandbox.evaluation.protocol_cells import BAD, CHECKS, GOOD, reading, table, tables
+from sandbox.evaluation.protocol_cells import BAD, CHECKS, GOOD, HOLDS, reading, table, tables
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
 from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
 from sandbox.output.vector import SERIES, bars_svg
@@ -36,10 +36,15 @@ class Merit:
     worst_p95: float | None
     step_ns: float | None
 
-    def order(self) -> tuple[int, int, float]:
-        """Return what the best is smallest in: missed goals; then cost or, where any is missed, the error."""
+    @property
+    def rank(self) -> tuple[int, int, int]:
+        """What the best is smallest in: missed goals, those not judged, tests with a speed not reached in time."""
+        return len(self.missed), -self.judged, len(self.slow)
+
+    def order(self) -> tuple[tuple[int, int, int], float]:
+        """Return rank; then cost or, where any goal is missed, the error."""
         then = self.worst_p95 if self.missed else self.step_ns
-        return len(self.missed), -self.judged, math.inf if then is None else then
+        return self.rank, math.inf if then is None else then
 
 
 def merits(rows: Sequence[Row], motor: str) -> tuple[Merit, ...]:
@@ -63,16 +68,27 @@ def which(rows: Sequence[Row], motor: str) -> str:
     found = [m for m in merits(rows, motor) if m.judged]
     if not found:
         return "None of these tests has a goal; run `static_map`, `load_step` or `robustness`."
-    first = [m for m in found if (len(m.missed), m.judged) == (len(found[0].missed), found[0].judged)]
+    first = [m for m in found if m.rank == found[0].rank]
     names, some = either(few([m.estimator for m in first])), _some(rows)
     if not first[0].missed:
         verb = "meets" if len(first) == 1 else "each meets"
         text = f"{names} with the saturated belief: {verb} {_all(first[0].judged)}.{some}{_cheapest(first)}"
-        text += "".join(f" {m.estimator} was slow in {', '.join(m.slow)}." for m in first if m.slow)
-        return text + held([r for r in rows if r.unit.motor == motor], [m.estimator for m in first])
+        return text + late(first) + held([r for r in rows if r.unit.motor == motor], [m.estimator for m in first])
     text = f"None meets every goal. Nearest: {names} with the saturated belief"
     text += f", {first[0].judged - len(first[0].missed)} of {first[0].judged}.{some}"
-    return text + "".join(f" {m.estimator} misses {'; '.join(map(why, m.missed))}." for m in first[:3])
+    return text + "".join(f" {m.estimator} misses {'; '.join(map(why, m.missed))}." for m in first[:3]) + late(first)
+
+
+def late(first: Sequence[Merit]) -> str:
+    """Return in which tests these estimators did not let the drive reach its speed in time, nothing where in none."""
+    tests: dict[tuple[str, ...], list[str]] = {}
+    for m in first:
+        if m.slow:
+            tests.setdefault(m.slow, []).append(m.estimator)
+    return "".join(
+        f" But with {', '.join(few(names))} the speed asked for was not reached in time in {', '.join(slow)} ({HOLDS})."
+        for slow, names in tests.items()
+    )
 
 
 def held(rows: Sequence[Row], names: Sequence[str]) -> str:

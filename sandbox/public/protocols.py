@@ -38,7 +38,10 @@ class ProtocolResult(Result):
         """Return how many tests were run, and how many met their goals."""
         verdicts = [row.outcome.passed for row in self.protocol.rows]
         judged = [v for v in verdicts if v is not None]
-        return f"{len(verdicts)} tests, {sum(judged)} of {len(judged)} judged met their goals"
+        met = [row for row in self.protocol.rows if row.outcome.passed]
+        slow = sum(bool(row.outcome.metrics.get("speed_missed")) for row in met)
+        said = f", {slow} of these without reaching the speed asked for in time" if slow else ""
+        return f"{len(verdicts)} tests, {len(met)} of {len(judged)} judged met their goals{said}"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` holds beyond its header and the names of files."""

@@ -14,10 +14,11 @@ from sandbox.evaluation.compare import Comparison
 from sandbox.evaluation.compare_sheets import sheets
 from sandbox.evaluation.protocol import Protocol, Unit
 from sandbox.evaluation.protocol import Row as Finished
-from sandbox.evaluation.protocol_cells import reading
+from sandbox.evaluation.protocol_cells import cell, reading
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.evaluation.score import ErrorDeg, Row
 from sandbox.output.trace import write_trace
+from sandbox.public.protocols import ProtocolResult
 
 VOID = {"meta", "br", "wbr", "link", "img"}
 
@@ -156,9 +157,29 @@ def test_the_protocol_recommends_by_goals_then_cost():
     assert protocol_page.gained([*ROWS, *more], "m").endswith("belief: 7° (e) to 9° (a) → 0.1° (e) to 0.2° (a).")
     late = unit("b", "load_step", True, mean_deg=0.1, p95_deg=0.2, speed_missed=3)
     assert protocol_page.which([*ROWS, late], "m").endswith(
-        "all 2 goals. Only 4 of the protocol's 11 tests were run. b was slow in load_step."
+        "all 2 goals. Only 4 of the protocol's 11 tests were run. "
+        "But with b the speed asked for was not reached in time in load_step (○)."
     )
     assert protocol_page.gained(ROWS, "m") == "Worst mean error, linear → saturated belief: a 9° → 0.2°."
+
+
+def test_a_missed_speed_has_no_tick_and_comes_after_one_that_was_reached():
+    """The error is within its goal in both; slower to pay is still the better one that gets there."""
+    rows = [
+        unit("dear", "creep", True, mean_deg=0.55, p95_deg=1.3, speed_missed=0),
+        unit("dear", "cost", None, step_ns=9.0),
+        unit("slow", "creep", True, mean_deg=0.55, p95_deg=1.3, speed_missed=1),
+        unit("slow", "cost", None, step_ns=1.0),
+    ]  # fmt: skip
+    assert [cell(row) for row in rows[::2]] == ["0.55 (1.3) ✓ ≤ 1 (3)°", "0.55 (1.3), 1 slow ○ ≤ 1 (3)°"]
+    assert protocol_page.which(rows, "m").startswith("dear with the saturated belief: meets the one goal there is.")
+    assert "slow: the speed asked for not reached in time" in reading(Protocol(tuple(rows), 0))
+    assert reading(Protocol(tuple(rows), 0)).endswith(
+        "○: what stands beside it holds, but the speed asked for was not reached in time."
+    )
+    assert ProtocolResult(Protocol(tuple(rows), 0)).summary() == (
+        "4 tests, 2 of 2 judged met their goals, 1 of these without reaching the speed asked for in time"
+    )
 
 
 def test_what_holds_without_being_good_is_told_beside_the_recommendation():
