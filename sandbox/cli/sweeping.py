@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from model.errors import BadInput
 from sandbox.cli.arguments import checked_folder, number
 from sandbox.output.tables import print_prose, print_table, rate_bar
+
+if TYPE_CHECKING:
+    from sandbox.public.sweeps import ToleranceResult
 
 MOST_PERCENT = 50.0  # of a belief's parameters
 
@@ -67,8 +70,8 @@ def check_tolerances(options: argparse.Namespace) -> None:
         raise BadInput("--tolerances runs in processes that are told names and Python files; leave the library away")
 
 
-def run_tolerances(options: argparse.Namespace, folder: Path, estimators: list[str]) -> None:
-    """Draw belief parameters; write tolerances.json, .png and .parquet."""
+def run_tolerances(options: argparse.Namespace, folder: Path, estimators: list[str]) -> ToleranceResult:
+    """Draw belief parameters; write tolerances.json, .png and .parquet; return what was found."""
     import sandbox
     from sandbox.sweep.tolerances import DRAWS, lines
 
@@ -83,6 +86,7 @@ def run_tolerances(options: argparse.Namespace, folder: Path, estimators: list[s
         title = f"{result.motor}, {result.scenario}: position error when the belief is known to ± so much"
         print_table(title, *lines(result.rows))
         print_prose(f"results in {folder}")
+    return result
 
 
 def percents(text: str) -> list[float]:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     import pyarrow
 
     from sandbox.engine.processes import Cluster
+    from sandbox.evaluation.compare_page import Known
     from sandbox.output.plots import AnyAxes, Figure
     from sandbox.sweep.plan import Sweep
     from sandbox.sweep.summary import Group
@@ -144,6 +145,14 @@ class ToleranceResult(Result):
         from sandbox.sweep.curves import tolerance_figure
 
         return tolerance_figure(self.rows, f"{self.motor}, {self.scenario}", path, ax=ax)
+
+    def for_page(self) -> Known:
+        """Return table and drawing as the page of a comparison shows them."""
+        from sandbox.evaluation.compare_page import Known
+        from sandbox.output.plots import svg_text
+        from sandbox.sweep.tolerances import lines
+
+        return Known(*lines(self.rows), svg_text(self.plot(), f"tolerances{self.motor}{self.scenario}"))
 
 
 @told

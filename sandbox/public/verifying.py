@@ -138,7 +138,8 @@ def _json_of(place: Path) -> Path:
     if not found:
         raise BadInput(f"no result at '{place}'; give a folder that a command has written, or its JSON")
     if len(found) > 1:
-        raise BadInput(f"'{place}' holds {len(found)} results ({', '.join(p.name for p in found[:3])}, ...); give one")
+        named = ", ".join(p.name for p in found[:3]) + (", ..." if len(found) > 3 else "")
+        raise BadInput(f"'{place}' holds {len(found)} results ({named}); give one of them, such as {found[0]}")
     return found[0]
 
 

@@ -19,6 +19,9 @@ from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.evaluation.score import ErrorDeg, Row
 from sandbox.output.trace import write_trace
 from sandbox.public.protocols import ProtocolResult
+from sandbox.public.runs import ComparisonResult
+from sandbox.public.sweeps import ToleranceResult
+from sandbox.sweep.tolerances import ToleranceRow, with_gains
 
 VOID = {"meta", "br", "wbr", "link", "img"}
 
@@ -112,6 +115,25 @@ def test_a_comparison_on_one_page(small_comparison, tmp_path):
     assert page.drawings == 6
     assert "against the rotor's angle" not in page.text
     assert path.stat().st_size < 1_000_000
+
+
+def test_tolerances_stand_on_the_page_and_are_not_advised_then(small_comparison, tmp_path):
+    """Made-up rows: linear 5°, saturated 0.5° if all is known, 1.4° within ±10 %: (5 - 1.4) / (5 - 0.5) = 80 % left."""
+    rows = [
+        ToleranceRow("qnull", belief, x, 8, 0, error, error)
+        for belief, errors in (("linear", (5.0, 5.0)), ("saturated", (0.5, 1.4)))
+        for x, error in zip((0.0, 0.1), errors, strict=True)
+    ]
+    alone = ComparisonResult(small_comparison)
+    page = Page(alone.to_html(tmp_path / "alone.html"))
+    assert "compare --tolerances" in page.text
+    found = ToleranceResult("ipm", "two_steps", with_gains(rows))
+    both = Page(dataclasses.replace(alone, tolerances=found).to_html(tmp_path / "both.html"))
+    check_self_contained(both)
+    assert "compare --tolerances" not in both.text
+    assert compare_page.KNOWN in both.text
+    assert "<td class='n'>80</td>" in both.source
+    assert both.drawings == page.drawings + 1
 
 
 def test_runs_without_lock_and_strange_names_have_a_page(small_comparison, tmp_path):
