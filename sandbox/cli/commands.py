@@ -147,10 +147,12 @@ def run_export(options: argparse.Namespace) -> None:
 
 def run_bench(options: argparse.Namespace) -> None:
     """Measure; write bench.json."""
+    from sandbox.evaluation.bench import told
+
     folder = checked_folder(options)
     result = sandbox.bench(options.anchors if options.peer else None, options.peer_python)
-    rows = [[name, f"{value:.4g}"] for part in (result.measured, result.ratios) for name, value in part.items()]
-    finish(options, result, folder, lambda: print_table("cost", ["figure", "value"], rows))
+    rows = [list(told(*figure)) for part in (result.measured, result.ratios) for figure in part.items()]
+    finish(options, result, folder, lambda: print_table("what it costs on this machine", ["what", "value"], rows))
 
 
 def run_verify(options: argparse.Namespace) -> int:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from model.errors import BadInput
 from sandbox.cli.arguments import checked_folder, number
-from sandbox.output.tables import print_prose, print_table, rate_bar
+from sandbox.output.tables import many, print_prose, print_table, rate_bar
 
 if TYPE_CHECKING:
     from sandbox.public.sweeps import ToleranceResult
@@ -49,7 +49,7 @@ def run_sweep(options: argparse.Namespace) -> None:
     if not options.quiet:
         print_table(f"{result.plan.name}: size of the mean position error", *lines(result.groups))
         for why in result.as_json()["sentences"][:3]:
-            print_prose(f"{why['runs']} runs have no result: {why['sentence']}")
+            print_prose(f"{many(why['runs'], 'run')} without a result: {why['sentence']}")
         print_prose(f"{result.summary()}; results in {folder}")
 
 

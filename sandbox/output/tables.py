@@ -115,6 +115,11 @@ def print_table(title: str, heads: list[str], rows: list[list[str]], fixed: int 
         console.print(_grid(picked), soft_wrap=needed > width)
 
 
+def many(count: int, one: str) -> str:
+    """Return a count with its noun, in the plural unless it is one; for nouns that take an s."""
+    return f"{count} {one}{'' if count == 1 else 's'}"
+
+
 def print_list(lines: Mapping[str, str]) -> None:
     """Print name and text of each entry, as `print_prose` does."""
     for name, text in lines.items():

@@ -12,6 +12,7 @@ from estimators.registry import AnyEstimator
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of
 from sandbox.output.files import results, write_json
+from sandbox.output.tables import many
 from sandbox.public.calls import told
 from sandbox.public.loading import several
 from sandbox.public.result import Result
@@ -41,7 +42,7 @@ class ProtocolResult(Result):
         met = [row for row in self.protocol.rows if row.outcome.passed]
         slow = sum(bool(row.outcome.metrics.get("speed_missed")) for row in met)
         said = f", {slow} of these without reaching the speed asked for in time" if slow else ""
-        return f"{len(verdicts)} tests, {len(met)} of {len(judged)} judged met their goals{said}"
+        return f"{many(len(verdicts), 'test')}, {len(met)} of {len(judged)} judged met their goals{said}"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` holds beyond its header and the names of files."""

@@ -15,6 +15,7 @@ from model.errors import BadInput
 from sandbox.drive.scenario import Scenario
 from sandbox.output.columns import Column, columns_of, write_table
 from sandbox.output.files import results, write_json
+from sandbox.output.tables import many
 from sandbox.public.calls import told
 from sandbox.public.loading import several
 from sandbox.public.result import Result
@@ -52,7 +53,7 @@ class SweepResult(Result):
     def summary(self) -> str:
         """Return what was run, and what it cost."""
         each = 1e3 * self.cpu_seconds / max(1, self.plan.runs)
-        return f"{self.plan.name}, {self.plan.runs} runs, {each:.3g} ms of CPU each"
+        return f"{self.plan.name}, {many(self.plan.runs, 'run')}, {each:.3g} ms of CPU each"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `sweep.json` holds beyond its header and the names of files."""

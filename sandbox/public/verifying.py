@@ -72,7 +72,8 @@ class Verification:
             return f"{self.result}: {self.values} values of '{self.function}' are the same {exact}"
         first = self.differences[0]
         said = f"{first.where} is {brief(first.found)}, stated {brief(first.stated)}"
-        return f"{self.result}: {len(self.differences)} of {self.values} values of '{self.function}' differ; {said}"
+        count, verb = len(self.differences), "differs" if len(self.differences) == 1 else "differ"
+        return f"{self.result}: {count} of {self.values} values of '{self.function}' {verb}; {said}"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `verify.json` holds beyond its header."""

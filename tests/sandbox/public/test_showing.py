@@ -34,6 +34,12 @@ def test_show_and_view_without_a_display(run, tmp_path, monkeypatch, capsys):
     (tmp_path / "empty").mkdir()
     with pytest.raises(sandbox.BadInput, match="nothing to show"):
         sandbox.show(tmp_path / "empty")
+    (tmp_path / "empty" / "audit").mkdir()
+    with pytest.raises(sandbox.BadInput, match="a result has a page"):  # an empty folder is no result
+        sandbox.show(tmp_path / "empty")
+    (tmp_path / "empty" / "audit" / "audit.json").write_text("{}")
+    with pytest.raises(sandbox.BadInput, match=r"give one of the results below it: audit$"):
+        sandbox.show(tmp_path / "empty")
 
 
 def test_show_with_a_display_opens_page_and_trace(run, tmp_path, monkeypatch):
