@@ -251,7 +251,9 @@ def beside(rows: list[dict[str, str]]) -> list[str]:
         "equations ([flux_observer.c](../../estimators/c/examples/flux_observer.c)). It knows no saturation. Beside it "
         "stand `active_flux` and `ekf` of ours, with either belief. In `hand_over` a motor under rated load goes from "
         "standstill to at most 30 % speed and back; `reversal` is motulator's run, on its linear motor. A cell gives "
-        "the largest mean error, in brackets the error that 95 % of the samples stay below, in electrical degrees.", "",
+        "the largest mean error, in brackets the error that 95 % of the samples stay below, in electrical degrees. "
+        "*Slow* counts stretches in which the drive did not reach its speed in time; then ○ says that the error is "
+        "within the goal beside it.", "",
         f"| motor, test | {' | '.join(f'`{n}`' if ',' not in n else n for n in names)} |",
         "|---|" + "---|" * len(names),
         *(f"| {r['motor']}, {r['test']} | {' | '.join(r.get(n, '–') for n in names)} |" for r in rows),

@@ -21,7 +21,7 @@ from experiments.drawing import RESULTS, save
 from sandbox.cli.sweeping import on_dask
 from sandbox.evaluation.bench import peer
 from sandbox.evaluation.protocol import Protocol, Row, Unit, forget, protocol
-from sandbox.evaluation.protocol_cells import READING, table, tables
+from sandbox.evaluation.protocol_cells import reading, table, tables
 from sandbox.evaluation.protocol_names import LINES
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.output.columns import write_table
@@ -34,11 +34,12 @@ NAME = "estimator_protocol"
 WIDEST = 5  # tests side by side
 LEGEND = """\
 Each line is an estimator with its belief, saturated or linear. ✓ and ✗ say whether the goal beside them is met. ○ says
-that what stands beside it holds, while the error itself is beyond the goal of 1 (3)°, or starts end at the wrong pole;
-*as theory* is an error as large as theory foretells for a linear belief. Without a mark there is no goal. A cell of a
-test of position gives the worst mean error and, in brackets, the worst error that 95 % of the samples stay below, in
-electrical degrees. It looks at loads up to 180 %, and where the ripple carries information. *Lost* counts the parts of
-the test in which lock was lost, *slow* those in which the drive did not reach the speed asked for in time."""
+that what stands beside it holds, while the error itself is beyond the goal of 1 (3)°, or starts end at the wrong pole,
+or the drive did not reach its speed in time; *as theory* is an error as large as theory foretells for a linear belief.
+Without a mark there is no goal. A cell of a test of position gives the worst mean error and, in brackets, the worst
+error that 95 % of the samples stay below, in electrical degrees. It looks at loads up to 180 %, and where the ripple
+carries information. *Lost* counts the parts of the test in which lock was lost, *slow* those in which the drive did not
+reach the speed asked for in time."""
 
 
 def markdown(result: Protocol, date: str) -> str:
@@ -80,7 +81,7 @@ def draw(result: Protocol, date: str) -> None:
     """Write page and figure, and print the page."""
     text = markdown(result, date)
     (RESULTS / f"{NAME}.md").write_text(text, encoding="utf-8")
-    protocol_figure(tables(result), READING, RESULTS / f"{NAME}.png")
+    protocol_figure(tables(result), reading(result), RESULTS / f"{NAME}.png")
     print(text)
 
 

@@ -12,6 +12,7 @@ inverter. This page lists them, measures four of them on one motor, and says how
 from matplotlib import pyplot as plt
 
 from sandbox import Scenario, Segment, list_estimators, protocol, simulate
+from sandbox.evaluation.protocol_cells import cell
 
 for name, summary in list_estimators().items():
     print(f"{name:15} {summary}")
@@ -63,14 +64,12 @@ panel.legend()
 
 done = protocol(["qnull", "ekf"], ["ipm_exchanged"], ["load_step"])
 for row in done.protocol.rows:
-    m = row.outcome.metrics
-    print(
-        f"{row.unit.estimator:6} {row.unit.belief:9} mean {m['mean_deg']:5.2f}°  p95 {m['p95_deg']:5.2f}°  goal met: {row.outcome.passed}"
-    )
+    print(f"{row.unit.estimator:6} {row.unit.belief:9} {cell(row)}")
 
 # %%
-# The linear belief is judged against theory: its goal is to err by the cross-saturation angle, no more and no less. For the filter's linear belief there is
-# no theory, so it has no goal (``None``).
+# Worst mean error, in brackets the worst 95th percentile, and a mark with what it says, as on the page that ``sensorless protocol`` writes.
+# The linear belief is judged against theory, which foretells its error by the cross-saturation angle: ○ says that it is as large as foretold, which
+# is not good. For the filter's linear belief there is no theory, so it has no mark.
 #
 # What to take
 # ------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -47,7 +48,8 @@ def run_compare(options: argparse.Namespace) -> None:
         cpu = sum(run.cpu_seconds for run in result.runs)
         print_prose(f"{simulated:.0f} s simulated in {cpu:.1f} s of CPU; results in {folder}")
     if options.tolerances is not None:
-        run_tolerances(options, folder, names_of(options.estimators) + options.estimator)
+        found = run_tolerances(options, folder, names_of(options.estimators) + options.estimator)
+        replace(result, tolerances=found).save(folder, csv=options.csv, trace=not options.no_trace)
 
 
 def run_simulate(options: argparse.Namespace) -> None:
@@ -145,10 +147,12 @@ def run_export(options: argparse.Namespace) -> None:
 
 def run_bench(options: argparse.Namespace) -> None:
     """Measure; write bench.json."""
+    from sandbox.evaluation.bench import told
+
     folder = checked_folder(options)
     result = sandbox.bench(options.anchors if options.peer else None, options.peer_python)
-    rows = [[name, f"{value:.4g}"] for part in (result.measured, result.ratios) for name, value in part.items()]
-    finish(options, result, folder, lambda: print_table("cost", ["figure", "value"], rows))
+    rows = [list(told(*figure)) for part in (result.measured, result.ratios) for figure in part.items()]
+    finish(options, result, folder, lambda: print_table("what it costs on this machine", ["what", "value"], rows))
 
 
 def run_verify(options: argparse.Namespace) -> int:

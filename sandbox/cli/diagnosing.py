@@ -9,7 +9,7 @@ from typing import Any
 
 from model.errors import BadInput
 from sandbox.cli.arguments import checked_folder, finish
-from sandbox.output.tables import effort_bar, print_prose
+from sandbox.output.tables import effort_bar, many, print_prose
 
 PRESET = "a program whose column names and units are known: `sensorless list presets`"
 
@@ -119,7 +119,8 @@ def run_check(options: argparse.Namespace) -> None:
     )  # fmt: skip
     finish(options, found, folder, lambda: print_check(found))
     if not found.ok:
-        raise BadInput(f"{len([n for n in found.noticed if n.level == 'refused'])} findings stop this campaign")
+        count = len([n for n in found.noticed if n.level == "refused"])
+        raise BadInput(f"{many(count, 'finding')} stop{'s' if count == 1 else ''} this campaign")
 
 
 def run_diagnose(options: argparse.Namespace) -> None:

@@ -5,11 +5,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from model.errors import BadInput
 from sandbox.cli.arguments import checked_folder, number
-from sandbox.output.tables import print_prose, print_table, rate_bar
+from sandbox.output.tables import many, print_prose, print_table, rate_bar
+
+if TYPE_CHECKING:
+    from sandbox.public.sweeps import ToleranceResult
 
 MOST_PERCENT = 50.0  # of a belief's parameters
 
@@ -46,7 +49,7 @@ def run_sweep(options: argparse.Namespace) -> None:
     if not options.quiet:
         print_table(f"{result.plan.name}: largest mean position error of a run", *lines(result.groups))
         for why in result.as_json()["sentences"][:3]:
-            print_prose(f"{why['runs']} runs have no result: {why['sentence']}")
+            print_prose(f"{many(why['runs'], 'run')} without a result: {why['sentence']}")
         print_prose(f"{result.summary()}; results in {folder}")
 
 
@@ -67,8 +70,8 @@ def check_tolerances(options: argparse.Namespace) -> None:
         raise BadInput("--tolerances runs in processes that are told names and Python files; leave the library away")
 
 
-def run_tolerances(options: argparse.Namespace, folder: Path, estimators: list[str]) -> None:
-    """Draw belief parameters; write tolerances.json, .png and .parquet."""
+def run_tolerances(options: argparse.Namespace, folder: Path, estimators: list[str]) -> ToleranceResult:
+    """Draw belief parameters; write tolerances.json, .png and .parquet; return what was found."""
     import sandbox
     from sandbox.sweep.tolerances import DRAWS, lines
 
@@ -83,6 +86,7 @@ def run_tolerances(options: argparse.Namespace, folder: Path, estimators: list[s
         title = f"{result.motor}, {result.scenario}: position error when the belief is known to ± so much"
         print_table(title, *lines(result.rows))
         print_prose(f"results in {folder}")
+    return result
 
 
 def percents(text: str) -> list[float]:

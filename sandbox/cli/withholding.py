@@ -12,7 +12,7 @@ from sandbox.cli.arguments import add_own_effects
 from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import results, write_json
 from sandbox.output.provenance import Call, digest_of, made_by
-from sandbox.output.tables import print_prose, print_table, progress_bar
+from sandbox.output.tables import many, print_prose, print_table, progress_bar
 
 Number = Callable[[str], int]
 ROWS = "withheld.rows.jsonl"
@@ -88,7 +88,7 @@ def run_make(options: argparse.Namespace) -> None:
             jobs=options.jobs or os.cpu_count() or 1, cluster=options.dask, announce=announce, progress=progress,
         )  # fmt: skip
     if not options.quiet:
-        print_prose(f"{options.count} campaigns in {made.folder / 'campaigns'}, {made.recorded} recorded now")
+        print_prose(f"{many(options.count, 'campaign')} in {made.folder / 'campaigns'}, {made.recorded} recorded now")
 
 
 def run_score(options: argparse.Namespace) -> None:
@@ -119,7 +119,7 @@ def run_score(options: argparse.Namespace) -> None:
         made = made_by(Call("withheld score", {}, inputs), (path for path in out.iterdir() if path.is_file()))
         write_json(out, "withheld", content, made=made)
     if not options.quiet:
-        print_table(f"{options.folder}: {len(scored[0].judged)} campaigns", *table(scored))
+        print_table(f"{options.folder}: {many(len(scored[0].judged), 'campaign')}", *table(scored))
         for s in scored:
             if len(s.code) > 1:
                 print_prose(

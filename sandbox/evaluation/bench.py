@@ -181,6 +181,32 @@ def bench(anchors: Path | None, python: str) -> dict[str, Any]:
     return {"measured": measured, "ratios": ratios}
 
 
+WORDS = {
+    PLANT: ("a simulated second of the plant alone, saturated", "ms of CPU"),
+    "warm_start_s": ("a short command from start to end, everything compiled", "s"),
+    "closed_loop_(.+)_cpu_s_per_s": ("a simulated second in closed loop, {}", "ms of CPU"),
+    "closed_loop_(.+)_rms_deg": ("position error of that run, {}, rms", "°"),
+    "neutral_to_none_cpu": ("CPU with an effect of size zero, to that without effects", "x"),
+    "one_effect_to_none_cpu": ("CPU with one effect, to that without effects", "x"),
+    "all_effects_to_none_cpu": ("CPU with every effect, to that without effects", "x"),
+    "plant_to_c": ("CPU of the plant, to that of the C reference", "x"),
+    "peer_cpu_s_per_s": ("a simulated second in motulator", "ms of CPU"),
+    "peer_rms_deg": ("position error of motulator, rms", "°"),
+    "peer_to_(.+)_cpu": ("CPU of motulator, to that of {}", "x"),
+    "(.+)_to_peer_rms": ("position error of {}, to that of motulator", "x"),
+}
+
+
+def told(name: str, value: float) -> tuple[str, str]:
+    """Return what a figure is, in words, and its value with its unit."""
+    for pattern, (words, unit) in WORDS.items():
+        found = re.fullmatch(pattern, name)
+        if found:
+            size = 1e3 * value if unit.startswith("ms") else value
+            return words.format(*found.groups()), f"{size:.3g}{'' if unit == '°' else ' '}{unit}"
+    return name, f"{value:.4g}"
+
+
 def _median(work: Callable[[], None], repetitions: int = 5) -> float:
     times = []
     for _ in range(repetitions):

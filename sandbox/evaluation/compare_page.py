@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,15 +22,24 @@ DRAWN = 600  # blocks of a line over time
 NOT_IN_IT = (
     "It is a simulation: what the drive has beside this model (see `sensorless list effects`) is not in it unless it "
     "was added by --effects.",
-    "The saturated belief is the plant's own model, so it is as good as a model can be; `sensorless compare "
-    "--tolerances` shows what is left of it when the model is known to some percent only.",
+    "The saturated belief is the plant's own model, so it is as good as a model can be; ",
 )
+ASK = "`sensorless compare --tolerances` shows what is left of it when the model is known to some percent only."
+KNOWN = "What is left when the model is known to some percent only"
 
 
-def write_comparison(path: Path, c: Comparison) -> None:
-    """Write the page of a comparison."""
+class Known(NamedTuple):
+    """What is left where the belief is known to some percent only: heads and lines of a table, a drawing (SVG)."""
+
+    heads: Sequence[str]
+    lines: Sequence[Sequence[str]]
+    drawing: str
+
+
+def write_comparison(path: Path, c: Comparison, known: Known | None = None) -> None:
+    """Write the page of a comparison; known: what tolerances of the belief's parameters showed, where they were run."""
     title = f"{c.drive.name}, {c.scenario.name}: which estimator, which belief"
-    write_page(path, title, parts(c, title))
+    write_page(path, title, parts(c, title, known))
 
 
 def write_run(path: Path, c: Comparison) -> None:
@@ -51,15 +61,19 @@ def _run_parts(c: Comparison, run: Run, title: str) -> Iterator[str]:
     yield _made(c)
 
 
-def parts(c: Comparison, title: str) -> Iterator[str]:
+def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str]:
     """Yield the page's parts, the answers first."""
     found = standings(c.rows)
     yield f"<h1>{prose(title)}</h1>"
     yield answer("Which estimator for this motor?", which(found))
     yield answer("What does believing the saturated model bring?", f"{gained(found)} {theory_held(c.rows)}")
-    yield answer("What is not in it?", f"{_effects_said(c)} {NOT_IN_IT[1]}")
+    then = f"see '{KNOWN}' below." if known else ASK
+    yield answer("What is not in it?", f"{_effects_said(c)} {NOT_IN_IT[1]}{then}")
     yield "<h2>All estimators, the estimate in control</h2>" + _standings([s for s in found if s.closed_loop])
     yield fold("The same, the encoder in control", _standings([s for s in found if not s.closed_loop]))
+    if known:
+        yield f"<h2>{KNOWN}</h2>" + table(known.heads, known.lines)
+        yield figure(known.drawing, "Each parameter of the belief is drawn evenly within ± so much; the plant stays.")
     yield "<h2>Position error by estimator, the estimate in control</h2>"
     groups: dict[str, list[Run]] = {}
     for run in c.runs:

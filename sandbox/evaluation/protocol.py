@@ -27,7 +27,7 @@ from model.parameters import Drive
 from model.sources import ROOT, source_key
 from sandbox.engine.processes import Cluster, spread
 from sandbox.evaluation.compare import distinct
-from sandbox.evaluation.protocol_cells import MARKS, READING, table
+from sandbox.evaluation.protocol_cells import MARKS, reading, table
 from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
 from sandbox.evaluation.protocol_tests import (
     Outcome,
@@ -318,5 +318,5 @@ def show(result: Protocol) -> None:
         heads, lines = table(result, motor)
         lines = [[re.sub(f" ([{''.join(MARKS)}]) ", r" \1\n", text) for text in line] for line in lines]
         print_table(f"{motor}: worst mean ° (worst 95 %)", heads, lines)
-    print_prose(READING)
+    print_prose(reading(result))
     print_prose(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sandbox.evaluation.choice import MANY, either, few
-from sandbox.evaluation.protocol import PEER, SHARED, Protocol, Row
-from sandbox.evaluation.protocol_cells import BAD, CHECKS, GOOD, READING, table, tables
+from sandbox.evaluation.protocol import PEER, SHARED, TESTS, Protocol, Row
+from sandbox.evaluation.protocol_cells import BAD, CHECKS, GOOD, HOLDS, reading, table, tables
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
 from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
 from sandbox.output.vector import SERIES, bars_svg
@@ -36,10 +36,15 @@ class Merit:
     worst_p95: float | None
     step_ns: float | None
 
-    def order(self) -> tuple[int, int, float]:
-        """Return what the best is smallest in: missed goals; then cost or, where any is missed, the error."""
+    @property
+    def rank(self) -> tuple[int, int, int]:
+        """What the best is smallest in: missed goals, those not judged, tests with a speed not reached in time."""
+        return len(self.missed), -self.judged, len(self.slow)
+
+    def order(self) -> tuple[tuple[int, int, int], float]:
+        """Return rank; then cost or, where any goal is missed, the error."""
         then = self.worst_p95 if self.missed else self.step_ns
-        return len(self.missed), -self.judged, math.inf if then is None else then
+        return self.rank, math.inf if then is None else then
 
 
 def merits(rows: Sequence[Row], motor: str) -> tuple[Merit, ...]:
@@ -63,16 +68,27 @@ def which(rows: Sequence[Row], motor: str) -> str:
     found = [m for m in merits(rows, motor) if m.judged]
     if not found:
         return "None of these tests has a goal; run `static_map`, `load_step` or `robustness`."
-    first = [m for m in found if (len(m.missed), m.judged) == (len(found[0].missed), found[0].judged)]
-    names = either(few([m.estimator for m in first]))
+    first = [m for m in found if m.rank == found[0].rank]
+    names, some = either(few([m.estimator for m in first])), _some(rows)
     if not first[0].missed:
         verb = "meets" if len(first) == 1 else "each meets"
-        text = f"{names} with the saturated belief: {verb} {_all(first[0].judged)}.{_cheapest(first)}"
-        text += "".join(f" {m.estimator} was slow in {', '.join(m.slow)}." for m in first if m.slow)
-        return text + held([r for r in rows if r.unit.motor == motor], [m.estimator for m in first])
+        text = f"{names} with the saturated belief: {verb} {_all(first[0].judged)}.{some}{_cheapest(first)}"
+        return text + late(first) + held([r for r in rows if r.unit.motor == motor], [m.estimator for m in first])
     text = f"None meets every goal. Nearest: {names} with the saturated belief"
-    text += f", {first[0].judged - len(first[0].missed)} of {first[0].judged}."
-    return text + "".join(f" {m.estimator} misses {'; '.join(map(why, m.missed))}." for m in first[:3])
+    text += f", {first[0].judged - len(first[0].missed)} of {first[0].judged}.{some}"
+    return text + "".join(f" {m.estimator} misses {'; '.join(map(why, m.missed))}." for m in first[:3]) + late(first)
+
+
+def late(first: Sequence[Merit]) -> str:
+    """Return in which tests these estimators did not let the drive reach its speed in time, nothing where in none."""
+    tests: dict[tuple[str, ...], list[str]] = {}
+    for m in first:
+        if m.slow:
+            tests.setdefault(m.slow, []).append(m.estimator)
+    return "".join(
+        f" But with {', '.join(few(names))} the speed asked for was not reached in time in {', '.join(slow)} ({HOLDS})."
+        for slow, names in tests.items()
+    )
 
 
 def held(rows: Sequence[Row], names: Sequence[str]) -> str:
@@ -88,6 +104,17 @@ def held(rows: Sequence[Row], names: Sequence[str]) -> str:
             ends = list(dict.fromkeys(f"{v:.3g}" for v in (min(sizes), max(sizes))))
             text += f" `{test}` asks for no more than '{CHECKS[test]}'; {what} {' to '.join(ends)}{unit}."
     return text
+
+
+def left_out(rows: Sequence[Row]) -> list[str]:
+    """Return the protocol's tests that were run on no motor."""
+    return [test for test in TESTS if test not in {r.unit.test for r in rows}]
+
+
+def _some(rows: Sequence[Row]) -> str:
+    """Return how many of the protocol's tests were run, nothing where all were."""
+    ran, every = len(TESTS) - len(left_out(rows)), len(TESTS)
+    return f" Only {ran} of the protocol's {every} tests {'was' if ran == 1 else 'were'} run." if ran < every else ""
 
 
 def _all(judged: int) -> str:
@@ -134,16 +161,26 @@ def gained(rows: Sequence[Row], motor: str) -> str:
 
 def _both(rows: Sequence[Row], motor: str) -> dict[str, tuple[float, float]]:
     """Return worst mean errors (degrees) by estimator: linear, saturated, over the tests both were in lock in."""
+    return {
+        name: (max(a for a, _ in means.values()), max(b for _, b in means.values()))
+        for name, means in _means(rows, motor).items()
+    }
+
+
+def _seen(rows: Sequence[Row], motor: str) -> list[str]:
+    """Return the tests of GAINED that some estimator was in lock in with both beliefs."""
+    return [test for test in GAINED if any(test in means for means in _means(rows, motor).values())]
+
+
+def _means(rows: Sequence[Row], motor: str) -> dict[str, dict[str, tuple[float, float]]]:
+    """Return mean errors (degrees), linear and saturated, by estimator and test of GAINED, where both are known."""
     own = {(r.unit.estimator, r.unit.belief, r.unit.test): r.outcome.metrics for r in rows if r.unit.motor == motor}
-    out = {}
+    out: dict[str, dict[str, tuple[float, float]]] = {}
     for name in dict.fromkeys(e for e, _, _ in own):
-        seen = []
         for test in GAINED:
-            values = [own.get((name, belief, test), {}).get("mean_deg") for belief in ("linear", "saturated")]
-            if None not in values:
-                seen.append(values)
-        if seen:
-            out[name] = tuple(max(column) for column in zip(*seen, strict=True))
+            linear, saturated = (own.get((name, b, test), {}).get("mean_deg") for b in ("linear", "saturated"))
+            if linear is not None and saturated is not None:
+                out.setdefault(name, {})[test] = linear, saturated
     return out
 
 
@@ -173,7 +210,9 @@ def parts(result: Protocol, title: str) -> Iterator[str]:
         yield answer(f"Which estimator for {motor}?", which(result.rows, motor))
     for motor in motors:
         yield answer(f"What does believing the saturated model bring on {motor}?", gained(result.rows, motor))
-    yield answer("What is not in it?", NOT_IN_IT)
+    missing = left_out(result.rows)
+    tests = f" Tests that were not run: {', '.join(missing)}." if missing else ""
+    yield answer("What is not in it?", NOT_IN_IT + tests)
     for motor in every:
         yield f"<h2>{prose(motor)}</h2>" + verdicts(*table(result, motor))
         yield from pairs(_figures(result.rows, motor))
@@ -183,7 +222,7 @@ def parts(result: Protocol, title: str) -> Iterator[str]:
         cases = _cases(result.rows, motor)
         if cases:
             yield fold(f"{motor}: one thing at a time other than believed", cases)
-    yield f"<p class='soft'>{prose(READING)}</p>"
+    yield f"<p class='soft'>{prose(reading(result))}</p>"
     failed = [f"{r.unit.motor}, {r.unit.test}, {r.unit.estimator} {r.unit.belief}: {r.failure}" for r in result.rows
               if r.failure]  # fmt: skip
     if failed:
@@ -200,9 +239,10 @@ def _figures(rows: Sequence[Row], motor: str) -> Iterator[str]:
             "saturated": [max(b, 1e-3) for _, b in both.values()],
         }
         low = min([0.1, *(0.5 * v for values in series.values() for v in values)])
+        over = ", ".join(_seen(rows, motor))
         yield figure(
             bars_svg(list(both), series, "worst mean error (°)", log_from=low),
-            f"Worst mean position error over {', '.join(GAINED)}; the goal of the saturated belief is {MEAN_GOAL:g}°.",
+            f"Worst mean position error over {over}; the goal of the saturated belief is {MEAN_GOAL:g}°.",
         )
     costs = {m.estimator: m.step_ns for m in merits(rows, motor) if m.step_ns is not None}
     if costs:

@@ -98,21 +98,26 @@ def further(total: float, reached: float) -> float:
     return total
 
 
-def print_table(title: str, heads: list[str], rows: list[list[str]], fixed: int = 1) -> None:
+def print_table(title: str, heads: list[str], rows: list[list[str]], fixed: int = 1, together: int = 1) -> None:
     """Print a table; the first column to the left, numbers to the right, no number cut.
 
     One that is wider than the terminal (or 80 columns) is folded: its columns follow in several tables that all begin
-    with the first `fixed` ones.
+    with the first `fixed` ones, so many `together` where they fit.
     """
     from rich.console import Console
 
     width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
     Console(markup=False, highlight=False).print(_fitted(title), style="bold", soft_wrap=True)
-    for chosen in folded(heads, rows, fixed, width):
+    for chosen in folded(heads, rows, fixed, width, together):
         picked = [[row[k] for k in chosen] for row in [heads, *rows]]
         needed = 1 + sum(_width(picked, k) for k in range(len(chosen)))
         console = Console(width=max(width, needed), markup=False, highlight=False)
         console.print(_grid(picked), soft_wrap=needed > width)
+
+
+def many(count: int, one: str) -> str:
+    """Return a count with its noun, in the plural unless it is one; for nouns that take an s."""
+    return f"{count} {one}{'' if count == 1 else 's'}"
 
 
 def print_list(lines: Mapping[str, str]) -> None:
@@ -153,15 +158,20 @@ def _width(rows: list[list[str]], k: int) -> int:
     return whole if k else min(whole, LEAST)
 
 
-def folded(heads: list[str], rows: list[list[str]], fixed: int, width: int) -> list[list[int]]:
-    """Return the columns of each part of a table, every part within a width where that can be done."""
+def folded(heads: list[str], rows: list[list[str]], fixed: int, width: int, together: int = 1) -> list[list[int]]:
+    """Return the columns of each part of a table, every part within a width where that can be done.
+
+    together: how many columns after the fixed ones belong to each other; they are parted only where they do not fit.
+    """
     every = [heads, *rows]
     first, parts = list(range(fixed)), [list(range(fixed))]
     room = width - 1 - sum(_width(every, k) for k in first)
     left = room
     for k in range(fixed, len(heads)):
-        wide = _width(every, k)
-        if wide > left and len(parts[-1]) > fixed:
+        wide, whole = _width(every, k), 0
+        if (k - fixed) % together == 0:  # the first of those that belong to each other
+            whole = sum(_width(every, j) for j in range(k, min(k + together, len(heads))))
+        if max(wide, whole) > left and len(parts[-1]) > fixed:
             parts.append(list(first))
             left = room
         parts[-1].append(k)

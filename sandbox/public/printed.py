@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from model.errors import PhysicsError
-from sandbox.output.tables import THEORY, comparison_tables, number_text, print_prose, print_table, theory_of
+from sandbox.output.tables import BELIEFS, THEORY, comparison_tables, number_text, print_prose, print_table, theory_of
 
 if TYPE_CHECKING:
     from model.parameters import Drive
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def print_comparison(c: Comparison) -> None:
     """Print both tables and how to read them."""
     for title, heads, rows in comparison_tables(c):
-        print_table(title, heads, rows, fixed=3 if heads[2] == THEORY else 2)
+        print_table(title, heads, rows, fixed=3 if heads[2] == THEORY else 2, together=len(BELIEFS))
     theory = "theory: the cross-saturation angle that a linear belief cannot see, for small ripple."
     if all(row.predicted_mean_deg is None for row in c.rows):
         theory = "theory: none, as it knows the motor alone, not the effects of this plant or these estimators."
@@ -100,7 +100,9 @@ def print_audit(drive: Drive, a: Audit) -> None:
             f"{v['i_d']:.4g} A, i_q = {v['i_q']:.3f} A, so it may be used up to {a.valid_radius:.4g} A "
             f"({a.valid_radius / a.rated_current:.0%} of rated current)"
         )
-    kept = "in the whole disc" if a.saliency_radius >= a.radius else f"up to {a.saliency_radius:.4g} A"
+    reach = min(a.saliency_radius, a.valid_radius)
+    kept = "in the whole disc" if a.passed and reach >= a.radius else f"up to {reach:.4g} A"
+    kept += ", as far as the model is valid" if not a.passed and a.saliency_radius >= a.valid_radius else ""
     print_prose(f"saliency L_qq - L_dd keeps its sign, so that q-null injection is feasible: {kept}")
     rated = drive.motor.rated_torque
     print_prose(
@@ -116,7 +118,10 @@ def print_audit(drive: Drive, a: Audit) -> None:
     ]
     keys = ("angle_local_deg", "angle_closed_deg", "relative_slope", "error_per_10mA_deg")
     lines = [
-        [f"{100 * a.load[k]:+.0f}", *("–" if math.isnan(v) else f"{v:+.2f}" for v in (content[key][k] for key in keys))]
+        [
+            f"{100 * a.load[k]:+.0f}",
+            *("–" if math.isnan(v) else number_text(v) for v in (content[key][k] for key in keys)),
+        ]
         for k in range(0, a.load.size, 3)
     ]
     print_table("cross-saturation angle, i_d = 0", heads, lines)

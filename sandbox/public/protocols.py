@@ -12,6 +12,7 @@ from estimators.registry import AnyEstimator
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of
 from sandbox.output.files import results, write_json
+from sandbox.output.tables import many
 from sandbox.public.calls import told
 from sandbox.public.loading import several
 from sandbox.public.result import Result
@@ -38,7 +39,10 @@ class ProtocolResult(Result):
         """Return how many tests were run, and how many met their goals."""
         verdicts = [row.outcome.passed for row in self.protocol.rows]
         judged = [v for v in verdicts if v is not None]
-        return f"{len(verdicts)} tests, {sum(judged)} of {len(judged)} judged met their goals"
+        met = [row for row in self.protocol.rows if row.outcome.passed]
+        slow = sum(bool(row.outcome.metrics.get("speed_missed")) for row in met)
+        said = f", {slow} of these without reaching the speed asked for in time" if slow else ""
+        return f"{many(len(verdicts), 'test')}, {len(met)} of {len(judged)} judged met their goals{said}"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` holds beyond its header and the names of files."""
@@ -58,10 +62,10 @@ class ProtocolResult(Result):
 
         ax: axes of your own to draw in, one for each motor; see `Result.plot`.
         """
-        from sandbox.evaluation.protocol_cells import READING, tables
+        from sandbox.evaluation.protocol_cells import reading, tables
         from sandbox.output.plots import protocol_figure
 
-        return protocol_figure(tables(self.protocol), READING, path, ax=ax)
+        return protocol_figure(tables(self.protocol), reading(self.protocol), path, ax=ax)
 
     def to_html(self, path: str | Path) -> Path:
         """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""

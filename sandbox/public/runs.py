@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from sandbox.evaluation.compare import Comparison, Run
     from sandbox.evaluation.score import ErrorDeg, Row
     from sandbox.output.plots import AnyAxes, Figure
+    from sandbox.public.sweeps import ToleranceResult
 
 AnyMotor = str | Path | Drive
 AnyScenario = str | Path | Scenario
@@ -152,6 +153,7 @@ class ComparisonResult(Result):
 
     command: ClassVar[str] = "compare"
     comparison: Comparison
+    tolerances: ToleranceResult | None = None  # stands on the page, where it was run
 
     @property
     def runs(self) -> tuple[Run, ...]:
@@ -202,7 +204,8 @@ class ComparisonResult(Result):
         """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""
         from sandbox.evaluation.compare_page import write_comparison
 
-        write_comparison(Path(path), self.comparison)
+        known = None if self.tolerances is None else self.tolerances.for_page()
+        write_comparison(Path(path), self.comparison, known)
         return Path(path)
 
     def save(self, folder: str | Path, *, csv: bool = False, trace: bool = True) -> Path:

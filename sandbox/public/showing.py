@@ -10,6 +10,7 @@ from pathlib import Path
 
 from model.errors import BadInput
 
+MOST_NAMED = 12  # results in a sentence
 PAGES, TRACES, FIGURES = (".html",), (".rrd",), (".png", ".svg")
 
 
@@ -104,6 +105,10 @@ def shown(result: Path) -> list[Path]:
     files = sorted(path for path in folder.iterdir() if path.is_file() and not path.name.startswith("."))
     kinds = [[path for path in files if path.suffix in kind] for kind in (PAGES, FIGURES, TRACES)]
     found = [*(kinds[0] or kinds[1]), *kinds[2]]
+    below = sorted(path.name for path in folder.iterdir() if path.is_dir() and any(path.glob("*.json")))
+    if not found and below:
+        named = ", ".join(below[:MOST_NAMED]) + (", ..." if len(below) > MOST_NAMED else "")
+        raise BadInput(f"nothing to show in '{folder}' itself; give one of the results below it: {named}")
     if not found:
         raise BadInput(f"nothing to show in '{folder}'; a result has a page (.html), figures (.png) or a trace (.rrd)")
     return found

@@ -15,6 +15,7 @@ from model.errors import BadInput
 from sandbox.drive.scenario import Scenario
 from sandbox.output.columns import Column, columns_of, write_table
 from sandbox.output.files import results, write_json
+from sandbox.output.tables import many
 from sandbox.public.calls import told
 from sandbox.public.loading import several
 from sandbox.public.result import Result
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     import pyarrow
 
     from sandbox.engine.processes import Cluster
+    from sandbox.evaluation.compare_page import Known
     from sandbox.output.plots import AnyAxes, Figure
     from sandbox.sweep.plan import Sweep
     from sandbox.sweep.summary import Group
@@ -51,7 +53,7 @@ class SweepResult(Result):
     def summary(self) -> str:
         """Return what was run, and what it cost."""
         each = 1e3 * self.cpu_seconds / max(1, self.plan.runs)
-        return f"{self.plan.name}, {self.plan.runs} runs, {each:.3g} ms of CPU each"
+        return f"{self.plan.name}, {many(self.plan.runs, 'run')}, {each:.3g} ms of CPU each"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `sweep.json` holds beyond its header and the names of files."""
@@ -144,6 +146,14 @@ class ToleranceResult(Result):
         from sandbox.sweep.curves import tolerance_figure
 
         return tolerance_figure(self.rows, f"{self.motor}, {self.scenario}", path, ax=ax)
+
+    def for_page(self) -> Known:
+        """Return table and drawing as the page of a comparison shows them."""
+        from sandbox.evaluation.compare_page import Known
+        from sandbox.output.plots import svg_text
+        from sandbox.sweep.tolerances import lines
+
+        return Known(*lines(self.rows), svg_text(self.plot(), f"tolerances{self.motor}{self.scenario}"))
 
 
 @told

@@ -72,7 +72,8 @@ class Verification:
             return f"{self.result}: {self.values} values of '{self.function}' are the same {exact}"
         first = self.differences[0]
         said = f"{first.where} is {brief(first.found)}, stated {brief(first.stated)}"
-        return f"{self.result}: {len(self.differences)} of {self.values} values of '{self.function}' differ; {said}"
+        count, verb = len(self.differences), "differs" if len(self.differences) == 1 else "differ"
+        return f"{self.result}: {count} of {self.values} values of '{self.function}' {verb}; {said}"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `verify.json` holds beyond its header."""
@@ -138,7 +139,8 @@ def _json_of(place: Path) -> Path:
     if not found:
         raise BadInput(f"no result at '{place}'; give a folder that a command has written, or its JSON")
     if len(found) > 1:
-        raise BadInput(f"'{place}' holds {len(found)} results ({', '.join(p.name for p in found[:3])}, ...); give one")
+        named = ", ".join(p.name for p in found[:3]) + (", ..." if len(found) > 3 else "")
+        raise BadInput(f"'{place}' holds {len(found)} results ({named}); give one of them, such as {found[0]}")
     return found[0]
 
 

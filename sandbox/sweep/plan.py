@@ -146,6 +146,11 @@ def read_sweep(path: str | Path) -> Sweep:
     """Return the sweep of a TOML file; files that it names are looked for beside it.  BadInput says what is wrong."""
     path = Path(path)
     tables = read_toml(path)
+    if tables and set(tables) <= {"scenario", "segment"}:
+        raise BadInput(
+            f"{path.name} is a scenario, which is one run; add a table [run], [grid] or [random], or run it by "
+            "`sensorless simulate --scenario`"
+        )
     try:
         return sweep_of(tables, fitting(path.stem, "sweep"), path.parent)
     except BadInput as error:

@@ -13,7 +13,7 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of, table_of, write_table
 from sandbox.output.files import results, write_json
-from sandbox.output.tables import print_prose, print_table
+from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.calls import told
 from sandbox.public.campaigns import drafting
 from sandbox.public.loading import load_motor
@@ -276,7 +276,7 @@ def print_plan(found: PlanResult) -> None:
     )
     for k, p in enumerate(found.plan.experiments, 1):
         print_prose(f"{p.entry.name} ({p.entry.seconds:.3g} s): {p.entry.description}; {p.settings}", f"{k}. ")
-        print_prose(f"tells {len(p.tells)} effects, beyond those before it {', '.join(p.adds)}", "   ")
+        print_prose(f"tells {many(len(p.tells), 'effect')}, beyond those before it {', '.join(p.adds)}", "   ")
     v = found.plan.together
     print_prose(
         "not told: " + (", ".join(e for e in v.sizes if v.words(e) == "not") or "none of the library's effects")

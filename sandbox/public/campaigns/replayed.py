@@ -13,7 +13,7 @@ import numpy as np
 from model.effect_files import effects_and_angles
 from model.parameters import Drive
 from sandbox.output.columns import Column
-from sandbox.output.tables import print_table
+from sandbox.output.tables import many, print_table
 from sandbox.public.calls import told
 from sandbox.public.loading import load_motor, read_campaign
 from sandbox.public.result import Result
@@ -39,9 +39,8 @@ class ReplayResult(Result):
     def summary(self) -> str:
         """Return the worst recording."""
         file = max(self.rms, key=lambda name: self.rms[name])
-        return (
-            f"{self.prepared.campaign.name}, {len(self.rms)} recordings, {file} {self.rms[file]:.3g} noise floors off"
-        )
+        count = many(len(self.rms), "recording")
+        return f"{self.prepared.campaign.name}, {count}, {file} {self.rms[file]:.3g} noise floors off"
 
     def as_json(self) -> dict[str, Any]:
         """Return campaign, effects, noise floor (A) and each recording's rms over it."""

@@ -89,6 +89,8 @@ def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
     content = {"schema": 1, **header, "campaigns": {d.case.name: d.sealed() for d in drawn}}
     text = json_bytes(plain(content))
     digest = hashlib.sha256(text).hexdigest()
+    if folder.exists() and not folder.is_dir():
+        raise BadInput(f"'{folder}' is a file, no folder for a check; give a new folder")
     path = folder / SEAL
     if path.exists() and path.read_bytes() != text:
         raise BadInput(

@@ -14,9 +14,14 @@ from sandbox.evaluation.compare import Comparison
 from sandbox.evaluation.compare_sheets import sheets
 from sandbox.evaluation.protocol import Protocol, Unit
 from sandbox.evaluation.protocol import Row as Finished
+from sandbox.evaluation.protocol_cells import cell, reading
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.evaluation.score import ErrorDeg, Row
 from sandbox.output.trace import write_trace
+from sandbox.public.protocols import ProtocolResult
+from sandbox.public.runs import ComparisonResult
+from sandbox.public.sweeps import ToleranceResult
+from sandbox.sweep.tolerances import ToleranceRow, with_gains
 
 VOID = {"meta", "br", "wbr", "link", "img"}
 
@@ -112,6 +117,25 @@ def test_a_comparison_on_one_page(small_comparison, tmp_path):
     assert path.stat().st_size < 1_000_000
 
 
+def test_tolerances_stand_on_the_page_and_are_not_advised_then(small_comparison, tmp_path):
+    """Made-up rows: linear 5°, saturated 0.5° if all is known, 1.4° within ±10 %: (5 - 1.4) / (5 - 0.5) = 80 % left."""
+    rows = [
+        ToleranceRow("qnull", belief, x, 8, 0, error, error)
+        for belief, errors in (("linear", (5.0, 5.0)), ("saturated", (0.5, 1.4)))
+        for x, error in zip((0.0, 0.1), errors, strict=True)
+    ]
+    alone = ComparisonResult(small_comparison)
+    page = Page(alone.to_html(tmp_path / "alone.html"))
+    assert "compare --tolerances" in page.text
+    found = ToleranceResult("ipm", "two_steps", with_gains(rows))
+    both = Page(dataclasses.replace(alone, tolerances=found).to_html(tmp_path / "both.html"))
+    check_self_contained(both)
+    assert "compare --tolerances" not in both.text
+    assert compare_page.KNOWN in both.text
+    assert "<td class='n'>80</td>" in both.source
+    assert both.drawings == page.drawings + 1
+
+
 def test_runs_without_lock_and_strange_names_have_a_page(small_comparison, tmp_path):
     """All lost: no mean to draw, no best; a motor called like a tag is no tag."""
     lost = ErrorDeg(None, None, None, None)
@@ -149,13 +173,35 @@ ROWS = (
 def test_the_protocol_recommends_by_goals_then_cost():
     assert protocol_page.which(ROWS, "m") == (
         "b or a with the saturated belief: each meets the one goal there is. "
-        "b costs least, 100 ns a step on this machine."
+        "Only 3 of the protocol's 11 tests were run. b costs least, 100 ns a step on this machine."
     )
     more = [unit(n, "creep", True, b, mean_deg=x) for n in "efghi" for b, x in (("linear", 7.0), ("saturated", 0.1))]
     assert protocol_page.gained([*ROWS, *more], "m").endswith("belief: 7° (e) to 9° (a) → 0.1° (e) to 0.2° (a).")
     late = unit("b", "load_step", True, mean_deg=0.1, p95_deg=0.2, speed_missed=3)
-    assert protocol_page.which([*ROWS, late], "m").endswith("all 2 goals. b was slow in load_step.")
+    assert protocol_page.which([*ROWS, late], "m").endswith(
+        "all 2 goals. Only 4 of the protocol's 11 tests were run. "
+        "But with b the speed asked for was not reached in time in load_step (○)."
+    )
     assert protocol_page.gained(ROWS, "m") == "Worst mean error, linear → saturated belief: a 9° → 0.2°."
+
+
+def test_a_missed_speed_has_no_tick_and_comes_after_one_that_was_reached():
+    """The error is within its goal in both; slower to pay is still the better one that gets there."""
+    rows = [
+        unit("dear", "creep", True, mean_deg=0.55, p95_deg=1.3, speed_missed=0),
+        unit("dear", "cost", None, step_ns=9.0),
+        unit("slow", "creep", True, mean_deg=0.55, p95_deg=1.3, speed_missed=1),
+        unit("slow", "cost", None, step_ns=1.0),
+    ]  # fmt: skip
+    assert [cell(row) for row in rows[::2]] == ["0.55 (1.3) ✓ ≤ 1 (3)°", "0.55 (1.3), 1 slow ○ ≤ 1 (3)°"]
+    assert protocol_page.which(rows, "m").startswith("dear with the saturated belief: meets the one goal there is.")
+    assert "slow: the speed asked for not reached in time" in reading(Protocol(tuple(rows), 0))
+    assert reading(Protocol(tuple(rows), 0)).endswith(
+        "○: what stands beside it holds, but the speed asked for was not reached in time."
+    )
+    assert ProtocolResult(Protocol(tuple(rows), 0)).summary() == (
+        "4 tests, 2 of 2 judged met their goals, 1 of these without reaching the speed asked for in time"
+    )
 
 
 def test_what_holds_without_being_good_is_told_beside_the_recommendation():
@@ -179,7 +225,8 @@ def test_what_holds_without_being_good_is_told_beside_the_recommendation():
 def test_where_none_meets_every_goal_it_says_why(metrics, said):
     rows = [unit("c", "creep", False, **metrics)]
     assert protocol_page.which(rows, "m") == (
-        f"None meets every goal. Nearest: c with the saturated belief, 0 of 1. c misses creep {said}."
+        f"None meets every goal. Nearest: c with the saturated belief, 0 of 1. "
+        f"Only 1 of the protocol's 11 tests was run. c misses creep {said}."
     )
 
 
@@ -196,6 +243,32 @@ def test_a_protocol_on_one_page(tmp_path):
         4,
         3,
     )  # as in ROWS, 9° of theory not, and both cases of `robustness`
+
+
+def test_the_page_names_only_the_tests_that_ran(tmp_path):
+    """Two of eleven: no other stands in the caption, the legend or among the goals that are met."""
+    rows = [
+        unit("a", test, None if b == "linear" else True, b, mean_deg=0.2, p95_deg=0.4)
+        for test in ("load_step", "static_map") for b in ("linear", "saturated")
+    ]  # fmt: skip
+    protocol_page.write_protocol(tmp_path / "protocol.html", Protocol(tuple(rows), 0))
+    text = Page(tmp_path / "protocol.html").text.replace("\xa0", " ")
+    assert "a with the saturated belief: meets all 2 goals. Only 2 of the protocol's 11 tests were run." in text
+    assert "Worst mean position error over static_map, load_step; the goal" in text
+    assert "Tests that were not run: start, creep, hand_over," in text
+    assert reading(Protocol(tuple(rows), 0)) == (
+        "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the "
+        "ripple carries information; ✓: the goal beside it is met."
+    )
+    more = (
+        *rows,
+        unit("a", "attraction", True, back=0.5, reversed=0.5, elsewhere=0.0),
+        unit("a", "cost", None, step_ns=1.0),
+    )
+    said = reading(Protocol(more, 0))
+    assert "attraction: started wrong" in said
+    assert "cost: a step" in said
+    assert said.endswith("○: what stands beside it holds, but starts end at the wrong pole.")
 
 
 def test_a_trace_has_planes_and_spectra(small_comparison, tmp_path):

@@ -11,7 +11,7 @@ import pytest
 
 import sandbox
 from sandbox.cli import build_parser, main
-from sandbox.output.tables import print_prose, print_table
+from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.catalogue import estimator_card_text
 
 TEXT = "audited up to 180 % of rated current; see --continue and " + "/a/long/path" * 6 + " for what was kept"
@@ -112,3 +112,7 @@ def test_prose_is_printed_at_one_place():
             if bare and not any(word.arg == "file" for word in node.keywords):
                 found.append(path.relative_to(root).as_posix())
     assert found == ["output/tables.py"]
+
+
+def test_one_has_no_plural():
+    assert [many(k, "run") for k in (0, 1, 2)] == ["0 runs", "1 run", "2 runs"]

@@ -114,7 +114,10 @@ def test_audit(tmp_path, capsys):
     assert found["valid_radius"] == pytest.approx(0.786, abs=1e-3)
     assert found["violations"][0]["i_d"] == pytest.approx(-0.786, abs=1e-3)
     assert found["error_per_10mA_deg"][18] == pytest.approx(2.7, abs=0.05)  # the notes' value for the SPM at 40 V
-    assert "NOT valid" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "NOT valid" in said
+    assert "q-null injection is feasible: up to 0.786 A, as far as the model is valid" in " ".join(said.split())
+    assert "whole disc" not in said
     assert main(["audit", "ipm_exchanged", "--out", str(tmp_path)]) == 0
     assert content(tmp_path, "audit")["valid_radius"] == pytest.approx(1.8 * 1.2)
     # 10 mA of ripple error, IPM at 30 V: the notes' 3.5 degrees

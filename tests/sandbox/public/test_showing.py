@@ -7,6 +7,7 @@ import sys
 from importlib import import_module
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 import sandbox
@@ -34,6 +35,12 @@ def test_show_and_view_without_a_display(run, tmp_path, monkeypatch, capsys):
     (tmp_path / "empty").mkdir()
     with pytest.raises(sandbox.BadInput, match="nothing to show"):
         sandbox.show(tmp_path / "empty")
+    (tmp_path / "empty" / "audit").mkdir()
+    with pytest.raises(sandbox.BadInput, match="a result has a page"):  # an empty folder is no result
+        sandbox.show(tmp_path / "empty")
+    (tmp_path / "empty" / "audit" / "audit.json").write_text("{}")
+    with pytest.raises(sandbox.BadInput, match=r"give one of the results below it: audit$"):
+        sandbox.show(tmp_path / "empty")
 
 
 def test_show_with_a_display_opens_page_and_trace(run, tmp_path, monkeypatch):
@@ -60,8 +67,16 @@ def test_tables_fit_eighty_columns(small_comparison, capsys):
     for _, heads, rows in comparison_tables(small_comparison):
         for cell in [*heads, *(c for row in rows for c in row)]:
             assert cell in said
-    assert said.count("load %") == 2 * len(folded(heads, rows, 3, 80))
+    assert said.count("load %") == 2 * len(folded(heads, rows, 3, 80, 2))
+    for line in (line for line in said.splitlines() if "ekf sat." in line or "ekf lin." in line):
+        assert ("ekf sat." in line) == ("ekf lin." in line)
     assert folded(["k", *(10 * ["x" * 17])], [], 1, 80) == [[0, 1, 2, 3], [0, 4, 5, 6], [0, 7, 8, 9], [0, 10]]
+
+
+def test_columns_that_belong_together_are_not_parted():
+    """79 columns: the first takes 4, each other 20, so three of them fit; a pair that fits nowhere is parted."""
+    assert folded(["k", *(6 * ["x" * 17])], [], 1, 80, 2) == [[0, 1, 2], [0, 3, 4], [0, 5, 6]]
+    assert folded(["k", *(2 * ["x" * 57])], [], 1, 80, 2) == [[0, 1], [0, 2]]
 
 
 def test_a_column_of_theory_is_there_where_theory_foretells_something(small_comparison, tmp_path, capsys):
@@ -151,3 +166,19 @@ def test_how_many_simulations_to_expect():
     with effort_bar("diagnosing", True, 2000.0) as (say, count):
         say("reading")
         count(1.0)
+
+
+def test_a_number_too_small_to_be_seen_has_no_minus(capsys):
+    """0.004 of a degree is printed as +0.00, whichever its sign; 0.006 is not zero."""
+    from model.drive_files import load_drive
+    from model.saliency import audit
+    from sandbox.public.printed import print_audit
+
+    drive = load_drive("ipm_exchanged")
+    found = audit(drive.motor)
+    angles = np.full_like(found.angle_local, np.radians(-0.004))
+    angles[0] = np.radians(-0.006)
+    print_audit(drive, dataclasses.replace(found, angle_local=angles))
+    said = capsys.readouterr().out
+    assert "-0.00" not in said
+    assert "-0.01" in said

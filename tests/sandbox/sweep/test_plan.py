@@ -107,6 +107,16 @@ def test_a_huge_sweep_says_how_large_it_is():
     check_size(plan, yes=True)
 
 
+def test_a_scenarios_file_is_no_sweep(tmp_path):
+    """One run is what it would be; with a table of a sweep it is one."""
+    path = tmp_path / "s.toml"
+    path.write_text("[scenario]\nstart_up = false\n[[segment]]\nduration = 0.1\n")
+    with pytest.raises(BadInput, match=r"s.toml is a scenario, which is one run; add a table \[run\], \[grid\]"):
+        read_sweep(path)
+    path.write_text("[run]\nseed = 1\n" + path.read_text())
+    assert read_sweep(path).runs == 1
+
+
 def test_a_folder_hangs_on_the_content_of_files_not_on_their_place(tmp_path):
     text = "[run]\nscenario = 'mine.toml'\n[grid]\nbelief = ['linear', 'saturated']\n"
     found = []

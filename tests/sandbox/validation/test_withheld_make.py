@@ -148,6 +148,12 @@ def test_every_effect_is_in_the_data_as_the_seal_says(name):
     assert max(current[:, 1].max(), motion[:, 1].max()) > 1.25
 
 
+def test_a_file_is_no_place_for_a_check(tmp_path):
+    (tmp_path / "short.toml").write_text("")
+    with pytest.raises(BadInput, match=r"short\.toml' is a file, no folder for a check; give a new folder"):
+        make(tmp_path / "short.toml", 1, 0)
+
+
 def test_the_check_is_sealed_before_it_is_recorded_and_goes_on(tmp_path, monkeypatch):
     folder, seen = tmp_path / "check", []
     short = lambda drawn, share: campaign_of(drawn, 0.02)  # noqa: E731
