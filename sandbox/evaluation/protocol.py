@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from estimators.registry import MODULES, AnyEstimator, load_estimator
-from model.datasets import locate
 from model.drive_files import fetched, load_drive
 from model.errors import BadInput, PhysicsError, unknown
 from model.kept import digest
@@ -29,6 +28,7 @@ from sandbox.engine.processes import Cluster, spread
 from sandbox.evaluation.compare import distinct
 from sandbox.evaluation.protocol_cells import MARKS, READING, table
 from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
+from sandbox.evaluation.protocol_names import ESTIMATORS, usual_motors
 from sandbox.evaluation.protocol_tests import (
     Outcome,
     Point,
@@ -43,14 +43,6 @@ from sandbox.evaluation.protocol_tests import (
 )  # fmt: skip
 from sandbox.output.files import plain
 from sandbox.output.tables import BELIEFS, print_prose, print_table
-
-ESTIMATORS = (
-    "qnull", "inversion", "rotating", "table", "arbitrary", "pwm_ripple", "fluxdemod", "pll3", "mechanical", "monitor",
-    "active_flux", "hybrid", "ekf", "ukf",
-)  # fmt: skip
-MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
-MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
-
 
 Test = Callable[[Drive, AnyEstimator, str, int], Outcome]
 TESTS: dict[str, Test] = {
@@ -126,11 +118,6 @@ class Protocol:
                 row = replace(row, outcome=replace(row.outcome, metrics=metrics, passed=beats_peer(ratios)))
             rows.append(row)
         return Protocol(tuple(rows), self.seed, (cpu, rms))
-
-
-def usual_motors() -> tuple[str, ...]:
-    """Return MOTORS and, where its data set is on this machine, the measured one."""
-    return (*MOTORS, MEASURED) if locate(MEASURED) is not None else MOTORS
 
 
 def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:

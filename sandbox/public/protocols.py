@@ -8,7 +8,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from estimators.registry import AnyEstimator
+from estimators.registry import AnyEstimator, check_known
+from model.drive_files import motor_file
+from model.errors import unknown
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of
 from sandbox.output.files import results, write_json
@@ -182,18 +184,36 @@ def protocol(
     >>> [row.outcome.passed for row in done.protocol.rows]  # saturated belief, linear belief
     [True, True]
     """
-    from sandbox.evaluation.protocol import ESTIMATORS, TESTS
-    from sandbox.evaluation.protocol import protocol as run_all
+    from sandbox.evaluation.protocol_names import ESTIMATORS, LINES, usual_motors
+
+    names = (
+        list(ESTIMATORS) if estimators is None else several(estimators),
+        list(usual_motors()) if motors is None else several(motors),
+        list(LINES) if tests is None else several(tests),
+    )
+    check_names(*names)
+    from sandbox.evaluation.protocol import protocol as run_all  # compiles
 
     return ProtocolResult(
         run_all(
-            list(ESTIMATORS) if estimators is None else several(estimators),
-            None if motors is None else several(motors),
-            list(TESTS) if tests is None else several(tests),
-            seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep), cluster=cluster,
-            progress=progress,
+            *names, seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep),
+            cluster=cluster, progress=progress,
         )
     )  # fmt: skip
+
+
+def check_names(estimators: Iterable[AnyEstimator], motors: Iterable[str | Path | Drive], tests: Iterable[str]) -> None:
+    """Raise BadInput for an unknown name, or an estimator's file that does not exist."""
+    from sandbox.evaluation.protocol_names import LINES
+
+    for test in tests:
+        if test not in LINES:
+            raise unknown("test", test, LINES)
+    for which in estimators:
+        check_known(which)
+    for motor in motors:
+        if not isinstance(motor, Drive):
+            motor_file(motor)
 
 
 @told

@@ -16,7 +16,7 @@ from model.parameters import Drive
 from sandbox.drive.scenario import Scenario
 from sandbox.output.columns import Column, columns_of
 from sandbox.public.calls import told
-from sandbox.public.loading import load_estimator, load_motor, load_scenario, several
+from sandbox.public.loading import load_scenario, ready, several
 from sandbox.public.result import Result
 
 if TYPE_CHECKING:
@@ -297,14 +297,13 @@ def simulate(
     >>> round(run.rows[1].error_deg.mean)  # electrical degrees: the motor's cross-saturation angle at rated load
     -6
     """
-    from sandbox.evaluation.compare import single, stride_of
-
-    scene, own = load_scenario(scenario), load_estimator(estimator)
+    scene, added = load_scenario(scenario), effects_of(effects)
     scene = scene if duration is None else scene.cut(duration)
-    added = effects_of(effects)
     if record is not None:
         check_new_folder(Path(record))
-    drive = load_motor(motor)  # last: its flux map may have to be downloaded
+    drive, (own,) = ready(motor, [estimator], added)
+    from sandbox.evaluation.compare import single, stride_of  # compiles
+
     if record is not None:
         from sandbox.drive.record import bench_of
 
@@ -385,9 +384,8 @@ def compare(
     >>> {row.belief: round(abs(row.error_deg.mean)) for row in both.rows if row.closed_loop}  # degrees
     {'linear': 6, 'saturated': 0}
     """
-    from sandbox.evaluation.compare import compare as run_all
-
     scene, added = load_scenario(scenario), effects_of(effects)
-    own = [load_estimator(one) for one in several(estimators)]
-    drive = load_motor(motor)  # last: its flux map may have to be downloaded
+    drive, own = ready(motor, several(estimators), added)
+    from sandbox.evaluation.compare import compare as run_all  # compiles
+
     return ComparisonResult(run_all(drive, scene, own, seed=seed, jobs=jobs, progress=progress, effects=added or None))
