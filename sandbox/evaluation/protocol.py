@@ -73,7 +73,7 @@ class Unit:
     belief: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Row:
     """A finished unit; failure: the sentence of a run that the physics ended."""
 
@@ -81,6 +81,11 @@ class Row:
     outcome: Outcome
     cpu_seconds: float
     failure: str | None = None
+
+    def __repr__(self) -> str:
+        unit, outcome = self.unit, self.outcome
+        said = f"{outcome.said()}, {len(outcome.points)} points" if self.failure is None else self.failure
+        return f"<Row: {unit.test}, {unit.estimator} {unit.belief} on {unit.motor}: {said}>"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` says of it."""
@@ -194,7 +199,7 @@ def protocol(
     read = {str(m): load_drive(m) for m in files}  # last: what is to be downloaded comes after all else is read
     loaded = {name: motor if isinstance(motor, Drive) else read[str(motor)] for name, motor in drives.items()}
     loaded[PEER] = reversal_case()[0]
-    kept = Kept(keep, seed, {name: digest(repr(drive).encode()) for name, drive in loaded.items()})
+    kept = Kept(keep, seed, {name: digest(_told(drive)) for name, drive in loaded.items()})
     missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
     lock, done = threading.Lock(), len(todo) - len(missing)
 
@@ -217,6 +222,11 @@ def protocol(
         with ThreadPoolExecutor(jobs) as pool:
             list(pool.map(lambda u: keep_row(run_unit(u, loaded[u.motor], own[u.estimator], seed)), missing))
     return Protocol(tuple(kept.rows[u] for u in todo), seed)
+
+
+def _told(drive: Drive) -> bytes:
+    """Return all values of a drive; a flux map is told by its hash."""
+    return repr((drive.motor, drive.converter, drive.injection, drive.provenance)).encode()
 
 
 def _run_task(task: tuple[Unit, Drive, AnyEstimator, int]) -> Row:

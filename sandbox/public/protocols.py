@@ -37,10 +37,12 @@ class ProtocolResult(Result):
     protocol: Protocol
 
     def summary(self) -> str:
-        """Return how many tests were run, and how many met their goals."""
-        verdicts = [row.outcome.passed for row in self.protocol.rows]
-        judged = [v for v in verdicts if v is not None]
-        return f"{len(verdicts)} tests, {sum(judged)} of {len(judged)} judged met their goals"
+        """Return which tests were run how often (by estimator, belief and motor), and how many met their goals."""
+        rows = self.protocol.rows
+        tests = list(dict.fromkeys(row.unit.test for row in rows))
+        judged = [row.outcome.passed for row in rows if row.outcome.passed is not None]
+        named = f"{tests[0]} alone" if len(tests) == 1 else f"{len(tests)} tests"
+        return f"{named}, {len(rows)} results, {sum(judged)} of {len(judged)} judged met their goals"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` holds beyond its header and the names of files."""

@@ -7,8 +7,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from estimators.registry import AnyEstimator
 from model.effect_files import effects_of
 from model.names import fitting
@@ -166,11 +164,7 @@ class ComparisonResult(Result):
     def summary(self) -> str:
         """Return what was compared, and the worst means of both beliefs."""
         names = ", ".join(dict.fromkeys(run.estimator for run in self.runs))
-        worst = {}
-        for belief in ("linear", "saturated"):
-            means = [r.error_deg.mean for r in self.rows if r.belief == belief]
-            worst[belief] = max((abs(mean) for mean in means if mean is not None), default=np.nan)
-        said = ", ".join(f"{belief} {value:.2f} deg" for belief, value in worst.items())
+        said = ", ".join(f"{belief} {_worst(self.rows, belief)}" for belief in ("linear", "saturated"))
         return f"{self.comparison.drive.name}, {self.comparison.scenario.name}, {names}; worst mean error: {said}"
 
     def as_json(self) -> dict[str, Any]:
@@ -208,6 +202,16 @@ class ComparisonResult(Result):
     def save(self, folder: str | Path, *, csv: bool = False, trace: bool = True) -> Path:
         """Write compare.json, .html, .png, .parquet (the rows; csv: as CSV, too), .rrd into a folder; return it."""
         return save_runs(self, folder, csv=csv, trace=trace)
+
+
+def _worst(rows: Iterable[Row], belief: str) -> str:
+    """Return the largest mean error with a belief in words, and whether lock was lost."""
+    means = [row.error_deg.mean for row in rows if row.belief == belief]
+    kept = [abs(mean) for mean in means if mean is not None]
+    lost = len(means) - len(kept)
+    if not kept:
+        return "lost"
+    return f"{max(kept):.2f} deg" + (f" (lost in {lost} of {len(means)})" if lost else "")
 
 
 def save_runs(
