@@ -84,7 +84,7 @@ def end_processes() -> None:
     _ENDING.set()
     for child in active_children():
         child.kill()
-    util._run_finalizers(0)  # those of semaphores, not those that wait for a queue's thread
+    util._run_finalizers(0)  # type: ignore[attr-defined]  # semaphores', not what waits for a queue's thread
 
 
 def _pool(jobs: int) -> ProcessPoolExecutor:
