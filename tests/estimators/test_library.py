@@ -140,7 +140,7 @@ def test_refused_when_it_begins(tmp_path):
     with pytest.raises(BadInput, match=r"refuses this motor: sensorless_init returned 7; its source says why$"):
         spy.init(belief._replace(inertia=2.0), tuning, 0.3)
     with pytest.raises(
-        BadInput, match=r"motor, or to find its first angle itself: .* start_up = false tells the angle$"
+        BadInput, match=r"or to find its first angle itself: .* start_up = false tells the angle$"
     ):
         spy.init(belief._replace(inertia=2.0), tuning)
     with pytest.raises(BadInput, match="takes the quartic energy"):
