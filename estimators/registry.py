@@ -44,22 +44,39 @@ def estimator_names() -> list[str]:
     return list(MODULES)
 
 
+def check_known(which: AnyEstimator) -> None:
+    """Raise BadInput, before anything is compiled, for an unknown name or a Python file that does not exist."""
+    if isinstance(which, (str, Path)) and Path(which).suffix not in LIBRARIES:
+        if _is_file_name(which):
+            _check_there(Path(which))
+        elif which not in MODULES:
+            raise unknown("estimator", which, MODULES)
+
+
+def _is_file_name(which: str | Path) -> bool:
+    return Path(which).suffix == ".py" or len(Path(which).parts) > 1
+
+
+def _check_there(path: Path) -> None:
+    if not path.is_file():
+        raise BadInput(f"estimator file '{path}' does not exist; give a Python file that defines ESTIMATOR")
+
+
 def load_estimator(which: AnyEstimator) -> Estimator:
     """Return an estimator by name, from a Python file that defines ESTIMATOR, from a shared library, or as it is given.
 
     BadInput for an unknown name (with the nearest one), a file without an estimator, and an estimator of one's own
     that bears the name of a built-in one.
     """
+    check_known(which)
     from estimators.contract import Estimator
 
     if isinstance(which, Estimator):
         return _apart(which)
     if Path(which).suffix in LIBRARIES:
         return load_estimator_library(which)
-    if Path(which).suffix == ".py" or len(Path(which).parts) > 1:
+    if _is_file_name(which):
         return _apart(_from_file(Path(which)))
-    if which not in MODULES:
-        raise unknown("estimator", which, MODULES)
     found: Estimator = import_module(MODULES[str(which)]).ESTIMATOR
     return found
 
@@ -91,8 +108,6 @@ def _from_file(path: Path) -> Estimator:
     """Return the ESTIMATOR of a user's file; the file's folder is where its own imports are found, too."""
     from estimators.contract import Estimator
 
-    if not path.is_file():
-        raise BadInput(f"estimator file '{path}' does not exist; give a Python file that defines ESTIMATOR")
     full = path.resolve()
     name = f"{path.stem}_{zlib.crc32(os.fsencode(full)):x}"  # importable again: compiled code is cached by module name
     if name not in sys.modules or getattr(sys.modules[name], "READ_AT", None) != full.stat().st_mtime_ns:

@@ -157,8 +157,12 @@ def _init(loaded: Loaded, belief: Belief, tuning: Tuning, angle: float | None = 
             " give SENSORLESS_ESTIMATOR the type that init fills"
         )
     if code:
+        said = f"estimator '{loaded.name}' ({loaded.path.name}) refuses this motor"
+        returned = f"sensorless_init returned {code}; its source says why"
+        if angle is not None:
+            raise BadInput(f"{said}: {returned}")
         raise BadInput(
-            f"estimator '{loaded.name}' ({loaded.path.name}) refuses this motor: sensorless_init returned {code}"
+            f"{said}, or to find its first angle itself: {returned}; a scenario with start_up = false tells the angle"
         )
     return state
 

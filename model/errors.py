@@ -41,6 +41,10 @@ class BadInput(ValueError):
         super().__init__(sentence(text))
 
 
+class OwnCodeError(BadInput):
+    """The user's own code raised something; its text says what, in which file and line."""
+
+
 class PhysicsError(RuntimeError):
     """The physics failed while solving: no valid or no stable operating point (exit code 3)."""
 

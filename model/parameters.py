@@ -262,7 +262,7 @@ class Limits:
         object.__setattr__(self, "can", tuple(self.can))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Drive:
     """Motor, converter and injection together, and where the values come from."""
 
@@ -270,6 +270,14 @@ class Drive:
     converter: Converter  # inverter and sensors
     injection: Injection  # what is injected for the estimator
     provenance: dict[str, str]  # where each value comes from, in words, by name
+
+    def __repr__(self) -> str:
+        motor, injection = self.motor, self.injection
+        return (
+            f"<Drive: {self.name}, {motor.rated_current:g} A peak, {motor.rated_torque:g} N m, "
+            f"{motor.rated_speed_rpm:g} rpm, {self.converter.dc_bus_voltage:g} V, injects {injection.amplitude:g} V at "
+            f"{injection.frequency:g} Hz>"
+        )
 
     @property
     def name(self) -> str:

@@ -41,8 +41,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             while worker.is_alive():
                 worker.join(0.2)
     except KeyboardInterrupt as stop:
-        print(f"sensorless {options.command}: interrupted; nothing half-written", file=sys.stderr, flush=True)
+        from sandbox.engine.processes import end_processes
+
+        end_processes()
         discard(folder_of(options))
+        kept = options.kept(options) if hasattr(options, "kept") else "nothing half-written"
+        print(f"sensorless {options.command}: interrupted; {kept}", file=sys.stderr, flush=True)
         os._exit(143 if isinstance(stop, Ended) else 130)  # the kernel would run on to its end
     return codes[0] if codes else 1
 

@@ -117,16 +117,18 @@ def run_identify(options: argparse.Namespace) -> None:
 
 def run_protocol(options: argparse.Namespace) -> None:
     """Run the protocol; write protocol.json, .html, .png and .parquet."""
-    from sandbox.evaluation.protocol import ESTIMATORS, TESTS, show, usual_motors, with_motulator
+    from sandbox.evaluation.protocol_names import ESTIMATORS, LINES, usual_motors
     from sandbox.public.protocols import ProtocolResult
 
     folder = checked_folder(options)
     with progress_bar("protocol", options.quiet) as progress:
         result = sandbox.protocol(
             names_of(options.estimators, ESTIMATORS) + own_estimators(options),
-            names_of(options.motors, () if options.motors else usual_motors()), names_of(options.tests, TESTS),
+            names_of(options.motors, () if options.motors else usual_motors()), names_of(options.tests, LINES),
             seed=options.seed, jobs=options.jobs, keep=folder, cluster=options.dask, progress=progress,
         )  # fmt: skip
+    from sandbox.evaluation.protocol import show, with_motulator  # compiles
+
     if options.peer:
         result = ProtocolResult(with_motulator(result.protocol, options.anchors, options.peer_python), call=result.call)
     finish(options, result, folder, lambda: show(result.protocol))

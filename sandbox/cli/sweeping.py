@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from model.errors import BadInput
-from sandbox.cli.arguments import checked_folder, number
+from sandbox.cli.arguments import checked_folder, folder_of, number
 from sandbox.output.tables import many, print_prose, print_table, rate_bar
 
 if TYPE_CHECKING:
@@ -31,6 +31,7 @@ def add_sweep(add: Callable[..., Any]) -> Any:
     on_dask(c)
     c.add_argument("--yes", action="store_true", help="run it, however many runs it has")
     c.add_argument("--again", action="store_true", help="forget what an earlier call has finished in the folder")
+    c.set_defaults(kept=kept)
     return c
 
 
@@ -51,6 +52,17 @@ def run_sweep(options: argparse.Namespace) -> None:
         for why in result.as_json()["sentences"][:3]:
             print_prose(f"{many(why['runs'], 'run')} without a result: {why['sentence']}")
         print_prose(f"{result.summary()}; results in {folder}")
+
+
+def kept(options: argparse.Namespace) -> str:
+    """Return what an interrupted sweep has kept, and how it goes on."""
+    from sandbox.sweep.store import counts
+
+    done, total = counts(folder_of(options))
+    if not done:
+        return "no run is kept yet; nothing half-written"
+    without = " without --again" if options.again else ""
+    return f"{done} of {total} runs are kept; the same command{without} goes on"
 
 
 def add_tolerances(command: Any, positive: Callable[[str], int]) -> None:

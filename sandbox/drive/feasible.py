@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+import traceback
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from estimators.contract import ROTATING, Estimate, Estimator
+from estimators.contract import ROTATING, Belief, Estimate, Estimator, Tuning
 from estimators.startup import polarity_rise
 from model.energy import flux_from_current
-from model.errors import BadInput, PhysicsError
+from model.errors import BadInput, OwnCodeError, PhysicsError
 from model.parameters import Drive
 from model.saliency import tracking_sign
 from sandbox.drive.design import OVERLOAD, Design
@@ -62,12 +65,33 @@ def check_injection(estimator: Estimator, drive: Drive) -> None:
         )
 
 
+def step_of(estimator: Estimator, believed: Belief) -> Callable[..., Estimate]:
+    """Return the step that a loop calls: the compiled one for this belief, or a Python one that is watched."""
+    compiled: Callable[..., Estimate] = estimator.step_for(believed)
+    return compiled if estimator.compiled else checked(estimator)
+
+
+def first_state(estimator: Estimator, believed: Belief, tuning: Tuning, angle: float | None) -> Any:
+    """Return an estimator's first state; OwnCodeError, in one sentence, where its `init` raises."""
+    try:
+        return estimator.init(believed, tuning, angle)
+    except (BadInput, PhysicsError, MemoryError):
+        raise
+    except (Exception, SystemExit) as error:
+        raise told_of(estimator, "init", error) from error
+
+
 def checked(estimator: Estimator) -> Callable[..., Estimate]:
-    """Return a Python estimator's step that says so when it returns something else than an Estimate."""
+    """Return a Python estimator's step that says so when it raises or returns something else than an Estimate."""
 
     def step(*arguments: object) -> Estimate:
         """Return the estimate, once it is seen to be one."""
-        estimate = estimator.step(*arguments)  # type: ignore[arg-type]
+        try:
+            estimate = estimator.step(*arguments)  # type: ignore[arg-type]
+        except (BadInput, PhysicsError, MemoryError):
+            raise
+        except (Exception, SystemExit) as error:
+            raise told_of(estimator, "step", error) from error
         if not isinstance(estimate, Estimate):
             raise BadInput(
                 f"step of estimator '{estimator.name}' returned {type(estimate).__name__}; it must return an Estimate"
@@ -75,6 +99,18 @@ def checked(estimator: Estimator) -> Callable[..., Estimate]:
         return estimate
 
     return step
+
+
+def told_of(estimator: Estimator, which: str, error: BaseException) -> OwnCodeError:
+    """Return what an estimator's `init` or `step` raised as one sentence: the error, and the line of its own file."""
+    frames = [(frame.f_code.co_filename, line) for frame, line in traceback.walk_tb(error.__traceback__)]
+    code = getattr(getattr(estimator, which), "__code__", None)
+    own = [place for place in frames if code is not None and place[0] == code.co_filename]
+    file, line = (own or frames)[-1]  # the innermost of its own file: what it calls there is its to mend
+    return OwnCodeError(
+        f"{which} of estimator '{estimator.name}' raised {type(error).__name__}: {error} ({Path(file).name}, line "
+        f"{line}); mend it there"
+    )
 
 
 def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:

@@ -72,7 +72,7 @@ class Segment:
             raise BadInput(f"[[segment]] score = {brief(self.score)} is neither true nor false")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scenario:
     """What a drive is asked to do: segments one after another, how the rotor is held, and what is controlled.
 
@@ -145,6 +145,10 @@ class Scenario:
             raise BadInput(f"scenario '{self.name}' has no [[segment]]; add at least one with a duration in s")
         if self.duration > LONGEST:
             raise BadInput(f"scenario '{self.name}' lasts {self.duration:g} s; at most {LONGEST:g} s are simulated")
+
+    def __repr__(self) -> str:
+        parts = f"{len(self.segments)} segment{'s' * (len(self.segments) > 1)}"
+        return f"<Scenario: {self.name}, {parts}, {self.duration:g} s, rotor {self.rotor}, {self.reference} controlled>"
 
     @property
     def duration(self) -> float:

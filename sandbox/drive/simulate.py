@@ -22,7 +22,7 @@ from model.parameters import Drive
 from sandbox.drive import loop
 from sandbox.drive.closed import closed_bench, longest_step, looked_into, rotor_flux
 from sandbox.drive.design import Design, belief_of, design
-from sandbox.drive.feasible import check_call, check_feasible, check_injection, check_length, checked
+from sandbox.drive.feasible import check_call, check_feasible, check_injection, check_length, first_state, step_of
 from sandbox.drive.inside import Inside, inside_of
 from sandbox.drive.recording import ROW, Recording
 from sandbox.drive.scenario import Scenario
@@ -162,7 +162,8 @@ def run_once(
         raise BadInput(
             f"{samples // stride} recorded samples are more than {MOST_SAMPLES}; shorten the run or raise the stride"
         )
-    state = estimator.init(believed, tuning, None if scenario.start_up else scenario.start_angle + scenario.start_error)
+    told = None if scenario.start_up else scenario.start_angle + scenario.start_error
+    state = first_state(estimator, believed, tuning, told)
     rows = np.zeros(-(-samples // stride), ROW)
     inside = inside_for(estimator, drive)
     on = _switched if setup.plant == SWITCHED else exact_bench
@@ -170,7 +171,7 @@ def run_once(
     rig = rig_of(drive, scenario, closed_loop, samples, stride, setup.start_time)
     if setup.plant == EXACT:
         check_length(samples, max(1, math.ceil(h / bench[0].timing.longest)), h)
-    step = estimator.step_for(believed) if estimator.compiled else checked(estimator)
+    step = step_of(estimator, believed)
     profile = setup.profile
     begun = time.thread_time()
     status, at = run(

@@ -13,7 +13,7 @@ from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import get_context, parent_process
+from multiprocessing import active_children, get_context, parent_process, util
 from typing import Any
 
 from model.errors import BadInput
@@ -21,6 +21,7 @@ from model.errors import BadInput
 THREADS = "OPENBLAS_NUM_THREADS"
 AHEAD = 2  # tasks that a thread of a cluster has at hand: one to work on, one to go on with
 PATIENCE = 30.0  # s to wait for a scheduler and its first worker
+_ENDING = threading.Event()  # set once: no process is started any more
 
 Task = Callable[[Any], Any]
 Cluster = Any  # a dask scheduler's address such as "tcp://10.0.0.1:8786", or a dask.distributed.Client
@@ -75,7 +76,20 @@ def _pooled(task: Task, left: list[Any], jobs: int) -> Generator[Any, None, list
     return []
 
 
+def end_processes() -> None:
+    """Kill all processes started here and give their semaphores back, right before this one leaves by `os._exit`.
+
+    That skips what multiprocessing does on the way out, and its resource tracker would complain of leaks.
+    """
+    _ENDING.set()
+    for child in active_children():
+        child.kill()
+    util._run_finalizers(0)  # type: ignore[attr-defined]  # semaphores', not what waits for a queue's thread
+
+
 def _pool(jobs: int) -> ProcessPoolExecutor:
+    if _ENDING.is_set():  # what finds its process killed must not start another
+        raise SystemExit
     os.environ.setdefault(THREADS, "1")  # the processes share the cores already
     return ProcessPoolExecutor(jobs, mp_context=get_context("spawn"), initializer=_begin)
 

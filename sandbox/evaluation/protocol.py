@@ -19,7 +19,6 @@ from pathlib import Path
 from typing import Any
 
 from estimators.registry import MODULES, AnyEstimator, load_estimator
-from model.datasets import locate
 from model.drive_files import fetched, load_drive
 from model.errors import BadInput, PhysicsError, unknown
 from model.kept import digest
@@ -29,6 +28,7 @@ from sandbox.engine.processes import Cluster, spread
 from sandbox.evaluation.compare import distinct
 from sandbox.evaluation.protocol_cells import MARKS, reading, table
 from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
+from sandbox.evaluation.protocol_names import ESTIMATORS, usual_motors
 from sandbox.evaluation.protocol_tests import (
     Outcome,
     Point,
@@ -43,14 +43,6 @@ from sandbox.evaluation.protocol_tests import (
 )  # fmt: skip
 from sandbox.output.files import plain
 from sandbox.output.tables import BELIEFS, print_prose, print_table
-
-ESTIMATORS = (
-    "qnull", "inversion", "rotating", "table", "arbitrary", "pwm_ripple", "fluxdemod", "pll3", "mechanical", "monitor",
-    "active_flux", "hybrid", "ekf", "ukf",
-)  # fmt: skip
-MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
-MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
-
 
 Test = Callable[[Drive, AnyEstimator, str, int], Outcome]
 TESTS: dict[str, Test] = {
@@ -81,7 +73,7 @@ class Unit:
     belief: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Row:
     """A finished unit; failure: the sentence of a run that the physics ended."""
 
@@ -89,6 +81,11 @@ class Row:
     outcome: Outcome
     cpu_seconds: float
     failure: str | None = None
+
+    def __repr__(self) -> str:
+        unit, outcome = self.unit, self.outcome
+        said = f"{outcome.said()}, {len(outcome.points)} points" if self.failure is None else self.failure
+        return f"<Row: {unit.test}, {unit.estimator} {unit.belief} on {unit.motor}: {said}>"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` says of it."""
@@ -126,11 +123,6 @@ class Protocol:
                 row = replace(row, outcome=replace(row.outcome, metrics=metrics, passed=beats_peer(ratios)))
             rows.append(row)
         return Protocol(tuple(rows), self.seed, (cpu, rms))
-
-
-def usual_motors() -> tuple[str, ...]:
-    """Return MOTORS and, where its data set is on this machine, the measured one."""
-    return (*MOTORS, MEASURED) if locate(MEASURED) is not None else MOTORS
 
 
 def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:
@@ -207,7 +199,7 @@ def protocol(
     read = {str(m): load_drive(m) for m in files}  # last: what is to be downloaded comes after all else is read
     loaded = {name: motor if isinstance(motor, Drive) else read[str(motor)] for name, motor in drives.items()}
     loaded[PEER] = reversal_case()[0]
-    kept = Kept(keep, seed, {name: digest(repr(drive).encode()) for name, drive in loaded.items()})
+    kept = Kept(keep, seed, {name: digest(_told(drive)) for name, drive in loaded.items()})
     missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
     lock, done = threading.Lock(), len(todo) - len(missing)
 
@@ -230,6 +222,11 @@ def protocol(
         with ThreadPoolExecutor(jobs) as pool:
             list(pool.map(lambda u: keep_row(run_unit(u, loaded[u.motor], own[u.estimator], seed)), missing))
     return Protocol(tuple(kept.rows[u] for u in todo), seed)
+
+
+def _told(drive: Drive) -> bytes:
+    """Return all values of a drive; a flux map is told by its hash."""
+    return repr((drive.motor, drive.converter, drive.injection, drive.provenance)).encode()
 
 
 def _run_task(task: tuple[Unit, Drive, AnyEstimator, int]) -> Row:

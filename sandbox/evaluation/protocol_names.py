@@ -1,6 +1,15 @@
-"""The protocol's tests by name, and what each does: plain texts, so that nothing is compiled to list them."""
+"""The protocol's tests, estimators and motors by name: to list or check them nothing is compiled."""
 
 from __future__ import annotations
+
+from model.datasets import locate
+
+ESTIMATORS = (
+    "qnull", "inversion", "rotating", "table", "arbitrary", "pwm_ripple", "fluxdemod", "pll3", "mechanical", "monitor",
+    "active_flux", "hybrid", "ekf", "ukf",
+)  # fmt: skip
+MOTORS = ("ipm", "ipm_exchanged", "spm_exchanged")
+MEASURED = "baldor_pmsyrm"  # the fourth, where its flux map is at hand
 
 LINES = {
     "start": "how often the polarity is right in 3024 starts; one start-up serves all estimators",
@@ -16,3 +25,8 @@ LINES = {
     "reversal": "motulator's run on motulator's motor; with --peer error (rms) and CPU beside motulator's",
     "cost": "the time of one step, and the torque ripple at standstill and at speed",
 }
+
+
+def usual_motors() -> tuple[str, ...]:
+    """Return MOTORS and, where its data set is on this machine, the measured one."""
+    return (*MOTORS, MEASURED) if locate(MEASURED) is not None else MOTORS

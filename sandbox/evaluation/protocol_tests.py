@@ -53,13 +53,20 @@ class Point:
     speed_held: bool = True  # whether the speed loop reached what was asked for
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Outcome:
     """A finished test of one estimator with one belief on one motor; passed: None where no goal applies."""
 
     points: tuple[Point, ...]
     metrics: Mapping[str, float | None]
     passed: bool | None
+
+    def __repr__(self) -> str:
+        return f"<Outcome: {self.said()}, {len(self.points)} points, {len(self.metrics)} metrics>"
+
+    def said(self) -> str:
+        """Return the verdict in a word or two."""
+        return "no goal" if self.passed is None else "passed" if self.passed else "missed its goal"
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from model.parameters import Drive
 from sandbox.drive import loop
 from sandbox.drive.closed import turned_to
 from sandbox.drive.design import belief_of, design
-from sandbox.drive.feasible import check_feasible
+from sandbox.drive.feasible import check_feasible, first_state, step_of
 from sandbox.drive.recording import ROW
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import LONGEST, exact_bench, inside_for, profile_of, rig_of
@@ -59,7 +59,7 @@ def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, s
     values = complete(drive.motor, drive.converter, None)
     run, bench = exact_bench(drive, scenario, values, LONGEST, None, believed, inside_for(estimator, drive))
     rig = rig_of(drive, scenario, True, samples, 1, begin)
-    step, rows = estimator.step_for(believed), np.zeros(samples, ROW)
+    step, rows = step_of(estimator, believed), np.zeros(samples, ROW)
     seeds = count // ANGLES
     errors = np.full((ANGLES, seeds), np.nan)
     for k, angle in enumerate(np.arange(ANGLES) * 2.0 * math.pi / ANGLES - math.pi):
@@ -67,8 +67,8 @@ def starts(drive: Drive, estimator: Estimator, belief: str, count: int = 3024, s
             at = turned_to(bench, angle + 0.17 * n / seeds)  # fills the gap between two of the angles
             rng = np.random.default_rng([seed, k, n])
             status, _ = run(
-                step, estimator.init(believed, tuning), at, inside_for(estimator, drive), rig, gains.control, believed,
-                tuning, profile, wave.waveform, wave.primitive, rng, rows,
+                step, first_state(estimator, believed, tuning, None), at, inside_for(estimator, drive), rig,
+                gains.control, believed, tuning, profile, wave.waveform, wave.primitive, rng, rows,
             )  # fmt: skip
             first = rows[int(np.argmax(rows["tracking"] > 0.0))]
             if status == loop.DONE and first["tracking"] > 0.0:

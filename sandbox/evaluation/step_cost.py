@@ -29,6 +29,7 @@ from model.errors import BadInput, PhysicsError
 from model.frames import stationary
 from model.parameters import Drive
 from sandbox.drive.design import belief_of, design
+from sandbox.drive.feasible import first_state, step_of
 from sandbox.drive.inside import USUAL_READINGS, commanded, shift_of, shift_pulses
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
@@ -87,10 +88,10 @@ def step_ns(drive: Drive, name: AnyEstimator, belief: Belief, samples: np.ndarra
     estimator, tuning = load_estimator(name), design(drive, start_up=False).tuning
     run: Any = _compiled(numba.typeof(belief), estimator.inside) if estimator.compiled else _through
     inside = [readings_like(drive, samples)] if estimator.inside else []
-    step, best = estimator.step_for(belief), np.inf
+    step, best = step_of(estimator, belief), np.inf
     part = samples if estimator.compiled else samples[:200]
     for _ in range(ROUNDS if estimator.compiled else 1):
-        state = estimator.init(belief, tuning, LOADED.start_angle)
+        state = first_state(estimator, belief, tuning, LOADED.start_angle)
         begun = time.thread_time()
         run(step, state, part, belief, tuning, *inside)
         best = min(best, time.thread_time() - begun)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from model.names import html_text
+from sandbox.output.files import write_whole
 
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
@@ -74,8 +75,8 @@ MARKS = {"✓": "good", "✗": "bad", "○": "none"}  # ○: as it should be, bu
 
 
 def write_page(path: Path, title: str, parts: Iterable[str]) -> None:
-    """Write parts (HTML) as one self-contained page; the title is plain text."""
-    path.write_text(PAGE.format(title=html_text(title), body="\n".join(parts)), encoding="utf-8")
+    """Write parts (HTML) as one self-contained page; the title is plain text.  BadInput without the page's folder."""
+    write_whole(path, PAGE.format(title=html_text(title), body="\n".join(parts)).encode())
 
 
 def prose(text: str) -> str:

@@ -86,8 +86,15 @@ def _is_running(pid: int) -> bool:
     return True
 
 
+def check_parent(path: Path) -> None:
+    """Raise BadInput where the folder that a file is to stand in does not exist."""
+    if not path.parent.is_dir():
+        raise BadInput(f"cannot write '{path}': there is no folder '{path.parent}'; make it, or give another place")
+
+
 def write_whole(path: Path, content: bytes) -> Path:
-    """Write a file, whole or not at all; return its path."""
+    """Write a file, whole or not at all; return its path.  BadInput where its folder does not exist."""
+    check_parent(path)
     full = Path(os.path.realpath(path.parent)) / path.name
     aside = aside_of(full)
     try:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from model.errors import BadInput
+from sandbox.output.files import check_parent
 from sandbox.output.trace import COLOURS, GREY
 
 if TYPE_CHECKING:
@@ -41,8 +42,8 @@ def comparison_figure(comparison: Comparison, path: str | Path | None = None, ax
 
     Markers are means, outer ends of the bars 95th percentiles of |error|, dashed lines theory, crosses lost
     locks. Returns the figure, and writes it where a path is given: its suffix (.png, .svg, .pdf) is the format, the
-    file appears whole or not at all. ax: see `page`. Raises ValueError if there is no run or an unknown suffix, OSError
-    if the file is not writable.
+    file appears whole or not at all. ax: see `page`. Raises ValueError if there is no run, BadInput for an unknown
+    suffix or a folder that does not exist, OSError if the file is not writable.
     """
     if not comparison.runs:
         raise ValueError("a figure needs at least one run, this comparison has none")
@@ -345,10 +346,11 @@ def drawn(figure: Figure, path: str | Path | None) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Save a figure under a temporary name beside its place, then move it there."""
+    """Save a figure under a temporary name beside its place, then move it there; BadInput where that cannot be."""
     kind = path.suffix.lstrip(".").lower()
     if kind not in figure.canvas.get_supported_filetypes():
-        raise ValueError(f"cannot draw to {path.name!r}: use a name that ends in .png, .svg or .pdf")
+        raise BadInput(f"cannot draw to '{path.name}': use a name that ends in .png, .svg or .pdf")
+    check_parent(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         figure.savefig(partial, format=kind, dpi=DPI)

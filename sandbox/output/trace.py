@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbox.output.files import check_parent
 from sandbox.output.looks import means
 from sandbox.output.sheets import GREY, Colour, Plot, Sheet, pale
 from sandbox.output.tables import comparison_text
@@ -69,6 +70,7 @@ def _written(path: Path) -> Iterator[rr.RecordingStream]:
     """Give a stream to a file that appears whole or not at all."""
     import rerun as rr
 
+    check_parent(path)
     partial = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with rr.RecordingStream(APPLICATION) as stream:

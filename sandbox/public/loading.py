@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from estimators.registry import AnyEstimator
+from estimators.registry import AnyEstimator, check_known
 from estimators.registry import load_estimator as registered
 from estimators.registry import load_estimator_library as registered_library
-from model.drive_files import load_drive
+from model.drive_files import fetched, load_drive
 from model.effects.adopt import adopt
 from model.errors import BadInput
 from model.parameters import Drive
@@ -235,6 +235,24 @@ def motion_only(folder: str | Path | Campaign, columns: str | Path | None, prese
     source = importing.source_of(place, mapped, preset)
     why = motion_log.motion_only(source)
     return None if why is None else motion_log.read_motion(source, why)
+
+
+def ready(
+    motor: str | Path | Drive, estimators: Iterable[AnyEstimator], effects: Mapping[str, float]
+) -> tuple[Drive, list[Estimator]]:
+    """Return a motor and estimators; what is wrong with names, a motor's file or effects is told before anything is
+    compiled, and a flux map is downloaded after all else is read."""
+    asked = list(estimators)
+    for one in asked:
+        check_known(one)
+    here = isinstance(motor, Drive) or not fetched(_text(motor, "motor", "a Drive"))
+    drive = load_motor(motor) if here else None
+    if drive is not None and effects:
+        from sandbox.plant.sets import complete
+
+        complete(drive.motor, drive.converter, effects)
+    own = [load_estimator(one) for one in asked]  # compiles
+    return load_motor(motor) if drive is None else drive, own
 
 
 def several(given: Any) -> list[Any]:

@@ -8,7 +8,9 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from estimators.registry import AnyEstimator
+from estimators.registry import AnyEstimator, check_known
+from model.drive_files import motor_file
+from model.errors import unknown
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of
 from sandbox.output.files import results, write_json
@@ -36,13 +38,14 @@ class ProtocolResult(Result):
     protocol: Protocol
 
     def summary(self) -> str:
-        """Return how many tests were run, and how many met their goals."""
-        verdicts = [row.outcome.passed for row in self.protocol.rows]
-        judged = [v for v in verdicts if v is not None]
-        met = [row for row in self.protocol.rows if row.outcome.passed]
-        slow = sum(bool(row.outcome.metrics.get("speed_missed")) for row in met)
+        """Return which tests were run how often (by estimator, belief and motor), and how many met their goals."""
+        rows = self.protocol.rows
+        tests = list(dict.fromkeys(row.unit.test for row in rows))
+        judged = [row.outcome.passed for row in rows if row.outcome.passed is not None]
+        slow = sum(bool(row.outcome.metrics.get("speed_missed")) for row in rows if row.outcome.passed)
+        named = f"{tests[0]} alone" if len(tests) == 1 else f"{len(tests)} tests"
         said = f", {slow} of these without reaching the speed asked for in time" if slow else ""
-        return f"{many(len(verdicts), 'test')}, {len(met)} of {len(judged)} judged met their goals{said}"
+        return f"{named}, {many(len(rows), 'result')}, {sum(judged)} of {len(judged)} judged met their goals{said}"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `protocol.json` holds beyond its header and the names of files."""
@@ -186,18 +189,36 @@ def protocol(
     >>> [row.outcome.passed for row in done.protocol.rows]  # saturated belief, linear belief
     [True, True]
     """
-    from sandbox.evaluation.protocol import ESTIMATORS, TESTS
-    from sandbox.evaluation.protocol import protocol as run_all
+    from sandbox.evaluation.protocol_names import ESTIMATORS, LINES, usual_motors
+
+    names = (
+        list(ESTIMATORS) if estimators is None else several(estimators),
+        list(usual_motors()) if motors is None else several(motors),
+        list(LINES) if tests is None else several(tests),
+    )
+    check_names(*names)
+    from sandbox.evaluation.protocol import protocol as run_all  # compiles
 
     return ProtocolResult(
         run_all(
-            list(ESTIMATORS) if estimators is None else several(estimators),
-            None if motors is None else several(motors),
-            list(TESTS) if tests is None else several(tests),
-            seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep), cluster=cluster,
-            progress=progress,
+            *names, seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep),
+            cluster=cluster, progress=progress,
         )
     )  # fmt: skip
+
+
+def check_names(estimators: Iterable[AnyEstimator], motors: Iterable[str | Path | Drive], tests: Iterable[str]) -> None:
+    """Raise BadInput for an unknown name, or an estimator's file that does not exist."""
+    from sandbox.evaluation.protocol_names import LINES
+
+    for test in tests:
+        if test not in LINES:
+            raise unknown("test", test, LINES)
+    for which in estimators:
+        check_known(which)
+    for motor in motors:
+        if not isinstance(motor, Drive):
+            motor_file(motor)
 
 
 @told

@@ -7,8 +7,6 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-import numpy as np
-
 from estimators.registry import AnyEstimator
 from model.effect_files import effects_of
 from model.names import fitting
@@ -16,7 +14,7 @@ from model.parameters import Drive
 from sandbox.drive.scenario import Scenario
 from sandbox.output.columns import Column, columns_of
 from sandbox.public.calls import told
-from sandbox.public.loading import load_estimator, load_motor, load_scenario, several
+from sandbox.public.loading import load_scenario, ready, several
 from sandbox.public.result import Result
 
 if TYPE_CHECKING:
@@ -168,11 +166,7 @@ class ComparisonResult(Result):
     def summary(self) -> str:
         """Return what was compared, and the worst means of both beliefs."""
         names = ", ".join(dict.fromkeys(run.estimator for run in self.runs))
-        worst = {}
-        for belief in ("linear", "saturated"):
-            means = [r.error_deg.mean for r in self.rows if r.belief == belief]
-            worst[belief] = max((abs(mean) for mean in means if mean is not None), default=np.nan)
-        said = ", ".join(f"{belief} {value:.2f} deg" for belief, value in worst.items())
+        said = ", ".join(f"{belief} {_worst(self.rows, belief)}" for belief in ("linear", "saturated"))
         return f"{self.comparison.drive.name}, {self.comparison.scenario.name}, {names}; worst mean error: {said}"
 
     def as_json(self) -> dict[str, Any]:
@@ -211,6 +205,16 @@ class ComparisonResult(Result):
     def save(self, folder: str | Path, *, csv: bool = False, trace: bool = True) -> Path:
         """Write compare.json, .html, .png, .parquet (the rows; csv: as CSV, too), .rrd into a folder; return it."""
         return save_runs(self, folder, csv=csv, trace=trace)
+
+
+def _worst(rows: Iterable[Row], belief: str) -> str:
+    """Return the largest mean error with a belief in words, and whether lock was lost."""
+    means = [row.error_deg.mean for row in rows if row.belief == belief]
+    kept = [abs(mean) for mean in means if mean is not None]
+    lost = len(means) - len(kept)
+    if not kept:
+        return "lost"
+    return f"{max(kept):.2f} deg" + (f" (lost in {lost} of {len(means)})" if lost else "")
 
 
 def save_runs(
@@ -300,14 +304,13 @@ def simulate(
     >>> round(run.rows[1].error_deg.mean)  # electrical degrees: the motor's cross-saturation angle at rated load
     -6
     """
-    from sandbox.evaluation.compare import single, stride_of
-
-    scene, own = load_scenario(scenario), load_estimator(estimator)
+    scene, added = load_scenario(scenario), effects_of(effects)
     scene = scene if duration is None else scene.cut(duration)
-    added = effects_of(effects)
     if record is not None:
         check_new_folder(Path(record))
-    drive = load_motor(motor)  # last: its flux map may have to be downloaded
+    drive, (own,) = ready(motor, [estimator], added)
+    from sandbox.evaluation.compare import single, stride_of  # compiles
+
     if record is not None:
         from sandbox.drive.record import bench_of
 
@@ -388,9 +391,8 @@ def compare(
     >>> {row.belief: round(abs(row.error_deg.mean)) for row in both.rows if row.closed_loop}  # degrees
     {'linear': 6, 'saturated': 0}
     """
-    from sandbox.evaluation.compare import compare as run_all
-
     scene, added = load_scenario(scenario), effects_of(effects)
-    own = [load_estimator(one) for one in several(estimators)]
-    drive = load_motor(motor)  # last: its flux map may have to be downloaded
+    drive, own = ready(motor, several(estimators), added)
+    from sandbox.evaluation.compare import compare as run_all  # compiles
+
     return ComparisonResult(run_all(drive, scene, own, seed=seed, jobs=jobs, progress=progress, effects=added or None))

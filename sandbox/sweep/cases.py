@@ -18,7 +18,7 @@ from estimators.contract import Belief
 from estimators.registry import load_estimator
 from model.drive_files import load_drive
 from model.effects.library import parameters, replaced, scaled
-from model.errors import BadInput, PhysicsError, sentence
+from model.errors import BadInput, OwnCodeError, PhysicsError, sentence
 from model.parameters import Drive
 from model.spline import SplineEnergy
 from sandbox.drive.design import Design, belief_of
@@ -80,6 +80,8 @@ def run_case(sweep: Sweep, case: Case) -> Run:
     """Run one case; whatever goes wrong is its row."""
     try:
         return _run(sweep, case)
+    except OwnCodeError as error:
+        return Run(Row(ERROR, str(error)))
     except BadInput as error:
         return Run(Row(REFUSED, str(error)))
     except PhysicsError as error:

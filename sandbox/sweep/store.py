@@ -100,6 +100,12 @@ def add(kept: Kept, block: Block) -> None:
     _write_manifest(kept)
 
 
+def counts(folder: Path) -> tuple[int, int]:
+    """Return how many runs a folder keeps, and of how many; 0, 0 where it holds no sweep."""
+    found = _read(folder / MANIFEST)
+    return (0, 0) if found is None else (sum(block["rows"] for block in found["blocks"]), int(found["runs"]))
+
+
 def read_table(folder: Path) -> Any:
     """Return the runs of all finished blocks as one pyarrow table, by number."""
     import pyarrow as pa

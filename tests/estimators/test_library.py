@@ -137,7 +137,9 @@ def test_no_file_and_no_library(tmp_path, capsys):
 def test_refused_when_it_begins(tmp_path):
     belief, tuning = case()
     spy = load_library(built(tmp_path))
-    with pytest.raises(BadInput, match="refuses this motor: sensorless_init returned 7"):
+    with pytest.raises(BadInput, match=r"refuses this motor: sensorless_init returned 7; its source says why$"):
+        spy.init(belief._replace(inertia=2.0), tuning, 0.3)
+    with pytest.raises(BadInput, match=r"or to find its first angle itself: .* start_up = false tells the angle$"):
         spy.init(belief._replace(inertia=2.0), tuning)
     with pytest.raises(BadInput, match="takes the quartic energy"):
         spy.init(belief._replace(energy=object()), tuning)

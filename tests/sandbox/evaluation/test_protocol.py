@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+import sandbox
 from estimators.registry import load_estimator
 from model.drive_files import MOTORS, load_drive
 from model.errors import BadInput
@@ -190,6 +191,33 @@ def test_a_motor_file_changed_meanwhile_is_run_again(tmp_path, monkeypatch):
         path.write_text(text.replace("resistance = 12.15", f"resistance = {resistance}"))
         p.protocol(["qnull"], [path], ["creep"], keep=tmp_path, jobs=1)
     assert found == [12.15, 12.15, 13.0, 13.0]  # two beliefs each; the third call finds them kept
+
+
+def test_a_cluster_is_handed_names_and_full_paths(tmp_path, monkeypatch):
+    """`--dask` and `cluster=`: what its workers are told; a real one runs in the sweep's tests."""
+    told = []
+
+    def spread(task, work, jobs, cluster):
+        """Do the work here."""
+        told.append((cluster, [(unit.belief, drive.name, place, seed) for unit, drive, place, seed in work]))
+        return map(task, work)
+
+    monkeypatch.setattr(p, "spread", spread)
+    monkeypatch.setitem(p.TESTS, "creep", lambda drive, which, belief, seed: t.verdict([point()], belief))
+    own = tmp_path / "mine.py"
+    own.write_text('import dataclasses, sandbox\nESTIMATOR = dataclasses.replace(sandbox.load_estimator("qnull"), '
+                   'name="mine")\n')  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    call = ["protocol", "--estimators", "qnull", "--motors", "ipm_exchanged", "--tests", "creep", "--seed", "3"]
+    assert main([*call, "--dask", "tcp://somewhere:8786", "--quiet", "--out", str(tmp_path / "out")]) == 0
+    assert len(json.loads((tmp_path / "out" / "protocol.json").read_text())["tests"]) == 2
+    beliefs = ("saturated", "linear")
+    assert told.pop() == ("tcp://somewhere:8786", [(b, "ipm_exchanged", "qnull", 3) for b in beliefs])
+    result = sandbox.protocol(["mine.py"], ["ipm_exchanged"], ["creep"], cluster="tcp://other:1")
+    assert told == [("tcp://other:1", [(b, "ipm_exchanged", str(own.resolve()), 0) for b in beliefs])]
+    assert [row.outcome.passed for row in result.protocol.rows] == [True, None]
+    with pytest.raises(BadInput, match="workers are told estimators by name or file"):
+        sandbox.protocol(load_estimator("qnull"), ["ipm_exchanged"], ["creep"], cluster="tcp://other:1")
 
 
 @pytest.mark.parametrize(

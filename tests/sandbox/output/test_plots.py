@@ -8,7 +8,9 @@ import pytest
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+from model.errors import BadInput
 from sandbox.output import document, plots, vector
+from sandbox.output.files import write_whole
 
 LOADS = (0.0, 0.5, 1.0, 1.8)
 
@@ -104,8 +106,13 @@ def test_all_lost_and_missing_errors_can_be_drawn(tmp_path):
 
 
 def test_unknown_suffix_and_no_runs_are_errors(tmp_path):
-    with pytest.raises(ValueError, match=r"\.png, \.svg or \.pdf"):
+    with pytest.raises(BadInput, match=r"cannot draw to 'figure.doc': use a name that ends in \.png, \.svg or \.pdf"):
         plots.comparison_figure(_comparison(), tmp_path / "figure.doc")
+    with pytest.raises(BadInput, match=r"cannot write '.*none.figure.png': there is no folder '.*none'; make it"):
+        plots.comparison_figure(_comparison(), tmp_path / "none" / "figure.png")
+    with pytest.raises(BadInput, match="there is no folder"):
+        write_whole(tmp_path / "none" / "page.html", b"")
+    assert not list(tmp_path.iterdir())
     empty = _comparison()
     empty.runs = ()
     with pytest.raises(ValueError, match="at least one run"):

@@ -89,7 +89,7 @@ def test_zero_is_on_line(asked, monkeypatch):
 
 
 def test_the_usual_motors_are_found_without_asking(asked, capsys):
-    from sandbox.evaluation.protocol import MOTORS, usual_motors
+    from sandbox.evaluation.protocol_names import MOTORS, usual_motors
 
     assert usual_motors() == MOTORS
     assert main(["protocol", "--tests", "strt"]) == 2

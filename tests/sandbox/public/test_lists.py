@@ -28,6 +28,41 @@ def test_lists_compile_nothing(kind, tmp_path):
     assert list(listed) == [line.split()[0] for line in done.stdout.splitlines()]
 
 
+WRONG_NAMES = {
+    "motor": ["simulate", "--motor", "nosuch"],
+    "scenario": ["simulate", "--scenario", "nosuch"],
+    "estimator": ["simulate", "--estimator", "nosuch"],
+    "file": ["compare", "--estimator", "nosuch.py"],
+    "effect": ["compare", "--effects", "nosuch.time=1"],
+    "motor to compare": ["compare", "--motor", "nosuch"],
+    "motor of the protocol": ["protocol", "--motors", "nosuch"],
+    "estimator of the protocol": ["protocol", "--estimators", "nosuch"],
+    "test": ["protocol", "--tests", "nosuch"],
+}
+
+
+def test_wrong_names_are_refused_before_anything_is_compiled(tmp_path):
+    """One process for all of them, its cache empty; a mapping's effects, which no command reads, at the end."""
+    code = f"""
+from sandbox import BadInput, compare
+from sandbox.cli import main
+for call in {list(WRONG_NAMES.values())}:
+    assert main(call) == 2, call
+try:
+    compare(effects={{"nosuch.time": 1.0}})
+except BadInput as error:
+    assert "nosuch.time" in str(error)
+else:
+    raise AssertionError
+"""
+    done = python(code, tmp_path, SENSORLESS_CACHE=str(tmp_path / "cache"))
+    assert done.returncode == 0, done.stderr
+    said = done.stderr.splitlines()
+    assert len(said) == len(WRONG_NAMES)
+    assert all("nosuch" in line for line in said)
+    assert not list((tmp_path / "cache").rglob("*.nb?"))
+
+
 def test_listed_estimators_say_what_their_objects_say():
     assert sandbox.list_estimators() == {
         name: sandbox.load_estimator(name).summary for name in sandbox.list_estimators()

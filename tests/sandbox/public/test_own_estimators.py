@@ -84,3 +84,36 @@ def test_an_estimator_is_written_with_the_page_alone(tmp_path):
     told = sandbox.Estimator("told", "keeps what it was told", lambda b, t, angle=None: {"told": angle}, step, False)
     still = sandbox.Scenario("still", (sandbox.Segment(0.05),), start_up=False)
     assert sandbox.simulate("ipm", still, told, closed_loop=False).error_deg.max == pytest.approx(0.0, abs=1e-9)
+
+
+RAISING = """import sandbox
+def init(belief, tuning, angle=None):
+    return [1 / {init}]
+def far(x):
+    return {{}}[x]
+def step(state, sample, belief, tuning):
+    return far("gone")
+ESTIMATOR = sandbox.Estimator("mine", "raises", init, step, compiled=False)
+"""
+
+
+@pytest.mark.parametrize(
+    ("init", "sentence"),
+    [
+        (0, "init of estimator 'mine' raised ZeroDivisionError: division by zero (mine.py, line 3); mend it there"),
+        (1, "step of estimator 'mine' raised KeyError: 'gone' (mine.py, line 5); mend it there"),
+    ],
+)
+def test_an_estimator_that_raises_is_told_with_its_line(init, sentence, tmp_path, capsys):
+    """Lines as they stand in RAISING; a sweep's row says the same."""
+    file, scene = tmp_path / "mine.py", tmp_path / "s.toml"
+    file.write_text(RAISING.format(init=init))
+    scene.write_text("[scenario]\nstart_up = false\n[[segment]]\nduration = 0.02\n")
+    out = ["--scenario", str(scene), "--out", str(tmp_path / "out")]
+    for call in (["simulate", "--estimator"], ["compare", "--estimators", "", "--estimator"]):
+        assert main([*call, str(file), *out]) == 2
+        assert capsys.readouterr().err == f"sensorless {call[0]}: {sentence}\n"
+    plan = {"run": {"estimator": str(file)}, "scenario": {"start_up": False}, "segment": [{"duration": 0.02}],
+            "grid": {"belief": ["linear"]}}  # fmt: skip
+    row = sandbox.sweep(plan, tmp_path / "sweep", jobs=1).to_table().to_pylist()[0]
+    assert (row["status"], row["sentence"]) == ("error", sentence)

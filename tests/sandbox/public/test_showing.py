@@ -12,8 +12,13 @@ import pytest
 
 import sandbox
 from sandbox.cli import build_parser, main
+from sandbox.evaluation import protocol_tests
 from sandbox.output.tables import effort_bar, folded, further, print_table
+from sandbox.public.protocols import ProtocolResult
+from sandbox.public.runs import ComparisonResult
 from tests.sandbox.public.naming import of
+
+evaluated = import_module("sandbox.evaluation.protocol")  # the name in `sandbox` is the function
 
 
 @of("show", "view")
@@ -182,3 +187,40 @@ def test_a_number_too_small_to_be_seen_has_no_minus(capsys):
     said = capsys.readouterr().out
     assert "-0.00" not in said
     assert "-0.01" in said
+
+
+def test_a_repr_is_one_line_with_what_counts():
+    """Values as the files of `ipm` and `staircase` state them: 0.3 s + 13 x 0.6 s = 8.1 s."""
+    motor = "<Drive: ipm, 1.2 A peak, 1.06 N m, 1800 rpm, 400 V, injects 30 V at 500 Hz>"
+    assert repr(sandbox.load_motor("ipm")) == motor
+    scene = "<Scenario: staircase, 14 segments, 8.1 s, rotor locked, current controlled>"
+    assert repr(sandbox.load_scenario("staircase")) == scene
+    one = sandbox.Scenario("one", (sandbox.Segment(0.3),))
+    assert repr(one) == "<Scenario: one, 1 segment, 0.3 s, rotor locked, current controlled>"
+
+
+def test_a_protocol_counts_its_tests_once_and_its_rows_are_short():
+    outcome = protocol_tests.Outcome((None,) * 24, {"mean_deg": 0.5}, True)
+    units = [evaluated.Unit("ipm", "load_step", "qnull", belief) for belief in ("saturated", "linear")]
+    rows = (evaluated.Row(units[0], outcome, 1.0), evaluated.Row(units[1], outcome, 1.0, "the bus ends"))
+    assert repr(rows[0]) == "<Row: load_step, qnull saturated on ipm: passed, 24 points>"
+    assert repr(rows[1]) == "<Row: load_step, qnull linear on ipm: the bus ends>"
+    assert repr(outcome) == "<Outcome: passed, 24 points, 1 metrics>"
+    summed = ProtocolResult(evaluated.Protocol(rows, 0)).summary()
+    assert summed == "load_step alone, 2 results, 2 of 2 judged met their goals"
+    more = (*rows, evaluated.Row(evaluated.Unit("ipm", "creep", "qnull", "linear"), outcome, 1.0))
+    assert ProtocolResult(evaluated.Protocol(more, 0)).summary().startswith("2 tests, 3 results, 3 of 3")
+
+
+@pytest.mark.parametrize(
+    ("means", "said"), [((None, None), "lost"), ((1.0, -6.0), "6.00 deg"), ((-2.0, None), "2.00 deg (lost in 1 of 2)")]
+)
+def test_a_comparison_says_where_lock_was_lost(means, said):
+    rows = [SimpleNamespace(belief="linear", error_deg=SimpleNamespace(mean=mean)) for mean in means]
+    exact = SimpleNamespace(belief="saturated", error_deg=SimpleNamespace(mean=0.25))
+    ran = SimpleNamespace(
+        drive=SimpleNamespace(name="ipm"), scenario=SimpleNamespace(name="s"), rows=[*rows, exact],
+        runs=[SimpleNamespace(estimator="qnull")],
+    )  # fmt: skip
+    summed = f"ipm, s, qnull; worst mean error: linear {said}, saturated 0.25 deg"
+    assert ComparisonResult(ran).summary() == summed

@@ -314,8 +314,9 @@ def wait_for_blocks(place, running, count):
 
 
 def signalled(place, kind):
-    """Return the exit code of a sweep that a signal met, and its children; one that was done before is begun anew."""
-    told, own = 0, []
+    """Return the exit code of a sweep that a signal met, its children, and what it printed; one that was done before is
+    begun anew."""
+    told, own, said = 0, [], ""
     for _ in range(6):
         running = command(place, "--jobs", "2")
         wait_for_blocks(place, running, blocks_of(place) + 1)
@@ -326,11 +327,12 @@ def signalled(place, kind):
             wait_for_blocks(place, running, blocks_of(place) + 2)
             own += children(running.pid)
         running.send_signal(kind)
-        told = running.wait(60)
+        said = running.communicate(timeout=60)[1]  # until its resource tracker has ended, too
+        told = running.returncode
         if told != 0:
             break
         shutil.rmtree(place / "out")
-    return told, own
+    return told, own, said
 
 
 def alive(pid):
@@ -345,8 +347,11 @@ def alive(pid):
 def test_killed_workers_and_signals_leave_no_child_and_the_same_results(tmp_path):
     (tmp_path / "long.toml").write_text(LONG)
     for kind, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
-        told, own = signalled(tmp_path, kind)
+        told, own, said = signalled(tmp_path, kind)
         assert told == code
+        rows = sum(b["rows"] for b in json.loads((tmp_path / "out" / "manifest.json").read_text())["blocks"])
+        line = f"sensorless sweep: interrupted; {rows} of 400 runs are kept; the same command goes on"
+        assert said.splitlines()[-1] == line  # no leaked semaphores behind it
         end = time.monotonic() + 10.0
         while any(map(alive, own)) and time.monotonic() < end:
             time.sleep(0.05)
