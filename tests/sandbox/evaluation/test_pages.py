@@ -200,7 +200,7 @@ def test_a_missed_speed_has_no_tick_and_comes_after_one_that_was_reached():
         "○: what stands beside it holds, but the speed asked for was not reached in time."
     )
     assert ProtocolResult(Protocol(tuple(rows), 0)).summary() == (
-        "4 tests, 2 of 2 judged met their goals, 1 of these without reaching the speed asked for in time"
+        "2 tests, 4 results, 2 of 2 judged met their goals, 1 of these without reaching the speed asked for in time"
     )
 
 
