@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive
-from sandbox.plant.sets import complete
 from sandbox.validation.switched.bench_numbers import bench
 
 
@@ -14,7 +13,7 @@ def test_a_compliant_shaft_swings_with_its_resonance_and_its_damping_ratio():
     drive = load_drive("ipm")
     own = {"shaft_compliance.stiffness": 50.0, "shaft_compliance.load_inertia": 4e-4,
            "shaft_compliance.damping_ratio": 0.03}  # fmt: skip
-    b = bench(drive.motor, drive.converter, complete(drive.motor, drive.converter, own))
+    b = bench(drive.motor, drive.converter, own)
     k, d, m, load = b.stiffness, b.damping, b.inertia, b.load_inertia
     assert (k, load) == (50.0, 4e-4)
     assert m + load == pytest.approx(drive.motor.inertia)  # all of the shaft's
