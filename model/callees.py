@@ -90,7 +90,7 @@ class Kernel(CPUDispatcher):
 
     def __init__(self, py_func: Any, locals: Any = None, targetoptions: Any = None) -> None:
         self.twin: Any = None
-        super().__init__(py_func, locals, {"nopython": True, **(targetoptions or {})}, KernelCompiler)
+        super().__init__(py_func, locals or {}, {"nopython": True, **(targetoptions or {})}, KernelCompiler)
 
     def with_twin(self) -> Any:
         """Give this function a twin for callers and return it."""
