@@ -15,7 +15,7 @@ from model.fluxmap import FluxMap, _check_size, check_physical
 from model.levels import Fit
 from model.saliency import audit
 from model.spline import SplineEnergy
-from model.spline_energy import MARGIN, _Box
+from model.spline_energy import _Box
 
 MOTOR = load_drive("ipm_exchanged").motor
 
@@ -52,7 +52,6 @@ def test_rays_of_an_audit_go_round_once():
 def test_a_map_s_box_reaches_three_hundredths_beyond_its_data():
     box = _Box(np.array([0.1, 0.3]), np.array([-0.5, 0.4]), (4, 4))
     assert (box.low_d, box.high_d, box.high_q) == pytest.approx((0.094, 0.306, 0.515))
-    assert MARGIN == 0.03
 
 
 @pytest.mark.parametrize(("magnet", "kept"), [(-0.0009, 0.0), (-0.0011, -0.0011)])

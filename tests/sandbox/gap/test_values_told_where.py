@@ -9,7 +9,7 @@ import pytest
 
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.report import answers, position, position_moved, ranking, shares, where
-from sandbox.gap.report.decompose import CHANNELS, CURRENT_NAMES, DIRECTIONS, SPEED_NAMES, Decomposition
+from sandbox.gap.report.decompose import CURRENT_NAMES, DIRECTIONS, SPEED_NAMES, Decomposition
 from sandbox.gap.report.words import PREFIXES
 
 HALF = 1.0 / len(SPEED_NAMES)
@@ -199,7 +199,6 @@ def test_estimators_are_judged_where_they_work():
 
 def test_prefixes_are_those_of_the_si():
     assert dict(PREFIXES) == {1e9: "G", 1e6: "M", 1e3: "k", 1.0: "", 1e-3: "m", 1e-6: "µ", 1e-9: "n"}
-    assert CHANNELS == ("currents", "motion", "position")
 
 
 def test_a_shape_that_is_gone_is_neutral_and_nothing_else(monkeypatch):
