@@ -62,23 +62,23 @@ def exact(levels: Levels, nominal: Motor, background: dict[str, float] | None = 
     prior = np.hstack(drawn)
     free = np.concatenate([np.ones(MOTOR, bool), prior > 0])
     biggest = float(np.max(np.hypot(*levels.current.T)))
-    best: tuple[_Solution, Problem] | None = None
+    minima: list[tuple[_Solution, Problem]] = []
     for start in _starts(levels, nominal):
         alphas = np.maximum(np.abs(start.alphas), 0.1 * np.abs(_natural(start, biggest)))
         steps = np.hstack(drawn._replace(voltage_threshold=0.01 * start.resistance * biggest))
         scale = np.concatenate([np.hstack(start._replace(alphas=alphas)), np.where(steps > 0, steps, 1.0)])
         problem = Problem(levels, scale, locks, np.where(prior > 0, prior, np.inf), WIDTH * biggest)
         found = _levenberg(problem.residuals, np.concatenate([np.hstack(start), np.zeros(len(prior))]) / scale, free)
-        if found and (best is None or found.cost < 0.999 * best[0].cost):
-            best = found, problem
-        if best and best[0].cost < 3.0 * len(levels.axis) * 4:
+        if found and all(abs(found.cost / other.cost - 1.0) > 1e-3 for other, _ in minima):
+            minima.append((found, problem))
+        if found and found.cost < 3.0 * len(levels.axis) * 4:
             break
-    if best is None:
+    if not minima:
         raise PhysicsError(
             "no start value gives a model valid at every level (strictly convex energy); the levels reach currents "
             "where the quartic energy cannot hold, or voltages and currents do not belong together"
         )
-    fit = _finish(levels, free, *_reweighted(levels, free, *best))
+    fit = _finish(levels, free, *min((_reweighted(levels, free, *m) for m in minima), key=_unlikely))
     flux_from_current(fit.energy, *levels.current.T)  # raises where the way there from zero leaves the convex domain
     return fit
 
@@ -102,6 +102,16 @@ def _reweighted(
             break
         found = again
     return found, problem
+
+
+def _unlikely(minimum: tuple[_Solution, Problem]) -> float:
+    """Return how improbable a reweighted minimum is: -log likelihood of voltages and slopes whose noise is so much
+    larger than stated, less a constant.  Costs alone cannot be compared, each is over its own noise."""
+    found, problem = minimum
+    r = problem.residuals(found.x)
+    assert r is not None
+    sizes = (part.size for part in problem.parted(r))
+    return 0.5 * found.cost + sum(n * math.log(a) for n, a in zip(sizes, problem.inflate, strict=True))
 
 
 def _variance(r: Array, used: int) -> float:

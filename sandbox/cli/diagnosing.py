@@ -37,6 +37,8 @@ def add_diagnose(add: Callable[..., Any], number: Callable[[str], float]) -> Any
     c.add_argument("--continue", type=Path, dest="earlier", metavar="RESULT", help=text)
     text = "most memory, in GB (8; at least 0.7 plus 0.7 kB a sample): what does not fit waits in a file in TMPDIR"
     c.add_argument("--memory", type=number, metavar="GB", help=text)
+    text = "most samples to work on, inf for all (100000 of a campaign of more than 250000): stretches that differ most"
+    c.add_argument("--samples", type=number, metavar="N", help=text)
     return c
 
 
@@ -139,7 +141,7 @@ def run_diagnose(options: argparse.Namespace) -> None:
         found = sandbox.diagnose(
             EXAMPLE if options.example else options.campaign, exclude=exclude, nominal=options.nominal,
             columns=options.columns, preset=options.preset, earlier=options.earlier, jobs=options.jobs,
-            memory=options.memory, progress=progress,
+            memory=options.memory, samples=options.samples, progress=progress,
         )  # fmt: skip
         progress("writing")
         found.save(folder, csv=options.csv)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -73,7 +73,9 @@ class Finding:
 class CampaignRecording:
     """One table of a campaign; every column is an attribute too, float64, shape (n,).
 
-    dc_bus_voltage: V, the nominal link voltage it was recorded at, where that is not [drive]'s.
+    dc_bus_voltage: V, the nominal link voltage it was recorded at, where that is not [drive]'s.  clock: s, the time of
+    the first row after a longer recording began, of which this is a part; lead: the rows before it, in which a replay's
+    states settle and which are not judged.
     """
 
     file: str
@@ -81,6 +83,8 @@ class CampaignRecording:
     injection_axis: str
     columns: Mapping[str, Array]
     dc_bus_voltage: float | None = None
+    clock: float = 0.0
+    lead: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_file(self.file, "recording's file")
@@ -126,13 +130,37 @@ class CampaignRecording:
         return (2.0 * a - b - c) / 3.0, (b - c) / math.sqrt(3.0)
 
 
+@dataclass(frozen=True)
+class Excerpt:
+    """A stretch that stands for a longer recording: its name, that recording's, first row, rows, and rows there."""
+
+    file: str
+    of: str
+    first: int
+    rows: int
+    of_rows: int
+
+
+@dataclass(frozen=True)
+class Excerpts:
+    """What of a long campaign is worked on (`sandbox.gap.evidence.excerpts`); samples: of the whole campaign."""
+
+    stretches: tuple[Excerpt, ...]
+    samples: int
+
+    @property
+    def used(self) -> int:
+        """Samples of the stretches."""
+        return sum(e.rows for e in self.stretches)
+
+
 @dataclass(frozen=True, repr=False)
 class Campaign:
     """A drive's nominal model and what was recorded on it.
 
     `rated_from_data`: the rated values missing in [motor] were taken from the recordings (largest current and
     speed in them, and the torque that current gives on the magnet flux): scales, not ratings.  `limits`: what the bench
-    may do when it records more.
+    may do when it records more.  `excerpts`: where the recordings are stretches of longer ones.
     """
 
     name: str
@@ -143,6 +171,7 @@ class Campaign:
     rated_from_data: bool
     findings: tuple[Finding, ...] = ()  # what `sandbox.recordings.importing` noticed; empty from `read_campaign`
     limits: Limits = NO_LIMITS
+    excerpts: Excerpts | None = None
 
     def __getitem__(self, file: str) -> CampaignRecording:
         for r in self.recordings:

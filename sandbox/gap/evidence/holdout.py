@@ -7,6 +7,7 @@ while the recordings held out still feel every effect.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import combinations, product
 
@@ -19,6 +20,7 @@ from sandbox.gap.evidence.probes import probe_coordinates, probes_at_typical
 
 Array = NDArray[np.float64]
 CHANNELS = ("current", "motion", "angle")
+CHOICES = 500  # at most, each costs some milliseconds: of many recordings of a kind some, spread evenly, are tried
 FELT = 4.0  # a held-out recording needs to feel an effect only so many times less than the fitted ones
 
 
@@ -28,10 +30,19 @@ def weights_of(recordings: int, left_out: Sequence[int] = ()) -> dict[tuple[int,
 
 
 def choices(rotors: Sequence[str]) -> list[tuple[int, ...]]:
-    """Return all admissible choices of recordings to hold out; () where every kind is there only once."""
-    kinds = {kind: [k for k, r in enumerate(rotors) if r == kind] for kind in ("locked", "driven", "free")}
-    options = [list(combinations(own, 2 if len(own) >= 5 else 1)) if len(own) >= 2 else [()] for own in kinds.values()]
+    """Return the choices of recordings to hold out, at most CHOICES; () where every kind is there only once."""
+    kinds = [[k for k, r in enumerate(rotors) if r == kind] for kind in ("locked", "driven", "free")]
+    options = [_of_kind(own) for own in kinds]
+    while math.prod(len(o) for o in options) > CHOICES:
+        k = max(range(len(kinds)), key=lambda k: len(options[k]))
+        kinds[k] = [kinds[k][round(i)] for i in np.linspace(0, len(kinds[k]) - 1, len(kinds[k]) - 1)]
+        options[k] = _of_kind(kinds[k])
     return [tuple(sorted(k for part in parts for k in part)) for parts in product(*options)]
+
+
+def _of_kind(own: Sequence[int]) -> list[tuple[int, ...]]:
+    """Return the choices among recordings of one kind."""
+    return list(combinations(own, 2 if len(own) >= 5 else 1)) if len(own) >= 2 else [()]
 
 
 def held_out(start: Point, exclude: Sequence[str] = (), *, workers: int = 1) -> tuple[int, ...]:

@@ -173,7 +173,7 @@ class Point:
         recordings = []
         for r in self.prepared.recordings:
             shift = self.turns.get(r.file, 0.0)
-            recordings.append(r.along(replace(r.motion, angle=r.motion.angle + shift), period) if shift else r)
+            recordings.append(r.turned(shift, period) if shift else r)
         return replace(self.prepared, recordings=tuple(recordings))
 
     def resmoothed(self) -> Point:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy.ndimage
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence.normal import Point, normal, part_of, simulated
@@ -28,21 +29,22 @@ def shown(point: Point) -> list[Residual]:
 def link_lines(point: Point, low: float, high: float) -> list[float]:
     """Return the PEAKS frequencies (Hz) at which the voltage residual along the command stands out most.
 
-    One periodogram of residual times command over all recordings, which share the phase at their start.
+    One periodogram of residual times command over all recordings, which share the phase at their start; stretches of
+    one recording stand in it where they were recorded.
     """
     prepared = point.prepared
     period = prepared.campaign.drive.converter.sampling_period
-    length = max(r.samples for r in prepared.recordings)
+    places = [round(r.clock / period) for r in prepared.recordings]
+    length = max(first + r.samples for first, r in zip(places, prepared.recordings, strict=True))
     total = np.zeros(2 * length)
     for k, res in enumerate(shown(point)):
         u = prepared.recordings[k].mean_duty()[:-1] * prepared.campaign.drive.converter.dc_bus_voltage
         v = voltage_residual(prepared, point.values, k, res.current)
         along = np.sum(v * u, axis=1)
-        total[: len(along)] += along
+        total[places[k] : places[k] + len(along)] += along
     power = np.abs(np.fft.rfft(total)) ** 2
     frequency = np.fft.rfftfreq(len(total), period)
-    padded = np.pad(power, NEIGHBOURS // 2, mode="reflect")
-    level = np.median(np.lib.stride_tricks.sliding_window_view(padded, NEIGHBOURS), axis=1)
+    level = scipy.ndimage.median_filter(power, NEIGHBOURS, mode="mirror")
     clear = np.where((frequency >= low) & (frequency <= high), power / level, 0.0)
     out: list[float] = []
     for _ in range(PEAKS):

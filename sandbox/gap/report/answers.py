@@ -249,6 +249,11 @@ def caveats(a: Answers) -> list[str]:
     missing = [k for k in ("uncertainty", "background") if not getattr(d.campaign, k)]
     if missing:
         out.append(f"No [{'], ['.join(missing)}] is stated: usual values of a careful identification are assumed.")
+    if (cut := d.campaign.excerpts) is not None:
+        out.append(
+            f"Of {cut.samples:,} samples, {len(cut.stretches)} stretches of {cut.used:,} in all were worked on, those "
+            "that differ most; --samples inf takes all of them."
+        )
     if (part := share(d.start)) < 1.0:
         out.append(f"To stay within --memory, free regressions were made on {percent(part)} of the samples.")
     kinds = {r.rotor for r in d.start.prepared.recordings}

@@ -20,6 +20,7 @@ from sandbox.gap.report.position import PositionError
 from sandbox.gap.report.ranking import Ranking, parameter, ranking
 from sandbox.gap.report.where import Finding
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
+from sandbox.recordings.campaign import Excerpts
 
 
 def contract(
@@ -68,8 +69,16 @@ def contract(
         "next_recording": as_json(following),
         "excluded": list(d.excluded),
         "out_of_sight": list(d.out_of_sight),
+        "excerpts": excerpts(d.campaign.excerpts),
         "cost": {"simulations": d.simulations, "seconds": d.seconds},
     }  # fmt: skip
+
+
+def excerpts(found: Excerpts | None) -> dict[str, Any] | None:
+    """Return which stretches of long recordings were worked on, None where all of them."""
+    if found is None:
+        return None
+    return {"samples": found.samples, "used": found.used, "stretches": [asdict(e) for e in found.stretches]}
 
 
 def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:

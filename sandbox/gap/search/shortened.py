@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sandbox.gap.evidence.normal import Point, block_length
-from sandbox.replay.inputs import Inputs
-from sandbox.replay.smoothing import Motion
 
 SAMPLE = 14e3  # bytes: 198 regressors of two components, made from 99 and from their answers, and copied once
 
@@ -23,15 +21,9 @@ def shortened(point: Point) -> Point:
     part, cut = share(point), block_length(point.prepared)
     if part == 1.0:
         return point
-    recordings = []
+    period, recordings = point.prepared.campaign.drive.converter.sampling_period, []
     for r in point.prepared.recordings:
         length = min(r.samples, max(cut, int(part * r.samples)))
-        recordings.append(_between(r, 0 if r.rotor == "free" else (r.samples - length) // 2, length))
+        first = 0 if r.rotor == "free" else (r.samples - length) // 2
+        recordings.append(r.cut(first, first + length, period))
     return replace(point, prepared=replace(point.prepared, recordings=tuple(recordings)))
-
-
-def _between(r: Inputs, first: int, length: int) -> Inputs:
-    """Return so many samples of a recording from one on, that starts from the current read there."""
-    own = slice(first, first + length)
-    motion = Motion(r.motion.angle[own], r.motion.speed[own], r.motion.eccentric)
-    return replace(r, track=r.track[own], read=r.read[own], motion=motion, loaded=r.loaded or first > 0)
