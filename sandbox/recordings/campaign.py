@@ -143,7 +143,7 @@ class Excerpt:
 
 @dataclass(frozen=True)
 class Excerpts:
-    """What of a long campaign is worked on (`sandbox.gap.evidence.excerpts`); samples: of the whole campaign."""
+    """What of a long campaign is worked on (`sandbox.gap.excerpts`); samples: of the whole campaign."""
 
     stretches: tuple[Excerpt, ...]
     samples: int

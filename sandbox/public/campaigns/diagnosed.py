@@ -207,7 +207,7 @@ def diagnose(
     'explained'
     """
     from model.errors import unknown
-    from sandbox.gap.evidence.excerpts import excerpted
+    from sandbox.gap.excerpts import excerpted
     from sandbox.gap.report.answers import answer, linear
     from sandbox.replay.memory import USUAL
 

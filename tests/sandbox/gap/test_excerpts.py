@@ -11,7 +11,7 @@ import pytest
 
 from model.drive_files import load_drive
 from model.errors import BadInput
-from sandbox.gap.evidence.excerpts import CUT_TO, LEAD, LEAST, MOST, PARTS, excerpted, farthest_first
+from sandbox.gap.excerpts import CUT_TO, LEAD, LEAST, MOST, PARTS, excerpted, farthest_first
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 
 DRIVE = load_drive("ipm")

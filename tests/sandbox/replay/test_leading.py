@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from model.effects import library
-from sandbox.gap.evidence.excerpts import LEAD, excerpted
+from sandbox.gap.excerpts import LEAD, excerpted
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare, replay, residuals
 from tests.sandbox.replay.test_replay import CASES, DRIVE, MOTION, record, typical
