@@ -12,6 +12,7 @@ import pytest
 from model.drive_files import load_drive
 from model.errors import BadInput
 from sandbox.gap.excerpts import CUT_TO, LEAD, LEAST, MOST, PARTS, excerpted, farthest_first
+from sandbox.gap.report.diagnosis_json import excerpts
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 
 DRIVE = load_drive("ipm")
@@ -112,3 +113,12 @@ def test_a_slow_motor_leads_in_for_no_longer_than_a_stretch():
     motor = dataclasses.replace(DRIVE.motor, resistance=1e-4)
     cut = excerpted(campaign(recording(5 * LEAST), drive=dataclasses.replace(DRIVE, motor=motor)), LEAST)
     assert max(len(r.lead.get("t", ())) for r in cut) == LEAST // PARTS
+
+
+def test_the_contract_lists_the_stretches():
+    cut = excerpted(campaign(recording(3 * LEAST)), LEAST)
+    told = excerpts(cut.excerpts)
+    assert told["samples"] == 3 * LEAST
+    assert told["used"] == sum(s["rows"] for s in told["stretches"])
+    assert {"of": "run.parquet", "of_rows": 3 * LEAST}.items() <= told["stretches"][0].items()
+    assert excerpts(None) is None
