@@ -78,7 +78,7 @@ RECORDED = ("simulate", "--scenario", "c.toml", "--effects", "dead_time.time=2e-
             "--json-only", "--quiet")  # fmt: skip
 CHECK = ("withheld", "make", "check", "--count", "2", "--kind", "controls", "--cycles", "practice", "--quiet")
 KEPT = {".json", ".parquet", ".toml", ".csv", ".sealed", ""}  # figures and traces hold the hour at which they were made
-OF_NOW = {*COSTS, "seconds", "made_by", "made", "sha256"}  # of costs, and of a manifest with them
+OF_NOW = {*COSTS, "seconds", "seconds_over_60", "made_by", "made", "sha256"}  # of costs, and of a manifest with them
 
 
 class Fault(NamedTuple):
