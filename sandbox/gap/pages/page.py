@@ -23,6 +23,7 @@ from sandbox.output.document import bullets, figure, fold, pairs, prose, table, 
 from sandbox.output.files import version
 from sandbox.output.tables import print_prose, print_table
 from sandbox.output.vector import bars_svg, lines_svg
+from sandbox.recordings.campaign import Excerpts
 
 FEWEST = 0.001  # probability below which a hypothesis stays in the folded part
 TITLES = {
@@ -92,6 +93,10 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     yield "<h2>The gap, recording by recording</h2>"
     yield figure(_by_recording(a), "rms of the residual over its noise floor; 1 is noise. ● held out of the fit.")
     yield fold("All figures", table(["recording", "before", "after", "share of the gap"], _recordings(a, part)))
+    if d.campaign.excerpts is not None:
+        period = d.campaign.drive.converter.sampling_period
+        heads = ["stretch", "of the recording", "from s", "to s", "of s"]
+        yield fold("Which stretches of the recordings", table(heads, stretch_rows(d.campaign.excerpts, period)))
     if a.where:
         yield "<h2>Where it lies</h2>" + bullets(f.text for f in a.where)
         yield from pairs(_shares(part, rest))
@@ -179,6 +184,14 @@ def _by_recording(a: Answers) -> str:
     if a.diagnosis.after.effects:
         series["after"] = [r.after for r in rows]
     return bars_svg(labels, series, "residual / noise floor", log_from=0.5)
+
+
+def stretch_rows(cut: Excerpts, period: float) -> list[list[str]]:
+    """Return a line a stretch: its name, the recording's, where it begins and ends there and how long that is (s)."""
+    return [
+        [e.file, e.of, *(f"{period * row:.2f}" for row in (e.first, e.first + e.rows, e.of_rows))]
+        for e in cut.stretches
+    ]
 
 
 def _shares(part: Decomposition, rest: Decomposition) -> Iterator[str]:

@@ -12,6 +12,7 @@ import pytest
 from model.drive_files import load_drive
 from model.errors import BadInput
 from sandbox.gap.excerpts import CUT_TO, LEAD, LEAST, MOST, PARTS, excerpted, farthest_first
+from sandbox.gap.pages.page import stretch_rows
 from sandbox.gap.report.diagnosis_json import excerpts
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 
@@ -122,3 +123,7 @@ def test_the_contract_lists_the_stretches():
     assert told["used"] == sum(s["rows"] for s in told["stretches"])
     assert {"of": "run.parquet", "of_rows": 3 * LEAST}.items() <= told["stretches"][0].items()
     assert excerpts(None) is None
+    period = DRIVE.converter.sampling_period
+    for row, e in zip(stretch_rows(cut.excerpts, period), told["stretches"], strict=True):
+        times = (f"{period * x:.2f}" for x in (e["first"], e["first"] + e["rows"], 3 * LEAST))
+        assert row == [e["file"], "run.parquet", *times]

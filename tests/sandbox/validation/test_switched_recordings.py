@@ -109,11 +109,12 @@ def residuals(motor, converter, effects, columns):
         return vector(unexplained(predict(b, columns, motion, *x), read)).ravel()
 
     x, steps = np.array([b.encoder_offset, 0.0, 0.0]), np.array([2e-3, 2e-3, 5e-8])
-    for _ in range(2):
-        at = miss(x)
-        slope = np.stack([(miss(x + h) - at) / h.max() for h in np.diag(steps)], axis=1) * steps
+    at = miss(x)
+    slope = np.stack([miss(x + h) - at for h in np.diag(steps)], axis=1)
+    for _ in range(2):  # Gauss-Newton on the first slopes: nearly straight over a count and a residual dead time
         x = x - steps * np.linalg.lstsq(slope, at, rcond=None)[0]
-    square = np.sum(miss(x).reshape(2, -1) ** 2, axis=0)
+        at = miss(x)
+    square = np.sum(at.reshape(2, -1) ** 2, axis=0)
     floor = 4 / 3 * (converter.current_noise**2 + converter.current_resolution**2 / 12)
     ends = np.cumsum([len(c["t"]) for c in columns.values()])[:-1]
     return np.sqrt([part.mean() / floor for part in np.split(square, ends)])
