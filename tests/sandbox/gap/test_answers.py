@@ -68,7 +68,7 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
     assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **c}) == []
     assert set(c) == {
         "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "alike", "next_recording", "excluded",
-        "out_of_sight", "cost", "effects", "groups", "unknown", "waterfall",
+        "out_of_sight", "excerpts", "cost", "effects", "groups", "unknown", "waterfall",
     }  # fmt: skip
     assert set(c["gap"]) == {
         "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg", "remains"
