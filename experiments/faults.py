@@ -192,9 +192,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--moments", type=int, default=12, help="a command (12)")
     parser.add_argument("--only", nargs="+", choices=CALLS, default=list(CALLS))
+    parser.add_argument("--first", type=int, default=0, help="moment to go on from, of a run that was stopped (0)")
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
-    chance = random.Random(options.seed)
     for name in options.only:
         with tempfile.TemporaryDirectory() as made:
             home = Path(made)
@@ -203,12 +203,11 @@ def main() -> None:
             takes = finish(name, home, home / "whole")
             whole, faults = contents(home / "whole"), []
             assert whole == contents(home / "first"), f"{name}: two undisturbed runs differ"
-            for k in range(options.moments):
-                seconds = takes * (k + chance.random()) / options.moments
+            for k in range(options.first, options.moments):
+                seconds = takes * (k + random.Random(f"{options.seed} {name} {k}").random()) / options.moments
                 fault = disturbed(name, home, home / f"out{k}", SIGNALS[k % len(SIGNALS)], seconds, whole)
                 faults.append(fault)
-                if fault.wrong:
-                    print(f"{name}: {fault.sent} after {seconds:.2f} s: {fault.wrong}", flush=True)
+                print(f"{name} {k}: {fault.sent} after {seconds:.2f} s: {fault.wrong or 'well'}", flush=True)
             good = sum(not fault.wrong for fault in faults)
             print(f"{name:<9} {takes:.1f} s, {good} of {len(faults)} moments well, {len(whole)} files", flush=True)
 
