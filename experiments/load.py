@@ -2,8 +2,8 @@
 
 `python -m experiments.load` runs the command line on ever longer input, each time in a process of its own, and prints
 processor time, the largest memory and the exponent of time between one length and the next (1: in proportion).
-`--longest` goes up to 10 minutes at 10 kHz in one recording, 200 recordings in a campaign, an hour's simulation.  Of more
-than 250 000 samples a diagnosis works on 100 000 only.  `--memory` is a limit in GB for each.
+`--longest` goes up to 10 minutes at 10 kHz in one recording, 200 recordings in a campaign, an hour's simulation.  Of
+more than 250 000 samples a diagnosis works on 100 000 only.  `--memory` is a limit in GB for each.
 """
 
 from __future__ import annotations
