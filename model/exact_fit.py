@@ -78,7 +78,8 @@ def exact(levels: Levels, nominal: Motor, background: dict[str, float] | None = 
             "no start value gives a model valid at every level (strictly convex energy); the levels reach currents "
             "where the quartic energy cannot hold, or voltages and currents do not belong together"
         )
-    fit = _finish(levels, free, *min((_reweighted(levels, free, *m) for m in minima), key=_unlikely))
+    best = min((_reweighted(levels, free, *m) for m in minima), key=_negative_log_likelihood)
+    fit = _finish(levels, free, *best)
     flux_from_current(fit.energy, *levels.current.T)  # raises where the way there from zero leaves the convex domain
     return fit
 
@@ -96,17 +97,17 @@ def _reweighted(
         inflate = tuple(float(max(1.0, a * math.sqrt(m))) for a, m in zip(problem.inflate, misfit, strict=True))
         if max(abs(a / b - 1.0) for a, b in zip(inflate, problem.inflate, strict=True)) < 0.02:
             break
-        problem = replace(problem, inflate=(inflate[0], inflate[1]))
-        again = _levenberg(problem.residuals, found.x, free)
+        heavier = replace(problem, inflate=(inflate[0], inflate[1]))
+        again = _levenberg(heavier.residuals, found.x, free)
         if again is None:
             break
-        found = again
+        found, problem = again, heavier
     return found, problem
 
 
-def _unlikely(minimum: tuple[_Solution, Problem]) -> float:
-    """Return how improbable a reweighted minimum is: -log likelihood of voltages and slopes whose noise is so much
-    larger than stated, less a constant.  Costs alone cannot be compared, each is over its own noise."""
+def _negative_log_likelihood(minimum: tuple[_Solution, Problem]) -> float:
+    """Return that of a reweighted minimum, less a constant: of voltages and slopes whose noise is so much larger than
+    stated.  Costs alone cannot be compared, each is over its own noise."""
     found, problem = minimum
     r = problem.residuals(found.x)
     assert r is not None

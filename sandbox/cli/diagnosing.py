@@ -37,7 +37,7 @@ def add_diagnose(add: Callable[..., Any], number: Callable[[str], float]) -> Any
     c.add_argument("--continue", type=Path, dest="earlier", metavar="RESULT", help=text)
     text = "most memory, in GB (8; at least 0.7 plus 0.7 kB a sample): what does not fit waits in a file in TMPDIR"
     c.add_argument("--memory", type=number, metavar="GB", help=text)
-    text = "most samples to work on, inf for all (100000 of a campaign of more than 250000): stretches that differ most"
+    text = "use at most N samples, inf for all (all up to 250000, otherwise 100000 from the parts that differ most)"
     c.add_argument("--samples", type=number, metavar="N", help=text)
     return c
 

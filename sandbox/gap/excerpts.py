@@ -1,14 +1,17 @@
-"""Stretches chosen from long recordings: a diagnosis needs what differs in them, not minutes of the same.
+"""Parts chosen from long recordings: a diagnosis needs what differs in them, not minutes of the same.
 
 Each recording is cut into blocks of equal length.  A block is described by what its commands, currents and encoder say:
-mean and scatter of currents, speed, voltage, link voltage and load, and where the rotor stands.  Nothing simulated is
-looked at, so the choice favours no effect.  Starting from the block in the middle of all, the block that is farthest
-from those chosen is taken next, until the samples are used up: no block left is then farther from a chosen one than
-twice the best possible (Gonzalez, Theor. Comput. Sci. 38 (1985) 293).
+mean and scatter of currents, speed, voltage, link voltage and load, and where a locked rotor stands.  Nothing simulated
+is looked at, so the choice favours no effect.  Taken are, in this order:
 
-A chosen block starts in mid-recording, where filters and iron are not at rest and the first reading is one noisy
-sample.  The rows before it lead in: the replay goes through them and nobody judges them.  A free rotor's shaft may
-swing there, so a stretch of it has as many rows before it as it has itself.
+1. of every recording (where there are many, of every kind of them: rotor, injection, link voltage) one block,
+2. as long as half of the samples are left, the block farthest from all that are taken
+   (Gonzalez, Theor. Comput. Sci. 38 (1985) 293): what is rare,
+3. blocks spread evenly over the rest: what is usual.
+
+A block begins in mid-recording, where filters and iron are not at rest and the first reading is one noisy sample.  The
+replay goes through the rows before it, so that states settle; these rows are no part of the residual.  A free rotor's
+shaft may swing there, so a block of it has a block's length of such rows.
 """
 
 from __future__ import annotations
@@ -24,56 +27,80 @@ from numpy.typing import NDArray
 from model.errors import BadInput
 from model.parameters import Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Excerpt, Excerpts
-from sandbox.recordings.stamps import segment_name
 
 Array = NDArray[np.float64]
-MOST = 250_000  # samples that are all worked on: the largest campaign of the blind checks holds 169 920
+MOST = 250_000  # samples that are all used: the largest campaign of the blind checks holds 169 920
 CUT_TO = 100_000  # samples of a longer one: the other campaigns of the blind checks hold 84 960
-PARTS = 24  # stretches of so many samples: twice the recordings that those campaigns hold
-LEAST = 20_000  # samples, below which a campaign is not cut: PARTS stretches of 80 ms at 10 kHz
-LEAD = 5.0  # time constants L/R: of a wrong start 0.7 % is left
+PARTS = 24  # blocks of so many samples: twice the recordings that those campaigns hold
+FEWEST = 6  # blocks, where states take long to settle and blocks are longer for it
+LEAST = 20_000  # samples, below which a campaign is not cut: PARTS blocks of 80 ms at 10 kHz
+SETTLED = 5.0  # time constants L/R: of a wrong start 0.7 % is left
 APART = 0.1  # of rated values, that the campaign's whole length counts as: blocks that differ by less spread over it
-KINDS = 10.0  # ranges that two kinds of rotor lie apart: each is chosen from before blocks of one are compared
+FARTHEST = 3.0  # of rated values: what is beyond is a fault, not further away
+KINDS = 10.0  # of rated values that two kinds of rotor lie apart: each is chosen from before blocks of one are compared
 
 
 def excerpted(campaign: Campaign, most: float | None = None) -> Campaign:
-    """Return a campaign of the stretches that differ most, of at most so many samples in all (`Campaign.excerpts`).
+    """Return a campaign of blocks of its recordings, of at most so many samples in all (`Campaign.excerpts`).
 
     One that is not longer is returned as it is.  most: samples, math.inf for all; by default campaigns longer than MOST
     are cut to CUT_TO.  BadInput below LEAST.
     """
-    if most is None:
-        most = CUT_TO if sum(len(r.t) for r in campaign.recordings) > MOST else math.inf
-    if not most >= LEAST:
-        raise BadInput(f"samples = {most:g} is too few to tell effects apart; give {LEAST} or more, or inf for all")
+    check_samples(most)
     n = [len(r.t) for r in campaign.recordings]
+    if most is None:
+        most = CUT_TO if sum(n) > MOST else math.inf
     if sum(n) <= most:
         return campaign
-    length = int(most) // PARTS
+    period = campaign.drive.converter.sampling_period
+    settling = _settling(campaign.drive.motor, period)
+    length = even(min(max(most / PARTS, settling), most / FEWEST))
     blocks = [(k, a, b) for k, rows in enumerate(n) for a, b in _blocks(rows, length)]
     marks = np.concatenate([_marks(campaign, k, length) for k in range(len(n))])
-    chosen = sorted(farthest_first(marks, [b - a for _, a, b in blocks], most))
-    lead = min(_lead(campaign.drive.motor, campaign.drive.converter.sampling_period), length)
-    recordings: list[CampaignRecording] = []
-    told, taken = [], {r.file for r in campaign.recordings}
-    for place in chosen:
-        k, first, last = blocks[place]
+    chosen = _chosen(marks, [b - a for _, a, b in blocks], _groups(campaign, [k for k, _, _ in blocks]), most)
+    recordings, told = [], []
+    for k, first, last in (blocks[place] for place in chosen):
         whole = campaign.recordings[k]
-        name = whole.file if last - first == n[k] else _name(whole.file, taken)
-        taken.add(name)
-        recordings.append(_stretch(whole, name, first, last, min(first, length if whole.rotor == "free" else lead)))
-        told.append(Excerpt(name, whole.file, first, last - first, n[k]))
-    return replace(campaign, recordings=tuple(recordings), excerpts=Excerpts(tuple(told), sum(n)))
+        before = min(first, length if whole.rotor == "free" else min(settling, length))
+        own = whole if last - first == n[k] else _excerpt(whole, first, last, before, period)
+        recordings.append(own)
+        told.append(Excerpt(own.file, whole.file, first, last - first, n[k]))
+    found = Excerpts(tuple(told), sum(n), tuple(r.file for r in campaign.recordings))
+    return replace(campaign, recordings=tuple(recordings), excerpts=found)
 
 
-def farthest_first(marks: Array, sizes: Sequence[int], most: float) -> list[int]:
-    """Return places of marks (n, features), each the farthest from those before it, while their sizes stay within most.
+def check_samples(most: float | None) -> None:
+    """Raise BadInput where so many samples are too few."""
+    if most is not None and not most >= LEAST:
+        raise BadInput(f"samples = {most:g} is too few to tell effects apart; give {LEAST} or more, or inf for all")
 
-    The first is the one nearest to the mean of all.
-    """
-    out = [int(np.argmin(np.sum((marks - marks.mean(axis=0)) ** 2, axis=1)))]
-    away = np.sum((marks - marks[out[0]]) ** 2, axis=1)
-    left = most - sizes[out[0]]
+
+def even(rows: float) -> int:
+    """Return the largest even number of rows that is not larger: halves of a PWM period (double update) stay whole."""
+    return 2 * int(rows // 2.0)
+
+
+def _chosen(marks: Array, sizes: Sequence[int], groups: Sequence[Sequence[int]], most: float) -> list[int]:
+    """Return the places of the blocks that are taken, in their order; groups: places of which one each comes first."""
+    middle = marks.mean(axis=0)
+    out: list[int] = []
+    for group in groups:  # of each the most unusual one
+        k = max(group, key=lambda k: float(np.sum((marks[k] - middle) ** 2)))
+        if sum(sizes[i] for i in out) + sizes[k] <= most:
+            out.append(k)
+    out = farthest_first(marks, sizes, out, max(0.5 * most, sum(sizes[k] for k in out)))
+    left = [k for k in range(len(sizes)) if k not in out]
+    room = int((most - sum(sizes[k] for k in out)) // max(sizes[k] for k in left)) if left else 0
+    spread = np.linspace(0, len(left) - 1, min(room, len(left)) + 2)[1:-1]
+    return sorted({*out, *(left[round(x)] for x in spread)})
+
+
+def farthest_first(marks: Array, sizes: Sequence[int], taken: Sequence[int], most: float) -> list[int]:
+    """Return the places taken of marks (n, features), and each time the farthest from them, as long as the next size
+    stays within most."""
+    out = list(taken)
+    away = np.min([np.sum((marks - marks[k]) ** 2, axis=1) for k in out], axis=0)
+    left = most - sum(sizes[k] for k in out)
     while away.max() > 0.0 and (size := sizes[int(np.argmax(away))]) <= left:
         out.append(int(np.argmax(away)))
         left -= size
@@ -81,15 +108,19 @@ def farthest_first(marks: Array, sizes: Sequence[int], most: float) -> list[int]
     return out
 
 
-def _name(file: str, taken: set[str]) -> str:
-    """Return the next name of a stretch of a file that is not taken."""
-    return next(name for k in itertools.count(1) if (name := segment_name(file, k)) not in taken)
+def _groups(campaign: Campaign, of: Sequence[int]) -> list[list[int]]:
+    """Return the places of blocks that belong together: of a recording, or of a kind where there are many recordings;
+    of: the recording of each block."""
+    r = campaign.recordings
+    many = len(r) > PARTS // 2
+    keys = [(r[k].rotor, r[k].injection_axis, r[k].dc_bus_voltage) if many else (k,) for k in of]
+    return [[place for place, own in enumerate(keys) if own == key] for key in dict.fromkeys(keys)]
 
 
 def _blocks(rows: int, length: int) -> list[tuple[int, int]]:
     """Return first and last row of a recording's blocks, of about that length where there are as many rows.
 
-    They begin at even rows, so that the halves of a PWM period stay what they are (double update).
+    They begin at even rows.
     """
     bounds = np.linspace(0, rows, max(1, rows // length) + 1).astype(int)
     bounds[1:-1] -= bounds[1:-1] % 2
@@ -98,37 +129,48 @@ def _blocks(rows: int, length: int) -> list[tuple[int, int]]:
 
 def _marks(campaign: Campaign, place: int, length: int) -> Array:
     """Return what a recording's blocks are described by (blocks, features), in shares of rated values."""
-    r, motor = campaign.recordings[place], campaign.drive.motor
-    period = campaign.drive.converter.sampling_period
-    (alpha, beta), (c, s) = r.current, (np.cos(r.theta), np.sin(r.theta))
-    stands = 1.0 if r.rotor == "locked" else 0.0
-    speed = np.gradient(np.unwrap(r.theta), period)
+    r, count = campaign.recordings[place], len(campaign.recordings)
+    kind = KINDS * ("locked", "driven", "free").index(r.rotor)
+    out = []
+    for first, last in _blocks(len(r.t), length):  # one by one: a recording may be long
+        signals = _signals(campaign, r, slice(first, last))
+        when = APART * (place + 0.5 * (first + last) / len(r.t)) / count
+        own = np.concatenate([signals.mean(axis=1), signals.std(axis=1)])
+        out.append([*np.clip(own, -FARTHEST, FARTHEST), kind, when])
+    return np.array(out)
+
+
+def _signals(campaign: Campaign, r: CampaignRecording, own: slice) -> Array:
+    """Return the signals (8, rows) of some rows of a recording, in shares of rated values."""
+    motor, converter = campaign.drive.motor, campaign.drive.converter
+    theta = r.theta[own]
+    a, b, c = (r.columns[name][own] for name in ("i_a", "i_b", "i_c"))
+    alpha, beta, cos, sin = (2.0 * a - b - c) / 3.0, (b - c) / math.sqrt(3.0), np.cos(theta), np.sin(theta)
     base = motor.pole_pairs * motor.rated_speed_rpm * math.pi / 30.0
-    link = campaign.drive.converter.dc_bus_voltage
-    load = r.columns.get("load_torque", np.zeros(len(r.t)))
-    signals = (
-        (c * alpha + s * beta) / motor.rated_current, (c * beta - s * alpha) / motor.rated_current, speed / base,
-        math.sqrt(3.0) * np.hypot(r.u_alpha, r.u_beta) / link, r.u_dc / link, load / motor.rated_torque, stands * c,
-        stands * s,
+    speed = np.gradient(np.unwrap(theta), converter.sampling_period) / base if len(theta) > 1 else 0.0 * theta
+    load = r.columns["load_torque"][own] / motor.rated_torque if "load_torque" in r.columns else 0.0 * theta
+    stands = 1.0 if r.rotor == "locked" else 0.0
+    link = converter.dc_bus_voltage
+    return np.stack([
+        (cos * alpha + sin * beta) / motor.rated_current, (cos * beta - sin * alpha) / motor.rated_current, speed,
+        math.sqrt(3.0) * np.hypot(r.u_alpha[own], r.u_beta[own]) / link, r.u_dc[own] / link, load, stands * cos,
+        stands * sin,
+    ])  # fmt: skip
+
+
+def _settling(motor: Motor, period: float) -> int:
+    """Return in how many rows states settle, an even number."""
+    return 2 * math.ceil(0.5 * SETTLED * max(motor.inductance_d, motor.inductance_q) / motor.resistance / period)
+
+
+def _excerpt(r: CampaignRecording, first: int, last: int, before: int, period: float) -> CampaignRecording:
+    """Return rows first to last - 1 of a recording, after so many in which states settle; its name tells its time."""
+    stem, dot, suffix = r.file.rpartition(".")
+    name = f"{stem or suffix}-{first * period:.3f}s{dot if stem else ''}{suffix if stem else ''}"
+    columns = {key: x[first - before : last].copy() for key, x in r.columns.items()}  # the long ones can go
+    columns["t"] -= columns["t"][before]
+    return replace(
+        r, file=name, of=r.file, columns={key: x[before:] for key, x in columns.items()},
+        settling={key: x[:before] for key, x in columns.items()} if before else {},
+        starts_at=r.starts_at + first * period,
     )  # fmt: skip
-    cuts = _blocks(len(r.t), length)
-    first, count = np.array([a for a, _ in cuts]), np.array([b - a for a, b in cuts])
-    means = [np.add.reduceat(x, first) / count for x in signals]
-    scatter = [np.sqrt(np.maximum(np.add.reduceat(x * x, first) / count - m * m, 0.0))
-               for x, m in zip(signals[:-2], means, strict=False)]  # fmt: skip
-    kind = KINDS * ("locked", "driven", "free").index(r.rotor) * np.ones(len(cuts))
-    when = APART * (place + (first + 0.5 * count) / len(r.t)) / len(campaign.recordings)
-    return np.stack([*means, *scatter, kind, when], axis=1)
-
-
-def _lead(motor: Motor, period: float) -> int:
-    """Return how many rows lead in, an even number."""
-    return 2 * math.ceil(0.5 * LEAD * max(motor.inductance_d, motor.inductance_q) / motor.resistance / period)
-
-
-def _stretch(r: CampaignRecording, name: str, first: int, last: int, lead: int) -> CampaignRecording:
-    """Return rows first to last - 1 of a recording, after so many that lead in."""
-    began = float(r.t[first] - r.t[0])
-    own = {key: x[first:last].copy() for key, x in r.columns.items()}  # the long columns can go
-    before = {key: x[first - lead : first].copy() for key, x in r.columns.items()} if lead else {}
-    return replace(r, file=name, columns={**own, "t": own["t"] - own["t"][0]}, clock=r.clock + began, lead=before)

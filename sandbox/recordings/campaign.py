@@ -21,7 +21,7 @@ from model.errors import BadInput, brief, shown, unknown
 from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
 from model.parameters import ROTORS, Converter, Drive, Injection, Limits, Motor, build, finite, read_toml, texts
-from sandbox.recordings.volts import with_volts
+from sandbox.recordings.parquet import read_parquet, with_volts
 
 if TYPE_CHECKING:
     import pandas
@@ -73,9 +73,10 @@ class Finding:
 class CampaignRecording:
     """One table of a campaign; every column is an attribute too, float64, shape (n,).
 
-    dc_bus_voltage: V, the nominal link voltage it was recorded at, where that is not [drive]'s.  clock: s, the time of
-    the first row after a longer recording began, of which this is a part; lead: the rows before it, in which a replay's
-    states settle and which are not judged.
+    dc_bus_voltage: V, the nominal link voltage it was recorded at, where that is not [drive]'s.
+
+    Of a part of a longer recording: of: its file; starts_at: s from its beginning to the first row here; settling: the
+    rows before that, which a replay goes through first and which are no part of its residual.
     """
 
     file: str
@@ -83,8 +84,9 @@ class CampaignRecording:
     injection_axis: str
     columns: Mapping[str, Array]
     dc_bus_voltage: float | None = None
-    clock: float = 0.0
-    lead: Mapping[str, Array] = field(default_factory=dict)
+    of: str = ""
+    starts_at: float = 0.0
+    settling: Mapping[str, Array] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_file(self.file, "recording's file")
@@ -124,6 +126,19 @@ class CampaignRecording:
         return frame_of(table_of({name: Column(values, UNITS[name]) for name, values in self.columns.items()}))
 
     @property
+    def origin(self) -> str:
+        """File of the recording that this one is a part of, or its own."""
+        return self.of or self.file
+
+    def with_settling(self) -> CampaignRecording:
+        """Return it with the rows in which states settle as rows of its own."""
+        if not self.settling:
+            return self
+        columns = {name: np.concatenate([self.settling[name], x]) for name, x in self.columns.items()}
+        step = float(columns["t"][0])
+        return dataclasses.replace(self, columns=columns, settling={}, starts_at=max(0.0, self.starts_at + step))
+
+    @property
     def current(self) -> tuple[Array, Array]:
         """i_alpha, i_beta (A) as the three sensors give them."""
         a, b, c = self.columns["i_a"], self.columns["i_b"], self.columns["i_c"]
@@ -132,7 +147,7 @@ class CampaignRecording:
 
 @dataclass(frozen=True)
 class Excerpt:
-    """A stretch that stands for a longer recording: its name, that recording's, first row, rows, and rows there."""
+    """A part that stands for a longer recording: its name, that recording's, first row, rows, and rows there."""
 
     file: str
     of: str
@@ -143,15 +158,21 @@ class Excerpt:
 
 @dataclass(frozen=True)
 class Excerpts:
-    """What of a long campaign is worked on (`sandbox.gap.excerpts`); samples: of the whole campaign."""
+    """The parts of a long campaign that are used (`sandbox.gap.excerpts`); the whole campaign's samples and files."""
 
-    stretches: tuple[Excerpt, ...]
-    samples: int
+    parts: tuple[Excerpt, ...]
+    samples_recorded: int
+    files: tuple[str, ...]
 
     @property
-    def used(self) -> int:
-        """Samples of the stretches."""
-        return sum(e.rows for e in self.stretches)
+    def samples_used(self) -> int:
+        """Samples of the parts."""
+        return sum(e.rows for e in self.parts)
+
+    @property
+    def unused(self) -> list[str]:
+        """Recordings of which no part is used."""
+        return [file for file in self.files if file not in {e.of for e in self.parts}]
 
 
 @dataclass(frozen=True, repr=False)
@@ -160,7 +181,7 @@ class Campaign:
 
     `rated_from_data`: the rated values missing in [motor] were taken from the recordings (largest current and
     speed in them, and the torque that current gives on the magnet flux): scales, not ratings.  `limits`: what the bench
-    may do when it records more.  `excerpts`: where the recordings are stretches of longer ones.
+    may do when it records more.  `excerpts`: where the recordings are parts of longer ones.
     """
 
     name: str
@@ -306,22 +327,6 @@ def _entry(entry: Any, source: str) -> tuple[str, str, str, float | None]:
         stated = brief(entry["dc_bus_voltage"])
         raise BadInput(f"{source}: dc_bus_voltage = {stated} in [[recording]] is no number; give volts > 0")
     return file, entry.get("rotor", ""), entry.get("injection_axis", "none"), link
-
-
-def read_parquet(path: Path) -> dict[str, Array]:
-    """Return a Parquet table's columns, float64; BadInput where it is no table of numbers."""
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError:
-        raise BadInput(f"{path.name}: reading Parquet needs pyarrow; install it with 'pip install pyarrow'") from None
-    try:
-        table = parquet.read_table(path, page_checksum_verification=True)
-        return {n: np.asarray(table[n].to_numpy(), dtype=np.float64) for n in table.column_names}
-    except FileNotFoundError:
-        raise BadInput(f"{path.name}: the file does not exist in '{path.parent}'; correct [[recording]]") from None
-    except (pyarrow.ArrowException, OSError, TypeError, ValueError) as error:
-        raise BadInput(f"{path.name}: not a Parquet table of numbers ({str(error).splitlines()[0]})") from None
 
 
 def _check_columns(file: str, columns: Mapping[str, Array]) -> None:

@@ -128,8 +128,9 @@ def unchecked(source: Source) -> Campaign:
         nominal = link or converter.dc_bus_voltage
         values, notes = contract(file, table, source.mapped, source.pole_pairs, nominal)
         findings += notes
-        for name, own, noise in _timed(file, values, converter, source, findings):
-            recordings.append(CampaignRecording(name, rotor, axis, own, link))
+        for name, own, noise, starts_at in _timed(file, values, converter, source, findings):
+            of = "" if name == file else file
+            recordings.append(CampaignRecording(name, rotor, axis, own, link, of, starts_at))
             noises.append(noise)
     data = dict(source.data)
     if max(noises) > 0.0:
@@ -141,25 +142,29 @@ def unchecked(source: Source) -> Campaign:
 
 def _timed(
     file: str, values: dict[str, Array], converter: Converter, source: Source, findings: list[Finding]
-) -> list[tuple[str, dict[str, Array], float]]:
-    """Return the recordings that one table becomes on the drive's grid: name, columns, noise (A) that this adds."""
+) -> list[tuple[str, dict[str, Array], float, float]]:
+    """Return the recordings that one table becomes on the drive's grid: name, columns, noise (A) that this adds, s from
+    the table's beginning to the first row."""
     period, t = converter.sampling_period, values.get("t")
     if t is not None and len(t) > 1 and source.log.stamps == "arrival":
         grid, finding = by_arrival(file, t, period)
         findings.append(finding)
-        return [(file, {**values, "t": grid}, 0.0)]
+        return [(file, {**values, "t": grid}, 0.0, 0.0)]
     if t is not None and len(t) > 1 and source.log.stamps == "polled":
         count = math.tau * source.pole_pairs / converter.encoder_counts if converter.encoder_counts else 0.0
         own, noise, finding = polled(file, values, period, stamp_jitter(t, values["theta"], count))
         findings.append(finding)
-        return [(file, own, noise)]
+        return [(file, own, noise, 0.0)]
     pieces, cut = cut_at_gaps(file, values, period)
     findings += cut
     out = []
     for name, piece in pieces:
-        even, moved = regular(name, piece.get("t"), len(piece["theta"]), period)
+        stamps = piece.get("t")
+        starts_at = 0.0 if stamps is None or name == file else float(stamps[0])
+        stamps = stamps if stamps is None or name == file else stamps - stamps[0]
+        even, moved = regular(name, stamps, len(piece["theta"]), period)
         findings += moved
-        out.append((name, {**piece, "t": even}, 0.0))
+        out.append((name, {**piece, "t": even}, 0.0, starts_at))
     return out
 
 

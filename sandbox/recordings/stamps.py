@@ -60,8 +60,8 @@ def parse_log(table: Mapping[str, Any], source: str) -> Log:
 def cut_at_gaps(file: str, columns: Columns, period: float) -> tuple[list[tuple[str, dict[str, Array]]], list[Finding]]:
     """Return the pieces of a recording between gaps of its stamps (s), named run-1.csv, run-2.csv, ..., and a finding.
 
-    A recording without a gap, or whose clock is wrong in other ways, is returned as it is.  BadInput where no piece
-    has SHORTEST rows.
+    Their stamps count from the recording's beginning.  A recording without a gap, or whose clock is wrong in other
+    ways, is returned as it is.  BadInput where no piece has SHORTEST rows.
     """
     t = columns.get("t")
     if t is None or len(t) < 2:
@@ -90,7 +90,7 @@ def cut_at_gaps(file: str, columns: Columns, period: float) -> tuple[list[tuple[
     for number, k in enumerate(kept, 1):
         part = slice(int(bounds[k]), int(bounds[k + 1]))
         own = {n: x[part] for n, x in columns.items()}
-        own["t"] = own["t"] - own["t"][0]
+        own["t"] = own["t"] - t[0]
         pieces.append((segment_name(file, number), own))
     rows = len(t) - sum(len(c["t"]) for _, c in pieces)
     left = f", {rows} rows in shorter stretches left out" if rows else ""

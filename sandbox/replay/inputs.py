@@ -44,33 +44,39 @@ class Inputs:
     angle_floor: float  # rad rms of one encoder reading
     pole_pairs: float
     loaded: bool  # current flows at the first sample
-    clock: float = 0.0  # s after the recording began, of its first sample
-    lead: Inputs | None = None  # of the samples before: states settle in them, they are not judged
+    of: str = ""  # file of the recording that this one is a part of, or its own
+    first: int = 0  # samples from that recording's beginning to the first one here
+    settling: Inputs | None = None  # of the samples before: states settle in them, they are no part of the residual
 
     @property
     def samples(self) -> int:
         """Number of samples."""
         return len(self.read)
 
+    @property
+    def angle_name(self) -> str:
+        """Name of the angle that it is turned by, a file: parts of a locked recording stand at the same one."""
+        return (self.of or self.file) if self.rotor == "locked" else self.file
+
     def mean_duty(self) -> Array:
         """Return the vector (n, 2) of the duties commanded: mean voltage over the link's."""
         return np.asarray((2.0 / 3.0) * np.stack([self.track[f"d_{x}"] for x in "abc"], axis=1) @ LEGS)
 
-    def cut(self, first: int, last: int, period: float) -> Inputs:
+    def cut(self, first: int, last: int) -> Inputs:
         """Return samples first to last - 1, that start from the current read there."""
         own, m = slice(first, last), self.motion
         motion = Motion(m.angle[own], m.speed[own], m.eccentric)
         return replace(
             self, track=self.track[own], read=self.read[own], motion=motion, loaded=self.loaded or first > 0,
-            clock=self.clock + first * period, lead=None if first else self.lead,
+            first=self.first + first, settling=None if first else self.settling,
         )  # fmt: skip
 
     def turned(self, shift: float, period: float) -> Inputs:
-        """Return the same with the motion turned by an angle (rad, electrical), that of the lead, too."""
+        """Return the same with the motion turned by an angle (rad, electrical), also where states settle."""
         motion = replace(self.motion, angle=self.motion.angle + shift)
         track = with_columns(self.track, course_of(motion, self.pole_pairs, period))
-        lead = None if self.lead is None else self.lead.turned(shift, period)
-        return replace(self, motion=motion, track=track, lead=lead)
+        settling = None if self.settling is None else self.settling.turned(shift, period)
+        return replace(self, motion=motion, track=track, settling=settling)
 
     def encoder(self, batch: Any, first: int = 0, last: int | None = None) -> Array:
         """Return the encoder's reading (n, lanes) that a batch predicts for a driven rotor, samples first to last."""
@@ -124,12 +130,10 @@ def noise_floor(converter: Converter) -> float:
 
 def inputs_of(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]) -> Inputs:
     """Return a recording's inputs; base: the set at which a free rotor is smoothed."""
-    if not r.lead:
+    if not r.settling:
         return _of_rows(campaign, r, base)
-    period, first = campaign.drive.converter.sampling_period, len(r.lead["t"])
-    both = {name: np.concatenate([r.lead[name], x]) for name, x in r.columns.items()}
-    whole = _of_rows(campaign, replace(r, columns=both, lead={}, clock=r.clock - first * period), base)
-    return replace(whole.cut(first, whole.samples, period), lead=whole.cut(0, first, period))
+    whole, first = _of_rows(campaign, r.with_settling(), base), len(r.settling["t"])
+    return replace(whole.cut(first, whole.samples), settling=whole.cut(0, first))
 
 
 def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]) -> Inputs:
@@ -162,7 +166,7 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
     current = math.hypot(*stationary(*(float(x) for x in read_currents[0] - off)))
     return Inputs(
         r.file, r.rotor, track, read_currents, motion, math.sqrt(variance), float(motor.pole_pairs),
-        current > AT_REST * motor.rated_current, r.clock,
+        current > AT_REST * motor.rated_current, r.origin, round(r.starts_at / period),
     )  # fmt: skip
 
 

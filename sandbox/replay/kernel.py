@@ -73,15 +73,15 @@ def predict(w, features, track, k, period):
 
 
 @kernel
-def run(w, flux_map, timing, features, room, track, clock, eccentric, supply, span, start, stop, out, moved, first):
+def run(w, flux_map, timing, features, room, track, begins, eccentric, supply, span, start, stop, out, moved, first):
     """Replay samples start to stop - 1 of one recording; return what `span` is to be for those after them.
 
     Readings (A) of sample k go to out[k - start, 0:3, first:first + lanes], a free rotor's innovations to
     moved[k - start, first:] where features say MOTION.  w starts with fluxes and currents of the first sample, room
     fresh, span at 0; all three are handed on from stretch to stretch.  Lanes that sample before the pattern's start
-    write one row ahead: `out` has a row for sample `stop`, unless there is none.  track: (n,) of TRACK; clock: s after
-    the recording began, of its first sample; eccentric: the angle handed in still holds what encoders are off; supply:
-    w.supply as it began.
+    write one row ahead: `out` has a row for sample `stop`, unless there is none.  track: (n,) of TRACK; begins: samples
+    from the recording's beginning to its first one; eccentric: the angle handed in still holds what encoders are off;
+    supply: w.supply as it began.
     """
     n, lanes, period = len(track), w.psi_a.size, timing.period
     looks, seen = np.empty(0), np.empty((0, 2))
@@ -110,7 +110,7 @@ def run(w, flux_map, timing, features, room, track, clock, eccentric, supply, sp
             w.supply[j] = row.link * supply[j]
             w.link[j] = w.supply[j] - w.sunk[j]
         course = Course(row.cos, row.sin, 0.5 * period, 0.0, row.rate, row.bend, row.jerk, row.speed, 0.0, 0.0)
-        span = travel(w, flux_map, timing, features, room, course, clock + k * period, span, looks, seen)
+        span = travel(w, flux_map, timing, features, room, course, (begins + k) * period, span, looks, seen)
         read(w)
         if timing.first >= 0.0:
             write(w, out, k - start, first)

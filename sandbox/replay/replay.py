@@ -59,6 +59,11 @@ class Prepared:
         """All samples of all recordings."""
         return sum(r.samples for r in self.recordings)
 
+    @property
+    def angles(self) -> list[str]:
+        """Names of the angles that recordings are turned by, one a recording (`Inputs.angle_name`)."""
+        return list(dict.fromkeys(r.angle_name for r in self.recordings))
+
 
 @dataclass(frozen=True)
 class Prediction:

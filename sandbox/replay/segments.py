@@ -81,7 +81,7 @@ def channels_of(prepared: Prepared, s: Stretch, told: Slopes, p: int) -> list[Pa
     """Return the channels of a recording over a stretch, of p coordinates beside two turns."""
     r, shown = prepared.recordings[s.recording], residual_of(prepared, s, told.base)
     turn, sign = (p, 1.0) if r.rotor == "locked" else (p + 1, -1.0)
-    columns, places = np.array([*range(p), turn]), np.array([*range(p), p + s.recording])
+    columns, places = np.array([*range(p), turn]), np.array([*range(p), p + prepared.angles.index(r.angle_name)])
     scale = np.append(np.ones(p), sign)
 
     def part(name: str, j: Array, size: Array) -> Part:

@@ -49,7 +49,7 @@ class Block:
 class Running:
     """One block in one recording: its states (batch, room, span) after `done` samples, and what does not change.
 
-    track: of all samples, those of a lead before those that are shown.
+    track: of all samples, those in which states settle before those that are shown.
     """
 
     r: Inputs
@@ -74,41 +74,39 @@ class Running:
         energy = drive.motor.energy
         flux_map = energy if isinstance(energy, SplineEnergy) else None
         features = block.features | (additions.MOTION if r.rotor == "free" else 0)
-        before = r.lead or r
-        start_states(w, before, flux_map)
+        start_states(w, r.settling or r, flux_map)
         timing = timing_of(w, drive.converter.sampling_period, steps)
-        track = later(r.track if r.lead is None else np.concatenate([r.lead.track, r.track]), block.late)
+        track = later(r.track if r.settling is None else np.concatenate([r.settling.track, r.track]), block.late)
         own = cls(r, w, flux_map, timing, features, blank_room(block.lanes), track, np.array(w["supply"]))
-        if r.lead is not None:
-            own._lead(r.lead.samples)
+        if r.settling is not None:
+            own._settle(r.settling.samples)
         return own
 
     def on(self, stop: int, out: Array, moved: Array, first: int = 0) -> None:
         """Go on to sample `stop`: readings (A) into columns first ... of out (stop - done, 3, ...), innovations of a
         free rotor into those of moved (stop - done, ...).  Before the end of a recording `out` has a row more."""
         columns = slice(first, first + len(self.supply))
-        ahead, lead = stop < self.r.samples, len(self.track) - self.r.samples
+        ahead, before = stop < self.r.samples, len(self.track) - self.r.samples
         assert out.shape[0] >= stop - self.done + ahead, "no room for the readings: compiled code writes unchecked"
         assert out.shape[2] >= columns.stop, "no room for every lane of the block"
         if self.ahead is not None:
             out[0, :, columns] = self.ahead
-        self._run(lead + self.done, lead + stop, out, moved, first)
+        self._run(before + self.done, before + stop, out, moved, first)
         self.ahead = out[stop - self.done, :, columns].copy() if ahead else None
         self.done = stop
 
-    def _lead(self, n: int) -> None:
-        """Go through the n samples of the lead, that nobody sees."""
+    def _settle(self, n: int) -> None:
+        """Go through the first n samples, which are not shown."""
         out, moved = np.empty((n + 1, 3, len(self.supply))), np.empty((n, len(self.supply)))
         self._run(0, n, out, moved, 0)
         self.ahead = out[n].copy()
 
     def _run(self, start: int, stop: int, out: Array, moved: Array, first: int) -> None:
         """Go through samples start to stop - 1 of the track."""
-        r = self.r
-        clock = r.clock if r.lead is None else r.lead.clock
+        begins = (self.r.settling or self.r).first
         self.span = run(
-            self.batch, self.flux_map, self.timing, self.features, self.room, self.track, clock, r.motion.eccentric,
-            self.supply, self.span, start, stop, out, moved, first,
+            self.batch, self.flux_map, self.timing, self.features, self.room, self.track, begins,
+            self.r.motion.eccentric, self.supply, self.span, start, stop, out, moved, first,
         )  # fmt: skip
 
 
@@ -142,7 +140,7 @@ def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
         d, q = d + w["magnet"][j] + rest[0, j], q + rest[1, j]
         w["psi_a"][j], w["psi_b"][j] = c[j] * d - s[j] * q, s[j] * d + c[j] * q
     w["eddy_a"], w["eddy_b"] = w["psi_a"], w["psi_b"]
-    if r.rotor == "free" and r.clock > 0.0:
+    if r.rotor == "free" and r.first > 0:
         start_turning(w, r)
 
 

@@ -1,8 +1,8 @@
 """Which recordings are held out, fixed before anything is fitted.
 
-Commands, positions and the nominal model decide, residuals do not: of all choices of one recording a kind of rotor (two
-locked ones where there are five), the one after which no effect has lost much of what the campaign can say about it,
-while the recordings held out still feel every effect.
+Commands, positions and the nominal model decide, residuals do not: of all choices of one recording a kind of rotor
+(two where there are five), the one after which no effect has lost much of what the campaign can say about it, while the
+recordings held out still feel every effect.
 """
 
 from __future__ import annotations
@@ -33,16 +33,20 @@ def choices(rotors: Sequence[str]) -> list[tuple[int, ...]]:
     """Return the choices of recordings to hold out, at most CHOICES; () where every kind is there only once."""
     kinds = [[k for k, r in enumerate(rotors) if r == kind] for kind in ("locked", "driven", "free")]
     options = [_of_kind(own) for own in kinds]
+    sizes = [len(own) for own in kinds]
     while math.prod(len(o) for o in options) > CHOICES:
         k = max(range(len(kinds)), key=lambda k: len(options[k]))
-        kinds[k] = [kinds[k][round(i)] for i in np.linspace(0, len(kinds[k]) - 1, len(kinds[k]) - 1)]
-        options[k] = _of_kind(kinds[k])
+        sizes[k] -= 1
+        some = [kinds[k][round(i)] for i in np.linspace(0, len(kinds[k]) - 1, sizes[k])]
+        options[k] = _of_kind(some, len(options[k][0]))
     return [tuple(sorted(k for part in parts for k in part)) for parts in product(*options)]
 
 
-def _of_kind(own: Sequence[int]) -> list[tuple[int, ...]]:
-    """Return the choices among recordings of one kind."""
-    return list(combinations(own, 2 if len(own) >= 5 else 1)) if len(own) >= 2 else [()]
+def _of_kind(own: Sequence[int], left_out: int | None = None) -> list[tuple[int, ...]]:
+    """Return the choices among recordings of one kind; left_out: how many of them, two of five and more by default."""
+    if left_out is None:
+        left_out = (2 if len(own) >= 5 else 1) if len(own) >= 2 else 0
+    return list(combinations(own, left_out))
 
 
 def held_out(start: Point, exclude: Sequence[str] = (), *, workers: int = 1) -> tuple[int, ...]:

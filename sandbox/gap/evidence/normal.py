@@ -172,7 +172,7 @@ class Point:
         period = self.prepared.campaign.drive.converter.sampling_period
         recordings = []
         for r in self.prepared.recordings:
-            shift = self.turns.get(r.file, 0.0)
+            shift = self.turns.get(r.angle_name, 0.0)
             recordings.append(r.turned(shift, period) if shift else r)
         return replace(self.prepared, recordings=tuple(recordings))
 
@@ -187,10 +187,9 @@ class Point:
 
 
 def turns(prepared: Prepared) -> list[Coordinate]:
-    """Return one coordinate per recording: its angle is known to a count, or to what counts leave of a motion."""
-    share = {r.file: 1.0 if r.rotor == "locked" else MOVING for r in prepared.recordings}
-    return [Coordinate(f"turn:{r.file}", 0.0, share[r.file] * r.angle_floor, "turn", (r.file,), within=FARTHEST)
-            for r in prepared.recordings]  # fmt: skip
+    """Return one coordinate for each of `Prepared.angles`: known to a count, or to what counts leave of a motion."""
+    own = {r.angle_name: (1.0 if r.rotor == "locked" else MOVING) * r.angle_floor for r in prepared.recordings}
+    return [Coordinate(f"turn:{name}", 0.0, size, "turn", (name,), within=FARTHEST) for name, size in own.items()]
 
 
 def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1) -> Normal:
@@ -217,7 +216,7 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
         moves.append({**values, name: values[name] + steps[-1]})
         mechanical.append(False)
     parts = squared_slopes(prepared, Moves(values, moves, np.array(steps), mechanical), block_length(prepared), workers)
-    x = np.append(x, [point.turns.get(r.file, 0.0) for r in prepared.recordings])
+    x = np.append(x, [point.turns.get(c.names[0], 0.0) for c in own_turns])
     free = sum(r.samples for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
     _COUNT.get()(cost)

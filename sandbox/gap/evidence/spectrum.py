@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import scipy.ndimage
+import scipy.signal
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence.normal import Point, normal, part_of, simulated
@@ -18,6 +20,7 @@ from sandbox.replay.voltage import voltage_residual
 Array = NDArray[np.float64]
 PEAKS = 3
 NEIGHBOURS = 101  # bins over which a spectrum's own level is taken
+FINEST = 100_000  # frequencies at most that are tried near a line: four a bin of some three hours at 1 Hz either way
 
 
 def shown(point: Point) -> list[Residual]:
@@ -29,29 +32,52 @@ def shown(point: Point) -> list[Residual]:
 def link_lines(point: Point, low: float, high: float) -> list[float]:
     """Return the PEAKS frequencies (Hz) at which the voltage residual along the command stands out most.
 
-    One periodogram of residual times command over all recordings, which share the phase at their start; stretches of
-    one recording stand in it where they were recorded.
+    Residual times command, of every recording.
     """
     prepared = point.prepared
     period = prepared.campaign.drive.converter.sampling_period
-    places = [round(r.clock / period) for r in prepared.recordings]
-    length = max(first + r.samples for first, r in zip(places, prepared.recordings, strict=True))
-    total = np.zeros(2 * length)
+    parts = []
     for k, res in enumerate(shown(point)):
         u = prepared.recordings[k].mean_duty()[:-1] * prepared.campaign.drive.converter.dc_bus_voltage
         v = voltage_residual(prepared, point.values, k, res.current)
-        along = np.sum(v * u, axis=1)
-        total[places[k] : places[k] + len(along)] += along
-    power = np.abs(np.fft.rfft(total)) ** 2
-    frequency = np.fft.rfftfreq(len(total), period)
+        parts.append((prepared.recordings[k].first, np.asarray(np.sum(v * u, axis=1))))
+    return lines(parts, period, low, high)
+
+
+def lines(parts: Sequence[tuple[int, Array]], period: float, low: float, high: float) -> list[float]:
+    """Return the PEAKS frequencies (Hz) that stand out most in parts of recordings: first sample there, and values.
+
+    One periodogram of the sum where all parts begin their recordings, which share the phase there.  Else the sum of
+    every part's own finds the lines, and each is looked for more finely near there, all parts in phase.
+    """
+    length = max(len(x) for _, x in parts) + 1
+    together = all(first == 0 for first, _ in parts)
+    total = np.zeros((1 if together else len(parts), 2 * length))
+    for k, (_, x) in enumerate(parts):
+        total[0 if together else k, : len(x)] += x
+    power = np.sum(np.abs(np.fft.rfft(total)) ** 2, axis=0)
+    frequency = np.fft.rfftfreq(2 * length, period)
     level = scipy.ndimage.median_filter(power, NEIGHBOURS, mode="mirror")
     clear = np.where((frequency >= low) & (frequency <= high), power / level, 0.0)
     out: list[float] = []
     for _ in range(PEAKS):
         k = int(np.argmax(clear))
-        out.append(float(frequency[k]))
+        out.append(float(frequency[k]) if together else in_phase(parts, period, frequency[k], 1.0 / (length * period)))
         clear[max(0, k - 4) : k + 5] = 0.0
     return out
+
+
+def in_phase(parts: Sequence[tuple[int, Array]], period: float, about: float, within: float) -> float:
+    """Return the frequency (Hz), at most so far from one, at which parts in phase with each other sum up to most."""
+    span = period * max(first + len(x) for first, x in parts)
+    count = min(FINEST, 4 * math.ceil(2.0 * within * span))
+    tried = np.linspace(about - within, about + within, count)
+    total = np.zeros(count, complex)
+    for first, x in parts:
+        rate = 1.0 / period
+        own = scipy.signal.zoom_fft(x, [tried[0], tried[-1]], count, fs=rate, endpoint=True)
+        total += own * np.exp(-2j * np.pi * tried * first * period)
+    return float(tried[int(np.argmax(np.abs(total)))])
 
 
 def best_values(point: Point, pair: tuple[str, str], parameter: str, values: Sequence[float]) -> list[float]:

@@ -95,8 +95,8 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     yield fold("All figures", table(["recording", "before", "after", "share of the gap"], _recordings(a, part)))
     if d.campaign.excerpts is not None:
         period = d.campaign.drive.converter.sampling_period
-        heads = ["stretch", "of the recording", "from s", "to s", "of s"]
-        yield fold("Which stretches of the recordings", table(heads, stretch_rows(d.campaign.excerpts, period)))
+        columns = ["part", "of the recording", "from s", "to s", "of s"]
+        yield fold("Parts of long recordings that were used", table(columns, part_rows(d.campaign.excerpts, period)))
     if a.where:
         yield "<h2>Where it lies</h2>" + bullets(f.text for f in a.where)
         yield from pairs(_shares(part, rest))
@@ -186,11 +186,10 @@ def _by_recording(a: Answers) -> str:
     return bars_svg(labels, series, "residual / noise floor", log_from=0.5)
 
 
-def stretch_rows(cut: Excerpts, period: float) -> list[list[str]]:
-    """Return a line a stretch: its name, the recording's, where it begins and ends there and how long that is (s)."""
+def part_rows(cut: Excerpts, period: float) -> list[list[str]]:
+    """Return a line a part: its name, the recording's, where it begins and ends there and how long that is (s)."""
     return [
-        [e.file, e.of, *(f"{period * row:.2f}" for row in (e.first, e.first + e.rows, e.of_rows))]
-        for e in cut.stretches
+        [e.file, e.of, *(f"{period * row:.2f}" for row in (e.first, e.first + e.rows, e.of_rows))] for e in cut.parts
     ]
 
 

@@ -27,7 +27,7 @@ def waves(a: Answers, part: Decomposition, before: Sequence[Residual], after: Se
     r = a.diagnosis.start.prepared.recordings[k]
     period = a.diagnosis.campaign.drive.converter.sampling_period
     width = max(1, r.samples // POINTS)
-    t = (np.arange(r.samples // width) * width * period).tolist()
+    t = ((r.first + np.arange(r.samples // width) * width) * period).tolist()
 
     def peaks(x: Array) -> list[float]:
         """Return the largest value of each stretch, with its sign."""
@@ -81,7 +81,8 @@ def _currents(
 ) -> list[tuple[str, dict[str, Line]]]:
     """Return three panels of currents (A): simulated before and after, and measured."""
     prepared = d.start.prepared
-    t = (period * np.arange(own.start, own.stop)).tolist()
+    first = prepared.recordings[k].first
+    t = (period * np.arange(first + own.start, first + own.stop)).tolist()
     out = []
     for j, read in enumerate(phases_of(d, k)):
         simulated = {

@@ -79,7 +79,7 @@ def _recording(
     """Yield currents in the rotor's frame, residuals over the floor, motion or angle, of one recording."""
     r = shown["after"][0]
     few = slice(None, None, -(-r.samples // MOST))
-    t: Array = period * np.arange(r.samples, dtype=np.float64)[few]
+    t: Array = period * np.arange(r.first, r.first + r.samples, dtype=np.float64)[few]
     turned = np.exp(-1j * r.motion.angle[few])
     currents = {"recorded": _complex(r.read[few]) * turned}
     simulated = {name: p.currents[k][few, :, 0] for name, (_, p, _) in shown.items()}

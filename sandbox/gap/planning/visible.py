@@ -75,7 +75,7 @@ def _excerpt(r: CampaignRecording) -> CampaignRecording:
     spread = [float(np.ptp(r.i_a[k : k + EXCERPT])) + 1e-3 * float(np.ptp(r.theta[k : k + EXCERPT])) for k in starts]
     k = list(starts)[int(np.argmax(spread))]
     own = {name: x[k : k + EXCERPT] for name, x in r.columns.items()}
-    return replace(r, columns={**own, "t": own["t"] - own["t"][0]}, clock=r.clock + float(own["t"][0]), lead={})
+    return replace(r, columns={**own, "t": own["t"] - own["t"][0]}, settling={})
 
 
 def _move(coordinates: Sequence[Coordinate], place: dict[str, int], labels: list[str]) -> Array:

@@ -232,8 +232,8 @@ def caveats(a: Answers) -> list[str]:
         out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")
     if all(getattr(d.campaign.drive.motor, x, 1.0) == 0.0 for x in ALPHAS):
         out.append("The nominal model has no saturation (all five alphas are 0).")
-    blind = [r.file for r in d.campaign.recordings if r.rotor == "free" and "load_torque" not in r.columns]
-    if blind:
+    blind = [r.origin for r in d.campaign.recordings if r.rotor == "free" and "load_torque" not in r.columns]
+    if blind := list(dict.fromkeys(blind)):
         out.append(f"{', '.join(blind)}: no column 'load_torque', so a free rotor's load is taken as none.")
     if not d.held_out:
         out.append(
@@ -251,9 +251,12 @@ def caveats(a: Answers) -> list[str]:
         out.append(f"No [{'], ['.join(missing)}] is stated: usual values of a careful identification are assumed.")
     if (cut := d.campaign.excerpts) is not None:
         out.append(
-            f"Of {cut.samples:,} samples, {len(cut.stretches)} stretches of {cut.used:,} in all were worked on, those "
-            "that differ most; --samples inf takes all of them."
+            f"Of {cut.samples_recorded:,} samples {cut.samples_used:,} were used, in {len(cut.parts)} parts of the "
+            "recordings: those that differ most, and some spread evenly. Parts held out may be of the same recordings "
+            "as parts that were fitted. --samples inf uses all samples."
         )
+        if cut.unused:
+            out.append(f"No part was used of {', '.join(cut.unused)}.")
     if (part := share(d.start)) < 1.0:
         out.append(f"To stay within --memory, free regressions were made on {percent(part)} of the samples.")
     kinds = {r.rotor for r in d.start.prepared.recordings}

@@ -75,10 +75,13 @@ def contract(
 
 
 def excerpts(found: Excerpts | None) -> dict[str, Any] | None:
-    """Return which stretches of long recordings were worked on, None where all of them."""
+    """Return which parts of long recordings were used, None where all of them."""
     if found is None:
         return None
-    return {"samples": found.samples, "used": found.used, "stretches": [asdict(e) for e in found.stretches]}
+    return {
+        "samples_recorded": found.samples_recorded, "samples_used": found.samples_used,
+        "parts": [asdict(e) for e in found.parts], "unused": found.unused,
+    }  # fmt: skip
 
 
 def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:

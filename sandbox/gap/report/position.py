@@ -114,16 +114,21 @@ def errors(drive: Drive, r: CampaignRecording, current: Array | None, estimator:
 
     The rotor's first position is told.  BadInput or PhysicsError where no estimator can be designed for the drive.
     """
-    own = load_estimator(estimator)
+    own, before = load_estimator(estimator), len(r.settling.get("t", ()))
+    r = r.with_settling()
     tuning, belief = design(drive, start_up=False).tuning, belief_of(drive, "saturated")
     primitive = carrier_at(drive, r)
-    i = np.stack(r.current, axis=1) if current is None else current
+    i = np.stack(r.current, axis=1)
+    if current is not None:
+        i[before:] = current
     u = np.zeros_like(i)
     u[1:] = np.stack([r.u_alpha, r.u_beta], axis=1)[:-1]
     state = own.init(belief, tuning, float(r.theta[0]))
     found = np.empty(len(i))
     follow(own, state, np.column_stack([i, u, primitive]), belief, tuning, found)
-    first = round(SETTLE / drive.converter.sampling_period)
+    first = max(before, round(SETTLE / drive.converter.sampling_period))
+    if first >= len(i):
+        raise BadInput(f"{r.file}: an estimator needs more than {SETTLE:g} s")
     return np.asarray(wrapped(r.theta[first:] - found[first:]))
 
 

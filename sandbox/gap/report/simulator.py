@@ -26,6 +26,7 @@ def refitted(d: Diagnosis) -> Refitted:
     """Return the drive and the effects of a diagnosis' best hypothesis."""
     judged, own = d.best.judged, d.campaign.drive
     values, turns = judged.fit.point.values, judged.fit.point.turns
+    whole = {r.origin for r in d.campaign}
     motor = baked(own.motor, values)
     named = estimates(judged)
     ci95 = {k: (e.low, e.high) for k, e in {**of_motor(judged), **named}.items()}
@@ -43,7 +44,7 @@ def refitted(d: Diagnosis) -> Refitted:
         told["rated values"] = "the largest recorded ones stand in for them"
     drive = dataclasses.replace(own, motor=motor, provenance=told)
     units = {name: p.unit for name, p in library.parameters().items()} | {name: p.unit for name, p in BENCH.items()}
-    angles = {file: turn for file, turn in turns.items() if turn}
+    angles = {file: turn for file, turn in turns.items() if turn and file in whole}
     return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit), said)
 
 
@@ -62,7 +63,11 @@ def beside(motor: Motor, converter: Converter, values: Mapping[str, float]) -> d
 
 
 def residual_of(found: Fit) -> dict[str, float]:
-    """Return the rms of each recording's currents over the noise floor at a fit."""
-    files = [r.file for r in found.point.prepared.recordings]
-    own = [(files[s.recording], s) for s in found.normal.segments if s.channel == "current"]
-    return {file: math.sqrt(float(s.rr.sum() / s.n.sum())) for file, s in own}
+    """Return the rms of each recording's currents over the noise floor at a fit, over those parts that were used."""
+    files = [r.of or r.file for r in found.point.prepared.recordings]
+    sums: dict[str, tuple[float, float]] = {}
+    for s in found.normal.segments:
+        if s.channel == "current":
+            rr, n = sums.get(files[s.recording], (0.0, 0.0))
+            sums[files[s.recording]] = rr + float(s.rr.sum()), n + float(s.n.sum())
+    return {file: math.sqrt(rr / n) for file, (rr, n) in sums.items()}

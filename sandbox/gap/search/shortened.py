@@ -21,9 +21,9 @@ def shortened(point: Point) -> Point:
     part, cut = share(point), block_length(point.prepared)
     if part == 1.0:
         return point
-    period, recordings = point.prepared.campaign.drive.converter.sampling_period, []
+    recordings = []
     for r in point.prepared.recordings:
         length = min(r.samples, max(cut, int(part * r.samples)))
         first = 0 if r.rotor == "free" else (r.samples - length) // 2
-        recordings.append(r.cut(first, first + length, period))
+        recordings.append(r.cut(first, first + length))
     return replace(point, prepared=replace(point.prepared, recordings=tuple(recordings)))

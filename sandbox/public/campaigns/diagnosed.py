@@ -180,8 +180,8 @@ def diagnose(
         TMPDIR (/var/tmp), about 1.5 kB a sample; the answer is the same. A free regression of what remains, which takes
         14 kB a sample, is then made on a part of each recording, and the report says so.
     samples : float, optional
-        Most samples to work on; `math.inf` for all of them. By default a campaign of more than 250 000 is cut to
-        100 000: stretches are taken in which currents, speed, voltage, link and load differ most, some 24;
+        Use at most so many samples; `math.inf` for all. By default all of them up to 250 000, else 100 000: parts of
+        the recordings, in which currents, speed, voltage, link and load differ most, and some spread evenly.
         `.as_json()["excerpts"]` lists them.
     progress : callable, optional
         Is told in a few words what is being done.
@@ -207,12 +207,13 @@ def diagnose(
     'explained'
     """
     from model.errors import unknown
-    from sandbox.gap.excerpts import excerpted
+    from sandbox.gap.excerpts import check_samples, excerpted
     from sandbox.gap.report.answers import answer, linear
     from sandbox.replay.memory import USUAL
 
     if nominal not in (None, "linear"):
         raise unknown("nominal model", nominal, ["linear"])
+    check_samples(samples)
     before = None if earlier is None else earlier_answer(earlier)
     names = [exclude] if isinstance(exclude, str) else list(exclude)
     motion = motion_only(campaign, columns, preset)

@@ -1,4 +1,4 @@
-"""Long recordings: which stretches stand for them, and that a replay starts in mid-recording as if it had come there.
+"""Long recordings: which parts stand for them, and that a replay starts in mid-recording as if it had come there.
 
 Numbers come from the definition of the choice, from counting rows, and from the replay of the whole recording.
 """
@@ -11,8 +11,8 @@ import pytest
 
 from model.drive_files import load_drive
 from model.errors import BadInput
-from sandbox.gap.excerpts import CUT_TO, LEAD, LEAST, MOST, PARTS, excerpted, farthest_first
-from sandbox.gap.pages.page import stretch_rows
+from sandbox.gap.excerpts import CUT_TO, LEAST, MOST, PARTS, SETTLED, excerpted, farthest_first
+from sandbox.gap.pages.page import part_rows
 from sandbox.gap.report.diagnosis_json import excerpts
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 
@@ -44,35 +44,37 @@ def test_a_campaign_of_usual_length_is_left_as_it_is():
     assert excerpted(own) is own
     longer = campaign(recording(MOST + 1))
     assert excerpted(longer, math.inf) is longer
-    assert 0.9 * CUT_TO < excerpted(longer).excerpts.used <= CUT_TO
+    assert 0.9 * CUT_TO < excerpted(longer).excerpts.samples_used <= CUT_TO
     assert excerpted(own, MOST - 1).excerpts is not None
 
 
 def test_the_farthest_comes_next():
-    # worked out by hand: mean 3.6, so 3 first; 10 is 7 away; then 0 (3 away, from 3); then 5 (2 away)
+    # worked out by hand, from 3: 10 is 7 away; then 0 (3 away, from 3); then 5 (2 away)
     marks = np.array([[0.0], [3.0], [10.0], [5.0], [0.0]])
-    assert farthest_first(marks, [1] * 5, 4) == [1, 2, 0, 3]
-    assert farthest_first(marks, [1] * 5, 99) == [1, 2, 0, 3]  # the other 0 is like one chosen
-    assert farthest_first(marks, [1, 1, 3, 1, 1], 3) == [1]  # the farthest does not fit: the rest is not chosen either
+    assert farthest_first(marks, [1] * 5, [1], 4) == [1, 2, 0, 3]
+    assert farthest_first(marks, [1] * 5, [1], 99) == [1, 2, 0, 3]  # the other 0 is like one taken
+    assert farthest_first(marks, [1, 1, 3, 1, 1], [1], 3) == [1]  # the farthest does not fit: nor is the rest taken
+    assert farthest_first(marks, [1] * 5, [2, 3], 3) == [2, 3, 0]
 
 
 def test_what_happens_once_in_a_long_recording_is_chosen():
     n = 40 * LEAST
     rare = slice(700_100, 701_000)  # 0.1 % of the rows
     cut = excerpted(campaign(recording(n, loaded=(rare.start, rare.stop))), LEAST)
-    held = [e for e in cut.excerpts.stretches if e.first < rare.stop and rare.start < e.first + e.rows]
+    held = [e for e in cut.excerpts.parts if e.first < rare.stop and rare.start < e.first + e.rows]
     assert held
-    assert cut.excerpts.used <= LEAST
-    assert cut.excerpts.samples == n
+    assert cut.excerpts.samples_used <= LEAST
+    assert cut.excerpts.samples_recorded == n
 
 
-def test_equal_stretches_spread_over_the_recording():
+def test_equal_blocks_spread_over_the_recording():
     n = 40 * LEAST
     cut = excerpted(campaign(recording(n)), LEAST)
-    first = np.sort([e.first for e in cut.excerpts.stretches])
-    assert len(first) in (PARTS - 1, PARTS)
-    # farthest first halves the gaps: with 24 of 960 equal blocks none is larger than 1/16 of the whole, and a block
-    assert np.max(np.diff(np.concatenate([[0], first, [n]]))) <= n / 16 + 2 * LEAST / PARTS
+    first = np.sort([e.first for e in cut.excerpts.parts])
+    assert PARTS - 2 <= len(first) <= PARTS
+    # twelve by halving gaps (none larger than 1/8 then), twelve evenly over what is left: none larger than 1/12 and two
+    # blocks
+    assert np.max(np.diff(np.concatenate([[0], first, [n]]))) <= n / 12 + 2 * LEAST / PARTS
 
 
 def test_every_kind_of_rotor_is_there():
@@ -82,25 +84,40 @@ def test_every_kind_of_rotor_is_there():
     assert {r.rotor for r in excerpted(own, LEAST)} == {"locked", "driven", "free"}
 
 
-def test_a_stretch_holds_its_own_rows_and_those_that_lead_in():
-    own = campaign(recording(5 * LEAST), recording(100, "run-1.parquet"))
-    cut = excerpted(own, LEAST)
-    names = [r.file for r in cut]
-    assert len(set(names)) == len(names)
+@pytest.mark.parametrize("most", [LEAST, 20_123, 50_000])
+@pytest.mark.parametrize("rotor", ["driven", "free"])
+def test_a_part_holds_its_own_rows_and_those_in_which_states_settle(most, rotor):
+    own = campaign(recording(5 * LEAST, rotor=rotor), recording(100, "short.parquet"))
+    cut = excerpted(own, most)
+    assert len({r.file for r in cut}) == len(cut)
     inductance = max(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q)
-    rows = math.ceil(0.5 * LEAD * inductance / DRIVE.motor.resistance / PERIOD) * 2
+    rows = math.ceil(0.5 * SETTLED * inductance / DRIVE.motor.resistance / PERIOD) * 2
+    rows = rows if rotor == "driven" else 2 * (most // PARTS // 2)
     whole = {r.file: r for r in own}
-    for e, r in zip(cut.excerpts.stretches, cut, strict=True):
+    for e, r in zip(cut.excerpts.parts, cut, strict=True):
         long = whole[e.of]
         assert np.array_equal(r.theta, long.theta[e.first : e.first + e.rows])
-        assert not np.shares_memory(r.theta, long.theta)
+        assert r is long or not np.shares_memory(r.theta, long.theta)
         assert r.t[0] == 0.0
-        assert r.clock == pytest.approx(e.first * PERIOD, abs=1e-9)
+        assert r.starts_at == pytest.approx(e.first * PERIOD, abs=1e-9)
         assert e.first % 2 == 0
-        n = min(e.first, rows, LEAST // PARTS)
-        assert len(r.lead.get("t", ())) == n
+        n = min(e.first, rows)
+        assert len(r.settling.get("t", ())) == n
+        assert n % 2 == 0  # halves of a PWM period (double update) stay what they are
         if n:
-            assert np.array_equal(r.lead["theta"], long.theta[e.first - n : e.first])
+            assert np.array_equal(r.settling["theta"], long.theta[e.first - n : e.first])
+            assert r.with_settling().starts_at == pytest.approx((e.first - n) * PERIOD, abs=1e-9)
+
+
+def test_of_few_recordings_each_is_used_and_of_many_every_kind():
+    few = campaign(*(recording(LEAST, f"{k}.parquet") for k in range(11)), recording(100, "short.parquet"))
+    assert {e.of for e in excerpted(few, LEAST).excerpts.parts} == {r.file for r in few}
+    assert excerpted(few, LEAST).excerpts.unused == []
+    rare = dataclasses.replace(recording(900, "injected.parquet"), injection_axis="d")
+    many = campaign(*(recording(LEAST, f"{k}.parquet") for k in range(60)), rare)
+    cut = excerpted(many, LEAST)
+    assert "injected.parquet" in {r.file for r in cut}
+    assert len(cut.excerpts.unused) == 61 - len({e.of for e in cut.excerpts.parts})
 
 
 def test_too_few_samples_are_refused():
@@ -110,20 +127,22 @@ def test_too_few_samples_are_refused():
         excerpted(campaign(recording(100)), math.nan)
 
 
-def test_a_slow_motor_leads_in_for_no_longer_than_a_stretch():
-    motor = dataclasses.replace(DRIVE.motor, resistance=1e-4)
+def test_where_states_settle_slowly_parts_are_longer_and_fewer():
+    inductance = max(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q)
+    motor = dataclasses.replace(DRIVE.motor, resistance=SETTLED * inductance / (1999.5 * PERIOD))  # 5 L/R: 2000 rows
     cut = excerpted(campaign(recording(5 * LEAST), drive=dataclasses.replace(DRIVE, motor=motor)), LEAST)
-    assert max(len(r.lead.get("t", ())) for r in cut) == LEAST // PARTS
+    assert max(len(r.settling.get("t", ())) for r in cut) == 2000
+    assert 8 <= len(cut) <= LEAST // 2000
 
 
-def test_the_contract_lists_the_stretches():
+def test_contract_and_page_list_the_parts():
     cut = excerpted(campaign(recording(3 * LEAST)), LEAST)
     told = excerpts(cut.excerpts)
-    assert told["samples"] == 3 * LEAST
-    assert told["used"] == sum(s["rows"] for s in told["stretches"])
-    assert {"of": "run.parquet", "of_rows": 3 * LEAST}.items() <= told["stretches"][0].items()
+    assert told["samples_recorded"] == 3 * LEAST
+    assert told["samples_used"] == sum(s["rows"] for s in told["parts"])
+    assert {"of": "run.parquet", "of_rows": 3 * LEAST}.items() <= told["parts"][0].items()
     assert excerpts(None) is None
     period = DRIVE.converter.sampling_period
-    for row, e in zip(stretch_rows(cut.excerpts, period), told["stretches"], strict=True):
+    for row, e in zip(part_rows(cut.excerpts, period), told["parts"], strict=True):
         times = (f"{period * x:.2f}" for x in (e["first"], e["first"] + e["rows"], 3 * LEAST))
         assert row == [e["file"], "run.parquet", *times]

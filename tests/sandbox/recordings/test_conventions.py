@@ -7,7 +7,7 @@ import pytest
 
 from sandbox.recordings.conventions import link_exponent, shifted, with_link
 from sandbox.recordings.importing import read_recordings
-from sandbox.recordings.volts import with_volts
+from sandbox.recordings.parquet import with_volts
 from sandbox.recordings.writing import write_campaign
 from tests.sandbox.validation.other_plant import Other
 from tests.sandbox.validation.test_other_plant import NOMINAL, N, missed, plant, recorded, waves

@@ -1,4 +1,4 @@
-"""A stretch of a recording, replayed from its middle: after the rows that lead in, as in the whole recording."""
+"""A part of a recording, replayed from its middle: once states have settled, as in the whole recording."""
 
 import dataclasses
 import math
@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from model.effects import library
-from sandbox.gap.excerpts import LEAD, excerpted
+from sandbox.gap.excerpts import SETTLED, excerpted
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare, replay, residuals
 from tests.sandbox.replay.test_replay import CASES, DRIVE, MOTION, record, typical
 
 PERIOD = DRIVE.converter.sampling_period
-ROWS = math.ceil(LEAD * max(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q) / DRIVE.motor.resistance / PERIOD)
+ROWS = math.ceil(SETTLED * max(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q) / DRIVE.motor.resistance / PERIOD)
 FIRST, LAST = 2003, 2500  # of the stretch: the link's ripple (300 Hz, 13.3 samples) is not where it began
 LAGS = {
     k: v
@@ -31,13 +31,13 @@ def campaign(case, effects, n=LAST + 100):
 def of_stretch(prepared, lead, wrong=0.0, values=LAGS, **changed):
     """Return the residuals of the stretch, with so many rows before it, whose first reading is off."""
     whole = prepared.recordings[0]
-    begun = whole.cut(FIRST - lead, FIRST, PERIOD) if lead else None
-    own = whole.cut(FIRST, LAST, PERIOD)
+    begun = whole.cut(FIRST - lead, FIRST) if lead else None
+    own = whole.cut(FIRST, LAST)
     first = begun or own
     read = first.read.copy()
     read[0] += wrong * np.array([1.0, -0.5, -0.5])
     first = dataclasses.replace(first, read=read, **changed)
-    own = dataclasses.replace(own, lead=first) if lead else first
+    own = dataclasses.replace(own, settling=first) if lead else first
     (found,) = residuals(*predicted(dataclasses.replace(prepared, recordings=(own,)), values))
     return found
 
@@ -49,7 +49,7 @@ def predicted(prepared, values):
 
 @pytest.mark.parametrize("case", CASES)
 def test_a_wrong_start_is_forgotten_in_the_lead(case):
-    """A first reading off by 1 A: it decays with L/R at the longest, so after LEAD of them exp(-LEAD) is left."""
+    """A first reading off by 1 A: it decays with L/R at the longest, so after SETTLED of them exp(-SETTLED) is left."""
     prepared = prepare(campaign(case, LAGS), LAGS)
     (whole,) = residuals(*predicted(prepared, LAGS))
     apart = [
@@ -58,7 +58,7 @@ def test_a_wrong_start_is_forgotten_in_the_lead(case):
     ]
     print(case, [float(x.max()) for x in apart])
     assert apart[0][1:].max() > 0.5 * WRONG
-    assert apart[1].max() < 2.0 * math.exp(-LEAD) * WRONG
+    assert apart[1].max() < 2.0 * math.exp(-SETTLED) * WRONG
 
 
 def test_the_link_s_ripple_goes_on_where_it_was():
@@ -66,7 +66,7 @@ def test_the_link_s_ripple_goes_on_where_it_was():
     (whole,) = residuals(*predicted(prepared, LAGS))
     there, restarted = (
         np.abs((of_stretch(prepared, ROWS, **more).current - whole.current[FIRST:LAST])[:, :, 0] * prepared.floor)
-        for more in ({}, {"clock": 0.0})
+        for more in ({}, {"first": 0})
     )
     ripple = library.typical("dc_link_ripple", DRIVE.motor, DRIVE.converter)
     print(float(there.max()), float(restarted.max()), ripple)
@@ -85,7 +85,7 @@ def test_stretches_of_a_long_recording_have_its_residuals(case, effects):
     assert len(cut.recordings) > 10
     (whole,) = residuals(*predicted(prepare(long, effects, steps=1), effects))
     parts = residuals(*predicted(prepare(cut, effects, steps=1), effects))
-    for e, r in zip(cut.excerpts.stretches, parts, strict=True):
+    for e, r in zip(cut.excerpts.parts, parts, strict=True):
         own = slice(e.first, e.first + e.rows)
         miss = np.sqrt(np.mean((r.current - whole.current[own]) ** 2))
         turned = 0.0 if r.motion is None else np.sqrt(np.mean((r.motion - whole.motion[own]) ** 2))

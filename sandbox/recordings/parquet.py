@@ -1,0 +1,41 @@
+"""Tables of recordings read from Parquet, and commands as volts, whatever they were written as."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput
+from model.parameters import Converter
+
+Array = NDArray[np.float64]
+Recording = TypeVar("Recording", bound=Any)
+
+
+def with_volts(r: Recording, converter: Converter) -> Recording:
+    """Return a `CampaignRecording` whose commands are in volts that the drive divides by u_dc (`Converter.command`)."""
+    if converter.command == "volts":
+        return r
+    factor = r.u_dc if converter.command == "duties" else r.u_dc / (r.dc_bus_voltage or converter.dc_bus_voltage)
+    volts = {name: factor * r[name] for name in ("u_alpha", "u_beta")}
+    return dataclasses.replace(r, columns={**r.columns, **volts})
+
+
+def read_parquet(path: Path) -> dict[str, Array]:
+    """Return a Parquet table's columns, float64; BadInput where it is no table of numbers."""
+    try:
+        import pyarrow
+        from pyarrow import parquet
+    except ImportError:
+        raise BadInput(f"{path.name}: reading Parquet needs pyarrow; install it with 'pip install pyarrow'") from None
+    try:
+        table = parquet.read_table(path, page_checksum_verification=True)
+        return {n: np.asarray(table[n].to_numpy(), dtype=np.float64) for n in table.column_names}
+    except FileNotFoundError:
+        raise BadInput(f"{path.name}: the file does not exist in '{path.parent}'; correct [[recording]]") from None
+    except (pyarrow.ArrowException, OSError, TypeError, ValueError) as error:
+        raise BadInput(f"{path.name}: not a Parquet table of numbers ({str(error).splitlines()[0]})") from None
