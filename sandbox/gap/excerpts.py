@@ -170,7 +170,7 @@ def _excerpt(r: CampaignRecording, first: int, last: int, before: int, period: f
     columns = {key: x[first - before : last].copy() for key, x in r.columns.items()}  # the long ones can go
     columns["t"] -= columns["t"][before]
     return replace(
-        r, file=name, of=r.file, columns={key: x[before:] for key, x in columns.items()},
+        r, file=name, of=r.origin, columns={key: x[before:] for key, x in columns.items()},
         settling={key: x[:before] for key, x in columns.items()} if before else {},
         starts_at=r.starts_at + first * period,
     )  # fmt: skip

@@ -26,7 +26,6 @@ def refitted(d: Diagnosis) -> Refitted:
     """Return the drive and the effects of a diagnosis' best hypothesis."""
     judged, own = d.best.judged, d.campaign.drive
     values, turns = judged.fit.point.values, judged.fit.point.turns
-    whole = {r.origin for r in d.campaign}
     motor = baked(own.motor, values)
     named = estimates(judged)
     ci95 = {k: (e.low, e.high) for k, e in {**of_motor(judged), **named}.items()}
@@ -44,8 +43,9 @@ def refitted(d: Diagnosis) -> Refitted:
         told["rated values"] = "the largest recorded ones stand in for them"
     drive = dataclasses.replace(own, motor=motor, provenance=told)
     units = {name: p.unit for name, p in library.parameters().items()} | {name: p.unit for name, p in BENCH.items()}
-    angles = {file: turn for file, turn in turns.items() if turn and file in whole}
-    return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit), said)
+    parts = {} if d.campaign.excerpts is None else {e.file: e.of for e in d.campaign.excerpts.parts if e.file != e.of}
+    angles = {name: turn for name, turn in turns.items() if turn and name not in parts}  # a replay has no parts
+    return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit, parts), said)
 
 
 def baked(motor: Motor, values: Mapping[str, float]) -> Motor:
@@ -62,9 +62,9 @@ def beside(motor: Motor, converter: Converter, values: Mapping[str, float]) -> d
     return {k: v for k, v in moved.items() if library.same_numbers().get(k) not in moved}
 
 
-def residual_of(found: Fit) -> dict[str, float]:
-    """Return the rms of each recording's currents over the noise floor at a fit, over those parts that were used."""
-    files = [r.of or r.file for r in found.point.prepared.recordings]
+def residual_of(found: Fit, parts: Mapping[str, str]) -> dict[str, float]:
+    """Return the rms of each recording's currents over the noise floor at a fit; parts: of which they are parts."""
+    files = [parts.get(r.file, r.file) for r in found.point.prepared.recordings]
     sums: dict[str, tuple[float, float]] = {}
     for s in found.normal.segments:
         if s.channel == "current":
