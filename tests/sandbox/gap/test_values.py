@@ -131,7 +131,7 @@ def test_blocks_by_hand():
 
 
 def test_an_angle_is_known_to_its_floor_at_rest_and_to_three_tenths_of_it_in_motion():
-    own = [SimpleNamespace(file=r, rotor=r, angle_floor=2.0) for r in ("locked", "free", "driven")]
+    own = [SimpleNamespace(file=r, angle_name=r, rotor=r, angle_floor=2.0) for r in ("locked", "free", "driven")]
     assert [(c.deviation, c.within) for c in turns(SimpleNamespace(recordings=own))] == [
         (2.0, 4.0), (pytest.approx(0.6), 4.0), (pytest.approx(0.6), 4.0),
     ]  # fmt: skip

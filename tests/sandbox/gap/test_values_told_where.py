@@ -184,7 +184,8 @@ def test_position_is_judged_a_tenth_of_a_second_after_the_start(monkeypatch):
     monkeypatch.setattr(position, "carrier_at", lambda drive, r: np.zeros(n))
     monkeypatch.setattr(position, "follow", lambda own, state, given, belief, tuning, found: found.fill(0.0))
     zero = np.zeros(n)
-    r = SimpleNamespace(theta=0.001 * np.arange(n), u_alpha=zero, u_beta=zero)
+    r = SimpleNamespace(theta=0.001 * np.arange(n), u_alpha=zero, u_beta=zero, settling={}, current=(zero, zero))
+    r.with_settling = lambda: r
     drive = SimpleNamespace(converter=SimpleNamespace(sampling_period=1e-4))
     found = position.errors(drive, r, np.zeros((n, 2)), "ekf")
     assert (len(found), found[0]) == (500, pytest.approx(1.0))

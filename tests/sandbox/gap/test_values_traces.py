@@ -35,7 +35,9 @@ def test_a_trace_holds_400000_samples_of_a_recording(monkeypatch, samples, step)
     def read(z):
         return np.real(z[:, None] * np.exp(-2j * np.pi * np.arange(3) / 3.0))
 
-    r = SimpleNamespace(samples=samples, motion=SimpleNamespace(angle=angle), read=read(2.0 * np.exp(1j * angle)))
+    r = SimpleNamespace(
+        samples=samples, first=0, motion=SimpleNamespace(angle=angle), read=read(2.0 * np.exp(1j * angle))
+    )
     p = SimpleNamespace(currents=[None, read(1j * np.exp(1j * angle))[:, :, None]])
     x = SimpleNamespace(current=read(3j * np.exp(1j * angle))[:, :, None], motion=np.ones((12, 1)), angle=None)
     found = dict(traces._recording(1, 1e-3, {"before": (r, p, x), "after": (r, p, x)}))
