@@ -67,7 +67,7 @@ def bits():
     out = np.empty((SHORT, 3, 1))
     timing = timing_of(w, DRIVE.converter.sampling_period, 1)
     track, supply = [Fields(x) for x in r.track], w.supply.copy()
-    run(w, None, timing, features, room(), track, True, supply, 0.0, 0, SHORT, out, np.empty((1, 1)), 0)
+    run(w, None, timing, features, room(), track, 0, True, supply, 0.0, 0, SHORT, out, np.empty((1, 1)), 0)
     return [float(x).hex() for x in out.ravel()]
 
 
@@ -142,7 +142,7 @@ def energy(steps, turns=8):
     prepared = told(DRIVE, duty, *turning(n, speed))
     timing = timing_of(w, period, steps)
     track, out, moved = [Fields(x) for x in prepared.recordings[0].track], np.empty((n, 3, 1)), np.zeros((n, 1))
-    run(w, None, timing, features | add.MOTION, room(), track, True, w.supply.copy(), 0.0, 0, n, out, moved, 0)
+    run(w, None, timing, features | add.MOTION, room(), track, 0, True, w.supply.copy(), 0.0, 0, n, out, moved, 0)
     plant.at_start, plant.in_middle = start, mid
     return meter.total
 
