@@ -16,11 +16,12 @@ LONG = (  # files that take long, most of it for kernels that no other file need
 
 def compile_replays() -> None:
     """Have the replay's two kernels: for few sets and for many."""
+    from sandbox.replay.grouping import ROOMS
     from sandbox.replay.replay import replay
     from tests.sandbox.plant.told import DRIVE, duties, told, turning
 
     prepared = told(DRIVE, duties(4), *turning(4))
-    for count in (1, 5):
+    for count in (1, ROOMS[0] + 1):
         replay(prepared, [{}] * count)
 
 

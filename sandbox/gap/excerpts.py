@@ -53,7 +53,7 @@ def excerpted(campaign: Campaign, most: float | None = None) -> Campaign:
     if sum(n) <= most:
         return campaign
     period = campaign.drive.converter.sampling_period
-    settling = _settling(campaign.drive.motor, period)
+    settling = rows_to_settle(campaign.drive.motor, period)
     length = even(min(max(most / PARTS, settling), most / FEWEST))
     blocks = [(k, a, b) for k, rows in enumerate(n) for a, b in _blocks(rows, length)]
     marks = np.concatenate([_marks(campaign, k, length) for k in range(len(n))])
@@ -61,8 +61,7 @@ def excerpted(campaign: Campaign, most: float | None = None) -> Campaign:
     recordings, told = [], []
     for k, first, last in (blocks[place] for place in chosen):
         whole = campaign.recordings[k]
-        before = min(first, length if whole.rotor == "free" else min(settling, length))
-        own = whole if last - first == n[k] else _excerpt(whole, first, last, before, period)
+        own = whole if last - first == n[k] else excerpt(whole, slice(first, last), settling, period)
         recordings.append(own)
         told.append(Excerpt(own.file, whole.file, first, last - first, n[k]))
     found = Excerpts(tuple(told), sum(n), tuple(r.file for r in campaign.recordings))
@@ -158,16 +157,22 @@ def _signals(campaign: Campaign, r: CampaignRecording, own: slice) -> Array:
     ])  # fmt: skip
 
 
-def _settling(motor: Motor, period: float) -> int:
+def rows_to_settle(motor: Motor, period: float) -> int:
     """Return in how many rows states settle, an even number."""
     return 2 * math.ceil(0.5 * SETTLED * max(motor.inductance_d, motor.inductance_q) / motor.resistance / period)
 
 
-def _excerpt(r: CampaignRecording, first: int, last: int, before: int, period: float) -> CampaignRecording:
-    """Return rows first to last - 1 of a recording, after so many in which states settle; its name tells its time."""
+def excerpt(r: CampaignRecording, rows: slice, settling: int, period: float) -> CampaignRecording:
+    """Return some rows of a recording, after those in which states settle; its name tells its time.
+
+    These are `settling` rows, of a free rotor as many as the excerpt has, never more than that, and an even number
+    where the first row is even.
+    """
+    first, length = rows.start, even(rows.stop - rows.start)
+    before = min(first, length if r.rotor == "free" else min(settling, length))
     stem, dot, suffix = r.file.rpartition(".")
     name = f"{stem or suffix}-{first * period:.3f}s{dot if stem else ''}{suffix if stem else ''}"
-    columns = {key: x[first - before : last].copy() for key, x in r.columns.items()}  # the long ones can go
+    columns = {key: x[first - before : rows.stop].copy() for key, x in r.columns.items()}  # the long ones can go
     columns["t"] -= columns["t"][before]
     return replace(
         r, file=name, of=r.origin, columns={key: x[before:] for key, x in columns.items()},

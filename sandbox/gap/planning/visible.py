@@ -17,6 +17,7 @@ from sandbox.gap.evidence.fit import coordinates_of
 from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.evidence.priors import WIDE, Coordinate
 from sandbox.gap.evidence.probes import probe_coordinates, probes_at_typical
+from sandbox.gap.excerpts import excerpt, rows_to_settle
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import prepare
@@ -42,7 +43,9 @@ class Visible:
 
 def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
     """Return what a campaign's recordings could tell; BadInput where they cannot be replayed."""
-    parts = tuple(_excerpt(r) for r in campaign.recordings)
+    period = campaign.drive.converter.sampling_period
+    settling = rows_to_settle(campaign.drive.motor, period)
+    parts = tuple(_excerpt(r, settling, period) for r in campaign.recordings)
     share = sum(len(r.t) for r in campaign.recordings) / max(sum(len(r.t) for r in parts), 1)
     short = replace(campaign, recordings=parts)
     prepared = prepare(short)
@@ -66,16 +69,16 @@ def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
     return Visible(order, _alike(share * a, precision, groups, place, size, sizes))
 
 
-def _excerpt(r: CampaignRecording) -> CampaignRecording:
-    """Return the stretch of a recording in which currents and angle move most, of at most EXCERPT samples."""
+def _excerpt(r: CampaignRecording, settling: int, period: float) -> CampaignRecording:
+    """Return the stretch of a recording in which currents and angle move most, of at most EXCERPT samples, after so
+    many in which states settle."""
     n = len(r.t)
     if n <= EXCERPT:
         return r
     starts = range(0, n - EXCERPT + 1, EXCERPT // 2)
     spread = [float(np.ptp(r.i_a[k : k + EXCERPT])) + 1e-3 * float(np.ptp(r.theta[k : k + EXCERPT])) for k in starts]
     k = list(starts)[int(np.argmax(spread))]
-    own = {name: x[k : k + EXCERPT] for name, x in r.columns.items()}
-    return replace(r, columns={**own, "t": own["t"] - own["t"][0]}, settling={})
+    return excerpt(r, slice(k, k + EXCERPT), settling, period)
 
 
 def _move(coordinates: Sequence[Coordinate], place: dict[str, int], labels: list[str]) -> Array:

@@ -41,7 +41,7 @@ def risen(n, begin, size=1.0):
 @pytest.mark.parametrize("begin", [0, 250, 500, 1000])
 def test_an_excerpt_is_the_500_samples_that_move_most(begin):
     """Looked for every 250 samples."""
-    found = visible._excerpt(recorded(risen(1500, begin), np.zeros(1500)))
+    found = visible._excerpt(recorded(risen(1500, begin), np.zeros(1500)), 40, 1e-3)
     assert len(found.t) == 500
     assert (found.t[0], found.i_a[0]) == (0.0, 0.0)
     assert found.i_a[-1] == pytest.approx(499.0 / 500.0)
@@ -51,19 +51,28 @@ def test_an_excerpt_is_the_500_samples_that_move_most(begin):
 def test_a_radian_counts_as_a_milliampere(amperes, begin):
     """100 rad in the last 500 samples are worth 0.1 A."""
     r = recorded(risen(1500, 0, amperes), risen(1500, 1000, 100.0))
-    assert np.array_equal(visible._excerpt(r).i_a, r.i_a[begin : begin + 500])
+    assert np.array_equal(visible._excerpt(r, 40, 1e-3).i_a, r.i_a[begin : begin + 500])
+
+
+@pytest.mark.parametrize(("begin", "before"), [(0, 0), (250, 40), (1000, 40)])
+def test_before_an_excerpt_states_settle(begin, before):
+    r = recorded(risen(1500, begin), np.zeros(1500))
+    found = visible._excerpt(r, 40, 1e-3)
+    assert len(found.settling["i_a"] if found.settling else ()) == before
+    assert found.starts_at == pytest.approx(begin * 1e-3)
+    assert np.array_equal(found.with_settling().i_a, r.i_a[begin - before : begin + 500])
 
 
 def test_an_excerpt_ends_with_the_recording():
     """The 500 samples from 250 on would be one too many of 749."""
-    found = visible._excerpt(recorded(risen(749, 249), np.zeros(749)))
+    found = visible._excerpt(recorded(risen(749, 249), np.zeros(749)), 40, 1e-3)
     assert len(found.t) == 500
     assert found.i_a[-1] == pytest.approx(250.0 / 500.0)
 
 
 def test_what_is_short_is_looked_at_whole():
     whole = recorded(np.zeros(500), np.zeros(500))
-    assert visible._excerpt(whole) is whole
+    assert visible._excerpt(whole, 40, 1e-3) is whole
 
 
 def test_what_ordinary_deviations_leave_by_hand():
