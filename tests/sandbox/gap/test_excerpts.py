@@ -100,7 +100,6 @@ def test_a_part_holds_its_own_rows_and_those_in_which_states_settle(most, rotor)
     assert len({r.file for r in cut}) == len(cut)
     inductance = max(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q)
     rows = math.ceil(0.5 * SETTLED * inductance / DRIVE.motor.resistance / PERIOD) * 2
-    rows = rows if rotor == "driven" else 2 * (most // PARTS // 2)
     whole = {r.file: r for r in own}
     for e, r in zip(cut.excerpts.parts, cut, strict=True):
         long = whole[e.of]
@@ -109,7 +108,7 @@ def test_a_part_holds_its_own_rows_and_those_in_which_states_settle(most, rotor)
         assert r.t[0] == 0.0
         assert r.starts_at == pytest.approx(e.first * PERIOD, abs=1e-9)
         assert e.first % 2 == 0
-        n = min(e.first, rows)
+        n = min(e.first, rows if rotor == "driven" else 2 * (e.rows // 2))
         assert len(r.settling.get("t", ())) == n
         assert n % 2 == 0  # halves of a PWM period (double update) stay what they are
         if n:
