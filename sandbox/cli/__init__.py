@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import errno
 import io
 import logging
 import os
@@ -20,6 +21,7 @@ from sandbox.cli.withholding import add_withheld
 from sandbox.output.files import discard, version
 
 OFFLINE = "SENSORLESS_OFFLINE"  # as model.datasets reads it
+FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -91,7 +93,9 @@ def attempt(options: argparse.Namespace) -> int:
     except BrokenPipeError:  # the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        return _refuse(options, f"{error.filename or 'output'}: {error.strerror or error}")
+        where = error.filename or getattr(options, "folder", None) or folder_of(options)
+        remedy = "; make room there, or give another folder" if error.errno in FULL else ""
+        return _refuse(options, f"'{where}': {error.strerror or error}{remedy}")
     except MemoryError:
         return _refuse(options, "not enough memory for this run; shorten the scenario or compare fewer estimators")
     finally:

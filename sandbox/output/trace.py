@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.output.files import check_parent
+from sandbox.output.files import check_parent, write_whole
 from sandbox.output.looks import means
 from sandbox.output.sheets import GREY, Colour, Plot, Sheet, pale
 from sandbox.output.tables import comparison_text
@@ -67,18 +66,18 @@ def write_trace(path: Path, comparison: Comparison, looked: Tabs | None = None) 
 
 @contextmanager
 def _written(path: Path) -> Iterator[rr.RecordingStream]:
-    """Give a stream to a file that appears whole or not at all."""
+    """Give a stream to a file that appears whole or not at all.
+
+    The stream collects in memory: a writer of rerun's own tells of a full disk in its log only.
+    """
     import rerun as rr
 
     check_parent(path)
-    partial = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with rr.RecordingStream(APPLICATION) as stream:
-            stream.save(partial)
-            yield stream
-        os.replace(partial, path)
-    finally:
-        partial.unlink(missing_ok=True)
+    with rr.RecordingStream(APPLICATION) as stream:
+        collected = stream.memory_recording()
+        yield stream
+        content = collected.drain_as_bytes()
+    write_whole(path, content)
 
 
 def write_series(path: Path, title: str, text: str, tabs: Tabs) -> None:

@@ -1,5 +1,6 @@
 """The trace holds the runs' own numbers, says how it was made, and appears whole or not at all."""
 
+import errno
 import subprocess
 import sys
 from pathlib import Path
@@ -190,6 +191,14 @@ def test_a_failed_write_leaves_the_old_file_alone(tmp_path):
         trace.write_trace(path, broken)
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_full_disk_raises_what_it_is(tmp_path, monkeypatch):
+    """rerun's own writer of files says it in a log and then raises something else."""
+    monkeypatch.setattr(Path, "write_bytes", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")))
+    with pytest.raises(OSError, match="full"):
+        trace.write_trace(tmp_path / "comparison.rrd", _comparison(samples=64))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_no_runs_is_an_error(tmp_path):

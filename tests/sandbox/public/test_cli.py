@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import signal
@@ -203,6 +204,21 @@ def test_out_that_cannot_be_written(short, tmp_path, capsys):
     call = ["compare", "--scenario", str(short), "--estimators", "qnull", "--out", str(tmp_path / "file" / "below")]
     assert main(call) == 2
     assert "cannot write" in capsys.readouterr().err
+
+
+def test_a_full_disk_is_told_with_its_folder(short, tmp_path, capsys, monkeypatch):
+    """Writing into a file fails without a name; `experiments.full_disk` tries disks that end after some bytes."""
+
+    def full(path, content):
+        """Write nothing."""
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    out = tmp_path / "out"
+    assert main(["simulate", "--scenario", str(short), "--out", str(out), "--quiet"]) == 2
+    said = capsys.readouterr().err
+    assert said == f"sensorless simulate: '{out}': No space left on device; make room there, or give another folder\n"
+    assert not out.exists()
 
 
 @settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
