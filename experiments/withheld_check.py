@@ -1,8 +1,9 @@
 """How good is the diagnosis on campaigns of the second simulator whose effect is withheld, beside simple methods?
 
-100 campaigns with scored cycles, 400 controls without a gap, 140 narrow campaigns where pairs of effects look alike,
-and 100 campaigns with the ladder's sizes in place of published ones (what it is worth that the prior knows them);
-single effects of the first 100 once more with the true one taken out of the library; the simple methods on them, too.
+100 campaigns with scored cycles, 60 with four to ten effects at once, 400 controls without a gap, 140 narrow campaigns
+where pairs of effects look alike, and 100 campaigns with the ladder's sizes in place of published ones (what it is
+worth that the prior knows them); single effects of the first 100 once more with the true one taken out of the library;
+the simple methods on them, too.
 Everything is made and diagnosed in WORK and goes on where it was interrupted.  Kept in results/withheld/: a row a
 diagnosis (NAME.rows.jsonl) and the opened seal (NAME.truth.json); all else there is computed from these two alone, but
 NOTES.md.  The page says what was not run.
@@ -55,6 +56,7 @@ CHECKS = {
         "mixed", 100, 20261251, options=("--leave-out", "0.7", "--baselines"),
     ),
     "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 140, 20261223),
+    "many": Check("Campaigns of four to ten effects at once", "many", 60, 20261271),
     "controls": Check("Controls without a gap", "controls", 400, 20261252),
     "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 100, 20261224, "ladder"),
 }  # fmt: skip

@@ -45,7 +45,7 @@ def test_all_published_files_follow_from_rows_and_seal(results):
     assert "w001 dead time -> iron loss" in text
     assert text.startswith("Made 2026-01-01 ")
     assert "`; 12 of 12 campaigns diagnosed, code `abc`." in text
-    assert "Not run: narrow campaigns: pairs that look alike (12); controls without a gap (12); the same" in text
+    assert "Not run: narrow campaigns: pairs that look alike (12); campaigns of four to ten effects at once" in text
     assert list(json.loads((results / "baselines.json").read_text())["methods"]) == ["diagnosis", "bic"]
     before = {p.name: p.read_bytes() for p in results.iterdir() if p.suffix != ".png"}
     recompute(results)
@@ -105,7 +105,7 @@ def test_one_state_of_the_code_and_enough_controls_for_one_percent():
     assert CHECKS["controls"].count >= 400
     assert CHECKS["mixed"].count >= 100
     assert len({c.seed for c in CHECKS.values()}) == len(CHECKS)
-    assert set(CHECKS) == {"mixed", "pairs", "controls", "ladder"}
+    assert set(CHECKS) == {"mixed", "pairs", "many", "controls", "ladder"}
 
 
 def test_a_check_is_made_and_scored_by_the_command_line(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from model.effects.library import load_effect, parameters
@@ -33,7 +33,7 @@ class Judgement:
     hit: the true set is the first hypothesis; probability: given to the true set; unknown: P(unknown);
     parts: parameters (covered, given); closed: None where it is undefined; subsystem: rightly located, None without an
     effect; top, top_probability: the first hypothesis; in_set, unknown_in_set: the truth, or a hypothesis with
-    `unknown`, stands in the ambiguity set.
+    `unknown`, stands in the ambiguity set; chances: of each effect, to be there; parts_of: `parts` by effect.
     """
 
     name: str
@@ -57,6 +57,8 @@ class Judgement:
     simulations: float | None
     top: tuple[str, ...]
     top_probability: float
+    chances: Mapping[str, float] = field(default_factory=dict)
+    parts_of: Mapping[str, tuple[int, int]] = field(default_factory=dict)
 
     @property
     def separable(self) -> bool:
@@ -115,16 +117,29 @@ def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> 
     members = [frozenset(m) for m in diagnosis["ambiguity_set"]]
     matches = [(e, p) for e, p, _ in hypotheses if _same(e, true, members)]
     cost, verdict = diagnosis.get("cost", {}), str(diagnosis["verdict"])
+    parts = {e: covered(truth["parameters"], best.get("parameters", {}), [e]) for e in sorted(top & true)}
     place = located(true, diagnosis.get("where", []), truth.get("outside_subsystem"))
     if true and verdict == "no_gap":
         place = False  # `where` then says where a gap would lie if there were one
     return Judgement(
         *head, False, _same(top, true, members), sum(p for _, p in matches), f1(top, true),
         sum(p for e, p, _ in hypotheses if UNKNOWN in e), verdict,
-        covered(truth["parameters"], best.get("parameters", {}), sorted(top & true)), closed(true, diagnosis["gap"]),
+        (sum(hits for hits, _ in parts.values()), sum(given for _, given in parts.values())),
+        closed(true, diagnosis["gap"]),
         any(_contains_truth(m, true) for m in members), any(UNKNOWN in m for m in members), len(members), place,
-        cost.get("seconds"), cost.get("simulations"), tuple(sorted(top)), top_probability,
+        cost.get("seconds"), cost.get("simulations"), tuple(sorted(top)), top_probability, chances(diagnosis), parts,
     )  # fmt: skip
+
+
+def chances(diagnosis: Mapping[str, Any]) -> dict[str, float]:
+    """Return with which chance each effect is there: as stated, else by the hypotheses that hold it."""
+    if "effects" in diagnosis:
+        return {str(e["name"]): float(e["probability"]) for e in diagnosis["effects"]}
+    out: dict[str, float] = {}
+    for h in diagnosis["hypotheses"]:
+        for effect in set(h["effects"]) - {UNKNOWN}:
+            out[effect] = out.get(effect, 0.0) + float(h["probability"])
+    return out
 
 
 def _same(found: frozenset[str], true: frozenset[str], members: Sequence[frozenset[str]]) -> bool:

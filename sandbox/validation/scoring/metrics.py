@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 
 from model.effects.library import effect_names
+from sandbox.validation.scoring.chances import calibration, coverage_worst, of_many
 from sandbox.validation.scoring.judge import UNKNOWN, Judgement
 from sandbox.validation.scoring.limits import Figure, auroc, mean, mean_share, quantile, ratio, share
 
 GOALS = {
     "top1": "≥ 0.95", "mean_probability": "≥ 0.90", "set_f1": "≥ 0.90", "exact_set": "≥ 0.75",
-    "unknown_auroc": "≥ 0.97", "false_alarm": "≤ 0.01", "coverage": "0.93–0.97", "closed_median": "≥ 0.90",
+    "unknown_auroc": "≥ 0.97", "false_alarm": "≤ 0.01", "calibration_one": "≤ 0.03", "included_f1": "≥ 0.90",
+    "included_auroc": "≥ 0.97", "included_error": "≤ 0.05", "coverage": "0.93–0.97", "coverage_worst": "≥ 0.88",
+    "closed_median": "≥ 0.90",
     "closed_p10": "≥ 0.70", "ambiguity_hit": "≥ 0.99", "ambiguity_size": "≤ 1.3", "subsystem": "≥ 0.99",
     "resolved": "≥ 0.90", "seconds": "≤ 60",
 }  # fmt: skip
@@ -57,7 +60,10 @@ def figures(
         "unknown_auroc": auroc([j.unknown for j in outside], [j.unknown for j in known]),
         "outside_named": share([j.failed or (len(j.top) > 1 and UNKNOWN in j.top) for j in outside]),
         "false_alarm": share([j.verdict != "no_gap" for j in judged if j.kind == "none"]),
+        "calibration_one": calibration(one),
+        **of_many(several),
         "coverage": ratio([j.parts for j in judged]),
+        "coverage_worst": coverage_worst(judged),
         "closed_median": quantile(shrunk, 0.5),
         "closed_p10": quantile(shrunk, 0.1),
         "ambiguity_hit": share([j.in_set for j in judged]),

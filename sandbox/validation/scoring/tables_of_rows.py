@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from model.errors import BadInput
+from sandbox.validation.scoring.chances import coverage_by_effect
 from sandbox.validation.scoring.judge import Judgement, judge
 from sandbox.validation.scoring.limits import Figure, quantile
 from sandbox.validation.scoring.metrics import (
@@ -42,9 +43,11 @@ class Scores:
     def as_json(self) -> dict[str, Any]:
         """Return what `withheld.json` keeps of it."""
         sizes = {s: {k: f.as_json() for k, f in fs.items()} for s, fs in by_size(self.judged).items()}
+        covered = {e: f.as_json() for e, f in coverage_by_effect(self.judged).items()}
         return {
             **{k: f.as_json() for k, f in self.figures.items()},
-            "by_size": sizes, "detection_floor": detection_floor(self.judged), "confusion": confusion(self.judged),
+            "by_size": sizes, "coverage_by_effect": covered,
+            "detection_floor": detection_floor(self.judged), "confusion": confusion(self.judged),
             "reliability": reliability(self.judged), "failed": [j.name for j in self.judged if j.failed],
             "missed": [[j.name, *j.effects, "->", j.label] for j in self.judged if not j.hit],
             "unresolved": [[j.name, *j.effects, "->", j.label] for j in self.followed if not j.settled],
