@@ -29,6 +29,7 @@ from model.spline import SplineEnergy
 
 __all__ = ["OUTSIDE", "SOLVED", "Energy", "SplineEnergy", "convex_between", "min_eigenvalue"]
 AnyEnergy = Energy | SplineEnergy
+AT_ONCE = 1000  # lines from zero looked at together, so that memory stays small
 
 
 def _either(name: str) -> Callable[..., Any]:
@@ -116,12 +117,17 @@ def flux_from_current(m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[NDA
     which convexity ends and the eigenvalue there.
     """
     a, b = np.broadcast_arrays(np.asarray(i_d, dtype=float), np.asarray(i_q, dtype=float))
-    d, q = np.empty(a.shape), np.empty(a.shape)
-    for k in np.ndindex(a.shape):
-        x, y, status = flux_newton(m, float(a[k]), float(b[k]), 0.0, 0.0)
-        if status != SOLVED or not is_convex_to(m, x, y):
-            raise _outside(m, float(a[k]), float(b[k]))
-        d[k], q[k] = x, y
+    d, q, inside = np.empty(a.shape), np.empty(a.shape), np.empty(a.shape, dtype=bool)
+    for at in np.ndindex(a.shape):
+        d[at], q[at], status = flux_newton(m, float(a[at]), float(b[at]), 0.0, 0.0)
+        inside[at] = status == SOLVED
+    solved = np.flatnonzero(inside)
+    for k in range(0, len(solved), AT_ONCE):
+        some = solved[k : k + AT_ONCE]
+        inside.flat[some] = is_convex_to(m, d.flat[some], q.flat[some])
+    if not inside.all():
+        first = np.unravel_index(np.argmin(inside), a.shape)
+        raise _outside(m, float(a[first]), float(b[first]))
     return d, q
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import importlib
 from pathlib import Path
 
-LONG = (  # files that take long, most of it for kernels that no other file needs: in turn to the workers, first
+LONG = (  # files that take long, many for kernels that no other file needs: in turn to the workers, first
     "plant/test_against_reference", "plant/test_own_effects", "gap/test_map_nominal", "plant/test_both_plants",
     "public/test_cli", "gap/test_answers", "public/test_runs", "validation/test_withheld_running",
     "validation/test_withheld_make", "validation/test_withheld_published", "plant/test_mapped_drive",
     "evaluation/test_protocol", "estimators/test_families", "sweep/test_sweep", "gap/test_real",
-    "gap/test_discriminate",
+    "validation/test_switched_recordings", "validation/test_withheld_baselines", "tests/test_docs",
 )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ import heapq
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -55,8 +56,8 @@ class Reference:
     def gradient(self, z: complex) -> complex:
         """Return dH/dd + j dH/dq (A) of the motor's own energy at the flux due to currents (Wb)."""
         d, q, m, v = z.real, z.imag, self.motor, self.v
-        if isinstance(m.energy, SplineEnergy):
-            return map_gradient(m.energy, d, q)
+        if self.flux_map is not None:
+            return map_gradient(self.flux_map, d, q)
         a = {n: v[f"saturation.alpha_{n}"] for n in ("30", "12", "40", "22", "04")}
         i_d = d / (v["inductance.scale_d"] * m.inductance_d) + 3.0 * a["30"] * d**2 + a["12"] * q**2
         i_q = q / (v["inductance.scale_q"] * m.inductance_q) + 2.0 * a["12"] * d * q + 4.0 * a["04"] * q**3
@@ -66,28 +67,50 @@ class Reference:
         """Return the magnetising current (A) and the air-gap torque (N m)."""
         v, e, slope, turning = self.v, cmath.exp(1j * theta), 0j, 0.0
         m = complex(v["magnet_flux.magnet_flux"])
-        for n, phase, psi_d, psi_q in self.orders("flux_harmonics", "psi_d", "psi_q"):
+        for n, phase, psi_d, psi_q in self.flux_orders:
             x = n * theta + phase
             m += complex(psi_d * math.cos(x), psi_q * math.sin(x))
             slope += n * complex(-psi_d * math.sin(x), psi_q * math.cos(x))
         z = psi / e - m
         i = self.gradient(z)
-        for n, phase, gamma, pulse in self.orders("inductance_harmonics", "gamma", "pulse"):
+        for n, phase, gamma, pulse in self.inductance_orders:
             u = cmath.exp(1j * (n * theta + phase))
             i += gamma * u * z.conjugate() + pulse * u.real * z
             turning += 0.5 * n * (gamma * (z * z / u).imag - pulse * u.imag * abs(z) ** 2)
         torque = ((psi / e).conjugate() * i).imag + (i.conjugate() * slope).real - turning
         return i * e, 1.5 * self.motor.pole_pairs * torque
 
-    def orders(self, effect: str, first: str, second: str) -> list[tuple[float, ...]]:
-        """Return order, phase (rad) and two amplitudes of all harmonics of an effect."""
+    @cached_property
+    def flux_map(self) -> SplineEnergy | None:
+        """The motor's flux map, if it has one."""
+        return m if isinstance(m := self.motor.energy, SplineEnergy) else None
+
+    @cached_property
+    def flux_orders(self) -> list[tuple[float, ...]]:
+        """Order, phase (rad), amplitudes on d and q of every harmonic of the flux."""
         v = self.v
-        found = [tuple(v[f"{effect}.{k}.{n}"] for n in ("order", "phase", first, second)) for k in range(2, 7)]
-        if effect == "flux_harmonics":
-            found.append((6.0, 0.0, v["flux_harmonics.psi_d6"], v["flux_harmonics.psi_q6"]))
-        else:
-            found.append((6.0, 0.0, v["inductance_harmonics.gamma_6"], 0.0))
-        return [one for one in found if one[2] or one[3]]
+        sixth = (6.0, 0.0, v["flux_harmonics.psi_d6"], v["flux_harmonics.psi_q6"])
+        return self.present([*self.orders("flux_harmonics", "psi_d", "psi_q"), sixth])
+
+    @cached_property
+    def inductance_orders(self) -> list[tuple[float, ...]]:
+        """Order, phase (rad) and two amplitudes of every harmonic of the inductances."""
+        sixth = (6.0, 0.0, self.v["inductance_harmonics.gamma_6"], 0.0)
+        return self.present([*self.orders("inductance_harmonics", "gamma", "pulse"), sixth])
+
+    @cached_property
+    def teeth(self) -> list[tuple[float, ...]]:
+        """Amplitude (N m), order a turn, phase (rad) of every order of cogging."""
+        places = ("", "2.", "3.", "4.", "5.", "6.")
+        return [tuple(self.v[f"cogging_torque.{k}{x}"] for x in ("amplitude", "order_mech", "phase")) for k in places]
+
+    def orders(self, effect: str, *sizes: str) -> list[tuple[float, ...]]:
+        """Return order, phase (rad) and two amplitudes of all further harmonics of an effect."""
+        return [tuple(self.v[f"{effect}.{k}.{n}"] for n in ("order", "phase", *sizes)) for k in range(2, 7)]
+
+    def present(self, orders: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
+        """Return those that have an amplitude."""
+        return [one for one in orders if one[2] or one[3]]
 
     def phases(self, i: complex) -> complex:
         """Return the vector of what the phases lose one by one (V)."""
@@ -160,8 +183,7 @@ class Reference:
             -((omega / v["coulomb_friction.stribeck_speed"]) ** 2)
         )
         net = torque
-        for place in ("", "2.", "3.", "4.", "5.", "6."):
-            size, n, phase = (v[f"cogging_torque.{place}{x}"] for x in ("amplitude", "order_mech", "phase"))
+        for size, n, phase in self.teeth:
             net += size * math.sin(n * y[THETA] / self.motor.pole_pairs + phase)
         net -= v["viscous_friction.coefficient"] * omega + level * math.tanh(omega / v["coulomb_friction.width"])
         load = self.load(t) * (1.0 + v["bench.load_torque_gain"]) + v["bench.load_torque_offset"]

@@ -6,6 +6,7 @@ outcome that n cases did not show allows: its share may be up to 1 - 0.05^(1/n),
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -50,15 +51,18 @@ def share(hits: Sequence[bool]) -> Figure:
     return Figure(k / n, low, high, n)
 
 
-def bootstrapped(values: ArrayLike, statistic: Callable[[Array], float]) -> Figure:
-    """Return a statistic of the rows of values with percentile bootstrap limits; rows (n,) or (n, m) are drawn."""
+def bootstrapped(values: ArrayLike, statistic: Callable[[Array], Array]) -> Figure:
+    """Return a statistic of the rows of values with percentile bootstrap limits; rows (n,) or (n, m) are drawn.
+
+    statistic: from draws (k, n) or (k, n, m) to their values (k,).
+    """
     rows = np.asarray(values, dtype=float)
-    if len(rows) == 0:
+    n = len(rows)
+    if n == 0:
         return NOTHING
-    rng = np.random.default_rng(0)
-    drawn = np.array([statistic(rows[rng.integers(len(rows), size=len(rows))]) for _ in range(DRAWS)])
+    drawn = statistic(rows[np.random.default_rng(0).integers(n, size=(DRAWS, n))])
     low, high = np.quantile(drawn[np.isfinite(drawn)], [SIDE, 1.0 - SIDE])
-    return Figure(float(statistic(rows)), float(low), float(high), len(rows))
+    return Figure(float(statistic(rows[None])[0]), float(low), float(high), n)
 
 
 def widened(found: Figure, cases: int) -> Figure:
@@ -72,7 +76,7 @@ def widened(found: Figure, cases: int) -> Figure:
 
 def mean(values: ArrayLike) -> Figure:
     """Return the mean."""
-    return bootstrapped(values, lambda x: float(np.mean(x)))
+    return bootstrapped(values, lambda x: np.asarray(np.mean(x, axis=1)))
 
 
 def mean_share(values: ArrayLike) -> Figure:
@@ -105,22 +109,34 @@ def ratio(parts: Sequence[tuple[int, int]]) -> Figure:
     known = [p for p in parts if p[1] > 0]
     if not known:
         return NOTHING
-    found = widened(bootstrapped(known, lambda x: float(np.sum(x[:, 0]) / np.sum(x[:, 1]))), len(known))
+    found = widened(bootstrapped(known, _shares), len(known))
     return Figure(found.value, found.low, found.high, sum(p[1] for p in known))
+
+
+def _shares(parts: Array) -> Array:
+    """Return sum(hits) / sum(cases) of each draw of campaigns (k, n, 2)."""
+    hits, cases = np.moveaxis(np.sum(parts, axis=1), 1, 0)
+    return np.asarray(hits / cases)
 
 
 def area(positive: ArrayLike, negative: ArrayLike) -> float:
     """Return the area under the ROC: the chance that a positive's score exceeds a negative's, ties half."""
+    return float(np.mean(_exceeds(positive, negative)))
+
+
+def _exceeds(positive: ArrayLike, negative: ArrayLike) -> Array:
+    """Return 1 where a positive's score (rows) exceeds a negative's (columns), 1/2 where they tie, else 0."""
     p, n = np.asarray(positive, dtype=float), np.asarray(negative, dtype=float)
-    return float(np.mean((p[:, None] > n[None, :]) + 0.5 * (p[:, None] == n[None, :])))
+    return np.asarray((p[:, None] > n[None, :]) + 0.5 * (p[:, None] == n[None, :]))
 
 
 def auroc(positive: Sequence[float], negative: Sequence[float]) -> Figure:
     """Return the area under the ROC, both groups drawn anew; n counts the smaller group, which sets the least width."""
     if not positive or not negative:
         return NOTHING
-    p, n, rng = np.array(positive), np.array(negative), np.random.default_rng(0)
-    drawn = [area(rng.choice(p, len(p)), rng.choice(n, len(n))) for _ in range(DRAWS)]
+    sizes, rng = (len(positive), len(negative)), np.random.default_rng(0)
+    times = [[np.bincount(rng.integers(n, size=n), minlength=n) for n in sizes] for _ in range(DRAWS)]
+    p, n = (np.array(x) for x in zip(*times, strict=True))  # how often each is drawn (draws, each)
+    drawn = np.sum((p @ _exceeds(positive, negative)) * n, axis=1) / math.prod(sizes)
     low, high = np.quantile(drawn, [SIDE, 1.0 - SIDE])
-    fewer = min(len(p), len(n))
-    return widened(Figure(area(p, n), float(low), float(high), fewer), fewer)
+    return widened(Figure(area(positive, negative), float(low), float(high), min(sizes)), min(sizes))

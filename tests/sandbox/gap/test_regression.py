@@ -106,18 +106,21 @@ def test_a_voltage_of_another_shape_is_found_for_the_most_part(quiet):
     assert (1.0 - missed) * put - tolerance(put, columns, 2.0) < taken < put + 6.0 * math.sqrt(put)
 
 
+def currents_at(m, flux):
+    """Return the motor's currents (2, n) at fluxes (2, n)."""
+    return np.array(currents_of.py_func(m, *flux))
+
+
 def euler(v, current, theta, fine=20):
     """Return the current (n,) complex, rotor frame, that a small voltage adds: fluxes by Newton's rule at all
     operating points, stepped by Euler's rule, `fine` steps a sample."""
     m, period = DRIVE.motor.energy, DRIVE.converter.sampling_period
-    inverse = np.empty((len(current), 2, 2))
-    at = np.zeros(2)
-    for k, i in enumerate(current):
-        for _ in range(6):  # Newton's rule with slopes by differences
-            columns = [np.subtract(currents_of.py_func(m, *(at + e)), currents_of.py_func(m, *(at - e))) for e in STEPS]
-            inverse[k] = np.column_stack(columns) / (2.0 * STEPS[0, 0])
-            at = at - np.linalg.solve(inverse[k], np.subtract(currents_of.py_func(m, *at), (i.real, i.imag)))
-        assert np.allclose(currents_of.py_func(m, *at), (i.real, i.imag), atol=1e-9)
+    asked, at = np.stack([current.real, current.imag]), np.zeros((2, len(current)))
+    for _ in range(20):  # Newton's rule with slopes by differences
+        columns = [currents_at(m, at + e[:, None]) - currents_at(m, at - e[:, None]) for e in STEPS]
+        inverse = np.stack(columns).transpose(2, 1, 0) / (2.0 * STEPS[0, 0])
+        at = at - np.linalg.solve(inverse, (currents_at(m, at) - asked).T[:, :, None])[:, :, 0].T
+    assert np.allclose(currents_at(m, at), asked, atol=1e-9)
     psi, out = np.zeros(2), np.zeros(len(current), dtype=complex)
     for k in range(len(current) - 1):
         turn = (theta[k + 1] - theta[k]) / fine
