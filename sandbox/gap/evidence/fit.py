@@ -27,9 +27,11 @@ from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinar
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
 TOLERANCE = 0.2  # of the objective: below that a step changes no decision
+SHORTEST = 0.05  # share of a step that is still tried: along a bent valley short steps gain, damped ones hardly
 DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
 STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken
 CHORDS = 4  # steps on the same slopes: more of them would only creep
+ENOUGH = 0.25  # of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
@@ -139,25 +141,29 @@ def _within_bounds(
     point, n = start, normal(start, coordinates, workers=workers)
     prior = prior_of(n.coordinates)
     value, cost = objective(n, prior, weights), n.simulations
-    taken, own, damping = 1, 0, 0  # times slopes were taken; steps since then
+    taken, own, damping, share = 1, 0, 0, 1.0  # times slopes were taken; steps since then; of a whole step
     for _ in range(STEPS):
-        x, promised = _step(n, prior, weights, DAMPING[damping])
+        x, promised = _step(n, prior, weights, DAMPING[damping], share)
         trial = point.moved(n.coordinates, x)
         reached, at_trial = tried(n, trial, prior, weights, workers)
         cost += 1.0
         gained = value - reached
-        if at_trial is not None and gained > 0.0:
+        if at_trial is not None and gained > ENOUGH * promised:
             point, n, value, damping = trial, at_trial, reached, max(0, damping - 1)
-            own += 1
+            own, share = own + 1, min(1.0, 2.0 * share)
             if gained > POOR * promised and gained > TOLERANCE and own < CHORDS:
                 continue
             if own == 1 and gained <= TOLERANCE:
                 break
         elif not own:
-            if damping + 1 == len(DAMPING) or promised < TOLERANCE:
+            if promised < TOLERANCE:
                 break
-            damping += 1
-            continue
+            share = shorter(share, promised, promised - gained)
+            if share < SHORTEST or damping:
+                damping, share = damping + 1, 1.0
+            if damping < len(DAMPING):
+                continue
+            break
         if taken == SLOPES:
             break
         if taken <= SMOOTHINGS:
@@ -199,13 +205,23 @@ def objective(n: Normal, prior: Prior, weights: Weights) -> float:
     return n.summed(weights).rr + float(np.sum(away**2))
 
 
-def _step(n: Normal, prior: Prior, weights: Weights, damping: float) -> tuple[Array, float]:
-    """Return where a step leads, and the objective it promises to gain.
+def shorter(share: float, promised: float, missed: float) -> float:
+    """Return the share of a step that gains most, where `share` of it misses what it promised by so much.
+
+    A bend of the residual along the step makes the objective miss by the fourth power of the share a (of this one):
+    2 a - a^2 of the promise less a^4 of what was missed, largest near (promised / 2 missed)^(1/3).
+    """
+    best = (0.5 * promised / missed) ** (1.0 / 3.0)
+    return share * min(max(best, 0.1), 0.5)
+
+
+def _step(n: Normal, prior: Prior, weights: Weights, damping: float, share: float) -> tuple[Array, float]:
+    """Return where a share of a step leads, and the objective it promises to gain.
 
     Far from the floor as if the noise were as large as the residual, so that priors keep a say.
     """
     equations = algebra(n, weights)
     count = sum(float(s.n.sum()) for s in n.segments if weights.get((s.recording, s.channel)))
     noise = max(1.0, equations.rr / count)
-    x = equations.scaled(noise).damped(damping).most_probable(prior).x
+    x = n.x + share * (equations.scaled(noise).damped(damping).most_probable(prior).x - n.x)
     return x, equations.objective(n.x, prior) - equations.objective(x, prior)

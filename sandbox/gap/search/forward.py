@@ -165,11 +165,12 @@ def weighed(s: Forward) -> list[Judged]:
     leader = min(f.objective for f in s.fits.values())
     gate = leader + 2.0 * BEHIND + RIVAL * max(0.0, s.null.objective - leader)
     judged = s.judged(sorted((f for f in s.fits.values() if f.objective <= gate), key=lambda f: f.objective)[:JUDGED])
+    tried: set[tuple[Key, Key]] = set()
     for turn in range(MOST - 1):
         exchange = EXCHANGED if s.cost + sum(j.simulations for j in judged) < LAST else 0
         best, known = max(judged, key=lambda j: j.log_evidence), {j.effects for j in judged}
         others = neighbours(best, s.fits, known, s.chosen, exchange, s.weights, s.workers)
-        others += fitted_again(best, {j.effects: j.fit for j in judged}, s.null, s.chosen, s.weights, s.workers)
+        others += fitted_again(best, {j.effects: j.fit for j in judged}, s.null, s.chosen, tried, s.weights, s.workers)
         if not turn and excess(best.fit) < PROMISING * excess(s.null):
             others += pointed(best, s.fits, known | {f.effects for f in others}, s.chosen, s.weights, s.workers)
         s.cost += sum(f.simulations for f in others if s.fits.get(f.effects) is not f)

@@ -17,7 +17,8 @@ LITTLE = 150.0  # log evidence: an effect whose loss costs less may be none
 CLOSE, EXCHANGED = 60.0, 2  # log evidence within which another effect may stand in one's place; most of them tried
 BETTER = 1.0  # of the objective: a fit from another start that is better by less is the same
 POINTS = 3.3  # standard deviations (one in a thousand) beyond which an ordinary deviation points to its effect
-Fits = Mapping[tuple[str, ...], Fit]
+Key = tuple[str, ...]
+Fits = Mapping[Key, Fit]
 
 
 def neighbours(
@@ -47,17 +48,21 @@ def neighbours(
 
 
 def fitted_again(
-    best: Judged, fits: Fits, null: Fit, chosen: Sequence[Probe], weights: Weights,
+    best: Judged, fits: Fits, null: Fit, chosen: Sequence[Probe], tried: set[tuple[Key, Key]], weights: Weights,
     workers: int,
 ) -> list[Fit]:  # fmt: skip
     """Return better fits of sets that were fitted and lack one effect of the best: from its point, and from ordinary
-    deviations alone.  A rival that is left out is not dismissed for the minimum that its first fit ended in."""
+    deviations alone.  A rival that is left out is not dismissed for the minimum that its first fit ended in.
+
+    tried: the best sets with such rivals of earlier calls, which are not fitted once more; those of this one are added.
+    """
     out = []
     for effect in best.effects if len(best.effects) > 1 else ():
         rest = tuple(e for e in best.effects if e != effect)
         old = fits.get(rest)
-        if old is None:
+        if old is None or (best.effects, rest) in tried:
             continue
+        tried.add((best.effects, rest))
         for start in (towards(best.fit, rest, chosen), starting(unbent(null.point), rest, chosen)):
             with suppress(BadInput):  # none a drive can have
                 found = fit(start, rest, weights, workers=workers)

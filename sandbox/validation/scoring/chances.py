@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,15 +31,15 @@ def of_many(judged: Sequence[Judgement]) -> dict[str, Figure]:
     rows = np.array([[*(j.chances.get(e, 0.0) for e in names), *(e in j.effects for e in names)] for j in many])
     return {
         "included_f1": mean_share([f1(*_apart(r[None])) for r in rows]),
-        "included_auroc": widened(bootstrapped(rows, lambda x: _area(*_apart(x))), len(many)),
-        "included_error": bootstrapped(rows, lambda x: calibration_error(*_apart(x))),
+        "included_auroc": widened(bootstrapped(rows, _of_each(lambda x: _area(*_apart(x)))), len(many)),
+        "included_error": bootstrapped(rows, _of_each(lambda x: calibration_error(*_apart(x)))),
     }
 
 
 def calibration(judged: Sequence[Judgement]) -> Figure:
     """Return the `calibration_error` of first hypotheses: the chance stated against the share that is right."""
     known = [(j.top_probability, float(j.hit)) for j in judged if not j.failed]
-    return bootstrapped(known, lambda x: calibration_error(x[:, 0], x[:, 1]))
+    return bootstrapped(known, _of_each(lambda x: calibration_error(x[:, 0], x[:, 1])))
 
 
 def calibration_error(chance: ArrayLike, there: ArrayLike) -> float:
@@ -69,6 +69,11 @@ def coverage_by_effect(judged: Sequence[Judgement]) -> dict[str, Figure]:
 def coverage_worst(judged: Sequence[Judgement]) -> Figure:
     """Return the least coverage of an effect with ENOUGH values."""
     return next((f for f in coverage_by_effect(judged).values() if f.n >= ENOUGH), NOTHING)
+
+
+def _of_each(statistic: Callable[[Array], float]) -> Callable[[Array], Array]:
+    """Return a statistic of rows as one of many draws of them (k, n, m)."""
+    return lambda draws: np.array([statistic(rows) for rows in draws])
 
 
 def _apart(rows: Array) -> tuple[Array, Array]:

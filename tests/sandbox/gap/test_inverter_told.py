@@ -82,7 +82,7 @@ def test_left_out_rival_is_fitted_again(tmp_path):
     good_point = type(poor_point)(poor_point.prepared, {**poor_point.values, "pwm_delay.delay": 190e-6}, {})
     both = fit(good_point, ("pwm_delay", "dead_time"), weights)
     best = types.SimpleNamespace(effects=("pwm_delay", "dead_time"), fit=both)
-    (found,) = fitted_again(best, {("pwm_delay",): stuck}, poor, [Probe("pwm_delay", {})], weights, 1)
+    (found,) = fitted_again(best, {("pwm_delay",): stuck}, poor, [Probe("pwm_delay", {})], set(), weights, 1)
     assert found.effects == ("pwm_delay",)
     assert found.objective < stuck.objective - 100.0
     assert found.point.values["pwm_delay.delay"] == pytest.approx(200e-6, abs=2e-6)

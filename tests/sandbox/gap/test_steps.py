@@ -10,10 +10,13 @@ import pytest
 from model.effects import library
 from sandbox.gap.evidence import fit as fitting
 from sandbox.gap.evidence import probes, spike_slab
+from sandbox.gap.evidence.algebra import Prior
 from sandbox.gap.evidence.fit import Fit, stray
 from sandbox.gap.evidence.holdout import worst_share
+from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.report import shares as sharing
+from sandbox.replay.segments import Segment
 from tests.sandbox.gap.conftest import DRIVE
 from tests.sandbox.gap.test_values import equations
 
@@ -26,7 +29,7 @@ class Script:
     def __init__(self, gains, promised):
         """gains: of the objective, one a step, the last one for ever; promised: by every step."""
         self.gains, self.promised = chain(gains, repeat(gains[-1])), promised
-        self.value, self.said = START, []
+        self.value, self.said, self.shares = START, [], list[float]()
 
     def __call__(self, monkeypatch):
         """Fit it; return the fit, and what was asked for."""
@@ -36,7 +39,7 @@ class Script:
         monkeypatch.setattr(fitting, "normal", lambda *given, **more: self.said.append("slopes") or self.equations())
         monkeypatch.setattr(fitting, "prior_of", lambda coordinates: None)
         monkeypatch.setattr(fitting, "objective", lambda n, prior, weights: n.value)
-        monkeypatch.setattr(fitting, "_step", lambda n, prior, weights, damping: self.step(damping))
+        monkeypatch.setattr(fitting, "_step", lambda n, prior, weights, *how: self.step(*how))
         monkeypatch.setattr(fitting, "tried", lambda n, *given: self.tried(n))
         return fitting._within_bounds(point, point, (), {}, 1, sign=True)[0]
 
@@ -46,10 +49,11 @@ class Script:
         own.bare = lambda: own
         return own
 
-    def step(self, damping):
-        """Return a step's place and promise."""
+    def step(self, damping, share):
+        """Return a step's place and what such a share of it promises."""
         self.said.append(damping)
-        return None, self.promised
+        self.shares.append(share)
+        return None, self.promised * share * (2.0 - share)
 
     def tried(self, n):
         """Return the objective a step reaches."""
@@ -85,19 +89,99 @@ def test_a_first_step_that_gains_a_fifth_goes_on(monkeypatch, gained, goes_on):
     assert found.objective == pytest.approx(START - gained)
 
 
-def test_a_step_that_gains_nothing_is_damped_harder_and_harder(monkeypatch):
-    """Not at all, then 0.05, 0.3, 2 and 10 times its curvature; then the fit ends, or where little is promised."""
-    script = Script([-1.0], 10.0)
+def test_a_step_that_gains_nothing_is_shortened_and_then_damped_harder_and_harder(monkeypatch):
+    """Half of it, down to a sixteenth; then all of one damped by 0.05, 0.3, 2 and 10 times its curvature; then the fit
+    ends, or where little is promised."""
+    script = Script([-1.0], 1000.0)
     assert script(monkeypatch).objective == START
-    assert script.said == ["slopes", 0.0, 0.05, 0.3, 2.0, 10.0]
+    assert script.said == ["slopes", *[0.0] * 5, 0.05, 0.3, 2.0, 10.0]
+    assert script.shares == [1.0, 0.5, 0.25, 0.125, 0.0625, *[1.0] * 4]
     little = Script([-1.0], 0.19)
     little(monkeypatch)
     assert little.said == ["slopes", 0.0]
 
 
+@pytest.mark.parametrize(("gained", "shares"), [(2.6, [1.0, 1.0]), (2.4, [1.0, 0.5])])
+def test_a_step_that_gains_less_than_a_quarter_of_what_it_promises_is_shortened(monkeypatch, gained, shares):
+    script = Script([gained], 10.0)
+    script(monkeypatch)
+    assert script.shares[:2] == shares
+
+
+def test_a_shorter_step_is_as_long_as_a_bend_allows():
+    """2 P a - P a^2 - M a^4 is largest where P (1 - a) = 2 M a^3: for a promise that is small beside what was missed
+    near (P / 2 M)^(1/3); never more than a half of the step before, nor less than a tenth."""
+    promised, missed = 100.0, 20_000.0
+    a = np.linspace(0.0, 1.0, 100_001)
+    best = a[np.argmax(2.0 * promised * a - promised * a**2 - missed * a**4)]
+    assert fitting.shorter(1.0, promised, missed) == pytest.approx(best, rel=0.05)
+    assert fitting.shorter(0.4, promised, 100.5) == 0.2
+    assert fitting.shorter(0.4, promised, np.inf) == pytest.approx(0.04)
+
+
+def test_after_a_short_step_the_next_is_twice_as_long(monkeypatch):
+    """Never longer than a whole one."""
+    script = Script([-60.0, 5.0, 6.0, 9.0, 0.0], 10.0)
+    script(monkeypatch)
+    short = (5.0 / 70.0) ** (1.0 / 3.0)
+    assert script.shares[:4] == pytest.approx([1.0, short, 2.0 * short, 1.0])
+
+
+class Place(SimpleNamespace):
+    """Stands for a point of a campaign: two numbers x."""
+
+    prepared = SimpleNamespace(recordings=())
+
+    def moved(self, coordinates, x):
+        """Return the point at x."""
+        return Place(x=x)
+
+    def resmoothed(self):
+        """Return the same: nothing turns."""
+        return self
+
+
+class Valley(Normal):
+    """Equations of predictions STEEP x e^y and 10 y of what is read as STEEP and 0: only the product of x and e^y is
+    told well, as of a skin effect's resistance and time constant where that is short."""
+
+    def at(self, point, *, workers=1):
+        """Return them at another point, with the slopes of this one."""
+        return valley(point, self.slopes)
+
+
+STEEP = 100.0
+
+
+def valley(point, slopes=None):
+    """Return the equations at a point."""
+    x, y = point.x
+    if slopes is None:
+        slopes = np.array([[STEEP * np.exp(y), STEEP * x * np.exp(y)], [0.0, 10.0]])
+    r = np.array([STEEP * (1.0 - x * np.exp(y)), -10.0 * y])
+    own = Segment(
+        0, "current", np.arange(2), (slopes.T @ slopes)[None], (slopes.T @ r)[None], np.array([r @ r]), np.array([2.0])
+    )
+    found = Valley((), np.array([x, y]), (own,), 3.0)
+    object.__setattr__(found, "slopes", slopes)
+    return found
+
+
+def test_a_bent_valley_is_followed(monkeypatch):
+    """From x = e, y = -1 to 1, 0: nearly all of the 100 is gained.  Steps that were damped and never shortened
+    left 21 of them."""
+    wide = Prior(np.zeros(2), np.full(2, 1e6), np.full(2, -np.inf), np.full(2, np.inf))
+    monkeypatch.setattr(fitting, "coordinates_of", lambda *given: [])
+    monkeypatch.setattr(fitting, "normal", lambda point, *given, **more: valley(point))
+    monkeypatch.setattr(fitting, "prior_of", lambda coordinates: wide)
+    begun = Place(x=np.array([np.e, -1.0]))
+    found, _ = fitting._within_bounds(begun, begun, (), {(0, "current"): 1.0}, 1, sign=True)
+    assert found.objective < 0.2
+
+
 def test_at_most_eight_points_of_slopes(monkeypatch):
-    """A step gains a fifth of what is promised: slopes are taken anew after each, eight times in all."""
-    script = Script([2.0], 10.0)
+    """A step gains 0.3 of what is promised: slopes are taken anew after each, eight times in all."""
+    script = Script([3.0], 10.0)
     script(monkeypatch)
     assert script.said.count("slopes") == 8
     assert script.said.count("smooth") == 2

@@ -50,8 +50,11 @@ def test_a_fit_from_another_start_is_better_by_one_of_the_objective(fitted, near
     """One effect of two is left out; the set that is left was fitted to 100 before."""
     fitted |= {"near": near, "alone": alone}
     old = SimpleNamespace(effects=("b",), objective=100.0)
-    found = neighbours.fitted_again(best_of("ab", {}), {("b",): old}, SimpleNamespace(point=None), [], {}, 1)
-    assert [f.objective for f in found] == ([] if better is None else [better])
+    tried = set()
+    given = best_of("ab", {}), {("b",): old}, SimpleNamespace(point=None), [], tried, {}, 1
+    assert [f.objective for f in neighbours.fitted_again(*given)] == ([] if better is None else [better])
+    assert tried == {(("a", "b"), ("b",))}
+    assert neighbours.fitted_again(*given) == []  # it would end where it did
 
 
 @pytest.mark.parametrize(("far", "expected"), [(3.2, []), (-3.4, ["ab"])])
