@@ -142,8 +142,10 @@ def _within_bounds(
     prior = prior_of(n.coordinates)
     value, cost = objective(n, prior, weights), n.simulations
     taken, own, damping, share = 1, 0, 0, 1.0  # times slopes were taken; steps since then; of a whole step
+    falling = False  # sizes in proportion
     for _ in range(STEPS):
-        x, promised = _step(n, prior, weights, DAMPING[damping], share)
+        straight, promised = _step(n, prior, weights, DAMPING[damping], share)
+        x = fallen(n.x, straight, prior) if falling else straight
         trial = point.moved(n.coordinates, x)
         reached, at_trial = tried(n, trial, prior, weights, workers)
         cost += 1.0
@@ -158,6 +160,9 @@ def _within_bounds(
         elif not own:
             if promised < TOLERANCE:
                 break
+            if not falling and not damping and np.any(fallen(n.x, straight, prior) != straight):
+                falling = True
+                continue
             share = shorter(share, promised, promised - gained)
             if share < SHORTEST or damping:
                 damping, share = damping + 1, 1.0
@@ -213,6 +218,17 @@ def shorter(share: float, promised: float, missed: float) -> float:
     """
     best = (0.5 * promised / missed) ** (1.0 / 3.0)
     return share * min(max(best, 0.1), 0.5)
+
+
+def fallen(x: Array, to: Array, prior: Prior) -> Array:
+    """Return the end of a step on which sizes that cannot be negative fall in proportion: to x e^(d/x), not to x + d.
+
+    Both begin in the same direction.  Where a size and a time constant stand for each other, as a skin effect's do, the
+    way that fits as well is straight in proportions; the other one ends at no size at all.
+    """
+    size = (prior.low == 0.0) & (x > 0.0) & (to < x)
+    safe = np.where(size, x, 1.0)
+    return np.where(size, x * np.exp(np.where(size, (to - x) / safe, 0.0)), to)
 
 
 def _step(n: Normal, prior: Prior, weights: Weights, damping: float, share: float) -> tuple[Array, float]:
