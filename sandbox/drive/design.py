@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -291,39 +291,12 @@ def _tuned(loops: Sequence[Response], h: float, margin: float, highest: float) -
 
 
 def _margins(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float, float, float]:
-    """Return gain margin, phase margin (degrees), disk margin and crossover (rad/s) of an open loop.
+    """Return gain margin, phase margin (degrees), disk margin and crossover (rad/s) of an open loop."""
+    import control
 
-    Gain and phase as `control.stability_margins` finds them on the same spline, where the loop crosses the negative
-    axis and the circle; that evaluates one frequency at a time, 0.6 s a loop.
-    """
-    from scipy.interpolate import splev, splprep
-
-    size = np.abs(loop)
-    spline, _ = splprep([loop.real, loop.imag], u=w, w=1.0 / (size + 0.001), s=0.0)
-
-    def at(x: Any) -> Any:
-        """Return the loop at frequencies between those given."""
-        real, imag = splev(x, spline) if np.size(x) else (np.zeros(0), np.zeros(0))
-        return real + 1j * imag
-
-    negative = at(_roots(lambda x: np.angle(-at(x)), w, np.real(at(w)) <= 0.0))
-    crossover = _roots(lambda x: np.abs(at(x)) - 1.0, w)
-    gains = 1.0 / np.abs(negative)
-    phases = np.remainder(np.angle(at(crossover), deg=True), 360.0) - 180.0
+    gain, phase, _, _, crossover, _ = control.stability_margins(control.frd(loop, w))
     disk = 1.0 / float(np.max(np.abs((1.0 - loop) / (1.0 + loop) / 2.0)))  # balanced sensitivity (S - T) / 2
-    gain = float(gains[np.argmin(np.abs(np.log(gains)))]) if len(gains) else math.inf
-    if not len(crossover):
-        return gain, math.inf, disk, math.nan
-    k = int(np.argmin(np.abs(phases)))
-    return gain, float(phases[k]), disk, float(crossover[k])
-
-
-def _roots(f: Callable[[Any], Any], w: NDArray[np.float64], where: Any = True) -> NDArray[np.float64]:
-    """Return the roots of a function between neighbours of a grid, of which the first is one of `where`."""
-    from scipy.optimize import brentq
-
-    found = np.flatnonzero(np.append(np.diff(np.sign(f(w))) != 0.0, False) & where)
-    return np.array([brentq(f, w[k], w[k + 1]) for k in found])
+    return float(gain), float(phase), disk, float(crossover)
 
 
 def _crossing(loop: Complex, w: NDArray[np.float64]) -> tuple[float, float]:

@@ -150,7 +150,7 @@ def _within_bounds(
         reached, at_trial = tried(n, trial, prior, weights, workers)
         cost += 1.0
         gained = value - reached
-        if at_trial is not None and gained > ENOUGH * promised:
+        if at_trial is not None and gained > (0.0 if damping else max(0.0, ENOUGH * promised)):
             point, n, value, damping = trial, at_trial, reached, max(0, damping - 1)
             own, share = own + 1, min(1.0, 2.0 * share)
             if gained > POOR * promised and gained > TOLERANCE and own < CHORDS:

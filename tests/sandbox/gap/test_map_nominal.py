@@ -7,7 +7,6 @@ import sandbox
 from model.drive_files import MAPPED
 from model.effects.library import effect_names
 from sandbox import Scenario, Segment
-from sandbox.replay import grouping
 from tests.data import real_data
 
 SCENE = Scenario(
@@ -20,13 +19,9 @@ TRUE = 2e-6  # s
 LEFT = ("dead_time", "device_drop", "stator_resistance", "inductance")
 
 
-def test_dead_time_is_found_beside_a_measured_map(tmp_path, monkeypatch):
-    """On the switched bench, which reads the map by its own code.  Within four of the stated standard deviations.
-
-    Eight lanes do: a kernel for 24 would be compiled for this test alone, in half a minute.
-    """
+def test_dead_time_is_found_beside_a_measured_map(tmp_path):
+    """On the switched bench, which reads the map by its own code.  Within four of the stated standard deviations."""
     real_data()
-    monkeypatch.setattr(grouping, "ROOMS", grouping.ROOMS[:1])
     folder = tmp_path / "campaign"
     sandbox.simulate(
         "baldor_pmsyrm", SCENE, "qnull", closed_loop=False, plant="switched", effects={"dead_time.time": TRUE}, seed=3,

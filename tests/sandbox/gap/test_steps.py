@@ -109,6 +109,19 @@ def test_a_step_that_gains_less_than_a_quarter_of_what_it_promises_is_shortened(
     assert script.shares[:2] == shares
 
 
+@pytest.mark.parametrize(("gained", "kept"), [(-1.0, False), (1.0, True)])
+def test_no_step_is_taken_that_loses(monkeypatch, gained, kept):
+    """Far from the floor a step may promise a loss, where it brings deviations back to their priors."""
+    found = Script([gained, 0.0], -10.0)(monkeypatch)
+    assert found.objective == (START - gained if kept else START)
+
+
+def test_of_damped_steps_any_gain_is_taken(monkeypatch):
+    """Five of no damping gain nothing; the first damped one gains a tenth of its promise."""
+    script = Script([-1.0] * 5 + [100.0, 0.0], 1000.0)
+    assert script(monkeypatch).objective == START - 100.0
+
+
 def test_a_shorter_step_is_as_long_as_a_bend_allows():
     """2 P a - P a^2 - M a^4 is largest where P (1 - a) = 2 M a^3: for a promise that is small beside what was missed
     near (P / 2 M)^(1/3); never more than a half of the step before, nor less than a tenth."""
