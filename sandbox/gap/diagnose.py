@@ -26,7 +26,6 @@ from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.search.estimates import Estimate, estimates
 from sandbox.gap.search.forward import Judged, Search, search
 from sandbox.gap.search.parts import in_parts, with_parts
-from sandbox.gap.search.points import unbent
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.search.selection import widened
 from sandbox.gap.search.stranger import beside_unknown
@@ -117,15 +116,15 @@ def _diagnosed(
     hidden, count = out_of_sight(own), len(own.recordings)
     barred = (*exclude, *hidden)
     left = held_out(start, barred, workers=workers)
-    fitted, everything, raw = weights_of(count, left), weights_of(count), rms(nominal, range(count))
+    everything, raw = weights_of(count), rms(nominal, range(count))
     found = _searched(start, raw, everything, barred, workers, report)
     found = _with_rivals(found, [s for s in rivals if not set(s) & set(hidden)], everything, workers)
     report("measuring the gap")
     judged, ranked, temperature = _ranked(found, raw, everything, workers)
     hypotheses, rest = _beside_unknown(found, ranked, temperature, everything, workers)
-    before = fit(start, (), fitted, workers=workers)
     best = hypotheses[0].judged
-    after = fit(_with_effects(before.point, best), best.effects, fitted, workers=workers) if best.effects else before
+    before = _without(found.null, left, workers)
+    after = _without(best.fit, left, workers) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
     return Diagnosis(
         own, start, nominal, before, after, left, judged, hypotheses,
@@ -215,13 +214,13 @@ def _ranked(
             judged = (*judged, fitted)
 
 
-def _with_effects(point: Point, best: Judged) -> Point:
-    """Return a point without effects with the values of a fit to all recordings, for another fit to start from."""
-    found = best.fit.point.values
-    numbers = {library.one_name(k) for k in found if k.partition(".")[0] in best.effects}
-    own = {k: v for k, v in found.items() if library.one_name(k) in numbers}
-    begun = unbent(point)
-    return replace(begun, values={**begun.values, **own}).resmoothed()
+def _without(whole: Fit, left: Sequence[int], workers: int) -> Fit:
+    """Return a fit to all recordings made again without those that are held out; it begins where it ended, since only
+    the least value of the objective counts, and from there it is a few steps."""
+    if not left:
+        return whole
+    weights = weights_of(len(whole.point.prepared.recordings), left)
+    return fit(whole.point, whole.effects, weights, workers=workers)
 
 
 def verdict(d: Diagnosis) -> str:

@@ -60,7 +60,7 @@ def open_folder(sweep: Sweep, folder: Path, afresh: bool = False) -> Kept:
                 "begin anew with --again"
             )
         kept.blocks = {b["start"]: b for b in found["blocks"] if _is_whole(kept, b)}
-    elif (folder / RUNS).exists():
+    elif any((folder / RUNS).glob("block-*")):  # without one it is where a sweep stopped before its first block
         raise BadInput(f"'{folder / RUNS}' has no readable {MANIFEST} beside it; give a new --out, or --again")
     return kept
 

@@ -26,7 +26,8 @@ from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinar
 
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
-TOLERANCE = 0.2  # of the objective: below that a step changes no decision
+TOLERANCE = 0.2  # of the objective, and of its share where residuals stand above the floor: below that a step changes
+# no decision, since far from the floor the data counts for as much less (`posterior.tempered`)
 SHORTEST = 0.05  # share of a step that is still tried: along a bent valley short steps gain, damped ones hardly
 DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
 STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken
@@ -143,6 +144,7 @@ def _within_bounds(
     value, cost = objective(n, prior, weights), n.simulations
     taken, own, damping, share = 1, 0, 0, 1.0  # times slopes were taken; steps since then; of a whole step
     falling = False  # sizes in proportion
+    little = TOLERANCE * noise_at(n, weights)
     for _ in range(STEPS):
         straight, promised = _step(n, prior, weights, DAMPING[damping], share)
         x = fallen(n.x, straight, prior) if falling else straight
@@ -153,12 +155,12 @@ def _within_bounds(
         if at_trial is not None and gained > (0.0 if damping else max(0.0, ENOUGH * promised)):
             point, n, value, damping = trial, at_trial, reached, max(0, damping - 1)
             own, share = own + 1, min(1.0, 2.0 * share)
-            if gained > POOR * promised and gained > TOLERANCE and own < CHORDS:
+            if gained > POOR * promised and gained > little and own < CHORDS:
                 continue
-            if own == 1 and gained <= TOLERANCE:
+            if own == 1 and gained <= little:
                 break
         elif not own:
-            if promised < TOLERANCE:
+            if promised < little:
                 break
             if not falling and not damping and np.any(fallen(n.x, straight, prior) != straight):
                 falling = True
@@ -175,7 +177,7 @@ def _within_bounds(
             point = point.resmoothed()
         n = normal(point, coordinates, workers=workers)
         value, cost = objective(n, prior, weights), cost + n.simulations
-        taken, own = taken + 1, 0
+        taken, own, little = taken + 1, 0, TOLERANCE * noise_at(n, weights)
     smoother = 0.0
     if effects and any(r.rotor == "free" for r in point.prepared.recordings):
         smoother, cost = value - tried(n, point.resmoothed(), prior, weights, workers)[0], cost + 1.0
@@ -231,13 +233,17 @@ def fallen(x: Array, to: Array, prior: Prior) -> Array:
     return np.where(size, x * np.exp(np.where(size, (to - x) / safe, 0.0)), to)
 
 
+def noise_at(n: Normal, weights: Weights) -> float:
+    """Return the squared residual over its floor, at least 1: as much of the objective as noise of the residual's size
+    would make of one value."""
+    return max(1.0, normalised(n, weights) ** 2)
+
+
 def _step(n: Normal, prior: Prior, weights: Weights, damping: float, share: float) -> tuple[Array, float]:
     """Return where a share of a step leads, and the objective it promises to gain.
 
     Far from the floor as if the noise were as large as the residual, so that priors keep a say.
     """
     equations = algebra(n, weights)
-    count = sum(float(s.n.sum()) for s in n.segments if weights.get((s.recording, s.channel)))
-    noise = max(1.0, equations.rr / count)
-    x = n.x + share * (equations.scaled(noise).damped(damping).most_probable(prior).x - n.x)
+    x = n.x + share * (equations.scaled(noise_at(n, weights)).damped(damping).most_probable(prior).x - n.x)
     return x, equations.objective(n.x, prior) - equations.objective(x, prior)

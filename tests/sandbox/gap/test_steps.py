@@ -26,8 +26,10 @@ START = 1000.0  # the objective that a script begins at
 class Script:
     """Stands for a campaign: every step gains what the script says; `said` keeps what was asked for."""
 
-    def __init__(self, gains, promised):
-        """gains: of the objective, one a step, the last one for ever; promised: by every step."""
+    def __init__(self, gains, promised, noise=1.0):
+        """gains: of the objective, one a step, the last one for ever; promised: by every step; noise: squared residual
+        over its floor."""
+        self.noise = noise
         self.gains, self.promised = chain(gains, repeat(gains[-1])), promised
         self.value, self.said, self.shares = START, [], list[float]()
 
@@ -42,6 +44,7 @@ class Script:
         monkeypatch.setattr(fitting, "_step", lambda n, prior, weights, *how: self.step(*how))
         monkeypatch.setattr(fitting, "tried", lambda n, *given: self.tried(n))
         monkeypatch.setattr(fitting, "fallen", lambda x, to, prior: to)
+        monkeypatch.setattr(fitting, "noise_at", lambda n, weights: self.noise)
         return fitting._within_bounds(point, point, (), {}, 1, sign=True)[0]
 
     def equations(self):
@@ -88,6 +91,29 @@ def test_a_first_step_that_gains_a_fifth_goes_on(monkeypatch, gained, goes_on):
     found = script(monkeypatch)
     assert (len(script.said) > 2) is goes_on
     assert found.objective == pytest.approx(START - gained)
+
+
+@pytest.mark.parametrize(("gained", "goes_on"), [(19.0, False), (21.0, True)])
+def test_ten_floors_from_the_floor_a_step_has_to_gain_a_hundred_times_as_much(monkeypatch, gained, goes_on):
+    """There the data counts for a hundredth (`posterior.tempered`), and 19 of the objective decide no more than 0.19
+    at the floor."""
+    script = Script([gained, 0.0], gained, noise=10.0**2)
+    script(monkeypatch)
+    assert (len(script.said) > 2) is goes_on
+    lost = Script([-1.0], gained, noise=10.0**2)
+    lost(monkeypatch)
+    assert (len(lost.said) > 2) is goes_on
+
+
+def test_the_noise_of_a_residual_is_its_square_over_the_floor_and_no_less_than_one():
+    """Four samples with squares of 36 in all stand at 3 floors; of two with 1 the floor counts."""
+    segments = [
+        SimpleNamespace(recording=k, channel="current", rr=np.array([rr]), n=np.array([n]))
+        for k, (rr, n) in enumerate([(36.0, 4.0), (1.0, 2.0)])
+    ]
+    n = SimpleNamespace(segments=segments)
+    assert fitting.noise_at(n, {(0, "current"): 1.0}) == pytest.approx(9.0)
+    assert fitting.noise_at(n, {(1, "current"): 1.0}) == 1.0
 
 
 def test_a_step_that_gains_nothing_is_shortened_and_then_damped_harder_and_harder(monkeypatch):

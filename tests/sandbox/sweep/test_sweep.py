@@ -224,6 +224,15 @@ def test_a_folder_of_another_sweep_is_left_alone(tmp_path):
     assert digests(tmp_path) != before
 
 
+def test_a_folder_without_a_block_yet_is_gone_on_with(tmp_path):
+    """Where the disk was full, or a kill came, between the folder and its manifest; blocks without one stay refused."""
+    (tmp_path / "runs").mkdir()
+    run_sweep(sweep_of(SCENE), tmp_path)
+    (tmp_path / "manifest.json").unlink()
+    with pytest.raises(BadInput, match="has no readable manifest"):
+        run_sweep(sweep_of(SCENE), tmp_path)
+
+
 def test_another_state_of_the_code_is_refused():
     task = tasks_of(sweep_of(SCENE))[0]
     with pytest.raises(BadInput, match="another state of the code"):
