@@ -248,6 +248,7 @@ def damaged_arrays(suffix):
     return damage
 
 
+@np.errstate(all="ignore")  # that a number fits no smaller type is the damage
 def _odd_array(a, chance):
     value = chance.choice((np.nan, np.inf, 0.0, 1e308, -1e3, 1e-300, 50.0))
     if a.ndim != 2 or not a.size or a.dtype.kind not in "fc":  # odd already
@@ -279,6 +280,7 @@ def damaged_csv(content, chance):
     return b"\n".join(b",".join(row) for row in rows)
 
 
+@np.errstate(all="ignore")
 def damaged_table(content, chance):
     """Return a Parquet table with columns of other kinds, or its bytes damaged."""
     if chance.random() < 0.5:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from model.effects import library
+from sandbox.gap import diagnose
 from sandbox.gap.evidence import fit as fitting
 from sandbox.gap.evidence import probes, spike_slab
 from sandbox.gap.evidence.algebra import Prior
@@ -344,3 +345,17 @@ def test_the_sign_of_currents_is_freed_within_three_floors(monkeypatch, left, fi
     monkeypatch.setattr(fitting, "normalised", lambda n, weights: left)
     assert fitting.fit(None, (), {}).simulations == len(fits)
     assert asked == fits
+
+
+def test_a_fit_without_held_out_recordings_does_not_see_them(monkeypatch):
+    """Three recordings, the second held out: all but its channels count; with none held out nothing is fitted again."""
+    asked = []
+    monkeypatch.setattr(diagnose, "fit", lambda *given, **more: asked.append(given) or "again")
+    point = SimpleNamespace(prepared=SimpleNamespace(recordings=("a", "b", "c")))
+    whole = SimpleNamespace(point=point, effects=("dead_time",))
+    assert diagnose._without(whole, (), 1) is whole
+    assert asked == []
+    assert diagnose._without(whole, (1,), 1) == "again"
+    ((start, effects, weights),) = asked
+    assert (start, effects) == (point, ("dead_time",))
+    assert weights == {(k, c): 1.0 for k in (0, 2) for c in ("current", "motion", "angle")}
