@@ -86,6 +86,8 @@ def test_what_once_escaped_does_not_again(path, tmp_path, monkeypatch):
     whole = {f: (tmp_path / f).read_bytes() for f in door.files}
     file = next(f for f in door.files if f.endswith(path.suffix))
     outcome = tried(door, whole, tmp_path, file, path.read_bytes())
+    if outcome.why.startswith("took "):  # what is compiled at first use is compiled once
+        outcome = tried(door, whole, tmp_path, file, path.read_bytes())
     assert outcome.kind != "escaped", outcome.why
 
 
