@@ -14,7 +14,8 @@ import sandbox
 from model.drive_files import load_drive
 from model.effects.library import effect_names
 from model.errors import BadInput
-from sandbox.gap.excerpts import CUT_TO, LEAST, MOST, PARTS, SETTLED, excerpted, farthest_first
+from sandbox.gap import excerpts as cutting
+from sandbox.gap.excerpts import CUT_TO, LEAST, MOST, PARTS, SETTLED, excerpted, farthest_first, rows_to_settle
 from sandbox.gap.pages.page import part_rows
 from sandbox.gap.report.answers import caveats
 from sandbox.gap.report.diagnosis_json import excerpts
@@ -54,6 +55,44 @@ def test_a_campaign_of_usual_length_is_left_as_it_is():
     assert excerpted(longer, math.inf) is longer
     assert 0.9 * CUT_TO < excerpted(longer).excerpts.samples_used <= CUT_TO
     assert excerpted(own, MOST - 1).excerpts is not None
+
+
+def test_twenty_five_seconds_at_ten_kilohertz_are_used_whole_and_ten_of_a_longer_run():
+    """The largest campaign of the blind checks (169 920 samples) is below the first number, the usual one (84 960)
+    below the second: what the checks say holds for what is cut."""
+    own = campaign(recording(250_000))
+    assert excerpted(own) is own
+    assert 90_000 < excerpted(campaign(recording(250_002))).excerpts.samples_used <= 100_000
+
+
+def test_a_wrong_start_falls_to_seven_thousandths_before_an_excerpt():
+    motor = DRIVE.motor
+    rows = rows_to_settle(motor, PERIOD)
+    slowest = max(motor.inductance_d, motor.inductance_q) / motor.resistance
+    assert 0.8 * math.exp(-5.0) < math.exp(-rows * PERIOD / slowest) <= math.exp(-5.0)
+
+
+def test_states_that_never_settle_leave_six_blocks_of_a_campaign(monkeypatch):
+    monkeypatch.setattr(cutting, "rows_to_settle", lambda motor, period: 10**9)
+    parts = excerpted(campaign(recording(288_000)), 96_000).excerpts.parts
+    assert [part.rows for part in parts] == [16_000] * 6
+
+
+def test_blocks_are_described_in_shares_of_rated_values():
+    """Rated load torque is 1; ten times the rated current counts as three; kinds of rotor lie ten apart, and the first
+    and last of four blocks three quarters of a tenth."""
+    run = recording(400, loaded=(0, 400))
+    run.columns["load_torque"] = np.full(400, DRIVE.motor.rated_torque)
+    for phase in ("i_a", "i_b", "i_c"):
+        run.columns[phase] = 10.0 * run.columns[phase]
+    marks = cutting._marks(campaign(run), 0, 100)
+    assert marks.shape == (4, 18)  # mean and scatter of eight signals, rotor, time
+    assert marks[:, 1] == pytest.approx(3.0)  # i_q
+    assert marks[:, 2] == pytest.approx(0.5, rel=1e-6)  # speed, as `recording` turns
+    assert marks[:, 5] == pytest.approx(1.0)  # load
+    assert np.ptp(marks[:, 17]) == pytest.approx(0.075)
+    kinds = [cutting._marks(campaign(recording(100, rotor=r)), 0, 100)[0, 16] for r in ("locked", "driven", "free")]
+    assert kinds == [0.0, 10.0, 20.0]
 
 
 def test_the_farthest_comes_next():
