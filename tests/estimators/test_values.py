@@ -63,3 +63,21 @@ def test_a_distance_keeps_seven_tenths_from_sweep_to_sweep(monkeypatch):
     """From 1000 towards 0: 700, 490, 343, 240 after the fourth, below a quarter; six more make it the ninth."""
     found = jumps(monkeypatch, case(0.0, 12), 9, seen=[1000.0] * 24)
     assert found == [0] * 8 + [180]
+
+
+def test_no_number_of_the_watch_lies_on_another():
+    """Sweep, doubts, waited, two times four sums, 24 distances: one after the other behind the other numbers."""
+    m = monitor
+    rows = [m.SWEEP, m.DOUBTS, m.WAITED, *range(m.SUM, m.SUM + 4), *range(m.SEEN, m.SEEN + 4)]
+    assert [*rows, *range(m.DISTANCE, m.DISTANCE + m.HYPOTHESES)] == list(range(m.FREE, m.FREE + m.OWN))
+
+
+def test_it_waits_for_four_periods_of_the_injection(monkeypatch):
+    """Then the window holds tracking alone: of 8 samples each, the first 32 are not summed."""
+    monkeypatch.setattr(monitor, "distance", lambda *given: 1000.0)
+    state = np.zeros(monitor.FREE + monitor.OWN)
+    for _ in range(32):
+        monitor.watch.py_func(state, 0.0, 0.0, 1.0, 0.0, BELIEF, TUNING)
+        assert not state[monitor.SUM : monitor.SUM + 4].any()
+    monitor.watch.py_func(state, 0.0, 0.0, 1.0, 0.0, BELIEF, TUNING)
+    assert state[monitor.SUM + 2] == pytest.approx(1.0 / 24.0)

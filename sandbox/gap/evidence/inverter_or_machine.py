@@ -40,14 +40,24 @@ def explained(point: Point) -> tuple[float, float]:
     if excess <= 0.0 or len(parts) < 2:
         return 0.0, 0.0
     machine, kinds = [p.x for p in parts], parts[0].kinds
-    half = machine[0].shape[2] // 2
-    own = np.setdiff1d(np.arange(2 * half), [half - 3, half - 2, half - 1, 2 * half - 3, 2 * half - 2, 2 * half - 1])
-    inverter = [_response(point, r, c) for r, c in zip(turned.recordings, currents, strict=True)]
-    size = np.sqrt(sum(np.einsum("ncp,ncp->p", x, x) for x in inverter) / sum(len(x) for x in inverter))
-    inverter = [x / np.where(size > 0.0, size, 1.0) for x in inverter]
+    own = machines(machine[0].shape[2])
+    inverter = of_size_one([_response(point, r, c) for r, c in zip(turned.recordings, currents, strict=True)])
     told_by_machine = _predicted([x[:, :, own] for x in machine], y, kinds[own])
     told_by_inverter = _predicted(inverter, y, np.zeros(inverter[0].shape[2], dtype=np.int64))
     return min(1.0, told_by_inverter / excess), min(1.0, told_by_machine / excess)
+
+
+def machines(count: int) -> NDArray[np.int64]:
+    """Return the places of a machine's functions among so many regressors: the same for d and then for q, the last
+    three of each an inverter's."""
+    half = count // 2
+    return np.r_[0 : half - 3, half : 2 * half - 3]
+
+
+def of_size_one(responses: Sequence[Array]) -> list[Array]:
+    """Return responses (n, 2, p) of all recordings, each of the p functions over its rms of vectors; zeros stay."""
+    size = np.sqrt(sum(np.einsum("ncp,ncp->p", x, x) for x in responses) / sum(len(x) for x in responses))
+    return [x / np.where(size > 0.0, size, 1.0) for x in responses]
 
 
 def _response(point: Point, r: Inputs, read: Array) -> Array:

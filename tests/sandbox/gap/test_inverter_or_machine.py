@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import TransferFunction, lsim
 
 from model.drive_files import load_drive
-from sandbox.gap.evidence.inverter_or_machine import explained
+from sandbox.gap.evidence.inverter_or_machine import explained, machines, of_size_one
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.report.outside import inverters
 from sandbox.plant.sets import complete
@@ -71,3 +71,17 @@ def test_without_excess_nothing_is_told():
     point = Point(prepare(recorded(BARE)), complete(DRIVE.motor, DRIVE.converter))
     assert max(explained(point)) < 0.05
     assert inverters(0.0, 0.0) == pytest.approx(0.4)
+
+
+def test_three_functions_of_each_axis_are_an_inverters():
+    assert list(machines(10)) == [0, 1, 5, 6]
+
+
+def test_responses_are_compared_at_one_size():
+    """Vectors of 5 in one recording and of 0 in another as long are of size 5 / sqrt(2); nothing stays nothing."""
+    one, other = np.zeros((4, 2, 2)), np.zeros((4, 2, 2))
+    one[:, :, 0] = [3.0, 4.0]
+    first, second = of_size_one([one, other])
+    assert first[:, :, 0] == pytest.approx(np.tile([0.6, 0.8], (4, 1)) * np.sqrt(2.0))
+    assert not first[:, :, 1].any()
+    assert not second.any()

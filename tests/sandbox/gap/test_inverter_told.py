@@ -6,6 +6,7 @@ import types
 import numpy as np
 import pytest
 
+from sandbox.gap.evidence import discrepancy
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.discrepancy import unlogged_counts
 from sandbox.gap.evidence.fit import coordinates_of, fit
@@ -88,7 +89,7 @@ def test_left_out_rival_is_fitted_again(tmp_path):
     assert found.point.values["pwm_delay.delay"] == pytest.approx(200e-6, abs=2e-6)
 
 
-def test_unlogged_rounding_is_no_reason_to_doubt():
+def test_unlogged_rounding_is_no_reason_to_doubt(monkeypatch):
     """What a counter of 12 bits adds is what the plant with one shows; nothing where the campaign says it."""
     told = recorded(plant(counts=4096), {"pwm_counts": 4096})
     untold = recorded(plant(counts=4096), {})
@@ -96,6 +97,9 @@ def test_unlogged_rounding_is_no_reason_to_doubt():
     # two draws of the same rounding at almost the same currents; means over 760 periods of a lag of 10: within 20 %
     assert unlogged_counts(prepare(untold, steps=1)) == pytest.approx(seen, rel=0.2)
     assert unlogged_counts(prepare(told, steps=1)) == 0.0
+    nothing = types.SimpleNamespace(currents=[np.full((4, 3, 1), np.nan)])
+    monkeypatch.setattr(discrepancy, "replay", lambda *given: nothing)
+    assert unlogged_counts(prepare(untold, steps=1)) == 0.0
 
 
 def test_bound_is_told():
