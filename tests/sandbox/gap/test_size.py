@@ -25,9 +25,10 @@ def size_at(deviations):
     return size_of(before.normal, before, fit_with(1.0 + 0.5 * excess + apart, ("x",)), [0], ["a"])
 
 
-@pytest.mark.parametrize("deviations", [1.0, 1.4, 1.55])
+@pytest.mark.parametrize("deviations", [1.0, 1.4, 1.55, 1.65])
 def test_near_the_floor_there_is_no_interval(deviations):
-    """A normal mean 1 (1.4, 1.55) deviations above the floor falls below in 16 % (8, 6 %) of draws."""
+    """A normal mean 1 (1.4, 1.55) deviations above the floor falls below in 16 % (8, 6 %) of draws; at 1.65 in 5 %,
+    with the draws that meet the floor exactly (blocks have two sizes) in 6.5 %."""
     s = size_at(deviations)
     assert s.closed == pytest.approx(0.5)
     assert s.closed_ci95 is None
