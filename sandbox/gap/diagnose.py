@@ -123,8 +123,8 @@ def _diagnosed(
     judged, ranked, temperature = _ranked(found, raw, everything, workers)
     hypotheses, rest = _beside_unknown(found, ranked, temperature, everything, workers)
     best = hypotheses[0].judged
-    before = _without(found.null, left, workers)
-    after = _without(best.fit, left, workers) if best.effects else before
+    before = _without(found.null, start, left, workers)
+    after = _without(best.fit, best.fit.point, left, workers) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
     return Diagnosis(
         own, start, nominal, before, after, left, judged, hypotheses,
@@ -214,13 +214,16 @@ def _ranked(
             judged = (*judged, fitted)
 
 
-def _without(whole: Fit, left: Sequence[int], workers: int) -> Fit:
-    """Return a fit to all recordings made again without those that are held out; it begins where it ended, since only
-    the least value of the objective counts, and from there it is a few steps."""
+def _without(whole: Fit, begin: Point, left: Sequence[int], workers: int) -> Fit:
+    """Return a fit to all recordings made again, from some point, without those that are held out.
+
+    With effects it begins where the whole fit ended, a few steps away: its end is the same (a test spoils the recording
+    held out).  Without them, far from the floor, it would keep some of what it saw, and begins at the nominal model.
+    """
     if not left:
         return whole
-    weights = weights_of(len(whole.point.prepared.recordings), left)
-    return fit(whole.point, whole.effects, weights, workers=workers)
+    weights = weights_of(len(begin.prepared.recordings), left)
+    return fit(begin, whole.effects, weights, workers=workers)
 
 
 def verdict(d: Diagnosis) -> str:

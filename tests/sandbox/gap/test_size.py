@@ -1,12 +1,21 @@
 """How large a gap is: the share closed and its interval, against planted scatter of blocks."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from sandbox.gap.diagnose import _without
+from sandbox.gap.evidence.algebra import prior_of
+from sandbox.gap.evidence.fit import TOLERANCE, fit, noise_at, objective
 from sandbox.gap.evidence.gap_size import Size, size_of
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.normal import Point
 from sandbox.gap.report.answers import far_text
+from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import read_campaign
+from sandbox.replay.replay import prepare
 
 BLOCKS, COUNT, SCATTER = 400, 10, 0.2
 
@@ -52,3 +61,19 @@ def test_a_missing_interval_is_said():
     text = far_text(near)
     assert "90.0 % of the reducible gap closes" in text
     assert "too near the noise floor for an interval" in text
+
+
+def test_a_recording_held_out_leaves_nothing_in_the_fit_to_the_others(small_folder):
+    """One recording's currents are a fifth too large, so the fit to all is wrong.  From there the fit to the others
+    ends where it does from the nominal model: a step that gains less than TOLERANCE ends either."""
+    own, effects = read_campaign(small_folder), ("dead_time",)
+    first, others = own.recordings[0], weights_of(len(own.recordings), (0,))
+    wrong = {k: (1.2 * x if k in ("i_a", "i_b", "i_c") else x) for k, x in first.columns.items()}
+    spoilt = replace(own, recordings=(replace(first, columns=wrong), *own.recordings[1:]))
+    start = Point(prepare(spoilt), complete(own.drive.motor, own.drive.converter))
+    whole, honest = fit(start, effects, weights_of(len(own.recordings))), fit(start, effects, others)
+    found = _without(whole, whole.point, (0,), 1)
+    little = 2.0 * TOLERANCE * noise_at(honest.normal, others)
+    assert found.objective == pytest.approx(honest.objective, abs=little)
+    seen = objective(whole.normal, prior_of(whole.coordinates), others)
+    assert seen > honest.objective + 100.0 * little  # where it began

@@ -347,15 +347,15 @@ def test_the_sign_of_currents_is_freed_within_three_floors(monkeypatch, left, fi
     assert asked == fits
 
 
-def test_a_fit_without_held_out_recordings_does_not_see_them(monkeypatch):
+def test_a_fit_without_held_out_recordings_counts_all_others(monkeypatch):
     """Three recordings, the second held out: all but its channels count; with none held out nothing is fitted again."""
     asked = []
     monkeypatch.setattr(diagnose, "fit", lambda *given, **more: asked.append(given) or "again")
     point = SimpleNamespace(prepared=SimpleNamespace(recordings=("a", "b", "c")))
     whole = SimpleNamespace(point=point, effects=("dead_time",))
-    assert diagnose._without(whole, (), 1) is whole
+    assert diagnose._without(whole, point, (), 1) is whole
     assert asked == []
-    assert diagnose._without(whole, (1,), 1) == "again"
+    assert diagnose._without(whole, point, (1,), 1) == "again"
     ((start, effects, weights),) = asked
     assert (start, effects) == (point, ("dead_time",))
     assert weights == {(k, c): 1.0 for k in (0, 2) for c in ("current", "motion", "angle")}
