@@ -213,6 +213,8 @@ def test_bounded_most_probable_point_is_that_of_an_independent_minimiser():
 def test_both_ways_to_bounds_meet_the_conditions_of_a_minimum(exchanges, monkeypatch):
     """Karush, Kuhn, Tucker: no slope where free, a slope outwards at a bound; the slow way, too, which takes over."""
     monkeypatch.setattr(algebra_module, "EXCHANGES", exchanges)
+    slow, asked = algebra_module.lsq_linear, []
+    monkeypatch.setattr(algebra_module, "lsq_linear", lambda *given, **more: asked.append(1) or slow(*given, **more))
     rng = np.random.default_rng(7)
     for _ in range(20):
         j = rng.normal(size=(60, 30)) * np.exp(2.0 * rng.normal(size=30))
@@ -227,6 +229,7 @@ def test_both_ways_to_bounds_meet_the_conditions_of_a_minimum(exchanges, monkeyp
         assert (outwards[at_high] >= 0.0).all()
         assert np.array_equal(free, (x > low) & (x < high) & ~at_low & ~at_high)
         assert 0 < free.sum() < 30
+    assert len(asked) == (20 if exchanges == 0 else 0)  # exchanges alone end in each of these
 
 
 def test_equations_kept_from_one_point_to_another_have_the_other_point_s_residuals(small_folder):

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sandbox.gap.evidence.holdout import CHOICES, choices
-from sandbox.gap.evidence.spectrum import lines
+from sandbox.gap.evidence.spectrum import in_phase, lines
 
 PERIOD = 1e-4
 LINE = 297.613  # Hz
@@ -44,6 +44,29 @@ def test_parts_that_begin_their_recordings_are_one_periodogram():
     assert lines(parts, PERIOD, 20.0, 1500.0)[0] == pytest.approx(peak)
 
 
+@pytest.mark.parametrize(("width", "stands_out"), [(40, True), (70, False)])
+def test_a_band_stands_out_where_it_is_narrower_than_half_of_a_hundred_bins(width, stands_out):
+    """Pulses in the middle of a part have a flat spectrum: one of every frequency of size 1 and one of a band of size
+    10, beside a line of 5.  A level is the median of 101 bins: a band of 70 is a level of its own, one of 40 is not."""
+    rows, middle, at = 4095, 2000, 1500  # of 8192 bins at all
+    n = np.arange(rows) - middle
+    first = 3000 - width // 2
+    band = sum(np.cos(np.pi * k * n / (rows + 1)) for k in range(first, first + width)) * 10.0 / (rows + 1)
+    x = (n == 0) + band + 5.0 * np.cos(np.pi * at * n / (rows + 1)) / (rows / 2)
+    bin_of = round(lines([(0, x)], PERIOD, 20.0, 4900.0)[0] * 2 * (rows + 1) * PERIOD)
+    assert (first - 1 <= bin_of <= first + width) if stands_out else abs(bin_of - at) <= 1
+
+
+def test_at_most_a_hundred_thousand_frequencies_are_tried_near_a_line():
+    """Parts four hours apart would tell 57 600 at 1 Hz either way twice over: the answer is one of 100 000 in a row."""
+    rate, rows = 1.0 / PERIOD, 300
+    firsts = [0, round(4 * 3600 * rate)]
+    found = in_phase(planted(firsts, rows, 0.0), PERIOD, LINE - 0.3, 1.0)
+    place = (found - (LINE - 1.3)) / 2.0 * (100_000 - 1)
+    assert place == pytest.approx(round(place), abs=1e-4)
+    assert abs(found - LINE) < 0.25
+
+
 def test_of_many_recordings_some_spread_evenly_may_be_held_out():
     few = choices(["locked"] * 5 + ["free"] * 3)
     assert len(few) == 10 * 3  # two of five, one of three
@@ -53,4 +76,5 @@ def test_of_many_recordings_some_spread_evenly_may_be_held_out():
     assert {len(one) for one in many} == {2}
     assert (used[0], used[-1]) == (0, 199)
     assert np.ptp(np.diff(used)) <= 1
+    assert len(choices(["free"] * 32)) == len(choices(["free"] * 33)) == 496  # pairs of 32; 33 have 528, above 500
     assert {len(one) for one in choices(["locked"] * 8 + ["driven"] * 8 + ["free"] * 8)} == {6}

@@ -9,6 +9,7 @@ from scipy.stats import norm
 
 from model.drive_files import load_drive
 from model.effects import library
+from model.effects.current_offset import OF_THREE
 from model.errors import BadInput
 from sandbox.gap.evidence import noise, priors
 from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, prior_of
@@ -107,6 +108,15 @@ def test_how_far_a_search_goes():
     campaign = Campaign("c", drive, (), {}, {}, False)
     soft = {"bench.soft_current", "bench.soft_shape"}
     assert {c.within for c in priors.ordinary(campaign) if c.label not in soft} == {4.0}
+
+
+def test_an_offset_is_a_thousandth_of_rated_current_unless_a_campaign_states_it():
+    """Each axis of a vector of which all three phases have the deviation: the root of two thirds of it."""
+    drive = load_drive("ipm_exchanged")
+    for background, each in (({}, 1e-3 * drive.motor.rated_current), ({"current_offset": 0.03}, 0.03)):
+        own = priors.ordinary(Campaign("c", drive, (), {}, background, False))
+        found = [c.deviation for c in own if c.label.startswith("current_offset.")]
+        assert found == pytest.approx([OF_THREE * each] * 2)
 
 
 def test_the_widest_published_zone_of_a_sign_is_within_two_deviations():

@@ -49,18 +49,22 @@ def test_what_an_inverter_may_do_by_hand():
     n = 12
     duty = np.full((n, 3), 0.5)
     duty[:, 0] = 0.01
+    duty[1, 1], duty[2, 2] = 0.005, 0.003
     read = np.zeros((n, 3))
     read[0] = (0.02, -0.01, -0.01)
     track = {f"d_{x}": duty[:, k] for k, x in enumerate("abc")}
     r = SimpleNamespace(track=track, mean_duty=lambda: (2.0 / 3.0) * duty @ LEGS)
     found = np.array(list(voltages(r, read)))
     eight, legs, link = found[:8], found[8:17], found[17:25]
-    assert np.abs(eight[0]) == pytest.approx(np.full(n, (2.0 / 3.0) * 0.49))
+    assert np.abs(eight[0])[3:] == pytest.approx(np.full(n - 3, (2.0 / 3.0) * 0.49))
     assert np.abs(legs[0, 0]) == pytest.approx(np.tanh(1.0))
     assert [int(np.flatnonzero(np.abs(v))[0]) for v in link] == list(range(8))
     short = found[25:].reshape(5, 6, n)  # widths; differences of two legs, then legs
     assert np.abs(short[:, 3, 0]) == pytest.approx([0.0, 0.0, 0.01 / 0.016, 0.01 / 0.032, 0.01 / 0.064])
-    assert not short[:, :3].any()  # legs differ by 0.49 or not at all
+    widths = (0.004, 0.008, 0.016, 0.032, 0.064)
+    assert np.abs(short[:, 4, 1]) == pytest.approx([0.0, *(0.005 / w for w in widths[1:])])
+    assert np.abs(short[:, 5, 2]) == pytest.approx([0.003 / w for w in widths])
+    assert not short[:, :3, 3:].any()  # legs differ by 0.49 or not at all
 
 
 @pytest.mark.parametrize(("unknown", "left"), [(0.49, "abcde"), (0.51, "ab")])
@@ -107,12 +111,16 @@ def test_a_set_with_and_without_unknown_is_one_set(monkeypatch):
 
 
 def test_scans_reach_their_last_value(monkeypatch):
-    """Cogging is looked for at every whole order of a turn from 1 to 72."""
+    """Cogging is looked for at every whole order of a turn from 1 to 72: two parts each, in the third of the samples
+    in which the rotor is free.  Of what is found no size has been tried yet."""
     seen = {}
     others = [e for e in library.effect_names() if e != "cogging_torque"]
     monkeypatch.setattr(probes, "best_values", lambda point, pair, name, values: seen.setdefault(name, values)[:1])
-    prepared = SimpleNamespace(campaign=SimpleNamespace(drive=DRIVE), recordings=(), samples=1)
-    probes.probes(SimpleNamespace(prepared=prepared, values=library.neutral(DRIVE.motor)), others)
+    own = [SimpleNamespace(rotor="free", samples=100), SimpleNamespace(rotor="locked", samples=200)]
+    prepared = SimpleNamespace(campaign=SimpleNamespace(drive=DRIVE), recordings=own, samples=300)
+    found, cost = probes.probes(SimpleNamespace(prepared=prepared, values=library.neutral(DRIVE.motor)), others)
+    assert cost == pytest.approx(2 * 72 / 3.0)
+    assert [(p.effect, p.sized, p.gain) for p in found] == [("cogging_torque", None, 0.0)]
     assert seen == {"cogging_torque.order_mech": pytest.approx(list(range(1, 73)))}
 
 

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.report import answers, position, position_moved, ranking, shares, where
 from sandbox.gap.report.decompose import CURRENT_NAMES, DIRECTIONS, SPEED_NAMES, Decomposition
@@ -227,3 +228,23 @@ def test_a_shape_that_is_gone_is_neutral_and_nothing_else(monkeypatch):
     assert shares.without(j, ["shaft"]).values == {"shaft.stiffness": math.inf, "shaft_rub.torque": 2.0}
     coordinate.form = "linear"
     assert shares.without(j, ["shaft"]).values == at.values
+
+
+def test_a_waterfall_has_a_step_for_every_effect(monkeypatch):
+    """Those ranked behind are taken out; the last step is the fit's own, and a point that no drive can have is nan."""
+    gone = []
+
+    def without(j, effects):
+        gone.append(tuple(effects))
+        if effects == ["c"]:
+            raise BadInput("the link's voltage is negative")
+        return effects
+
+    monkeypatch.setattr(shares, "without", without)
+    monkeypatch.setattr(shares, "normal", lambda point, coordinates: point)
+    monkeypatch.setattr(shares, "rms", lambda n, chosen: float(len(n)))
+    d = SimpleNamespace(held_out=(1,), size=SimpleNamespace(after=1.01))
+    found = shares._waterfall(d, None, ["a", "b", "c"])
+    assert [e for e, _ in found] == ["a", "b", "c"]
+    assert [x for _, x in found] == pytest.approx([2.0, math.nan, 1.01], nan_ok=True)
+    assert gone == [("b", "c"), ("c",)]

@@ -107,6 +107,21 @@ def test_a_line_stands_thirty_times_above_its_neighbourhood(times, told):
         assert found[0] == pytest.approx(k / (BINS * 1e-4))
 
 
+@pytest.mark.parametrize(("beside", "told"), [(2.5, False), (4.5, True)])
+def test_a_line_within_four_bins_of_an_injections_harmonic_is_the_injections(beside, told):
+    """A vector on bin 300 in the noise of readings; of a voltage injected so many bins below, the harmonics are there
+    and at twice it."""
+    n, k, rng = np.arange(8 * BINS), 300, np.random.default_rng(1)
+    z = 0.5 * np.exp(2j * np.pi * k * n / BINS) + 0.1 * (rng.standard_normal(n.size) + 1j * rng.standard_normal(n.size))
+    rate = 1.0 / (BINS * 1e-4)
+    injection = SimpleNamespace(frequency=(k - beside) * rate)
+    drive = SimpleNamespace(converter=SimpleNamespace(sampling_period=1e-4), injection=injection)
+    prepared = SimpleNamespace(recordings=[SimpleNamespace(rotor="locked")], campaign=SimpleNamespace(drive=drive))
+    found = decompose._line(SimpleNamespace(prepared=prepared), [z], 1.0)
+    assert found is None or found[0] == pytest.approx(k * rate)
+    assert (found is not None) == told
+
+
 def test_an_interval_needs_a_gap_in_nineteen_of_twenty_draws():
     """1.58 deviations above the floor a normal mean falls below in 5.7 % of draws."""
     assert size_at(1.58).closed_ci95 is None
