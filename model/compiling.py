@@ -65,7 +65,7 @@ class Watch(event.Listener):
         try:
             found = json.loads(self.path.read_text(encoding="utf-8"))
             return {str(name): float(seconds) for name, seconds in found.items()}
-        except (OSError, ValueError, TypeError, AttributeError):
+        except (OSError, ValueError, TypeError, AttributeError, OverflowError, RecursionError):
             return {}
 
     def remember(self) -> None:

@@ -1,6 +1,6 @@
 """What was computed once and is kept on disk: checked before it is believed, made anew with a note where it is damaged.
 
-An entry is a file that begins with the SHA-256 of the rest.  Nothing here is ever an error the user must act on.
+An entry is a file that begins with the SHA-256 of its own name and the rest.  Nothing here is ever an error the user must act on.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def read(path: Path) -> bytes | None:
         head, _, body = path.read_bytes().partition(b"\n")
     except OSError:
         return None
-    if head != digest(body).encode():
+    if head != _seal(path, body):
         note_damage(path)
         return None
     return body
@@ -38,7 +38,12 @@ def read(path: Path) -> bytes | None:
 
 def write(path: Path, body: bytes) -> None:
     """Keep some bytes, whole or not at all; where they cannot be kept, they are computed again next time."""
-    write_plain(path, digest(body).encode() + b"\n" + body)
+    write_plain(path, _seal(path, body) + b"\n" + body)
+
+
+def _seal(path: Path, body: bytes) -> bytes:
+    """Return what an entry begins with: its name belongs to it, so that one put in another's place is noticed."""
+    return digest(os.fsencode(path.name) + b"\n" + body).encode()
 
 
 def write_plain(path: Path, content: bytes) -> None:

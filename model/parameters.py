@@ -19,6 +19,7 @@ from model.inverter_table import Points, checked
 from model.names import check_name
 
 LARGEST = 1e300
+LONGEST = 20_000_000  # bytes of a TOML file: a hundred times the longest of ours, an inverter's table in it
 WAVEFORMS = ("square", "sine", "random")
 LINKS = ("steady", "measured")  # what the true link voltage does, beside effects
 COMMANDS = ("volts", "duties", "nominal")  # what recorded commands are
@@ -288,13 +289,17 @@ class Drive:
 def read_toml(path: Path) -> dict[str, Any]:
     """Return a TOML file's content; BadInput where it cannot be read or parsed."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        with path.open("rb") as file:
+            text = file.read(LONGEST + 1)
+        if len(text) <= LONGEST:
+            return tomllib.loads(text.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n"))
     except FileNotFoundError:
         raise BadInput(f"file '{path}' does not exist; give a path to a TOML file") from None
     except (OSError, ValueError, RecursionError) as error:
         if isinstance(error, tomllib.TOMLDecodeError):
             raise BadInput(f"file '{path}' is not valid TOML: {error}") from None
         raise BadInput(f"file '{path}' cannot be read as TOML: {error}; give a text file in UTF-8") from None
+    raise BadInput(f"file '{path}' has more than {LONGEST / 1e6:g} MB; give a TOML file, tables of readings apart")
 
 
 def build(kind: Any, values: dict[str, Any], table: str) -> Any:

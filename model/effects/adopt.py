@@ -9,12 +9,13 @@ import math
 import os
 import sys
 from dataclasses import fields
+from keyword import iskeyword
 from pathlib import Path
 
 from model.compiled import depend_on
 from model.drive_files import load_drive
 from model.effects import library
-from model.effects.card import MACHINERY, PORTS, REPEATED, Effect, Part
+from model.effects.card import MACHINERY, PORTS, REPEATED, At, Effect, Parameter, Part
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
 from model.errors import BadInput, brief, unknown
 from model.parameters import Drive
@@ -39,6 +40,8 @@ def adopt(path: str | Path) -> tuple[Effect, ...]:
         raise BadInput(f"{path}: {error.strerror or error}; give a Python file with effects") from None
     if PLANT in sys.modules:
         raise BadInput(f"{path}: the plant is compiled already; name your effects before the first run of the process")
+    if os.pathsep in str(file):
+        raise BadInput(f"{path}: a path with '{os.pathsep}' cannot be handed on to other processes; rename it")
     digest = hashlib.sha256(text).hexdigest()[:16]
     name = f"sensorless_effects_{digest}"
     depend_on(digest, EQUATIONS)
@@ -70,11 +73,19 @@ def _cards(file: Path, name: str) -> tuple[Effect, ...]:
 
 def _check(card: Effect, file: Path) -> None:
     """Raise BadInput unless a card's names and equations are such as the plant can take, its texts such as a page."""
+    _check_kinds(card, file)
     parameters = [p for k in (1, 2) for p in card.part(k).parameters]
     for name in (card.name, *(p.name for p in parameters)):
-        if not isinstance(name, str) or not name.isidentifier() or not name.islower() or len(name) > 40:
+        if (
+            not isinstance(name, str)
+            or not name.isidentifier()
+            or not name.islower()
+            or len(name) > 40
+            or iskeyword(name)
+        ):
             raise BadInput(f"{file}: {brief(name, 60)} is no name of an effect or parameter; use a-z, 0-9 and _")
     texts = [getattr(card, f.name) for f in fields(card) if f.type == "str"]
+    texts += [text for f in fields(card) if f.type == "tuple[str, ...]" for text in getattr(card, f.name)]
     for text in texts + [getattr(p, f.name) for p in parameters for f in fields(p) if f.type == "str"]:
         if not isinstance(text, str) or not text.isprintable() or len(text) > LONGEST_TEXT:
             raise BadInput(f"{file}: {brief(text)} in '{card.name}' is no line of at most {LONGEST_TEXT} characters")
@@ -90,6 +101,19 @@ def _check(card: Effect, file: Path) -> None:
     if card.needs and card.needs not in MACHINERY:
         raise BadInput(f"{file}: '{card.name}': {unknown('machinery in needs', card.needs, MACHINERY)}")
     _try(card, file)
+
+
+def _check_kinds(card: Effect, file: Path) -> None:
+    """Raise BadInput unless a card's lists are tuples of what belongs in them, and its parameters have bounds."""
+    kinds = {f.name: str for f in fields(card) if f.type == "tuple[str, ...]"}
+    for name, kind in {**kinds, "parameters": Parameter, "at": At}.items():
+        own = getattr(card, name)
+        if not isinstance(own, tuple) or not all(isinstance(x, kind) for x in own):
+            raise BadInput(f"{file}: {name} = {brief(own)} of {brief(card.name)} is no tuple of {kind.__name__}")
+    for p in card.parameters:
+        ends = (p.low, p.high)
+        if not all(isinstance(x, (int, float)) for x in ends) or not p.low < p.high:
+            raise BadInput(f"{file}: {brief(p.name)} has bounds {brief(ends)}; give the lower, then the higher number")
 
 
 def _check_equations(card: Effect, part: Part, file: Path) -> None:

@@ -97,7 +97,7 @@ def keep_other(folder: Path, command: str, motor: str) -> str:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         earlier = str(content["motor"])[:LONGEST]
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return ""
     for old in _named(folder, f"{command}-{_slug(motor)}"):
         old.unlink()  # this motor's own earlier result: the new one takes its place

@@ -5,7 +5,7 @@ from __future__ import annotations
 import inspect
 import json
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from model.errors import BadInput, brief, shown
 from sandbox.output.files import plain, results, write_json
 from sandbox.output.provenance import digest_of, libraries, made_by
-from sandbox.public.calls import EFFECTS, hashes
+from sandbox.public.calls import EFFECTS, LEFT_OUT, hashes
 
 COMMAND = "verify"
 HEADER = ("schema", "command", "version", "made_by", "figure", "table", "trace", "arrays", "rows", "page")
@@ -24,6 +24,7 @@ COSTS = {  # what a run costs is never the same twice
 CLOSE = 1e-6  # of a number: what another machine or another library may change
 NOTHING = 1e-12  # in any unit
 LARGEST = 2**1000  # a whole number beyond is none of ours, and no float
+LONGEST = 100_000_000  # bytes of a result's JSON: twenty times the longest, a whole protocol's
 MOST = 50  # differences that are told
 ROWS = "withheld.rows.jsonl"
 SCORED = "withheld score"
@@ -71,7 +72,7 @@ class Verification:
         if self.same:
             return f"{self.result}: {self.values} values of '{self.function}' are the same {exact}"
         first = self.differences[0]
-        said = f"{first.where} is {brief(first.found)}, stated {brief(first.stated)}"
+        said = f"{shown(first.where)} is {brief(first.found)}, stated {brief(first.stated)}"
         count, verb = len(self.differences), "differs" if len(self.differences) == 1 else "differ"
         return f"{self.result}: {count} of {self.values} values of '{self.function}' {verb}; {said}"
 
@@ -147,7 +148,13 @@ def _json_of(place: Path) -> Path:
 def _read(path: Path) -> dict[str, Any]:
     """Return a result's JSON; BadInput unless it says how it was made in a way that can be done again."""
     try:
-        stated = json.loads(path.read_bytes())
+        with path.open("rb") as file:
+            text = file.read(LONGEST + 1)
+        if len(text) > LONGEST:
+            raise BadInput(f"'{path}' has more than {LONGEST / 1e6:g} MB, which no result has; give another")
+        stated = json.loads(text)
+    except BadInput:
+        raise
     except (OSError, ValueError, RecursionError) as error:
         raise BadInput(f"'{path}' cannot be read as JSON ({error}); give what a command has written") from None
     made = stated.get("made_by") if isinstance(stated, dict) else None
@@ -171,10 +178,15 @@ def _again(path: Path, call: Mapping[str, Any]) -> Any:
         return _scored(path.parent, call["inputs"])
     if function not in FUNCTIONS:
         raise BadInput(f"a result of {brief(function)} cannot be made once more; verify {', '.join(FUNCTIONS)}")
+    if foreign := sorted(set(arguments) & set(LEFT_OUT)):
+        raise BadInput(f"'{path}' is damaged: no result keeps the argument '{foreign[0]}'; run its command once more")
     _check_inputs(call["inputs"], hashes(arguments))
     import sandbox
 
-    for file in arguments.pop(EFFECTS, []):
+    files = arguments.pop(EFFECTS, [])
+    if not isinstance(files, list) or not all(isinstance(x, str) and "\0" not in x for x in files):
+        raise BadInput(f"'{path}' is damaged: {EFFECTS} = {brief(files)} is no list of files; run its command anew")
+    for file in files:
         sandbox.use_effects(file)
     run = getattr(sandbox, function)
     with TemporaryDirectory() as place:
@@ -186,8 +198,19 @@ def _again(path: Path, call: Mapping[str, Any]) -> Any:
             inspect.signature(run).bind(**arguments)
         except TypeError as error:
             raise BadInput(f"'{path}' was made by another version of '{function}' ({error}); run it anew") from None
-        found = run(**arguments)
+        found = _called(path, run, arguments)
         return _swept(found, path.parent) if function == "sweep" else plain(found.as_json())
+
+
+def _called(path: Path, run: Callable[..., Any], arguments: Mapping[str, Any]) -> Any:
+    """Return what a function gives; BadInput where a result states arguments that it cannot take."""
+    try:
+        return run(**arguments)
+    except (TypeError, ValueError, AttributeError, LookupError, ArithmeticError) as error:
+        if isinstance(error, BadInput):
+            raise
+        said = f"{type(error).__name__}: {brief(' '.join(str(error).split()))}"
+        raise BadInput(f"'{path}' states a call that cannot be made ({said}); run its command once more") from None
 
 
 def _check_inputs(stated: Mapping[str, Any], found: Mapping[str, str]) -> None:
@@ -217,7 +240,14 @@ def _swept(found: Any, folder: Path) -> Any:
     from sandbox.sweep.store import read_table
 
     content = plain(found.as_json())
-    same = found.to_table().equals(read_table(folder))
+    try:
+        kept = read_table(folder)
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        if isinstance(error, BadInput):
+            raise
+        said = brief(" ".join(str(error).split()))
+        raise BadInput(f"'{folder}' has a damaged block or manifest ({said}); run the sweep again with it") from None
+    same = found.to_table().equals(kept)
     return content if same else content | {"runs of the table": "changed"}
 
 

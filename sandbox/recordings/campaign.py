@@ -381,8 +381,9 @@ def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording], fol
         }
         values = {**values, **{k: found[k] for k in missing}}
     if "flux_map" in data:
-        from model.mapped import mapped_motor
+        from model.mapped import mapped_motor, stand_in
 
+        stand_in(values, table_of(data, "flux_map"))  # says what is wrong before a file is touched
         return mapped_motor(values, table_of(data, "flux_map"), folder), bool(missing)
     return build(Motor, values, "motor"), bool(missing)
 

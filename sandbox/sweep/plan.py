@@ -337,6 +337,8 @@ def _found(name: str, value: Value, folder: Path) -> Value:
     text = str(value)
     if name not in FILES or not (Path(text).suffix in (".toml", ".py") or len(Path(text).parts) > 1):
         return value
+    if "\0" in text:
+        raise BadInput(f"{name} file {brief(text)} holds a NUL, which no file's name does; give its path")
     path = (folder / text).resolve()
     if not path.is_file():
         raise BadInput(f"{name} file '{text}' does not exist beside the sweep's file; give its path from there")

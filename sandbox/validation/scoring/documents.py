@@ -25,7 +25,10 @@ def check_report(content: Any, name: str) -> dict[str, Any]:
     _text(report, "verdict")
     gap = _table(_there(report, "gap"), "gap")
     _number(_there(gap, "before"), "gap.before")
-    _number(gap.get("closed"), "gap.closed", absent=True)
+    for key in ("raw", "after", "closed"):
+        _number(gap.get(key), f"gap.{key}", absent=True)
+    _number(report.get("cpu_seconds"), "cpu_seconds", absent=True)
+    _table({} if report.get("unknown") is None else report["unknown"], "unknown")
     if not _rows(_there(report, "hypotheses"), "hypotheses"):
         raise BadInput("hypotheses is empty")
     for k, row in enumerate(report["hypotheses"]):
