@@ -1,6 +1,7 @@
 """What was computed once and is kept on disk: checked before it is believed, made anew with a note where it is damaged.
 
-An entry is a file that begins with the SHA-256 of its own name and the rest.  Nothing here is ever an error the user must act on.
+An entry is a file that begins with the SHA-256 of its own name and the rest.  Nothing here is ever an error the user
+must act on.
 """
 
 from __future__ import annotations

@@ -76,13 +76,8 @@ def _check(card: Effect, file: Path) -> None:
     _check_kinds(card, file)
     parameters = [p for k in (1, 2) for p in card.part(k).parameters]
     for name in (card.name, *(p.name for p in parameters)):
-        if (
-            not isinstance(name, str)
-            or not name.isidentifier()
-            or not name.islower()
-            or len(name) > 40
-            or iskeyword(name)
-        ):
+        fits = isinstance(name, str) and name.isidentifier() and name.islower() and not iskeyword(name)
+        if not fits or len(name) > 40:
             raise BadInput(f"{file}: {brief(name, 60)} is no name of an effect or parameter; use a-z, 0-9 and _")
     texts = [getattr(card, f.name) for f in fields(card) if f.type == "str"]
     texts += [text for f in fields(card) if f.type == "tuple[str, ...]" for text in getattr(card, f.name)]

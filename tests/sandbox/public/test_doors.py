@@ -1,17 +1,21 @@
 """Doors that a stranger found open: entries of the cache exchanged, results and cards edited by hand."""
 
 import json
+from dataclasses import fields
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from model import kept
 from model.compiling import Watch
+from model.effects import adopt, library
 from model.errors import BadInput
 from model.parameters import LONGEST, read_toml
 from sandbox import audit, verify
 from sandbox.public import verifying
 from sandbox.public.result import keep_other
+from sandbox.sweep.plan import _found
 from sandbox.validation.scoring.documents import check_report
 
 
@@ -101,10 +105,6 @@ def test_a_report_s_costs_and_sizes_are_numbers(change):
 
 
 def test_a_sweep_names_no_file_with_a_nul():
-    from pathlib import Path
-
-    from sandbox.sweep.plan import _found
-
     with pytest.raises(BadInput, match="NUL"):
         _found("motor", "\0.toml", Path())
 
@@ -120,11 +120,6 @@ def test_a_sweep_names_no_file_with_a_nul():
     ],
 )
 def test_a_card_s_lists_are_checked_at_the_door(tmp_path, change, said):
-    from dataclasses import fields
-    from pathlib import Path
-
-    from model.effects import adopt, library
-
     card = library.load_effect("coulomb_friction")
     other = SimpleNamespace(**{f.name: getattr(card, f.name) for f in fields(card)} | {"name": "mine"} | change)
     own = object.__new__(type(card))
