@@ -12,7 +12,7 @@ from model.drive_files import load_drive
 from model.energy import currents, flux_from_current, hessian, min_eigenvalue
 from model.errors import BadInput
 from model.fluxmap import FluxMap, _check_size, check_physical
-from model.levels import Fit
+from model.levels import Fit, require_information
 from model.saliency import audit
 from model.spline import SplineEnergy
 from model.spline_energy import _Box
@@ -91,3 +91,25 @@ def test_readings_inside_a_period_are_a_whole_number():
     assert dataclasses.replace(own, readings=8.0).readings == 8.0
     with pytest.raises(BadInput, match=r"readings = 8.5 is not whole"):
         dataclasses.replace(own, readings=8.5)
+
+
+@pytest.mark.parametrize(
+    ("levels", "said"),
+    [
+        ((0.0, 0.7, 10.0), "at least three"),  # 0.7 A is no level of its own beside 0
+        ((-0.7, 3.0, 10.0), "no level at negative"), ((-10.0, 3.0, 0.7), "no level at|at least three"),
+    ],
+)  # fmt: skip
+def test_levels_of_a_staircase_lie_eight_hundredths_of_the_largest_current_apart(levels, said):
+    """Of 10 A: 0.8 A."""
+    current = np.column_stack([levels, np.zeros(3)])
+    with pytest.raises(BadInput, match=said):
+        require_information(SimpleNamespace(current=current, pick=lambda axis, bias: np.arange(3)))
+
+
+def test_what_reads_a_link_scatters_by_a_tenth_of_it_at_most():
+    converter = load_drive("ipm_exchanged").converter
+    link = converter.dc_bus_voltage
+    assert dataclasses.replace(converter, link_noise=0.099 * link).link_noise == 0.099 * link
+    with pytest.raises(BadInput, match="link_noise"):
+        dataclasses.replace(converter, link_noise=0.101 * link)

@@ -186,3 +186,17 @@ def test_effects_that_an_order_has_made_needless_go_one_by_one(planned):
     found = SimpleNamespace(chosen=(), share=0.0)
     out = parts._without(planned[("a", "b", "c")], found, 1.0, {}, 1)
     assert [j.effects for j in out] == [("a", "c"), ("a", "b"), ("a",)]
+
+
+@pytest.mark.parametrize("unknown", [0.0, 1.0])
+def test_another_part_is_looked_for_of_named_effects_and_beside_a_rest_of_others_that_can_have_one(
+    monkeypatch, unknown
+):
+    further = {e for e in library.effect_names() if library.load_effect(e).further}
+    assert "flux_harmonics" in further
+    monkeypatch.setattr(parts, "remainder", lambda null, fit: SimpleNamespace(unknown=unknown))
+    best = SimpleNamespace(effects=("dead_time", "flux_harmonics"), fit=None)
+    barred = sorted(further - {"flux_harmonics"})[0]
+    found = parts.candidates(best, SimpleNamespace(null=None), (barred,))
+    others = further - {"flux_harmonics", barred}
+    assert set(found) == {"dead_time", "flux_harmonics"} | (others if unknown else set())

@@ -107,11 +107,13 @@ def test_a_line_stands_thirty_times_above_its_neighbourhood(times, told):
         assert found[0] == pytest.approx(k / (BINS * 1e-4))
 
 
-@pytest.mark.parametrize(("beside", "told"), [(2.5, False), (4.5, True)])
-def test_a_line_within_four_bins_of_an_injections_harmonic_is_the_injections(beside, told):
-    """A vector on bin 300 in the noise of readings; of a voltage injected so many bins below, the harmonics are there
-    and at twice it."""
-    n, k, rng = np.arange(8 * BINS), 300, np.random.default_rng(1)
+@pytest.mark.parametrize(
+    ("k", "beside", "told"), [(300, 2.5, False), (300, 4.5, True), (6, -100.5, False), (10, -100.5, True)]
+)
+def test_a_line_stands_apart_from_an_injections_harmonics_and_from_slow_changes(k, beside, told):
+    """A vector on bin k in the noise of readings; of a voltage injected so many bins below, what is within four bins of
+    a harmonic is its own; what is slower than eight bins is a change of the state."""
+    n, rng = np.arange(8 * BINS), np.random.default_rng(1)
     z = 0.5 * np.exp(2j * np.pi * k * n / BINS) + 0.1 * (rng.standard_normal(n.size) + 1j * rng.standard_normal(n.size))
     rate = 1.0 / (BINS * 1e-4)
     injection = SimpleNamespace(frequency=(k - beside) * rate)

@@ -13,7 +13,7 @@ from sandbox.engine.processes import spread
 from sandbox.validation.scoring import running
 from sandbox.validation.scoring.blind import read_report, score
 from sandbox.validation.scoring.check_figure import withheld_figure
-from sandbox.validation.scoring.judge import alike, closed, covered, f1, judge, located
+from sandbox.validation.scoring.judge import alike, chances, closed, covered, f1, judge, located
 from sandbox.validation.scoring.limits import area, auroc, mean, mean_share, quantile, ratio, share
 from sandbox.validation.scoring.metrics import figures, left_out
 from sandbox.validation.scoring.tables_of_rows import table
@@ -414,3 +414,9 @@ def test_a_damaged_report_is_named(damage, tmp_path):
     (tmp_path / "w000.json").write_text(json.dumps({**whole, **damage}))
     with pytest.raises(BadInput, match=r"w000\.json' holds no report of w000; delete it and score again"):
         read_report(tmp_path, "w000")
+
+
+def test_chances_of_effects_are_summed_over_hypotheses_where_none_are_stated():
+    told = [(["a", "unknown"], 0.5), (["a", "b"], 0.3), ([], 0.2)]
+    found = chances({"hypotheses": [{"effects": e, "probability": p} for e, p in told]})
+    assert found == pytest.approx({"a": 0.8, "b": 0.3})
