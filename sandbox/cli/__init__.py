@@ -29,6 +29,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     The work is done in a thread, so that Ctrl-C is answered at once while a kernel runs (exit code 130).
     """
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by the caller
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 (open as long as the process)
     options = build_parser().parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

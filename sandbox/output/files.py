@@ -122,6 +122,10 @@ def check_output(out: Path) -> None:
     if "\0" in str(out):
         raise BadInput(f"cannot write to {brief(str(out))}: a name holds no NUL; give another --out")
     try:
+        os.path.realpath(out).encode()
+    except UnicodeEncodeError:
+        raise BadInput(f"cannot write to {brief(str(out))}: its path is no UTF-8; give another --out") from None
+    try:
         _waiting(out)
     finally:
         discard(out)

@@ -150,11 +150,7 @@ def audit(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = No
     from model.saliency import audit as audited
 
     drive = load_motor(motor)
-    if radius is not None and not 0.0 < radius <= LARGEST * drive.motor.rated_current:
-        raise BadInput(
-            f"radius {radius} A must lie in (0, {LARGEST * drive.motor.rated_current:g}] A ({LARGEST:g} x rated "
-            "current)"
-        )
+    _check_radius(drive, radius)
     return AuditResult(drive, audited(drive.motor, radius), _map_of(motor))
 
 
@@ -202,4 +198,13 @@ def maps(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = Non
     """
     from sandbox.evaluation.maps import maps as mapped
 
-    return MapsResult(mapped(load_motor(motor).motor, radius, points))
+    drive = load_motor(motor)
+    _check_radius(drive, radius)
+    return MapsResult(mapped(drive.motor, radius, points))
+
+
+def _check_radius(drive: Drive, radius: float | None) -> None:
+    """Raise BadInput for a radius (A) beyond what a motor's model is made for."""
+    most = LARGEST * drive.motor.rated_current
+    if radius is not None and not 0.0 < radius <= most:
+        raise BadInput(f"radius {radius} A must lie in (0, {most:g}] A ({LARGEST:g} x rated current)")

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
+from model.parameters import finite
 from sandbox.output.files import json_bytes, write_whole
 from sandbox.output.provenance import version
 from sandbox.sweep.blocks import Block, block_size, code_key, samples_of, schema_of
@@ -134,9 +135,17 @@ def _read(path: Path) -> dict[str, Any] | None:
     """Return a manifest, None where there is none that is what was written."""
     try:
         found = json.loads(path.read_bytes())
-        return dict(found) if found.pop("sha256") == _digest(found) else None
+        return dict(found) if found.pop("sha256") == _digest(found) and _is_sound(found) else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
+
+
+def _is_sound(found: dict[str, Any]) -> bool:
+    """Tell whether a manifest names its own blocks and nothing else."""
+    numbers = [(b["start"], b["rows"], b["cpu_seconds"], b["kernel_seconds"]) for b in found["blocks"]]
+    whole = all(type(start) is int and type(rows) is int for start, rows, *_ in numbers)
+    spent = all(finite(x) is not None for _, _, *costs in numbers for x in costs)
+    return whole and spent and all(b["file"] == _file(b["start"]) for b in found["blocks"])
 
 
 def _digest(content: dict[str, Any]) -> str:

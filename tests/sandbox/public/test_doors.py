@@ -1,6 +1,8 @@
 """Doors that a stranger found open: entries of the cache exchanged, results and cards edited by hand."""
 
 import json
+import subprocess
+import sys
 from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,9 +14,11 @@ from model.compiling import Watch
 from model.effects import adopt, library
 from model.errors import BadInput
 from model.parameters import LONGEST, read_toml
-from sandbox import audit, verify
+from sandbox import audit, maps, verify
+from sandbox.output.files import check_output
 from sandbox.public import verifying
 from sandbox.public.result import keep_other
+from sandbox.sweep import store
 from sandbox.sweep.plan import _found
 from sandbox.validation.scoring.documents import check_report
 
@@ -127,3 +131,37 @@ def test_a_card_s_lists_are_checked_at_the_door(tmp_path, change, said):
         object.__setattr__(own, name, value)
     with pytest.raises(BadInput, match=said):
         adopt._check(own, Path("mine.py"))
+
+
+def test_maps_reach_as_far_as_an_audit():
+    """Twenty times rated current: beyond, the model is not made for it."""
+    with pytest.raises(BadInput, match="20 x rated"):
+        maps("ipm_exchanged", 1e150)
+
+
+def test_a_path_that_is_no_utf8_is_told_before_a_run(tmp_path):
+    with pytest.raises(BadInput, match="no UTF-8"):
+        check_output(tmp_path / "o\udcff")
+
+
+@pytest.mark.parametrize(
+    "blocks",
+    [
+        3, [3], [{"start": "x"}],
+        [{"start": 0, "rows": 1, "file": "../elsewhere.parquet", "cpu_seconds": 1.0, "kernel_seconds": 1.0}],
+        [{"start": 0, "rows": 1, "file": store._file(0), "cpu_seconds": "x", "kernel_seconds": 1.0}],
+    ],
+)  # fmt: skip
+def test_a_manifest_that_is_none_of_ours_is_no_manifest(tmp_path, blocks):
+    sound = {"start": 0, "rows": 1, "file": store._file(0), "cpu_seconds": 1.0, "kernel_seconds": 1.0}
+    for own, there in (([sound], True), (blocks, False)):
+        content = {"blocks": own}
+        path = tmp_path / "manifest.json"
+        path.write_text(json.dumps(content | {"sha256": store._digest(content)}))
+        assert (store._read(path) is not None) == there
+
+
+def test_a_command_whose_output_is_closed_goes_well(tmp_path):
+    code = "import sys; sys.stdout = None; from sandbox.cli import main; sys.exit(main(['list', 'motors']))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
