@@ -5,22 +5,47 @@ Pickled objects, texts and structures are passed over.  Sizes are read from the 
 
 from __future__ import annotations
 
+import io
+import math
 import warnings
 import zipfile
 from collections.abc import Collection
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
+from model.given import check_given
 from model.matfile import read_mat
 
 MOST_BYTES = {".npz": 256_000_000, ".mat": 64_000_000, ".csv": 32_000_000}  # of a file; of an .npz only part is read
+MAGIC = 8  # bytes with which NumPy's format begins, its version among them
 NUMBERS = "fiuc"  # kinds of NumPy arrays that are read
 
+MOST_HEADER = 10_000  # bytes that describe an array of NumPy's, or name the columns of a text
+MOST_COLUMNS = 100
+
 Arrays = dict[str, NDArray[Any]]
+
+
+class ArrayHeader(NamedTuple):
+    """What NumPy's format says of an array before its values."""
+
+    shape: tuple[int, ...]
+    column_major: bool
+    dtype: np.dtype[Any]
+
+    @property
+    def values(self) -> int:
+        """Return how many values there are."""
+        return math.prod(self.shape)
+
+    @property
+    def is_numeric(self) -> bool:
+        """Tell whether the values are plain numbers."""
+        return not self.dtype.hasobject and self.dtype.kind in NUMBERS and min(self.shape, default=0) >= 0
 
 
 def read_arrays(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[str]]:
@@ -31,17 +56,11 @@ def read_arrays(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays,
     readers = {".npz": _npz, ".mat": _mat, ".csv": _csv}
     if path.suffix.lower() not in readers:
         raise BadInput(f"map '{path.name}': suffix '{path.suffix}' is not known; use .npz, .mat or .csv")
+    check_given(path, MOST_BYTES[path.suffix.lower()], "give a flux map (.npz, .mat or .csv), nothing else in it")
     try:
-        size, bound = path.stat().st_size, MOST_BYTES[path.suffix.lower()]
-        if size > bound:
-            raise BadInput(
-                f"{path.name}: {size / 1e6:.0f} MB; at most {bound / 1e6:.0f} MB are read, keep only the map"
-            )
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a table's odd lines: what is missing is named below
             return readers[path.suffix.lower()](path, wanted, most)
-    except FileNotFoundError:
-        raise BadInput(f"file '{path}' does not exist; give a flux map (.npz, .mat or .csv)") from None
     except BadInput:
         raise
     except Exception as error:  # the libraries raise whatever a damaged file leads them to
@@ -59,22 +78,38 @@ def _check(path: Path, name: str, shape: tuple[int, ...], most: int) -> None:
         )
 
 
+def npy_header(file: IO[bytes]) -> ArrayHeader:
+    """Read what stands before an array's values in NumPy's format; ValueError where that is damaged or too long."""
+    begin = file.read(MAGIC)
+    version = np.lib.format.read_magic(io.BytesIO(begin))
+    size = file.read(2 if version == (1, 0) else 4)
+    length = int.from_bytes(size, "little")
+    if length > MOST_HEADER:  # NumPy itself reads it whole before it looks
+        raise ValueError(f"a header of {length} bytes")
+    header = io.BytesIO(size + file.read(length))
+    old = version == (1, 0)
+    read = np.lib.format.read_array_header_1_0 if old else np.lib.format.read_array_header_2_0
+    return ArrayHeader(*read(header, max_header_size=MOST_HEADER))
+
+
+def npy_values(file: IO[bytes], head: ArrayHeader) -> NDArray[Any]:
+    """Return the values that follow a header; ValueError where the file ends before them."""
+    data = file.read(head.values * head.dtype.itemsize)
+    array = np.frombuffer(data, dtype=head.dtype, count=head.values)
+    return array.reshape(head.shape, order="F" if head.column_major else "C")
+
+
 def _npz(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[str]]:
     found: Arrays = {}
     with zipfile.ZipFile(path) as archive:
         members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
         for name in set(members) & set(wanted):
             with archive.open(members[name]) as file:
-                major, _ = np.lib.format.read_magic(file)
-                read_header = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
-                shape, column_major, dtype = read_header(file, max_header_size=10_000)
-                if dtype.hasobject or dtype.kind not in NUMBERS or len(shape) > 2:
+                head = npy_header(file)
+                if not head.is_numeric or len(head.shape) > 2:
                     continue
-                _check(path, name, shape, most)
-                count = int(np.prod(shape, dtype=np.int64))
-                data = file.read(count * dtype.itemsize)
-            array = np.frombuffer(data, dtype=dtype, count=count)
-            found[name] = array.reshape(shape, order="F" if column_major else "C")
+                _check(path, name, head.shape, most)
+                found[name] = npy_values(file, head)
     return found, sorted(members)
 
 
@@ -90,6 +125,10 @@ def _csv(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[s
     rows = path.read_bytes().count(b"\n")
     if rows > most:
         raise BadInput(f"{path.name}: {rows} rows; at most {most} are read, keep every second line")
+    with path.open("rb") as file:
+        columns = file.readline(MOST_HEADER).count(b",") + 1
+    if columns > MOST_COLUMNS:
+        raise BadInput(f"{path.name}: {columns} columns; at most {MOST_COLUMNS} are read, keep those of the map")
     table = np.genfromtxt(path, delimiter=",", names=True, encoding="utf-8-sig")
     names = table.dtype.names or ()
     return {n: np.asarray(table[n]) for n in names if n in wanted}, sorted(names)

@@ -14,6 +14,7 @@ lose stands in their place, and they are then what the drive has beyond its tabl
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -22,9 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, brief
+from model.given import given_bytes
 from model.names import check_file
 
 MOST_POINTS = 64
+MOST_BYTES = 1_000_000  # of its file
 Points = tuple[tuple[float, float], ...]
 KEY = "[drive] inverter_table"
 
@@ -38,10 +41,11 @@ def with_points(values: Mapping[str, Any], folder: Path) -> dict[str, Any]:
 
 def read_points(path: Path) -> Points:
     """Return the points of a CSV file, odd part of what both signs of the current say; BadInput says what is wrong."""
+    content = given_bytes(path, MOST_BYTES, f"give a CSV file of two columns as {KEY}")
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            rows = [row for row in csv.reader(file) if any(cell.strip() for cell in row)]
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        lines = io.StringIO(content.decode("utf-8-sig"), newline="")
+        rows = [row for row in csv.reader(lines) if any(cell.strip() for cell in row)]
+    except (UnicodeDecodeError, csv.Error) as error:
         raise BadInput(f"{KEY}: '{path.name}' cannot be read ({error}); give a CSV file of two columns") from None
     numbers = [_numbers(row) for row in rows]
     body = numbers[1:] if numbers and numbers[0] is None else numbers

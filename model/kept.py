@@ -28,6 +28,8 @@ def digest(body: bytes) -> str:
 def read(path: Path) -> bytes | None:
     """Return what was kept; None where there is nothing, or (with a note) where it is not what was written."""
     try:
+        if not path.is_file():  # nor a pipe, which would have to be waited for
+            return None
         head, _, body = path.read_bytes().partition(b"\n")
     except OSError:
         return None

@@ -24,6 +24,7 @@ from model.datasets import dataset, fetch
 from model.energy import AnyEnergy
 from model.errors import BadInput, PhysicsError, brief, unknown
 from model.fluxmap import FluxMap, check_axis, check_physical
+from model.given import given_bytes
 from model.kept import read as read_kept
 from model.kept import write as write_kept
 from model.map_points import Quality, check_angle, fit_points, quality, read_points
@@ -132,12 +133,7 @@ def _remembered(
     path: Path, frame: tuple[str, float], choice: tuple[tuple[int, int], float] | None
 ) -> tuple[SplineEnergy, float]:
     """Return the centred fit of a map and the magnet flux (Wb), from disk where it has been fitted before."""
-    try:
-        if path.stat().st_size > max(MOST_BYTES.values()):
-            raise BadInput(f"flux map '{path.name}' has {path.stat().st_size / 1e6:.0f} MB; keep the map alone in it")
-        content = path.read_bytes()
-    except OSError as error:
-        raise BadInput(f"flux map '{path}' cannot be read ({error.strerror}); give a .npz, .mat or .csv file") from None
+    content = given_bytes(path, max(MOST_BYTES.values()), "give a flux map (.npz, .mat or .csv), nothing else in it")
     here = Path(__file__).parent
     code = b"".join((here / name).read_bytes() for name in FITTED_BY)
     key = hashlib.sha256(code + content + repr((path.suffix, frame, choice)).encode()).hexdigest()[:24]

@@ -15,6 +15,7 @@ from typing import Any
 
 from model.energy import AnyEnergy, Energy
 from model.errors import BadInput, brief, unknown
+from model.given import given_bytes
 from model.inverter_table import Points, checked
 from model.names import check_name
 
@@ -288,18 +289,13 @@ class Drive:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return a TOML file's content; BadInput where it cannot be read or parsed."""
+    text = given_bytes(path, LONGEST, "give a path to a TOML file, tables of readings apart from it")
     try:
-        with path.open("rb") as file:
-            text = file.read(LONGEST + 1)
-        if len(text) <= LONGEST:
-            return tomllib.loads(text.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n"))
-    except FileNotFoundError:
-        raise BadInput(f"file '{path}' does not exist; give a path to a TOML file") from None
-    except (OSError, ValueError, RecursionError) as error:
-        if isinstance(error, tomllib.TOMLDecodeError):
-            raise BadInput(f"file '{path}' is not valid TOML: {error}") from None
+        return tomllib.loads(text.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n"))
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"file '{path}' is not valid TOML: {error}") from None
+    except (ValueError, RecursionError) as error:
         raise BadInput(f"file '{path}' cannot be read as TOML: {error}; give a text file in UTF-8") from None
-    raise BadInput(f"file '{path}' has more than {LONGEST / 1e6:g} MB; give a TOML file, tables of readings apart")
 
 
 def build(kind: Any, values: dict[str, Any], table: str) -> Any:

@@ -35,6 +35,8 @@ FOLDS = 5
 TOLERATED = 1.2  # of the least squared error: the smoothest choice within it is taken
 SECOND = ((2, 0), (1, 1), (0, 2))  # orders of the second derivatives
 ROUNDS = 60
+MOST_BYTES = 1.2e9  # of a fit: 30 x 30 cells on 60 x 60 points, 8 s; 20 x 16 cells on as many points as are read
+AT_POINTS, AT_CELLS = 24, 126  # numbers kept for each unknown by a point and by a cell; measured, 0.7 to 2.5 GB
 MOST_PLANES = 800  # inequalities kept: more than twice what any measured map needed; beyond, a fit has no end
 
 
@@ -87,6 +89,12 @@ def fit(
     if len(psi_d) < 12 or np.ptp(i_d) == 0 or np.ptp(i_q) == 0:
         raise BadInput(f"{len(psi_d)} points of a flux map do not span both axes; give a map over i_d and i_q")
     box = _Box(psi_d, psi_q, cells)
+    needed = 8.0 * box.unknowns * (AT_POINTS * len(psi_d) + AT_CELLS * cells[0] * cells[1])
+    if needed > MOST_BYTES:
+        raise BadInput(
+            f"{cells[0]} x {cells[1]} cells on {len(psi_d)} points of a flux map take {needed / 1e9:.1f} GB; at most "
+            f"{MOST_BYTES / 1e9:g} are used: take fewer cells, or every second line of the map"
+        )
     grad_d, grad_q = box.rows(psi_d, psi_q, 1, 0), box.rows(psi_d, psi_q, 0, 1)
     points = box.check_points()
     curvature = [box.rows(*points, *order) for order in SECOND]

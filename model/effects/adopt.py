@@ -18,8 +18,10 @@ from model.effects import library
 from model.effects.card import MACHINERY, PORTS, REPEATED, At, Effect, Parameter, Part
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
 from model.errors import BadInput, brief, unknown
+from model.given import given_bytes
 from model.parameters import Drive
 
+MOST_BYTES = 1_000_000  # of a file of effects
 MOST_PARTS = 12
 LONGEST_TEXT = 1000  # characters of a card's line
 TRIED_ON = "ipm"  # the motor with which a card's functions are tried
@@ -34,10 +36,7 @@ def adopt(path: str | Path) -> tuple[Effect, ...]:
     file = Path(path).expanduser().resolve()
     if str(file) in FILES:
         return tuple(sys.modules[FILES[str(file)]].EFFECTS)
-    try:
-        text = file.read_bytes()
-    except OSError as error:
-        raise BadInput(f"{path}: {error.strerror or error}; give a Python file with effects") from None
+    text = given_bytes(file, MOST_BYTES, "give a Python file with effects")
     if PLANT in sys.modules:
         raise BadInput(f"{path}: the plant is compiled already; name your effects before the first run of the process")
     if os.pathsep in str(file):

@@ -12,6 +12,7 @@ from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 from model.errors import BadInput, brief, shown
+from model.given import MOST_JSON, given_bytes
 from sandbox.output.files import plain, results, write_json
 from sandbox.output.provenance import digest_of, libraries, made_by
 from sandbox.public.calls import EFFECTS, LEFT_OUT, hashes
@@ -24,7 +25,6 @@ COSTS = {  # what a run costs is never the same twice
 CLOSE = 1e-6  # of a number: what another machine or another library may change
 NOTHING = 1e-12  # in any unit
 LARGEST = 2**1000  # a whole number beyond is none of ours, and no float
-LONGEST = 100_000_000  # bytes of a result's JSON: twenty times the longest, a whole protocol's
 MOST = 50  # differences that are told
 ROWS = "withheld.rows.jsonl"
 SCORED = "withheld score"
@@ -147,15 +147,10 @@ def _json_of(place: Path) -> Path:
 
 def _read(path: Path) -> dict[str, Any]:
     """Return a result's JSON; BadInput unless it says how it was made in a way that can be done again."""
+    text = given_bytes(path, MOST_JSON, "give what a command has written")
     try:
-        with path.open("rb") as file:
-            text = file.read(LONGEST + 1)
-        if len(text) > LONGEST:
-            raise BadInput(f"'{path}' has more than {LONGEST / 1e6:g} MB, which no result has; give another")
         stated = json.loads(text)
-    except BadInput:
-        raise
-    except (OSError, ValueError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise BadInput(f"'{path}' cannot be read as JSON ({error}); give what a command has written") from None
     made = stated.get("made_by") if isinstance(stated, dict) else None
     call = made.get("call") if isinstance(made, dict) else None

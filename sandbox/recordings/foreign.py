@@ -10,6 +10,7 @@ import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +19,16 @@ from model.errors import BadInput
 from model.matfile import read_mat
 from sandbox.recordings.formats import hdf5, mcap_log, mdf4, tdms
 from sandbox.recordings.formats.log_table import Table
+from sandbox.recordings.formats.long_text import read_rows
 from sandbox.recordings.formats.matrices import matrices, numpy_arrays
 from sandbox.recordings.formats.preamble import scope_lines, separator_of, table_lines
 from sandbox.recordings.parquet import read_parquet
 
 Array = NDArray[np.float64]
 SUFFIXES = (".parquet", ".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".mf4", ".tdms", ".mcap")
+LONG = 4_000_000  # bytes of a text from which on its rows are read by pyarrow
+LARGEST_TEXT = 60_000_000  # bytes of a text that is read cell by cell, at some 20 bytes of memory for each
+MOST_COLUMNS = 10_000
 LARGEST_MAT = 1_000_000_000  # bytes unpacked of one file
 HEADER = re.compile(r"^\s*(?P<name>.*?)\s*(?:[\[(](?P<unit>[^\[\]()]*)[\])])?\s*$")
 
@@ -50,30 +55,100 @@ def read_table(path: Path, wanted: Iterable[str] = (), matrix: Mapping[str, Sequ
 
 
 def _csv(path: Path) -> Table:
+    """Return a text's table: a long one by `long_text` where all its rows are numbers, else cell by cell."""
+    size = path.stat().st_size
+    if size > LONG:
+        found = _by_rows(path)
+        if found is not None:
+            return found
+    if size > LARGEST_TEXT:
+        raise BadInput(
+            f"{path.name}: {size / 1e6:.0f} MB of text with rows that are not all numbers; export numbers alone under "
+            "one header"
+        )
+    return _by_cells(path.name, _text(path.read_bytes()))
+
+
+def _text(raw: bytes) -> str:
     try:
-        raw = path.read_bytes()
-        try:
-            text = raw.decode("utf-8-sig")
-        except UnicodeDecodeError:
-            text = raw.decode("latin-1")  # a degree sign of an older program
-        lines = scope_lines(text, _is_number) or table_lines(text, _is_number)
-        if not lines:
-            raise BadInput(f"{path.name}: no line of data; a table needs a header and rows")
-        rows = list(csv.reader(lines, delimiter=separator_of(lines[0])))
-    except (OSError, csv.Error) as error:
-        raise BadInput(f"{path.name}: cannot be read as CSV ({error}); export it again") from None
-    names, units = _header(path.name, rows[0])
-    first = 1
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("latin-1")  # a degree sign of an older program
+
+
+def _by_rows(path: Path) -> Table | None:
+    """Return a long table of numbers, None where it is not simply lines of numbers."""
+    with path.open("rb") as file:
+        layout = _layout(path.name, _text(file.read(LONG).rpartition(b"\n")[0]))
+    if layout is None:
+        return None
+    columns = read_rows(path, layout.names, layout.separator, layout.above, layout.row)
+    if columns is None:
+        return None
+    first = [_cells(n, [cell], {})[0] for n, cell in zip(layout.names, layout.row, strict=False)]
+    if not np.array_equal([columns[n][0] for n in layout.names], first, equal_nan=True):
+        return None  # what counts as a line above the table is seen in two ways
+    return Table(columns, layout.units, {})
+
+
+class Layout(NamedTuple):
+    """How a text's table is laid out: units, names, separator, lines above the first row, cells of that row."""
+
+    units: dict[str, str]
+    names: list[str]
+    separator: str
+    above: int
+    row: list[str]
+
+
+def _layout(file: str, text: str) -> Layout | None:
+    """Return how a table begins; None where its rows are not simply lines of it."""
+    if scope_lines(text, _is_number):
+        return None
+    lines = table_lines(text, _is_number)
+    if not lines:
+        return None
+    separator = separator_of(lines[0])
+    _check_width(file, lines[0], separator)
+    top = [next(csv.reader([line], delimiter=separator), []) for line in lines[:3]]
+    names, units, first = _begin(file, top)
+    every = text.splitlines()
+    if first >= len(lines) or lines[first] not in every:
+        return None
+    return Layout(units, names, separator, every.index(lines[first]), top[first])
+
+
+def _begin(file: str, rows: list[list[str]]) -> tuple[list[str], dict[str, str], int]:
+    """Return a table's names, units, and the number of its first row of data."""
+    names, units = _header(file, rows[0])
     if len(rows) > 1 and not any(_is_number(cell) for cell in rows[1]) and any(c.strip() for c in rows[1]):
         stated = [cell.strip().strip("[]()").strip() for cell in rows[1]]
-        units |= {n: u for n, u in zip(names, stated, strict=False) if u}
-        first = 2
+        return names, units | {n: u for n, u in zip(names, stated, strict=False) if u}, 2
+    return names, units, 1
+
+
+def _check_width(file: str, header: str, separator: str) -> None:
+    columns = header.count(separator) + 1
+    if columns > MOST_COLUMNS:
+        raise BadInput(f"{file}: {columns} columns; at most {MOST_COLUMNS} are read, keep those needed")
+
+
+def _by_cells(file: str, text: str) -> Table:
+    lines = scope_lines(text, _is_number) or table_lines(text, _is_number)
+    if not lines:
+        raise BadInput(f"{file}: no line of data; a table needs a header and rows")
+    separator = separator_of(lines[0])
+    _check_width(file, lines[0], separator)
+    try:
+        rows = list(csv.reader(lines, delimiter=separator))
+    except csv.Error as error:
+        raise BadInput(f"{file}: cannot be read as CSV ({error}); export it again") from None
+    names, units, first = _begin(file, rows)
     for k, row in enumerate(rows[first:]):
         if len(row) != len(names) and not (len(row) == len(names) + 1 and not row[-1].strip()):
             raise BadInput(
-                f"{path.name}: row {k} has {len(row)} cells, the header has {len(names)}; with decimal commas the "
-                "separator "
-                "must be ';' or a tab"
+                f"{file}: row {k} has {len(row)} cells, the header has {len(names)}; with decimal commas the "
+                "separator must be ';' or a tab"
             )
     odd: dict[tuple[str, int], str] = {}
     columns = {name: _cells(name, [row[j] for row in rows[first:]], odd) for j, name in enumerate(names)}

@@ -87,6 +87,8 @@ def source_of(
     folder = path if path.is_dir() else path.parent
     if not path.exists():
         raise BadInput(f"campaign '{path}' does not exist; give its folder, or one table in it")
+    if not (path.is_dir() or path.is_file()):
+        raise BadInput(f"campaign '{path}' is a pipe or a device; give a folder, or one table in it")
     data, mapped, source = _tables(folder, None if columns is None else Path(columns), preset)
     entries = entries_of(data, rotors, source)
     if path.is_file():

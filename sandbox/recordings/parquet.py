@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Converter
+from sandbox.recordings.formats.log_table import MOST_VALUES, too_many
 
 Array = NDArray[np.float64]
 Recording = TypeVar("Recording", bound=Any)
@@ -27,15 +28,23 @@ def with_volts(r: Recording, converter: Converter) -> Recording:
 
 def read_parquet(path: Path) -> dict[str, Array]:
     """Return a Parquet table's columns, float64; BadInput where it is no table of numbers."""
+    if not path.is_file():
+        raise BadInput(f"{path.name}: the file does not exist in '{path.parent}'; correct [[recording]]")
     try:
         import pyarrow
-        from pyarrow import parquet
+        from pyarrow import parquet, types
     except ImportError:
         raise BadInput(f"{path.name}: reading Parquet needs pyarrow; install it with 'pip install pyarrow'") from None
     try:
-        table = parquet.read_table(path, page_checksum_verification=True)
-        return {n: np.asarray(table[n].to_numpy(), dtype=np.float64) for n in table.column_names}
-    except FileNotFoundError:
-        raise BadInput(f"{path.name}: the file does not exist in '{path.parent}'; correct [[recording]]") from None
+        with parquet.ParquetFile(path, page_checksum_verification=True) as file:
+            schema = file.schema_arrow
+            if file.metadata.num_rows * len(schema.names) > MOST_VALUES:
+                raise too_many(path.name)
+            for name, kind in zip(schema.names, schema.types, strict=True):
+                if not any(fits(kind) for fits in (types.is_integer, types.is_floating, types.is_boolean)):
+                    raise BadInput(f"{path.name}: column '{name}' holds {str(kind)[:40]}, no numbers; leave it away")
+            return {n: np.asarray(file.read([n])[n].to_numpy(), dtype=np.float64) for n in schema.names}
+    except BadInput:
+        raise
     except (pyarrow.ArrowException, OSError, TypeError, ValueError) as error:
         raise BadInput(f"{path.name}: not a Parquet table of numbers ({str(error).splitlines()[0]})") from None

@@ -16,8 +16,10 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
+from model.given import MOST_JSON, given_bytes
 from model.parameters import finite
 from sandbox.output.files import json_bytes, write_whole
+from sandbox.output.provenance import digest_of as digest_of_file
 from sandbox.output.provenance import version
 from sandbox.sweep.blocks import Block, block_size, code_key, samples_of, schema_of
 from sandbox.sweep.plan import Sweep, digest_of
@@ -134,7 +136,7 @@ def _file(start: int) -> str:
 def _read(path: Path) -> dict[str, Any] | None:
     """Return a manifest, None where there is none that is what was written."""
     try:
-        found = json.loads(path.read_bytes())
+        found = json.loads(given_bytes(path, MOST_JSON, "sweep again"))
         return dict(found) if found.pop("sha256") == _digest(found) and _is_sound(found) else None
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
         return None
@@ -155,8 +157,8 @@ def _digest(content: dict[str, Any]) -> str:
 def _is_whole(kept: Kept, block: dict[str, Any]) -> bool:
     """Tell whether a block's files are what was written."""
     try:
-        content = (kept.folder / block["file"]).read_bytes()
-        if hashlib.sha256(content).hexdigest() != block["sha256"]:
+        path = kept.folder / block["file"]
+        if not path.is_file() or digest_of_file(path) != block["sha256"]:
             return False
         if kept.sweep.traces is None:
             return True

@@ -57,5 +57,5 @@ def test_a_file_that_holds_none_is_refused_by_its_line(tmp_path, text, said):
 
 
 def test_a_file_that_is_not_there(tmp_path):
-    with pytest.raises(BadInput, match="cannot be read"):
+    with pytest.raises(BadInput, match="does not exist; give a CSV file of two columns"):
         read_points(tmp_path / "none.csv")

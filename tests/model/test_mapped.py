@@ -68,7 +68,7 @@ def test_a_fit_is_remembered_until_the_map_changes(folder):
     [
         (lambda t: t.replace("[flux_map]", "inductance_d = 0.05\n[flux_map]"), "inductance_d comes from the flux map"),
         (lambda t: t.replace("file =", "fil ="), r"unknown key in \[flux_map\] 'fil'; did you mean 'file'"),
-        (lambda t: t.replace("mine.csv", "other.csv"), "other.csv' cannot be read"),
+        (lambda t: t.replace("mine.csv", "other.csv"), "other.csv' does not exist; give a flux map"),
         (lambda t: t.replace("[8, 6]", "[8]"), "give both, cells"),
         (lambda t: t + 'magnet = "x"\n', "magnet axis 'x' is not known"),
         (lambda t: t.replace("resistance = 12.15\n", ""), r"\[motor\] lacks 'resistance'"),

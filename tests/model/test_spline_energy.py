@@ -147,3 +147,10 @@ def test_bad_maps_are_named(tmp_path, change, message):
         read_map(tmp_path / "m.npz")
     with pytest.raises(BadInput, match="magnet axis 'x'"):
         read_map(tmp_path / "m.npz", "x")
+
+
+def test_a_fit_says_before_it_starts_that_it_takes_too_much_memory():
+    i = np.linspace(-5.0, 5.0, 13)
+    i_d, i_q = (x.ravel() for x in np.meshgrid(i, i, indexing="ij"))
+    with pytest.raises(BadInput, match=r"60 x 60 cells on 169 points of a flux map take 7\.4 GB"):
+        se.fit(0.3 + 0.01 * i_d, 0.01 * i_q, i_d, i_q, (60, 60))

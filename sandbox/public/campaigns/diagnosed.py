@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from model.effects.library import load_effect
 from model.errors import BadInput
+from model.given import MOST_JSON, given_bytes
 from sandbox.output.columns import Column, columns_of, write_table
 from sandbox.output.files import results, write_json
 from sandbox.output.tables import print_prose
@@ -239,15 +240,15 @@ def earlier_answer(place: str | Path) -> dict[str, Any]:
 
     path = Path(place)
     path = path / "diagnosis.json" if path.is_dir() else path
+    remedy = "give the folder that an earlier `sensorless diagnose` wrote"
+    text = given_bytes(path, MOST_JSON, remedy)
     try:
-        told = json.loads(path.read_text(encoding="utf-8"))
+        told = json.loads(text)
         sets = [tuple(sorted(str(e) for e in one if e != UNKNOWN)) for one in told["ambiguity_set"]]
         said = {"verdict": str(told["verdict"]), "ambiguity_set": told["ambiguity_set"],
                 "recommended": (told["next_recording"] or {}).get("entry")}  # fmt: skip
     except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-        raise BadInput(
-            f"'{path}' is no diagnosis.json; give the folder that an earlier `sensorless diagnose` wrote"
-        ) from None
+        raise BadInput(f"'{path}' is no diagnosis.json; {remedy}") from None
     for name in {e for one in sets for e in one}:
         load_effect(name)
     return {"said": said, "rivals": list(dict.fromkeys(one for one in sets if one))}

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from model.arrays import npy_header, npy_values
 from model.errors import BadInput, unknown
-from sandbox.recordings.formats.log_table import MOST_VALUES, Table, split_matrix
+from sandbox.recordings.formats.log_table import MOST_VALUES, Table, split_matrix, too_many
 
 
 def matrices(file: str, arrays: Mapping[str, NDArray[Any]], names: Mapping[str, Sequence[str]]) -> Table:
@@ -37,20 +39,38 @@ def matrices(file: str, arrays: Mapping[str, NDArray[Any]], names: Mapping[str, 
 
 def numpy_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """Return the arrays of numbers of a .npy file (named 'data') or an .npz file; BadInput for pickled objects."""
+    found: dict[str, NDArray[Any]] = {}
+    left, pickled = MOST_VALUES, False
     try:
-        with path.open("rb") as file:
-            found = np.load(file, allow_pickle=False)
-            single = isinstance(found, np.ndarray)
-            arrays = {"data": found} if single else {str(n): found[n] for n in found.files}
-    except Exception as error:  # NumPy raises whatever a damaged file leads it to
-        raise BadInput(f"{path.name}: {_why(error)}") from None
-    kept = {n: a for n, a in arrays.items() if a.dtype.kind in "fiu" and 0 < a.size <= MOST_VALUES}
-    if not kept:
+        for name, file in _members(path):
+            head = npy_header(file)
+            pickled |= head.dtype.hasobject
+            if head.is_numeric and head.dtype.kind in "fiu" and head.values:
+                left -= head.values
+                if left < 0:
+                    raise too_many(path.name)
+                found[name] = npy_values(file, head)
+    except BadInput:
+        raise
+    except Exception as error:  # NumPy and zipfile raise whatever a damaged file leads them to
+        why = f"cannot be read as NumPy's format ({str(error)[:80]}); save it again"
+        raise BadInput(f"{path.name}: {why}") from None
+    if not found and pickled:
+        raise BadInput(
+            f"{path.name}: it holds pickled objects, which could run code; save arrays of numbers, one matrix a run"
+        )
+    if not found:
         raise BadInput(f"{path.name}: no array of numbers in it; save the columns as one matrix")
-    return kept
+    return found
 
 
-def _why(error: Exception) -> str:
-    if "pickle" in str(error):
-        return "it holds pickled objects, which could run code; save arrays of numbers, one matrix a run"
-    return f"cannot be read as NumPy's format ({str(error)[:80]}); save it again"
+def _members(path: Path) -> Iterator[tuple[str, IO[bytes]]]:
+    """Yield the arrays of a file, opened: that of a .npy file, or those of an .npz file by name."""
+    if not zipfile.is_zipfile(path):
+        with path.open("rb") as single:
+            yield "data", single
+        return
+    with zipfile.ZipFile(path) as archive:
+        for info in archive.infolist():
+            with archive.open(info) as member:
+                yield info.filename.removesuffix(".npy"), member

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from array import array
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from model.errors import BadInput, unknown
-from sandbox.recordings.formats.log_table import MOST_VALUES, Table, missing, on_one_raster
+from sandbox.recordings.formats.log_table import MOST_VALUES, Table, missing, on_one_raster, too_many
 
 DEEPEST = 5  # objects in objects
 
@@ -26,7 +27,7 @@ def read_mcap(path: Path, wanted: Sequence[str]) -> Table:
         from mcap.reader import make_reader
     except ImportError:
         raise missing(path.name, "mcap", "mcap", "MCAP") from None
-    signals: dict[str, tuple[list[float], list[float]]] = defaultdict(lambda: ([], []))
+    signals: dict[str, tuple[array[float], array[float]]] = defaultdict(lambda: (array("d"), array("d")))
     asked, other, count = set(wanted), "", 0
     try:
         with path.open("rb") as file:
@@ -40,8 +41,10 @@ def read_mcap(path: Path, wanted: Sequence[str]) -> Table:
                     signals[name][0].append(1e-9 * message.publish_time)
                     signals[name][1].append(value)
                     count += 1
-                if count > MOST_VALUES:
-                    raise ValueError("too many values; keep the topics needed")
+                if count > MOST_VALUES // 2:  # each with a stamp of its own
+                    raise too_many(path.name)
+    except BadInput:
+        raise
     except Exception as error:  # whatever a damaged file leads the reader to
         raise BadInput(f"{path.name}: cannot be read as MCAP ({error!s:.80}); record it again") from None
     if not signals:

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from model.errors import BadInput, unknown
-from sandbox.recordings.formats.log_table import Table, missing, on_one_raster, silent
+from sandbox.recordings.formats.log_table import MOST_VALUES, Table, missing, on_one_raster, silent, too_many
 
 
 def read_mdf4(path: Path, wanted: Sequence[str]) -> Table:
@@ -24,6 +24,9 @@ def read_mdf4(path: Path, wanted: Sequence[str]) -> Table:
     try:
         with silent(), MDF(path) as file:
             known = list(file.channels_db)
+            places = {p for n in (wanted or known) for p in file.channels_db.get(n, ())}
+            if sum(file.groups[group].channel_group.cycles_nr for group, _ in places) > MOST_VALUES // 2:
+                raise too_many(path.name)  # each with a stamp of its own
             for name in dict.fromkeys(n for n in (wanted or known) if n in file.channels_db):
                 every = [file.get(name, group=g, index=k) for g, k in file.channels_db[name]]
                 signal = max(every, key=lambda s: len(s.timestamps))
@@ -33,6 +36,8 @@ def read_mdf4(path: Path, wanted: Sequence[str]) -> Table:
                 signals[name] = (stamps, np.asarray(signal.samples, dtype=np.float64))
                 if signal.unit:
                     units[name] = str(signal.unit)
+    except BadInput:
+        raise
     except Exception as error:  # asammdf raises whatever a damaged file or an ambiguous channel leads it to
         raise BadInput(f"{path.name}: cannot be read as MDF4 ({error!s:.80}); export it again") from None
     if not signals:

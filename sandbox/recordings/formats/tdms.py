@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from model.errors import BadInput, unknown
-from sandbox.recordings.formats.log_table import MOST_VALUES, Table, missing, on_one_raster, silent
+from sandbox.recordings.formats.log_table import MOST_VALUES, Table, missing, on_one_raster, silent, too_many
 
 
 def read_tdms(path: Path, wanted: Sequence[str]) -> Table:
@@ -28,11 +28,15 @@ def read_tdms(path: Path, wanted: Sequence[str]) -> Table:
             channels = [c for group in file.groups() for c in group.channels()]
             names = Counter(c.name for c in channels)
             known = {c.name if names[c.name] == 1 else f"{c.group_name}/{c.name}": c for c in channels}
-            numbers = {n: c for n, c in known.items() if c.dtype.kind in "fiu" and 0 < len(c) <= MOST_VALUES}
+            numbers = {n: c for n, c in known.items() if c.dtype.kind in "fiu" and len(c) > 0}
             asked = {n: numbers[n] for n in dict.fromkeys(wanted) if n in numbers} or (numbers if not wanted else {})
+            if sum(len(c) for c in asked.values()) > MOST_VALUES:
+                raise too_many(path.name)
             values = {n: np.asarray(c[:], dtype=np.float64) for n, c in asked.items()}
             stamps = {n: _stamps(c, len(values[n])) for n, c in asked.items()}
             units = {n: str(c.properties["unit_string"]) for n, c in asked.items() if c.properties.get("unit_string")}
+    except BadInput:
+        raise
     except Exception as error:  # nptdms raises whatever a damaged file leads it to
         raise BadInput(f"{path.name}: cannot be read as TDMS ({error!s:.80}); export it again") from None
     if not values:

@@ -16,6 +16,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from model.errors import BadInput
+from model.given import MOST_JSON, given_bytes
 from sandbox.engine.processes import Cluster
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.report.answers import next_recording
@@ -143,7 +144,7 @@ def read_report(reports: Path, name: str) -> dict[str, Any]:
     """Return one stored diagnosis; BadInput where a file is none, or another campaign's."""
     path = reports / f"{name}.json"
     try:
-        return check_report(read_json(path.read_bytes()), name)
+        return check_report(read_json(given_bytes(path, MOST_JSON, "score again")), name)
     except (OSError, ValueError) as error:  # BadInput, too
         raise BadInput(f"'{path}' holds no report of {name}; delete it and score again ({error})") from None
 
@@ -158,10 +159,7 @@ def read_json(text: bytes) -> Any:
 
 def sealed(folder: Path) -> bytes:
     """Return the sealed file unread; BadInput where it is not the one that was hashed."""
-    try:
-        data, path = (folder / SEAL).read_bytes(), folder / HASH
-    except OSError as error:
-        raise BadInput(f"'{folder / SEAL}' cannot be read ({error.strerror}); make the check anew") from None
+    data, path = given_bytes(folder / SEAL, MOST_JSON, "make the check anew"), folder / HASH
     stated = path.read_bytes().split()[:1] if path.is_file() else []
     if not stated:
         raise BadInput(f"'{path}' is missing or empty, so the seal cannot be checked; make the check anew")

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
+from model.given import MOST_JSON, given_bytes
 from sandbox.output.files import rounded, write_whole
 from sandbox.validation.scoring.documents import check_report
 
@@ -96,7 +97,8 @@ def write_rows(path: Path, rows: Iterable[Row]) -> Path:
 def read_rows(path: Path) -> list[Row]:
     """Return the rows of a file; BadInput names the first line that is none."""
     out: list[Row] = []
-    for k, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+    content = given_bytes(path, MOST_JSON, "give the rows that `sensorless withheld score` has written")
+    for k, line in enumerate(content.decode("utf-8", "replace").splitlines(), 1):
         try:
             found = Row(**json.loads(line))
             check_report(found.answer, found.campaign)

@@ -83,9 +83,9 @@ def test_what_is_too_long_is_not_read_whole(tmp_path, monkeypatch):
         file.truncate(LONGEST + 1)
     with pytest.raises(BadInput, match="more than 20 MB"):
         read_toml(long)
-    monkeypatch.setattr(verifying, "LONGEST", 10)
+    monkeypatch.setattr(verifying, "MOST_JSON", 10)
     (tmp_path / "audit.json").write_text("[" * 11)
-    with pytest.raises(BadInput, match="which no result has"):
+    with pytest.raises(BadInput, match="more than 1e-05 MB"):
         verify(tmp_path)
 
 
