@@ -11,7 +11,7 @@ from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from model.errors import BadInput, unknown
+from model.errors import BadInput, raised, unknown
 from model.names import check_name
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def _from_file(path: Path) -> Estimator:
             spec.loader.exec_module(module)
         except (Exception, SystemExit) as error:  # whatever a user's file raises is the user's to mend
             del sys.modules[name]
-            raise BadInput(f"estimator file '{path}' cannot be run: {type(error).__name__}: {error}") from error
+            raise BadInput(f"estimator file '{path}' cannot be run: {raised(error)}; mend it there") from error
         finally:
             sys.path.remove(str(full.parent))
         module.READ_AT = full.stat().st_mtime_ns  # type: ignore[attr-defined]

@@ -56,7 +56,8 @@ def read_arrays(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays,
     readers = {".npz": _npz, ".mat": _mat, ".csv": _csv}
     if path.suffix.lower() not in readers:
         raise BadInput(f"map '{path.name}': suffix '{path.suffix}' is not known; use .npz, .mat or .csv")
-    check_given(path, MOST_BYTES[path.suffix.lower()], "give a flux map (.npz, .mat or .csv), nothing else in it")
+    if not check_given(path, MOST_BYTES[path.suffix.lower()], "give a flux map (.npz, .mat or .csv) alone in it"):
+        raise BadInput(f"{path.name} is empty; give a flux map (.npz, .mat or .csv)")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a table's odd lines: what is missing is named below

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from pathlib import PurePath
 
 LONGEST_SENTENCE = 400  # characters; more is a user's text inside it
 LONGEST_NAME = 60  # characters of a user's own name repeated to him
 LONGEST_LIST = 200  # characters of known names
+LONGEST_RAISED = 200  # characters of what a user's own code raised
+AROUND = ("Failed in nopython", "During: ", "- Resolution failure", "No implementation of function")  # numba's own
+PLACE = re.compile(r'File "([^"]*\.py)", line (\d+)')
 COMPARED = 2000  # known names among which the nearest is looked for
 
 
@@ -30,6 +34,24 @@ def brief(value: object, longest: int = 40) -> str:
         return repr(value)[:longest]
     except (ValueError, RecursionError):  # an integer of more digits than Python writes, lists without an end
         return f"a {type(value).__name__} too long to write"
+
+
+def raised(error: BaseException) -> str:
+    """Return what somebody's own code raised: its kind and what it says, without numba's explanations.
+
+    Of what numba cannot compile: the first thing it names, and the line of the user's file.
+    """
+    kind = type(error).__name__
+    try:
+        lines = [line.strip() for line in str(error).splitlines()]
+    except Exception:  # its text is made by the user's code, too
+        return kind
+    if not type(error).__module__.startswith("numba"):
+        return f"{kind}: {' '.join(lines)[:LONGEST_RAISED]}" if any(lines) else kind
+    told = next((line for line in lines if line and not line.startswith(AROUND)), "")
+    place = next((match for line in lines if (match := PLACE.match(line))), None)
+    where = f" ({PurePath(place[1]).name}, line {place[2]})" if place else ""
+    return f"{kind}: {told[:LONGEST_RAISED]}{where}"
 
 
 class BadInput(ValueError):

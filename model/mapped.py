@@ -25,12 +25,13 @@ from model.energy import AnyEnergy
 from model.errors import BadInput, PhysicsError, brief, unknown
 from model.fluxmap import FluxMap, check_axis, check_physical
 from model.given import given_bytes
+from model.kept import note_damage
 from model.kept import read as read_kept
 from model.kept import write as write_kept
 from model.map_points import Quality, check_angle, fit_points, quality, read_points
 from model.names import check_file
 from model.parameters import Motor, build
-from model.spline import SplineEnergy
+from model.spline import DEGREE, SplineEnergy
 
 KEYS = ("dataset", "file", "magnet", "angle", "cells", "smooth")
 OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
@@ -140,9 +141,14 @@ def _remembered(
     place = cache_home() / "maps" / f"{key}.kept"
     stored = read_kept(place)
     if stored is not None:
-        with np.load(io.BytesIO(stored)) as numbers:
-            rest = map(float, numbers["rest"])
-            return SplineEnergy(np.ascontiguousarray(numbers["cells"]), *rest), float(numbers["magnet"])
+        try:
+            with np.load(io.BytesIO(stored)) as numbers:
+                rest, cells = map(float, numbers["rest"]), np.ascontiguousarray(numbers["cells"], dtype=np.float64)
+                if cells.shape[:2] == (DEGREE + 1, DEGREE + 1) and cells.ndim == 4:
+                    return SplineEnergy(cells, *rest), float(numbers["magnet"])
+        except Exception:  # whole, but not what is written below
+            pass
+        note_damage(place)
     spline, flux = _fitted(path, frame, choice)
     body = io.BytesIO()
     np.savez(body, cells=spline.cells, rest=np.array(spline[1:]), magnet=flux)

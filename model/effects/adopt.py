@@ -11,18 +11,22 @@ import sys
 from dataclasses import fields
 from keyword import iskeyword
 from pathlib import Path
+from typing import Any
+
+from numba.core import types
 
 from model.compiled import depend_on
 from model.drive_files import load_drive
 from model.effects import library
 from model.effects.card import MACHINERY, PORTS, REPEATED, At, Effect, Parameter, Part
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
-from model.errors import BadInput, brief, unknown
+from model.errors import BadInput, brief, raised, unknown
 from model.given import given_bytes
 from model.parameters import Drive
 
 MOST_BYTES = 1_000_000  # of a file of effects
 MOST_PARTS = 12
+WHOLE = ("side", "shape")  # quantities of ports that are whole numbers
 LONGEST_TEXT = 1000  # characters of a card's line
 TRIED_ON = "ipm"  # the motor with which a card's functions are tried
 
@@ -63,7 +67,7 @@ def _cards(file: Path, name: str) -> tuple[Effect, ...]:
         spec.loader.exec_module(module)
     except (Exception, SystemExit) as error:  # whatever a user's file raises is the user's to mend
         del sys.modules[name]
-        raise BadInput(f"{file}: {type(error).__name__}: {' '.join(str(error).split())[:200]}") from None
+        raise BadInput(f"{file}: {raised(error)}; mend it there") from None
     cards = getattr(module, "EFFECTS", None)
     if not isinstance(cards, tuple) or not cards or not all(isinstance(c, Effect) for c in cards):
         raise BadInput(f"{file}: no effects; name the cards in EFFECTS = (CARD, ...)")
@@ -125,6 +129,29 @@ def _check_equations(card: Effect, part: Part, file: Path) -> None:
         if function is None or len(inspect.signature(function).parameters) != wanted:
             quantities = ", ".join((*at.numbers, *PORTS[at.port].quantities))
             raise BadInput(f"{file}: the equation of '{card.name}' must be @inlined and take ({quantities})")
+        _check_compiled(card, at, file)
+
+
+def _check_compiled(card: Effect, at: At, file: Path) -> None:
+    """Raise BadInput unless an equation can be compiled as the plant calls it, and returns as many numbers as asked."""
+    port = PORTS[at.port]
+    kinds = [types.int64 if quantity in WHOLE else types.float64 for quantity in port.quantities]
+    function: Any = at.equation
+    try:
+        function.compile((types.float64,) * len(at.numbers) + tuple(kinds))
+        found = function.nopython_signatures[-1].return_type
+    except Exception as error:  # numba raises whatever an equation leads it to
+        raise BadInput(
+            f"{file}: the equation of '{card.name}' at '{at.port}' cannot be compiled: {raised(error)}; mend it"
+        ) from None
+    each = list(getattr(found, "types", [found]))
+    plain = all(isinstance(kind, (types.Number, types.Boolean)) for kind in each)
+    if not plain or len(each) != port.returns or isinstance(found, types.BaseTuple) != (port.returns > 1):
+        numbers = f"{port.returns} number{'s' * (port.returns > 1)}"
+        raise BadInput(
+            f"{file}: the equation of '{card.name}' returns {str(found)[:60]}; "
+            f"at '{at.port}' it returns {numbers}: {port.what}"
+        )
 
 
 def _try(card: Effect, file: Path) -> None:
@@ -138,8 +165,7 @@ def _try(card: Effect, file: Path) -> None:
         except BadInput:  # a limit of the card, in its own words
             continue
         except Exception as error:  # whatever a user's file raises is the user's to mend
-            text = f"{type(error).__name__}: {error}"
-            raise BadInput(f"{file}: '{card.name}' fails with {name} = {end:g}: {text}") from None
+            raise BadInput(f"{file}: '{card.name}' fails with {name} = {end:g}: {raised(error)}") from None
 
 
 def _ask(card: Effect, values: dict[str, float], neutral: dict[str, float], drive: Drive) -> None:

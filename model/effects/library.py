@@ -113,6 +113,8 @@ def parse(text: str) -> dict[str, float]:
         except ValueError:
             raise BadInput(f"effect {name}: '{number}' is no number; write it as 2e-6") from None
         found[name] = checked(name, value)
+    if text.strip() and not found:
+        raise BadInput(f"effects '{text[:40]}' name none; write effect.parameter=number, e.g. dead_time.time=2e-6")
     return found
 
 

@@ -96,9 +96,10 @@ def attempt(options: argparse.Namespace) -> int:
     except BrokenPipeError:  # the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        where = error.filename or getattr(options, "folder", None) or folder_of(options)
-        remedy = "; make room there, or give another folder" if error.errno in FULL else ""
-        return _refuse(options, f"'{where}': {error.strerror or error}{remedy}")
+        writes = hasattr(options, "out") or hasattr(options, "folder")
+        place = getattr(options, "folder", None) or folder_of(options) if writes else "standard output"
+        remedy = "make room there, or give another place" if error.errno in FULL else "mend that, or give another place"
+        return _refuse(options, f"'{error.filename or place}': {error.strerror or error}; {remedy}")
     except MemoryError:
         return _refuse(options, "not enough memory for this run; shorten the scenario or compare fewer estimators")
     finally:
@@ -110,7 +111,7 @@ def attempt(options: argparse.Namespace) -> int:
 
 
 def _refuse(options: argparse.Namespace, text: str, code: int = 2) -> int:
-    print(f"sensorless {options.command}: {sentence(text)}", file=sys.stderr)
+    print(sentence(f"sensorless {options.command}: {text}"), file=sys.stderr)
     return code
 
 

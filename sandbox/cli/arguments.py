@@ -66,7 +66,7 @@ def folder_of(options: argparse.Namespace) -> Path:
 def checked_folder(options: argparse.Namespace) -> Path:
     """Return the folder for results; BadInput, before anything runs, where they could not be written."""
     folder = folder_of(options)
-    check_output(folder)
+    check_output(folder, {"diagnose": "diagnosis"}.get(options.command, options.command))
     return folder
 
 

@@ -76,6 +76,8 @@ def add_tolerances(command: Any, positive: Callable[[str], int]) -> None:
 def check_tolerances(options: argparse.Namespace) -> None:
     """Raise BadInput, before anything runs, for tolerances that cannot be drawn."""
     if options.tolerances is None:
+        if options.draws is not None:
+            raise BadInput(f"--draws {options.draws} belongs to --tolerances, which is not given; add it")
         return
     percents(options.tolerances)
     if options.estimator_library:

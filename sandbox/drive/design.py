@@ -12,7 +12,7 @@ import hashlib
 import json
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, astuple, dataclass, replace
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -25,6 +25,7 @@ from estimators.contract import Belief, Tuning
 from model.compiled import cache_home
 from model.energy import AnyEnergy, flux_newton, hessian, min_eigenvalue
 from model.errors import BadInput
+from model.kept import note_damage
 from model.kept import read as read_kept
 from model.kept import write as write_kept
 from model.parameters import Drive
@@ -35,6 +36,7 @@ from sandbox.recordings.injection import carrier, samples_per_period
 PHASE_MARGIN = 60.0  # degrees, of current and speed loop at their worst points
 TRACKING_MARGIN = 45.0  # degrees; a load step is lost at a slow tracking loop sooner than at a lively one
 LEAST_MODULUS = 0.4  # distance of the current loop from -1 at the highest speed
+LOOPS = {"current", "tracking", "speed"}
 DAMPING = 1.0  # tracking loop: kp = 2 DAMPING w0, ki = w0^2
 INTEGRAL_SPLIT = 5.0  # speed loop: integral action this far below the bandwidth
 SETTLE_TIMES = 8.0  # starting up waits this many time constants of the current loop
@@ -152,7 +154,13 @@ def _remembered(plant: SampledMotor) -> dict[str, Loop]:
     path = cache_home() / "designs" / f"{version}.kept"
     stored = read_kept(path)
     if stored is not None:
-        return {name: Loop(**loop) for name, loop in json.loads(stored).items()}
+        try:
+            known = {name: Loop(**loop) for name, loop in json.loads(stored).items()}
+            if set(known) == LOOPS and all(type(x) is float for loop in known.values() for x in astuple(loop)):
+                return known
+        except (ValueError, TypeError, AttributeError, RecursionError):
+            pass
+        note_damage(path)
     loops = design_loops(plant)
     write_kept(path, json.dumps({name: asdict(loop) for name, loop in loops.items()}).encode())
     return loops

@@ -13,7 +13,7 @@ import numpy as np
 from estimators.contract import ROTATING, Belief, Estimate, Estimator, Tuning
 from estimators.startup import polarity_rise
 from model.energy import flux_from_current
-from model.errors import BadInput, OwnCodeError, PhysicsError
+from model.errors import BadInput, OwnCodeError, PhysicsError, brief, raised
 from model.parameters import Drive
 from model.saliency import tracking_sign
 from sandbox.drive.design import OVERLOAD, Design
@@ -74,11 +74,19 @@ def step_of(estimator: Estimator, believed: Belief) -> Callable[..., Estimate]:
 def first_state(estimator: Estimator, believed: Belief, tuning: Tuning, angle: float | None) -> Any:
     """Return an estimator's first state; OwnCodeError, in one sentence, where its `init` raises."""
     try:
-        return estimator.init(believed, tuning, angle)
+        state = estimator.init(believed, tuning, angle)
     except (BadInput, PhysicsError, MemoryError):
         raise
     except (Exception, SystemExit) as error:
         raise told_of(estimator, "init", error) from error
+    if estimator.compiled and not (
+        isinstance(state, np.ndarray) and state.dtype == np.float64 and state.ndim == 1 and state.flags.c_contiguous
+    ):
+        raise OwnCodeError(
+            f"init of estimator '{estimator.name}' returned {brief(state)}; "
+            "a compiled one returns an array (n,) of float64"
+        )
+    return state
 
 
 def checked(estimator: Estimator) -> Callable[..., Estimate]:
@@ -108,8 +116,8 @@ def told_of(estimator: Estimator, which: str, error: BaseException) -> OwnCodeEr
     own = [place for place in frames if code is not None and place[0] == code.co_filename]
     file, line = (own or frames)[-1]  # the innermost of its own file: what it calls there is its to mend
     return OwnCodeError(
-        f"{which} of estimator '{estimator.name}' raised {type(error).__name__}: {error} ({Path(file).name}, line "
-        f"{line}); mend it there"
+        f"{which} of estimator '{estimator.name}' raised {raised(error)} ({Path(file).name}, line {line}); "
+        "mend it there"
     )
 
 

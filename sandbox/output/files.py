@@ -8,7 +8,7 @@ import os
 import platform
 import shutil
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -117,14 +117,25 @@ def _waiting(out: Path) -> Path:
     return path
 
 
-def check_output(out: Path) -> None:
-    """Raise BadInput, before a run, where its results could not be written to a folder; nothing is left there."""
+def check_free(folder: Path, names: Iterable[str]) -> None:
+    """Raise BadInput where a folder stands in the place of a file that is to be written."""
+    for path in (folder / name for name in names):
+        if path.is_dir():
+            raise BadInput(f"'{path}' is a folder, where a file is to be written; move it, or give another --out")
+
+
+def check_output(out: Path, command: str = "") -> None:
+    """Raise BadInput, before a run, where its results could not be written to a folder; nothing is left there.
+
+    command: whose files they are (`audit.json`, ...).
+    """
     if "\0" in str(out):
         raise BadInput(f"cannot write to {brief(str(out))}: a name holds no NUL; give another --out")
     try:
         os.path.realpath(out).encode()
     except UnicodeEncodeError:
         raise BadInput(f"cannot write to {brief(str(out))}: its path is no UTF-8; give another --out") from None
+    check_free(out, [f"{command}{kind}" for kind in KINDS] if command else [])
     try:
         _waiting(out)
     finally:
@@ -161,8 +172,9 @@ def _publish(waiting: Path, full: Path, command: str) -> None:
             os.rename(_aside(top.parent, full) / top.name, top)
             return
     full.mkdir(parents=True, exist_ok=True)
+    check_free(full, [new.name for new in waiting.iterdir()])
     for old in full.glob(f"{command}.*"):
-        if old.suffix in KINDS and not (waiting / old.name).exists():
+        if old.suffix in KINDS and old.is_file() and not (waiting / old.name).exists():
             old.unlink()
     for new in sorted(waiting.iterdir(), key=lambda path: path.suffix == ".json"):
         new.replace(full / new.name)

@@ -114,14 +114,15 @@ def _motor(text: str) -> Iterator[tuple[str, Path]]:
 
 def _campaign(folder: Path, columns: Any) -> Iterator[Path]:
     """Yield a campaign's description and tables: those it names, or all that lie in its folder."""
-    if folder.is_file():
-        yield folder
+    if not folder.is_dir():
+        if folder.is_file():
+            yield folder
         folder = folder.parent
     whole = folder / "campaign.toml"
     texts = [whole] if columns is None else [whole, Path(str(columns))]
     yield from texts
     named = [path for text in texts for path in named_by(text, folder)]
-    yield from named or sorted(p for p in folder.iterdir() if p.suffix.lower() in TABLES)
+    yield from named or sorted(p for p in folder.glob("*") if p.suffix.lower() in TABLES)
 
 
 def named_by(path: Path, folder: Path) -> list[Path]:

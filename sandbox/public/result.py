@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import zlib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from model.errors import BadInput, shown
 from model.names import LONGEST
 from sandbox.output.columns import Column, frame_of, table_of, write_table
-from sandbox.output.files import KINDS, results, write_json
+from sandbox.output.files import KINDS, check_free, results, write_json
 from sandbox.output.provenance import Call, made_by
 
 if TYPE_CHECKING:
@@ -94,16 +95,19 @@ def keep_other(folder: Path, command: str, motor: str) -> str:
     `audit.json` is the latest audit's; `audit-spm.json` and its figure are those of the motor asked for before.
     """
     path = folder / f"{command}.json"
+    if not path.is_file():
+        return ""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
         earlier = str(content["motor"])[:LONGEST]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return ""
+    stem = f"{command}-{_slug(earlier)}"
+    check_free(folder, [f"{stem}{kind}" for kind in KINDS])
     for old in _named(folder, f"{command}-{_slug(motor)}"):
         old.unlink()  # this motor's own earlier result: the new one takes its place
     if earlier == motor:
         return ""
-    stem = f"{command}-{_slug(earlier)}"
     for old in _named(folder, stem):
         old.unlink()
     renamed = {old.name: f"{stem}{old.suffix}" for old in _named(folder, command)}
@@ -125,4 +129,6 @@ def _named(folder: Path, stem: str) -> list[Path]:
 
 
 def _slug(name: str) -> str:
-    return "".join(c if c.isalnum() or c in "_-" else "_" for c in name)
+    """Return a name for a file; names that differ in other signs only get different ones."""
+    plain = "".join(c if c.isalnum() or c in "_-" else "_" for c in name)
+    return plain if plain == name else f"{plain}-{zlib.crc32(name.encode()):08x}"

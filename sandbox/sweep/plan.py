@@ -151,6 +151,8 @@ def read_sweep(path: str | Path) -> Sweep:
             f"{path.name} is a scenario, which is one run; add a table [run], [grid] or [random], or run it by "
             "`sensorless simulate --scenario`"
         )
+    if not tables:
+        raise BadInput(f"{path.name} says nothing; name what is run in [run], [grid] or [random]")
     try:
         return sweep_of(tables, fitting(path.stem, "sweep"), path.parent)
     except BadInput as error:

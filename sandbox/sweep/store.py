@@ -11,6 +11,7 @@ import hashlib
 import io
 import json
 import shutil
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from typing import Any
 from model.errors import BadInput
 from model.given import MOST_JSON, given_bytes
 from model.parameters import finite
-from sandbox.output.files import json_bytes, write_whole
+from sandbox.output.files import check_free, json_bytes, write_whole
 from sandbox.output.provenance import digest_of as digest_of_file
 from sandbox.output.provenance import version
 from sandbox.sweep.blocks import Block, block_size, code_key, samples_of, schema_of
@@ -52,6 +53,7 @@ def open_folder(sweep: Sweep, folder: Path, afresh: bool = False) -> Kept:
 
     BadInput where the folder holds another sweep, or the same made by another state of the code.
     """
+    _check_places(folder)
     if afresh:
         forget(folder)
     kept = Kept(folder, sweep)
@@ -66,6 +68,17 @@ def open_folder(sweep: Sweep, folder: Path, afresh: bool = False) -> Kept:
     elif any((folder / RUNS).glob("block-*")):  # without one it is where a sweep stopped before its first block
         raise BadInput(f"'{folder / RUNS}' has no readable {MANIFEST} beside it; give a new --out, or --again")
     return kept
+
+
+def _check_places(folder: Path) -> None:
+    """Raise BadInput where something else stands in the place of a sweep's files; nothing is removed then."""
+    for name in (RUNS, TRACES):
+        path = folder / name
+        if path.is_symlink() or (path.exists() and not path.is_dir()):
+            raise BadInput(
+                f"'{path}' is a link or a file, where a sweep keeps a folder; move it, or give another --out"
+            )
+    check_free(folder, ("sweep.json", "sweep.png", MANIFEST, SCHEMA))
 
 
 def forget(folder: Path) -> None:
@@ -118,7 +131,15 @@ def read_table(folder: Path) -> Any:
     if found is None:
         raise BadInput(f"'{folder}' holds no sweep ({MANIFEST}); run one with --out '{folder}'")
     blocks = sorted(found["blocks"], key=lambda b: b["start"])
+    check_files(folder, [b["file"] for b in blocks])
     return pa.concat_tables([parquet.read_table(folder / b["file"]) for b in blocks])
+
+
+def check_files(folder: Path, names: Iterable[str]) -> None:
+    """Raise BadInput unless each is a file: a pipe in its place would be waited for."""
+    for path in (folder / name for name in names):
+        if not path.is_file():
+            raise BadInput(f"'{path}' is missing or no file; run the sweep again with the same --out")
 
 
 def open_traces(folder: Path) -> Any:

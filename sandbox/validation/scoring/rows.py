@@ -102,7 +102,8 @@ def read_rows(path: Path) -> list[Row]:
         try:
             found = Row(**json.loads(line))
             check_report(found.answer, found.campaign)
-            sound = found.part in PARTS and isinstance(found.truth, dict)
+            named = all(isinstance(text, str) for text in (found.method, found.campaign, found.code, found.made))
+            sound = named and found.part in PARTS and isinstance(found.truth, dict)
         except (ValueError, TypeError):  # BadInput, too
             sound = False
         if not sound:

@@ -1,26 +1,35 @@
 """Doors that a stranger found open: entries of the cache exchanged, results and cards edited by hand."""
 
 import json
+import os
+import re
 import subprocess
 import sys
 from dataclasses import fields
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+from estimators.contract import Estimator
 from model import kept
 from model.compiling import Watch
+from model.drive_files import load_drive
 from model.effects import adopt, library
-from model.errors import BadInput
+from model.errors import BadInput, raised
 from model.parameters import LONGEST, read_toml
 from sandbox import audit, maps, verify
+from sandbox.cli import main
+from sandbox.drive import design
+from sandbox.drive.feasible import first_state
 from sandbox.output.files import check_output
 from sandbox.public import verifying
 from sandbox.public.result import keep_other
 from sandbox.sweep import store
 from sandbox.sweep.plan import _found
 from sandbox.validation.scoring.documents import check_report
+from sandbox.validation.scoring.rows import read_rows
 
 
 def test_an_entry_in_another_s_place_is_made_anew(tmp_path, capsys):
@@ -165,3 +174,147 @@ def test_a_command_whose_output_is_closed_goes_well(tmp_path):
     code = "import sys; sys.stdout = None; from sandbox.cli import main; sys.exit(main(['list', 'motors']))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_whole_entry_with_something_else_in_it_is_made_anew(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path))
+    kept.note.cache_clear()
+    plant = design.SampledMotor(5, 1e-4, 2.0, 5e-3, 9e-3, 1e4, 2.0)
+    loops = design._remembered(plant)
+    (entry,) = (tmp_path / "designs").iterdir()
+    good = json.loads(kept.read(entry))
+    for content in (
+        {},
+        [],
+        {"current": 3},
+        good | {"more": good["speed"]},
+        good | {"speed": good["speed"] | {"kp": "1"}},
+    ):
+        kept.note.cache_clear()
+        kept.write(entry, json.dumps(content).encode())
+        assert design._remembered(plant) == loops
+        assert "was damaged and is made anew" in capsys.readouterr().err
+        assert json.loads(kept.read(entry)) == good
+
+
+def test_results_of_names_that_look_alike_stand_side_by_side(tmp_path):
+    """'a b' and 'a_b' gave one name, and the second removed the first without a word."""
+    for motor in ("a b", "a_b", "a/b", "c"):
+        keep_other(tmp_path, "audit", motor)
+        (tmp_path / "audit.json").write_text(json.dumps({"motor": motor}))
+    found = {json.loads(p.read_text())["motor"]: p.name for p in tmp_path.glob("audit*.json")}
+    assert set(found) == {"a b", "a_b", "a/b", "c"}
+    assert found["a_b"] == "audit-a_b.json"
+
+
+def test_a_folder_in_a_file_s_place_is_told_before_the_run(tmp_path, capsys):
+    (tmp_path / "audit.png").mkdir()
+    assert main(["audit", "ipm", "--out", str(tmp_path)]) == 2
+    assert "audit.png' is a folder, where a file is to be written; move it" in capsys.readouterr().err
+    with pytest.raises(BadInput, match="is a folder, where a file"):
+        audit("ipm").save(tmp_path)
+    assert [p.name for p in tmp_path.iterdir()] == ["audit.png"]
+
+
+@pytest.mark.parametrize("name", ["runs", "traces.zarr"])
+def test_a_sweep_follows_no_link_and_removes_nothing_behind_one(tmp_path, name):
+    behind, out = tmp_path / "behind", tmp_path / "out"
+    behind.mkdir()
+    (behind / "mine.txt").write_text("kept")
+    out.mkdir()
+    (out / name).symlink_to(behind)
+    with pytest.raises(BadInput, match="is a link or a file, where a sweep keeps a folder"):
+        store.open_folder(None, out, afresh=True)
+    assert (behind / "mine.txt").read_text() == "kept"
+
+
+@pytest.mark.parametrize("name", ["manifest.json", "schema.json"])
+def test_a_folder_in_the_manifest_s_place_is_told(tmp_path, name):
+    (tmp_path / name).mkdir()
+    with pytest.raises(BadInput, match="is a folder, where a file is to be written"):
+        store.open_folder(None, tmp_path, afresh=True)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["compare", "--draws", "8"], "--draws 8 belongs to --tolerances"),
+        (["simulate", "--effects", ",,,"], "effects ',,,' name none"),
+        (["sweep", "{folder}/empty.toml"], "empty.toml says nothing; name what is run"),
+        (["diagnose", "/dev/null"], "is a pipe or a device"),
+        (["audit", "{folder}/pipe.toml"], "is a pipe or a device"),
+        (["simulate", "--effects-from", "{folder}/pipe.toml"], "is a pipe or a device"),
+        (["diagnose", "--example", "--continue", "{folder}/pipe.toml"], "is a pipe or a device"),
+        (["verify", "{folder}/pipe.toml"], "is a pipe or a device|no result at"),
+    ],
+)
+def test_what_says_nothing_or_is_no_file_is_refused(tmp_path, capsys, arguments, said):
+    (tmp_path / "empty.toml").write_text("")
+    os.mkfifo(tmp_path / "pipe.toml")
+    code = main([a.format(folder=tmp_path) for a in arguments] + (["--out", str(tmp_path / "out")]))
+    assert code == 2
+    assert re.search(said, capsys.readouterr().err)
+    assert not (tmp_path / "out").exists()
+
+
+def test_rows_of_a_check_name_their_campaigns_in_texts(tmp_path):
+    path = tmp_path / "withheld.rows.jsonl"
+    row = {"method": "diagnosis", "part": "blind", "campaign": ["w000"], "truth": {}, "answer": {"failed": "x"}}
+    path.write_text(json.dumps(row | {"code": ""}) + "\n")
+    with pytest.raises(BadInput, match="line 1 is no row of a check"):
+        read_rows(path)
+
+
+class Speechless(Exception):
+    """What cannot say what it is."""
+
+    def __str__(self):
+        raise RuntimeError
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (ValueError("one\n  two"), "ValueError: one two"),
+        (KeyError(), "KeyError"),
+        (Speechless(), "Speechless"),
+        (ValueError("x" * 10_000), "ValueError: " + "x" * 200),
+    ],
+)
+def test_what_a_user_s_code_raises_is_one_short_line(error, said):
+    assert raised(error) == said
+
+
+FAN = Path(__file__).parents[3] / "docs" / "stored" / "my_effects.py"
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (
+            "return coefficient.size * omega",
+            "cannot be compiled: TypingError: .*'size' of type float64 .own.py, line 10",
+        ),
+        ('return "x"', "returns .*str.*; at 'load' it returns 1 number: N m that the load takes"),
+        ("return omega, omega", "returns UniTuple"),
+        ("return missing(omega)", "NameError: name 'missing' is not defined"),
+    ],
+)
+def test_an_equation_that_cannot_be_compiled_is_told_at_the_door(tmp_path, body, said):
+    path = tmp_path / "own.py"
+    path.write_text(FAN.read_text().replace("return coefficient * omega * abs(omega)", body))
+    found = subprocess.run(
+        [sys.executable, "-c", f"from model.effects.adopt import adopt; adopt({str(path)!r})"],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    last = found.stderr.splitlines()[-1]
+    assert re.search(said, last)
+    assert len(last) < 500
+
+
+def test_a_compiled_estimator_begins_with_numbers():
+    drive = load_drive("ipm")
+    for state in ([1.0], np.zeros(3, np.float32), np.zeros((2, 2)), None):
+        own = Estimator("own", "begins with something else", lambda *_, s=state: s, None)
+        with pytest.raises(BadInput, match=r"a compiled one returns an array .n,. of float64"):
+            first_state(own, drive.motor, None, None)
