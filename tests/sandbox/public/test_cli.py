@@ -247,19 +247,17 @@ def test_as_a_program(tmp_path):
 
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_interrupt_leaves_nothing_half_written(sent, code, tmp_path):
-    """Ctrl-C or SIGTERM before an hour of simulated time is over: answered in far less."""
-    scenario = tmp_path / "long.toml"
-    os.mkfifo(scenario)
+    """Ctrl-C or SIGTERM while a user's file of effects is read, which here sends the signal itself, then waits."""
+    effects = tmp_path / "waits.py"
+    effects.write_text(f"import os, time\nos.kill(os.getpid(), {int(sent)})\ntime.sleep(600)\n")
     root, out = Path(__file__).resolve().parents[3], tmp_path / "out"
-    call = [sys.executable, "-m", "sandbox.cli", "simulate", "--scenario", str(scenario), "--out", str(out)]
+    call = [sys.executable, "-B", "-m", "sandbox.cli", "simulate", "--effects-from", str(effects), "--out", str(out)]
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a background shell would ignore it
     process = subprocess.Popen(call, cwd=root, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
-    scenario.write_text("[[segment]]\nduration = 1200.0\n")  # waits until the command reads it
-    process.send_signal(sent)
     _, said = process.communicate(timeout=60)
     assert process.returncode == code
     assert "interrupted" in said
-    assert [p.name for p in tmp_path.iterdir()] == ["long.toml"]
+    assert [p.name for p in tmp_path.iterdir()] == ["waits.py"]
 
 
 def test_files_come_together_or_not_at_all(tmp_path):
