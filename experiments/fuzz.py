@@ -20,9 +20,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from tests.fuzz.commands import call, call_number, left_behind, make_home
 from tests.fuzz.doors import STOPPED, Outcome, damaged, limit_memory, listing, tried
 from tests.fuzz.mutations import CALLS
-from tests.fuzz.whole import COSTLY, DOORS, call, call_number, left_behind, make_home
+from tests.fuzz.whole import COSTLY, DOORS
 
 FINDINGS = Path(__file__).resolve().parents[1] / "tests" / "fuzz" / "findings"
 SMALLER = 15.0  # s spent on making an escape smaller

@@ -156,8 +156,10 @@ def _remembered(plant: SampledMotor) -> dict[str, Loop]:
     if stored is not None:
         try:
             known = {name: Loop(**loop) for name, loop in json.loads(stored).items()}
-            if set(known) == LOOPS and all(type(x) is float for loop in known.values() for x in astuple(loop)):
-                return known
+            numbers = [x for loop in known.values() for x in astuple(loop)]
+            gains = [x for loop in known.values() for x in (loop.bandwidth, loop.kp, loop.ki)]
+            if set(known) == LOOPS and all(type(x) is float for x in numbers) and all(map(math.isfinite, gains)):
+                return known  # a gain margin may be infinite
         except (ValueError, TypeError, AttributeError, RecursionError):
             pass
         note_damage(path)

@@ -15,9 +15,10 @@ from hypothesis import strategies as st
 from model.errors import BadInput
 from model.fluxmap import read_map
 from sandbox.cli.arguments import number, positive_int, seed_number
+from tests.fuzz.commands import call, call_number, left_behind, make_home
 from tests.fuzz.doors import damaged, judged, listing, tried, wrong_sentence
 from tests.fuzz.mutations import CALLS
-from tests.fuzz.whole import COSTLY, DOORS, call, call_number, left_behind, make_home
+from tests.fuzz.whole import COSTLY, DOORS
 
 INPUTS = 40  # a door; about a quarter of a minute in all
 FINDINGS = sorted((Path(__file__).parent / "findings").glob("*"))

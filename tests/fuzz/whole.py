@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
-import importlib
 import io
 import json
-import pkgutil
 import random
-from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
 
-import sandbox
 from model.drive_files import MOTORS, load_drive
 from model.effect_files import effects_of
 from model.energy import flux_from_current
-from model.errors import PhysicsError
 from model.fluxmap import FluxMap, write_map
 from sandbox.drive.design import design
 from sandbox.drive.locked_test import Bench, paper_campaign
@@ -39,9 +31,11 @@ from sandbox.sweep.plan import read_sweep
 from sandbox.sweep.sweep import check_size
 from sandbox.validation.scoring.blind import score
 from sandbox.validation.scoring.tables_of_rows import Scores, table
-from tests.fuzz.doors import Door, Outcome, called, listing
+from tests.fuzz.doors import Door
+from tests.fuzz.kept import KEPT_DOORS
 from tests.fuzz.logs import LOG_DOORS
-from tests.fuzz.mutations import damaged_bytes, damaged_call, damaged_json, damaged_toml
+from tests.fuzz.mutations import damaged_bytes, damaged_json, damaged_toml
+from tests.fuzz.sizes import claimed_npz, grown_json, grown_toml, long_csv, long_mat, long_parquet
 
 COLUMNS = """
 [columns]
@@ -85,8 +79,6 @@ TRUTH = {
                            "parameters": {"dead_time.time": 2e-6}, "outside_subsystem": None}},
 }  # fmt: skip
 REPORTS = ("diagnoses/w000.json", "diagnoses/resolved/w000.json")
-REACHED = "the physics begins here"
-SHORT = "[scenario]\nsettle = 0.05\n[[segment]]\nduration = 0.1\n[[segment]]\nduration = 0.1\nload = 1.0\nramp = 0.05\n"
 
 
 def small_campaign():
@@ -121,6 +113,8 @@ def make_foreign(suffix):
                 rows = zip(*columns.values(), strict=True)
                 lines = [",".join(columns), *(",".join(f"{x:.17g}" for x in row) for row in rows)]
                 path.write_text("\n".join(lines))
+            elif suffix == ".npz":
+                np.savez(path, **columns)
             else:
                 from scipy.io import savemat
 
@@ -354,8 +348,24 @@ DOORS = (
     Door("sweep", make_sweep, ("s.toml",), of_text(damaged_toml), read_and_size),
     Door("swept", make_swept, ("manifest.json",), of_text(damaged_json), read_swept),
     Door("result", make_result, ("audit.json",), of_text(damaged_json), verify),
+    *KEPT_DOORS,
     Door("report", make_check, REPORTS, of_text(damaged_json), read_check),
     Door("seal", make_check, ("truth.sealed",), of_text(damaged_json), read_check),
+    Door("large_campaign", make_campaign, ("campaign.toml",), grown_toml, read_both),
+    Door("large_parquet", make_campaign, ("locked_d.parquet",), long_parquet, read_both),
+    Door("large_csv", make_foreign(".csv"), ("locked_d.csv",), long_csv, read_foreign),
+    Door("large_mat", make_foreign(".mat"), ("locked_d.mat",), long_mat, read_foreign),
+    Door("large_npz", make_foreign(".npz"), ("locked_d.npz",), claimed_npz, read_foreign),
+    Door("large_columns", make_foreign(".csv"), ("columns.toml",), grown_toml, read_foreign),
+    Door("large_map_npz", make_map("npz"), ("mine.npz",), claimed_npz, read_mapped),
+    Door("large_map_mat", make_map("mat"), ("mine.mat",), long_mat, read_mapped),
+    Door("large_map_csv", make_map("csv"), ("mine.csv",), long_csv, read_mapped),
+    Door("large_motor", make_motor, ("m.toml",), grown_toml, lambda folder: load_drive(folder / "m.toml")),
+    Door("large_effects", make_effects, ("e.toml",), grown_toml, lambda folder: effects_of(folder / "e.toml")),
+    Door("large_scenario", make_scenario, ("s.toml",), grown_toml, lambda f: load_scenario(f / "s.toml")),
+    Door("large_sweep", make_sweep, ("s.toml",), grown_toml, read_and_size),
+    Door("large_result", make_result, ("audit.json",), grown_json, verify),
+    Door("large_report", make_check, REPORTS, grown_json, read_check),
 )  # fmt: skip
 COSTLY = {
     "mcap": 0.5,
@@ -363,68 +373,6 @@ COSTLY = {
     "result": 0.1,
     "map_npz": 0.5,
     "map_mat": 0.5,
+    **dict.fromkeys((door.name for door in KEPT_DOORS if door.name != "call"), 0.1),
+    **dict.fromkeys((door.name for door in DOORS if door.name.startswith("large_")), 0.1),
 }  # share of the inputs of a usual door
-PHYSICS = (  # replaced where the command line is tried: what stands before them is
-    "sandbox.evaluation.compare.compare", "sandbox.evaluation.compare.single", "model.saliency.audit",
-    "sandbox.evaluation.maps.maps", "sandbox.evaluation.bench.bench",
-    "sandbox.evaluation.protocol.run_unit", "sandbox.recordings.identify.identify", "sandbox.gap.report.answers.answer",
-    "sandbox.validation.withheld.make.make", "sandbox.replay.replay.prepare", "sandbox.gap.planning.bench_plan.plan",
-    "sandbox.gap.planning.visible.visible",
-    "sandbox.validation.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case", "sandbox.sweep.store.begin",
-    "sandbox.public.exporting.exported", "sandbox.public.verifying._again",
-)  # fmt: skip
-
-
-def call(arguments) -> Outcome:
-    """Call the command line up to where the physics begins; getting there is being let in."""
-    everything_imported()
-    patches = [mock.patch(name, _reached) for name in PHYSICS]
-    try:
-        for p in patches:
-            p.start()
-        outcome = called(arguments)
-    finally:
-        for p in patches:
-            p.stop()
-    if outcome.kind == "refused" and REACHED in outcome.why:
-        return Outcome("accepted", "", outcome.seconds)
-    return outcome
-
-
-@cache
-def everything_imported():
-    """Import all modules once: one that is imported while a function is replaced would keep the replacement."""
-    for module in pkgutil.walk_packages(sandbox.__path__, "sandbox."):
-        with contextlib.suppress(ImportError):  # an extra that is not installed
-            importlib.import_module(module.name)
-
-
-def _reached(*_, **__):
-    raise PhysicsError(REACHED)
-
-
-def make_home(folder):
-    """Write what the calls name."""
-    for make in (make_motor, make_campaign, make_map("csv")):
-        make(folder)
-    make_effects(folder)
-    (folder / "s.toml").write_text(SHORT)
-    (folder / "sweep.toml").write_text(SHORT)
-    make_result(folder / "result")
-    (folder / "campaign").mkdir()
-    (folder / "check").mkdir()
-    make_campaign(folder / "campaign")
-    make_check(folder / "check")
-
-
-def left_behind(folder: Path, before: set[str], words: Sequence[str]) -> set[str]:
-    """Return what a call has left in a folder beside what lay there; `check` writes its findings, whatever they are."""
-    own = {"check.json", "columns.toml"} if words[:1] == ["check"] else set()
-    left = [folder / name for name in listing(folder) - before]
-    kept = {p for p in left if p.name in own} | {d for p in left if p.name in own for d in p.parents}
-    return {p.relative_to(folder).as_posix() for p in left if p not in kept}
-
-
-def call_number(number: int) -> list[str]:
-    """Return the damaged call of a number."""
-    return damaged_call(random.Random(f"cli {number}"))

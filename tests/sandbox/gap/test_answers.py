@@ -317,7 +317,7 @@ def test_trace_holds_recorded_and_both_simulations(quiet_folder, quiet_answers, 
         (["nowhere"], "nowhere"),
         (["{quiet}", "--exclude", "dead_tim"], "dead_time"),
         (["{quiet}", "--columns", "none.toml"], "none.toml"),
-        (["{quiet}", "--continue", "nowhere"], "'nowhere' is no diagnosis.json; give the folder"),
+        (["{quiet}", "--continue", "nowhere"], "'nowhere' does not exist; give the folder"),
     ],
 )
 def test_bad_calls_get_one_sentence(quiet_folder, tmp_path, capsys, call, part):

@@ -213,11 +213,14 @@ def test_a_full_disk_is_told_with_its_folder(short, tmp_path, capsys, monkeypatc
         """Write nothing."""
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
+    call = ["simulate", "--scenario", str(short), "--quiet", "--out"]
+    assert main([*call, str(tmp_path / "before")]) == 0  # what it keeps in the cache is kept
+    capsys.readouterr()
     monkeypatch.setattr(Path, "write_bytes", full)
     out = tmp_path / "out"
-    assert main(["simulate", "--scenario", str(short), "--out", str(out), "--quiet"]) == 2
+    assert main([*call, str(out)]) == 2
     said = capsys.readouterr().err
-    assert said == f"sensorless simulate: '{out}': No space left on device; make room there, or give another folder\n"
+    assert said == f"sensorless simulate: '{out}': No space left on device; make room there, or give another place\n"
     assert not out.exists()
 
 

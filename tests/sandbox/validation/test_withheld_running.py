@@ -150,8 +150,8 @@ def note(event, args):
 sys.addaudithook(note)
 from pathlib import Path
 from pyarrow import parquet
-read = parquet.read_table
-parquet.read_table = lambda path, **more: (seen.append(os.path.realpath(path)), read(path, **more))[1]
+File = parquet.ParquetFile
+parquet.ParquetFile = lambda path, **more: (seen.append(os.path.realpath(path)), File(path, **more))[1]
 from sandbox.validation.scoring.blind import standard
 found = standard(Path(sys.argv[1])).json
 Path(sys.argv[2]).write_text(json.dumps({"verdict": found["verdict"], "seen": seen}))
