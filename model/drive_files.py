@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any, cast
 
 from model.errors import BadInput, unknown
+from model.given import read_toml
 from model.inverter_table import with_points
 from model.mapped import mapped_motor, stand_in
 from model.names import fitting
-from model.parameters import Converter, Drive, Injection, Limits, Motor, build, read_toml, table_of, texts
+from model.parameters import Converter, Drive, Injection, Limits, Motor, build, table_of, texts
 
 MOTORS = Path(__file__).parent / "motors"
 MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry

@@ -18,7 +18,8 @@ from typing import Any, NamedTuple
 
 from model.effects.library import checked, parse
 from model.errors import BadInput, brief, unknown
-from model.parameters import finite, read_toml, table_of
+from model.given import read_toml
+from model.parameters import finite, table_of
 
 TABLES = ("effects", "bench", "angles", "provenance", "residual", "ci95")
 Given = Mapping[str, float] | str | Path | None

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
+import re
 import stat
+import tomllib
 from pathlib import Path
+from typing import Any
 
 from model.errors import BadInput
 
+LONGEST = 20_000_000  # bytes of a TOML file: a hundred times the longest of ours, an inverter's table in it
+MOST_PARTS = 50  # of a dotted key in it: tomllib's time and memory grow with their square, 20 GB for 60 000
+DOTTED = re.compile(rf'(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|\'[^\'\n]*\')[ \t]*\.[ \t]*){{{MOST_PARTS}}}')
 MOST_JSON = 100_000_000  # bytes of a JSON document of results: twenty times the longest, a whole protocol's
 
 
@@ -44,3 +50,19 @@ def given_bytes(path: Path, most: int, remedy: str) -> bytes:
     if len(content) > most:  # it grew, or stands in /proc, where every size is 0
         raise BadInput(f"file '{path}' has more than {most / 1e6:g} MB; {remedy}")
     return content
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Return a TOML file's content; BadInput where it cannot be read or parsed."""
+    content = given_bytes(path, LONGEST, "give a path to a TOML file, tables of readings apart from it")
+    try:
+        text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
+        if DOTTED.search(text):
+            raise BadInput(f"file '{path}' holds a key of more than {MOST_PARTS} parts joined by dots; shorten it")
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise BadInput(f"file '{path}' is not valid TOML: {error}") from None
+    except BadInput:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise BadInput(f"file '{path}' cannot be read as TOML: {error}; give a text file in UTF-8") from None

@@ -8,19 +8,15 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import tomllib
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 from model.energy import AnyEnergy, Energy
 from model.errors import BadInput, brief, unknown
-from model.given import given_bytes
 from model.inverter_table import Points, checked
 from model.names import check_name
 
 LARGEST = 1e300
-LONGEST = 20_000_000  # bytes of a TOML file: a hundred times the longest of ours, an inverter's table in it
 WAVEFORMS = ("square", "sine", "random")
 LINKS = ("steady", "measured")  # what the true link voltage does, beside effects
 COMMANDS = ("volts", "duties", "nominal")  # what recorded commands are
@@ -285,17 +281,6 @@ class Drive:
     def name(self) -> str:
         """The motor's name."""
         return self.motor.name
-
-
-def read_toml(path: Path) -> dict[str, Any]:
-    """Return a TOML file's content; BadInput where it cannot be read or parsed."""
-    text = given_bytes(path, LONGEST, "give a path to a TOML file, tables of readings apart from it")
-    try:
-        return tomllib.loads(text.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n"))
-    except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"file '{path}' is not valid TOML: {error}") from None
-    except (ValueError, RecursionError) as error:
-        raise BadInput(f"file '{path}' cannot be read as TOML: {error}; give a text file in UTF-8") from None
 
 
 def build(kind: Any, values: dict[str, Any], table: str) -> Any:

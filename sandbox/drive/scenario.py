@@ -9,8 +9,9 @@ from typing import Any
 
 from model.drive_files import is_file_name
 from model.errors import BadInput, brief, unknown
+from model.given import read_toml
 from model.names import fitting
-from model.parameters import build, check, finite, quantity, read_toml
+from model.parameters import build, check, finite, quantity
 
 SCENARIOS = Path(__file__).parent / "scenarios"
 LONGEST = 3600.0  # s of simulated time

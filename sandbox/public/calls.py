@@ -13,7 +13,7 @@ from model.datasets import locate
 from model.drive_files import mapped_names, motor_file
 from model.effects import own
 from model.errors import BadInput
-from model.parameters import read_toml
+from model.given import read_toml
 from sandbox.output.provenance import Call, digest_of
 
 P = ParamSpec("P")

@@ -157,8 +157,8 @@ def audit(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = No
 def _map_of(motor: str | Path | Drive) -> Quality | None:
     """Return how far the flux map of a motor's file can be believed, None for a motor without one."""
     from model.drive_files import motor_file
+    from model.given import read_toml
     from model.mapped import map_quality
-    from model.parameters import read_toml
 
     if isinstance(motor, Drive):
         return None

@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 
 from model.drive_files import injection_defaults
 from model.errors import BadInput, brief, shown, unknown
+from model.given import read_toml
 from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
-from model.parameters import ROTORS, Converter, Drive, Injection, Limits, Motor, build, finite, read_toml, texts
+from model.parameters import ROTORS, Converter, Drive, Injection, Limits, Motor, build, finite, texts
 from sandbox.recordings.parquet import read_parquet, with_volts
 
 if TYPE_CHECKING:

@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, brief, unknown
-from model.parameters import Converter, finite, read_toml
+from model.given import read_toml
+from model.parameters import Converter, finite
 from sandbox.recordings.campaign import (
     ROTORS,
     Campaign,

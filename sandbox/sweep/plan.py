@@ -23,8 +23,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, brief, unknown
+from model.given import read_toml
 from model.names import check_name, fitting
-from model.parameters import read_toml
 from sandbox.sweep.keys import USUAL, Value, check_key, check_names, check_value, flat, keys
 
 DESIGNS = ("sobol", "latin_hypercube", "independent")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import unknown
-from model.parameters import read_toml
+from model.given import read_toml
 from sandbox.recordings.column_map import Column, parse_columns
 
 FOLDER = Path(__file__).parent / "vendors"

@@ -18,7 +18,7 @@ from model.compiling import Watch
 from model.drive_files import load_drive
 from model.effects import adopt, library
 from model.errors import BadInput, raised
-from model.parameters import LONGEST, read_toml
+from model.given import LONGEST, read_toml
 from sandbox import audit, maps, verify
 from sandbox.cli import main
 from sandbox.drive import design

@@ -13,7 +13,7 @@ from pyarrow import parquet
 
 from model.arrays import read_arrays
 from model.errors import BadInput
-from model.parameters import read_toml
+from model.given import read_toml
 from sandbox.recordings import foreign, importing
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats import matrices
@@ -144,3 +144,18 @@ def test_what_is_no_file_is_refused_at_once(tmp_path, make):
     if make is os.mkfifo:
         with pytest.raises(BadInput, match="a folder, or one table"):
             importing.source_of(tmp_path / "pipe.csv")
+
+
+@pytest.mark.parametrize("text", ["{} = 1", "[{}]", "x = {{{} = 1}}", '"a b".{} = 1', "x = 1\n [[ {} ]]"])
+def test_a_key_of_many_parts_is_refused_before_it_is_parsed(tmp_path, text):
+    """The parser's time and memory grow with the square of the parts: 20 GB for 60 000."""
+    path = tmp_path / "deep.toml"
+    path.write_text(text.format(".".join("a" * 60_000)))
+    _refused(path, "a key of more than 50 parts joined by dots", read_toml)
+
+
+def test_numbers_words_and_short_keys_are_no_long_keys(tmp_path):
+    path = tmp_path / "whole.toml"
+    path.write_text(f"x = {[0.25] * 100}\n" + ".".join("a" * 40) + ' = "' + "see a.b.c. " * 30 + '"\n')
+    found = read_toml(path)
+    assert found["x"] == [0.25] * 100
