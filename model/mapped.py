@@ -144,7 +144,7 @@ def _remembered(
         try:
             with np.load(io.BytesIO(stored)) as numbers:
                 rest, cells = map(float, numbers["rest"]), np.ascontiguousarray(numbers["cells"], dtype=np.float64)
-                if cells.shape[:2] == (DEGREE + 1, DEGREE + 1) and cells.ndim == 4:
+                if cells.ndim == 4 and cells.shape[2:] == (DEGREE + 1, DEGREE + 1):
                     return SplineEnergy(cells, *rest), float(numbers["magnet"])
         except Exception:  # whole, but not what is written below
             pass
