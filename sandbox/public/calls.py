@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import inspect
 from collections.abc import Callable, Iterator, Mapping
@@ -21,7 +22,7 @@ R = TypeVar("R")
 LEFT_OUT = ("jobs", "cluster", "progress", "keep", "folder", "yes", "again")  # results do not depend on them
 TABLES = (".parquet", ".csv", ".txt", ".tsv", ".mat", ".mf4")
 EFFECTS = "effects_from"  # beside the arguments: files of effects that were taken over before
-LONGEST = 200  # characters of a text that may name a file
+LONGEST = 4096  # characters of a text that may name a file: of a path on Linux
 
 
 class _Object(Exception):
@@ -66,9 +67,8 @@ def hashes(arguments: Mapping[str, Any]) -> dict[str, str]:
     for name, value in arguments.items():
         for one in value if isinstance(value, list) else [value]:
             if isinstance(one, str) and 0 < len(one) <= LONGEST and "\0" not in one:
-                for said, path in _files(name, one, arguments):
-                    if path.is_file():
-                        found[said] = digest_of(path)
+                with contextlib.suppress(OSError):  # a name that no file can have
+                    found |= {said: digest_of(path) for said, path in _files(name, one, arguments) if path.is_file()}
     return dict(sorted(found.items()))
 
 

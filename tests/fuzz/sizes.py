@@ -103,7 +103,7 @@ def long_mat(_, chance):
     names = ("Time", "Ua", "Ub", "Ia", "Ib", "Ic", "Pos", "Link", "i_d", "i_q", "psi_d", "psi_q")
     arrays = {n: np.zeros(rows) for n in names}
     if chance.random() < 0.4:
-        arrays = {"log": np.zeros((max(rows // 1000, 1), min(rows, 100_000)))}
+        arrays = {"log": np.zeros((10, rows))}
     body = io.BytesIO()
     savemat(body, arrays, do_compression=True)
     return body.getvalue()
