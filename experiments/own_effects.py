@@ -17,7 +17,8 @@ from typing import Any
 from experiments.drawing import RESULTS
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.writing import write_campaign
-from sandbox.validation.withheld.draw import Case, draw
+from sandbox.validation.withheld.cases import Case
+from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.make import campaign_of
 
 FILE = Path(__file__).parent / "my_effects.py"

@@ -63,7 +63,7 @@ def call_of(function: str, given: Mapping[str, Any]) -> Call:
 
 def hashes(arguments: Mapping[str, Any]) -> dict[str, str]:
     """Return the SHA-256 of every file that arguments name, and of those that these name, as far as they are there."""
-    found = {}
+    found = dict[str, str]()
     for name, value in arguments.items():
         for one in value if isinstance(value, list) else [value]:
             if isinstance(one, str) and 0 < len(one) <= LONGEST and "\0" not in one:

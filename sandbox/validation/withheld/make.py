@@ -22,10 +22,11 @@ from sandbox.output.files import json_bytes, plain, write_whole
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
 from sandbox.validation.switched.bench_numbers import Bench, bench
+from sandbox.validation.withheld.cases import cases
 from sandbox.validation.withheld.cycle_styles import cycles
 from sandbox.validation.withheld.cycles import LOAD, Cycle, scale_of
 from sandbox.validation.withheld.cycles_narrow import all_cycles as narrow
-from sandbox.validation.withheld.draw import Drawn, cases, draw, outside_names, uncertainty
+from sandbox.validation.withheld.draw import Drawn, draw, outside_names, uncertainty
 from sandbox.validation.withheld.drives import LINK_NOISE
 from sandbox.validation.withheld.ladder import DRIFT_TIME
 from sandbox.validation.withheld.rig import RECORDED, record, tuned

@@ -19,9 +19,10 @@ from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.validation.withheld import make as maker
+from sandbox.validation.withheld.cases import PAIR_SIZES, SHARES, Case, cases
 from sandbox.validation.withheld.cycle_styles import STYLES, cycles
 from sandbox.validation.withheld.cycles_narrow import PAIRS
-from sandbox.validation.withheld.draw import PAIR_SIZES, SHARES, Case, cases, draw
+from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.drives import DRAWN, FAMILIES, VALID_TO, draw_bench, family_drive
 from sandbox.validation.withheld.ladder import LADDER, OUTSIDE
 from sandbox.validation.withheld.make import campaign_of, make

@@ -11,7 +11,8 @@ from model.energy import flux_from_current
 from model.mapped import MappedMotor
 from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.validation.withheld import mapped_drive as mapped
-from sandbox.validation.withheld.draw import Case, cases, draw, outside_names
+from sandbox.validation.withheld.cases import Case, cases
+from sandbox.validation.withheld.draw import draw, outside_names
 from sandbox.validation.withheld.drives import family_drive, valid
 from sandbox.validation.withheld.ladder import OUTSIDE
 from sandbox.validation.withheld.make import campaign_of

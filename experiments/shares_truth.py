@@ -1,0 +1,130 @@
+"""Is the share of the gap that the diagnosis gives to an effect the share that vanishes when the effect is taken out?
+
+Reads a finished check (`sensorless withheld make --kind many`, `score`).  Each of its drives is recorded again on the
+switched bench, with the same deviations, cycles and noise, with one effect taken out (its *last* place among all), and
+with all others taken out (its *first*); the gap is what ordinary deviations, refitted, leave above the noise floor.
+A stated share is the mean over all orders of adding, so it is compared with the mean of the two.  An effect that is not
+named has the stated share 0, one that is not there the true share 0.
+
+Run: python -m experiments.shares_truth CHECK   (1 to 2 min a campaign; rows are kept in CHECK, a second call goes on)
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from experiments.drawing import COLOURS, new_figure, save
+from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.noise import floor_of
+from sandbox.gap.evidence.normal import Point
+from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import Campaign, read_campaign
+from sandbox.replay.replay import prepare
+from sandbox.validation.scoring.blind import opened
+from sandbox.validation.withheld.cases import Case, cases
+from sandbox.validation.withheld.draw import draw
+from sandbox.validation.withheld.make import campaign_of
+
+ROWS = "shares.rows.jsonl"
+
+
+class Row(NamedTuple):
+    """An effect of a campaign: its true share in the last and the first place, and the stated one with its interval."""
+
+    campaign: str
+    effect: str
+    last: float
+    first: float
+    stated: float
+    low: float
+    high: float
+
+    @property
+    def true(self) -> float:
+        """The mean of the last and the first place."""
+        return 0.5 * (self.last + self.first)
+
+
+def gap_of(campaign: Campaign) -> float:
+    """Return the squares above the noise floor that ordinary deviations leave, in readings."""
+    prepared = prepare(campaign)
+    prepared = replace(prepared, floor=floor_of(campaign, prepared.floor))
+    start = Point(prepared, complete(campaign.drive.motor, campaign.drive.converter))
+    found = fit(start, (), weights_of(len(prepared.recordings)), workers=1)
+    return sum(float(s.rr.sum() - s.n.sum()) for s in found.normal.segments)
+
+
+def rows_of(case: Case, seed: int, folder: Path) -> Iterator[Row]:
+    """Yield the rows of a diagnosed campaign."""
+    report = json.loads((folder / "diagnoses" / f"{case.name}.json").read_text(encoding="utf-8"))
+    stated = {e["name"]: e["share"] for e in report["effects"] if e["share"] is not None}
+    whole = gap_of(read_campaign(folder / "campaigns" / case.name))
+    nothing = gap_of(campaign_of(draw(case, seed, case.names)))
+    for effect in sorted({*case.names, *stated}):
+        share = stated.get(effect, {"value": 0.0, "ci95": [0.0, 0.0]})
+        last = first = 0.0
+        if effect in case.names:
+            last = (whole - gap_of(campaign_of(draw(case, seed, (effect,))))) / whole
+            others = tuple(n for n in case.names if n != effect)
+            first = (gap_of(campaign_of(draw(case, seed, others))) - nothing) / whole
+        yield Row(case.name, effect, last, first, share["value"], *share["ci95"])
+
+
+def kept(path: Path) -> list[Row]:
+    """Return the rows of earlier calls; a campaign stands in one line."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    return [Row(*row) for line in lines for row in json.loads(line)]
+
+
+def main() -> None:
+    """Compare every campaign that has a diagnosis; print a line each."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("check", type=Path, help="folder of a check whose campaigns are diagnosed, all or some")
+    folder = parser.parse_args().check
+    header = opened(folder)
+    listed = cases(
+        len(header["campaigns"]), header["seed"], header["kind"], header["style"], header["outside"], header["sizes"]
+    )
+    rows = kept(folder / ROWS)
+    for case in listed:
+        known = case.name in {r.campaign for r in rows}
+        if known or not (folder / "diagnoses" / f"{case.name}.json").is_file():
+            continue
+        own = list(rows_of(case, header["seed"], folder))
+        rows += own
+        with (folder / ROWS).open("a", encoding="utf-8") as file:
+            file.write(json.dumps(own) + "\n")
+        print(case.name, " ".join(f"{r.effect} {r.true:.2f}/{r.stated:.2f}" for r in own), flush=True)
+    told(rows)
+
+
+def told(rows: list[Row]) -> None:
+    """Write results/shares_truth.json and .png."""
+    stated = np.array([r.stated for r in rows])
+    found: dict[str, Any] = {"campaigns": len({r.campaign for r in rows}), "effects": len(rows)}
+    for name in ("true", "last", "first"):
+        found[f"rms_{name}"] = float(np.sqrt(np.mean((stated - [getattr(r, name) for r in rows]) ** 2)))
+    found["between_places"] = float(np.sqrt(np.mean([(r.last - r.first) ** 2 for r in rows])))
+    found["in_interval"] = float(np.mean([r.low <= r.true <= r.high for r in rows if r.stated > 0.0]))
+    figure, axes = new_figure()
+    a = axes[0, 0]
+    a.errorbar(
+        [r.true for r in rows], stated, [stated - [r.low for r in rows], [r.high for r in rows] - stated],
+        [abs(r.last - r.first) / 2 for r in rows], ".", color=COLOURS["model"], ecolor="0.75", elinewidth=0.8,
+    )  # fmt: skip
+    a.plot([0.0, 1.0], [0.0, 1.0], color="0.4", linewidth=0.8)
+    a.set(xlabel="share that vanishes with the effect (last to first place)", ylabel="stated share (95 % interval)")
+    save("shares_truth", {**found, "rows": [r._asdict() for r in rows]}, figure)
+    print({k: round(v, 3) for k, v in found.items()})
+
+
+if __name__ == "__main__":
+    main()
