@@ -8,13 +8,14 @@ from collections.abc import Iterator
 from model.effects import library
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.ranking import Ranking
-from sandbox.gap.report.words import names, quantity, words
+from sandbox.gap.report.words import capital, names, quantity, words
 
 POSITION_NOTE = (
     "Mean position error under rated load, in electrical degrees, that each effect alone adds in the closed loop: low "
     "speed with injection (qnull, ekf), half of rated speed (active_flux). All believe the nominal model."
 )
 MOST = 2  # parameters that stand in the list itself
+HIDES = 0.02  # negative share from which an effect is said to hide others
 SHOWN = 0.01  # chance below which an effect is not listed
 
 
@@ -24,7 +25,7 @@ def rows(r: Ranking) -> list[list[str]]:
     for effect, chance in r.inclusion.chances.items():
         if chance >= SHOWN:
             share = r.shares.of.get(effect)
-            told = "–" if share is None else f"{percent(share[0])} [{percent(share[1])}, {percent(share[2])}]"
+            told = "–" if share is None else f"{percent(share.value)} [{percent(share.low)}, {percent(share.high)}]"
             own = r.parameters.get(effect, {})
             size = ", ".join(f"{k.partition('.')[2]} {quantity(e)}" for k, e in own.items())
             size = size if len(own) <= MOST else f"{len(own)} numbers, below"
@@ -50,6 +51,18 @@ def position_rows(r: Ranking) -> tuple[list[str], list[list[str]]]:
 def percent(x: float) -> str:
     """Return a share as a number of percent."""
     return "–" if not math.isfinite(x) else f"{100.0 * x:.1f} %"
+
+
+def hidden_sentence(r: Ranking) -> str:
+    """Return which effects hide others, so that the gap would be larger without them; '' where none does."""
+    own = [e for e, share in r.shares.of.items() if share.value < -HIDES]
+    if not own:
+        return ""
+    told, verb, them = names(own).replace(" + ", " and "), *(("hides", "it") if len(own) == 1 else ("hide", "them"))
+    return (
+        f"{capital(told)} {verb} a part of what other effects do: without {them} the gap would be larger, so the share "
+        "is negative."
+    )
 
 
 def group_sentences(r: Ranking) -> Iterator[str]:

@@ -126,6 +126,8 @@ def _listed(a: Answers) -> Iterator[str]:
         return
     yield "<h2>All effects that may be there</h2>"
     yield table(["effect", "probability", "share of the gap [95 %]", "size [95 % interval]"], own)
+    if hidden := listed.hidden_sentence(r):
+        yield f"<p>{prose(hidden)}</p>"
     yield bullets(listed.group_sentences(r))
     heads, moves = listed.position_rows(r)
     if moves:

@@ -58,7 +58,13 @@ class Ranking:
         return {
             "name": name,
             "probability": chance,
-            "share": None if share is None else {"value": share[0], "ci95": [share[1], share[2]]},
+            "share": None
+            if share is None
+            else {
+                "value": share.value,
+                "ci95": [share.low, share.high],
+                "alone": share.alone,
+            },
             "parameters": {k: parameter(e) for k, e in self.parameters.get(name, {}).items()},
             "group": None if group is None else list(group),
             "position": {k: m.as_json() for k, m in self.moved.get(name, {}).items()},

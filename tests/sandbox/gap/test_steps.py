@@ -317,9 +317,9 @@ def test_a_trace_of_what_all_currents_share_is_smaller(monkeypatch):
 
 def test_shares_of_two_effects_by_hand(monkeypatch):
     """Two recordings alike, so that drawing recordings draws the same: `a` takes 30, `b` 60 off 100 squares of each,
-    10 are left; 0.9 explained is scaled to what all of it is.  The larger share comes first."""
-    worth = {(): 0.0, ("a",): 30.0, ("b",): 60.0, ("a", "b"): 90.0}
-    monkeypatch.setattr(sharing, "_worths", lambda j, named: lambda kept: np.full(2, worth[tuple(sorted(kept))]))
+    10 are left; 0.81 explained is scaled to what all of it is.  The larger share comes first."""
+    left = {("a", "b"): 200.0, ("a",): 140.0, ("b",): 170.0}  # by what is missing; 100 of them are noise
+    monkeypatch.setattr(sharing, "_replayed", lambda j, gone: np.full(2, left[tuple(sorted(gone))]))
     monkeypatch.setattr(sharing, "_waterfall", lambda d, j, ranked: [(e, 1.0) for e in ranked])
     segments = [SimpleNamespace(recording=k, rr=np.array([110.0]), n=np.array([100.0])) for k in range(2)]
     judged = SimpleNamespace(fit=SimpleNamespace(normal=SimpleNamespace(segments=segments)))
@@ -328,9 +328,38 @@ def test_shares_of_two_effects_by_hand(monkeypatch):
     )
     found = sharing.shares(d)
     assert list(found.of) == ["b", "a"]
-    assert found.of["b"] == pytest.approx((0.54, 0.54, 0.54))  # 0.81 x 60/90
-    assert found.of["a"] == pytest.approx((0.27, 0.27, 0.27))
+    assert found.of["b"] == pytest.approx((0.54, 0.54, 0.54, 0.54))  # 0.81 x 60/90
+    assert found.of["a"] == pytest.approx((0.27, 0.27, 0.27, 0.27))
     assert [e for e, _ in found.waterfall] == ["b", "a"]
+
+
+def test_effects_that_hide_each_other_share_as_their_sizes_say():
+    """Effects at their sizes move readings by vectors, r their sum: alone u takes |r|^2 - |r - u|^2, last |u|^2 where
+    nothing else is left; the mean is u.r, Shapley's value of |r|^2.  Here v hides a part of u, and v.r is negative."""
+    parts = np.random.default_rng(5).standard_normal((3, 300))
+    parts[1] = -0.8 * parts[0] + 0.1 * parts[1]
+    r = parts.sum(0)
+    alone = np.array([r @ r - (r - x) @ (r - x) for x in parts])
+    last = np.array([x @ x for x in parts])
+    assert sharing.shared_out(alone, last, r @ r) == pytest.approx(parts @ r, rel=1e-12)
+    assert parts[1] @ r < 0.0
+
+
+def test_what_three_at_once_add_is_shared_out():
+    """Together 10, in places 6, 3 and -1 (sum 8): the 2 that are left over go as 0.6, 0.3 and 0.1."""
+    found = sharing.shared_out(np.array([5.0, 3.0, -2.0]), np.array([7.0, 3.0, 0.0]), np.array(10.0))
+    assert found == pytest.approx([7.2, 3.6, -0.8])
+
+
+def test_only_ordinary_deviations_follow_where_effects_are_missing(monkeypatch):
+    """`u` is gone and held at neutral (0), `v` at its best value, what is ordinary (the third) stays free."""
+    none, wide = np.zeros(3), np.full(3, np.inf)
+    held = Prior(none, np.array([0.0, 3.0, 0.1]), -wide, wide)
+    monkeypatch.setattr(sharing, "held_at_neutral", lambda j, gone: held)
+    j = SimpleNamespace(effects=("u", "v"), table=SimpleNamespace(members={"u": (0,), "v": (1,)}))
+    prior = sharing.only_ordinary(j, ["u"], np.array([5.0, -2.0, 0.3]))
+    assert prior.mean.tolist() == [0.0, -2.0, 0.0]
+    assert prior.deviation.tolist() == [0.0, 0.0, 0.1]
 
 
 @pytest.mark.parametrize(("left", "fits"), [(2.9, [False, True]), (3.1, [False])])

@@ -1,4 +1,4 @@
-"""Sets of effects by algebra: prior, climb, inclusion, Shapley shares, against closed forms and full enumeration."""
+"""Sets of effects by algebra: prior, climb, inclusion, against closed forms and full enumeration."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import pytest
 from model.effects import library
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.spike_slab import Table
-from sandbox.gap.report.shares import EXACT, shapley
 from sandbox.gap.search.inclusion import summed
 from sandbox.gap.search.subsets import Subsets, log_prior, possible
 
@@ -65,22 +64,6 @@ def test_a_glance_ranks_as_hypotheses_are_weighed_but_for_sizes():
 def test_what_is_part_of_another_is_not_claimed_with_it():
     assert not possible(("saturation", "cross_saturation"))
     assert possible(("saturation", "dead_time"))
-
-
-def test_shares_of_an_additive_game_are_its_parts():
-    """Shapley's axioms: additive parts are found back, equal players share alike, shares sum to the whole."""
-    parts = {"a": 5.0, "b": 2.0, "c": 1.0}
-    added = shapley(lambda s: np.array([sum(parts[e] for e in s)]), list(parts), np.random.default_rng(0))
-    assert [float(x[0]) for x in added] == pytest.approx([5.0, 2.0, 1.0])
-    either = shapley(lambda s: np.array([1.0 if s & {"a", "b"} else 0.0]), list(parts), np.random.default_rng(0))
-    assert [float(x[0]) for x in either] == pytest.approx([0.5, 0.5, 0.0])
-
-
-def test_shares_by_drawn_orders_sum_to_the_whole():
-    """Each order's steps telescope to the worth of all, so their mean does, however few orders are drawn."""
-    names = [f"e{k}" for k in range(EXACT + 2)]
-    found = shapley(lambda s: np.array([len(s) ** 2.0]), names, np.random.default_rng(0))
-    assert sum(float(x[0]) for x in found) == pytest.approx(len(names) ** 2.0)
 
 
 def test_effects_that_stand_for_each_other_are_a_group():

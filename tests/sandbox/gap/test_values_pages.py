@@ -9,12 +9,19 @@ import pytest
 from sandbox.gap.evidence.gap_size import OfRecording
 from sandbox.gap.pages import listed, page, signals
 from sandbox.gap.report.distinguishability import Alike
+from sandbox.gap.report.shares import Share
 from sandbox.gap.search.estimates import Estimate
 from tests.sandbox.gap.conftest import DRIVE
 
 
 def ranking(chances, unknown=0.0, **more):
-    own = {"of": {"inertia": (0.5, 0.25, 0.75)}, "waterfall": (), "parameters": {}, "groups": (), "moved": {}} | more
+    own = {
+        "of": {"inertia": Share(0.5, 0.25, 0.75, 0.5)},
+        "waterfall": (),
+        "parameters": {},
+        "groups": (),
+        "moved": {},
+    } | more
     return SimpleNamespace(
         inclusion=SimpleNamespace(chances=chances, groups=own["groups"]), unknown=unknown, unexplained=0.125,
         shares=SimpleNamespace(of=own["of"], waterfall=own["waterfall"]), parameters=own["parameters"],
@@ -205,3 +212,18 @@ def test_facts_of_effects_and_nominal_model_are_told():
     assert "<td>rated_<wbr>current</td><td>1.2</td>" in model
     assert "The effect inertia" in card
     assert "9 noise floors" in made
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ((1.2, -0.2), "Iron loss hides a part of what other effects do: without it the gap would be larger"),
+        ((1.4, -0.2, -0.2), "Iron loss and PWM delay hide a part of what other effects do: without them"),
+        ((1.01, -0.01), ""),
+    ],
+)
+def test_effects_that_hide_others_are_told(values, said):
+    own = dict(zip(("inertia", "iron_loss", "pwm_delay"), (Share(x, x, x, x) for x in values), strict=False))
+    found = listed.hidden_sentence(SimpleNamespace(shares=SimpleNamespace(of=own)))
+    assert found.startswith(said)
+    assert bool(found) == bool(said)

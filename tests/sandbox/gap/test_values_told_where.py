@@ -217,12 +217,8 @@ def test_a_shape_that_is_gone_is_neutral_and_nothing_else(monkeypatch):
     table = SimpleNamespace(
         coordinates=[coordinate], members={"shaft": (0,)}, point=SimpleNamespace(moved=lambda c, x: at)
     )
-    found = SimpleNamespace(x=[1.0])
-    j = SimpleNamespace(
-        equations=SimpleNamespace(most_probable=lambda prior: found), table=table,
-        normal=SimpleNamespace(coordinates=[coordinate]),
-    )  # fmt: skip
-    monkeypatch.setattr(shares, "held_at_neutral", lambda j, gone: None)
+    j = SimpleNamespace(table=table, normal=SimpleNamespace(coordinates=[coordinate]))
+    monkeypatch.setattr(shares, "_values", lambda j, gone: [1.0])
     neutral = {"shaft.stiffness": math.inf, "shaft_rub.torque": 0.0}
     monkeypatch.setattr(shares, "library", SimpleNamespace(neutral=lambda motor: neutral))
     assert shares.without(j, ["shaft"]).values == {"shaft.stiffness": math.inf, "shaft_rub.torque": 2.0}
