@@ -24,7 +24,7 @@ MOST_BYTES = {".npz": 256_000_000, ".mat": 64_000_000, ".csv": 32_000_000}  # of
 MAGIC = 8  # bytes with which NumPy's format begins, its version among them
 NUMBERS = "fiuc"  # kinds of NumPy arrays that are read
 
-MOST_HEADER = 10_000  # bytes that describe an array of NumPy's, or name the columns of a text
+MOST_HEADER = 10_000  # bytes that describe an array of NumPy's
 MOST_COLUMNS = 100
 
 Arrays = dict[str, NDArray[Any]]
@@ -123,11 +123,10 @@ def _mat(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[s
 
 
 def _csv(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[str]]:
-    rows = path.read_bytes().count(b"\n")
-    if rows > most:
-        raise BadInput(f"{path.name}: {rows} rows; at most {most} are read, keep every second line")
-    with path.open("rb") as file:
-        columns = file.readline(MOST_HEADER).count(b",") + 1
+    lines = [line for line in path.read_bytes().splitlines() if line.strip()]
+    if len(lines) > most:
+        raise BadInput(f"{path.name}: {len(lines)} rows; at most {most} are read, keep every second line")
+    columns = max((line.count(b",") + 1 for line in lines[:2]), default=0)
     if columns > MOST_COLUMNS:
         raise BadInput(f"{path.name}: {columns} columns; at most {MOST_COLUMNS} are read, keep those of the map")
     table = np.genfromtxt(path, delimiter=",", names=True, encoding="utf-8-sig")

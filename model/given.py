@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import stat
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,13 @@ from model.errors import BadInput
 
 LONGEST = 20_000_000  # bytes of a TOML file: a hundred times the longest of ours, an inverter's table in it
 MOST_PARTS = 50  # of a dotted key in it: tomllib's time and memory grow with their square, 20 GB for 60 000
-DOTTED = re.compile(rf'(?<![\w-])(?:(?:[\w-]++|"[^"\n]*"|\'[^\'\n]*\')[ \t]*\.[ \t]*){{{MOST_PARTS}}}')
+_PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+TOKENS = re.compile(  # a key of too many parts, or what it cannot begin in: strings, comments, all else
+    rf"(?P<key>(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}})"
+    r'|"""(?:[^"\\]|\\.|"(?!""))*+"""' + r"|\'\'\'(?:[^']|'(?!''))*+\'\'\'"
+    rf"|{_PART}|#[^\n]*+|[^\w\"'#-]++|.",
+    re.DOTALL,
+)
 MOST_JSON = 100_000_000  # bytes of a JSON document of results: twenty times the longest, a whole protocol's
 
 
@@ -57,12 +64,47 @@ def read_toml(path: Path) -> dict[str, Any]:
     content = given_bytes(path, LONGEST, "give a path to a TOML file, tables of readings apart from it")
     try:
         text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
-        if DOTTED.search(text):
+        if any(token.lastgroup == "key" for token in TOKENS.finditer(text)):
             raise BadInput(f"file '{path}' holds a key of more than {MOST_PARTS} parts joined by dots; shorten it")
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise BadInput(f"file '{path}' is not valid TOML: {error}") from None
+        raise BadInput(f"file '{path}' is not valid TOML: {error}; mend that place") from None
     except BadInput:
         raise
     except (ValueError, RecursionError) as error:
         raise BadInput(f"file '{path}' cannot be read as TOML: {error}; give a text file in UTF-8") from None
+
+
+def is_file(path: Path) -> bool:
+    """Tell whether a path is a file; no file either where none can have such a name."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def is_folder(path: Path) -> bool:
+    """Tell whether a path is a folder, in the same way."""
+    try:
+        return path.is_dir()
+    except (OSError, ValueError):
+        return False
+
+
+def named_by(path: Path, folder: Path) -> list[Path]:
+    """Return the files in a folder that a TOML file names anywhere in it, sorted; none of another file."""
+    if path.suffix.lower() != ".toml" or not is_file(path):
+        return []
+    try:
+        texts = set(_texts(read_toml(path)))
+    except BadInput:
+        return []
+    return sorted(file for file in (folder / text for text in texts if text) if is_file(file))
+
+
+def _texts(tree: Any) -> Iterator[str]:
+    if isinstance(tree, str):
+        yield tree
+    elif isinstance(tree, (list, dict)):
+        for part in tree.values() if isinstance(tree, dict) else tree:
+            yield from _texts(part)

@@ -144,8 +144,9 @@ def _remembered(
         try:
             with np.load(io.BytesIO(stored)) as numbers:
                 rest, cells = map(float, numbers["rest"]), np.ascontiguousarray(numbers["cells"], dtype=np.float64)
-                if cells.ndim == 4 and cells.shape[2:] == (DEGREE + 1, DEGREE + 1):
-                    return SplineEnergy(cells, *rest), float(numbers["magnet"])
+                kept, magnet = SplineEnergy(cells, *rest), float(numbers["magnet"])
+                if cells.ndim == 4 and cells.shape[2:] == (DEGREE + 1, DEGREE + 1) and _is_sound(kept, magnet):
+                    return kept, magnet
         except Exception:  # whole, but not what is written below
             pass
         note_damage(place)
@@ -180,9 +181,18 @@ def _fitted(
         raise BadInput(
             f"flux map '{path.name}' cannot be fitted ({error}); check its units (A, Wb), signs and magnet axis"
         ) from None
-    if not (np.all(np.isfinite(spline.cells)) and min(spline.gamma_d, spline.gamma_q) > 0.0 and math.isfinite(flux)):
+    if not _is_sound(spline, flux):
         raise BadInput(f"flux map '{path.name}' gives no finite energy; check its units (A, Wb), signs and magnet axis")
     return spline, flux
+
+
+def _is_sound(spline: SplineEnergy, flux: float) -> bool:
+    """Tell whether a fit is finite, its scales positive."""
+    numbers = np.array([*spline[1:], flux], dtype=np.float64)
+    scales = spline.per_d, spline.per_q, spline.gamma_d, spline.gamma_q
+    return bool(
+        spline.cells.size and np.isfinite(spline.cells).all() and np.isfinite(numbers).all() and min(scales) > 0
+    )
 
 
 def map_quality(table: Mapping[str, Any], folder: Path) -> Quality:

@@ -35,7 +35,7 @@ FOLDS = 5
 TOLERATED = 1.2  # of the least squared error: the smoothest choice within it is taken
 SECOND = ((2, 0), (1, 1), (0, 2))  # orders of the second derivatives
 ROUNDS = 60
-MOST_BYTES = 1.2e9  # of a fit: 30 x 30 cells on 60 x 60 points, 8 s; 20 x 16 cells on as many points as are read
+MOST_BYTES = 1.2e9  # of a fit: 30 x 30 cells on 60 x 60 points, 8 s; 20 x 16 cells on 12 000 points
 AT_POINTS, AT_CELLS = 24, 126  # numbers kept for each unknown by a point and by a cell; measured, 0.7 to 2.5 GB
 MOST_PLANES = 800  # inequalities kept: more than twice what any measured map needed; beyond, a fit has no end
 
@@ -89,7 +89,7 @@ def fit(
     if len(psi_d) < 12 or np.ptp(i_d) == 0 or np.ptp(i_q) == 0:
         raise BadInput(f"{len(psi_d)} points of a flux map do not span both axes; give a map over i_d and i_q")
     box = _Box(psi_d, psi_q, cells)
-    needed = 8.0 * box.unknowns * (AT_POINTS * len(psi_d) + AT_CELLS * cells[0] * cells[1])
+    needed = _bytes(box, len(psi_d))
     if needed > MOST_BYTES:
         raise BadInput(
             f"{cells[0]} x {cells[1]} cells on {len(psi_d)} points of a flux map take {needed / 1e9:.1f} GB; at most "
@@ -130,7 +130,8 @@ def fit_map(m: FluxMap) -> SplineEnergy:
     border = (a == 0) | (b == 0) | (a == a[-1, 0]) | (b == b[0, -1])  # always fitted: the box must hold the rest
     group = np.where(border, -1, (a + 2 * b) % FOLDS).ravel()
     errors: list[float] = []
-    for cells, smooth in CHOICES:
+    choices = affordable(data[0], data[1])
+    for cells, smooth in choices:
         error, most = 0.0, TOLERATED * min(errors, default=np.inf)  # beyond it a choice is not taken: no more folds
         for fold in range(FOLDS):
             out = group == fold
@@ -145,8 +146,18 @@ def fit_map(m: FluxMap) -> SplineEnergy:
                 break
         errors.append(error)
     good = [k for k, e in enumerate(errors) if e <= TOLERATED * min(errors)]
-    cells, smooth = CHOICES[max(good, key=lambda k: (CHOICES[k][1], -CHOICES[k][0][0]))]
+    cells, smooth = choices[max(good, key=lambda k: (choices[k][1], -choices[k][0][0]))]
     return fit(data[0], data[1], data[2], data[3], cells, smooth)
+
+
+def affordable(psi_d: Array, psi_q: Array) -> list[tuple[tuple[int, int], float]]:
+    """Return the choices of cells and smoothness whose fit to so many points takes no more memory than is used."""
+    return [c for c in CHOICES if _bytes(_Box(psi_d, psi_q, c[0]), len(psi_d)) <= MOST_BYTES]
+
+
+def _bytes(box: _Box, points: int) -> float:
+    """Return what a fit takes."""
+    return 8.0 * box.unknowns * (AT_POINTS * points + AT_CELLS * box.n_d * box.n_q / 2)
 
 
 class _Box:

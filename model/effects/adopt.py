@@ -137,15 +137,16 @@ def _check_compiled(card: Effect, at: At, file: Path) -> None:
     port = PORTS[at.port]
     kinds = [types.int64 if quantity in WHOLE else types.float64 for quantity in port.quantities]
     function: Any = at.equation
+    given = (types.float64,) * len(at.numbers) + tuple(kinds)
     try:
-        function.compile((types.float64,) * len(at.numbers) + tuple(kinds))
-        found = function.nopython_signatures[-1].return_type
+        function.compile(given)
+        found = function.overloads[given].signature.return_type
     except Exception as error:  # numba raises whatever an equation leads it to
         raise BadInput(
             f"{file}: the equation of '{card.name}' at '{at.port}' cannot be compiled: {raised(error)}; mend it"
         ) from None
     each = list(getattr(found, "types", [found]))
-    plain = all(isinstance(kind, (types.Number, types.Boolean)) for kind in each)
+    plain = all(isinstance(kind, (types.Integer, types.Float, types.Boolean)) for kind in each)
     if not plain or len(each) != port.returns or isinstance(found, types.BaseTuple) != (port.returns > 1):
         numbers = f"{port.returns} number{'s' * (port.returns > 1)}"
         raise BadInput(

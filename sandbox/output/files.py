@@ -39,6 +39,11 @@ def plain(value: Any) -> Any:
 
 
 KINDS = (".json", ".png", ".svg", ".rrd", ".npz", ".html", ".parquet", ".csv")
+BESIDE = {  # files that commands write under names of their own
+    "diagnosis": ("report.html", "motor.toml", "effects.toml", "next_recording.csv"),
+    "identify": ("motor.toml", "effects.toml"),
+    "check": ("columns.toml",),
+}
 
 
 def rounded(value: Any, digits: int) -> Any:
@@ -135,7 +140,8 @@ def check_output(out: Path, command: str = "") -> None:
         os.path.realpath(out).encode()
     except UnicodeEncodeError:
         raise BadInput(f"cannot write to {brief(str(out))}: its path is no UTF-8; give another --out") from None
-    check_free(out, [f"{command}{kind}" for kind in KINDS] if command else [])
+    if command:
+        check_free(out, [*(f"{command}{kind}" for kind in KINDS), *BESIDE.get(command, ())])
     try:
         _waiting(out)
     finally:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import inspect
 from collections.abc import Callable, Iterator, Mapping
@@ -14,15 +13,14 @@ from model.datasets import locate
 from model.drive_files import mapped_names, motor_file
 from model.effects import own
 from model.errors import BadInput
-from model.given import read_toml
+from model.given import is_file, is_folder, named_by, read_toml
 from sandbox.output.provenance import Call, digest_of
+from sandbox.recordings.foreign import SUFFIXES
 
 P = ParamSpec("P")
 R = TypeVar("R")
 LEFT_OUT = ("jobs", "cluster", "progress", "keep", "folder", "yes", "again")  # results do not depend on them
-TABLES = (".parquet", ".csv", ".txt", ".tsv", ".mat", ".mf4")
 EFFECTS = "effects_from"  # beside the arguments: files of effects that were taken over before
-LONGEST = 4096  # characters of a text that may name a file: of a path on Linux
 
 
 class _Object(Exception):
@@ -66,9 +64,8 @@ def hashes(arguments: Mapping[str, Any]) -> dict[str, str]:
     found = dict[str, str]()
     for name, value in arguments.items():
         for one in value if isinstance(value, list) else [value]:
-            if isinstance(one, str) and 0 < len(one) <= LONGEST and "\0" not in one:
-                with contextlib.suppress(OSError):  # a name that no file can have
-                    found |= {said: digest_of(path) for said, path in _files(name, one, arguments) if path.is_file()}
+            if isinstance(one, str) and one:
+                found |= {said: digest_of(path) for said, path in _files(name, one, arguments) if is_file(path)}
     return dict(sorted(found.items()))
 
 
@@ -114,32 +111,13 @@ def _motor(text: str) -> Iterator[tuple[str, Path]]:
 
 def _campaign(folder: Path, columns: Any) -> Iterator[Path]:
     """Yield a campaign's description and tables: those it names, or all that lie in its folder."""
-    if not folder.is_dir():
-        if folder.is_file():
-            yield folder
+    if is_file(folder):
+        yield folder
         folder = folder.parent
+    elif not is_folder(folder):
+        return
     whole = folder / "campaign.toml"
     texts = [whole] if columns is None else [whole, Path(str(columns))]
     yield from texts
     named = [path for text in texts for path in named_by(text, folder)]
-    yield from named or sorted(p for p in folder.glob("*") if p.suffix.lower() in TABLES)
-
-
-def named_by(path: Path, folder: Path) -> list[Path]:
-    """Return the files in a folder that a TOML file names anywhere in it, sorted; none of another file."""
-    if path.suffix.lower() != ".toml" or not path.is_file():
-        return []
-    try:
-        texts = set(_texts(read_toml(path)))
-    except BadInput:
-        return []
-    files = (folder / text for text in texts if 0 < len(text) <= LONGEST and "\0" not in text)
-    return sorted(file for file in files if file.is_file())
-
-
-def _texts(tree: Any) -> Iterator[str]:
-    if isinstance(tree, str):
-        yield tree
-    elif isinstance(tree, (list, dict)):
-        for part in tree.values() if isinstance(tree, dict) else tree:
-            yield from _texts(part)
+    yield from named or sorted(p for p in folder.glob("*") if p.suffix.lower() in SUFFIXES)

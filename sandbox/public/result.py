@@ -103,7 +103,8 @@ def keep_other(folder: Path, command: str, motor: str) -> str:
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return ""
     stem = f"{command}-{_slug(earlier)}"
-    check_free(folder, [f"{stem}{kind}" for kind in KINDS])
+    if earlier != motor:
+        check_free(folder, [f"{stem}{old.suffix}" for old in _named(folder, command)])
     for old in _named(folder, f"{command}-{_slug(motor)}"):
         old.unlink()  # this motor's own earlier result: the new one takes its place
     if earlier == motor:

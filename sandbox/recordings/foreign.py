@@ -10,7 +10,6 @@ import csv
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,10 +18,10 @@ from model.errors import BadInput
 from model.matfile import read_mat
 from sandbox.recordings.formats import hdf5, mcap_log, mdf4, tdms
 from sandbox.recordings.formats.log_table import Table
-from sandbox.recordings.formats.long_text import read_rows
+from sandbox.recordings.formats.long_text import Layout, read_rows
 from sandbox.recordings.formats.matrices import matrices, numpy_arrays
 from sandbox.recordings.formats.preamble import scope_lines, separator_of, table_lines
-from sandbox.recordings.parquet import read_parquet
+from sandbox.recordings.parquet import check_table, read_parquet
 
 Array = NDArray[np.float64]
 SUFFIXES = (".parquet", ".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".mf4", ".tdms", ".mcap")
@@ -42,8 +41,7 @@ def read_table(path: Path, wanted: Iterable[str] = (), matrix: Mapping[str, Sequ
     suffix, names = path.suffix.lower(), matrix or {}
     if suffix not in SUFFIXES:
         raise BadInput(f"{path.name}: format '{suffix}' is not read; export as one of {', '.join(SUFFIXES)}")
-    if not path.is_file():
-        raise BadInput(f"{path.name}: the file does not exist in '{path.parent}'; correct [[recording]]")
+    check_table(path)
     if suffix == ".parquet":
         return Table(read_parquet(path), {}, {})
     if suffix == ".mat":
@@ -63,8 +61,8 @@ def _csv(path: Path) -> Table:
             return found
     if size > LARGEST_TEXT:
         raise BadInput(
-            f"{path.name}: {size / 1e6:.0f} MB of text with rows that are not all numbers; export numbers alone under "
-            "one header"
+            f"{path.name}: {size / 1e6:.0f} MB of text in rows that are not all numbers with commas, semicolons or "
+            "tabs between them; export it so, under one header"
         )
     return _by_cells(path.name, _text(path.read_bytes()))
 
@@ -82,23 +80,13 @@ def _by_rows(path: Path) -> Table | None:
         layout = _layout(path.name, _text(file.read(LONG).rpartition(b"\n")[0]))
     if layout is None:
         return None
-    columns = read_rows(path, layout.names, layout.separator, layout.above, layout.row)
+    columns = read_rows(path, layout)
     if columns is None:
         return None
     first = [_cells(n, [cell], {})[0] for n, cell in zip(layout.names, layout.row, strict=False)]
     if not np.array_equal([columns[n][0] for n in layout.names], first, equal_nan=True):
         return None  # what counts as a line above the table is seen in two ways
     return Table(columns, layout.units, {})
-
-
-class Layout(NamedTuple):
-    """How a text's table is laid out: units, names, separator, lines above the first row, cells of that row."""
-
-    units: dict[str, str]
-    names: list[str]
-    separator: str
-    above: int
-    row: list[str]
 
 
 def _layout(file: str, text: str) -> Layout | None:
@@ -112,10 +100,11 @@ def _layout(file: str, text: str) -> Layout | None:
     _check_width(file, lines[0], separator)
     top = [next(csv.reader([line], delimiter=separator), []) for line in lines[:3]]
     names, units, first = _begin(file, top)
-    every = text.splitlines()
+    every = re.split(r"\r\n|\n|\r", text)  # as pyarrow counts: a form feed ends no line
     if first >= len(lines) or lines[first] not in every:
         return None
-    return Layout(units, names, separator, every.index(lines[first]), top[first])
+    comma = separator != "," and any("," in line for line in lines[first:])
+    return Layout(units, names, separator, every.index(lines[first]), top[first], comma)
 
 
 def _begin(file: str, rows: list[list[str]]) -> tuple[list[str], dict[str, str], int]:

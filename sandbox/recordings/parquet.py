@@ -26,10 +26,25 @@ def with_volts(r: Recording, converter: Converter) -> Recording:
     return dataclasses.replace(r, columns={**r.columns, **volts})
 
 
+def check_table(path: Path) -> None:
+    """Raise BadInput unless a recording's table is a file."""
+    if not path.is_file():
+        what = "is a folder or a pipe, no file" if path.exists() else f"does not exist in '{path.parent}'"
+        raise BadInput(f"{path.name}: the file {what}; correct [[recording]]".replace("the file is", "it is"))
+
+
+def _column(values: Any) -> Array:
+    """Return a column's numbers; NaN where there is none, instants and spans of time in the unit they are kept in."""
+    from pyarrow import types
+
+    if types.is_null(values.type):
+        return np.full(len(values), np.nan)
+    return np.asarray(values.to_numpy(), dtype=np.float64)
+
+
 def read_parquet(path: Path) -> dict[str, Array]:
     """Return a Parquet table's columns, float64; BadInput where it is no table of numbers."""
-    if not path.is_file():
-        raise BadInput(f"{path.name}: the file does not exist in '{path.parent}'; correct [[recording]]")
+    check_table(path)
     try:
         import pyarrow
         from pyarrow import parquet, types
@@ -40,10 +55,13 @@ def read_parquet(path: Path) -> dict[str, Array]:
             schema = file.schema_arrow
             if file.metadata.num_rows * len(schema.names) > MOST_VALUES:
                 raise too_many(path.name)
+            numbers = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal, types.is_temporal)
             for name, kind in zip(schema.names, schema.types, strict=True):
-                if not any(fits(kind) for fits in (types.is_integer, types.is_floating, types.is_boolean)):
+                if schema.names.count(name) > 1:
+                    raise BadInput(f"{path.name}: column '{name}' stands twice; give each column its own name")
+                if not types.is_null(kind) and not any(fits(kind) for fits in numbers):
                     raise BadInput(f"{path.name}: column '{name}' holds {str(kind)[:40]}, no numbers; leave it away")
-            return {n: np.asarray(file.read([n])[n].to_numpy(), dtype=np.float64) for n in schema.names}
+            return {n: _column(file.read([n])[n]) for n in schema.names}
     except BadInput:
         raise
     except (pyarrow.ArrowException, OSError, TypeError, ValueError) as error:

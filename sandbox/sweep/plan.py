@@ -23,8 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput, brief, unknown
-from model.given import read_toml
+from model.given import named_by, read_toml
 from model.names import check_name, fitting
+from sandbox.output.provenance import digest_of as digest_of_file
 from sandbox.sweep.keys import USUAL, Value, check_key, check_names, check_value, flat, keys
 
 DESIGNS = ("sobol", "latin_hypercube", "independent")
@@ -235,10 +236,8 @@ def digest_of(sweep: Sweep) -> str:
 
 
 def _beside(path: Path) -> bytes:
-    """Return the content of the files that a TOML file names: a flux map, an inverter's table."""
-    named = flat(read_toml(path)).values() if path.suffix == ".toml" else ()
-    files = [path.parent / text for text in named if isinstance(text, str) and 0 < len(text) < 200 and "\0" not in text]
-    return b"".join(file.read_bytes() for file in files if file.is_file())
+    """Return names and hashes of the files that a TOML file names: a flux map, an inverter's table."""
+    return b"".join(f"{file.name} {digest_of_file(file)}\n".encode() for file in named_by(path, path.parent))
 
 
 def _table(tables: Mapping[str, Any], name: str, known: tuple[str, ...] = ()) -> dict[str, Any]:

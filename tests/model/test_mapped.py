@@ -1,5 +1,7 @@
 """A motor from a flux map: the user's file, what it may not say, what is remembered, what is missing."""
 
+import io
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from model.drive_files import load_drive, mapped_names
 from model.energy import flux_from_current, inductances
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, write_map
-from model.kept import note
+from model.kept import note, read, write
 
 TEXT = """
 [motor]
@@ -129,3 +131,18 @@ def test_a_changed_number_of_a_kept_fit_is_not_believed(folder, capsys):
         kept.write_bytes(whole[:k] + bytes([whole[k] ^ 4]) + whole[k + 1 :])
         assert load_drive(folder / "mine.toml").motor == first
     assert "was damaged and is made anew" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["cells", "rest", "magnet"])
+@pytest.mark.parametrize("value", [np.nan, 0.0])
+def test_a_kept_fit_that_is_whole_but_no_fit_is_made_anew(folder, name, value):
+    """Under a right seal, as an earlier state of the code might have left it."""
+    first = load_drive(folder / "mine.toml").motor
+    place = next((folder / "cache" / "maps").glob("*.kept"))
+    with np.load(io.BytesIO(read(place))) as kept:
+        arrays = dict(kept)
+    body = io.BytesIO()
+    np.savez(body, **arrays | {name: np.full_like(arrays[name], value)})
+    write(place, body.getvalue())
+    found = load_drive(folder / "mine.toml").motor
+    assert (found == first) == (np.isnan(value) or name == "rest")  # finite cells and magnets are believed

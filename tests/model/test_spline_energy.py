@@ -155,3 +155,10 @@ def test_a_fit_says_before_it_starts_that_it_takes_too_much_memory():
     i_d, i_q = (x.ravel() for x in np.meshgrid(i, i, indexing="ij"))
     with pytest.raises(BadInput, match=r"60 x 60 cells on 169 points of a flux map take 14\.5 GB"):
         se.fit(0.3 + 0.01 * i_d, 0.01 * i_q, i_d, i_q, (60, 60))
+
+
+def test_choices_that_take_too_much_memory_are_not_tried():
+    """20 x 16 cells (24 x 20 unknowns), 20 000 points: 1.8 GB; the smaller ones fit, and all of them on 3600 points."""
+    psi = np.linspace(-1.0, 1.0, 20_000)
+    assert {c for c, _ in se.affordable(psi, psi)} == {(10, 8), (14, 12)}
+    assert se.affordable(psi[:3600], psi[:3600]) == se.CHOICES

@@ -247,7 +247,7 @@ def earlier_answer(place: str | Path) -> dict[str, Any]:
         sets = [tuple(sorted(str(e) for e in one if e != UNKNOWN)) for one in told["ambiguity_set"]]
         said = {"verdict": str(told["verdict"]), "ambiguity_set": told["ambiguity_set"],
                 "recommended": (told["next_recording"] or {}).get("entry")}  # fmt: skip
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
         raise BadInput(f"'{path}' is no diagnosis.json; {remedy}") from None
     for name in {e for one in sets for e in one}:
         load_effect(name)

@@ -250,17 +250,30 @@ def test_as_a_program(tmp_path):
 
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_interrupt_leaves_nothing_half_written(sent, code, tmp_path):
-    """Ctrl-C or SIGTERM while a user's file of effects is read, which here sends the signal itself, then waits."""
-    effects = tmp_path / "waits.py"
-    effects.write_text(f"import os, time\nos.kill(os.getpid(), {int(sent)})\ntime.sleep(600)\n")
-    root, out = Path(__file__).resolve().parents[3], tmp_path / "out"
-    call = [sys.executable, "-B", "-m", "sandbox.cli", "simulate", "--effects-from", str(effects), "--out", str(out)]
+    """Ctrl-C or SIGTERM as soon as the first file of the results is written aside: the process sends it itself."""
+    root, out = Path(__file__).resolve().parents[3], tmp_path / "new" / "out"
+    script = (
+        "import os, runpy, sys, time\n"
+        "from pathlib import Path\n"
+        "write = Path.write_bytes\n"
+        "def stopped(path, content):\n"
+        "    write(path, content)\n"
+        f"    if {str(tmp_path)!r} in str(path):\n"
+        f"        print(path, flush=True); os.kill(os.getpid(), {int(sent)}); time.sleep(600)\n"
+        "Path.write_bytes = stopped\n"
+        f"sys.argv = ['sensorless', 'audit', 'ipm', '--out', {str(out)!r}]\n"
+        "runpy.run_module('sandbox.cli', run_name='__main__')\n"
+    )
     heard = partial(signal.signal, signal.SIGINT, signal.SIG_DFL)  # a background shell would ignore it
-    process = subprocess.Popen(call, cwd=root, stderr=subprocess.PIPE, text=True, preexec_fn=heard)
-    _, said = process.communicate(timeout=60)
+    process = subprocess.Popen(
+        [sys.executable, "-c", script], cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        preexec_fn=heard,
+    )  # fmt: skip
+    written, said = process.communicate(timeout=60)
+    assert str(tmp_path) in written  # there was something to take away
     assert process.returncode == code
     assert "interrupted" in said
-    assert [p.name for p in tmp_path.iterdir()] == ["waits.py"]
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_files_come_together_or_not_at_all(tmp_path):

@@ -216,6 +216,14 @@ def test_a_folder_in_a_file_s_place_is_told_before_the_run(tmp_path, capsys):
     assert [p.name for p in tmp_path.iterdir()] == ["audit.png"]
 
 
+def test_files_of_other_names_have_their_places_checked_too(tmp_path):
+    (tmp_path / "effects.toml").mkdir()
+    for command in ("diagnosis", "identify"):
+        with pytest.raises(BadInput, match=r"effects.toml' is a folder, where a file is to be written"):
+            check_output(tmp_path, command)
+    check_output(tmp_path, "audit")
+
+
 @pytest.mark.parametrize("name", ["runs", "traces.zarr"])
 def test_a_sweep_follows_no_link_and_removes_nothing_behind_one(tmp_path, name):
     behind, out = tmp_path / "behind", tmp_path / "out"
@@ -297,6 +305,7 @@ FAN = Path(__file__).parents[3] / "docs" / "stored" / "my_effects.py"
         ),
         ('return "x"', "returns .*str.*; at 'load' it returns 1 number: N m that the load takes"),
         ("return omega, omega", "returns UniTuple"),
+        ("return coefficient * omega * 1j", "returns complex128; at 'load' it returns 1 number"),
         ("return missing(omega)", "NameError: name 'missing' is not defined"),
     ],
 )

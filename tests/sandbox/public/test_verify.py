@@ -14,6 +14,7 @@ import sandbox
 from model.drive_files import MOTORS
 from model.errors import BadInput
 from sandbox.cli import main
+from sandbox.public.calls import hashes
 from tests.fuzz.whole import make_check
 from tests.schemas import misfits
 
@@ -156,3 +157,15 @@ def test_results_of_objects_and_places_without_a_result(home):
         sandbox.verify("nowhere")
     with pytest.raises(BadInput, match="tolerance = -1"):
         sandbox.verify("out", tolerance=-1)
+
+
+def test_inputs_are_hashed_beside_texts_that_no_file_can_be_called(tmp_path):
+    folder = tmp_path / "/".join(["a" * 100] * 3)
+    folder.mkdir(parents=True)
+    text = (MOTORS / "ipm.toml").read_text()
+    (folder / "map.csv").write_text("1")
+    for more in ("", "x" * 340):
+        (folder / "m.toml").write_text(text + f'note = "map.csv"\nwhy = "{more}"\n')
+        found = hashes({"motor": str(folder / "m.toml"), "text": "y" * 300})
+        assert [Path(name).name for name in found] == ["m.toml", "map.csv"]
+    assert hashes({"campaign": str(folder / "nothing")}) == {}

@@ -132,11 +132,13 @@ def test_a_folder_hangs_on_the_content_of_files_not_on_their_place(tmp_path):
 
 
 def test_a_folder_hangs_on_files_that_a_named_file_names(tmp_path):
-    motor = MOTORS / "ipm_exchanged.toml"
-    (tmp_path / "mine.toml").write_text(motor.read_text() + 'note = "map.csv"\n')
+    """A long path is one, too; beside them stands a text that no file can be called."""
+    motor, place = MOTORS / "ipm_exchanged.toml", "/".join(["a" * 100] * 3) + "/map.csv"
+    (tmp_path / "mine.toml").write_text(f'{motor.read_text()}note = "{place}"\nwhy = "{"漢" * 340}"\n')
+    (tmp_path / place).parent.mkdir(parents=True)
     found = []
     for content in ("1", "2"):
-        (tmp_path / "map.csv").write_text(content)
+        (tmp_path / place).write_text(content)
         found.append(digest_of(sweep_of({"run": {"motor": "mine.toml"}}, folder=tmp_path)))
     assert found[0] != found[1]
 
