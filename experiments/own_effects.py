@@ -17,7 +17,7 @@ from typing import Any
 from experiments.drawing import RESULTS
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.writing import write_campaign
-from sandbox.validation.withheld.cases import Case
+from sandbox.validation.withheld.case_list import Case
 from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.make import campaign_of
 

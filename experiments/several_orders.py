@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from experiments.drawing import RESULTS
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.recordings.campaign import Campaign
-from sandbox.validation.withheld.cases import Case
+from sandbox.validation.withheld.case_list import Case
 from sandbox.validation.withheld.draw import Drawn, draw
 from sandbox.validation.withheld.make import campaign_of
 

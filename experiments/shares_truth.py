@@ -29,7 +29,7 @@ from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.replay.replay import prepare
 from sandbox.validation.scoring.blind import opened
-from sandbox.validation.withheld.cases import Case, cases
+from sandbox.validation.withheld.case_list import Case, cases
 from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.make import campaign_of
 

@@ -18,7 +18,7 @@ from sandbox.gap.planning.menu import Entry
 from sandbox.gap.planning.within import allowed
 from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.recordings.writing import write_campaign
-from sandbox.validation.withheld.cases import cases
+from sandbox.validation.withheld.case_list import cases
 from sandbox.validation.withheld.cycles import CURRENT, Cycle, cycle
 from sandbox.validation.withheld.draw import Drawn, draw
 from sandbox.validation.withheld.make import drifted, recording, switched

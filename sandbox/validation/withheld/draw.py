@@ -20,7 +20,7 @@ from model.mapped import without_map
 from model.parameters import Drive, Motor
 from sandbox.output.files import plain, rounded
 from sandbox.validation.switched.bench_numbers import SOFT_SIGN
-from sandbox.validation.withheld.cases import Case
+from sandbox.validation.withheld.case_list import Case
 from sandbox.validation.withheld.drives import (
     UNCERTAINTY,
     Bench,

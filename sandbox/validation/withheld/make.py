@@ -22,7 +22,7 @@ from sandbox.output.files import json_bytes, plain, write_whole
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
 from sandbox.validation.switched.bench_numbers import Bench, bench
-from sandbox.validation.withheld.cases import cases
+from sandbox.validation.withheld.case_list import cases
 from sandbox.validation.withheld.cycle_styles import cycles
 from sandbox.validation.withheld.cycles import LOAD, Cycle, scale_of
 from sandbox.validation.withheld.cycles_narrow import all_cycles as narrow

@@ -15,7 +15,7 @@ LIST = """
 import json, sys
 from model.effects.adopt import adopt
 adopt(sys.argv[1])
-from sandbox.validation.withheld.cases import Case, cases
+from sandbox.validation.withheld.case_list import Case, cases
 from sandbox.validation.withheld.draw import draw
 drawn = draw(Case(0, "one", "ipm", "scored", ("resolver",), (0.5,), table="published"), 4)
 listed = {name for c in cases(400, 1, "mixed", "scored", table="published") for name in c.names}

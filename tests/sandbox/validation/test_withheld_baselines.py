@@ -15,7 +15,7 @@ from sandbox.validation.scoring import refit as fit
 from sandbox.validation.scoring.baselines import BASELINES, REFINED, nuisances
 from sandbox.validation.scoring.judge import judge
 from sandbox.validation.scoring.voltage_regression import background, binned, left_over
-from sandbox.validation.withheld.cases import Case
+from sandbox.validation.withheld.case_list import Case
 from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.make import campaign_of
 

@@ -12,7 +12,7 @@ from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.validation.scoring.recommended import cycle_of, drawn_again, entry_of, grow, recommended
-from sandbox.validation.withheld.cases import Case, cases
+from sandbox.validation.withheld.case_list import Case, cases
 from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.ladder import OUTSIDE
 from sandbox.validation.withheld.make import campaign_of

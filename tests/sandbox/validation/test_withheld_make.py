@@ -19,7 +19,7 @@ from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.validation.withheld import make as maker
-from sandbox.validation.withheld.cases import PAIR_SIZES, SHARES, Case, cases
+from sandbox.validation.withheld.case_list import PAIR_SIZES, SHARES, Case, cases
 from sandbox.validation.withheld.cycle_styles import STYLES, cycles
 from sandbox.validation.withheld.cycles_narrow import PAIRS
 from sandbox.validation.withheld.draw import draw

@@ -11,7 +11,7 @@ from model.energy import flux_from_current
 from model.mapped import MappedMotor
 from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.validation.withheld import mapped_drive as mapped
-from sandbox.validation.withheld.cases import Case, cases
+from sandbox.validation.withheld.case_list import Case, cases
 from sandbox.validation.withheld.draw import draw, outside_names
 from sandbox.validation.withheld.drives import family_drive, valid
 from sandbox.validation.withheld.ladder import OUTSIDE

@@ -21,7 +21,7 @@ from sandbox.validation.switched.bench_numbers import SOFT_SIGN
 from sandbox.validation.withheld import draw as draw_module
 from sandbox.validation.withheld import drives
 from sandbox.validation.withheld import mapped_drive as mapped
-from sandbox.validation.withheld.cases import TABLES, Case, cases
+from sandbox.validation.withheld.case_list import TABLES, Case, cases
 from sandbox.validation.withheld.draw import SEALED, draw
 from sandbox.validation.withheld.drives import FAMILIES, MOST_OFF, SHAPES, draw_bench, family_drive, sign_of
 from sandbox.validation.withheld.ladder import LADDER, plant
@@ -193,7 +193,7 @@ def test_the_seal_does_not_see_what_machines_differ_by():
 
 DRAWN = """
 import hashlib, json
-from sandbox.validation.withheld.cases import Case
+from sandbox.validation.withheld.case_list import Case
 from sandbox.validation.withheld.draw import draw
 cases = [Case(0, "outside", "mapped", "scored", (), (1.0,), "flux_map", table="published")]
 cases.append(Case(1, "one", "modern", "scored", ("saturation",), (0.5,), table="published"))

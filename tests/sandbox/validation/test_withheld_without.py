@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from sandbox.validation.withheld.cases import Case, cases
+from sandbox.validation.withheld.case_list import Case, cases
 from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.drives import UNCERTAINTY
 
