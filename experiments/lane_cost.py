@@ -19,7 +19,7 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.grouping import ROOMS, VECTOR
 from sandbox.replay.replay import Prepared, block_of, prepare, run_block
 
-SAMPLES, TIMES = 8000, 5
+SAMPLES, TIMES = 4000, 25
 NAMES = ("LEG", "IRON", "SKIN", "FILTER", "ENERGY", "LINK", "MAGNETS", "ZONE", "ROUND", "WINDING", "DELAYED")
 ON = {
     "LEG": {"device_drop.threshold": 1.0, "device_drop.on_resistance": 0.05},

@@ -13,7 +13,7 @@ from model.compiled import inlined
 HALF_PI = 0.5 * math.pi
 PI_HIGH, PI_LOW = 1.5707963267341256, 6.077100506506192e-11  # pi/2 in two parts
 SHORT_TURN = 0.25  # rad
-SERIES_BELOW = 0.06  # of step over time constant: there the lag's closed form would lose digits
+SERIES_BELOW = 0.25  # of step over time constant: there the lag's closed form would lose digits
 
 
 @inlined
@@ -84,29 +84,34 @@ def soft_sign(x, shape):
 
 
 @inlined
-def lag_weights(x):
-    """Return of a first-order lag over a step of x time constants: decay and weights of the input at start, middle and
-    end, the input a parabola through them (they sum to one minus the decay)."""
-    decay, zeroth, first, second = lag_moments(x)
-    return decay, zeroth - 3.0 * first + 2.0 * second, 4.0 * (first - second), 2.0 * second - first
+def lag_weights(zeroth, first, second):
+    """Return of a first-order lag the weights of its input at a step's start, middle and end, the input a parabola
+    through them, from the moments (`lag_moments`); they sum to the zeroth, which is one minus the decay."""
+    return zeroth - 3.0 * first + 2.0 * second, 4.0 * (first - second), 2.0 * second - first
 
 
 @inlined
 def lag_moments(x):
-    """Return exp(-x) and the integrals over s in [0, 1] of x exp(-x (1 - s)) times 1, s, s^2.
+    """Return of a lag, over a step of x time constants, the integrals over s in [0, 1] of x exp(-x (1 - s)) times 1, s,
+    s^2; one minus the zeroth is the decay exp(-x).
 
-    The closed forms divide differences by x; below SERIES_BELOW their series to the seventh power stand in.
+    The closed forms divide differences by x; up to SERIES_BELOW a series stands in.
     """
-    decay, z = fading(-x), max(x, SERIES_BELOW)
-    far_0 = 1.0 - fading(-z)
-    far_1 = 1.0 - far_0 / z
-    far_2 = 1.0 - 2.0 * far_1 / z
-    y = min(x, SERIES_BELOW)
-    p = 1.0 / 720 - y * (1.0 / 5040)
-    near_0 = y * (1.0 - y * (0.5 - y * (1.0 / 6 - y * (1.0 / 24 - y * (1.0 / 120 - y * p)))))
-    p = 1.0 / 5040 - y * (1.0 / 40320)
-    near_1 = y * (0.5 - y * (1.0 / 6 - y * (1.0 / 24 - y * (1.0 / 120 - y * (1.0 / 720 - y * p)))))
-    p = 1.0 / 20160 - y * (1.0 / 181440)
-    near_2 = y * (1.0 / 3 - y * (1.0 / 12 - y * (1.0 / 60 - y * (1.0 / 360 - y * (1.0 / 2520 - y * p)))))
+    z = max(x, SERIES_BELOW)
+    inverse, far_0 = 1.0 / z, 1.0 - fading(-z)
+    far_1 = 1.0 - far_0 * inverse
+    far_2 = 1.0 - 2.0 * far_1 * inverse
+    near_0, near_1, near_2 = short_lag_moments(min(x, SERIES_BELOW))
     far = x > SERIES_BELOW
-    return decay, (far_0 if far else near_0), (far_1 if far else near_1), (far_2 if far else near_2)
+    return (far_0 if far else near_0), (far_1 if far else near_1), (far_2 if far else near_2)
+
+
+@inlined
+def short_lag_moments(x):
+    """Return the same for x up to SERIES_BELOW: the second from its series 2 x sum of (-x)^k/(k + 3)! up to k = 9 (of
+    it, 1e-15 is left out), the others from it by parts, which divides nothing."""
+    p = 1.0 / 181440 - x * (1.0 / 1814400 - x * (1.0 / 19958400 - x * (1.0 / 239500800)))
+    p = 1.0 / 60 - x * (1.0 / 360 - x * (1.0 / 2520 - x * (1.0 / 20160 - x * p)))
+    second = x * (1.0 / 3 - x * (1.0 / 12 - x * p))
+    first = 0.5 * x * (1.0 - second)
+    return x * (1.0 - first), first, second

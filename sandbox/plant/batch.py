@@ -51,6 +51,8 @@ SCRATCH = {  # within a period
     "mid_a": "flux in the middle, Wb", "mid_b": "flux in the middle, Wb",
     "late": "s by which the edge just taken acts later", "lost_a": "volt-seconds edges before it take, V s",
     "lost_b": "V s", "lose_a": "their mean over the segment, V s", "lose_b": "V s",
+    "early_a": "K of late edges, Wb s, see `sandbox.plant.electrical`", "early_b": "likewise, Wb s",
+    "wait_a": "of it the part of edges before", "wait_b": "Wb s",
     "link": "voltage of the DC link, V", "sunk": "what the load takes off it, V",
     "turning": "dH/dtheta of what depends on the angle, J/rad (up to 3/2)",
     "torque": "of the air gap, N m", "impulse": "integral of it, N m s", "last_torque": "at the last period's end, N m",
@@ -58,11 +60,17 @@ SCRATCH = {  # within a period
     "when": "instant of a reading in the period, s", "next_deviation": "deviation at the period's end, rad",
     "read_a": "reading of sensor a, A", "read_b": "of sensor b, A", "read_c": "of sensor c, A",
     "stiff_aa": "inverse incremental inductance, 1/H", "stiff_ab": "1/H", "stiff_bb": "1/H",
+    "faced_aa": "of it, the rotor as in the segment's middle, 1/H", "faced_ab": "1/H", "faced_bb": "1/H",
     "span_inv": "1/s of the segment", "turn": "rotor, rad mechanical", "omega": "rad/s mechanical",
     "surge": "half the rotor's last acceleration, rad/s^2 electrical",
     "bound": "torque bound to the rotor's position, N m",
     "net": "torque on the rotor's side, N m", "taken": "by the load, N m",
 }  # fmt: skip
+LAGS = {  # of each lag over the segment under way, a row each for `CORE`, `SKIN`, `FILTER`; see `sandbox.plant.lags`
+    "zeroth": "moments of its answer, see `model.lanes.lag_moments`", "first": "likewise", "second": "likewise",
+    "kink_a": "what the kinks that late edges make in the flux add to the lag's flux at the end, Wb", "kink_b": "Wb",
+}  # fmt: skip
+CORE, SKIN, FILTER = range(3)
 PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; a mapped motor adds them to its map
     "gamma_d": "1/H", "gamma_q": "1/H", "cubic_d": "3 alpha_30, A/Wb^2", "cubic_q": "alpha_12, A/Wb^2",
     "quartic_d": "4 alpha_40, A/Wb^3", "quartic_dq": "alpha_22, A/Wb^3", "quartic_q": "4 alpha_04, A/Wb^3",
@@ -87,7 +95,7 @@ def batch_type(lanes: int) -> np.dtype[Any]:
     inverter's measured table, the same for all lanes: points (A, V) and the integral up to each (A V).
     """
     rows = [(name, np.float64, (lanes,)) for name in (*STATES, *SCRATCH, *PLANT, *NUMBERS)]
-    parts = [(name, np.float64, (count, lanes)) for name, count in FURTHER.items()]
+    parts = [(name, np.float64, (count, lanes)) for name, count in {**dict.fromkeys(LAGS, 3), **FURTHER}.items()]
     counts = [(name, np.int64) for name in (*map(more, REPEATED), "table_points")]
     table = [(f"table_{name}", np.float64, (MOST_POINTS,)) for name in ("current", "volts", "sum")]
     return np.dtype([*rows, *parts, *counts, *table], align=True)

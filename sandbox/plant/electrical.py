@@ -13,6 +13,10 @@ z' = exp(-j theta) (psi' - j omega psi):
 
     i'' = -R G i' + omega^2 i + 2 j omega i' - G (omega^2 psi + 2 j omega psi') + exp(j theta) H'''[z', z']
 
+An edge that acts the share rho of the segment late bends the current there: its change is no line, but has come about
+sooner.  With v (x, y) what the edge changes and K = v (x, y) rho (1 - rho)^2 S^2/6 (`early`), the drop has let the flux
+rise by R G K on average beside what the line's drop has, by three halves of it in the middle (rho small).
+
 `begin` ends the last segment, gives the current at the edge and how late the edge acts; `middle` goes on to the
 segment's middle; `bend` adds the last term (not of flux maps: their step stays of second order).  What an effect adds
 comes between, in a loop of its own (`additions`): what is neutral costs nothing.
@@ -99,6 +103,13 @@ def begin(w, flux_map, c_0, s_0, span, x, y, side, real):
 
 
 @inlined
+def early(late, span, inverse):
+    """Return what K (s^2, see above) is for a volt of an edge that acts so late (s) in a segment; inverse: 1/span."""
+    left = 1.0 - late * inverse
+    return late * span * left * left * (1.0 / 6.0)
+
+
+@inlined
 def halfway(w, j, span, inverse, u_a, u_b, x, y):
     """Return the mean flux (Wb) over the segment, predicted with the drop at its start; write its volt-seconds.
 
@@ -106,7 +117,8 @@ def halfway(w, j, span, inverse, u_a, u_b, x, y):
     """
     v, half = w.link[j], 0.5 * span
     r = min(w.late[j], span)
-    m = r * (1.0 - 0.5 * inverse * r)
+    m, k = r * (1.0 - 0.5 * inverse * r), v * early(r, span, inverse)
+    w.early_a[j], w.early_b[j] = k * x + w.wait_a[j], k * y + w.wait_b[j]
     w.volt_a[j], w.volt_b[j] = v * (span * u_a - x * r) - w.lost_a[j], v * (span * u_b - y * r) - w.lost_b[j]
     a = w.psi_a[j] + (v * (half * u_a - x * m) - w.lose_a[j]) - half * w.drop_a[j]
     b = w.psi_b[j] + (v * (half * u_b - y * m) - w.lose_b[j]) - half * w.drop_b[j]
@@ -115,30 +127,37 @@ def halfway(w, j, span, inverse, u_a, u_b, x, y):
 
 
 @inlined
-def settled(i_a, i_b, e_a, e_b, mid_a, mid_b, p_a, p_b, r, decay, turned, stiff_aa, stiff_ab, stiff_bb):
+def settled(i_a, i_b, e_a, e_b, mid_a, mid_b, p_a, p_b, r, decay, turned, stiff_aa, stiff_ab, stiff_bb, k_a, k_b, g):
     """Return the current in a segment's middle, corrected, and its mean drop (V).
 
     i: current at the flux predicted; e, p: its and the flux' change from start to middle; r: ohm; decay: R S/4, with
-    the skin effect's part; turned: rad by which the rotor turns in the segment; stiff: inverse inductance, 1/H.
+    the skin effect's part; turned: rad by which the rotor turns in the segment; stiff: inverse inductance, 1/H; k: 4/S
+    times K of late edges (Wb); g: 1/H, the iron-loss current's kink beside the magnetising current's.
     """
     x, y = decay * (stiff_aa * e_a + stiff_ab * e_b), decay * (stiff_ab * e_a + stiff_bb * e_b)
-    i_a, i_b = i_a - x, i_b - y
+    z_a, z_b = (
+        decay * ((stiff_aa + g) * k_a + stiff_ab * k_b), decay * (stiff_ab * k_a + (stiff_bb + g) * k_b)
+    )  # fmt: skip
+    k_a, k_b = 0.5 * (stiff_aa * z_a + stiff_ab * z_b), 0.5 * (stiff_ab * z_a + stiff_bb * z_b)
+    i_a, i_b = i_a - x + 3.0 * k_a, i_b - y + 3.0 * k_b
+    x, y = x * THIRD + k_a, y * THIRD + k_b
     square, across = turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
     p, q = across * p_b - square * mid_a, -across * p_a - square * mid_b
     y_a, y_b = stiff_aa * p + stiff_ab * q, stiff_ab * p + stiff_bb * q
     more = 1.0 + square
-    f_a, f_b = r * (more * i_a - across * e_b - x * THIRD + y_a), r * (more * i_b + across * e_a - y * THIRD + y_b)
+    f_a, f_b = r * (more * i_a - across * e_b - x + y_a), r * (more * i_b + across * e_a - y + y_b)
     return i_a, i_b, f_a, f_b
 
 
 @inlined
 def settle(w, j, i_a, i_b, span, turned):
     """Write lane j's current in the segment's middle and its mean drop; turned: rad by which the rotor turns in it."""
-    r = w.resistance[j]
+    r, k = w.resistance[j], 4.0 / span
     w.j_a[j], w.j_b[j], w.fall_a[j], w.fall_b[j] = settled(
         i_a, i_b, i_a - w.i_a[j], i_b - w.i_b[j], w.mid_a[j], w.mid_b[j], w.mid_a[j] - w.psi_a[j],
         w.mid_b[j] - w.psi_b[j], r, 0.25 * span * (r + w.skin_r[j]), turned,
-        w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j],
+        w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j], k * w.early_a[j], k * w.early_b[j],
+        w.core_g[j] * w.core_rate[j],
     )  # fmt: skip
 
 
@@ -205,6 +224,8 @@ def plain_step(w, here, there, span, turned, long, pulled, u_a, u_b, x, y, edge)
     for j in range(w.psi_a.size):
         v, late, res, psi_a, psi_b = w.link[j], min(w.late[j], span), w.resistance[j], w.psi_a[j], w.psi_b[j]
         m, o_a, o_b = late * (1.0 - 0.5 * inverse * late), w.i_a[j], w.i_b[j]
+        left = 1.0 - late * inverse
+        k = (2.0 / 3.0) * v * late * left * left  # 4/S K, see `early`
         p_a, p_b = v * (half * u_a - x * m) - half * res * o_a, v * (half * u_b - y * m) - half * res * o_b
         a, b = psi_a + p_a, psi_b + p_b
         c, s = facing(w, j, here[0], here[1])
@@ -214,7 +235,7 @@ def plain_step(w, here, there, span, turned, long, pulled, u_a, u_b, x, y, edge)
         e_a, e_b = i_a - o_a, i_b - o_b
         i_a, i_b, f_a, f_b = settled(
             i_a, i_b, e_a, e_b, a, b, p_a, p_b, res, 0.25 * span * res, turned,
-            w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j],
+            w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j], k * x, k * y, 0.0,
         )  # fmt: skip
         if long:
             g_a, g_b = curved(w, j, c, s, d, q, a, b, p_a, p_b, turned)
@@ -302,10 +323,12 @@ def stiffen(w, flux_map, c_0, s_0):
 @kernel
 def lose(w, acts, t, span, x, y):
     """Add what an earlier edge of leg vector (x, y), acting at acts (lanes,) s, takes from a segment begun at t (s)."""
-    half = 0.5 / span
+    inverse = 1.0 / span
     for j in range(w.psi_a.size):
         r = min(max(acts[j] - t, 0.0), span)
-        m, v = r * (1.0 - half * r), w.link[j]
+        m, v = r * (1.0 - 0.5 * inverse * r), w.link[j]
+        k = v * early(r, span, inverse)
+        w.wait_a[j], w.wait_b[j] = w.wait_a[j] + k * x, w.wait_b[j] + k * y
         w.lost_a[j], w.lost_b[j] = w.lost_a[j] + v * x * r, w.lost_b[j] + v * y * r
         w.lose_a[j], w.lose_b[j] = w.lose_a[j] + v * x * m, w.lose_b[j] + v * y * m
 
@@ -314,4 +337,4 @@ def lose(w, acts, t, span, x, y):
 def nothing_lost(w):
     """Clear what earlier edges took."""
     for j in range(w.psi_a.size):
-        w.lost_a[j] = w.lost_b[j] = w.lose_a[j] = w.lose_b[j] = 0.0
+        w.lost_a[j] = w.lost_b[j] = w.lose_a[j] = w.lose_b[j] = w.wait_a[j] = w.wait_b[j] = 0.0

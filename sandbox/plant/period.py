@@ -15,16 +15,14 @@ from model.compiled import inlined, kernel
 from model.lanes import SHORT_TURN, turned, turned_a_little
 from sandbox.plant import additions as add
 from sandbox.plant import lags, losses, ports
-from sandbox.plant.batch import NEVER
+from sandbox.plant.batch import CORE, FILTER, NEVER, SKIN
 from sandbox.plant.edges import EDGES, LEG_X, LEG_Y
 from sandbox.plant.electrical import begin, bend, dropped, lose, middle, nothing_lost, plain_step, stiffen
 from sandbox.plant.mechanics import step_shaft
-from sandbox.plant.sampling import hold_start, peek
+from sandbox.plant.sampling import SHORTEST, hold_start, peek
 
 TWO_THIRDS = 2.0 / 3.0
-SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
 NO_TIME = 1e-11  # s: speed over a shorter one is rounding
-KINK = 2e-7  # s: an edge less late leaves less than 1e-6 of the current in a lag
 BENDING = 1e-3  # of the period: what curvature makes of shorter segments is far below 1e-9 of the current
 ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED | add.RUB | add.SIGN)  # what a plain step knows nothing of
 GAUSS = 0.5773502691896258  # of the way from a segment's middle to its ends: two places give means of third degree
@@ -166,9 +164,9 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
     if features & add.SIGN:
         add.late_by_sign(w, x, y, side, real, features & add.ZONE != 0)
     if features & add.FILTER and span > 0.0:
-        lags.close_filter(w, span)
+        lags.close_filter(w)
     if features & add.SKIN:
-        lags.close_skin(w, span)
+        lags.close_skin(w)
     if features & add.WINDING:
         losses.winding_at_start(w)
     if features & add.LEG:
@@ -213,14 +211,16 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
 
 
 @inlined
-def part_of(left, timing, features, edge):
-    """Return the length of the next segment (s) of what is left until the next edge.
-
-    Behind an edge that may act late, lags get a short segment of their own: their input is smooth beside it.
-    """
-    if edge and features & add.LAGS and timing.tardy > KINK and left > 2.0 * timing.tardy:
-        return timing.tardy
-    return left if left <= timing.longest else left / math.ceil(left / timing.longest)
+def lag_through(w, room, lag, rates, tardy, but, t, span, x, y):
+    """Write what a lag (rates: (lanes,) 1/s) makes of a segment begun at t (s): its moments, and the kinks of the edge
+    just taken (place `but`, -1: none) and of those that still wait."""
+    lags.weigh(w, lag, rates, span)
+    if tardy > 0.0:
+        if but >= 0:
+            lags.kink(w, lag, rates, w.late, 0.0, span, x, y)
+        for m in range(EDGES + 3 if room.until[LAST] > t else 0):
+            if m != but and room.until[m] > t:
+                lags.kink(w, lag, rates, room.acts[m], t, span, room.change_x[m], room.change_y[m])
 
 
 @inlined
@@ -280,8 +280,10 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
     """
     period = timing.period
     t, u_a, u_b, begun = 0.0, 0.0, 0.0, False
+    c_0, s_0 = facing_at(course, 0.0)
     peeking = timing.first != 0.0 or timing.last != 0.0
-    plain = flux_map is None and features & ADDED == 0 and not peeking and w.table_points == 0
+    looking = peeking or len(looks) > 0
+    plain = flux_map is None and features & ADDED == 0 and not looking and w.table_points == 0
     for g in range(EDGES + 1):
         x = y = side = real = 0.0
         if g > 0:
@@ -297,7 +299,7 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 if t == 0.0 and g == 0:
                     stiffen(w, flux_map, c, s)
                     first_instant(w, features, timing, room)
-            span = part_of(left, timing, features, real > 0.0)
+            span = left if left <= timing.longest else left / math.ceil(left / timing.longest)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
             u_a, u_b = u_a + x, u_b + y
             taken = g - 1 if side != 0.0 else -1
@@ -323,6 +325,14 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 middle_of = t + 0.5 * span
                 if features & add.LINK:
                     add.supply(w, clock + middle_of - 0.5 * GAUSS * span, clock + middle_of + 0.5 * GAUSS * span)
+                if features & add.LAGS or looking:
+                    lags.face(w, c * c_0 + s * s_0, s * c_0 - c * s_0)
+                if features & add.IRON:
+                    lag_through(w, room, CORE, w.core_rate, timing.tardy, taken, t, span, x, y)
+                if features & add.SKIN:
+                    lag_through(w, room, SKIN, w.skin_rate, timing.tardy, taken, t, span, x, y)
+                if features & add.FILTER:
+                    lag_through(w, room, FILTER, w.filter_rate, timing.tardy, taken, t, span, x, y)
                 in_middle(w, flux_map, features, c, s, middle_of / period, course, span, long, u_a, u_b, x, y)
             until = 2.0 * period if g == EDGES and whole else t + span
             if peeking and len(looks) == 0:

@@ -16,11 +16,11 @@ from sandbox.plant import additions as add
 ROOMS = (8, 24)  # lanes that a block may have: one set, and a fit's slopes; each size is compiled for itself, in 20 s
 VECTOR = 8
 # ns a period, measured by `experiments/lane_cost.py`: constant, and for every VECTOR lanes
-BARE = (200.0, 430.0)
+BARE = (160.0, 480.0)
 COSTS = {
-    add.LEG: (220.0, 320.0), add.IRON: (440.0, 1200.0), add.SKIN: (240.0, 1220.0), add.FILTER: (220.0, 680.0),
-    add.ENERGY: (350.0, 290.0), add.LINK: (270.0, 100.0), add.MAGNETS: (150.0, 0.0), add.ZONE: (20.0, 190.0),
-    add.ROUND: (80.0, 70.0), add.WINDING: (130.0, 0.0), add.DELAYED: (180.0, 170.0),
+    add.LEG: (150.0, 310.0), add.IRON: (130.0, 400.0), add.SKIN: (170.0, 340.0), add.FILTER: (110.0, 230.0),
+    add.ENERGY: (230.0, 300.0), add.LINK: (140.0, 130.0), add.MAGNETS: (120.0, 0.0), add.ZONE: (120.0, 110.0),
+    add.ROUND: (130.0, 10.0), add.WINDING: (90.0, 0.0), add.DELAYED: (140.0, 220.0),
 }  # fmt: skip
 
 
