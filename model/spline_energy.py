@@ -35,8 +35,8 @@ FOLDS = 5
 TOLERATED = 1.2  # of the least squared error: the smoothest choice within it is taken
 SECOND = ((2, 0), (1, 1), (0, 2))  # orders of the second derivatives
 ROUNDS = 60
-MOST_BYTES = 1.2e9  # of a fit: 30 x 30 cells on 60 x 60 points, 8 s; 20 x 16 cells on 12 000 points
-AT_POINTS, AT_CELLS = 24, 126  # numbers kept for each unknown by a point and by a cell; measured, 0.7 to 2.5 GB
+MOST_BYTES = 0.95e9  # of a fit: 30 x 30 cells on 40 x 40 points, 20 x 16 cells on 19 000 points
+AT_POINTS, AT_CELLS = 13, 110  # numbers kept for each unknown by a point and by a cell; a test measures them
 MOST_PLANES = 800  # inequalities kept: more than twice what any measured map needed; beyond, a fit has no end
 
 

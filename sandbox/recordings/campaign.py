@@ -343,12 +343,19 @@ def _check_columns(file: str, columns: Mapping[str, Array]) -> None:
             raise BadInput(f"{file}: column '{name}' has {values.size} rows, 't' has {n}; they must be equal")
         if n < 2:
             raise BadInput(f"{file}: {n} rows; a recording needs at least 2")
-        bad = np.flatnonzero(~(np.abs(values) <= LARGEST))
-        if bad.size:
+        bad = first_beyond(values, LARGEST)
+        if bad is not None:
             raise BadInput(
-                f"{file}: row {bad[0]} of column '{name}' is {values[bad[0]]}; give finite numbers only, of at most "
+                f"{file}: row {bad} of column '{name}' is {values[bad]}; give finite numbers only, of at most "
                 f"{LARGEST:.0e} in size"
             )
+
+
+def first_beyond(values: Array, largest: float) -> int | None:
+    """Return the first row that is no number, or larger in size than any that is measured; None where all are good."""
+    if not len(values) or (np.min(values) >= -largest and np.max(values) <= largest):  # usual, and takes no memory
+        return None
+    return int(np.argmin(np.abs(values) <= largest))
 
 
 def _check_period(r: CampaignRecording, period: float) -> None:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from model.errors import BadInput, brief, unknown
 from model.frames import phases
 from model.parameters import finite
-from sandbox.recordings.campaign import OPTIONAL, Finding, table_of
-from sandbox.recordings.formats.log_table import Table
+from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Finding, first_beyond, table_of
+from sandbox.recordings.formats.log_table import MOST_VALUES, Table
 
 Array = NDArray[np.float64]
 UNITS: dict[str, dict[str, tuple[float, float]]] = {  # factor and offset to the contract's unit
@@ -46,6 +46,7 @@ KIND = {name: kind for kind, names in KINDS.items() for name in names}
 VOLTAGES = (("u_alpha", "u_beta"), ("u_a", "u_b", "u_c"), ("u_d", "u_q"), ("d_a", "d_b", "d_c"))
 KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
 LARGEST = 1e18  # of any cell, nanoseconds included
+MOST_ROWS = MOST_VALUES // len(REQUIRED)  # of a recording: a log of few columns becomes all that are needed
 SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
 WRAP = 1.01  # turns within which a wrapped angle stays
 
@@ -140,8 +141,10 @@ def contract(
 
     Names that [columns] does not mention are taken where the table has them; `link` (V) stands in for an absent u_dc.
     """
-    found, notes = measured(file, table, columns, pole_pairs)
     length = max((len(v) for v in table.columns.values()), default=0)
+    if length > MOST_ROWS:
+        raise BadInput(f"{file}: {length / 1e6:.3g} million rows, at most {MOST_ROWS / 1e6:g} are read; cut the log")
+    found, notes = measured(file, table, columns, pole_pairs)
     if "u_dc" not in found:
         found["u_dc"] = np.full(length, link)
         notes.append(
@@ -209,13 +212,18 @@ def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: flo
     if KIND[entry.name] == "angle":
         raw = unwrapped(file, entry.column, raw, 2.0 * math.pi / abs(factor * entry.scale), notes)
         factor *= pole_pairs if entry.mechanical else 1.0
-    return np.asarray(entry.scale * (factor * raw + shift) + entry.offset)
+    if (factor, shift, entry.scale, entry.offset) == (1.0, 0.0, 1.0, 0.0):
+        return raw
+    out = np.multiply(raw, factor, dtype=np.float64)  # then in its place: a column may be long
+    out += shift
+    out *= entry.scale
+    out += entry.offset
+    return out
 
 
 def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
-    bad = np.flatnonzero(~(np.abs(raw) <= LARGEST))
-    if bad.size:
-        k = int(bad[0])
+    k = first_beyond(raw, LARGEST)
+    if k is not None:
         cell = table.odd.get((column, k))
         shown = f"{raw[k]}" if cell is None else f"'{cell[:20]}'" if cell else "empty"
         raise BadInput(
@@ -234,7 +242,9 @@ def unwrapped(file: str, column: str, raw: Array, turn: float, notes: list[Findi
         "and is unwrapped here"
     )
     notes.append(Finding(file, column, int(jumps[0]) + 1, text))
-    return np.asarray(np.unwrap(raw, period=turn))
+    step = raw[jumps + 1] - raw[jumps]
+    turns = np.cumsum(np.mod(step + 0.5 * turn, turn) - 0.5 * turn - step)  # as np.unwrap, but at the jumps alone
+    return raw + np.repeat(np.append(0.0, turns), np.diff([0, *(jumps + 1), len(raw)]))
 
 
 def _lost(file: str, column: str, text: str) -> Finding:

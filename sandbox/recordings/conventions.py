@@ -65,7 +65,7 @@ def link_exponent(recordings: Sequence[CampaignRecording], drive: Drive) -> Expo
         b = balance(r.columns, drive, WINDOW)
         if len(b.rows) < FEWEST:
             continue
-        mean = np.array([np.mean(r.u_dc[k : k + WINDOW]) for k in b.rows]) / nominal - 1.0
+        mean = sum((r.u_dc[b.rows + k] for k in range(WINDOW)), np.zeros(1)) / WINDOW / nominal - 1.0
         told, rest = _parts(b.voltage * mean), -_parts(b.rest)
         known = _stated(r, b.rows, drive, b.voltage)
         noise = max(float(rest @ rest) / len(rest), 1e-12)
@@ -86,10 +86,16 @@ def _stated(r: CampaignRecording, rows: NDArray[np.int64], drive: Drive, voltage
     error of theirs is like one of the link.
     """
     m, ends = drive.motor, rows + WINDOW
-    i_alpha, i_beta = r.current
-    i, turn = i_alpha + 1j * i_beta, np.exp(1j * r.theta)
-    flux = m.magnet_flux * (turn[ends] - turn[rows]) / (WINDOW * drive.converter.sampling_period)
-    return np.stack([_parts(x) for x in (voltage, m.resistance * 0.5 * (i[rows] + i[ends]), flux)], axis=1)
+    turned = np.exp(1j * r.theta[ends]) - np.exp(1j * r.theta[rows])
+    flux = m.magnet_flux * turned / (WINDOW * drive.converter.sampling_period)
+    between = m.resistance * 0.5 * (_current(r, rows) + _current(r, ends))
+    return np.stack([_parts(x) for x in (voltage, between, flux)], axis=1)
+
+
+def _current(r: CampaignRecording, rows: NDArray[np.int64]) -> Any:
+    """Return the current vector (A, complex) at some rows."""
+    a, b, c = (r.columns[n][rows] for n in PHASES)
+    return (2.0 * a - b - c) / 3.0 + 1j * ((b - c) / math.sqrt(3.0))
 
 
 def with_link(campaign: Campaign) -> Campaign:

@@ -130,6 +130,7 @@ def unchecked(source: Source) -> Campaign:
         table = source.table(file)
         nominal = link or converter.dc_bus_voltage
         values, notes = contract(file, table, source.mapped, source.pole_pairs, nominal)
+        del table  # what is not used of it takes memory
         findings += notes
         for name, own, noise, starts_at in _timed(file, values, converter, source, findings):
             of = "" if name == file else file

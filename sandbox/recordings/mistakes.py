@@ -40,6 +40,7 @@ TIE = 1.5  # factor within which two mistakes cannot be told apart
 OFF_AXIS = 0.5  # excess of the injected energy along its axis: 30 degrees off
 ON_AXIS = 0.9  # excess that undoing a mistake must reach: 13 degrees
 LOOKED = 200  # windows in which the saturated model is asked
+BLOCK = 500_000  # samples of which the balance is made at a time: some 100 MB
 TURN = 2.0 * math.pi
 
 
@@ -85,32 +86,59 @@ def balance(columns: Columns, drive: Drive, window: int | None = None, *, satura
 
     saturated: some LOOKED windows all over the recording, without those whose currents are outside the nominal model.
     """
-    m, h = drive.motor, drive.converter.sampling_period
-    u = columns["u_alpha"] + 1j * columns["u_beta"]
-    a, b, c = (columns[n] for n in PHASES)
-    i = (2.0 * a - b - c) / 3.0 + 1j * (b - c) / math.sqrt(3.0)
-    turn = np.exp(1j * columns["theta"])
-    half_sum, half_gap = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
-    size = window or _window(u)
-    ends = np.arange(0, len(u), size)
-    if saturated:
-        some = np.unique(np.linspace(0, len(ends) - 1, min(LOOKED, len(ends)), dtype=np.int64))
-        some = np.unique(np.minimum([some, some + 1], len(ends) - 1))
-        psi = np.full(len(ends), np.nan, dtype=np.complex128)
-        psi[some] = _saturated_flux(m.energy, (i * np.conj(turn))[ends[some]]) + m.magnet_flux
-        psi *= turn[ends]
-    else:
-        psi = (half_sum * i + half_gap * turn**2 * np.conj(i) + m.magnet_flux * turn)[ends]
-    flux = np.concatenate([[0j], np.cumsum(h * u[:-1])])
-    drop = np.concatenate([[0j], np.cumsum(0.5 * h * m.resistance * (i[:-1] + i[1:]))])
-    span = size * h
-    voltage: Complex = np.asarray(np.diff(flux[ends]) / span, dtype=np.complex128)
-    rest: Complex = voltage - np.diff(drop[ends] + psi) / span
+    m, size = drive.motor, window or _window(columns)
+    ends = np.arange(0, len(columns["theta"]), size)
+    asked = _some(len(ends)) if saturated else None
+    step = max(BLOCK // size, 1)
+    voltage, rest = np.empty((2, max(len(ends) - 1, 0)), dtype=np.complex128)
+    for k in range(0, len(voltage), step):
+        own = slice(k, k + step)
+        voltage[own], rest[own] = _differences(columns, drive, ends[k : k + step + 1], asked, k)
     sensor = math.hypot(drive.converter.current_noise, drive.converter.current_resolution / math.sqrt(12.0))
-    noise = 8.0 / 3.0 * (half_sum**2 + half_gap**2) * (sensor / span) ** 2
+    span = size * drive.converter.sampling_period
+    noise = 4.0 / 3.0 * (m.inductance_d**2 + m.inductance_q**2) * (sensor / span) ** 2
     energy = float(np.mean(np.abs(voltage) ** 2)) if len(voltage) else 0.0
+    share = noise / energy if energy > 0.0 else math.inf
     inside = np.isfinite(rest)
-    return Balance(ends[:-1][inside], voltage[inside], rest[inside], noise / energy if energy > 0.0 else math.inf)
+    if inside.all():
+        return Balance(ends[:-1], voltage, rest, share)
+    return Balance(ends[:-1][inside], voltage[inside], rest[inside], share)
+
+
+def _some(windows: int) -> NDArray[np.int64]:
+    """Return some LOOKED beginnings and ends of windows, by their number."""
+    some = np.unique(np.linspace(0, windows - 1, min(LOOKED, windows), dtype=np.int64))
+    return np.asarray(np.unique(np.minimum([some, some + 1], windows - 1)))
+
+
+def _differences(
+    columns: Columns, drive: Drive, ends: NDArray[np.int64], asked: NDArray[np.int64] | None, first: int
+) -> tuple[Complex, Complex]:
+    """Return voltage and its unexplained part (V) over the windows between some ends of a recording.
+
+    asked: numbers of the ends at which the saturated model is asked (None: the linear one everywhere); `first` is the
+    number of the first end here.
+    """
+    m, h = drive.motor, drive.converter.sampling_period
+    part = slice(int(ends[0]), int(ends[-1]) + 1)
+    u = columns["u_alpha"][part] + 1j * columns["u_beta"][part]
+    a, b, c = (columns[n][part] for n in PHASES)
+    i = (2.0 * a - b - c) / 3.0 + 1j * (b - c) / math.sqrt(3.0)
+    rows = ends - ends[0]
+    turn = np.exp(1j * columns["theta"][ends])
+    if asked is None:
+        half_sum, half_gap = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
+        psi = half_sum * i[rows] + half_gap * turn**2 * np.conj(i[rows]) + m.magnet_flux * turn
+    else:
+        own = asked[(asked >= first) & (asked < first + len(ends))] - first
+        psi = np.full(len(ends), np.nan, dtype=np.complex128)
+        psi[own] = _saturated_flux(m.energy, (i[rows] * np.conj(turn))[own]) + m.magnet_flux
+        psi *= turn
+    flux = np.concatenate([[0j], np.cumsum(h * u[:-1])])[rows]
+    drop = np.concatenate([[0j], np.cumsum(0.5 * h * m.resistance * (i[:-1] + i[1:]))])[rows]
+    span = h * int(ends[1] - ends[0])
+    voltage: Complex = np.asarray(np.diff(flux) / span, dtype=np.complex128)
+    return voltage, voltage - np.diff(drop + psi) / span
 
 
 def _saturated_flux(energy: AnyEnergy, current: Complex) -> Complex:
@@ -123,13 +151,14 @@ def _saturated_flux(energy: AnyEnergy, current: Complex) -> Complex:
     return out
 
 
-def _window(u: Complex) -> int:
+def _window(columns: Columns) -> int:
     """Return the longest of 8, 4, 2, 1 samples whose averages keep a fifth of the voltage's energy."""
-    energy = float(np.sum(np.abs(u) ** 2))
+    u = [columns[n] for n in VOLTAGES]
+    energy = sum(float(x @ x) for x in u)
     for size in (8, 4, 2):
-        whole = len(u) // size * size
-        means = u[:whole].reshape(-1, size).mean(axis=1)
-        if size * float(np.sum(np.abs(means) ** 2)) >= 0.2 * energy:
+        whole = len(u[0]) // size * size
+        means = [x[:whole].reshape(-1, size).mean(axis=1) for x in u]
+        if size * sum(float(x @ x) for x in means) >= 0.2 * energy:
             return size
     return 1
 
@@ -254,7 +283,7 @@ def _saturation_explains(r: CampaignRecording, drive: Drive) -> bool:
     its windows."""
     with np.errstate(all="ignore"):  # currents of a wrong unit
         told = balance(r.columns, drive, saturated=True)
-    asked = min(LOOKED, len(r.t) // _window(r["u_alpha"] + 1j * r["u_beta"]))
+    asked = min(LOOKED, len(r.t) // _window(r.columns))
     return len(told.rows) >= 0.5 * asked and not told.doubtful
 
 

@@ -15,6 +15,8 @@ from sandbox.recordings.formats.log_table import MOST_VALUES, too_many
 
 Array = NDArray[np.float64]
 Recording = TypeVar("Recording", bound=Any)
+ROWS = 1 << 18  # read at a time: what is decoded besides the columns themselves
+BUFFER = 1 << 20  # bytes of the file held at a time
 
 
 def with_volts(r: Recording, converter: Converter) -> Recording:
@@ -33,13 +35,33 @@ def check_table(path: Path) -> None:
         raise BadInput(f"{path.name}: the file {what}; correct [[recording]]".replace("the file is", "it is"))
 
 
-def _column(values: Any) -> Array:
+def _column(file: Any, name: str, kind: Any, rows: int) -> Array:
     """Return a column's numbers; NaN where there is none, instants and spans of time in the unit they are kept in."""
     from pyarrow import types
 
-    if types.is_null(values.type):
-        return np.full(len(values), np.nan)
-    return np.asarray(values.to_numpy(), dtype=np.float64)
+    out, n = np.full(rows, np.nan), 0
+    if types.is_null(kind):
+        return out
+    for batch in file.iter_batches(ROWS, columns=[name], use_threads=False):
+        part = batch.column(0).to_numpy(zero_copy_only=False)
+        out[n : n + len(part)] = np.asarray(part, dtype=np.float64)
+        n += len(part)
+    if n != rows:
+        raise ValueError(f"column '{name}' has {n} rows, the file's end says {rows}")
+    return out
+
+
+def _kinds(file: str, schema: Any) -> dict[str, Any]:
+    """Return the kinds of a table's columns by name; BadInput where one holds no numbers, or a name stands twice."""
+    from pyarrow import types
+
+    numbers = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal, types.is_temporal)
+    for name, kind in zip(schema.names, schema.types, strict=True):
+        if schema.names.count(name) > 1:
+            raise BadInput(f"{file}: column '{name}' stands twice; give each column its own name")
+        if not types.is_null(kind) and not any(fits(kind) for fits in numbers):
+            raise BadInput(f"{file}: column '{name}' holds {str(kind)[:40]}, no numbers; leave it away")
+    return dict(zip(schema.names, schema.types, strict=True))
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
@@ -47,21 +69,15 @@ def read_parquet(path: Path) -> dict[str, Array]:
     check_table(path)
     try:
         import pyarrow
-        from pyarrow import parquet, types
+        from pyarrow import parquet
     except ImportError:
         raise BadInput(f"{path.name}: reading Parquet needs pyarrow; install it with 'pip install pyarrow'") from None
     try:
-        with parquet.ParquetFile(path, page_checksum_verification=True) as file:
-            schema = file.schema_arrow
-            if file.metadata.num_rows * len(schema.names) > MOST_VALUES:
+        with parquet.ParquetFile(path, buffer_size=BUFFER, page_checksum_verification=True) as file:
+            rows = file.metadata.num_rows
+            if rows * len(file.schema_arrow.names) > MOST_VALUES:
                 raise too_many(path.name)
-            numbers = (types.is_integer, types.is_floating, types.is_boolean, types.is_decimal, types.is_temporal)
-            for name, kind in zip(schema.names, schema.types, strict=True):
-                if schema.names.count(name) > 1:
-                    raise BadInput(f"{path.name}: column '{name}' stands twice; give each column its own name")
-                if not types.is_null(kind) and not any(fits(kind) for fits in numbers):
-                    raise BadInput(f"{path.name}: column '{name}' holds {str(kind)[:40]}, no numbers; leave it away")
-            return {n: _column(file.read([n])[n]) for n in schema.names}
+            return {n: _column(file, n, kind, rows) for n, kind in _kinds(path.name, file.schema_arrow).items()}
     except BadInput:
         raise
     except (pyarrow.ArrowException, OSError, TypeError, ValueError) as error:

@@ -70,6 +70,9 @@ def alarm(seconds: float) -> Iterator[None]:
 
 def limit_memory() -> None:
     """Let this process map MEMORY more than now; beyond, Python raises MemoryError."""
+    import pyarrow
+
+    pyarrow.allocate_buffer(64)  # its pool reserves a gigabyte of addresses at its first use: no memory yet
     pages = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (pages + MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
 

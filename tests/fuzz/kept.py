@@ -29,8 +29,9 @@ from sandbox.output.files import write_json
 from sandbox.output.provenance import made_by
 from sandbox.public.calls import EFFECTS, LEFT_OUT
 from sandbox.public.verifying import FUNCTIONS, verify
+from tests.fuzz.arrays import forged_arrays
 from tests.fuzz.doors import Door
-from tests.fuzz.mutations import TREE, damaged_bytes, damaged_json
+from tests.fuzz.mutations import TREE, damaged_json
 
 MOTORS = ("ipm", "spm")
 MAPPED = """
@@ -57,8 +58,10 @@ def cached(folder):
     with mock.patch.dict(os.environ, {"SENSORLESS_CACHE": str(place)}):
         if (folder / "whole").is_dir():
             shutil.copytree(folder / "whole", place)
-        yield lambda: sorted(place.glob("*/*.kept"))
-    shutil.rmtree(place)
+        try:
+            yield lambda: sorted(place.glob("*/*.kept"))
+        finally:
+            shutil.rmtree(place)
 
 
 def numbers_of(folder):
@@ -155,6 +158,6 @@ def read_call(folder):
 KEPT_DOORS = (
     Door("exchanged", make_cache, ("places.json",), exchanged, read_exchanged),
     Door("forged_design", make_cache, ("body.json",), lambda c, chance: damaged_json(c.decode(), chance), read_forged),
-    Door("forged_map", make_cache, ("body.npz",), damaged_bytes, read_forged),
+    Door("forged_map", make_cache, ("body.npz",), forged_arrays, read_forged),
     Door("call", make_calls, ("audit.json",), odd_call, read_call),
 )

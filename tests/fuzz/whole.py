@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import random
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +30,7 @@ from sandbox.sweep.plan import read_sweep
 from sandbox.sweep.sweep import check_size
 from sandbox.validation.scoring.blind import score
 from sandbox.validation.scoring.tables_of_rows import Scores, table
+from tests.fuzz.arrays import damaged_arrays
 from tests.fuzz.doors import Door
 from tests.fuzz.kept import KEPT_DOORS
 from tests.fuzz.logs import LOG_DOORS
@@ -213,50 +213,6 @@ def read_check(folder):
         (folder / "SHA256").unlink()
     json.dumps(plain(scored.as_json()), allow_nan=False)
     return table([scored])
-
-
-def damaged_arrays(suffix):
-    """Return what damages a flux map by its arrays as often as by its bytes."""
-
-    def damage(content: bytes, chance: random.Random) -> bytes:
-        """Return another file's content."""
-        if chance.random() < 0.5:
-            return damaged_bytes(content, chance)
-        from scipy.io import loadmat, savemat
-
-        if suffix == "npz":
-            with np.load(io.BytesIO(content)) as whole:
-                arrays = dict(whole)
-        else:
-            arrays = {k: v for k, v in loadmat(io.BytesIO(content)).items() if not k.startswith("__")}
-        for _ in range(chance.choice((1, 1, 2))):
-            name = chance.choice(list(arrays))
-            arrays[name] = _odd_array(arrays[name], chance)
-        body = io.BytesIO()
-        if suffix == "npz":
-            np.savez(body, **arrays)
-        else:
-            savemat(body, arrays)
-        return body.getvalue()
-
-    return damage
-
-
-@np.errstate(all="ignore")  # that a number fits no smaller type is the damage
-def _odd_array(a, chance):
-    value = chance.choice((np.nan, np.inf, 0.0, 1e308, -1e3, 1e-300, 50.0))
-    if a.ndim != 2 or not a.size or a.dtype.kind not in "fc":  # odd already
-        return np.zeros((7, 7))
-    changed = a.copy()
-    changed.flat[chance.randrange(a.size)] = value
-    whole = np.full(a.shape, value)
-    return chance.choice((
-        changed, changed, changed, whole, a[:2], a[..., :1], a.ravel(), a[None], -a, a.T.copy(), np.zeros(0),
-        np.zeros((0, 7)),
-        a.astype(str), a.astype(object), a.astype(bool), a.real.astype(np.float16), a.real.astype(np.int8),
-        np.array(3.0),
-        a.real.astype(complex), np.concatenate([a, a]), a[::-1], 1e-12 * a, 1e12 * a, a.real.astype(">f4"),
-    ))  # fmt: skip
 
 
 def damaged_csv(content, chance):

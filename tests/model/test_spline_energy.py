@@ -1,5 +1,7 @@
 """The spline energy: its polynomials against SciPy, planted motors, symmetry, convexity, what it is fitted to."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
@@ -150,15 +152,49 @@ def test_bad_maps_are_named(tmp_path, change, message):
 
 
 def test_a_fit_says_before_it_starts_that_it_takes_too_much_memory():
-    """63 x 63 unknowns, 24 x 169 + 126 x 3600 numbers of 8 bytes for each."""
+    """63 x 63 unknowns, 13 x 169 + 110 x 3600 numbers of 8 bytes for each."""
     i = np.linspace(-5.0, 5.0, 13)
     i_d, i_q = (x.ravel() for x in np.meshgrid(i, i, indexing="ij"))
-    with pytest.raises(BadInput, match=r"60 x 60 cells on 169 points of a flux map take 14\.5 GB"):
+    with pytest.raises(BadInput, match=r"60 x 60 cells on 169 points of a flux map take 12\.6 GB"):
         se.fit(0.3 + 0.01 * i_d, 0.01 * i_q, i_d, i_q, (60, 60))
 
 
+def _told_and_taken(cells, lines, noise):
+    """What a fit says that it takes, and the most that NumPy's arrays took; of a map of so many lines each way."""
+    i = np.linspace(-2.4, 2.4, lines)
+    i_d, i_q = (x.ravel() for x in np.meshgrid(i, i, indexing="ij"))
+    drawn = noise * np.random.default_rng(0).standard_normal((2, i_d.size))
+    psi_d, psi_q = 0.3 + 0.05 * i_d + 0.2 * drawn[0], 0.08 * i_q + 0.3 * drawn[1]
+    tracemalloc.start()
+    try:
+        se.fit(psi_d, psi_q, i_d, i_q, cells)
+    except PhysicsError:
+        assert noise
+    finally:
+        taken = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+    return se._bytes(se._Box(psi_d, psi_q, cells), len(psi_d)), taken
+
+
+@pytest.mark.parametrize(("cells", "lines"), [((4, 4), 60), ((6, 6), 80)])
+def test_what_the_points_of_a_fit_take_is_what_is_told(cells, lines):
+    """Cells take 0.03 to 0.07 of it: half or double AT_POINTS would be 1.8 or 0.5 of what is taken."""
+    told, taken = _told_and_taken(cells, lines, 0.0)
+    assert 0.8 < taken / told < 1.05
+
+
+@pytest.mark.parametrize("cells", [(14, 12), (16, 14)])
+def test_what_the_cells_of_a_fit_take_is_what_is_told(cells):
+    """100 points take 0.07 of it; their noise bends the energy the wrong way at most places, each an inequality: the
+    most that cells can take (a smooth map: 0.8 of it)."""
+    told, taken = _told_and_taken(cells, 10, 1.0)
+    assert 0.8 < taken / told < 1.05
+    told, taken = _told_and_taken(cells, 10, 0.0)
+    assert 0.65 < taken / told < 1.0
+
+
 def test_choices_that_take_too_much_memory_are_not_tried():
-    """20 x 16 cells (24 x 20 unknowns), 20 000 points: 1.8 GB; the smaller ones fit, and all of them on 3600 points."""
+    """20 x 16 cells (23 x 18 unknowns), 20 000 points: 0.98 GB; the smaller ones fit, and all on 3600 points."""
     psi = np.linspace(-1.0, 1.0, 20_000)
     assert {c for c, _ in se.affordable(psi, psi)} == {(10, 8), (14, 12)}
     assert se.affordable(psi[:3600], psi[:3600]) == se.CHOICES

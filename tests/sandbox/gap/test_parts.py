@@ -120,6 +120,14 @@ def test_every_order_is_tried_in_either_phase(monkeypatch):
     assert starts(dataclasses.replace(point, values={**values, **every}), ["flux_harmonics"]) == ([], 0)
 
 
+def test_a_scan_ends_where_its_card_says():
+    """Steps of a quarter from 1 to 2, the end among them and nothing beyond."""
+    card = SimpleNamespace(parameters=(SimpleNamespace(name="order", scan=(1.0, 2.0, 0.25)),), polar=None)
+    found, looked = parts._scanned(None, card, "mine.{}".format)
+    assert [x["mine.order"] for x in found] == [1.0, 1.25, 1.5, 1.75, 2.0]
+    assert looked == 5
+
+
 def stand_in(effects, told, excess=0.0):
     """Return a judged set with a level and an excess over noise that are given, and leave-one-out levels `told`."""
     table = SimpleNamespace(log_evidence=lambda rest, temperature: told.get(rest, -1e6))

@@ -119,6 +119,15 @@ def test_an_offset_is_a_thousandth_of_rated_current_unless_a_campaign_states_it(
         assert found == pytest.approx([OF_THREE * each] * 2)
 
 
+def test_a_load_cell_is_off_by_two_thousandths_of_rated_torque_unless_a_campaign_states_it():
+    """Accuracy class 0.2 of a torque transducer."""
+    drive = load_drive("ipm_exchanged")
+    for background, deviation in (({}, 2e-3 * drive.motor.rated_torque), ({"load_torque_offset": 0.05}, 0.05)):
+        own = priors.ordinary(Campaign("c", drive, (), {}, background, False))
+        (found,) = (c for c in own if c.label == "bench.load_torque_offset")
+        assert found.deviation == pytest.approx(deviation)
+
+
 def test_the_widest_published_zone_of_a_sign_is_within_two_deviations():
     """0.54 A of 4.5 A, 12 % of rated current: eight times the usual width, beyond one deviation and within two."""
     drive = load_drive("ipm_exchanged")

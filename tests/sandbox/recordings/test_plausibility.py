@@ -243,6 +243,20 @@ def test_flux_balance_holds_on_an_independent_integration(turning):
     assert balance(r.columns, bare).share == pytest.approx(wanted, rel=1e-3)
 
 
+@pytest.mark.parametrize("window", [1, 4, 8])
+@pytest.mark.parametrize("saturated", [False, True])
+def test_the_balance_of_a_long_recording_is_made_in_blocks(turning, monkeypatch, window, saturated):
+    """Blocks of 100 samples of 1600: the same windows, and the same volts but for the rounding of longer sums."""
+    r, drive = turning
+    whole = balance(r.columns, drive, window, saturated=saturated)
+    monkeypatch.setattr("sandbox.recordings.mistakes.BLOCK", 100)
+    cut = balance(r.columns, drive, window, saturated=saturated)
+    assert np.array_equal(cut.rows, whole.rows)
+    assert np.allclose(cut.voltage, whole.voltage, rtol=1e-12)
+    assert np.allclose(cut.rest, whole.rest, rtol=0.0, atol=1e-9)
+    assert cut.noise == pytest.approx(whole.noise)
+
+
 def test_a_strongly_saturated_machine_is_not_doubted(turning):
     """Voltages made from a machine's own saturated flux, trapezoids of R i as the balance has them: nothing is left but
     rounding, though the linear model leaves most of it; a wrong unit is still named."""
