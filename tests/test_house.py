@@ -117,6 +117,27 @@ def wide(tree):
     return found
 
 
+def wide_kernels(tree):
+    """Return the kernels of a file that take more than fifteen arguments or return seven numbers and more.
+
+    A kernel has no arguments by name; what belongs together goes into a record.  The compiled loops take fifteen.
+    """
+    found = []
+    for node in (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)):
+        if any(re.match(r"kernel|inlined", ast.unparse(d)) for d in node.decorator_list):
+            returned = [n.value for n in ast.walk(node) if isinstance(n, ast.Return) and isinstance(n.value, ast.Tuple)]
+            if len(node.args.args) > 15 or any(len(value.elts) > 6 for value in returned):
+                found.append(node.name)
+    return found
+
+
+def test_kernels_take_records():
+    many = ", ".join(f"x{k}" for k in range(16))
+    assert wide_kernels(ast.parse(f"@kernel\ndef f({many}): pass\n@inlined\ndef g(): return {many}\n")) == ["f", "g"]
+    for path in SOURCES:
+        assert wide_kernels(ast.parse(path.read_text())) == [], path
+
+
 def test_many_arguments_go_by_name_and_many_results_have_names():
     assert wide(ast.parse("def f(a, b, c, d, e, f, g, h, i): pass\ndef g(): return 1, 2, 3, 4, 5\n")) == ["f", "g"]
     assert wide(ast.parse("@kernel\ndef f(a, b, c, d, e, f, g, h, i): pass\ndef g(*, a): return 1, 2\n")) == []

@@ -33,6 +33,7 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "results/made/real_cases": "experiments/results/real_cases.md",
     "results/made/identify_practice": "experiments/results/identify_practice.md",
     "results/made/against_bench": "experiments/results/plant/against_bench.md",
+    "results/made/order": "experiments/results/plant/order.md",
     "results/made/withheld": "experiments/results/withheld/README.md",
     "results/made/practice": "experiments/results/diagnosis/practice.md",
     "results/made/constants": "experiments/results/diagnosis/constants.md",

@@ -133,6 +133,17 @@ def sign_of(w, j, current):
     return sign + ports.sign(w, j, current, w.soft[j], sign)
 
 
+@kernel
+def latest(w):
+    """Return the latest (s) that any edge of any lane can act: the port's value at full current of either sign."""
+    most = 0.0
+    for j in range(w.psi_a.size):
+        for sign in (-1.0, 1.0):
+            for side in (-1.0, 1.0):
+                most = max(most, ports.edge(w, j, sign, side))
+    return most
+
+
 @inlined
 def passed(w, j, i_a, i_b, span):
     """Add a current (A) to that in the segment's middle, and what it changes in the terms of `electrical.settle`: the

@@ -21,7 +21,6 @@ from model.parameters import Converter, Motor
 from sandbox.plant import additions as add
 from sandbox.plant.batch import PLANT, batch_type, more
 from sandbox.plant.compose import field, further_field
-from sandbox.plant.edge import latest
 from sandbox.plant.period import Timing
 
 Array = NDArray[np.float64]
@@ -206,4 +205,4 @@ def readings_at(sample: Array, period: float) -> Array:
 def timing_of(w: Any, period: float, parts: int) -> Timing:
     """Return how a batch's periods run; parts: no step is longer than half a period over it."""
     sample = w["sample"]
-    return Timing(period, 0.5 * period / parts, float(latest(w)), float(sample.min()), float(sample.max()))
+    return Timing(period, 0.5 * period / parts, float(add.latest(w)), float(sample.min()), float(sample.max()))

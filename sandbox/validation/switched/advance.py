@@ -41,7 +41,8 @@ from sandbox.validation.switched.inverter import (
     advance,
     travel,
 )
-from sandbox.validation.switched.phase_machine import DRIVEN, FREE, LOCKED, current_and_torque, magnet, phase_currents
+from sandbox.validation.switched.machine_state import DRIVEN, FREE, LOCKED
+from sandbox.validation.switched.phase_machine import current_and_torque, magnet, phase_currents
 
 Vector = NDArray[np.float64]
 MODES = {"locked": LOCKED, "driven": DRIVEN, "free": FREE}

@@ -15,6 +15,7 @@ import numpy as np
 from model.compiled import inlined, kernel
 from sandbox.validation.switched.leg import HARD, TANH, edge_sign, given, reached, table_corner
 from sandbox.validation.switched.link import link_step, settled_link, stage
+from sandbox.validation.switched.machine_state import Driving, Moving, ahead, mean_rate
 from sandbox.validation.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
 
 PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
@@ -109,81 +110,73 @@ def steps(state, b, mode, legs, begin, end, tau, acc):
         return
     h = (end - begin) / count
     k, sixth = 0.5 * h, (end - begin) / count / 6.0
-    psi = complex(state[PSI_ALPHA], state[PSI_BETA])
-    core = complex(state[CORE_ALPHA], state[CORE_BETA])
-    skin = complex(state[SKIN_ALPHA], state[SKIN_BETA])
-    f = complex(state[FILTER_ALPHA], state[FILTER_BETA])
-    th, w, wl, tw = state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST]
-    held, sh = complex(state[HELD_ALPHA], state[HELD_BETA]), state[LOOP]
+    x, f = moving(state), complex(state[FILTER_ALPHA], state[FILTER_BETA])
+    held = complex(state[HELD_ALPHA], state[HELD_BETA])
     t = state[TIME] + begin
     sunk, link = state[SUNK], complex(state[LINK_DIP], state[LINK_FEED])
-    p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(
-        b, mode, legs, t, sunk + link.real, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
-    )
+    by = Driving(legs, sunk + link.real, tau, held, mode, acc)
+    r1, i1 = slopes(b, t, by, x)
     for _ in range(count):
-        psi2, core2, skin2 = psi + k * p1, core + k * c1, skin + k * s1
-        x2, y2, z2, link2 = th + k * th1, w + k * w1, wl + k * wl1, stage(b, legs, i1, link, link, k)
-        p2, c2, s2, th2, w2, wl2, tw2, l2, i2 = slopes(
-            b, mode, legs, t + k, sunk + link2.real, tau, acc, psi2, core2, skin2, x2, y2, z2, tw + k * tw1, held,
-            sh + k * l1,
-        )  # fmt: skip
-        psi3, core3, skin3 = psi + k * p2, core + k * c2, skin + k * s2
-        x3, y3, z3, link3 = th + k * th2, w + k * w2, wl + k * wl2, stage(b, legs, i2, link2, link, k)
-        p3, c3, s3, th3, w3, wl3, tw3, l3, i3 = slopes(
-            b, mode, legs, t + k, sunk + link3.real, tau, acc, psi3, core3, skin3, x3, y3, z3, tw + k * tw2, held,
-            sh + k * l2,
-        )  # fmt: skip
-        psi4, core4, skin4 = psi + h * p3, core + h * c3, skin + h * s3
-        x4, y4, z4, link4 = th + h * th3, w + h * w3, wl + h * wl3, stage(b, legs, i3, link3, link, h)
-        p4, c4, s4, th4, w4, wl4, tw4, l4, i4 = slopes(
-            b, mode, legs, t + h, sunk + link4.real, tau, acc, psi4, core4, skin4, x4, y4, z4, tw + h * tw3, held,
-            sh + h * l3,
-        )  # fmt: skip
+        x2, link2 = ahead(x, k, r1), stage(b, legs, i1, link, link, k)
+        by2 = Driving(legs, sunk + link2.real, tau, held, mode, acc)
+        r2, i2 = slopes(b, t + k, by2, x2)
+        x3, link3 = ahead(x, k, r2), stage(b, legs, i2, link2, link, k)
+        by3 = Driving(legs, sunk + link3.real, tau, held, mode, acc)
+        r3, i3 = slopes(b, t + k, by3, x3)
+        x4, link4 = ahead(x, h, r3), stage(b, legs, i3, link3, link, h)
+        by4 = Driving(legs, sunk + link4.real, tau, held, mode, acc)
+        r4, i4 = slopes(b, t + h, by4, x4)
         if b.audit != 0.0:
-            audit(state, b, legs, t, sunk + link.real, sixth, tau, psi, core, skin, th, w, wl)
-            audit(state, b, legs, t + k, sunk + link2.real, 2.0 * sixth, tau, psi2, core2, skin2, x2, y2, z2)
-            audit(state, b, legs, t + k, sunk + link3.real, 2.0 * sixth, tau, psi3, core3, skin3, x3, y3, z3)
-            audit(state, b, legs, t + h, sunk + link4.real, sixth, tau, psi4, core4, skin4, x4, y4, z4)
-        psi += sixth * (p1 + 2.0 * (p2 + p3) + p4)
-        core += sixth * (c1 + 2.0 * (c2 + c3) + c4)
-        skin += sixth * (s1 + 2.0 * (s2 + s3) + s4)
-        th += sixth * (th1 + 2.0 * (th2 + th3) + th4)
-        w += sixth * (w1 + 2.0 * (w2 + w3) + w4)
-        wl += sixth * (wl1 + 2.0 * (wl2 + wl3) + wl4)
-        tw += sixth * (tw1 + 2.0 * (tw2 + tw3) + tw4)
-        sh += sixth * (l1 + 2.0 * (l2 + l3) + l4)
+            audit(state, b, t, by, sixth, x)
+            audit(state, b, t + k, by2, 2.0 * sixth, x2)
+            audit(state, b, t + k, by3, 2.0 * sixth, x3)
+            audit(state, b, t + h, by4, sixth, x4)
+        x = ahead(x, sixth, mean_rate(r1, r2, r3, r4))
         link = settled_link(b, legs, i4, link, (link2, link3, link4), h)
         if b.grip != 0.0:
-            held = psi - pull(b, psi, held)
+            held = x.psi - pull(b, x.psi, held)
         t += h
         before = i1
-        p1, c1, s1, th1, w1, wl1, tw1, l1, i1 = slopes(
-            b, mode, legs, t, sunk + link.real, tau, acc, psi, core, skin, th, w, wl, tw, held, sh
-        )
+        by = Driving(legs, sunk + link.real, tau, held, mode, acc)
+        r1, i1 = slopes(b, t, by, x)
         if b.filter_time > 0.0:
             f = lag(b, f, before, 0.5 * (i2 + i3), i1, h)
-    state[PSI_ALPHA], state[PSI_BETA] = psi.real, psi.imag
-    state[CORE_ALPHA], state[CORE_BETA] = core.real, core.imag
-    state[SKIN_ALPHA], state[SKIN_BETA] = skin.real, skin.imag
+    keep_moving(state, x)
     state[FILTER_ALPHA], state[FILTER_BETA] = f.real, f.imag
-    state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST] = th, w, wl, tw
-    state[HELD_ALPHA], state[HELD_BETA], state[LOOP] = held.real, held.imag, sh
+    state[HELD_ALPHA], state[HELD_BETA] = held.real, held.imag
     state[I_ALPHA], state[I_BETA] = i1.real, i1.imag
     state[LINK_DIP], state[LINK_FEED] = link.real, link.imag
 
 
+@inlined
+def moving(state):
+    """Return what the machine remembers."""
+    return Moving(
+        complex(state[PSI_ALPHA], state[PSI_BETA]), complex(state[CORE_ALPHA], state[CORE_BETA]),
+        complex(state[SKIN_ALPHA], state[SKIN_BETA]), state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST],
+        state[LOOP],
+    )  # fmt: skip
+
+
+@inlined
+def keep_moving(state, x):
+    """Write it."""
+    state[PSI_ALPHA], state[PSI_BETA] = x.psi.real, x.psi.imag
+    state[CORE_ALPHA], state[CORE_BETA] = x.core.real, x.core.imag
+    state[SKIN_ALPHA], state[SKIN_BETA] = x.skin.real, x.skin.imag
+    state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST] = x.theta, x.speed, x.load_speed, x.twist
+    state[LOOP] = x.loop
+
+
 @kernel
-def audit(state, b, legs, t, sunk, weight, tau, psi, core, skin, theta, speed, load_speed):
+def audit(state, b, t, by, weight, x):
     """Add the powers at one Runge-Kutta stage to the audited energies."""
-    wanted = vector(state[WANTED], state[WANTED + 1], state[WANTED + 2])
-    supply, loss, out, devices, commanded = powers(
-        b, legs, wanted, t, sunk, tau, psi, core, skin, theta, speed, load_speed
-    )
-    state[INPUT] += weight * supply
-    state[LOSS] += weight * loss
-    state[OUTPUT] += weight * out
-    state[DEVICES] += weight * devices
-    state[COMMANDED] += weight * commanded
+    p = powers(b, t, by, vector(state[WANTED], state[WANTED + 1], state[WANTED + 2]), x)
+    state[INPUT] += weight * p.supply
+    state[LOSS] += weight * p.loss
+    state[OUTPUT] += weight * p.output
+    state[DEVICES] += weight * p.devices
+    state[COMMANDED] += weight * p.commanded
 
 
 @kernel

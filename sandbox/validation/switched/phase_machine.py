@@ -43,8 +43,8 @@ from sandbox.validation.switched.harmonics import (
 )
 from sandbox.validation.switched.leg import given, soft_sign, soft_signs, unlisted_drop
 from sandbox.validation.switched.link import link_voltage
+from sandbox.validation.switched.machine_state import DRIVEN, LOCKED, Moving, Powers
 
-LOCKED, DRIVEN, FREE = 0, 1, 2
 A = complex(-0.5, 0.5 * math.sqrt(3.0))  # exp(2 pi j / 3)
 ROOT = math.sqrt(3.0)
 
@@ -219,60 +219,50 @@ def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
 
 
 @kernel
-def slopes(
-    b, mode, switches, t, sunk, load_torque, acceleration, psi, core, skin, theta, speed, load_speed, twist, held, loop
-):
-    """Return the time derivatives of the eight states, and the terminal current.
-
-    psi, core, skin: flux, iron-loss current, slow part of the current (skin effect); theta electrical, speed,
-    load_speed mechanical, twist mechanical; held: flux that hysteresis holds (constant here, see `hold`); loop: what
-    short-circuited turns take of phase a's current.  switches: vector of the legs' states (0/1), times the link voltage
-    the voltage; sunk: V that the link sags by.  A driven rotor moves with the given mechanical acceleration.
-    """
-    magnetising, torque = current_and_torque(b, psi, theta)
-    i = magnetising + core + loop
+def slopes(b, t, by, x):
+    """Return the rate of the state x at t (s) under what acts on it, and the terminal current (A)."""
+    magnetising, torque = current_and_torque(b, x.psi, x.theta)
+    i = magnetising + x.core + x.loop
     if b.grip != 0.0:
-        i += b.grip * pull(b, psi, held)
-    d_psi = switches * link_voltage(b, t, sunk) - b.resistance * (i - loop) - phase_drop(b, i)
+        i += b.grip * pull(b, x.psi, by.held)
+    d_psi = by.legs * link_voltage(b, t, by.sunk) - b.resistance * (i - x.loop) - phase_drop(b, i)
     d_core = d_skin = complex(0.0, 0.0)
     d_loop = 0.0
     if b.skin_resistance != 0.0:
-        fast = i - skin
+        fast = i - x.skin
         d_psi -= b.skin_resistance * fast
         d_skin = fast / b.skin_time
     if b.core_conductance != 0.0:
-        d_core = (d_psi * b.core_conductance - core) / b.core_time
+        d_core = (d_psi * b.core_conductance - x.core) / b.core_time
     if b.short_conductance != 0.0:
-        d_loop = (b.short_conductance * (d_psi.real + b.resistance * i.real) - loop) / b.short_time
-    if mode == LOCKED:
-        return d_psi, d_core, d_skin, 0.0, 0.0, 0.0, 0.0, d_loop, i
-    if mode == DRIVEN:
-        return d_psi, d_core, d_skin, b.pole_pairs * speed, acceleration, acceleration, 0.0, d_loop, i
-    a, a_load = accelerations(b, torque, load_torque, theta, speed, load_speed, twist)
-    return d_psi, d_core, d_skin, b.pole_pairs * speed, a, a_load, speed - load_speed, d_loop, i
+        d_loop = (b.short_conductance * (d_psi.real + b.resistance * i.real) - x.loop) / b.short_time
+    if by.mode == LOCKED:
+        return Moving(d_psi, d_core, d_skin, 0.0, 0.0, 0.0, 0.0, d_loop), i
+    turning, a = b.pole_pairs * x.speed, by.acceleration
+    if by.mode == DRIVEN:
+        return Moving(d_psi, d_core, d_skin, turning, a, a, 0.0, d_loop), i
+    a, a_load = accelerations(b, torque, by.load_torque, x.theta, x.speed, x.load_speed, x.twist)
+    return Moving(d_psi, d_core, d_skin, turning, a, a_load, x.speed - x.load_speed, d_loop), i
 
 
 @kernel
-def powers(b, switches, wanted, t, sunk, load_torque, psi, core, skin, theta, speed, load_speed):
-    """Return power (W) from the DC link, all losses, power given to the load, that lost in the devices, and what the
-    link would give if the legs stood as commanded (`wanted`, without dead time).
-    """
-    magnetising, _ = current_and_torque(b, psi, theta)
-    i = magnetising + core
-    link = link_voltage(b, t, sunk)
-    v, ideal = switches * link, wanted * link
+def powers(b, t, by, wanted, x):
+    """Return the powers at t (s) in a state x; wanted: vector of the legs' states as commanded."""
+    magnetising, _ = current_and_torque(b, x.psi, x.theta)
+    i = magnetising + x.core
+    link = link_voltage(b, t, by.sunk)
+    v, ideal = by.legs * link, wanted * link
     drop = phase_drop(b, i)
-    devices = device_loss(b, i)
     loss = b.resistance * abs(i) ** 2 + drop.real * i.real + drop.imag * i.imag
-    loss += b.skin_resistance * abs(i - skin) ** 2
+    loss += b.skin_resistance * abs(i - x.skin) ** 2
     if b.core_conductance != 0.0:
-        loss += abs(core) ** 2 / b.core_conductance
-    rubbing = friction(b, speed) * speed
+        loss += abs(x.core) ** 2 / b.core_conductance
+    rubbing = friction(b, x.speed) * x.speed
     if b.load_inertia != 0.0:
-        rubbing += b.damping * (speed - load_speed) ** 2
+        rubbing += b.damping * (x.speed - x.load_speed) ** 2
     supply, commanded = v.real * i.real + v.imag * i.imag, ideal.real * i.real + ideal.imag * i.imag
-    output = (load_torque + b.fan * load_speed * abs(load_speed)) * load_speed
-    return 1.5 * supply, 1.5 * loss + rubbing, output, devices, 1.5 * commanded
+    output = (by.load_torque + b.fan * x.load_speed * abs(x.load_speed)) * x.load_speed
+    return Powers(1.5 * supply, 1.5 * loss + rubbing, output, device_loss(b, i), 1.5 * commanded)
 
 
 @kernel

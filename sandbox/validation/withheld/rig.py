@@ -21,7 +21,7 @@ from sandbox.validation.switched.advance import MODES, measure, start
 from sandbox.validation.switched.bench_numbers import Bench
 from sandbox.validation.switched.inverter import PSI_ALPHA, PSI_BETA, THETA, advance
 from sandbox.validation.switched.inverter import SPEED as BENCH_SPEED
-from sandbox.validation.switched.phase_machine import DRIVEN
+from sandbox.validation.switched.machine_state import DRIVEN
 from sandbox.validation.withheld.cycles import FIRST, KIND, SECOND, SPEED, VOLTAGE, Cycle
 
 Array = NDArray[np.float64]

@@ -19,7 +19,7 @@ from sandbox.drive.simulate import simulate
 from sandbox.validation.switched.advance import start
 from sandbox.validation.switched.bench_numbers import bench, quiet
 from sandbox.validation.switched.inverter import I_ALPHA, SKIN_ALPHA, integrate
-from sandbox.validation.switched.phase_machine import LOCKED
+from sandbox.validation.switched.machine_state import LOCKED
 from tests.sandbox.plant.effect_motors import CONVERTER, NO_MAGNET, TS, L, R, U
 from tests.sandbox.plant.exact import exact, switched
 

@@ -20,7 +20,7 @@ from sandbox.evaluation.step_cost import pwm_ripple
 from sandbox.validation.switched.advance import start
 from sandbox.validation.switched.bench_numbers import bench, quiet
 from sandbox.validation.switched.inverter import I_ALPHA, I_BETA, READINGS, SHIFT, advance, duties
-from sandbox.validation.switched.phase_machine import LOCKED
+from sandbox.validation.switched.machine_state import LOCKED
 
 DRIVE = load_drive("ipm_exchanged")
 LINEAR = dataclasses.replace(

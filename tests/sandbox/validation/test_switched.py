@@ -23,7 +23,8 @@ from sandbox.validation.switched.inverter import (
     TIME,
     advance,
 )
-from sandbox.validation.switched.phase_machine import FREE, link_voltage, phase_currents, reservoir
+from sandbox.validation.switched.machine_state import FREE
+from sandbox.validation.switched.phase_machine import link_voltage, phase_currents, reservoir
 
 ALL_ON = {
     "stator_resistance.resistance": 11.0,

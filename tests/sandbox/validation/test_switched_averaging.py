@@ -13,7 +13,8 @@ from model.drive_files import load_drive
 from sandbox.validation.switched.advance import replay, start
 from sandbox.validation.switched.bench_numbers import bench, quiet
 from sandbox.validation.switched.inverter import FILTER_ALPHA, I_ALPHA, PSI_ALPHA, TIME, duties, integrate
-from sandbox.validation.switched.phase_machine import DRIVEN, current_and_torque
+from sandbox.validation.switched.machine_state import DRIVEN
+from sandbox.validation.switched.phase_machine import current_and_torque
 from tests.sandbox.plant.exact import exact
 
 N = 600

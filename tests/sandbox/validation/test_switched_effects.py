@@ -10,16 +10,18 @@ from scipy.linalg import expm
 from model.effects.library import parameters
 from sandbox.validation.switched.advance import flux_for, replay, start
 from sandbox.validation.switched.bench_numbers import bench, quiet
-from sandbox.validation.switched.inverter import CORE_ALPHA, I_ALPHA, SKIN_ALPHA, SPEED, TWIST, advance, integrate
-from sandbox.validation.switched.phase_machine import (
-    DRIVEN,
-    FREE,
-    LOCKED,
-    current_and_torque,
-    friction,
-    powers,
-    stored_energy,
+from sandbox.validation.switched.inverter import (
+    CORE_ALPHA,
+    I_ALPHA,
+    SKIN_ALPHA,
+    SPEED,
+    TWIST,
+    advance,
+    integrate,
+    moving,
 )
+from sandbox.validation.switched.machine_state import DRIVEN, FREE, LOCKED, Driving
+from sandbox.validation.switched.phase_machine import current_and_torque, friction, powers, stored_energy
 from tests.sandbox.plant.effect_motors import CONVERTER, IPM, LINEAR, NO_MAGNET, TS, L, R, U, signs, vector
 
 
@@ -142,8 +144,8 @@ def test_iron_loss_current_rises_with_its_time_constant_and_loses_its_power():
     assert state[CORE_ALPHA] == pytest.approx(v / 800 * (1 - math.exp(-2 / 1.5)), rel=1e-3)
     assert state[I_ALPHA] == pytest.approx(v * 2e-4 / L + state[CORE_ALPHA], rel=1e-12)
     integrate(state, b, LOCKED, complex(v / U), 0.0, 3e-3, 0.0, 0.0)
-    loss = powers(b, complex(v / U), 0j, 0.0, 0.0, 0.0, 0j, complex(state[CORE_ALPHA]), 0j, 0.0, 0.0, 0.0)[1]
-    assert loss == pytest.approx(1.5 * v * v / 800.0, rel=1e-6)
+    found = powers(b, 0.0, Driving(complex(v / U), 0.0, 0.0, 0j, LOCKED, 0.0), 0j, moving(state)._replace(psi=0j))
+    assert found.loss == pytest.approx(1.5 * v * v / 800.0, rel=1e-6)
 
 
 def test_skin_effect_is_the_linear_two_state_circuit():

@@ -15,8 +15,8 @@ from sandbox.validation.switched.advance import flux_for, replay, start
 from sandbox.validation.switched.bench_numbers import bench, quiet
 from sandbox.validation.switched.harmonics import CoggingHarmonic, FluxHarmonic, InductanceHarmonic, harmonics
 from sandbox.validation.switched.inverter import INPUT, LOSS, OUTPUT, advance
+from sandbox.validation.switched.machine_state import FREE
 from sandbox.validation.switched.phase_machine import (
-    FREE,
     accelerations,
     current_and_torque,
     least_stiffness,

@@ -12,7 +12,8 @@ from sandbox.validation.switched.advance import replay, start
 from sandbox.validation.switched.bench_numbers import bench, quiet
 from sandbox.validation.switched.inverter import DEVICES, I_ALPHA, I_BETA, INPUT, LOSS, PSI_ALPHA, PSI_BETA, advance
 from sandbox.validation.switched.leg import soft_sign, table_volts
-from sandbox.validation.switched.phase_machine import LOCKED, phase_currents, reservoir
+from sandbox.validation.switched.machine_state import LOCKED
+from sandbox.validation.switched.phase_machine import phase_currents, reservoir
 from sandbox.validation.switched.unlisted import unlisted, with_leg_table, with_sign
 from tests.sandbox.plant.effect_motors import CONVERTER, NO_MAGNET, TS, L, R, U, vector
 from tests.sandbox.validation.test_switched_effects import pulsed, settled

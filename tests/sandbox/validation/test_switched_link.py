@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from sandbox.validation.switched.advance import start
 from sandbox.validation.switched.bench_numbers import bench, quiet
 from sandbox.validation.switched.inverter import I_ALPHA, LINK_DIP, LINK_FEED, integrate
-from sandbox.validation.switched.phase_machine import LOCKED
+from sandbox.validation.switched.machine_state import LOCKED
 from sandbox.validation.switched.unlisted import unlisted
 from tests.sandbox.plant.effect_motors import CONVERTER, NO_MAGNET, L, R, U
 from tests.sandbox.validation.test_switched_effects import settled

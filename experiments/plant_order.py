@@ -1,0 +1,116 @@
+"""By how much the plant's error falls when its steps double, effect by effect; and whether neutral effects do anything.
+
+The recordings of `plant_against_bench` (the switched bench, every effect at typical size, locked, driven, free) are
+replayed with 4 to 32 steps a period.  Error: rms difference of the sampled currents from 256 steps, over rated current.
+The order is that between 8 and 32 steps; where an error is below RESOLVED there is none to tell.  Edges cut a period
+into segments, so a step is at most so long; that is why few steps are much better than their order says.  Behind a late
+edge a lag has a segment as long as the dead time, however many steps: with dead time beside a lag 0.1 ppm stay.
+
+Run: python -m experiments.plant_order   (a minute; writes experiments/results/plant/order.{md,json})
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from datetime import date
+from typing import Any
+
+import numpy as np
+
+from experiments.plant_against_bench import CASES, OUT, SETTLED, cases, recorded
+from model.drive_files import load_drive
+from model.effects import library
+from model.parameters import Drive
+from sandbox.recordings.campaign import Campaign
+from sandbox.replay.replay import Prepared, prepare, replay, with_steps
+
+MOTORS = ("ipm", "ipm_exchanged")
+STEPS, BEST = (1, 8, 32), 256
+RESOLVED = 1e-9  # of rated current at 32 steps: below, rounding and the corners of sign(i) are in it
+
+
+def currents(prepared: Prepared, effects: Mapping[str, float]) -> list[Any]:
+    """Return what each recording's three sensors read (A), samples that settle apart."""
+    return [i[SETTLED:, :, 0] for i in replay(prepared, [effects]).currents]
+
+
+def errors(drive: Drive, prepared: Prepared, effects: Mapping[str, float]) -> dict[int, list[float]]:
+    """Return for each number of steps the error (over rated current) in each recording."""
+    best = currents(with_steps(prepared, BEST), effects)
+    out = {}
+    for n in STEPS:
+        apart = [a - b for a, b in zip(currents(with_steps(prepared, n), effects), best, strict=True)]
+        rms = [float(np.sqrt(np.mean(np.sum(x**2, axis=1) * 2.0 / 3.0))) for x in apart]
+        out[n] = [x / drive.motor.rated_current for x in rms]
+    return out
+
+
+def order(found: Mapping[int, list[float]], k: int) -> float | None:
+    """Return the order of convergence in recording k between the last two numbers of steps."""
+    few, many = STEPS[-2:]
+    if found[many][k] < RESOLVED:
+        return None
+    return float(np.log(found[few][k] / found[many][k]) / np.log(many / few))
+
+
+def moved_by_nothing(drive: Drive, prepared: Prepared) -> list[str]:
+    """Return the effects whose neutral values change a bit of any recording's readings."""
+    plain, neutral = currents(prepared, {}), library.neutral(drive.motor)
+    own = {name: {k: v for k, v in neutral.items() if k.startswith(f"{name}.")} for name in library.effect_names()}
+    return [name for name, values in own.items() if not all(map(np.array_equal, currents(prepared, values), plain))]
+
+
+def rows(drive: Drive) -> Iterator[tuple[str, dict[int, list[float]]]]:
+    """Yield title and errors of every effect at typical size, of none, and of pairs."""
+    for title, effects in cases(drive):
+        if not title.endswith(" x 2"):
+            told = recorded(drive, effects)
+            campaign = Campaign("bench", drive, tuple(r for r, _ in told), {}, {}, False)
+            yield title, errors(drive, prepare(campaign, effects, steps=1), effects)
+
+
+def table(results: Mapping[str, Mapping[str, Mapping[int, list[float]]]], moved: Mapping[str, list[str]]) -> str:
+    """Return the results as Markdown."""
+    names = [f"{rotor} {speed:g}" if rotor == "driven" else rotor for rotor, speed in CASES]
+    lines = [
+        "# Order of convergence of the plant", "",
+        f"Written by `python -m experiments.plant_order` on {date.today().isoformat()}. Error with 1 and with "
+        f"{STEPS[-1]} steps a period (rms of the sampled currents over rated current, ppm; against {BEST} steps), and "
+        f"the order of convergence between {STEPS[-2]} and {STEPS[-1]} steps (a dash: nothing left to tell). Behind a "
+        "late edge a lag has a segment as long as the dead time, however many steps: with both, up to 0.1 ppm stay.",
+    ]  # fmt: skip
+    for motor, by_title in results.items():
+        left = ", ".join(moved[motor]) or "none"
+        lines += ["", f"## {motor}", "", f"Effects whose neutral values change a bit of the readings: {left}.", ""]
+        lines += [f"| effects | {' | '.join(names)} |", "|---|" + "---|" * len(names)]
+        for title, found in by_title.items():
+            cells = []
+            for k in range(len(names)):
+                p = order(found, k)
+                first, last = (1e6 * found[n][k] for n in (STEPS[0], STEPS[-1]))
+                cells.append(f"{first:.2g}, {last:.1g}: {'-' if p is None else format(p, '.1f')}")
+            lines.append(f"| {title} | {' | '.join(cells)} |")
+    return "\n".join(lines) + "\n"
+
+
+def main() -> None:
+    """Run everything, write the table."""
+    results: dict[str, dict[str, dict[int, list[float]]]] = {}
+    moved = {}
+    for motor in MOTORS:
+        drive = load_drive(motor)
+        campaign = Campaign("bench", drive, tuple(r for r, _ in recorded(drive, {})), {}, {}, False)
+        moved[motor] = moved_by_nothing(drive, prepare(campaign, steps=1))
+        results[motor] = {}
+        for title, found in rows(drive):
+            results[motor][title] = found
+            print(motor, title, found, flush=True)
+    OUT.mkdir(parents=True, exist_ok=True)
+    (OUT / "order.md").write_text(table(results, moved), encoding="utf-8")
+    content = {"date": date.today().isoformat(), "moved": moved, "results": results}
+    (OUT / "order.json").write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
