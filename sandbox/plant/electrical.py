@@ -127,17 +127,17 @@ def halfway(w, j, span, inverse, u_a, u_b, x, y):
 
 
 @inlined
-def settled(i_a, i_b, e_a, e_b, mid_a, mid_b, p_a, p_b, r, decay, turned, stiff_aa, stiff_ab, stiff_bb, k_a, k_b, g):
+def settled(i_a, i_b, e_a, e_b, mid_a, mid_b, p_a, p_b, r, decay, turned, stiff, kink, core):
     """Return the current in a segment's middle, corrected, and its mean drop (V).
 
     i: current at the flux predicted; e, p: its and the flux' change from start to middle; r: ohm; decay: R S/4, with
-    the skin effect's part; turned: rad by which the rotor turns in the segment; stiff: inverse inductance, 1/H; k: 4/S
-    times K of late edges (Wb); g: 1/H, the iron-loss current's kink beside the magnetising current's.
+    the skin effect's part; turned: rad by which the rotor turns in the segment; stiff: inverse inductance, 1/H; kink: 4/S
+    times K of late edges (Wb); core: 1/H, of the iron-loss current's kink beside the magnetising current's.
     """
+    (stiff_aa, stiff_ab, stiff_bb), (k_a, k_b) = stiff, kink
     x, y = decay * (stiff_aa * e_a + stiff_ab * e_b), decay * (stiff_ab * e_a + stiff_bb * e_b)
-    z_a, z_b = (
-        decay * ((stiff_aa + g) * k_a + stiff_ab * k_b), decay * (stiff_ab * k_a + (stiff_bb + g) * k_b)
-    )  # fmt: skip
+    z_a = decay * ((stiff_aa + core) * k_a + stiff_ab * k_b)
+    z_b = decay * (stiff_ab * k_a + (stiff_bb + core) * k_b)
     k_a, k_b = 0.5 * (stiff_aa * z_a + stiff_ab * z_b), 0.5 * (stiff_ab * z_a + stiff_bb * z_b)
     i_a, i_b = i_a - x + 3.0 * k_a, i_b - y + 3.0 * k_b
     x, y = x * THIRD + k_a, y * THIRD + k_b
@@ -156,7 +156,7 @@ def settle(w, j, i_a, i_b, span, turned):
     w.j_a[j], w.j_b[j], w.fall_a[j], w.fall_b[j] = settled(
         i_a, i_b, i_a - w.i_a[j], i_b - w.i_b[j], w.mid_a[j], w.mid_b[j], w.mid_a[j] - w.psi_a[j],
         w.mid_b[j] - w.psi_b[j], r, 0.25 * span * (r + w.skin_r[j]), turned,
-        w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j], k * w.early_a[j], k * w.early_b[j],
+        (w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j]), (k * w.early_a[j], k * w.early_b[j]),
         w.core_g[j] * w.core_rate[j],
     )  # fmt: skip
 
@@ -235,7 +235,7 @@ def plain_step(w, here, there, span, turned, long, pulled, u_a, u_b, x, y, edge)
         e_a, e_b = i_a - o_a, i_b - o_b
         i_a, i_b, f_a, f_b = settled(
             i_a, i_b, e_a, e_b, a, b, p_a, p_b, res, 0.25 * span * res, turned,
-            w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j], k * x, k * y, 0.0,
+            (w.stiff_aa[j], w.stiff_ab[j], w.stiff_bb[j]), (k * x, k * y), 0.0,
         )  # fmt: skip
         if long:
             g_a, g_b = curved(w, j, c, s, d, q, a, b, p_a, p_b, turned)
