@@ -22,6 +22,7 @@ from model.given import read_toml
 from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
 from model.parameters import ROTORS, Converter, Drive, Injection, Limits, Motor, build, finite, texts
+from sandbox.recordings.formats.log_table import first_beyond
 from sandbox.recordings.parquet import read_parquet, with_volts
 
 if TYPE_CHECKING:
@@ -349,13 +350,6 @@ def _check_columns(file: str, columns: Mapping[str, Array]) -> None:
                 f"{file}: row {bad} of column '{name}' is {values[bad]}; give finite numbers only, of at most "
                 f"{LARGEST:.0e} in size"
             )
-
-
-def first_beyond(values: Array, largest: float) -> int | None:
-    """Return the first row that is no number, or larger in size than any that is measured; None where all are good."""
-    if not len(values) or (np.min(values) >= -largest and np.max(values) <= largest):  # usual, and takes no memory
-        return None
-    return int(np.argmin(np.abs(values) <= largest))
 
 
 def _check_period(r: CampaignRecording, period: float) -> None:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from model.errors import BadInput, brief, unknown
 from model.frames import phases
 from model.parameters import finite
-from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Finding, first_beyond, table_of
-from sandbox.recordings.formats.log_table import MOST_VALUES, Table
+from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Finding, table_of
+from sandbox.recordings.formats.log_table import MOST_VALUES, Table, first_beyond
 
 Array = NDArray[np.float64]
 UNITS: dict[str, dict[str, tuple[float, float]]] = {  # factor and offset to the contract's unit

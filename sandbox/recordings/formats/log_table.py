@@ -40,6 +40,13 @@ def too_many(file: str) -> BadInput:
     return BadInput(f"{file}: more than {MOST_VALUES / 1e6:g} million values; keep the columns needed, or cut the log")
 
 
+def first_beyond(values: Array, largest: float) -> int | None:
+    """Return the first row that is no number, or larger in size than any that is measured; None where all are good."""
+    if not len(values) or (np.min(values) >= -largest and np.max(values) <= largest):  # usual, and takes no memory
+        return None
+    return int(np.argmin(np.abs(values) <= largest))
+
+
 @contextlib.contextmanager
 def silent() -> Iterator[None]:
     """Keep a reader's own warnings about a damaged file from the terminal: what is wrong is said in our sentence."""
