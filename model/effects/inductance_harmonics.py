@@ -21,7 +21,7 @@ PARTS = 6  # the sixth order, and others
 FURTHER = tuple(f"inductance_harmonics.{k}" for k in range(2, PARTS + 1))
 SIZES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
 NUMBERS = (*SIZES, "order", "phase")
-TURN = np.arange(360) * (math.tau / 360)  # rad: angles of the rotor at which H is looked at
+TURN = np.arange(720) * (math.tau / 720)  # rad: angles of the rotor at which H is looked at
 AROUND = np.arange(8) * (math.tau / 8)  # rad: angles of the current
 
 
@@ -74,11 +74,11 @@ def softened(v: Mapping[str, float], motor: Motor) -> float:
     d, q = motor.rated_current * np.array([l_d, l_q])[:, None, None] * np.stack([np.cos(AROUND), np.sin(AROUND)])
     d, q = np.append(0.0, d.ravel()), np.append(0.0, q.ravel())
     dd, dq, qq = np.zeros((3, len(TURN), len(d)))
-    first = {"gamma": v["inductance_harmonics.gamma_6"], "order": 6.0}
-    for part in (first, *({n: v[f"{k}.{n}"] for n in NUMBERS} for k in FURTHER)):
-        angle = (part["order"] * TURN + part.get("phase", 0.0))[:, None]
+    parts = [(v["inductance_harmonics.gamma_6"], *[0.0] * 6, 6.0, 0.0)]
+    parts += [tuple(v[f"{part}.{n}"] for n in NUMBERS) for part in FURTHER]
+    for g, b, p, a_30, a_12, a_21, a_03, order, phase in (x for x in parts if any(x[: len(SIZES)])):
+        angle = (order * TURN + phase)[:, None]
         x, y = np.cos(angle), np.sin(angle)
-        g, b, p, a_30, a_12, a_21, a_03 = (part.get(n, 0.0) for n in SIZES)
         dd = dd + x * (g + b + p + 6.0 * a_30 * d) + y * 2.0 * a_21 * q
         dq = dq + x * 2.0 * a_12 * q + y * (g - b + 2.0 * a_21 * d)
         qq = qq + x * (p - g - b + 2.0 * a_12 * d) + y * 6.0 * a_03 * q

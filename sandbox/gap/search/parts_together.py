@@ -85,7 +85,7 @@ def greedy(screened: Screened, candidates: Mapping[int, Start], worth: float) ->
     first = level = told([])
     chosen: list[int] = []
     places = min((library.load_effect(s.effect).repeats - s.place + 1 for s in candidates.values()), default=0)
-    while len(chosen) < places:
+    while len(chosen) < min(places, len(candidates)):
         ahead = {k: told([*chosen, k]) for k in candidates if k not in chosen}
         k = max(ahead, key=lambda k: ahead[k])
         if ahead[k] - level < worth:
