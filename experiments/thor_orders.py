@@ -16,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.diagnosed_cases import thor_with_map
 from experiments.drawing import save, shared
-from experiments.real_cases import thor_with_map
 from model.drives import thor
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown

@@ -85,10 +85,11 @@ def _grown(
             break
         gains, n, prior = gains_of(best.fit, [s.coordinates for s in tried], weights, workers)
         cost, price = cost + n.simulations, WORTH + math.log(looked)
-        promising = _promising(best, tried, gains, price, t)
-        if not promising:
-            promising = together(best, tried, Screened(n, prior, weights), price * max(t, rms_of(best.fit) ** 2))
-        new, spent = _tried(best, promising, price, found, t, weights, workers, report)
+        worth = price * max(t, rms_of(best.fit) ** 2)
+        promising = _promising(best, tried, gains, worth)
+        promising += together(best, tried, Screened(n, prior, weights), worth)
+        ranked = [start for _, start in sorted(promising, key=lambda x: -x[0])]
+        new, spent = _tried(best, ranked, price, found, t, weights, workers, report)
         cost += spent
         if new is None:
             break
@@ -98,14 +99,13 @@ def _grown(
 
 
 def _promising(
-    best: Judged, tried: Sequence[Start], gains: Sequence[float], price: float, temperature: float
-) -> list[Start]:
-    """Return the starts whose log evidence promises their price, the best first; of an effect that is not in the set
-    one that promises as much of the gap as it has to close."""
+    best: Judged, tried: Sequence[Start], gains: Sequence[float], worth: float
+) -> list[tuple[float, Start]]:  # fmt: skip
+    """Return the starts whose log evidence promises what they must be worth, with what they promise; of an effect that
+    is not in the set one that promises as much of the gap as it has to close."""
     half = 0.5 * (1.0 - CLOSES[0]) * excess(best.fit)
-    worth = price * max(temperature, rms_of(best.fit) ** 2)
-    told = [(g, k) for k, g in enumerate(gains) if g > worth and (tried[k].effect in best.effects or g > half)]
-    return [tried[k] for _, k in sorted(told, reverse=True)]
+    told = zip(gains, tried, strict=True)
+    return [(g, s) for g, s in told if g > worth and (s.effect in best.effects or g > half)]
 
 
 def _tried(

@@ -48,8 +48,9 @@ class Screened:
 
 def together(
     best: Judged, tried: Sequence[Start], screened: Screened, worth: float
-) -> list[Start]:  # fmt: skip
-    """Return for each effect that is not in the set the orders that together promise half of the gap, as one start.
+) -> list[tuple[float, Start]]:  # fmt: skip
+    """Return for each effect that is not in the set the orders that together promise half of the gap, as one start,
+    with what they promise.
 
     The recordings whose rotor turns have to tell them: at a rotor that stands each order is a constant, and a few of
     them are a saturation.
@@ -64,7 +65,7 @@ def together(
         chosen, gain = greedy(own, mine, worth)
         if len(chosen) > 1 and gain > 0.5 * (1.0 - CLOSES[0]) * excess_of(screened.equations, turning):
             out.append((gain, joined([mine[k] for k in chosen])))
-    return [start for _, start in sorted(out, key=lambda x: -x[0])]
+    return out
 
 
 def greedy(screened: Screened, candidates: Mapping[int, Start], worth: float) -> tuple[list[int], float]:

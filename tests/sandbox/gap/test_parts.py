@@ -165,6 +165,7 @@ def test_an_effect_that_is_not_in_the_set_has_to_promise_half_of_the_gap(planned
     monkeypatch.setattr(parts, "candidates", lambda *x: ["a", "b"])
     tried = [SimpleNamespace(effect=e, coordinates=(), parts=1) for e in ("a", "b")]
     monkeypatch.setattr(parts, "starts", lambda *x: (tried, 2))
+    monkeypatch.setattr(parts, "together", lambda *x: [])
     monkeypatch.setattr(parts, "gains_of", lambda *x: ([20.0, other], SimpleNamespace(simulations=7.0), None))
     seen = []
 

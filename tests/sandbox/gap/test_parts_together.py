@@ -70,7 +70,8 @@ def test_together_they_have_to_promise_half_of_what_turning_rotors_show(rotors, 
     best, tried, found = screened(pulls, rotors, squares=squares * 2.0 * promised)
     told = together(best, tried, found, 5.0)
     assert len(told) == count
-    for start in told:
+    for promise, start in told:
+        assert promise == pytest.approx(promised, rel=1e-9)
         assert (start.effect, start.parts) == (EFFECT, 2)
         assert start.begun == {f"{EFFECT}.2.order": 6.0, f"{EFFECT}.3.order": 12.0}
 
