@@ -8,235 +8,47 @@ Run: python -m experiments.real_cases [CASE ...]   (all: ten minutes; needs SENS
 
 from __future__ import annotations
 
-import contextlib
 import datetime
-import io
 import json
-import math
-import os
 import sys
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-import numpy as np
-
-from experiments import synrm_as_integrated as synrm_flux
-from experiments import synrm_standstill
-from experiments.drawing import RESULTS, save, shared
-from experiments.thor_bench import bench
-from model.drives import thor
-from model.map_points import quality, read_points
-from model.standstill import fit_axes
-from sandbox.cli import main as command
-from sandbox.public.campaigns.diagnosed import diagnose
-from sandbox.recordings.campaign import Campaign
-from sandbox.recordings.real_campaigns import real_drives
-from sandbox.recordings.writing import write_campaign
-
-OWN = Path(__file__).parent
-TABLE = [[0.0, 0.0], [0.2, 2.4], [0.5, 4.4], [1.0, 5.3], [4.5, 6.2]]  # A, V: as `model/inverter_table.py` shows it
-HEADS = ("Where?", "Which?", "How far?", "Left?", "Not told?")
-LAAS = """[columns]
-t = {column = "Time"}
-theta = {column = "Position", mechanical = true}
-i_q = {column = "Iq"}
-[motor]
-torque_constant = 0.02804
-inertia = 1e-5
-[uncertainty]
-inertia = 0.5
-[drive]
-encoder_counts = 20000
-"""
+from experiments import diagnosed_cases as diagnosed
+from experiments.drawing import RESULTS, save
 
 
-def told(campaign: Path, *arguments: str) -> dict[str, Any]:
-    """Return what `sensorless diagnose` says: its lines and figures, or the sentence with which it refuses."""
-    said, refused = io.StringIO(), io.StringIO()
-    with tempfile.TemporaryDirectory() as folder:
-        out = Path(folder) / "out"
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(refused):
-            code = command(["diagnose", str(campaign), *arguments, "--jobs", "1", "--out", str(out)])
-        if code:
-            text = refused.getvalue().strip().splitlines()[-1]
-            return {"verdict": "refused", "lines": [text.replace(str(campaign), "FOLDER")]}
-        found = json.loads((out / "diagnosis.json").read_text())
-    lines = [line for line in said.getvalue().splitlines() if line.startswith(HEADS)]
-    return figures(found) | {"lines": lines}
+class Case(NamedTuple):
+    """A case: how it is diagnosed, what was published, what to believe in a few words, and why."""
+
+    told: Callable[[Path], dict[str, Any]]
+    published: str
+    believe: str
+    why: str
 
 
-def figures(found: dict[str, Any]) -> dict[str, Any]:
-    """Return verdict, effects, J on recordings held out and cost of a diagnosis."""
-    gap, best = found["gap"], found["hypotheses"][0]
-    return {
-        "verdict": found["verdict"], "effects": best["effects"], "raw": gap["raw"], "before": gap["before"],
-        "after": gap["after"], "simulations": found["cost"]["simulations"], "seconds": found["cost"]["seconds"],
-        "parameters": {k: p["value"] for k, p in best["parameters"].items()},
-        "orders": {int(w["order"]): w["share"] for w in found["where"] if w["order"]},
-    }  # fmt: skip
-
-
-def synrm_quartic(folder: Path) -> dict[str, Any]:
-    """Return the SynRM's standstill test against the quartic energy that was fitted to it."""
-    return told(
-        shared("SENSORLESS_DATA", "realdata") / "synrm_standstill", "--columns", str(OWN / "synrm_standstill.toml")
-    )
-
-
-def laas_rolling(folder: Path) -> dict[str, Any]:
-    """Return LAAS' rolling runs with u_q, on an even grid, effects that the log cannot show left out."""
-    os.environ.setdefault("SENSORLESS_DATA", str(shared("SENSORLESS_DATA", "realdata")))
-    drive = real_drives("laas_bldc")[0]
-    assert drive.campaign is not None
-    return told(write_campaign(folder / "laas", drive.campaign), "--exclude", ",".join(drive.hidden))
-
-
-def thor_quartic(folder: Path) -> dict[str, Any]:
-    """Return THOR's finite elements behind voltages against the quartic energy fitted to their mean."""
-    table = thor.read(shared("SENSORLESS_DATA", "realdata") / "thor_fea" / "thor_fea.npz")
-    return told(write_campaign(folder / "thor", bench(table)))
-
-
-def write_map(path: Path, points: Any) -> None:
-    """Write points i_d, i_q (A), psi_d, psi_q (Wb) of a flux map, (n, 4)."""
-    np.savetxt(path, points, delimiter=",", header="i_d,i_q,psi_d,psi_q", comments="")
-
-
-def synrm_own_map(folder: Path) -> dict[str, Any]:
-    """Return the same against the spline through its own flux points (both axes' tests, half of the cross test)."""
-    data = synrm_standstill.tests()
-    fit = fit_axes([(data["d"], 0), (data["q"], 1)])
-    psi_d, psi_q, i_d, i_q = synrm_standstill.points(data, fit, half=True)
-    place = folder / "synrm"
-    place.mkdir()
-    for file in synrm_standstill.FILES.values():
-        (place / file).write_bytes((shared("SENSORLESS_DATA", "realdata") / "synrm_standstill" / file).read_bytes())
-    return told(*_with_map(place, np.c_[i_d, i_q, psi_d, psi_q], "cells = [12, 8]\nsmooth = 0.003"))
-
-
-def synrm_as_integrated(folder: Path) -> dict[str, Any]:
-    """Return the same after what `experiments.synrm_as_integrated` corrects, R of the authors included."""
-    resistance, tests = list(synrm_flux.steps().values())[-1]
-    place = folder / "synrm"
-    place.mkdir()
-    for name, c in tests.items():
-        rows = np.column_stack([c.t, *c.u, *c.i])
-        np.savetxt(place / synrm_standstill.FILES[name], rows, delimiter=",", header="t,Ud,Uq,Id,Iq", comments="")
-    arguments = _with_map(place, synrm_flux.map_points(tests), "cells = [12, 14]\nsmooth = 0.001")
-    text = (place / "columns.toml").read_text()
-    (place / "columns.toml").write_text(text.replace("resistance = 11.02", f"resistance = {resistance:.6g}"))
-    return told(*arguments)
-
-
-def _with_map(place: Path, points: Any, fitted: str) -> tuple[Any, ...]:
-    """Write the SynRM's flux map and the column map that has it for a nominal model; return what `told` is given."""
-    write_map(place / "map.csv", points)
-    text = (OWN / "synrm_standstill.toml").read_text()
-    of_map = ("inductance_", "alpha_", "magnet_flux")
-    kept = "\n".join(line for line in text.splitlines() if not line.startswith(of_map))
-    (place / "columns.toml").write_text(f'{kept}\n[flux_map]\nfile = "map.csv"\n{fitted}\n')
-    return place, "--columns", str(place / "columns.toml")
-
-
-def thor_own_map(folder: Path) -> dict[str, Any]:
-    """Return THOR's finite elements behind voltages, their mean over the angle as nominal flux map."""
-    return told(thor_with_map(folder))
-
-
-def thor_with_map(folder: Path) -> Path:
-    """Write THOR's campaign with the tables' mean over the angle as nominal flux map; return its folder."""
-    table = thor.read(shared("SENSORLESS_DATA", "realdata") / "thor_fea" / "thor_fea.npz")
-    place = write_campaign(folder / "thor", bench(table))
-    i_d, i_q = np.meshgrid(table.i_d, table.i_q, indexing="ij")
-    psi_d, psi_q = table.psi_d.mean(2), table.psi_q.mean(2)
-    rows = [np.c_[i_d.ravel(), s * i_q.ravel(), psi_d.ravel(), s * psi_q.ravel()] for s in (1.0, -1.0)]
-    rows[1] = rows[1][i_q.ravel() > 0.0]  # the machine's mirror image: the tables hold i_q >= 0
-    write_map(place / "map.csv", np.vstack(rows))
-    text = (place / "campaign.toml").read_text()
-    kept = "\n".join(x for x in text.splitlines() if not x.startswith(("inductance_", "alpha_", "magnet_flux =")))
-    (place / "campaign.toml").write_text(kept + '\n[flux_map]\nfile = "map.csv"\ncells = [14, 12]\nsmooth = 0.001\n')
-    return place
-
-
-def laas_motion(folder: Path) -> dict[str, Any]:
-    """Return LAAS' files as they are, by their motion."""
-    files = ("quasi_static_scan", "rolling_data", "rolling_data1", "rolling_data2")
-    text = LAAS + "".join(f'[[recording]]\nfile = "{file}.txt"\nrotor = "free"\n' for file in files)
-    (folder / "laas.toml").write_text(text)
-    return told(shared("SENSORLESS_DATA", "realdata") / "laas_bldc", "--columns", str(folder / "laas.toml"))
-
-
-def moteus(folder: Path) -> dict[str, Any]:
-    """Return what steady points say, and how `diagnose` refuses them."""
-    found = told(shared("SENSORLESS_DATA", "realdata") / "moteus_ld")
-    return found | {"lines": found["lines"] + [f"{d.name}: {d.can[0]}" for d in real_drives("moteus_ld")]}
-
-
-def sew_map(folder: Path) -> dict[str, Any]:
-    """Return what the audit says of the SEW machine's measured map."""
-    os.environ.setdefault("SENSORLESS_DATA", str(shared("SENSORLESS_DATA", "realdata")))
-    found = quality(read_points(shared("SENSORLESS_DATA", "realdata") / "sew_map" / "LUT_SEW_jax_grad.mat"))
-    turned = quality(read_points(shared("SENSORLESS_DATA", "realdata") / "sew_map" / "LUT_SEW_jax_grad.mat",
-                                 angle=found.angle or 0.0))  # fmt: skip
-    lines = [*found.sentences(), *(f"turned: {text}" for text in turned.sentences())]
-    mwb = {"before": found.held_out, "after": turned.held_out}
-    return {"verdict": "angle offset", "effects": [], "lines": lines, "angle_deg": math.degrees(found.angle or 0.0),
-            **{f"held_out_{k}_Wb": v for k, v in mwb.items()}}  # fmt: skip
-
-
-def _with_table() -> tuple[Campaign, Campaign]:
-    """Return a campaign of the switched bench whose legs lose what the measured table says: nominal with the table, and
-    without it."""
-    from dataclasses import replace
-
-    from experiments.example_campaign import CASES, drive, recording
-    from sandbox.drive.record import UNCERTAINTY, background_of
-
-    own = drive()
-    legs = replace(own, converter=replace(own.converter, inverter_table=tuple(map(tuple, TABLE))))
-    rng = np.random.default_rng(7)
-    parts = tuple(recording(legs, case, {}, rng) for case in CASES)
-    both = (Campaign("inverter_table", d, parts, UNCERTAINTY, background_of(own), False) for d in (legs, own))
-    return tuple(both)  # type: ignore[return-value]
-
-
-def inverter_table_nominal(folder: Path) -> dict[str, Any]:
-    """Return what is said where the inverter's measured table is part of the nominal model."""
-    return figures(diagnose(_with_table()[0], jobs=1).as_json()) | {"lines": []}
-
-
-def inverter_table_missing(folder: Path) -> dict[str, Any]:
-    """Return what is said where it is not."""
-    return figures(diagnose(_with_table()[1], jobs=1).as_json()) | {"lines": []}
-
-
-def odrive(folder: Path) -> dict[str, Any]:
-    """Return what `experiments.odrive_cogging` has kept, of the slow turns without compensation."""
-    kept = json.loads((RESULTS / "odrive_cogging.json").read_text())
-    case = kept["cases"]["slow, without compensation"]
-    return {"verdict": case["verdict"], "effects": case["hypothesis"]["effects"], "before": case["before"],
-            "after": case["after"], "lines": [], "date": kept["date"]}  # fmt: skip
-
-
-CASES: dict[str, tuple[Callable[[Path], dict[str, Any]], str, str]] = {
-    "synrm_quartic": (
-        synrm_quartic,
+CASES: dict[str, Case] = {
+    "synrm_quartic": Case(
+        diagnosed.synrm_quartic,
         "standstill square waves; the authors' flux map (its current grid is not published)",
+        "`unknown`",
         "Believe `unknown`: the quartic energy misses this map by 0.24 A rms at its own points, 53 floors.",
     ),
-    "synrm_own_map": (
-        synrm_own_map,
+    "synrm_own_map": Case(
+        diagnosed.synrm_own_map,
         "the same, its own flux map as nominal model; currents 250 µs late by `experiments.synrm_standstill`",
+        "delay and angle",
         "Believe the delay, 240 µs (250 µs by the identification), and the angle: an eccentricity at a standing rotor "
         "is an offset, 0.033 rad here; `synrm_as_integrated` finds 0.039. That it is there in the cross test alone the "
         "library cannot say: the single-axis tests are filed with exactly no current across.",
     ),
-    "synrm_as_integrated": (
-        synrm_as_integrated,
+    "synrm_as_integrated": Case(
+        diagnosed.synrm_as_integrated,
         "the same after four corrections that the files themselves give: delay, R and voltage offsets of the authors' "
         "own flux, angle of the cross test",
+        "`unknown`",
         "Believe `unknown`, which is small now: most of the gap was in how the files were read. On the half of the "
         "cross test that is held out the map misses 94 floors as filed, 98 with currents 250 µs earlier, 50 with the R "
         "(10.28 ohm) and voltage offsets (up to 1 V) of the authors' own flux, 16 with the cross test turned by 2.3°, "
@@ -249,57 +61,66 @@ CASES: dict[str, tuple[Callable[[Path], dict[str, Any]], str, str]] = {
         "it, hysteresis (play operators) nothing, flux corrected for drift nothing, and offsets fitted to the first "
         "half double it on the second.",
     ),
-    "thor_quartic": (
-        thor_quartic,
+    "thor_quartic": Case(
+        diagnosed.thor_quartic,
         "finite elements over (i_d, i_q, angle): slots, orders 6 to 18; no inverter, no sensor at fault",
+        "`unknown`",
         "Believe `unknown`: the quartic energy misses these tables by 0.2 A. A link ripple, if named, is order 18 of "
         " one recording's speed: the link is ideal.",
     ),
-    "thor_own_map": (
-        thor_own_map,
+    "thor_own_map": Case(
+        diagnosed.thor_own_map,
         "the same, the tables' mean over the angle as nominal flux map",
+        "TODO",
         "The truth is harmonics that depend on the currents. Believe `unknown`; the mean map more than halves the gap "
         "(17.4 to 7.7). What is left is of orders 18 (14 % of it, enough for *Where* to name it), 6 (9 %), 12 (7 %), "
         "and their sidebands: those of the slots. `flux_harmonics` is not named because its amplitude is the same at "
         "all currents, and one amplitude explains 30 %, 17 % and 8 % of these orders' energy in the tables "
         "([figures](thor_orders.json), `python -m experiments.thor_orders`).",
     ),
-    "laas_motion": (
-        laas_motion,
+    "laas_motion": Case(
+        diagnosed.laas_motion,
         "cogging of orders 12 and 36 a turn and multiples (experiments/real_cogging: 72, 18, 12), friction 0.09 A",
+        "TODO",
         "Believe `unknown`. The slow scan is a position loop that steps and holds (129 stretches between pauses): its "
         "current is that of holding. Dry friction comes out driving and is refused; orders that the scan's plateaus "
         "show are not found from its motion.",
     ),
-    "laas_rolling": (
-        laas_rolling,
+    "laas_rolling": Case(
+        diagnosed.laas_rolling,
         "the same drive, three runs at 50 rad/s with u_q",
+        "`unknown`",
         "Believe `unknown`, not more: residuals are those of stamps rounded to 1 ms.",
     ),
-    "sew_map": (
-        sew_map,
+    "sew_map": Case(
+        diagnosed.sew_map,
         "a measured map whose i_q and -i_q halves differ; ψ_q from -34 to +22 mWb",
+        "yes",
         "Yes: one angle explains the asymmetry, and the fit on points held out improves, which an angle that is none "
         "would not do.",
     ),
-    "odrive": (
-        odrive,
+    "odrive": Case(
+        diagnosed.odrive,
         "holding-current maps: order 7, 28, 14, 36, 12, 84, 21, 56",
+        "orders, phases",
         "Orders, phases and the late current: yes; friction to a factor of two ([page](odrive_cogging.md)).",
     ),
-    "moteus": (
-        moteus,
+    "moteus": Case(
+        diagnosed.moteus,
         "R and flux of the drive's own fit",
+        "yes, the refusal",
         "Right to refuse: steady points, no time series. The voltage along the current is in the points.",
     ),
-    "inverter_table_nominal": (
-        inverter_table_nominal,
+    "inverter_table_nominal": Case(
+        diagnosed.inverter_table_nominal,
         "a table of measured voltage errors (0 to 6.2 V a leg over 4.5 A) in [drive]",
+        "yes",
         "The bench is simulated (another plant); the table is what `model/inverter_table.py` shows.",
     ),
-    "inverter_table_missing": (
-        inverter_table_missing,
+    "inverter_table_missing": Case(
+        diagnosed.inverter_table_missing,
         "the same bench, the table left out of the nominal model",
+        "the inverter; not the share",
         "Believe the inverter, and some 5 V: at this drive's currents (1.2 A) the table says 5.3 V. What share is "
         "dead time no recording at one link voltage can tell.",
     ),
@@ -310,15 +131,9 @@ def page(kept: dict[str, dict[str, Any]]) -> str:
     """Return the results as a page."""
     lines = ["Real drives with a published answer, by `python -m experiments.real_cases`.", ""]
     lines += ["J: rms over the noise floor on recordings held out, before and after the effects that are named.", ""]
-    lines += ["| case | published | verdict | named | J before → after | simulations, s | date |"]
-    lines += ["|---|---|---|---|---|--:|---|"]
-    for name, c in kept.items():
-        sizes = f"{c['before']:.3g} → {c['after']:.3g}" if c.get("before") is not None else ""
-        if "held_out_before_Wb" in c:
-            sizes = f"{1e3 * c['held_out_before_Wb']:.2g} → {1e3 * c['held_out_after_Wb']:.2g} mWb"
-        cost = f"{c['simulations']}, {c['seconds']:.0f}" if "seconds" in c else ""
-        named = ", ".join(c.get("effects", []))
-        lines.append(f"| {name} | {CASES[name][1]} | {c['verdict']} | {named} | {sizes} | {cost} | {c['date']} |")
+    lines += ["| case | published | verdict | named | J before → after | simulations, s | believe | date |"]
+    lines += ["|---|---|---|---|---|--:|---|---|"]
+    lines += [row(name, c) for name, c in kept.items()]
     for name, c in kept.items():
         lines += ["", f"## {name}", ""]
         lines += [f"> {line}  " for line in c["lines"]] + [""] * bool(c["lines"])
@@ -327,8 +142,19 @@ def page(kept: dict[str, dict[str, Any]]) -> str:
             lines += [f"Orders of the residual in the rotor's frame, of the gap: {shares}.", ""]
         if values := c.get("parameters"):
             lines += ["Values: " + ", ".join(f"`{k}` {v:.4g}" for k, v in values.items()) + ".", ""]
-        lines += [f"**Believe it?** {CASES[name][2]}"]
+        lines += [f"**Believe it?** {CASES[name].why}"]
     return "\n".join(lines) + "\n"
+
+
+def row(name: str, c: dict[str, Any]) -> str:
+    """Return a case's row of the table."""
+    sizes = f"{c['before']:.3g} → {c['after']:.3g}" if c.get("before") is not None else "–"
+    if "held_out_before_Wb" in c:
+        sizes = f"{1e3 * c['held_out_before_Wb']:.2g} → {1e3 * c['held_out_after_Wb']:.2g} mWb"
+    cost = f"{c['simulations']}, {c['seconds']:.0f}" if "seconds" in c else "–"
+    named, case = ", ".join(c.get("effects", [])) or "–", CASES[name]
+    cells = [name, case.published, c["verdict"], named, sizes, cost, case.believe, c["date"]]
+    return f"| {' | '.join(cells)} |"
 
 
 def main(names: list[str]) -> None:
@@ -337,7 +163,7 @@ def main(names: list[str]) -> None:
     kept: dict[str, dict[str, Any]] = {}
     for name in names or CASES:
         with tempfile.TemporaryDirectory() as folder:
-            found = CASES[name][0](Path(folder))
+            found = CASES[name].told(Path(folder))
         kept = json.loads(place.read_text())["cases"] if place.is_file() else {}
         kept[name] = {"date": datetime.date.today().isoformat()} | found
         kept = {case: kept[case] for case in CASES if case in kept}

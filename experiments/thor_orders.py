@@ -1,8 +1,10 @@
-"""Which orders do THOR's slots make, and can harmonics of a constant amplitude, as the library has them, explain them?
+"""Which orders do THOR's slots make, and how do their amplitudes hang on the currents?
 
 First the tables: rms of each order of the flux over the currents within the rated one, and the share of its energy that
-one amplitude and phase, the same at all currents, would explain.  Then the recordings made of them, beside the tables'
-mean over the angle as nominal flux map: the share of the residual's excess that each order of the rotor's frame holds.
+one amplitude and phase, the same at all currents, would explain; then the shares that co-energies explain which are
+even in (i_q, angle) and of first, second, third degree in the currents: amplitudes that are constant, grow with the
+current, grow with its square.  Then the recordings made of them, beside the tables' mean over the angle as nominal flux
+map: the share of the residual's excess that each order of the rotor's frame holds.
 
 Run: python -m experiments.thor_orders   (15 s)
 """
@@ -14,8 +16,8 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.diagnosed_cases import thor_with_map
 from experiments.drawing import save, shared
-from experiments.real_cases import thor_with_map
 from model.drives import thor
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
@@ -38,8 +40,30 @@ def of_tables(table: thor.Thor) -> dict[int, dict[str, float]]:
         energy = sum(float(np.mean(np.abs(x) ** 2)) for x in parts)
         constant = sum(float(np.abs(np.mean(x)) ** 2) for x in parts)
         found[n] = {"rms_Wb": float(np.sqrt(0.5 * energy)), "constant": constant / energy}
+        found[n] |= {
+            f"degree_{k}": of_coenergy(i_d[own] / thor.RATED_CURRENT, i_q[own] / thor.RATED_CURRENT, *parts, k)
+            for k in (1, 2, 3)
+        }
     largest = sorted(found, key=lambda n: -found[n]["rms_Wb"])[:SHOWN]
     return {n: found[n] for n in largest}
+
+
+def of_coenergy(x, y, psi_d, psi_q, degree: int) -> float:
+    """Return the share of an order's energy that a co-energy up to some degree in the currents explains.
+
+    x, y: i_d, i_q (m,); psi_d, psi_q: complex amplitudes (m,) of cos - j sin.  A machine that is its own mirror image
+    has terms of even degree in i_q with the cosine and of odd degree with the sine; fluxes are the slopes of both.
+    """
+    columns = []
+    for total in range(1, degree + 1):
+        for k in range(total + 1):
+            d = (total - k) * x ** max(total - k - 1, 0) * y**k
+            q = k * x ** (total - k) * y ** max(k - 1, 0)
+            columns.append(np.concatenate([d, q]) * (-1j if k % 2 else 1.0))
+    a, b = np.array(columns).T, np.concatenate([psi_d, psi_q])
+    a, b = np.concatenate([a.real, a.imag]), np.concatenate([b.real, b.imag])
+    left = b - a @ np.linalg.lstsq(a, b, rcond=None)[0]
+    return float(1.0 - left @ left / (b @ b))
 
 
 def of_residual() -> dict[int, float]:
@@ -58,7 +82,9 @@ def main() -> None:
     table = thor.read(shared("SENSORLESS_DATA", "realdata") / "thor_fea" / "thor_fea.npz")
     tables, residual = of_tables(table), of_residual()
     for n, row in tables.items():
-        print(f"order {n}: {1e3 * row['rms_Wb']:.2f} mWb rms, a constant explains {row['constant']:.0%}")
+        degrees = ", ".join(f"{row[f'degree_{k}']:.0%}" for k in (1, 2, 3))
+        print(f"order {n}: {1e3 * row['rms_Wb']:.2f} mWb rms, a constant explains {row['constant']:.0%}, "
+              f"even energies of degree 1, 2, 3 {degrees}")  # fmt: skip
     print("of the residual's excess: " + ", ".join(f"order {n} {share:.1%}" for n, share in residual.items()))
     save("thor_orders", {"tables": tables, "residual": residual})
 

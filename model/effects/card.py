@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -46,7 +46,8 @@ class Parameter:
     moves; `ordinary`: the deviation that every drive may have.
 
     What else it is: `scales`, the motor's value that it multiplies (one without a neutral value of its own replaces the
-    motor's; in the library alone); `whole`: only whole numbers but 0 make sense, such as orders.
+    motor's; in the library alone); `whole`: only whole numbers but 0 make sense, such as orders; `first`: the parameter
+    of the effect's first part that is the same number where a further part stands at its `first_at`.
     """
 
     name: str
@@ -69,6 +70,7 @@ class Parameter:
     ordinary: Ordinary | None = None
     scales: str = ""
     whole: bool = False
+    first: str = ""
 
     def neutral_for(self, motor: Motor) -> float:
         """Return the neutral value for a motor."""
@@ -150,13 +152,15 @@ class Part:
     """One of the like parts of which an effect can have several at once, such as orders of a harmonic.
 
     parameters; at: its equations at ports; switches: it is off while these are neutral (default: all parameters);
-    polar: amplitude and phase that are fitted as cosine and sine.
+    polar: amplitude and phase that are fitted as cosine and sine; first_at: where it is what the first part is, so that
+    a diagnosis leaves the parameters neutral that name one of that part (`Parameter.first`).
     """
 
     parameters: tuple[Parameter, ...]
     at: tuple[At, ...] = ()
     switches: tuple[str, ...] = ()
     polar: tuple[str, str] | None = None
+    first_at: Mapping[str, float] = field(default_factory=dict)
 
 
 REPEATED = ("magnets", "energy", "torque")  # ports at which parts beyond the first can enter
@@ -273,6 +277,10 @@ def scales(motor: Motor, converter: Converter) -> dict[str, float]:
         "magnet flux": flux_scale(motor),
         "resistance": motor.resistance,
         "1 / L_d": 1.0 / motor.inductance_d,
+        "rated current / (L_d rated current)^2": 1.0 / (motor.inductance_d**2 * motor.rated_current),
+        "rated current / (L_d L_q rated current^2)": 1.0
+        / (motor.inductance_d * motor.inductance_q * motor.rated_current),
+        "rated current / (L_q rated current)^2": 1.0 / (motor.inductance_q**2 * motor.rated_current),
         "rated reactance": motor.rated_omega * max(motor.inductance_d, motor.inductance_q),
         "DC link": converter.dc_bus_voltage,
         "DC link / rated current": converter.dc_bus_voltage / motor.rated_current,

@@ -86,12 +86,13 @@ CARD = Effect(
     repeats=PARTS,
     further=Part(
         parameters=(
-            Parameter("psi_d", "Wb", 0.0, -1e2, 1e2, 0.005, "magnet flux"),
-            Parameter("psi_q", "Wb", 0.0, -1e2, 1e2, 0.003, "magnet flux"),
-            Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(12.0, 60.0, 6.0), whole=True),
+            Parameter("psi_d", "Wb", 0.0, -1e2, 1e2, 0.005, "magnet flux", first="psi_d6"),
+            Parameter("psi_q", "Wb", 0.0, -1e2, 1e2, 0.003, "magnet flux", first="psi_q6"),
+            Parameter("order", "", 12.0, -60.0, 60.0, 12.0, fit="fixed", scan=(6.0, 60.0, 6.0), whole=True),
             Parameter("phase", "rad", 0.0, -INF, INF, 0.0, fit="fixed", change=1.0, scan=EITHER_PHASE),
         ),
         at=(At("magnets", of_order, ("psi_d", "psi_q", "order", "phase")),),
         switches=("psi_d", "psi_q"),
+        first_at={"order": 6.0, "phase": 0.0},
     ),
 )

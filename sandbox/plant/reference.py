@@ -5,7 +5,8 @@ Same physics as `sandbox.plant.period` and none of its code; space vectors are c
     i = exp(j theta) dH/dz + i_c,  z = exp(-j theta) psi - m,  m = phi_m + sum psi_d cos x + j psi_q sin x
     dpsi/dt = u - R i - R_1 (i - x) - phases(i),  tau_c di_c/dt = (dpsi/dt)/R_c - i_c,  tau_x dx/dt = i - x
     tau_f df/dt = i - f,  torque = 3/2 p [Im(psi* (i - i_c)) + (i - i_c) . dm/dtheta - dH/dtheta]
-    x = n theta + phase of every order,  H += sum gamma/2 Re(z^2 exp(-j x)) + pulse/2 |z|^2 cos x
+    x = n theta + phase of every order,  H += sum gamma/2 Re(z^2 exp(-j x)) + back/2 Re(z^2 exp(j x))
+        + pulse/2 |z|^2 cos x + cos x (alpha_30 d^3 + alpha_12 d q^2) + sin x (alpha_21 d^2 q + alpha_03 q^3)
 
 A commanded edge is taken at its instant; how late it acts, the current says there.  What is sampled is f, or i where
 there is no filter, handed to the sensors.  Slow (about 10 ms a period): for tests, and to be read.
@@ -73,10 +74,9 @@ class Reference:
             slope += n * complex(-psi_d * math.sin(x), psi_q * math.cos(x))
         z = psi / e - m
         i = self.gradient(z)
-        for n, phase, gamma, pulse in self.inductance_orders:
-            u = cmath.exp(1j * (n * theta + phase))
-            i += gamma * u * z.conjugate() + pulse * u.real * z
-            turning += 0.5 * n * (gamma * (z * z / u).imag - pulse * u.imag * abs(z) ** 2)
+        for n, phase, *sizes in self.inductance_orders:
+            own, bent = harmonic_energy(z, cmath.exp(1j * (n * theta + phase)), *sizes)
+            i, turning = i + own, turning + n * bent
         torque = ((psi / e).conjugate() * i).imag + (i.conjugate() * slope).real - turning
         return i * e, 1.5 * self.motor.pole_pairs * torque
 
@@ -94,9 +94,10 @@ class Reference:
 
     @cached_property
     def inductance_orders(self) -> list[tuple[float, ...]]:
-        """Order, phase (rad) and two amplitudes of every harmonic of the inductances."""
-        sixth = (6.0, 0.0, self.v["inductance_harmonics.gamma_6"], 0.0)
-        return self.present([*self.orders("inductance_harmonics", "gamma", "pulse"), sixth])
+        """Order, phase (rad) and sizes of every harmonic of the inductances."""
+        sizes = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
+        sixth = (6.0, 0.0, self.v["inductance_harmonics.gamma_6"], *[0.0] * 6)
+        return self.present([*self.orders("inductance_harmonics", *sizes), sixth])
 
     @cached_property
     def teeth(self) -> list[tuple[float, ...]]:
@@ -105,12 +106,12 @@ class Reference:
         return [tuple(self.v[f"cogging_torque.{k}{x}"] for x in ("amplitude", "order_mech", "phase")) for k in places]
 
     def orders(self, effect: str, *sizes: str) -> list[tuple[float, ...]]:
-        """Return order, phase (rad) and two amplitudes of all further harmonics of an effect."""
+        """Return order, phase (rad) and sizes of all further harmonics of an effect."""
         return [tuple(self.v[f"{effect}.{k}.{n}"] for n in ("order", "phase", *sizes)) for k in range(2, 7)]
 
     def present(self, orders: list[tuple[float, ...]]) -> list[tuple[float, ...]]:
-        """Return those that have an amplitude."""
-        return [one for one in orders if one[2] or one[3]]
+        """Return those that have a size."""
+        return [one for one in orders if any(one[2:])]
 
     def phases(self, i: complex) -> complex:
         """Return the vector of what the phases lose one by one (V)."""
@@ -251,6 +252,19 @@ class Reference:
         off.append(-sum(off))
         gain = [v[f"current_gain.gain_{x}"] for x in "abc"]
         return np.array([gain[k] * (i * A ** (-k)).real + off[k] + v["bench.common_offset"] for k in range(3)])
+
+
+def harmonic_energy(
+    z: complex, u: complex, gamma: float, back: float, pulse: float, *alphas: float
+) -> tuple[complex, float]:
+    """Return the current (A) and dH/dx (J) that one order of the inductances has at a flux z (Wb); u = exp(j x)."""
+    d, q, (a_30, a_12, a_21, a_03) = z.real, z.imag, alphas
+    i = (gamma * u + back / u) * z.conjugate() + pulse * u.real * z
+    i += u.real * complex(3.0 * a_30 * d**2 + a_12 * q**2, 2.0 * a_12 * d * q)
+    i += u.imag * complex(2.0 * a_21 * d * q, a_21 * d**2 + 3.0 * a_03 * q**2)
+    turning = 0.5 * (gamma * (z * z / u).imag - back * (z * z * u).imag - pulse * u.imag * abs(z) ** 2)
+    turning += u.real * (a_21 * d**2 * q + a_03 * q**3) - u.imag * (a_30 * d**3 + a_12 * d * q**2)
+    return i, turning
 
 
 class Legs:

@@ -226,9 +226,10 @@ def _pieces(file: str, own: Mapping[str, Array], findings: list[Finding]) -> lis
         raise BadInput(f"{file}: no stretch of {SHORTEST} rows without a pause in column 't'; log with fewer pauses")
     if len(spans) > 1:
         rows = len(t) - sum(b - a for a, b in good)
+        pauses = f"{len(spans) - 1} pauses" if len(spans) > 2 else "a pause"
         text = (
-            f"{file}: {len(spans) - 1} pauses in column 't', the longest {float(step.max()):.3g} s; cut into "
-            f"{len(good)} stretches, {rows} of {len(t)} rows left out"
+            f"{file}: {pauses} in column 't', the longest {float(step.max()):.3g} s; cut into {len(good)} stretches, "
+            f"{rows} of {len(t)} rows left out"
         )
         findings.append(Finding(file, "t", int(np.argmax(step)), text))
     name = file.rpartition("/")[2]

@@ -182,7 +182,8 @@ def of_part(card: Effect, k: int, drive: Drive, start: Set, at: Set | None = Non
     for p in part.parameters:
         name = card.public(k, p.name)
         neutral, size = p.neutral_for(drive.motor), p.typical_for(drive.motor, drive.converter)
-        if p.fit == "fixed" or p.name in phases(part):
+        twin = p.first and all(start[card.public(k, n)] == x for n, x in part.first_at.items())
+        if p.fit == "fixed" or p.name in phases(part) or twin:
             continue
         if p.fit == "log":
             out.append(Coordinate(name, math.log(start[name]), p.spread, "log", (name,)))

@@ -3,13 +3,15 @@
 A search names an effect by its first part, or by none where only another order is there.  So once it has ended, every
 order that a card scans is weighed by algebra beside the best set, the best one is fitted, and so on until no order is
 worth its place: a part has to bring what an effect has to, and as much more as so many orders were tried.
+
+An effect that is not in the set may have to begin with several orders at once (`parts_together`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import product
 
@@ -20,11 +22,12 @@ from model.effects.card import Part
 from sandbox.gap.evidence.discrepancy import remainder
 from sandbox.gap.evidence.fit import Weights, attempted
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.evidence.priors import Coordinate, of_part
+from sandbox.gap.evidence.priors import of_part
 from sandbox.gap.evidence.spectrum import best_values
 from sandbox.gap.evidence.spike_slab import gains_of
 from sandbox.gap.search.forward import WORTH, Search, excess, rms_of
 from sandbox.gap.search.judged import Judged, judge
+from sandbox.gap.search.parts_together import Screened, Start, together
 from sandbox.gap.search.points import towards
 from sandbox.gap.search.posterior import ACCURATE
 from sandbox.gap.search.selection import CLOSES, DOUBTED, OPEN, PROMISED, SPENT
@@ -32,16 +35,6 @@ from sandbox.gap.search.subsets import log_prior
 from sandbox.plant.sets import further_parts
 
 BEGUN = 1e-3  # of an amplitude's typical size: a part that a fit begins with is on, and hardly more
-
-
-@dataclass(frozen=True)
-class Start:
-    """A part of an effect that may be there: the values that are looked for (order, phase), those a fit begins from
-    (amplitudes among them), and its coordinates."""
-
-    effect: str
-    begun: Mapping[str, float]
-    coordinates: tuple[Coordinate, ...]
 
 
 def with_parts(
@@ -90,9 +83,13 @@ def _grown(
         tried, looked = starts(best.fit.point, candidates(best, found, exclude))
         if not tried:
             break
-        gains, n, _ = gains_of(best.fit, [s.coordinates for s in tried], weights, workers)
+        gains, n, prior = gains_of(best.fit, [s.coordinates for s in tried], weights, workers)
         cost, price = cost + n.simulations, WORTH + math.log(looked)
-        new, spent = _tried(best, _promising(best, tried, gains, price, t), price, found, t, weights, workers, report)
+        worth = price * max(t, rms_of(best.fit) ** 2)
+        promising = _promising(best, tried, gains, worth)
+        promising += together(best, tried, Screened(n, prior, weights), worth)
+        ranked = [start for _, start in sorted(promising, key=lambda x: -x[0])]
+        new, spent = _tried(best, ranked, price, found, t, weights, workers, report)
         cost += spent
         if new is None:
             break
@@ -102,14 +99,13 @@ def _grown(
 
 
 def _promising(
-    best: Judged, tried: Sequence[Start], gains: Sequence[float], price: float, temperature: float
-) -> list[Start]:
-    """Return the starts whose log evidence promises their price, the best first; of an effect that is not in the set
-    one that promises as much of the gap as it has to close."""
+    best: Judged, tried: Sequence[Start], gains: Sequence[float], worth: float
+) -> list[tuple[float, Start]]:  # fmt: skip
+    """Return the starts whose log evidence promises what they must be worth, with what they promise; of an effect that
+    is not in the set one that promises as much of the gap as it has to close."""
     half = 0.5 * (1.0 - CLOSES[0]) * excess(best.fit)
-    worth = price * max(temperature, rms_of(best.fit) ** 2)
-    told = [(g, k) for k, g in enumerate(gains) if g > worth and (tried[k].effect in best.effects or g > half)]
-    return [tried[k] for _, k in sorted(told, reverse=True)]
+    told = zip(gains, tried, strict=True)
+    return [(g, s) for g, s in told if g > worth and (s.effect in best.effects or g > half)]
 
 
 def _tried(
@@ -122,7 +118,7 @@ def _tried(
         report(f"fitting another part of {start.effect}")
         new = _with(best, start, found, weights, workers)
         cost += new.simulations + new.fit.simulations if new else 0.0
-        if new is not None and _worth(new, best, price, temperature):
+        if new is not None and _worth(new, best, price * start.parts, temperature):
             return new, cost
     return None, cost
 
@@ -175,8 +171,9 @@ def starts(point: Point, effects: Sequence[str]) -> tuple[list[Start], int]:
         k = next((k for k in range(2, card.repeats + 1) if k not in on), None)
         if k is not None:
             told, count = _scanned(point, card.part(k), partial(card.public, k))
-            out += [_begun(point, effect, k, values) for values in told]
-            looked += count
+            own = [_begun(point, effect, k, values) for values in told]
+            out += [s for s in own if s.coordinates]
+            looked += count - sum(not s.coordinates for s in own)
     return out, looked
 
 
@@ -199,12 +196,13 @@ def _begun(point: Point, effect: str, k: int, values: Mapping[str, float]) -> St
     """Return the start of an effect's k-th part at scanned values."""
     drive, card = point.prepared.campaign.drive, library.load_effect(effect)
     part, along = card.part(k), tuple(values.items())
+    own = of_part(card, k, drive, {**point.values, **values})
+    moved = {c.names[0] for c in own}
     sizes = {
         card.public(k, p.name): BEGUN * p.typical_for(drive.motor, drive.converter)
-        for p in part.parameters if p.name in part.switches
+        for p in part.parameters if p.name in part.switches and card.public(k, p.name) in moved
     }  # fmt: skip
-    own = of_part(card, k, drive, {**point.values, **values})
-    return Start(effect, {**values, **sizes}, tuple(replace(c, along=along) for c in own))
+    return Start(effect, {**values, **sizes}, tuple(replace(c, along=along) for c in own), k)
 
 
 def _with(best: Judged, start: Start, found: Search, weights: Weights, workers: int) -> Judged | None:

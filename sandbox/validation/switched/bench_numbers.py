@@ -24,6 +24,7 @@ from sandbox.validation.switched.harmonics import (
 from sandbox.validation.switched.leg import LINEAR, leg_table
 
 SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
+INDUCTANCES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
 SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
 STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
 STEPS_WITH_CORNERS = 16.0  # a current that reaches a corner of its sign and turns back inside a step is not seen
@@ -205,7 +206,7 @@ def _orders(motor: Motor, v: Mapping[str, float]) -> Harmonics | None:
         return [f for f in found if any(f.get(s) for s in sizes)]
 
     flux = [FluxHarmonic(**f) for f in given("flux_harmonics", "psi_d", "psi_q")]
-    inductance = [InductanceHarmonic(**f) for f in given("inductance_harmonics", "gamma", "pulse")]
+    inductance = [InductanceHarmonic(**f) for f in given("inductance_harmonics", *INDUCTANCES)]
     cogging = [
         CoggingHarmonic(f["order_mech"], f["amplitude"], f["phase"]) for f in given("cogging_torque", "amplitude")
     ]

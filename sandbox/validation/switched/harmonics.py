@@ -11,8 +11,11 @@ theta is the electrical, Theta the mechanical angle; everything in the rotor fra
       s = j phi_m + h' + j h - 2 phi_m Im(z_0) G   (h' at constant z_0)
 
   Growth with the square keeps H smooth at zero flux; k = growth / (flux of rated current)^2.
-- Inductance: H += sum [gamma/2 Re(z^2 e^{-j x}) + pulse/2 |z|^2 cos x], x = n theta + phase.  gamma is an inductance
-  ellipse that turns by n/2 against the rotor (the effect library's gamma_6 has n = 6), pulse one that breathes.
+- Inductance: H += sum [gamma/2 Re(z^2 e^{-j x}) + back/2 Re(z^2 e^{j x}) + pulse/2 |z|^2 cos x], x = n theta + phase.
+  gamma is an inductance ellipse that turns by n/2 against the rotor (the effect library's gamma_6 has n = 6), back one
+  that turns the other way, pulse one that breathes.  What saturation adds, of third degree:
+  cos x Re(c_3 z^3 + c_1 z |z|^2) + sin x Im(s_3 z^3 + s_1 z |z|^2), with 4 c_3 = alpha_30 - alpha_12,
+  4 c_1 = 3 alpha_30 + alpha_12, 4 s_3 = alpha_21 - alpha_03, 4 s_1 = alpha_21 + 3 alpha_03.
 - Cogging: torque sum A sin(n Theta + phase), potential sum A/n cos(n Theta + phase).
 """
 
@@ -42,12 +45,18 @@ class FluxHarmonic(NamedTuple):
 
 
 class InductanceHarmonic(NamedTuple):
-    """One order of the inverse inductance, electrical: a turning and a breathing part in 1/H, phase in rad."""
+    """One order of the inverse inductance, electrical: phase in rad; parts that turn with it, breathe and turn against
+    it, in 1/H; what saturation adds, in A/Wb^2."""
 
     order: float
     gamma: float = 0.0
     pulse: float = 0.0
     phase: float = 0.0
+    back: float = 0.0
+    alpha_30: float = 0.0
+    alpha_12: float = 0.0
+    alpha_21: float = 0.0
+    alpha_03: float = 0.0
 
 
 class CoggingHarmonic(NamedTuple):
@@ -89,7 +98,8 @@ def harmonics(
             raise BadInput(f"cogging harmonic of order {one.order:g} has no potential; give an order from 1 on")
     rated = math.sqrt(motor.inductance_d * motor.inductance_q) * motor.rated_current
     grown = sum(max(abs(f.psi_d), abs(f.psi_q)) * max(1.0, abs(1.0 + f.growth)) for f in flux)
-    swing = sum(abs(g.gamma) + abs(g.pulse) for g in inductance)
+    swing = sum(abs(g.gamma) + abs(g.pulse) + abs(g.back) for g in inductance)
+    swing += 6.0 * rated * sum(max(map(abs, g[5:])) for g in inductance)  # largest second derivative at rated flux
     _check_below("flux harmonics together", grown, max(motor.magnet_flux, rated), "Wb")
     least = min(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
     _check_below("inductance harmonics together", swing, least, "1/H, where the energy is not convex")
@@ -129,15 +139,16 @@ def flux_sum(rows, theta):
 
 @kernel
 def inductance_sum(rows, theta):
-    """Return the sums of gamma e^{j x}, n gamma e^{j x}, pulse cos x and n pulse sin x (1/H), x = n theta + phase."""
+    """Return the sums of gamma e^{j x} + back e^{-j x}, of their slopes by j theta, of pulse cos x and of n pulse sin x
+    (1/H), x = n theta + phase."""
     swing = turning = complex(0.0, 0.0)
     pulse = pulse_slope = 0.0
     for k in range(rows.shape[0]):
         one = rows[k]
         x = one.order * theta + one.phase
         cos, sin = math.cos(x), math.sin(x)
-        swing += one.gamma * complex(cos, sin)
-        turning += one.order * one.gamma * complex(cos, sin)
+        swing += complex((one.gamma + one.back) * cos, (one.gamma - one.back) * sin)
+        turning += one.order * complex((one.gamma - one.back) * cos, (one.gamma + one.back) * sin)
         pulse += one.pulse * cos
         pulse_slope += one.order * one.pulse * sin
     return swing, turning, pulse, pulse_slope
@@ -187,7 +198,9 @@ def with_swing(h, z, theta, i, turning):
         return i, turning
     swing, swing_turn, pulse, pulse_turn = inductance_sum(h.inductance, theta)
     turning += (z * z * (swing + 0.5 * swing_turn).conjugate()).imag
-    return i + swing * z.conjugate() + pulse * z, turning - 0.5 * pulse_turn * abs(z) ** 2
+    i += swing * z.conjugate() + pulse * z
+    more, more_turn = growing(h.inductance, z, theta)
+    return i + more, turning + more_turn - 0.5 * pulse_turn * abs(z) ** 2
 
 
 @kernel
@@ -196,16 +209,56 @@ def swing_energy(h, z, theta):
     if h is None:
         return 0.0
     swing, _, pulse, _ = inductance_sum(h.inductance, theta)
-    return 0.5 * ((z * z * swing.conjugate()).real + pulse * abs(z) ** 2)
+    h_2 = 0.5 * ((z * z * swing.conjugate()).real + pulse * abs(z) ** 2)
+    c_3, c_1, s_3, s_1 = saturated(h.inductance, theta)[:4]
+    return h_2 + (z * z * (c_3 * z + c_1 * z.conjugate())).real + (z * z * (s_3 * z + s_1 * z.conjugate())).imag
 
 
 @kernel
-def with_swing_stiffness(h, theta, a, c):
-    """Return a, c of di = a dz + c dz* (1/H) with those of the inductance harmonics added."""
+def saturated(rows, theta):
+    """Return c_3 cos x, c_1 cos x, s_3 sin x and s_1 sin x (A/Wb^2), summed over the orders, and their slopes by the
+    angle; see above."""
+    c_3 = c_1 = s_3 = s_1 = c_3_turn = c_1_turn = s_3_turn = s_1_turn = 0.0
+    for k in range(rows.shape[0]):
+        one = rows[k]
+        x = one.order * theta + one.phase
+        cos, sin = 0.25 * math.cos(x), 0.25 * math.sin(x)
+        c_3 += (one.alpha_30 - one.alpha_12) * cos
+        c_1 += (3.0 * one.alpha_30 + one.alpha_12) * cos
+        s_3 += (one.alpha_21 - one.alpha_03) * sin
+        s_1 += (one.alpha_21 + 3.0 * one.alpha_03) * sin
+        c_3_turn -= one.order * (one.alpha_30 - one.alpha_12) * sin
+        c_1_turn -= one.order * (3.0 * one.alpha_30 + one.alpha_12) * sin
+        s_3_turn += one.order * (one.alpha_21 - one.alpha_03) * cos
+        s_1_turn += one.order * (one.alpha_21 + 3.0 * one.alpha_03) * cos
+    return c_3, c_1, s_3, s_1, c_3_turn, c_1_turn, s_3_turn, s_1_turn
+
+
+@kernel
+def growing(rows, z, theta):
+    """Return what the terms of third degree add to the current (A) and to dH/dtheta at constant z e^{j theta} (J).
+
+    2 d/dz* of Re(c z^3), Re(c z^2 z*), Im(s z^3), Im(s z^2 z*) is 3 c z*^2, c (z^2 + 2 z z*), 3 j s z*^2 and
+    j s (2 z z* - z^2), c and s real; z turns by -j z for each radian.
+    """
+    c_3, c_1, s_3, s_1, c_3_turn, c_1_turn, s_3_turn, s_1_turn = saturated(rows, theta)
+    back, z_2, r_2 = z.conjugate(), z * z, z.real * z.real + z.imag * z.imag
+    j = complex(0.0, 1.0)
+    i = 3.0 * (c_3 + j * s_3) * back * back + c_1 * (z_2 + 2.0 * r_2) + j * s_1 * (2.0 * r_2 - z_2)
+    turning = (z_2 * (c_3_turn * z + c_1_turn * back)).real + (z_2 * (s_3_turn * z + s_1_turn * back)).imag
+    return i, turning - (back * i).imag
+
+
+@kernel
+def with_swing_stiffness(h, z, theta, a, c):
+    """Return a, c of di = a dz + c dz* (1/H) with those of the inductance harmonics at flux z added."""
     if h is None:
         return a, c
     swing, _, pulse, _ = inductance_sum(h.inductance, theta)
-    return a + pulse, c + swing
+    c_3, c_1, s_3, s_1 = saturated(h.inductance, theta)[:4]
+    j = complex(0.0, 1.0)
+    c += 6.0 * (c_3 + j * s_3) * z.conjugate() + 2.0 * (c_1 + j * s_1) * z
+    return a + pulse + 4.0 * (c_1 * z.real + s_1 * z.imag), c + swing
 
 
 @inlined

@@ -138,7 +138,7 @@ def least_stiffness(b, psi, theta):
     a, c = with_map_stiffness(b.flux_map, z, a, c)
     if b.gamma_6 != 0.0:
         c += b.gamma_6 * sixth(e_1)
-    a, c = with_swing_stiffness(b.harmonics, theta, a, c)
+    a, c = with_swing_stiffness(b.harmonics, z, theta, a, c)
     if grown != 0.0:
         i, _ = gradient(b, z, theta, e_1)
         a, c = chained_stiffness(a, c, z_0, grown, i.real * grown.real + i.imag * grown.imag)

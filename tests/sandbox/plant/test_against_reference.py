@@ -34,6 +34,9 @@ ORDERS = {  # odd ones and backward ones, too; the sixth beside them
     "flux_harmonics.4.psi_q": 0.002, "flux_harmonics.4.order": 18.0, "flux_harmonics.4.phase": 0.7,
     "inductance_harmonics.3.gamma": 1.0, "inductance_harmonics.3.order": -6.0, "inductance_harmonics.3.phase": 0.4,
     "inductance_harmonics.5.pulse": 0.8, "inductance_harmonics.5.order": 7.0, "inductance_harmonics.gamma_6": 0.6,
+    "inductance_harmonics.6.back": 0.3, "inductance_harmonics.6.alpha_30": 4.0, "inductance_harmonics.6.alpha_12": -3.0,
+    "inductance_harmonics.6.alpha_21": 5.0, "inductance_harmonics.6.alpha_03": 2.0,
+    "inductance_harmonics.6.phase": -0.8,
 }  # fmt: skip
 TEETH = {
     "cogging_torque.amplitude": 0.02, "cogging_torque.order_mech": 36.0, "cogging_torque.3.amplitude": 0.05,

@@ -32,7 +32,11 @@ FLUX = (
     FluxHarmonic(12.0, 0.001, 0.0015, -1.1, -0.5),
     FluxHarmonic(2.0, 0.001, 0.002, 0.2),
 )
-INDUCTANCE = (InductanceHarmonic(6.0, 0.5, 0.2, 0.3), InductanceHarmonic(-12.0, 0.3, 0.0, 1.0))
+INDUCTANCE = (
+    InductanceHarmonic(6.0, 0.5, 0.2, 0.3),
+    InductanceHarmonic(-12.0, 0.3, 0.0, 1.0),
+    InductanceHarmonic(18.0, 0.1, -0.1, -1.0, 0.25, 2.0, -3.0, 4.0, 1.5),
+)
 COGGING = (CoggingHarmonic(36.0, 0.02, 0.5), CoggingHarmonic(24.0, 0.01, -1.0))
 LISTS = harmonics(MOTOR, FLUX, INDUCTANCE, COGGING)
 BENCH = quiet(bench(MOTOR, IPM.converter))
@@ -55,7 +59,10 @@ def energy(psi, theta):
     for g in INDUCTANCE:
         x = g.order * theta + g.phase
         h += 0.5 * g.gamma * ((d * d - q * q) * math.cos(x) + 2.0 * d * q * math.sin(x))
+        h += 0.5 * g.back * ((d * d - q * q) * math.cos(x) - 2.0 * d * q * math.sin(x))
         h += 0.5 * g.pulse * (d * d + q * q) * math.cos(x)
+        h += (g.alpha_30 * d**3 + g.alpha_12 * d * q * q) * math.cos(x)
+        h += (g.alpha_21 * d * d * q + g.alpha_03 * q**3) * math.sin(x)
     return h
 
 
