@@ -131,8 +131,8 @@ def settled(i_a, i_b, e_a, e_b, mid_a, mid_b, p_a, p_b, r, decay, turned, stiff,
     """Return the current in a segment's middle, corrected, and its mean drop (V).
 
     i: current at the flux predicted; e, p: its and the flux' change from start to middle; r: ohm; decay: R S/4, with
-    the skin effect's part; turned: rad by which the rotor turns in the segment; stiff: inverse inductance, 1/H; kink: 4/S
-    times K of late edges (Wb); core: 1/H, of the iron-loss current's kink beside the magnetising current's.
+    the skin effect's part; turned: rad by which the rotor turns in the segment; stiff: inverse inductance, 1/H; kink:
+    4/S times K of late edges (Wb); core: 1/H, of the iron-loss current's kink beside the magnetising current's.
     """
     (stiff_aa, stiff_ab, stiff_bb), (k_a, k_b) = stiff, kink
     x, y = decay * (stiff_aa * e_a + stiff_ab * e_b), decay * (stiff_ab * e_a + stiff_bb * e_b)
