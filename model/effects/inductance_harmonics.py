@@ -6,7 +6,8 @@ What they make of the flux grows with the current; where teeth saturate, with it
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -70,13 +71,18 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
 def softened(v: Mapping[str, float], motor: Motor) -> float:
     """Return by how much the harmonics lower the second derivatives of H at most, as a share of those that the motor's
     inductances make: in scaled fluxes d/sqrt(L_d), q/sqrt(L_q), over a turn, without current and at rated current."""
-    l_d, l_q = motor.inductance_d, motor.inductance_q
-    d, q = motor.rated_current * np.array([l_d, l_q])[:, None, None] * np.stack([np.cos(AROUND), np.sin(AROUND)])
-    d, q = np.append(0.0, d.ravel()), np.append(0.0, q.ravel())
-    dd, dq, qq = np.zeros((3, len(TURN), len(d)))
     parts = [(v["inductance_harmonics.gamma_6"], *[0.0] * 6, 6.0, 0.0)]
     parts += [tuple(v[f"{part}.{n}"] for n in NUMBERS) for part in FURTHER]
-    for g, b, p, a_30, a_12, a_21, a_03, order, phase in (x for x in parts if any(x[: len(SIZES)])):
+    there = tuple(x for x in parts if any(x[: len(SIZES)]))
+    return _softened(there, motor.inductance_d, motor.inductance_q, motor.rated_current) if there else 0.0
+
+
+@lru_cache(maxsize=1000)  # a diagnosis asks for the same sizes again and again
+def _softened(parts: Sequence[tuple[float, ...]], l_d: float, l_q: float, rated_current: float) -> float:
+    d = np.append(0.0, rated_current * l_d * np.cos(AROUND))
+    q = np.append(0.0, rated_current * l_q * np.sin(AROUND))
+    dd, dq, qq = np.zeros((3, len(TURN), len(d)))
+    for g, b, p, a_30, a_12, a_21, a_03, order, phase in parts:
         angle = (order * TURN + phase)[:, None]
         x, y = np.cos(angle), np.sin(angle)
         dd = dd + x * (g + b + p + 6.0 * a_30 * d) + y * 2.0 * a_21 * q

@@ -70,6 +70,21 @@ def test_how_much_softer_the_energy_gets(given, share):
     assert softened(values, MOTOR) == pytest.approx(share, rel=1.4e-3)
 
 
+def test_softer_where_both_fluxes_are():
+    """alpha_12 alone: 2 alpha d on q and 2 alpha q across, so half of the first and the root of squares, by hand at the
+    eight angles of the current."""
+    angle, alpha = np.arange(8) * math.pi / 4.0, 4.0
+    d = MOTOR.inductance_d * MOTOR.rated_current * np.cos(angle)
+    q = MOTOR.inductance_q * MOTOR.rated_current * np.sin(angle)
+    own, across = (
+        2.0 * alpha * d * MOTOR.inductance_q,
+        2.0 * alpha * q * math.sqrt(MOTOR.inductance_d * MOTOR.inductance_q),
+    )
+    values = library.complete(MOTOR, DRIVE.converter, {"inductance_harmonics.2.alpha_12": alpha})
+    by_hand = np.max(0.5 * np.abs(own) + np.hypot(0.5 * own, across))
+    assert softened(values, MOTOR) == pytest.approx(by_hand, rel=1.4e-3)
+
+
 def test_an_energy_that_is_not_convex_is_refused():
     """6 alpha_30 L_d I beside 1/L_d: one at alpha_30 = 1/(6 L_d^2 I)."""
     limit = 1.0 / (6.0 * MOTOR.inductance_d**2 * MOTOR.rated_current)
