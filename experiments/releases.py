@@ -1,10 +1,11 @@
 """Has anything got worse since the last release?
 
 `python -m experiments.releases` measures, in one run: position errors of two estimators with both beliefs on a short
-staircase, what the diagnosis says of a small campaign with dead time, and what estimators cost in C against compiled
-Python.  Errors and scores come with their noise: the standard deviation over seeds of the sensors' noise.  The entry
-of this version in results/releases.json is made anew, the table releases.md has a column a release.  The suite makes
-errors and scores again with one seed, and fails where they are worse than the last entry by more than LARGE deviations.
+staircase, what the diagnosis says of a small campaign with dead time, and what estimators cost in compiled Python
+against the same in C.  Errors and scores come with their noise: the standard deviation over seeds of the sensors'
+noise; costs with that over BATCHES.  The entry of this version in results/releases.json is made anew (`--only cost`:
+that part of it), the table releases.md has a column a release.  The suite makes all of it again once, and fails where
+something is worse than the last entry by more than LARGE deviations.
 """
 
 from __future__ import annotations
@@ -12,18 +13,22 @@ from __future__ import annotations
 import argparse
 import json
 import statistics
+import tempfile
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
+
+from estimators.contract import Estimator
 
 RESULTS = Path(__file__).parent / "results"
 KEPT = RESULTS / "releases.json"
 SEEDS = (3, 4, 5, 6, 7)  # of a comparison; the first is the suite's
 DRAWS = (5, 6, 7)  # of a campaign; likewise
 LARGE = 5.0  # standard deviations: of forty numbers none goes so far by chance
-LEAST = {"position": 0.01, "diagnosis": 0.01}  # degrees, shares: other machines and libraries
-SIGN = {"position": 1.0, "diagnosis": -1.0}  # what should be small, what large
+LEAST = {"position": 0.01, "diagnosis": 0.01, "cost": 0.2}  # degrees, shares, ratios: other machines and libraries
+SIGN = {"position": 1.0, "diagnosis": -1.0, "cost": 1.0}  # what should be small, what large
+BATCHES, TURNS = 5, 7  # of costs: medians, and runs in turns of which each is the median
 LEFT_OUT = ("pwm_delay", "current_sampling", "current_filter")
 
 
@@ -83,11 +88,34 @@ def diagnosed(seed: int) -> dict[str, float]:
     return scores(answer(small_campaign({"dead_time.time": DEAD_TIME}, seed=seed), exclude=LEFT_OUT), "dead_time")
 
 
-def costs() -> dict[str, float]:
-    """Return what a closed-loop second costs in compiled Python over that with the same estimator in C, as last
-    measured side by side (`c_estimators`)."""
-    kept = json.loads((RESULTS / "c_estimators.json").read_text(encoding="utf-8"))["costs"]
-    return {f"{name}, Python over C": c["python_loop_ms_s"] / c["c_loop_ms_s"] for name, c in kept.items()}
+def costs(libraries: Mapping[str, Estimator]) -> dict[str, float]:
+    """Return what a closed-loop second costs in compiled Python over that with the same estimator in C (`libraries`):
+    the median of runs in turns, by processor time."""
+    from estimators.registry import load_estimator
+    from model.drive_files import load_drive
+    from sandbox.drive.scenario import Scenario, Segment
+    from sandbox.drive.simulate import simulate
+
+    drive, scenario, found = load_drive("ipm_exchanged"), Scenario("a_second", (Segment(1.0),)), {}
+    for name, library in libraries.items():
+        both = load_estimator(name), library
+        ratios = []
+        for _ in range(TURNS + 1):
+            python, c = (simulate(drive, scenario, which).cpu_seconds for which in both)
+            ratios.append(python / c)
+        found[f"{name}, Python over C"] = statistics.median(ratios[1:])  # the first one compiles
+    return found
+
+
+def measured_costs() -> dict[str, dict[str, float]]:
+    """Return costs with their noise over BATCHES, the C sources compiled here."""
+    from estimators.c import generate
+    from estimators.c.build import build
+    from estimators.registry import load_estimator
+
+    with tempfile.TemporaryDirectory() as made:
+        built = {n: load_estimator(build(generate.HERE / f"{n}.c", Path(made))) for n in generate.NAMES}
+        return spread([costs(built) for _ in range(BATCHES)])
 
 
 def table(entries: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -111,14 +139,20 @@ def main() -> None:
     """Measure, and keep the entry of this version."""
     from sandbox.output.provenance import version
 
-    argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--only", choices=["cost"], help="make this part of the entry anew")
+    only, today = parser.parse_args().only, datetime.now(UTC).date().isoformat()
     entries = json.loads(KEPT.read_text(encoding="utf-8")) if KEPT.exists() else []
-    own = {
-        "version": version(), "made": datetime.now(UTC).date().isoformat(),
-        "position": spread([compared(s) for s in SEEDS]),
-        "diagnosis": spread([diagnosed(s) for s in DRAWS]),
-        "cost": costs(),
-    }  # fmt: skip
+    if only:
+        made = entries[-1]["made"].partition(";")[0]
+        own = entries[-1] | {"made": f"{made}; cost {today}", "cost": measured_costs()}
+    else:
+        own = {
+            "version": version(), "made": today,
+            "position": spread([compared(s) for s in SEEDS]),
+            "diagnosis": spread([diagnosed(s) for s in DRAWS]),
+            "cost": measured_costs(),
+        }  # fmt: skip
     entries = [e for e in entries if e["version"] != own["version"]] + [own]
     KEPT.write_text(json.dumps(entries, indent=1) + "\n", encoding="utf-8")
     lines = ["# Releases", "", "By `python -m experiments.releases`.", "", *table(entries)]

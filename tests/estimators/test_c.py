@@ -19,6 +19,7 @@ from estimators.c.golden import read_golden
 from estimators.c.target import MOST
 from estimators.c.translate import translated
 from estimators.registry import load_estimator
+from experiments import releases
 from model.frames import rotate, wrapped
 from sandbox import export_estimator, load_motor, protocol, simulate
 from sandbox.cli import main
@@ -180,3 +181,13 @@ def test_exports_that_are_refused(tmp_path, capsys):
     with pytest.raises(ValueError, match="neither 'saturated' nor 'linear'"):
         export_estimator("ekf", belief="quartic")
     assert not Path(tmp_path / "out").exists()
+
+
+@needs_compiler
+def test_compiled_python_costs_no_more_beside_c_than_at_the_last_release(libraries):
+    """By five deviations of the median of seven runs in turns, or 0.2 (experiments/results/releases.md)."""
+    kept, own = releases.last(), releases.costs({name: libraries[name, False] for name in NAMES})
+    assert set(own) == set(kept["cost"])
+    assert releases.worse(kept, "cost", own) == []
+    lost = {name: entry["value"] + 0.21 + 6.0 * entry["noise"] for name, entry in kept["cost"].items()}
+    assert len(releases.worse(kept, "cost", lost)) == len(own)
