@@ -24,7 +24,7 @@ from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.report.where import Finding, percent, summary, where
 from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
 from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.gap.search.shortened import share, shortened
+from sandbox.gap.shortened import share, shortened
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
 from sandbox.replay.memory import USUAL
 

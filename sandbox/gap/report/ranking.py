@@ -15,7 +15,7 @@ from sandbox.gap.report.shares import Shares, shares
 from sandbox.gap.search.estimates import Estimate, estimates_beside
 from sandbox.gap.search.inclusion import Inclusion, by_algebra, inclusion
 from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.gap.search.shortened import shortened
+from sandbox.gap.shortened import shortened
 
 SLIGHT = 0.05  # chance of `unknown` below which no regression is fitted beside the effects
 LIKELY = 0.5  # chance from which an effect counts as there

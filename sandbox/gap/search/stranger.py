@@ -14,8 +14,8 @@ from sandbox.gap.evidence.beside import beside
 from sandbox.gap.evidence.fit import Weights
 from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import Judged
-from sandbox.gap.search.shortened import shortened
 from sandbox.gap.search.subsets import Subsets
+from sandbox.gap.shortened import shortened
 
 ROUNDS = 3  # fits without what is not believed, each at a point of its own
 LIKELY = 0.5  # chance of `unknown` from which on effects have to stand beside a regression

@@ -11,7 +11,7 @@ from sandbox.gap.diagnose import diagnose
 from sandbox.gap.evidence.fit import coordinates_of, fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point, counted, normal
-from sandbox.gap.search.shortened import share, shortened
+from sandbox.gap.shortened import share, shortened
 from sandbox.plant.sets import complete
 from sandbox.replay import memory
 from sandbox.replay.memory import Kept, Spill, spare
