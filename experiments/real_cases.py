@@ -68,8 +68,7 @@ CASES: dict[str, Case] = {
         diagnosed.thor_quartic,
         "finite elements over (i_d, i_q, angle): slots, orders 6 to 18; no inverter, no sensor at fault",
         "`unknown`",
-        "Believe `unknown`: the quartic energy misses these tables by 0.2 A. A link ripple, if named, is order 18 of "
-        " one recording's speed: the link is ideal.",
+        "Believe `unknown`: the quartic energy misses these tables by 0.2 A, more than the slots make.",
     ),
     "thor_own_map": Case(
         diagnosed.thor_own_map,
