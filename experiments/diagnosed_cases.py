@@ -152,8 +152,8 @@ def thor_with_map(folder: Path) -> Path:
 
 
 def laas_motion(folder: Path) -> dict[str, Any]:
-    """Return LAAS' files as they are, by their motion."""
-    files = ("quasi_static_scan", "rolling_data", "rolling_data1", "rolling_data2")
+    """Return all of LAAS' files as they are, by their motion."""
+    files = ("quasi_static_scan", "acceleration", "speed_test1", "rolling_data", "rolling_data1", "rolling_data2")
     text = LAAS + "".join(f'[[recording]]\nfile = "{file}.txt"\nrotor = "free"\n' for file in files)
     (folder / "laas.toml").write_text(text)
     return told(shared("SENSORLESS_DATA", "realdata") / "laas_bldc", "--columns", str(folder / "laas.toml"))

@@ -56,6 +56,20 @@ def test_every_real_case_is_kept_with_its_date():
     assert page.count("**Believe it?**") == len(kept)
 
 
+def test_what_laas_motion_tells_is_what_the_slow_scan_and_the_accelerations_say():
+    """Cogging of order 72 and dry friction by the equation of the shaft, beside holding currents up against down and
+    beside averages over accelerations: two fits that share no code with it.  Inside the intervals of these."""
+    results = ROOT / "experiments" / "results"
+    said = json.loads((results / "real_cases.json").read_text(encoding="utf-8"))["cases"]["laas_motion"]["parameters"]
+    scan, runs = (
+        json.loads((results / f"real_{name}.json").read_text(encoding="utf-8"))["values"]
+        for name in ("cogging", "friction")
+    )
+    assert said["cogging_torque.order_mech"] == 72
+    assert scan["order_72"]["low"] < said["cogging_torque.amplitude"] < scan["order_72"]["high"]
+    assert runs["coulomb"]["low"] < said["coulomb_friction.torque"] < runs["coulomb"]["high"]
+
+
 def test_the_effect_library_takes_the_fitted_skin_effect():
     """4 to 5.6 us lie within its bounds; R_1 tau^2, all that the table's frequencies tell, stands beside them."""
     record = json.loads((ROOT / "experiments" / "results" / "real_skin_effect.json").read_text(encoding="utf-8"))

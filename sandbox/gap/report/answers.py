@@ -12,6 +12,7 @@ import numpy as np
 
 from model.effects import library
 from model.errors import BadInput
+from model.mapped import MappedMotor
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
@@ -230,7 +231,8 @@ def caveats(a: Answers) -> list[str]:
     out += [text for text in (d.caution, a.odd_phase) if text]
     if d.excluded:
         out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")
-    if all(getattr(d.campaign.drive.motor, x, 1.0) == 0.0 for x in ALPHAS):
+    motor = d.campaign.drive.motor
+    if not isinstance(motor, MappedMotor) and all(getattr(motor, x) == 0.0 for x in ALPHAS):
         out.append("The nominal model has no saturation (all five alphas are 0).")
     blind = [r.origin for r in d.campaign.recordings if r.rotor == "free" and "load_torque" not in r.columns]
     if blind := list(dict.fromkeys(blind)):

@@ -125,8 +125,12 @@ def _tried(
 
 def candidates(best: Judged, found: Search, exclude: Sequence[str]) -> list[str]:
     """Return the effects of which another part is looked for: those of the best set, and where it leaves a gap those
-    that a search of first parts may have missed."""
-    if remainder(found.null, best.fit).unknown < OPEN:
+    that a search of first parts may have missed.
+
+    The latter only where a rotor turns: at one that stands every order is a constant and looks like a saturation.
+    """
+    turns = any(r.rotor != "locked" for r in best.fit.point.prepared.recordings)
+    if not turns or remainder(found.null, best.fit).unknown < OPEN:
         return list(best.effects)
     others = [
         e for e in library.effect_names() if e not in {*best.effects, *exclude} and library.load_effect(e).further

@@ -198,15 +198,17 @@ def test_effects_that_an_order_has_made_needless_go_one_by_one(planned):
     assert [j.effects for j in out] == [("a", "c"), ("a", "b"), ("a",)]
 
 
-@pytest.mark.parametrize("unknown", [0.0, 1.0])
+@pytest.mark.parametrize(("unknown", "rotor"), [(0.0, "driven"), (1.0, "driven"), (1.0, "free"), (1.0, "locked")])
 def test_another_part_is_looked_for_of_named_effects_and_beside_a_rest_of_others_that_can_have_one(
-    monkeypatch, unknown
+    monkeypatch, unknown, rotor
 ):
     further = {e for e in library.effect_names() if library.load_effect(e).further}
     assert "flux_harmonics" in further
     monkeypatch.setattr(parts, "remainder", lambda null, fit: SimpleNamespace(unknown=unknown))
-    best = SimpleNamespace(effects=("dead_time", "flux_harmonics"), fit=None)
+    recordings = (SimpleNamespace(rotor="locked"), SimpleNamespace(rotor=rotor))
+    fit = SimpleNamespace(point=SimpleNamespace(prepared=SimpleNamespace(recordings=recordings)))
+    best = SimpleNamespace(effects=("dead_time", "flux_harmonics"), fit=fit)
     barred = sorted(further - {"flux_harmonics"})[0]
     found = parts.candidates(best, SimpleNamespace(null=None), (barred,))
     others = further - {"flux_harmonics", barred}
-    assert set(found) == {"dead_time", "flux_harmonics"} | (others if unknown else set())
+    assert set(found) == {"dead_time", "flux_harmonics"} | (others if unknown and rotor != "locked" else set())
