@@ -49,7 +49,8 @@ def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float
     motor, converter = drive.motor, drive.converter
     v, h, rated = complete(motor, converter, effects), converter.sampling_period, motor.rated_current
     features = features_of(motor, v) | add.MOVED | add.MOTION | add.LINK  # with LINK segments are taken by their parts
-    w, room = Fields(batch_of(motor, converter, [v], 1)), Fields(blank_room(1))
+    w: Any = Fields(batch_of(motor, converter, [v], 1))
+    room: Any = Fields(blank_room(1))
     if rotor != "free":
         features &= ~add.TWIST
         w.inertia_inv[:] = w.motor_inv[:] = w.load_inv[:] = w.load_share[:] = 0.0

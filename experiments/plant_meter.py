@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.optimize import root
@@ -34,6 +34,19 @@ class Fields:
         return getattr(self, name)
 
 
+class Middle(NamedTuple):
+    """A segment as its middle knows it: length (s), link (V), the legs' levels, late edges with what they change of
+    these and how late (s), flux at the start (Wb), current in the middle and mean iron-loss current (A)."""
+
+    span: float
+    link: float
+    levels: complex
+    edges: list[tuple[complex, float]]
+    flux: complex
+    current: complex
+    core: complex
+
+
 class Meter:
     """What a plant takes in, loses and hands on (J), added up segment by segment; w: of one lane."""
 
@@ -44,7 +57,7 @@ class Meter:
         self.total = dict.fromkeys(names, 0.0)
         self.waiting: list[tuple[complex, float]] = []
         self.begun: list[complex] = []
-        self.segment: Any = None
+        self.segment: Middle | None = None
 
     def vector(self, name: str) -> complex:
         """Return a vector of the batch."""
@@ -109,7 +122,7 @@ class Meter:
         """End the last segment, if there is one, and begin another."""
         now = [self.vector(x) for x in ("i", "core", "slow")]
         if self.segment is not None:
-            self.end(*self.segment, self.begun, now)
+            self.end(self.segment, self.begun, now)
         self.begun = now
 
     def in_middle(self, span: float, u: complex, own: complex) -> None:
@@ -117,14 +130,12 @@ class Meter:
         w = self.w
         edges = [(own, min(w.late[0], span)), *self.waiting]
         edges = [(x, r) for x, r in edges if x != 0 and r > 0.0]
-        self.segment = span, w.link[0], u, edges, self.vector("psi"), self.vector("j"), self.vector("core")
+        self.segment = Middle(span, w.link[0], u, edges, *(self.vector(x) for x in ("psi", "j", "core")))
         self.waiting = []
 
-    def end(
-        self, span: float, link: float, u: complex, edges: list[tuple[complex, float]], psi: complex, mid: complex,
-        core: complex, first: list[complex], last: list[complex],
-    ) -> None:  # fmt: skip
+    def end(self, middle: Middle, first: list[complex], last: list[complex]) -> None:
         """Add up a segment's powers: Gauss' rule between the instants at which edges act."""
+        span, link, u, edges, psi, mid, core = middle
         w, g = self.w, self.w.core_g[0] * self.w.core_rate[0]
 
         def kinks(x: Any, of: list[tuple[complex, float]]) -> Any:
