@@ -202,7 +202,8 @@ def table(results: Mapping[str, Mapping[str, Any]]) -> str:
                 lines.append(f"| {title} | | {found['refused']} |" + " |" * (len(names) + len(more) - 1))
                 continue
             i, angle, v = found["alone"]
-            cells = [f"**{x * 1e6:.1f}**" if x > LARGEST else f"{x * 1e6:.1f}" for x in (*found["apart"], i, v)]
+            told = [(x, f"{x * 1e6:.1f}") for x in (*found["apart"], i)] + [(v, f"{v * 1e6:.2f}")]
+            cells = [f"**{ppm}**" if x > LARGEST else ppm for x, ppm in told]
             cells.insert(-1, f"{angle * 1e3:.2f}")
             lines.append(f"| {title} | {found['steps']} | {' | '.join(cells)} |")
             large = [k for k, x in enumerate(found["apart"]) if x > LARGEST]
