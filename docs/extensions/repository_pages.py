@@ -34,6 +34,7 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "results/made/identify_practice": "experiments/results/identify_practice.md",
     "results/made/against_bench": "experiments/results/plant/against_bench.md",
     "results/made/order": "experiments/results/plant/order.md",
+    "results/made/energy": "experiments/results/plant/energy.md",
     "results/made/withheld": "experiments/results/withheld/README.md",
     "results/made/practice": "experiments/results/diagnosis/practice.md",
     "results/made/constants": "experiments/results/diagnosis/constants.md",

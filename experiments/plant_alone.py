@@ -1,0 +1,71 @@
+"""A free rotor that nothing corrects: the closed loop's plant under a recording's voltages, against the switched bench.
+
+In a replay the encoder corrects a free rotor sample by sample, so friction, cogging, inertia and shaft hardly show in
+its currents.  Here the plant of `simulate` gets the voltages and the load that the bench got, once the angle it starts
+from, and then goes its own way: what it and the bench differ by in current, angle and speed has added up over the
+whole recording.
+
+With a delay d of the pulses the plant's periods begin that much later than the samples.  The load of one of them is the
+mean of what the bench asks for in it, (1 - d/T) of one sample and d/T of the next: taken as it stands, each step of the
+load would come late by d and leave a speed of T_load d/J behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from model.effects.library import true_motor
+from model.parameters import Drive
+from sandbox.drive.closed import closed_bench, longest_step
+from sandbox.drive.loop import INSTANT, LINK, MEMORY, U_ALPHA, U_BETA, Rig, progress, rotor
+from sandbox.drive.sensing import encoder, looked_at, read_phases
+from sandbox.plant.sets import complete, features_of
+from sandbox.recordings.campaign import CampaignRecording
+from sandbox.replay.smoothing import Motion
+
+START = 0.3  # rad electrical: where the bench's free rotor stands at first
+
+
+class Left(NamedTuple):
+    """Rms differences: current over rated current, angle read (degrees electrical), its speed over rated speed."""
+
+    current: float
+    angle: float
+    speed: float
+
+
+def alone(
+    drive: Drive, recording: CampaignRecording, motion: Motion, effects: Mapping[str, float], settled: int,
+    finer: float = 1.0,
+) -> Left:  # fmt: skip
+    """Return how far the plant is from a free recording of the bench and the motion that the bench's encoder reads.
+
+    settled: samples at the beginning that do not count; finer: so many times shorter steps than a closed loop's.
+    """
+    motor, converter = drive.motor, drive.converter
+    values, period = complete(motor, converter, effects), converter.sampling_period
+    top = float(np.abs(motion.speed).max())
+    step = longest_step(true_motor(motor, values), values, features_of(motor, values), top)
+    step = min(step, 0.5 * period) / finer
+    bench = closed_bench(motor, converter, values, "free", START, step)
+    w, rng = bench.w, np.random.default_rng(0)
+    rig = Rig(*5 * (0,), period, 0.0, 0.0, 0.0, converter.dc_bus_voltage, 0.0, 0.0)
+    memory, (looks, seen) = np.zeros(MEMORY), looked_at(w, period, None)
+    memory[LINK], memory[INSTANT] = 1.0, w["sample"][0]
+    n, delay = len(recording.t), float(w["delay"][0])
+    currents, track, load = np.empty((n, 3)), np.empty((n, 2)), recording.columns["load_torque"]
+    load = load + delay / period * np.diff(load, append=load[-1])
+    for k in range(n):
+        theta, omega, _ = rotor(w)
+        before = 2.0 * delay * float(w["surge"][0])  # the pattern starts later than the sample: what speed changes
+        track[k] = encoder(w, bench.features, theta - delay * (omega - 0.5 * before), omega - before, 0.0)
+        memory[U_ALPHA], memory[U_BETA] = recording.u_alpha[k], recording.u_beta[k]
+        progress(k, bench, rig, load[k], 0.0, memory, looks, seen, rng)
+        currents[k] = read_phases(w, rig, rng)
+    read = np.stack([recording.i_a, recording.i_b, recording.i_c], axis=1)
+    miss = np.sqrt(np.mean(np.sum((currents - read)[settled:] ** 2, axis=1) * 2.0 / 3.0)) / motor.rated_current
+    off = np.sqrt(np.mean((track - np.stack([motion.angle, motion.speed], axis=1))[settled:] ** 2, axis=0))
+    return Left(float(miss), float(np.degrees(off[0])), float(off[1] / motor.rated_omega))
