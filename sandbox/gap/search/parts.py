@@ -148,15 +148,19 @@ def _worth(new: Judged, best: Judged, price: float, temperature: float) -> bool:
 
 
 def _without(best: Judged, found: Search, temperature: float, weights: Weights, workers: int) -> list[Judged]:
-    """Return the best set without each effect that its parts may have made needless (all but those about which the
-    recordings are clear), fitted and weighed; and the same of the best of these, as long as one is better."""
+    """Return the best set without each effect that its parts may have made needless, fitted and weighed; and the same
+    of the best of these, as long as one is better.
+
+    All but those about which the recordings are clear.  Of an effect with a frequency or an order the equations of one
+    point do not say what is left without it: they would hold the frequency where the search once began.
+    """
     out: list[Judged] = []
     while True:
         rests = []
         for gone in best.effects:
             rest = tuple(e for e in best.effects if e != gone)
             told = best.table.log_evidence(rest, temperature=temperature) + log_prior(rest)
-            if told > level(best, temperature) - DOUBTED:
+            if shaped(gone) or told > level(best, temperature) - DOUBTED:
                 own = attempted(towards(best.fit, rest, found.chosen), rest, weights, workers=workers)
                 rests += [] if own is None else [judge(own, found.chosen, found.share, weights, workers)]
         out += rests
@@ -164,6 +168,11 @@ def _without(best: Judged, found: Search, temperature: float, weights: Weights, 
         if level(first, temperature) <= level(best, temperature):
             return out
         best = first
+
+
+def shaped(effect: str) -> bool:
+    """Return whether an effect has a frequency or an order that is looked for beside its size."""
+    return any(p.scan for p in library.load_effect(effect).parameters)
 
 
 def starts(point: Point, effects: Sequence[str]) -> tuple[list[Start], int]:
