@@ -91,6 +91,18 @@ def lag_weights(zeroth, first, second):
 
 
 @inlined
+def one_lag(gain, time_constant, more, other):
+    """Return gain and time constant of two lags side by side as one lag: gains add up, and the time constant (s) is the
+    mean that they weigh, so that slow changes and fast ones are answered as by both.  A lag without gain is none."""
+    both = gain + more
+    if more == 0.0:
+        return gain, time_constant
+    if gain == 0.0:
+        return more, other
+    return both, (gain * time_constant + more * other) / both
+
+
+@inlined
 def lag_moments(x):
     """Return of a lag, over a step of x time constants, the integrals over s in [0, 1] of x exp(-x (1 - s)) times 1, s,
     s^2; one minus the zeroth is the decay exp(-x).

@@ -11,7 +11,7 @@ from markdown import cell, code, table
 from estimators import contract
 from estimators.registry import MODULES
 from model.effects.card import SUBSYSTEMS, Effect, Parameter
-from model.effects.library import effect_names, load_effect
+from model.effects.library import effect_names, load_effect, places
 
 ROOT = Path(__file__).resolve().parents[2]
 EFFECTS = """# Effects
@@ -61,7 +61,7 @@ def effect(card: Effect) -> str:
         text += f"Up to {card.repeats} at once; the second one's parameters are {further}.\n\n"
     alike = ", ".join(f"[`{n}`](#{n.replace('_', '-')})" for n in card.confused_with) or "nothing"
     lines = (
-        ("Equation", cell(card.equation)),
+        ("Equation", cell(card.equation)), ("Enters at", "; ".join(map(cell, places(card)))),
         ("Shows", f"{cell(card.axis)}; order {cell(card.order)}; {cell(card.region)}"),
         ("Confused with", alike), ("Told apart by", cell(card.separated_by)), ("Source", cell(card.source)),
     )  # fmt: skip

@@ -39,8 +39,8 @@ the square of speed.
 #     FAN = Effect(..., limits=limits, longest=lambda values, motor, omega: 1e-4)
 #
 # A coefficient of 1e-3 is then refused on ``ipm_exchanged`` in one sentence: *fan.coefficient: 35.5306 is out of range; it must stay below
-# 1.06 N m, rated torque, at rated speed*. Some effects need parts of the plant that run only where they are asked for, such as late pulses
-# or a filter of the readings; ``needs`` names the part, and ``rows`` feeds it. ``model/effects/README.md`` lists all fields of a card.
+# 1.06 N m, rated torque, at rated speed*. ``model/effects/README.md`` lists all fields of a card, and which ports are asked once when a run
+# begins, such as ``delay`` for late pulses or ``filter`` for a low-pass of the readings.
 #
 # Use it
 # ------

@@ -11,6 +11,7 @@ import sys
 from dataclasses import fields
 from keyword import iskeyword
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from numba.core import types
@@ -18,9 +19,9 @@ from numba.core import types
 from model.compiled import depend_on
 from model.drive_files import load_drive
 from model.effects import library
-from model.effects.card import MACHINERY, PORTS, REPEATED, At, Effect, Parameter, Part
+from model.effects.card import PORTS, REPEATED, At, Effect, Parameter, Part
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
-from model.errors import BadInput, brief, raised, unknown
+from model.errors import BadInput, brief, raised
 from model.given import given_bytes
 from model.parameters import Drive
 
@@ -51,6 +52,7 @@ def adopt(path: str | Path) -> tuple[Effect, ...]:
     cards = _cards(file, name)
     for card in cards:
         _check(card, file)
+        _check_named(card, sys.modules[name], file)
     FILES[str(file)] = name
     os.environ[VARIABLE] = os.pathsep.join(FILES)
     library.forget()
@@ -96,8 +98,6 @@ def _check(card: Effect, file: Path) -> None:
     for at in card.part(2).at if card.repeats > 1 else ():
         if at.port not in REPEATED:
             raise BadInput(f"{file}: '{card.name}' repeats at the port '{at.port}'; it can at {', '.join(REPEATED)}")
-    if card.needs and card.needs not in MACHINERY:
-        raise BadInput(f"{file}: '{card.name}': {unknown('machinery in needs', card.needs, MACHINERY)}")
     _try(card, file)
 
 
@@ -132,6 +132,14 @@ def _check_equations(card: Effect, part: Part, file: Path) -> None:
         _check_compiled(card, at, file)
 
 
+def _check_named(card: Effect, module: ModuleType, file: Path) -> None:
+    """Raise BadInput for an equation that the plant does not find in the user's file by its function's name."""
+    for at in (at for k in range(1, card.repeats + 1) for at in card.part(k).at):
+        called = getattr(at.equation, "__name__", "")
+        if getattr(module, called, None) is not at.equation:
+            raise BadInput(f"{file}: no '{called}' there is the equation of '{card.name}'; define or import it as that")
+
+
 def _check_compiled(card: Effect, at: At, file: Path) -> None:
     """Raise BadInput unless an equation can be compiled as the plant calls it, and returns as many numbers as asked."""
     port = PORTS[at.port]
@@ -156,11 +164,12 @@ def _check_compiled(card: Effect, at: At, file: Path) -> None:
 
 
 def _try(card: Effect, file: Path) -> None:
-    """Raise BadInput unless a card's functions work at each end of each parameter, the others neutral."""
+    """Raise BadInput unless a card's functions work neutral and at each end of each parameter, the others neutral."""
     drive = load_drive(TRIED_ON)
     own = {card.public(k, p.name): p for k in range(1, card.repeats + 1) for p in card.part(k).parameters}
     neutral = library.neutral(drive.motor) | {name: p.neutral_for(drive.motor) for name, p in own.items()}
-    for name, end in [(n, end) for n, p in own.items() if math.isfinite(p.low) for end in (p.low, p.high)]:
+    bounded = [(name, p) for name, p in own.items() if math.isfinite(p.low)]
+    for name, end in [(n, x) for n, p in bounded for x in (p.low, neutral[n], p.high)]:
         try:
             _ask(card, neutral | {name: end}, neutral, drive)
         except BadInput:  # a limit of the card, in its own words
@@ -174,12 +183,26 @@ def _ask(card: Effect, values: dict[str, float], neutral: dict[str, float], driv
     for limit in card.limits(values, drive.motor, drive.converter) if card.limits else ():
         if limit.size > 0.0 and not limit.size < limit.bound:
             return  # nothing else is asked then
-    if card.rows:
-        dict(card.rows(values, drive.motor))
+    for at in card.at:
+        if PORTS[at.port].once:
+            _ask_once(card, at, values, drive, off=not card.is_on(values, neutral))
     if card.longest and card.is_on(values, neutral):
         step = card.longest(values, drive.motor, drive.motor.rated_omega)
         if not step > 0.0:
             raise ValueError(f"longest gives {step}; give s, more than 0")
+
+
+def _ask_once(card: Effect, at: At, values: dict[str, float], drive: Drive, *, off: bool) -> None:
+    """Raise ValueError unless an equation that is asked once a batch returns numbers, the first 0 where it is off."""
+    quantities = [getattr(drive.motor, name) for name in PORTS[at.port].quantities]
+    told = at.equation(*(values[card.public(1, n)] for n in at.numbers), *quantities)
+    numbers = told if isinstance(told, tuple) else (told,)
+    if not all(map(math.isfinite, numbers)) or min(numbers[1:], default=0.0) < 0.0:
+        raise ValueError(
+            f"its equation at '{at.port}' returns {numbers}; give finite ones, from the second on none < 0"
+        )
+    if off and numbers[0] != 0.0:
+        raise ValueError(f"its equation at '{at.port}' returns {numbers[0]:g} while it is off; give 0")
 
 
 def inherit() -> None:

@@ -103,12 +103,17 @@ class Parameter:
 class Port:
     """A place of the plant where equations of effects enter: what they are handed, and how many numbers they return.
 
-    Several effects at one port add up; at the port `reading`, each is handed what the one before made of it.
+    once: asked for once a batch, not as the plant runs; the first number is then 0 where the effect is neutral.
+    joined: what several effects at one port make: "sum", they add up; "chain", each is handed what the one before made
+    of it; "lags", first numbers add up and the second, a time constant, is the mean that they weigh; "last", the last
+    one whose first number is not 0.
     """
 
     quantities: tuple[str, ...]
     returns: int
     what: str
+    once: bool = False
+    joined: str = "sum"
 
 
 PORTS = {
@@ -133,8 +138,31 @@ PORTS = {
     "torque": Port(("turn", "omega"), 1, "N m on the rotor at its mechanical angle (rad) and speed (rad/s)"),
     "friction": Port(("omega",), 1, "N m that the motor's side loses at a mechanical speed (rad/s)"),
     "load": Port(("omega",), 1, "N m that the load takes beside what it is asked for, at its speed (rad/s)"),
-    "reading": Port(("a", "b", "c"), 3, "what the sensors make of three phase currents (A)"),
+    "reading": Port(("a", "b", "c"), 3, "what the sensors make of three phase currents (A)", joined="chain"),
     "angle": Port(("turn", "pairs"), 1, "rad electrical that the angle's reading is off at a mechanical angle (rad)"),
+    "supply": Port((), 1, "share of its nominal voltage that the link has more, on average", once=True),
+    "resistance": Port((), 1, "ohm in series with the winding", once=True),
+    "iron": Port(
+        (),
+        2,
+        "conductance across the slope of the flux (1/ohm), time constant of its lag (s)",
+        once=True,
+        joined="lags",
+    ),
+    "skin": Port(
+        (), 2, "ohm for what the current has beside its lagged part, time constant (s)", once=True, joined="lags"
+    ),
+    "filter": Port((), 1, "time constant (s) of the low-pass between sensors and samplers", once=True),
+    "delay": Port((), 1, "s by which pulses come later than the recording says", once=True),
+    "instant": Port((), 2, "s by which samples are taken later than t_k, variance of their jitter (s^2)", once=True),
+    "offset": Port((), 1, "rad electrical that all readings of the angle are off", once=True),
+    "shaft": Port(
+        ("inertia",),
+        3,
+        "of the inertia (kg m^2) what a shaft that twists drives, rate (rad/s) and damping ratio of its swing",
+        once=True,
+        joined="last",
+    ),
 }
 
 
@@ -164,13 +192,6 @@ class Part:
 
 
 REPEATED = ("magnets", "energy", "torque")  # ports at which parts beyond the first can enter
-MACHINERY = {  # what the plant has beside its ports and runs only where an effect needs it; fed by the rows named
-    "iron": "a branch across the slope of the flux, with a lag: core_g, core_rate",
-    "skin": "a branch of the winding, with a lag: skin_r, skin_rate",
-    "filter": "a low-pass between sensors and samplers: filter_rate",
-    "delay": "pulses later than the samples: delay, sample",
-    "twist": "a second mass behind the shaft: motor_inv, load_inv, load_share, swing_rate, swing_ratio",
-}
 
 
 class Limit(NamedTuple):
@@ -191,14 +212,14 @@ class Limit(NamedTuple):
 class Effect:
     """One effect; equation and source as text, signature as axis, order and region of the residual it leaves.
 
-    at: its equations at ports of the plant; rows: numbers of the plant itself that it changes (fields of
-    `sandbox.plant.batch.PLANT`), added to the motor's, as a function of the completed parameters of all effects and the
-    motor; switches: the effect is off while these parameters are neutral (default: all of its parameters).
+    at: its equations at ports of the plant; an effect of the library whose parameters replace or scale values of the
+    motor (`of_motor`, `scales`) needs none.  switches: the effect is off while these parameters are neutral (default:
+    all of its parameters).
 
-    needs: what of the plant's MACHINERY runs while the effect is on ("": none).  limits: bounds that completed values
-    have beside a motor and a converter, asked for where a parameter of the effect is not neutral; it raises BadInput
-    for what is no matter of a bound.  longest: the longest step (s) that a closed loop may take while the effect is on,
-    by completed values, the motor (true) and its highest speed (rad/s, electrical); see `model.steps`.
+    limits: bounds that completed values have beside a motor and a converter, asked for where a parameter of the effect
+    is not neutral; it raises BadInput for what is no matter of a bound.  longest: the longest step (s) that a closed
+    loop may take while the effect is on, by completed values, the motor (true) and its highest speed (rad/s,
+    electrical); see `model.steps`.
 
     repeats: how many parts like its first it can have at once, that one included; they add up.  Parameters of the first
     are `effect.parameter`, of the k-th (k from 2 on) `effect.k.parameter`, neutral unless given; further: what parts
@@ -220,9 +241,7 @@ class Effect:
     polar: tuple[str, str] | None = None  # amplitude and phase that are fitted as cosine and sine
     trace: float = 1.0  # of the size an ordinary trace may have in a diagnosis: less where a simulation meets it better
     at: tuple[At, ...] = ()
-    rows: Callable[[Mapping[str, float], Motor], dict[str, float]] | None = None
     switches: tuple[str, ...] = ()
-    needs: str = ""
     limits: Callable[[Mapping[str, float], Motor, Converter], Iterable[Limit]] | None = None
     longest: Callable[[Mapping[str, float], Motor, float], float] | None = None
     repeats: int = 1

@@ -22,5 +22,4 @@ CARD = Effect(
     region="where both fluxes, or q bias and d injection, are present",
     confused_with=("saturation", "encoder_offset", "inductance_harmonics"),
     separated_by="locked rotor, q bias staircase with injection along d",
-    rows=lambda v, motor: {},  # the coefficients are those of `saturation`
 )

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
 
-FASTEST = 1e12  # 1/s
 
-
-def rate_of(time_constant: float) -> float:
-    """Return the lag's rate (1/s); a filter without time constant has forgotten everything at once."""
-    return min(1.0 / time_constant, FASTEST) if time_constant > 0.0 else FASTEST
+@inlined
+def low_pass(time_constant):
+    """Return the time constant (s) of tau df/dt = i - f."""
+    return time_constant
 
 
 CARD = Effect(
@@ -34,6 +34,5 @@ CARD = Effect(
         "late or early sampling reads otherwise"
     ),
     trace=0.3,
-    rows=lambda v, motor: {"filter_rate": rate_of(v["current_filter.time_constant"])},
-    needs="filter",
+    at=(At("filter", low_pass, ("time_constant",)),),
 )

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from model.effects.card import Effect, Limit, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Limit, Parameter
 from model.parameters import Converter, Motor
 
 
-def rows(v: Mapping[str, float], motor: Motor) -> dict[str, float]:
-    """Return when samples are taken after the pattern's start, and their jitter (s)."""
-    return {
-        "sample": v["current_sampling.delay"] - v["pwm_delay.delay"],
-        "jitter": v["current_sampling.jitter"],
-    }
+@inlined
+def taken(delay, jitter):
+    """Return by how much samples are taken late (s) and the variance of their jitter (s^2)."""
+    return delay, jitter * jitter
 
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
@@ -51,6 +50,6 @@ CARD = Effect(
         "the zero vector"
     ),
     trace=0.3,
-    rows=rows,
+    at=(At("instant", taken, ("delay", "jitter")),),
     limits=limits,
 )

@@ -24,6 +24,12 @@ def drawn(d_a, d_b, d_c, i_alpha, i_beta):
     return (d_a - 0.5 * (d_b + d_c)) * i_alpha + HALF_ROOT * (d_b - d_c) * i_beta
 
 
+@inlined
+def off(gain_error):
+    """Return the share of the nominal voltage that the link has more."""
+    return gain_error
+
+
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how much the link may sag."""
     bound = LARGEST_SAG * converter.dc_bus_voltage / motor.rated_current
@@ -56,7 +62,6 @@ CARD = Effect(
         "gain: none by itself: it equals scaling R, all fluxes and L together; told apart by a trusted value of"
         " one of them, e.g. the magnet flux on open circuit; sag: runs at speed without and with load"
     ),
-    at=(At("drawn", sag, ("sag",)),),
-    rows=lambda v, motor: {"link_gain": v["dc_link_error.gain_error"]},
+    at=(At("supply", off, ("gain_error",)), At("drawn", sag, ("sag",))),
     limits=limits,
 )

@@ -48,6 +48,12 @@ def lost(threshold, before, after, shape):
     return threshold * (linear + shape * (mean_of_tanh(before, after) - linear))
 
 
+@inlined
+def slope(on_resistance):
+    """Return the resistance (ohm) of the devices that conduct."""
+    return on_resistance
+
+
 CARD = Effect(
     name="device_drop",
     summary="forward drop of the switches and diodes",
@@ -68,6 +74,5 @@ CARD = Effect(
     separated_by=(
         "zero crossings at two DC-link voltages or PWM frequencies: dead time scales with them, the threshold does not"
     ),
-    at=(At("leg", lost, ("threshold",)),),
-    rows=lambda v, motor: {"resistance": v["device_drop.on_resistance"]},
+    at=(At("leg", lost, ("threshold",)), At("resistance", slope, ("on_resistance",))),
 )

@@ -4,7 +4,15 @@ from __future__ import annotations
 
 import math
 
-from model.effects.card import Effect, Ordinary, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Ordinary, Parameter
+
+
+@inlined
+def turned(offset):
+    """Return what all readings are off (rad, electrical)."""
+    return offset
+
 
 CARD = Effect(
     name="encoder_offset",
@@ -23,5 +31,5 @@ CARD = Effect(
         "driven rotor at zero current: back-EMF on d proportional to speed in both directions; a delay's "
         "share is odd in speed, an offset's even"
     ),
-    rows=lambda v, motor: {"offset": v["encoder_offset.offset"]},
+    at=(At("offset", turned, ("offset",)),),
 )

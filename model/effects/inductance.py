@@ -2,20 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from model.effects.card import Effect, Ordinary, Parameter
-from model.parameters import Motor
-from model.spline import SplineEnergy
-
-
-def rows(v: Mapping[str, float], motor: Motor) -> dict[str, float]:
-    """Return 1/L_d and 1/L_q (1/H); of a flux map what scales add to it, as seen at zero current."""
-    own = {f"gamma_{x}": 1.0 / (v[f"inductance.scale_{x}"] * getattr(motor, f"inductance_{x}")) for x in "dq"}
-    if isinstance(motor.energy, SplineEnergy):
-        return {f"gamma_{x}": own[f"gamma_{x}"] - 1.0 / getattr(motor, f"inductance_{x}") for x in "dq"}
-    return own
-
 
 CARD = Effect(
     name="inductance",
@@ -44,5 +31,4 @@ CARD = Effect(
     region="slopes of current steps and ripple at low current; omega L i at speed",
     confused_with=("saturation", "skin_effect", "current_filter"),
     separated_by="injection along d, then along q, at locked rotor and small bias",
-    rows=rows,
 )

@@ -28,5 +28,4 @@ CARD = Effect(
     region="free rotor: accelerations after steps of load and torque",
     confused_with=("shaft_compliance", "coulomb_friction", "magnet_flux"),
     separated_by="free rotor, known torque step: acceleration at the first instants",
-    rows=lambda v, motor: {"inertia_inv": 1.0 / v["inertia.inertia"]},
 )

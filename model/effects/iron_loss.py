@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from model.effects.card import INF, Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import INF, At, Effect, Parameter
 
 LARGEST_LAG = 0.5  # of the time constant in one step: the current is no parabola over a longer one
+
+
+@inlined
+def branch(core_resistance, time_constant):
+    """Return the branch's conductance (1/ohm) and its lag's time constant (s): tau di_c/dt = (dpsi_ab/dt)/R_c - i_c."""
+    return 1.0 / core_resistance, time_constant
+
 
 CARD = Effect(
     name="iron_loss",
@@ -28,11 +36,7 @@ CARD = Effect(
     region="grows with speed; with injection at standstill, too",
     confused_with=("dc_link_error", "current_filter", "skin_effect", "viscous_friction"),
     separated_by="driven idle at several speeds (drag current) together with injection at standstill",
-    rows=lambda v, motor: {
-        "core_g": 1.0 / v["iron_loss.core_resistance"],
-        "core_rate": 1.0 / v["iron_loss.time_constant"],
-    },
+    at=(At("iron", branch, ("core_resistance", "time_constant")),),
     switches=("core_resistance",),
-    needs="iron",
     longest=lambda v, motor, omega: LARGEST_LAG * v["iron_loss.time_constant"],
 )

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from model.effects import own
-from model.effects.card import SUBSYSTEMS, Effect, Parameter
+from model.effects.card import PORTS, SUBSYSTEMS, Effect, Parameter
 from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
@@ -254,10 +254,20 @@ def card_text(card: Effect) -> str:
         sizes += [entry(f"  {card.name}.k.{p.name}", _parameter(p), 32) for p in card.part(2).parameters]
     lines = [entry(f"{card.name} ({card.subsystem}):", card.summary, 2), "", entry("equation", card.equation)]
     lines += [entry("source", card.source), "", "parameters: neutral; bounds; typical", *sizes, ""]
-    lines += [entry("axis", card.axis), entry("order", card.order), entry("region", card.region)]
+    lines += [entry("enters at", "; ".join(places(card))), entry("axis", card.axis)]
+    lines += [entry("order", card.order), entry("region", card.region)]
     return "\n".join(
         [*lines, entry("confused with", ", ".join(card.confused_with)), entry("separated by", card.separated_by)]
     )
+
+
+def places(card: Effect) -> list[str]:
+    """Return where an effect enters: ports with what its equations give there, and values of the motor."""
+    names, of_motor = same_numbers(), replaced() | scaled()
+    public = [card.public(1, p.name) for p in card.parameters]
+    values = dict.fromkeys(of_motor[names.get(n, n)] for n in public if names.get(n, n) in of_motor)
+    out = [f"port `{port}`: {PORTS[port].what}" for port in dict.fromkeys(at.port for at in card.at)]
+    return [*out, f"the motor's own {', '.join(values)}"] if values else out
 
 
 def entry(head: str, text: str, column: int = 14) -> str:

@@ -28,5 +28,4 @@ CARD = Effect(
     region="grows with speed, absent at standstill",
     confused_with=("dc_link_error", "viscous_friction", "encoder_offset"),
     separated_by="driven or coasting rotor at zero current: terminal voltage over speed",
-    rows=lambda v, motor: {"magnet": v["magnet_flux.magnet_flux"]},
 )

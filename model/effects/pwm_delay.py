@@ -4,10 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from model.effects.card import Effect, Limit, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Limit, Parameter
 from model.parameters import Converter, Motor
 
 LATEST = 3.0  # sampling periods: the latest that a recorded voltage may act
+
+
+@inlined
+def later(delay):
+    """Return by how much all pulses come later (s)."""
+    return delay
 
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
@@ -38,7 +45,6 @@ CARD = Effect(
     region="grows with voltage and its changes",
     confused_with=("current_sampling", "current_filter", "encoder_offset"),
     separated_by="injection with steps of large amplitude, at two PWM frequencies",
-    rows=lambda v, motor: {"delay": v["pwm_delay.delay"]},
-    needs="delay",
+    at=(At("delay", later, ("delay",)),),
     limits=limits,
 )

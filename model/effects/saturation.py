@@ -2,20 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from model.effects.card import Effect, Ordinary, Parameter
-from model.parameters import Motor
-
-
-def rows(v: Mapping[str, float], motor: Motor) -> dict[str, float]:
-    """Return the energy's third and fourth order as the plant has them: 3 alpha_30, 4 alpha_40, 4 alpha_04."""
-    a = {n: v[f"saturation.alpha_{n}"] for n in ("30", "12", "40", "22", "04")}
-    return {
-        "cubic_d": 3.0 * a["30"], "cubic_q": a["12"],
-        "quartic_d": 4.0 * a["40"], "quartic_dq": a["22"], "quartic_q": 4.0 * a["04"],
-    }  # fmt: skip
-
 
 CARD = Effect(
     name="saturation",
@@ -91,5 +78,4 @@ CARD = Effect(
     region="second and third power of the bias flux; nothing at zero current",
     confused_with=("inductance", "cross_saturation", "current_gain"),
     separated_by=("locked-rotor staircases of d and of q bias with injection on top, up to rated current and above"),
-    rows=rows,
 )

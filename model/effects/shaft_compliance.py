@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
-from model.effects.card import INF, Effect, Limit, Parameter
+from model.compiled import inlined
+from model.effects.card import INF, At, Effect, Limit, Parameter
 from model.errors import BadInput
 from model.parameters import Converter, Motor
 
@@ -31,17 +32,13 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
         yield Limit("shaft_compliance resonance", swing, math.pi / converter.sampling_period, what)
 
 
-def two_masses(v: Mapping[str, float]) -> dict[str, float]:
-    """Return both inertias' inverses (1/(kg m^2)) and rate (rad/s) and damping ratio of their swing; none if rigid."""
-    total, load, k = v["inertia.inertia"], v["shaft_compliance.load_inertia"], v["shaft_compliance.stiffness"]
-    if not (math.isfinite(k) and load > 0.0):
-        return {"motor_inv": 1.0 / total}
-    motor = total - load
-    return {
-        "motor_inv": 1.0 / motor, "load_inv": 1.0 / load, "load_share": load / total,
-        "swing_rate": math.sqrt(k * total / (motor * load)),
-        "swing_ratio": min(v["shaft_compliance.damping_ratio"], 0.999),
-    }  # fmt: skip
+@inlined
+def two_masses(stiffness, load_inertia, damping_ratio, inertia):
+    """Return the load's inertia (kg m^2), and rate (rad/s) and damping ratio of the swing of both masses, of an inertia
+    in all (kg m^2); none of them behind a rigid shaft."""
+    if not (math.isfinite(stiffness) and load_inertia > 0.0):
+        return 0.0, 0.0, 0.0
+    return load_inertia, math.sqrt(stiffness * inertia / ((inertia - load_inertia) * load_inertia)), damping_ratio
 
 
 CARD = Effect(
@@ -78,8 +75,7 @@ CARD = Effect(
     region="free rotor after steps of load or torque",
     confused_with=("inertia", "cogging_torque", "dc_link_ripple"),
     separated_by="free rotor, step of load or torque, sampled for several periods of the resonance",
-    rows=lambda v, motor: two_masses(v),
+    at=(At("shaft", two_masses, ("stiffness", "load_inertia", "damping_ratio")),),
     switches=("stiffness",),
-    needs="twist",
     limits=limits,
 )

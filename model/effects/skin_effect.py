@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
-from model.effects.card import Effect, Parameter
+from model.compiled import inlined
+from model.effects.card import At, Effect, Parameter
 from model.steps import step_for_winding
+
+
+@inlined
+def ladder(resistance, time_constant):
+    """Return R_1 (ohm) of the drop R_1 (i - x), and the time constant (s) of tau dx/dt = i - x."""
+    return resistance, time_constant
+
 
 CARD = Effect(
     name="skin_effect",
@@ -28,11 +36,7 @@ CARD = Effect(
     ),
     confused_with=("iron_loss", "inductance", "stator_resistance"),
     separated_by="locked-rotor voltage steps at full sampling rate against a slow ramp",
-    rows=lambda v, motor: {
-        "skin_r": v["skin_effect.resistance"],
-        "skin_rate": 1.0 / v["skin_effect.time_constant"],
-    },
+    at=(At("skin", ladder, ("resistance", "time_constant")),),
     switches=("resistance",),
-    needs="skin",
     longest=lambda v, motor, omega: step_for_winding(motor.resistance + v["skin_effect.resistance"], motor.energy),
 )

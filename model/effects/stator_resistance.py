@@ -31,5 +31,4 @@ CARD = Effect(
         "locked-rotor staircase: voltage against current, intercept (device drop) and slope (R) apart; "
         "steps against slow ramps for skin effect"
     ),
-    rows=lambda v, motor: {"resistance": v["stator_resistance.resistance"]},
 )

@@ -114,7 +114,7 @@ def against(n: Number, angle: Array, speed: Array, size: float = 1.0) -> Array:
 
 def _torques() -> list[Effect]:
     """Return the user's cards whose equations all enter as torques."""
-    return [card for card, _ in own.cards() if card.at and not card.rows and all(at.port in PORTS for at in card.at)]
+    return [card for card, _ in own.cards() if card.at and all(at.port in PORTS for at in card.at)]
 
 
 def _of_card(card: Effect) -> Number | None:

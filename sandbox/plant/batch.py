@@ -71,19 +71,22 @@ LAGS = {  # of each lag over the segment under way, a row each for `CORE`, `SKIN
     "kink_a": "what the kinks that late edges make in the flux add to the lag's flux at the end, Wb", "kink_b": "Wb",
 }  # fmt: skip
 CORE, SKIN, FILTER = range(3)
-PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` compiles them; a mapped motor adds them to its map
+PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` writes them; a mapped motor adds them to its map
     "gamma_d": "1/H", "gamma_q": "1/H", "cubic_d": "3 alpha_30, A/Wb^2", "cubic_q": "alpha_12, A/Wb^2",
     "quartic_d": "4 alpha_40, A/Wb^3", "quartic_dq": "alpha_22, A/Wb^3", "quartic_q": "4 alpha_04, A/Wb^3",
-    "magnet": "magnet flux, Wb", "resistance": "of winding and devices, ohm", "pairs": "pole pairs",
-    "supply": "mean voltage of the DC link, V", "common": "offset of all readings alike, A",
+    "magnet": "magnet flux, Wb", "winding": "its resistance, ohm", "pairs": "pole pairs", "inertia": "kg m^2",
+    "common": "offset of all readings alike, A",
     "soft": "1/A: over half the width of sign(i) through zero", "shape": "of it: 0 linear, 1 tanh",
+    "load_gain": "relative error of the load's torque", "load_offset": "N m",
+}  # fmt: skip
+FIXED = {  # what effects fix once a batch, as `sandbox.plant.fixed` writes it
+    "resistance": "of winding and devices, ohm", "supply": "mean voltage of the DC link, V",
     "delay": "of the pattern, s", "sample": "instant of sampling less t_k and less the pattern's delay, s",
     "jitter": "of the instant of sampling, s rms: in a closed loop, noise elsewhere",
     "core_g": "conductance across the flux slope, 1/ohm", "core_rate": "1/s of the iron's lag",
     "skin_r": "ohm", "skin_rate": "1/s", "filter_rate": "1/s", "offset": "of the angle's reading, rad electrical",
     "inertia_inv": "1/(kg m^2), all of it", "motor_inv": "1/(kg m^2), the motor's side", "load_inv": "the load's",
     "load_share": "of the inertia", "swing_rate": "of the shaft, rad/s", "swing_ratio": "its damping ratio",
-    "load_gain": "relative error of the load's torque", "load_offset": "N m",
 }  # fmt: skip
 
 
@@ -94,7 +97,7 @@ def batch_type(lanes: int) -> np.dtype[Any]:
     Beside the rows: those of effects' further parts (parts, lanes), how many of them any lane has at a port, and the
     inverter's measured table, the same for all lanes: points (A, V) and the integral up to each (A V).
     """
-    rows = [(name, np.float64, (lanes,)) for name in (*STATES, *SCRATCH, *PLANT, *NUMBERS)]
+    rows = [(name, np.float64, (lanes,)) for name in (*STATES, *SCRATCH, *PLANT, *FIXED, *NUMBERS)]
     parts = [(name, np.float64, (count, lanes)) for name, count in {**dict.fromkeys(LAGS, 3), **FURTHER}.items()]
     counts = [(name, np.int64) for name in (*map(more, REPEATED), "table_points")]
     table = [(f"table_{name}", np.float64, (MOST_POINTS,)) for name in ("current", "volts", "sum")]

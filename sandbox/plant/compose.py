@@ -13,7 +13,7 @@ from pathlib import Path
 
 from model.compiled import kernel_folder
 from model.effects import own
-from model.effects.card import PORTS, REPEATED, At, Effect
+from model.effects.card import PORTS, REPEATED, At, Effect, Port
 from model.effects.library import effect_names, load_effect
 
 HEAD = '''"""Where effects enter the plant: what their equations add at each port, for lane j of a batch.
@@ -25,9 +25,10 @@ from __future__ import annotations
 
 from model.compiled import inlined
 {imports}
+from model.lanes import one_lag
 from model.spline import currents as map_currents
 
-__all__ = ["FURTHER", "NUMBERS", "map_currents"]
+__all__ = ["FURTHER", "NUMBERS", "map_currents", "one_lag"]
 '''
 RESULTS = ("x", "y", "z", "t")
 LIBRARY = "model.effects"
@@ -101,7 +102,7 @@ def _call(card: Effect, at: At, numbers: list[str], quantities: tuple[str, ...])
 
 def _body(name: str, calls: list[str]) -> str:
     port = PORTS[name]
-    if name == "reading":  # a chain
+    if port.joined == "chain":
         chained = "".join(f"    {', '.join(port.quantities)} = {call}\n" for call in calls)
         return f"{chained}    return {', '.join(port.quantities)}"
     if not calls:
@@ -114,8 +115,20 @@ def _body(name: str, calls: list[str]) -> str:
     lines = [
         f"    {', '.join(places[k * port.returns : (k + 1) * port.returns])} = {call}\n" for k, call in enumerate(calls)
     ]
-    sums = [" + ".join(f"{r}_{k}" for k in range(len(calls))) for r in RESULTS[: port.returns]]
-    return "".join(lines) + f"    return {', '.join(sums)}"
+    return "".join(lines) + f"    return {_joined(port, len(calls))}"
+
+
+def _joined(port: Port, count: int) -> str:
+    """Return in words of Python what several equations at a port make together, of their results x_0, x_1, ..."""
+    each = [", ".join(f"{r}_{k}" for r in RESULTS[: port.returns]) for k in range(count)]
+    if port.joined == "lags":
+        together = each[0]
+        for more in each[1:]:
+            together = f"one_lag({'*' * (together != each[0])}{together}, {more})"
+        return together
+    if port.joined == "last":
+        return " ".join(f"({each[k]}) if x_{k} > 0.0 else" for k in range(count - 1, 0, -1)) + f" ({each[0]})"
+    return ", ".join(" + ".join(f"{r}_{k}" for k in range(count)) for r in RESULTS[: port.returns])
 
 
 def library_source() -> str:

@@ -9,29 +9,42 @@ from model.compiled import inlined
 from model.effects import (
     cogging_torque,
     coulomb_friction,
+    current_filter,
     current_gain,
     current_offset,
+    current_sampling,
     dc_link_error,
     dc_link_ripple,
     dead_time,
     device_drop,
     encoder_eccentricity,
+    encoder_offset,
     flux_harmonics,
     inductance_harmonics,
+    iron_loss,
+    pwm_delay,
+    shaft_compliance,
+    skin_effect,
     viscous_friction,
     winding_asymmetry,
 )
+from model.lanes import one_lag
 from model.spline import currents as map_currents
 
-__all__ = ["FURTHER", "NUMBERS", "map_currents"]
+__all__ = ["FURTHER", "NUMBERS", "map_currents", "one_lag"]
 
 
 NUMBERS = {  # rows of the batch that hold effects' parameters
     "flux_harmonics_psi_d6": "Wb",
     "flux_harmonics_psi_q6": "Wb",
     "inductance_harmonics_gamma_6": "1/H",
+    "iron_loss_core_resistance": "ohm",
+    "iron_loss_time_constant": "s",
+    "skin_effect_resistance": "ohm",
+    "skin_effect_time_constant": "s",
     "winding_asymmetry_delta_a": "ohm",
     "winding_asymmetry_delta_b": "ohm",
+    "dc_link_error_gain_error": "",
     "dc_link_error_sag": "ohm",
     "dc_link_ripple_amplitude": "V",
     "dc_link_ripple_frequency": "Hz",
@@ -40,13 +53,19 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "dead_time_zone_width": "A",
     "dead_time_zone_shape": "",
     "device_drop_threshold": "V",
+    "device_drop_on_resistance": "ohm",
+    "pwm_delay_delay": "s",
+    "current_filter_time_constant": "s",
     "current_gain_gain_a": "",
     "current_gain_gain_b": "",
     "current_gain_gain_c": "",
     "current_offset_offset_a": "A",
     "current_offset_offset_b": "A",
+    "current_sampling_delay": "s",
+    "current_sampling_jitter": "s rms",
     "encoder_eccentricity_amplitude_mech": "rad",
     "encoder_eccentricity_phase": "rad",
+    "encoder_offset_offset": "rad",
     "cogging_torque_amplitude": "N m",
     "cogging_torque_order_mech": "",
     "cogging_torque_phase": "rad",
@@ -54,6 +73,9 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "coulomb_friction_width": "rad/s",
     "coulomb_friction_stribeck_torque": "N m",
     "coulomb_friction_stribeck_speed": "rad/s",
+    "shaft_compliance_stiffness": "N m/rad",
+    "shaft_compliance_load_inertia": "kg m^2",
+    "shaft_compliance_damping_ratio": "",
     "viscous_friction_coefficient": "N m s/rad",
 }
 FURTHER = {  # those of further parts, so many rows each
@@ -165,6 +187,65 @@ def angle(w, j, turn, pairs):
     """Return rad electrical that the angle's reading is off at a mechanical angle (rad)."""
     return encoder_eccentricity.off(
         w.encoder_eccentricity_amplitude_mech[j], w.encoder_eccentricity_phase[j], turn, pairs
+    )
+
+
+@inlined
+def supply(w, j):
+    """Return share of its nominal voltage that the link has more, on average."""
+    return dc_link_error.off(w.dc_link_error_gain_error[j])
+
+
+@inlined
+def resistance(w, j):
+    """Return ohm in series with the winding."""
+    return device_drop.slope(w.device_drop_on_resistance[j])
+
+
+@inlined
+def iron(w, j):
+    """Return conductance across the slope of the flux (1/ohm), time constant of its lag (s)."""
+    return iron_loss.branch(w.iron_loss_core_resistance[j], w.iron_loss_time_constant[j])
+
+
+@inlined
+def skin(w, j):
+    """Return ohm for what the current has beside its lagged part, time constant (s)."""
+    return skin_effect.ladder(w.skin_effect_resistance[j], w.skin_effect_time_constant[j])
+
+
+@inlined
+def filter(w, j):
+    """Return time constant (s) of the low-pass between sensors and samplers."""
+    return current_filter.low_pass(w.current_filter_time_constant[j])
+
+
+@inlined
+def delay(w, j):
+    """Return s by which pulses come later than the recording says."""
+    return pwm_delay.later(w.pwm_delay_delay[j])
+
+
+@inlined
+def instant(w, j):
+    """Return s by which samples are taken later than t_k, variance of their jitter (s^2)."""
+    return current_sampling.taken(w.current_sampling_delay[j], w.current_sampling_jitter[j])
+
+
+@inlined
+def offset(w, j):
+    """Return rad electrical that all readings of the angle are off."""
+    return encoder_offset.turned(w.encoder_offset_offset[j])
+
+
+@inlined
+def shaft(w, j, inertia):
+    """Return of the inertia (kg m^2) what a shaft that twists drives, rate (rad/s) and damping ratio of its swing."""
+    return shaft_compliance.two_masses(
+        w.shaft_compliance_stiffness[j],
+        w.shaft_compliance_load_inertia[j],
+        w.shaft_compliance_damping_ratio[j],
+        inertia,
     )
 
 

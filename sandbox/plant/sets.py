@@ -18,10 +18,13 @@ from model.effects import library
 from model.effects.card import At, Effect, Ordinary
 from model.errors import BadInput, unknown
 from model.parameters import Converter, Motor
+from model.spline import SplineEnergy
 from sandbox.plant import additions as add
-from sandbox.plant.batch import PLANT, batch_type, more
+from sandbox.plant.batch import batch_type, more
 from sandbox.plant.compose import field, further_field
+from sandbox.plant.fixed import fix
 from sandbox.plant.period import Timing
+from sandbox.plant.ports import FURTHER
 
 Array = NDArray[np.float64]
 Set = Mapping[str, float]
@@ -29,10 +32,8 @@ SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes thro
 RUBBING = ("torque", "friction", "load")  # a motor's own friction is neutral, but there
 PORT_BITS = {
     "link": add.LINK, "drawn": add.DRAWN, "leg": add.LEG, "winding": add.WINDING, "magnets": add.MAGNETS,
-    "energy": add.ENERGY, "angle": add.WOBBLE, "sign": add.ZONE,
-}  # fmt: skip
-MACHINERY_BITS = {
-    "iron": add.IRON, "skin": add.SKIN, "filter": add.FILTER, "delay": add.DELAYED, "twist": add.TWIST,
+    "energy": add.ENERGY, "angle": add.WOBBLE, "sign": add.ZONE, "iron": add.IRON, "skin": add.SKIN,
+    "filter": add.FILTER, "delay": add.DELAYED, "shaft": add.TWIST,
 }  # fmt: skip
 
 
@@ -90,27 +91,32 @@ def complete(motor: Motor, converter: Converter, values: Set | None = None) -> d
     return out
 
 
-def rows_of(motor: Motor, converter: Converter, v: Set) -> dict[str, Any]:
+def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
     """Return the batch's rows (fields of `PLANT` and of the ports' NUMBERS and FURTHER) of one completed set."""
-    rows: dict[str, Any] = dict.fromkeys(PLANT, 0.0)
-    link_gain, neutral = 0.0, library.neutral(motor)
-    for card in map(library.load_effect, library.effect_names()):
-        for name, value in (card.rows(v, motor) if card.rows else {}).items():
-            if name == "link_gain":
-                link_gain += value
-            elif name in PLANT:
-                rows[name] += value
-            else:
-                raise unknown(f"number of the plant in the rows of effect '{card.name}',", name, PLANT)
-        if card.repeats > 1:
-            rows |= further_rows(card, v, neutral)
-    rows |= {own: v[name] for own, name in _numbers()}
+    neutral = library.neutral(motor)
+    rows: dict[str, Any] = {**machine_rows(motor, v), **{own: v[name] for own, name in _numbers()}}
+    for card in _several():
+        rows |= further_rows(card, v, neutral)
     rows["pairs"], rows["soft"] = float(motor.pole_pairs), 1.0 / v["bench.soft_current"]
     rows["shape"] = v["bench.soft_shape"]
-    rows["supply"] = (1.0 + link_gain) * converter.dc_bus_voltage
     rows["common"] = v["bench.common_offset"]
     rows["load_gain"], rows["load_offset"] = v["bench.load_torque_gain"], v["bench.load_torque_offset"]
     return rows
+
+
+def machine_rows(motor: Motor, v: Set) -> dict[str, float]:
+    """Return the rows of the motor's own numbers, as effects replace or scale them: of the energy each term's
+    derivative, of a flux map what scales of its inductances add to it as seen at zero current."""
+    own = {field_: v[name] for name, field_ in library.replaced().items()}
+    scale = {field_: v[name] for name, field_ in library.scaled().items()}
+    rows = {f"gamma_{x}": 1.0 / (scale[f"inductance_{x}"] * getattr(motor, f"inductance_{x}")) for x in "dq"}
+    if isinstance(motor.energy, SplineEnergy):
+        rows = {f"gamma_{x}": rows[f"gamma_{x}"] - 1.0 / getattr(motor, f"inductance_{x}") for x in "dq"}
+    return rows | {
+        "cubic_d": 3.0 * own["alpha_30"], "cubic_q": own["alpha_12"], "quartic_d": 4.0 * own["alpha_40"],
+        "quartic_dq": own["alpha_22"], "quartic_q": 4.0 * own["alpha_04"], "magnet": own["magnet_flux"],
+        "winding": own["resistance"], "inertia": own["inertia"],
+    }  # fmt: skip
 
 
 @cache
@@ -118,6 +124,12 @@ def _numbers() -> tuple[tuple[str, str], ...]:
     """Return the rows that hold effects' parameters, each with the parameter's name."""
     cards = [library.load_effect(name) for name in library.effect_names()]
     return tuple((field(c.name, n), c.public(1, n)) for c in cards for at in c.at for n in at.numbers)
+
+
+@cache
+def _several() -> tuple[Effect, ...]:
+    """Return the cards of effects that can be there several times."""
+    return tuple(card for card in map(library.load_effect, library.effect_names()) if card.repeats > 1)
 
 
 def further_parts(card: Effect, v: Set, neutral: Set) -> list[int]:
@@ -153,7 +165,6 @@ def _needs() -> tuple[Need, ...]:
         out += [
             Need(PORT_BITS.get(at.port, add.RUB), card.switched_by[k - 1]) for k in parts[1:] for at in card.part(k).at
         ]
-        out += [Need(MACHINERY_BITS[card.needs], card.switched_by[k - 1]) for k in parts if card.needs]
     return tuple(out)
 
 
@@ -177,13 +188,16 @@ def features_of(motor: Motor, v: Set) -> int:
 def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int) -> Any:
     """Return the batch of completed sets at rest without flux; lanes beyond them repeat the first."""
     w = np.zeros(1, batch_type(lanes))[0]
-    compiled = [rows_of(motor, converter, v) for v in sets]
+    compiled = [rows_of(motor, v) for v in sets]
     compiled += [compiled[0]] * (lanes - len(compiled))
-    for name in compiled[0]:
-        w[name][:] = np.array([rows[name] for rows in compiled]).T
+    plain = [name for name in compiled[0] if name not in FURTHER]
+    for name, values in zip(plain, np.array([[rows[name] for name in plain] for rows in compiled]).T, strict=True):
+        w[name] = values
+    for name in FURTHER:
+        w[name] = np.array([rows[name] for rows in compiled]).T
     neutral = library.neutral(motor)
-    for card in map(library.load_effect, library.effect_names()):
-        count = max(len(further_parts(card, v, neutral)) for v in sets) if card.repeats > 1 else 0
+    for card in _several():
+        count = max(len(further_parts(card, v, neutral)) for v in sets)
         for at in card.part(2).at if count else ():
             w[more(at.port)] = max(w[more(at.port)], count)
     if converter.inverter_table:
@@ -191,10 +205,26 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
         w["table_points"], area = len(i), np.append(0.0, np.cumsum(0.5 * (u[1:] + u[:-1]) * np.diff(i)))
         for name, values in (("current", i), ("volts", u), ("sum", area)):
             w[f"table_{name}"][: len(i)] = values
+    fix(w, converter.dc_bus_voltage)
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
     w["when"][:] = readings_at(w["sample"], converter.sampling_period)
     return w
+
+
+def sampled_at(motor: Motor, converter: Converter, v: Set) -> float:
+    """Return how much later than its pattern begins a completed set's sample is taken (s)."""
+    neutral = library.neutral(motor)
+    if all(v[name] == neutral[name] for name in _timing()):
+        return 0.0
+    return float(batch_of(motor, converter, [v], 1)["sample"][0])
+
+
+@cache
+def _timing() -> tuple[str, ...]:
+    """Return the parameters that say when pulses come and samples are taken."""
+    cards = [library.load_effect(name) for name in library.effect_names()]
+    return tuple(c.public(1, n) for c in cards for at in c.at if at.port in ("delay", "instant") for n in at.numbers)
 
 
 def readings_at(sample: Array, period: float) -> Array:

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Converter, Motor
-from sandbox.plant.sets import batch_of, complete, features_of, readings_at, rows_of
+from sandbox.plant.sets import batch_of, complete, features_of, readings_at, sampled_at
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.grouping import grouped, room_of
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor
@@ -213,7 +213,7 @@ def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
 
 def whole_periods(motor: Motor, converter: Converter, v: Set) -> int:
     """Return by how many whole periods a completed set's voltage comes later than its sample is taken."""
-    return max(0, math.floor(-rows_of(motor, converter, v)["sample"] / converter.sampling_period))
+    return max(0, math.floor(-sampled_at(motor, converter, v) / converter.sampling_period))
 
 
 def block_of(prepared: Prepared, members: Sequence[int], complete_sets: Sequence[Set]) -> Block:

@@ -11,7 +11,9 @@ import numpy as np
 from model.effects import library
 from sandbox.plant import additions as add
 from sandbox.plant import period as plant
+from sandbox.plant import sets
 from sandbox.plant.batch import blank_room
+from sandbox.plant.fixed import fix
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 from sandbox.replay.kernel import run
 from sandbox.replay.walking import start_states
@@ -50,6 +52,7 @@ def every(subsystems=("machine", "inverter", "sensor", "mechanics")):
 def lane(values):
     """Return a batch of one lane as a record with attributes, and its features."""
     v = complete(DRIVE.motor, DRIVE.converter, values)
+    sets.fix = lambda w, nominal: fix(Fields(w), nominal)
     w = batch_of(DRIVE.motor, DRIVE.converter, [v], 1)
     return Fields(w), features_of(DRIVE.motor, v)
 

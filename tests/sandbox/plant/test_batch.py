@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from model.drive_files import load_drive
 from model.effects import library
+from model.effects.card import PORTS
 from sandbox.plant import additions as add
 from sandbox.plant.compose import library_source
 from sandbox.plant.sets import complete, features_of
@@ -97,6 +99,25 @@ def test_the_ports_are_those_of_the_cards():
 
 
 @pytest.mark.parametrize("name", library.effect_names())
-def test_every_effect_has_an_equation(name):
-    card = library.load_effect(name)
-    assert card.at or card.rows, name
+def test_every_effect_has_an_equation_or_replaces_values_of_the_motor(name):
+    """What no equation is handed is a value of the motor, under its own name or that of another effect."""
+    card, of_motor = library.load_effect(name), library.replaced() | library.scaled()
+    handed = {n for at in card.at for n in at.numbers}
+    others = {p.same_as or f"{name}.{p.name}" for p in card.parameters if p.name not in handed}
+    assert others <= set(of_motor), name
+
+
+@pytest.mark.parametrize("port", [name for name, port in PORTS.items() if port.once])
+def test_what_is_asked_once_is_zero_in_neutral_lanes(port):
+    """The card of an effect that is off returns 0 first, whatever its companions say (their typical sizes)."""
+    drive = load_drive("ipm")
+    neutral, found = library.neutral(drive.motor), 0
+    for card in map(library.load_effect, library.effect_names()):
+        typical = library.typical(card.name, drive.motor, drive.converter)
+        off = {**neutral, **{n: x for n, x in typical.items() if n not in card.switched_by[0]}}
+        more = [drive.motor.inertia] if port == "shaft" else []
+        for at in (at for at in card.at if at.port == port):
+            told = at.equation(*(off[card.public(1, n)] for n in at.numbers), *more)
+            found += 1
+            assert (told[0] if isinstance(told, tuple) else told) == 0.0
+    assert found

@@ -4,6 +4,7 @@ The plant is compiled once a process, so the example runs in a process of its ow
 the switched bench (phase equations, no code shared).
 """
 
+import json
 import os
 import subprocess
 import sys
@@ -15,9 +16,10 @@ import pytest
 
 import sandbox.plant.electrical as electrical  # from here on an effect comes too late
 from model import compiled
+from model.compiled import inlined
 from model.drive_files import load_drive
 from model.effects import adopt, library, own
-from model.effects.card import MACHINERY, At, Effect, Limit, Parameter
+from model.effects.card import At, Effect, Limit, Parameter
 from model.effects.library import load_effect
 from model.effects.own import EQUATIONS
 from model.errors import BadInput
@@ -28,6 +30,42 @@ from sandbox.validation.switched import inverter
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "experiments" / "my_effects.py"
+LAGS = """
+from dataclasses import replace
+from model.effects.current_filter import low_pass
+from model.effects.current_sampling import taken
+from model.effects.iron_loss import branch
+from model.effects.library import load_effect
+from model.effects.pwm_delay import later
+from model.effects.shaft_compliance import two_masses
+from model.effects.skin_effect import ladder
+EFFECTS = tuple(
+    replace(load_effect(name), name=f"my_{name}", limits=None, longest=None)
+    for name in ("iron_loss", "skin_effect", "current_filter", "pwm_delay", "current_sampling", "shaft_compliance")
+)
+"""
+TWICE = """
+import json
+from model.effects.adopt import adopt
+adopt({file!r})
+from model.drive_files import load_drive
+from sandbox.plant.sets import batch_of, complete, features_of
+from sandbox.plant.batch import FIXED
+drive = load_drive("ipm")
+def told(**values):
+    v = complete(drive.motor, drive.converter, {{k.replace("__", "."): x for k, x in values.items()}})
+    w = batch_of(drive.motor, drive.converter, [v], 1)
+    return {{name: float(w[name][0]) for name in FIXED}} | {{"features": features_of(drive.motor, v)}}
+sizes = {{"iron_loss__core_resistance": 500.0, "iron_loss__time_constant": 1e-4, "skin_effect__resistance": 2.0,
+         "skin_effect__time_constant": 3e-4, "current_filter__time_constant": 2e-5, "pwm_delay__delay": 4e-6,
+         "current_sampling__delay": 3e-6, "current_sampling__jitter": 3e-7}}
+shaft = {{"shaft_compliance__stiffness": 50.0, "shaft_compliance__load_inertia": 0.4 * drive.motor.inertia,
+         "shaft_compliance__damping_ratio": 1.0}}
+mine = {{f"my_{{k}}": v for k, v in (sizes | shaft).items()}}
+more = {{"iron_loss__core_resistance": 250.0, "iron_loss__time_constant": 4e-4}}
+uneven = told(**{{**sizes, **more}}, **mine)
+print(json.dumps([told(), told(**sizes, **shaft), told(**mine), told(**sizes, **mine), uneven]))
+"""
 RUN = """
 import math
 import numpy as np
@@ -64,16 +102,45 @@ def test_the_examples_fan_and_resolver_enter_the_plant(tmp_path):
     """With the fan a free rotor's innovations vanish (0.1 of a reading's standard deviation, as for library effects,
     tests/sandbox/replay/test_replay.py); the resolver's error is its equation to rounding (sums of a few 1e-2:
     1e-15)."""
-    script = tmp_path / "run.py"
-    script.write_text(RUN.format(example=str(EXAMPLE), fan=2e-5), encoding="utf-8")
-    env = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, env=env, cwd=tmp_path)
-    assert done.returncode == 0, done.stderr[-2000:]
-    names, with_it, without, error = done.stdout.strip().splitlines()
+    text = RUN.format(example=str(EXAMPLE), fan=2e-5)
+    names, with_it, without, error = in_a_process_of_its_own(tmp_path / "run.py", text, tmp_path).strip().splitlines()
     assert names == "fan resolver"
     assert float(with_it) < 0.1
     assert float(without) > 10.0 * float(with_it)
     assert float(error) < 1e-14
+
+
+def in_a_process_of_its_own(script, text, folder):
+    """Return what a script prints in a process that has compiled no plant yet."""
+    script.write_text(text, encoding="utf-8")
+    env = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, env=env, cwd=folder)
+    assert done.returncode == 0, done.stderr[-2000:]
+    return done.stdout
+
+
+def test_lags_delays_and_a_second_mass_of_ones_own(tmp_path):
+    """The library's equations as a user's: alone the same bits; beside the library's own lags add up as told in
+    model/effects/README.md: conductances 1/500 + 1/250 with 1e-4 s and 4e-4 s are 6e-3 with (2 1e-4 + 4 4e-4)/6 s,
+    delays and time constants add up, jitters as independent ones do."""
+    (tmp_path / "lags.py").write_text(LAGS, encoding="utf-8")
+    text = TWICE.format(file=str(tmp_path / "lags.py"))
+    none, library_alone, alone, both, uneven = json.loads(in_a_process_of_its_own(tmp_path / "run.py", text, tmp_path))
+    assert library_alone == alone
+    assert none != alone
+    assert (none["features"], none["core_g"], none["skin_r"], none["filter_rate"]) == (add.RUB, 0.0, 0.0, 1e12)
+    assert (none["delay"], none["sample"], none["jitter"], none["load_inv"], none["swing_rate"]) == (0, 0, 0, 0, 0)
+    assert alone["features"] == add.RUB | add.IRON | add.SKIN | add.FILTER | add.DELAYED | add.TWIST
+    assert both["core_g"] == pytest.approx(2.0 * alone["core_g"])
+    assert both["core_rate"] == pytest.approx(1e4)
+    assert (uneven["core_g"], 1.0 / uneven["core_rate"]) == pytest.approx((6e-3, (2e-4 + 16e-4) / 6.0))
+    assert (both["skin_r"], both["skin_rate"]) == pytest.approx((4.0, 1.0 / 3e-4))
+    assert both["filter_rate"] == pytest.approx(1.0 / 4e-5)
+    assert (both["delay"], both["sample"]) == pytest.approx((8e-6, 6e-6 - 8e-6))
+    assert both["jitter"] == pytest.approx(3e-7 * 2.0**0.5)
+    assert (both["swing_rate"], both["load_share"]) == (alone["swing_rate"], alone["load_share"])
+    assert alone["load_share"] == pytest.approx(0.4)
+    assert alone["swing_ratio"] < 1.0
 
 
 def test_kernels_that_hold_no_effect_are_not_compiled_again(monkeypatch):
@@ -84,6 +151,13 @@ def test_kernels_that_hold_no_effect_are_not_compiled_again(monkeypatch):
     monkeypatch.setattr(compiled, "_MORE", [("mine", EQUATIONS)])
     assert compiled._folder_of(electrical.begin.py_func) == f"{plant}-mine"
     assert compiled._folder_of(inverter.settle.py_func) == bench
+
+
+def test_an_equation_that_the_file_does_not_name_is_refused():
+    """The plant calls an equation by its name in the user's file."""
+    adopt._check_named(SOUND, SimpleNamespace(drag=DRAG), Path("mine.py"))
+    with pytest.raises(BadInput, match="no 'drag' there is the equation of 'mine'; define or import it"):
+        adopt._check_named(SOUND, SimpleNamespace(), Path("mine.py"))
 
 
 def test_effects_after_the_plant_come_too_late():
@@ -122,13 +196,22 @@ DRAG = load_effect("viscous_friction").at[0].equation  # takes (coefficient, ome
 SOUND = card(at=(At("friction", DRAG, ("size",)),))
 
 
-def rows(v, motor):
-    """A cable's delay comes on top of that of the pulses."""
-    return {"delay": v["cable.delay"], "sample": -v["cable.delay"]}
+@inlined
+def always(size):
+    """Return a time constant (s) that is there without the effect, too."""
+    return 1e-5
 
 
+@inlined
+def back(size):
+    """Return a lag (ohm, s) that looks ahead."""
+    return size, -1.0
+
+
+LATER = load_effect("pwm_delay").at[0].equation  # takes (delay)
 CABLE = replace(
-    card("cable", (At("friction", DRAG, ("drag",)),), ("delay", "drag")), rows=rows, switches=("delay",), needs="delay",
+    card("cable", (At("delay", LATER, ("delay",)), At("friction", DRAG, ("drag",))), ("delay", "drag")),
+    switches=("delay",),
     limits=lambda v, motor, converter: [Limit("cable.delay", v["cable.delay"], motor.resistance * 1e-6, "s, R x 1 uF")],
     longest=lambda v, motor, omega: 0.25 * abs(v["cable.delay"]),
 )  # fmt: skip
@@ -165,8 +248,7 @@ def test_a_card_states_its_need_its_limit_and_its_step(own_card):
     values = sets.complete(drive.motor, drive.converter, {"cable.delay": 4e-6})
     assert sets.features_of(drive.motor, values) == features | add.DELAYED
     assert longest_step(drive.motor, values, features, 0.0) == 1e-6 < alone
-    told = sets.rows_of(drive.motor, drive.converter, values)
-    assert (told["delay"], told["sample"]) == (4e-6, -4e-6)
+    assert sets._timing() == ("pwm_delay.delay", "current_sampling.delay", "current_sampling.jitter", "cable.delay")
     with pytest.raises(BadInput, match=r"cable.delay: 2e-05 is out of range; .* below 1.215e-05 s, R x 1 uF"):
         sets.complete(drive.motor, drive.converter, {"cable.delay": 2e-5})
     off = sets.complete(drive.motor, drive.converter, {"cable.drag": 1e-3})
@@ -183,16 +265,11 @@ def test_a_limit_of_simulated_drives_does_not_hold_for_recorded_ones(own_card):
         library.check_inside(drive.motor, drive.converter, values)
 
 
-def test_rows_that_the_plant_has_not_are_refused(own_card):
-    drive = load_drive("ipm")
-    own_card(replace(CABLE, rows=lambda v, motor: {"cre_g": 0.0}))
-    values = sets.complete(drive.motor, drive.converter)
-    with pytest.raises(BadInput, match="in the rows of effect 'cable', 'cre_g'; did you mean 'core_g'"):
-        sets.rows_of(drive.motor, drive.converter, values)
-
-
-def test_the_plant_has_all_machinery_that_a_card_may_need():
-    assert set(sets.MACHINERY_BITS) == set(MACHINERY)
+@pytest.mark.parametrize("name", [n for n in library.effect_names() if load_effect(n).at])
+def test_cards_of_the_library_are_taken_from_users_too(name):
+    """One rule for all cards; a user's has another name, and its functions ask for its own numbers by it."""
+    own = load_effect(name)
+    adopt._check(replace(own, name="mine", limits=None, longest=None), Path("mine.py"))
 
 
 @pytest.mark.parametrize(
@@ -209,7 +286,12 @@ def test_the_plant_has_all_machinery_that_a_card_may_need():
         (card(at=(At("friction", abs, ("size",)),)), "must be @inlined"),
         (card(at=(At("friction", DRAG, ("size",)),), repeats=3), "repeats at the port 'friction'"),
         (card(at=(At("friction", DRAG, ("size",)),), repeats=0), "give 1 ..."),
-        (replace(SOUND, needs="irn"), r"'mine': unknown machinery in needs 'irn'; did you mean 'iron'\?"),
+        (replace(load_effect("iron_loss"), name="mine", at=()), "no equation"),
+        (
+            card(at=(At("filter", always, ("size",)),)),
+            "fails with mine.size = 0: .* 'filter' returns 1e-05 while it is",
+        ),
+        (card(at=(At("skin", back, ("size",)),)), r"'skin' returns \(-1.0, -1.0\); give finite ones"),
         (replace(SOUND, limits=lambda v, motor, converter: [1.0 / 0.0]), "fails with mine.size = -1: ZeroDivision"),
         (replace(SOUND, longest=lambda v, motor, omega: v["mine.sizes"]), "fails with mine.size = -1: KeyError"),
         (replace(SOUND, longest=lambda v, motor, omega: 0.0), "longest gives 0.0; give s, more than 0"),

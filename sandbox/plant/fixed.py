@@ -1,0 +1,43 @@
+"""What effects fix once for a batch: resistance, link, lags, delays, and the two masses of a shaft.
+
+Each has a port whose equations say it in a few numbers, asked for when a batch is made.  A lag of first order is fully
+given by its gain and its time constant, two masses by their inertias and the swing between them: the plant solves both
+exactly (`lags`, `mechanics`), so nothing else of such an equation could enter while it runs.
+"""
+
+from __future__ import annotations
+
+import math
+
+from model.compiled import inlined, kernel
+from sandbox.plant import ports
+
+FASTEST = 1e12  # 1/s
+MOST_DAMPED = 0.999  # of critical damping: the plant's shaft swings
+
+
+@inlined
+def rate_of(time_constant):
+    """Return a lag's rate (1/s); one without time constant (s) has forgotten everything at once."""
+    return min(1.0 / time_constant, FASTEST) if time_constant > 0.0 else FASTEST
+
+
+@kernel
+def fix(w, nominal):
+    """Write a batch's rows `FIXED`, its effects' parameters and the rows `PLANT` known; nominal: the link's voltage."""
+    for j in range(w.psi_a.size):
+        w.resistance[j] = w.winding[j] + ports.resistance(w, j)
+        w.supply[j] = (1.0 + ports.supply(w, j)) * nominal
+        w.core_g[j], lag = ports.iron(w, j)
+        w.core_rate[j] = rate_of(lag)
+        w.skin_r[j], lag = ports.skin(w, j)
+        w.skin_rate[j] = rate_of(lag)
+        w.filter_rate[j] = rate_of(ports.filter(w, j))
+        w.delay[j], w.offset[j] = ports.delay(w, j), ports.offset(w, j)
+        late, variance = ports.instant(w, j)
+        w.sample[j], w.jitter[j] = late - w.delay[j], math.sqrt(variance)
+        inertia = w.inertia[j]
+        load, rate, ratio = ports.shaft(w, j, inertia)
+        w.inertia_inv[j], w.motor_inv[j] = 1.0 / inertia, 1.0 / (inertia - load)
+        w.load_inv[j] = 1.0 / load if load > 0.0 else 0.0
+        w.load_share[j], w.swing_rate[j], w.swing_ratio[j] = load / inertia, rate, min(ratio, MOST_DAMPED)
