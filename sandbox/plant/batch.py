@@ -74,8 +74,8 @@ CORE, SKIN, FILTER = range(3)
 PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` writes them; a mapped motor adds them to its map
     "gamma_d": "1/H", "gamma_q": "1/H", "cubic_d": "3 alpha_30, A/Wb^2", "cubic_q": "alpha_12, A/Wb^2",
     "quartic_d": "4 alpha_40, A/Wb^3", "quartic_dq": "alpha_22, A/Wb^3", "quartic_q": "4 alpha_04, A/Wb^3",
-    "magnet": "magnet flux, Wb", "winding": "its resistance, ohm", "pairs": "pole pairs", "inertia": "kg m^2",
-    "common": "offset of all readings alike, A",
+    "magnet": "magnet flux, Wb", "winding": "its resistance, ohm", "pairs": "pole pairs",
+    "masses": "inertia of all, kg m^2", "common": "offset of all readings alike, A",
     "soft": "1/A: over half the width of sign(i) through zero", "shape": "of it: 0 linear, 1 tanh",
     "load_gain": "relative error of the load's torque", "load_offset": "N m",
 }  # fmt: skip

@@ -36,7 +36,7 @@ def fix(w, nominal):
         w.delay[j], w.offset[j] = ports.delay(w, j), ports.offset(w, j)
         late, variance = ports.instant(w, j)
         w.sample[j], w.jitter[j] = late - w.delay[j], math.sqrt(variance)
-        inertia = w.inertia[j]
+        inertia = w.masses[j]
         load, rate, ratio = ports.shaft(w, j, inertia)
         w.inertia_inv[j], w.motor_inv[j] = 1.0 / inertia, 1.0 / (inertia - load)
         w.load_inv[j] = 1.0 / load if load > 0.0 else 0.0

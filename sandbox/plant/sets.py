@@ -9,6 +9,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from types import SimpleNamespace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -107,15 +108,16 @@ def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
 def machine_rows(motor: Motor, v: Set) -> dict[str, float]:
     """Return the rows of the motor's own numbers, as effects replace or scale them: of the energy each term's
     derivative, of a flux map what scales of its inductances add to it as seen at zero current."""
-    own = {field_: v[name] for name, field_ in library.replaced().items()}
-    scale = {field_: v[name] for name, field_ in library.scaled().items()}
-    rows = {f"gamma_{x}": 1.0 / (scale[f"inductance_{x}"] * getattr(motor, f"inductance_{x}")) for x in "dq"}
+    own = SimpleNamespace(**{value: v[name] for name, value in library.replaced().items()})
+    scale = SimpleNamespace(**{value: v[name] for name, value in library.scaled().items()})
+    gamma_d = 1.0 / (scale.inductance_d * motor.inductance_d)
+    gamma_q = 1.0 / (scale.inductance_q * motor.inductance_q)
     if isinstance(motor.energy, SplineEnergy):
-        rows = {f"gamma_{x}": rows[f"gamma_{x}"] - 1.0 / getattr(motor, f"inductance_{x}") for x in "dq"}
-    return rows | {
-        "cubic_d": 3.0 * own["alpha_30"], "cubic_q": own["alpha_12"], "quartic_d": 4.0 * own["alpha_40"],
-        "quartic_dq": own["alpha_22"], "quartic_q": 4.0 * own["alpha_04"], "magnet": own["magnet_flux"],
-        "winding": own["resistance"], "inertia": own["inertia"],
+        gamma_d, gamma_q = gamma_d - 1.0 / motor.inductance_d, gamma_q - 1.0 / motor.inductance_q
+    return {
+        "gamma_d": gamma_d, "gamma_q": gamma_q, "cubic_d": 3.0 * own.alpha_30, "cubic_q": own.alpha_12,
+        "quartic_d": 4.0 * own.alpha_40, "quartic_dq": own.alpha_22, "quartic_q": 4.0 * own.alpha_04,
+        "magnet": own.magnet_flux, "winding": own.resistance, "masses": own.inertia,
     }  # fmt: skip
 
 

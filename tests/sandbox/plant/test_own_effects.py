@@ -228,8 +228,8 @@ def own_card(monkeypatch):
 
     def forget():
         library.forget()
-        sets._needs.cache_clear()
-        sets._numbers.cache_clear()
+        for kept in (sets._needs, sets._numbers, sets._several, sets._timing):
+            kept.cache_clear()
 
     yield give
     monkeypatch.undo()
