@@ -33,8 +33,10 @@ from model.parameters import Drive
 from model.spline import SplineEnergy
 from sandbox.plant import additions as add
 from sandbox.plant import period as plant
+from sandbox.plant import sets
 from sandbox.plant.batch import blank_room
 from sandbox.plant.edges import duties, write_edges
+from sandbox.plant.fixed import fix
 from sandbox.plant.sets import batch_of, complete, features_of, timing_of
 
 MOTORS = ("ipm", "ipm_exchanged", "brusa_hsm1")
@@ -49,6 +51,7 @@ def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float
     motor, converter = drive.motor, drive.converter
     v, h, rated = complete(motor, converter, effects), converter.sampling_period, motor.rated_current
     features = features_of(motor, v) | add.MOVED | add.MOTION | add.LINK  # with LINK segments are taken by their parts
+    sets.fix = lambda w, nominal: fix(Fields(w), nominal)  # no compiler here that would see a record's fields
     w: Any = Fields(batch_of(motor, converter, [v], 1))
     room: Any = Fields(blank_room(1))
     if rotor != "free":

@@ -18,7 +18,7 @@ from model.energy import flux_from_current
 from model.parameters import Drive
 from model.spline import SplineEnergy, hessian
 from sandbox.plant.edges import LEG_X, LEG_Y, duties
-from sandbox.plant.sets import complete, rows_of
+from sandbox.plant.sets import batch_of, complete
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.replay.smoothing import Motion
 
@@ -50,9 +50,9 @@ def left_out(
     recording: locked or driven; one step a period, so segments are those between edges, half a period at most.
     """
     motor, period = drive.motor, drive.converter.sampling_period
-    m, rows = motor.energy, rows_of(motor, drive.converter, complete(motor, drive.converter, effects))
+    m, rows = motor.energy, batch_of(motor, drive.converter, [complete(motor, drive.converter, effects)], 1)
     assert isinstance(m, SplineEnergy)
-    resistance, magnet, link = rows["resistance"], rows["magnet"], rows["supply"]
+    resistance, magnet, link = (float(rows[name][0]) for name in ("resistance", "magnet", "supply"))
     apart, x, found = APART * motor.magnet_flux, np.zeros(2), []
     for k in range(len(recording.t)):
         theta, omega = motion.angle[k], motion.speed[k]
