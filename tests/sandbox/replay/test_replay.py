@@ -16,6 +16,7 @@ from model.effects import library
 from model.energy import flux_from_current, hessian
 from model.errors import BadInput
 from sandbox.plant import additions as add
+from sandbox.plant.ports import NUMBERS
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
 from sandbox.replay.replay import halving_error, plan, prepare, replay, residuals, run_block, with_steps
@@ -310,11 +311,12 @@ def test_bad_input_is_named():
 
 
 def test_features_and_rows():
+    """All that the plant runs on is finite; of effects' own numbers a stiffness may be infinite, as the cards say."""
     converter, motor = DRIVE.converter, DRIVE.motor
     assert features_of(motor, complete(motor, converter)) == add.RUB  # the motor's own viscous friction
     for name in library.effect_names():
         batch = batch_of(motor, converter, [complete(motor, converter, typical(name))], 1)
-        assert all(np.all(np.isfinite(batch[row])) for row in batch.dtype.names), name
+        assert all(np.all(np.isfinite(batch[row])) for row in batch.dtype.names if row not in NUMBERS), name
 
 
 # ---- recordings of a foreign bench ----
