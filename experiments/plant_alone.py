@@ -4,10 +4,6 @@ In a replay the encoder corrects a free rotor sample by sample, so friction, cog
 its currents.  Here the plant of `simulate` gets the voltages and the load that the bench got, once the angle it starts
 from, and then goes its own way: what it and the bench differ by in current, angle and speed has added up over the
 whole recording.
-
-With a delay d of the pulses the plant's periods begin that much later than the samples.  The load of one of them is the
-mean of what the bench asks for in it, (1 - d/T) of one sample and d/T of the next: taken as it stands, each step of the
-load would come late by d and leave a speed of T_load d/J behind.
 """
 
 from __future__ import annotations
@@ -20,8 +16,9 @@ import numpy as np
 from model.effects.library import true_motor
 from model.parameters import Drive
 from sandbox.drive.closed import closed_bench, longest_step
-from sandbox.drive.loop import INSTANT, LINK, MEMORY, U_ALPHA, U_BETA, Rig, progress, rotor
+from sandbox.drive.loop import INSTANT, LINK, MEMORY, U_ALPHA, U_BETA, Rig, at_sample, progress
 from sandbox.drive.sensing import encoder, looked_at, read_phases
+from sandbox.plant.period import Push
 from sandbox.plant.sets import complete, features_of
 from sandbox.recordings.campaign import CampaignRecording
 from sandbox.replay.smoothing import Motion
@@ -55,15 +52,13 @@ def alone(
     rig = Rig(*5 * (0,), period, 0.0, 0.0, 0.0, converter.dc_bus_voltage, 0.0, 0.0)
     memory, (looks, seen) = np.zeros(MEMORY), looked_at(w, period, None)
     memory[LINK], memory[INSTANT] = 1.0, w["sample"][0]
-    n, delay = len(recording.t), float(w["delay"][0])
-    currents, track, load = np.empty((n, 3)), np.empty((n, 2)), recording.columns["load_torque"]
-    load = load + delay / period * np.diff(load, append=load[-1])
+    n, load = len(recording.t), recording.columns["load_torque"]
+    currents, track, until = np.empty((n, 3)), np.empty((n, 2)), period - float(w["delay"][0])
     for k in range(n):
-        theta, omega, _ = rotor(w)
-        before = 2.0 * delay * float(w["surge"][0])  # the pattern starts later than the sample: what speed changes
-        track[k] = encoder(w, bench.features, theta - delay * (omega - 0.5 * before), omega - before, 0.0)
+        push = Push(load[k], 0.0, until, load[min(k + 1, n - 1)], 0.0)
+        track[k] = encoder(w, bench.features, *at_sample(w, rig, push), 0.0)
         memory[U_ALPHA], memory[U_BETA] = recording.u_alpha[k], recording.u_beta[k]
-        progress(k, bench, rig, load[k], 0.0, memory, looks, seen, rng)
+        progress(k, bench, rig, push, memory, looks, seen, rng)
         currents[k] = read_phases(w, rig, rng)
     read = np.stack([recording.i_a, recording.i_b, recording.i_c], axis=1)
     miss = np.sqrt(np.mean(np.sum((currents - read)[settled:] ** 2, axis=1) * 2.0 / 3.0)) / motor.rated_current

@@ -94,6 +94,7 @@ def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float
         return course
 
     plant.at_start, plant.in_middle, plant.lose, plant.moved = at_start, in_middle, lose, moved
+    push = plant.STILL._replace(load=load, load_after=load)
     try:
         for k in range(PERIODS):
             u = motor.resistance * i / e + 1j * speed * psi / e + drive.injection.amplitude * (1 if k % 8 < 4 else -1)
@@ -103,7 +104,7 @@ def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float
             write_edges(room, h)
             theta, omega = motor.pole_pairs * meter.turn(), motor.pole_pairs * meter.speeds()[0]
             surge = w.surge[0] if rotor == "free" else 0.0
-            course = plant.Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, load, 0.0)
+            course = plant.Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, push)
             span = plant.travel(w, flux_map, timing, features, room, course, k * h, span, looks, seen)
         theta = motor.pole_pairs * meter.turn()
         plant.at_start(w, flux_map, features, math.cos(theta), math.sin(theta), 0.0, course, span, 0.0, 0.0, 0.0, 0.0)

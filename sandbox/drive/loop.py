@@ -26,7 +26,7 @@ from sandbox.drive.recording import ROW
 from sandbox.drive.sensing import encoder, gather, instant, looked_at, read_link, read_phases
 from sandbox.plant.batch import numba_type, room_type
 from sandbox.plant.edges import duties, write_edges
-from sandbox.plant.period import Course, Timing, travel
+from sandbox.plant.period import Course, Push, Timing, travel
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
 # the loop's own memory: voltage now acting, and before; link voltage as read over its nominal value; the last sample's
@@ -116,10 +116,17 @@ def sample_of(k, reading, memory, primitive):
 
 @kernel
 def rotor(w):
-    """Return angle (rad) and speed (rad/s) of the rotor, electrical, at the pattern's start, and at t_k before it."""
+    """Return angle (rad) and speed (rad/s) of the rotor, electrical, at the pattern's start."""
     swing = w.pairs[0] * w.load_share[0]
-    theta, omega = w.angle[0] + swing * w.twist[0], w.speed[0] + swing * w.slip[0]
-    return theta, omega, theta - w.delay[0] * omega
+    return w.angle[0] + swing * w.twist[0], w.speed[0] + swing * w.slip[0]
+
+
+@kernel
+def at_sample(w, rig, push):
+    """Return the same at t_k, before the pattern's start: the rotor turned as its last acceleration made it."""
+    theta, omega = rotor(w)
+    gained = w.delay[0] * (push.imposed if rig.rotor == DRIVEN else 2.0 * w.surge[0])
+    return theta - w.delay[0] * (omega - 0.5 * gained), omega - gained
 
 
 @kernel
@@ -175,13 +182,24 @@ def record(row, t, motion, measured, reading, true, acting, estimate, wanted, i_
 
 
 @kernel
-def imposed_on(k, omega, rig, profile, memory):
-    """Return the acceleration (rad/s^2, electrical) that takes a driven rotor to its speed at t_{k+1}."""
-    if rig.rotor != DRIVEN:
-        return 0.0
-    t = (k + 1) * rig.sampling_period - rig.start_time
-    later, _ = interpolate(profile, t, int(memory[CURSOR]))
-    return (later.omega - omega) / rig.sampling_period
+def pushed(k, wanted, omega, delay, rig, profile, memory):
+    """Return what moves the rotor over the pattern that starts `delay` (s) after t_k, omega (rad/s) its speed then.
+
+    The load of a sample lasts from it to the next; the acceleration takes a driven rotor to its speed at t_{k+1}, and
+    in what is left of the pattern after it on towards that at t_{k+2}.
+    """
+    load, period = wanted.torque, rig.sampling_period
+    imposed = imposed_after = 0.0
+    if rig.rotor == DRIVEN or delay > 0.0:
+        then, cursor = interpolate(profile, (k + 1) * period - rig.start_time, int(memory[CURSOR]))
+        if rig.rotor == DRIVEN:
+            imposed = imposed_after = (then.omega - omega) / (period - delay)
+        if delay > 0.0:
+            load = then.torque
+            if rig.rotor == DRIVEN:
+                last, _ = interpolate(profile, (k + 2) * period - rig.start_time, cursor)
+                imposed_after = (last.omega - then.omega) / period
+    return Push(wanted.torque, imposed, period - delay, load, imposed_after)
 
 
 @kernel
@@ -192,10 +210,9 @@ def keep(memory, next_u):
 
 
 @kernel
-def progress(k, bench, rig, torque, imposed, memory, looks, seen, rng):
+def progress(k, bench, rig, push, memory, looks, seen, rng):
     """Move the plant on over the pattern that starts at t_k + its delay, and hold the current sampled for t_k.
 
-    torque: load asked for (N m); imposed: rad/s^2.
     looks, seen: instants (s) looked at and the currents there, see `sensing.looked_at`; the first two are set here.
     """
     w, room, period = bench.w, bench.room, rig.sampling_period
@@ -204,9 +221,9 @@ def progress(k, bench, rig, torque, imposed, memory, looks, seen, rng):
     u_dc = rig.link * memory[LINK]
     room.duty[0], room.duty[1], room.duty[2] = duties(memory[U_ALPHA], memory[U_BETA], u_dc)
     write_edges(room, period)
-    theta, omega, _ = rotor(w)
-    surge = 0.5 * imposed if rig.rotor == DRIVEN else w.surge[0]
-    course = Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, torque, imposed)
+    theta, omega = rotor(w)
+    surge = 0.5 * push.imposed if rig.rotor == DRIVEN else w.surge[0]
+    course = Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, push)
     early = memory[INSTANT] < 0.0
     after = instant(w, rig, rng)
     looks[0] = -1.0 if early else memory[INSTANT]
@@ -253,13 +270,13 @@ def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profi
         t = k * rig.sampling_period
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
         memory[CURSOR], memory[LINK] = cursor, read_link(rig, rng)
-        _, omega, theta = rotor(w)
+        push = pushed(k, wanted, rotor(w)[1], w.delay[0], rig, profile, memory)
+        theta, omega = at_sample(w, rig, push)
         angle, slope = encoder(w, bench.features, theta, omega, rig.encoder_step)
         measured = angle, speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period)
-        imposed = imposed_on(k, omega, rig, profile, memory)
         if inside is not None:
             shift(bench.room, k, inside)
-        progress(k, bench, rig, wanted.torque, imposed, memory, looks, seen, rng)
+        progress(k, bench, rig, push, memory, looks, seen, rng)
         reading = read_phases(w, rig, rng)
         sample = sample_of(k, reading, memory, primitive)
         estimate = ask(step, state, sample, inside, belief, tuning)

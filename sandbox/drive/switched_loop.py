@@ -42,9 +42,9 @@ from sandbox.drive.loop import (
     U_BETA,
     VECTOR,
     command,
-    imposed_on,
     interpolate,
     keep,
+    pushed,
     record,
     sample_of,
 )
@@ -136,7 +136,7 @@ def run_compiled(
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
         memory[CURSOR] = cursor
         read = u_dc * read_link(rig, rng)
-        imposed = imposed_on(k, b.pole_pairs * x[SPEED], rig, profile, memory) / b.pole_pairs
+        imposed = pushed(k, wanted, b.pole_pairs * x[SPEED], 0.0, rig, profile, memory).imposed / b.pole_pairs
         acting = (memory[U_ALPHA], memory[U_BETA])
         held = measure(x, b, rig.rotor, acting[0], acting[1], read, wanted.torque, imposed, rng)
         reading = (held.i_a, held.i_b, held.i_c)

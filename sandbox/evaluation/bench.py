@@ -31,6 +31,7 @@ from sandbox.drive.closed import closed_bench
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.evaluation.score import error_of
+from sandbox.plant.period import STILL
 
 PERIODS, C_STEPS = 100_000, 4_000_000
 C_STEP = 1e-5  # s, of the reference
@@ -44,7 +45,7 @@ def _many_periods(bench, rig, memory, rng, periods):
     looks, seen = np.full(2, -1.0), np.zeros((2, 2))
     for k in range(periods):
         memory[loop.U_ALPHA], memory[loop.U_BETA] = (-30.0 if (k // 4) & 1 else 30.0), 10.0
-        loop.progress(k, bench, rig, 0.0, 0.0, memory, looks, seen, rng)
+        loop.progress(k, bench, rig, STILL, memory, looks, seen, rng)
 
 
 def plant_second() -> float:

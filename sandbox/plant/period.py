@@ -40,6 +40,20 @@ class Timing(NamedTuple):
     last: float
 
 
+class Push(NamedTuple):
+    """What moves a rotor beside its own torque, over a period: load asked for (N m) and acceleration imposed (rad/s^2,
+    electrical), as they are up to an instant (s after the pattern's start) and from there on."""
+
+    load: float
+    imposed: float
+    until: float
+    load_after: float
+    imposed_after: float
+
+
+STILL = Push(0.0, 0.0, 0.0, 0.0, 0.0)
+
+
 class Course(NamedTuple):
     """The rotor's angle handed in, over a period: theta = that of (cos, sin) + lead + rate z + bend z^2 + jerk z^3, z
     the time from `origin` (s after the pattern's start); speed at the start, rad/s electrical."""
@@ -52,8 +66,7 @@ class Course(NamedTuple):
     bend: float
     jerk: float
     speed: float
-    load: float  # of a rotor that the plant moves: asked of the load machine, N m
-    imposed: float  # and rad/s^2 electrical
+    push: Push  # of a rotor that the plant moves
 
 
 @inlined
@@ -248,25 +261,36 @@ def first_instant(w, features, timing, room):
 
 
 @inlined
+def pushed(push, t, span):
+    """Return load (N m) and imposed acceleration (rad/s^2, electrical), means of a segment (s) from t on, and by how
+    much more load it ends."""
+    after = min(max((t + span - push.until) / span, 0.0), 1.0)
+    load = push.load + after * (push.load_after - push.load)
+    rest = push.load_after - load if after > 0.0 else 0.0
+    return load, push.imposed + after * (push.imposed_after - push.imposed), rest
+
+
+@inlined
 def moved(w, features, course, t, span):
     """Move the rotor itself on by a segment (s) from t and return its course from there."""
+    load, imposed, rest = pushed(course.push, t, span)
     if not features & add.MOTION:  # held, or driven by the acceleration imposed
-        on, omega = span * (course.rate + 0.5 * span * course.imposed), course.rate + span * course.imposed
+        on, omega = span * (course.rate + 0.5 * span * imposed), course.rate + span * imposed
         w.angle[0], w.speed[0] = w.angle[0] + on, omega
-        return Course(
-            course.cos, course.sin, t + span, course.lead + on, omega, 0.5 * course.imposed, 0.0, course.speed,
-            course.load, course.imposed,
-        )  # fmt: skip
+        lead, bend = course.lead + on, 0.5 * imposed
+        return Course(course.cos, course.sin, t + span, lead, omega, bend, 0.0, course.speed, course.push)
     w.turn[0] = (w.angle[0] + w.pairs[0] * w.load_share[0] * w.twist[0] + 0.5 * span * course.rate) / w.pairs[0]
     w.omega[0] = (course.rate + span * course.bend) / w.pairs[0]
     swing = w.pairs[0] * w.load_share[0]
     before = w.angle[0] + swing * w.twist[0]
-    step_shaft(w, features, span, course.load, course.imposed)
+    step_shaft(w, features, span, load, imposed)
     omega, on = w.speed[0] + swing * w.slip[0], w.angle[0] + swing * w.twist[0] - before
     if span > NO_TIME:
         w.surge[0] = 0.5 * (omega - course.rate) / span
+        if rest != 0.0 and not features & add.TWIST:
+            w.surge[0] -= 0.5 * rest * (1.0 + w.load_gain[0]) * w.pairs[0] * w.inertia_inv[0]
     lead, bend = course.lead + on, w.surge[0]
-    return Course(course.cos, course.sin, t + span, lead, omega, bend, 0.0, course.speed, course.load, course.imposed)
+    return Course(course.cos, course.sin, t + span, lead, omega, bend, 0.0, course.speed, course.push)
 
 
 @inlined

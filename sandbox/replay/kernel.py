@@ -8,7 +8,7 @@ from model.compiled import kernel
 from sandbox.plant import additions as add
 from sandbox.plant.edges import write_edges
 from sandbox.plant.mechanics import step_shaft
-from sandbox.plant.period import Course, travel
+from sandbox.plant.period import STILL, Course, travel
 from sandbox.plant.sampling import deviate, hold_start, read
 
 TRACK = np.dtype([(name, np.float64) for name in (
@@ -109,7 +109,7 @@ def run(w, flux_map, timing, features, room, track, begins, eccentric, supply, s
         for j in range(lanes):
             w.supply[j] = row.link * supply[j]
             w.link[j] = w.supply[j] - w.sunk[j]
-        course = Course(row.cos, row.sin, 0.5 * period, 0.0, row.rate, row.bend, row.jerk, row.speed, 0.0, 0.0)
+        course = Course(row.cos, row.sin, 0.5 * period, 0.0, row.rate, row.bend, row.jerk, row.speed, STILL)
         span = travel(w, flux_map, timing, features, room, course, (begins + k) * period, span, looks, seen)
         read(w)
         if timing.first >= 0.0:

@@ -70,8 +70,8 @@ def test_a_rotor_left_alone_shows_its_mechanics():
 
 
 def test_a_load_that_comes_with_late_pulses_is_the_bench_s():
-    """Its mean over the plant's periods, which begin with the pulses; as it stands, its step alone is 10 ppm of rated
-    speed late: 0.1 T_rated d/J of a delay d = 20 us."""
+    """The plant's periods begin with the pulses, the load does not; begun with them, its step alone would be 10 ppm of
+    rated speed late: 0.1 T_rated d/J of a delay d = 20 us."""
     drive = load_drive("ipm")
     drive = dataclasses.replace(drive, converter=dataclasses.replace(drive.converter, encoder_counts=table.COUNTS))
     effects = sizes("pwm_delay", drive, 1.0)

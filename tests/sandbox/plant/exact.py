@@ -5,6 +5,7 @@ import numpy as np
 from sandbox.drive.closed import closed_bench, longest_step, looked_into
 from sandbox.drive.loop import INSTANT, LINK, MEMORY, SPAN, U_ALPHA, U_BETA, Rig, progress, rotor, shift
 from sandbox.drive.sensing import encoder, gather, looked_at, read_phases
+from sandbox.plant.period import STILL
 from sandbox.plant.sets import complete, features_of
 from sandbox.validation.switched.advance import replay
 from sandbox.validation.switched.bench_numbers import bench, quiet
@@ -38,7 +39,8 @@ class Exact:
         self.memory[U_ALPHA], self.memory[U_BETA] = u.real, u.imag
         if self.inside:
             shift(self.bench.room, self.k, self.inside)
-        progress(self.k, self.bench, self.rig, load, 0.0, self.memory, self.looks, self.seen, self.rng)
+        push = STILL._replace(load=load, load_after=load)
+        progress(self.k, self.bench, self.rig, push, self.memory, self.looks, self.seen, self.rng)
         self.k += 1
         sample = vector(dict(zip(("i_a", "i_b", "i_c"), read_phases(self.w, self.rig, self.rng), strict=True)))
         if self.inside:
@@ -48,7 +50,7 @@ class Exact:
     @property
     def motion(self):
         """Angle (rad) and speed (rad/s) of the rotor, mechanical."""
-        theta, omega, _ = rotor(self.w)
+        theta, omega = rotor(self.w)
         return theta / self.pairs, omega / self.pairs
 
     @property
@@ -60,7 +62,7 @@ class Exact:
     @property
     def encoder(self):
         """Angle (rad, electrical) that the encoder reads, and its slope (rad/s)."""
-        theta, omega, _ = rotor(self.w)
+        theta, omega = rotor(self.w)
         return encoder(self.w, self.bench.features, theta, omega, 0.0)
 
 
