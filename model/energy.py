@@ -154,9 +154,3 @@ def inductances(
     dd, dq, qq = hessian.py_func(m, *flux_from_current(m, i_d, i_q))
     det = dd * qq - dq * dq
     return qq / det, -dq / det, dd / det
-
-
-def co_energy(m: AnyEnergy, i_d: ArrayLike, i_q: ArrayLike) -> NDArray[np.float64]:
-    """Return the Legendre transform phi . i - H (J up to the factor 3/2); its gradient by current is the flux."""
-    d, q = flux_from_current(m, i_d, i_q)
-    return np.asarray(d * np.asarray(i_d) + q * np.asarray(i_q) - energy.py_func(m, d, q))

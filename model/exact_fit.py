@@ -78,15 +78,13 @@ def exact(levels: Levels, nominal: Motor, background: dict[str, float] | None = 
             "no start value gives a model valid at every level (strictly convex energy); the levels reach currents "
             "where the quartic energy cannot hold, or voltages and currents do not belong together"
         )
-    best = min((_reweighted(levels, free, *m) for m in minima), key=_negative_log_likelihood)
+    best = min((_reweighted(free, *m) for m in minima), key=_negative_log_likelihood)
     fit = _finish(levels, free, *best)
     flux_from_current(fit.energy, *levels.current.T)  # raises where the way there from zero leaves the convex domain
     return fit
 
 
-def _reweighted(
-    levels: Levels, free: NDArray[np.bool_], found: _Solution, problem: Problem
-) -> tuple[_Solution, Problem]:
+def _reweighted(free: NDArray[np.bool_], found: _Solution, problem: Problem) -> tuple[_Solution, Problem]:
     """Refit with voltages and slopes each weighted by their own misfit: an imperfect inverter model then costs
     the resistance precision, not the inductances accuracy."""
     for _ in range(4):

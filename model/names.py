@@ -8,7 +8,6 @@ a terminal would obey, `html_text` what a browser would.
 from __future__ import annotations
 
 import html
-from pathlib import PurePosixPath
 
 from model.errors import BadInput, brief, shown
 
@@ -50,11 +49,6 @@ def fitting(text: str, usual: str) -> str:
     kept = "".join(c if c.isprintable() and c not in SEPARATORS else "_" for c in text)
     name = kept.lstrip(". ")[:LONGEST]
     return name if _is_name(name) else usual
-
-
-def stem_of(file: str) -> str:
-    """Return the last part of a file's name without its suffix, as a title."""
-    return PurePosixPath(file).stem
 
 
 def html_text(text: str) -> str:

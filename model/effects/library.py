@@ -89,11 +89,6 @@ def shared() -> frozenset[str]:
     return frozenset((*same_numbers(), *same_numbers().values()))
 
 
-def one_name(name: str) -> str:
-    """Return the name under which a parameter is the same as its double: the other's for a double."""
-    return same_numbers().get(name, name)
-
-
 def moved(name: str, to: float) -> dict[str, float]:
     """Return what moving a parameter changes: itself and its doubles."""
     return {name: to, **{double: to for double, own in same_numbers().items() if own == name}}

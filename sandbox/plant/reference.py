@@ -237,7 +237,7 @@ class Reference:
             elif kind in ("fall", "rise"):
                 heapq.heappush(events, pulses.taken(t, leg, kind, (self.current(t, y) * A ** (-leg)).real))
             elif kind == "z act":
-                pulses.act(t, leg, k)
+                pulses.act(leg, k)
             elif kind == "state":
                 states[k] = y
             else:
@@ -296,7 +296,7 @@ class Legs:
         self.last[leg] = (-1.0 if overtaken else act, number + 1, 1.0 if rises else 0.0)
         return (t, "z act", -1, leg) if overtaken else (act, "z act", number + 1, leg)
 
-    def act(self, t: float, leg: int, number: int) -> None:
+    def act(self, leg: int, number: int) -> None:
         """Set a leg's level where the edge that acts is still the last one taken."""
         _, last, level = self.last[leg]
         if number == last:

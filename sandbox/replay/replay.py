@@ -133,13 +133,12 @@ def with_steps(prepared: Prepared, steps: int) -> Prepared:
     return replace(prepared, steps=steps)
 
 
-def halving_error(prepared: Prepared, values: Set | None = None) -> list[float]:
+def halving_error(prepared: Prepared) -> list[float]:
     """Return per recording the rms change of the readings, in noise floors, when the plant's step is halved."""
-    values = prepared.base if values is None else values
     out = []
     for r in prepared.recordings:  # one by one: two predictions of everything would be large
         own = replace(prepared, recordings=(r,))
-        (coarse,), (fine,) = (replay(p, [values]).currents for p in (own, with_steps(own, 2 * own.steps)))
+        (coarse,), (fine,) = (replay(p, [prepared.base]).currents for p in (own, with_steps(own, 2 * own.steps)))
         out.append(float(np.sqrt(np.mean((coarse - fine) ** 2))) / prepared.floor)
     return out
 

@@ -51,7 +51,9 @@ def test_all_canonical_effects_are_there():
 def test_a_moved_double_is_asked_for_the_limits_of_both():
     """cross_saturation.alpha_12 is saturation.alpha_12; what stands under two names is told."""
     assert library.shared() == {f"{e}.alpha_{n}" for e in ("saturation", "cross_saturation") for n in ("12", "22")}
-    assert library.one_name("cross_saturation.alpha_22") == library.one_name("saturation.alpha_22")
+    doubles = library.same_numbers()
+    assert doubles["cross_saturation.alpha_22"] == "saturation.alpha_22"
+    assert "saturation.alpha_22" not in doubles
 
 
 def test_values_of_the_motor_are_told_by_the_cards():
