@@ -208,4 +208,4 @@ def odrive(folder: Path) -> dict[str, Any]:
     kept = json.loads((RESULTS / "odrive_cogging.json").read_text())
     case = kept["cases"]["slow, without compensation"]
     return {"verdict": case["verdict"], "effects": case["hypothesis"]["effects"], "before": case["before"],
-            "after": case["after"], "lines": [], "date": kept["date"]}  # fmt: skip
+            "after": case["after"], "lines": [], "date": kept["date"], **case["cost"]}  # fmt: skip

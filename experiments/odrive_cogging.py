@@ -204,7 +204,7 @@ def main() -> None:
     keep = {
         name: {"verdict": case["verdict"], "before": case["gap"]["before"], "after": case["gap"]["after"],
                "hypothesis": case["hypotheses"][0], "orders": case["motion"]["orders"],
-               "inertia": case["motion"]["inertia"], "cannot": case["motion"]["cannot"]}
+               "inertia": case["motion"]["inertia"], "cannot": case["motion"]["cannot"], "cost": case["cost"]}
         for name, case in found.items()
     }  # fmt: skip
     save("odrive_cogging", {"cases": keep, "orders": rows, "told": told}, drawn)
