@@ -80,7 +80,7 @@ CASES: dict[str, Case] = {
         "sizes were judged on the tables themselves, without a simulation: they explain 82 %, 33 %, 80 % and 49 %"
         " of the orders' energy at the currents recorded, where one amplitude for all currents explains 30 %, 17 "
         "%, 8 % and 12 % ([figures](thor_orders.json), `python -m experiments.thor_orders`). Believe `unknown`, "
-        "too: order 6 hangs on the currents by terms of fourth degree (66 % of it, 22 % up to the third), which "
+        "too: order 6 depends on the currents by terms of fourth degree (66 % of it, 22 % up to the third), which "
         "the library does not have. Not saturation, which stands in for that: the nominal map is the tables' own "
         "mean.",
     ),
@@ -91,7 +91,7 @@ CASES: dict[str, Case] = {
         "order 72, friction",
         "Believe order 72 and the dry friction: the slow scan gives 5.0 to 5.3 mN m by another way, without a "
         "model of the motion (holding currents, up against down), and so does the friction of the acceleration "
-        "runs. All of it hangs on the torque constant, which is not measured. Most of what tells is one file, a "
+        "runs. All of it depends on the torque constant, which is not measured. Most of what tells is one file, a "
         "slow run at 6 rad/s: with the scan and the runs at 50 rad/s alone (until 2026-11-23) the answer was "
         "`unknown`. The scan alone is refused: the loop steps and holds, and between two pauses the rotor turns "
         "by 0.03 rad at most. Orders 18 and 12, a fifth of 72, are not named.",
