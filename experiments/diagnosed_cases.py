@@ -161,6 +161,7 @@ def laas_motion(folder: Path) -> dict[str, Any]:
 
 def moteus(folder: Path) -> dict[str, Any]:
     """Return what steady points say, and how `diagnose` refuses them."""
+    os.environ.setdefault("SENSORLESS_DATA", str(shared("SENSORLESS_DATA", "realdata")))
     found = told(shared("SENSORLESS_DATA", "realdata") / "moteus_ld")
     return found | {"lines": found["lines"] + [f"{d.name}: {d.can[0]}" for d in real_drives("moteus_ld")]}
 
@@ -208,4 +209,4 @@ def odrive(folder: Path) -> dict[str, Any]:
     kept = json.loads((RESULTS / "odrive_cogging.json").read_text())
     case = kept["cases"]["slow, without compensation"]
     return {"verdict": case["verdict"], "effects": case["hypothesis"]["effects"], "before": case["before"],
-            "after": case["after"], "lines": [], "date": kept["date"]}  # fmt: skip
+            "after": case["after"], "lines": [], "date": kept["date"], **case["cost"]}  # fmt: skip

@@ -54,7 +54,7 @@ with it.
 with it turning; they share neither code nor moment, and the fit was not told of the filter among the author's
 commands (125 ms if his current loop runs at 8 kHz; that it was set in these runs is inferred). Slow turns and
 spin-ups agree in phase although the late reading turns only the slow ones. Amplitudes in A are as good as the
-drive's current; in N m they hang on the author's torque constant, which is not measured. Inertia: four sets of
+drive's current; in N m they depend on the author's torque constant, which is not measured. Inertia: four sets of
 runs agree to 7 %; their intervals are narrower than that, they count scatter, not what is left unexplained, and
 the author's figure is another. Friction: only the slow turns without compensation meet the maps; the other
 three sets say twice as much, as dry friction, viscous friction and an offset of the current trade: do not
@@ -204,7 +204,7 @@ def main() -> None:
     keep = {
         name: {"verdict": case["verdict"], "before": case["gap"]["before"], "after": case["gap"]["after"],
                "hypothesis": case["hypotheses"][0], "orders": case["motion"]["orders"],
-               "inertia": case["motion"]["inertia"], "cannot": case["motion"]["cannot"]}
+               "inertia": case["motion"]["inertia"], "cannot": case["motion"]["cannot"], "cost": case["cost"]}
         for name, case in found.items()
     }  # fmt: skip
     save("odrive_cogging", {"cases": keep, "orders": rows, "told": told}, drawn)

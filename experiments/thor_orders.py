@@ -1,4 +1,4 @@
-"""Which orders do THOR's slots make, and how do their amplitudes hang on the currents?
+"""Which orders do THOR's slots make, and how do their amplitudes depend on the currents?
 
 First the tables: rms of each order of the flux over the currents within the rated one, and the share of its energy that
 one amplitude and phase, the same at all currents, would explain; then the shares that co-energies explain which are

@@ -211,12 +211,10 @@ def asymmetry(p: MapPoints, angle: float = 0.0) -> float:
     x, y = t.i_d / scale, t.i_q / scale
     powers = [(a, b) for a in range(DEGREE + 1) for b in range(DEGREE + 1 - a)]
     columns = np.stack([x**a * y**b for a, b in powers], axis=1)
-    even = np.array([b % 2 == 0 for _, b in powers])
-    total = 0.0
-    for values, wrong in ((t.psi_d, ~even), (t.psi_q, even)):
-        found = np.linalg.lstsq(columns, values, rcond=1e-10)[0]
-        total += float(np.mean((columns[:, wrong] @ found[wrong]) ** 2))
-    return math.sqrt(total)
+    odd = np.array([b % 2 == 1 for _, b in powers])
+    found = np.linalg.lstsq(columns, np.stack([t.psi_d, t.psi_q], axis=1), rcond=1e-10)[0]
+    wrong = (columns[:, odd] @ found[odd, 0], columns[:, ~odd] @ found[~odd, 1])
+    return math.sqrt(sum(float(np.mean(x**2)) for x in wrong))
 
 
 def best_angle(p: MapPoints) -> float:

@@ -2,14 +2,16 @@
 
 SciPy's reader trusts the lengths a file states: a damaged one ends it with a segmentation fault.  Read here are full
 arrays of numbers, real or complex, and those in structures, as 'structure.field'; texts, cells, sparse arrays and
-objects are passed over.  Format: MathWorks, MAT-File Format (version 5 files).  Checked against SciPy's writer and
-reader (tests/model).
+objects are passed over.  Elements of a structure array that have a Name and Data are signals of that name (so dSPACE's
+ControlDesk writes them); others are 'structure(1).field'.  Format: MathWorks, MAT-File Format (version 5 files).
+Checked against SciPy's writer and reader (tests/model).
 """
 
 from __future__ import annotations
 
 import zlib
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -20,11 +22,14 @@ from numpy.typing import NDArray
 HEADER = 128  # bytes: a text, the version, and in which order bytes stand
 NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}  # stored types
 MATRIX, COMPRESSED = 14, 15
-STRUCTURE = 2  # class of an array
+STRUCTURE, TEXT = 2, 4  # classes of arrays
+CODES = {2: "utf-8", 4: "utf-16", 16: "utf-8", 17: "utf-16"}  # stored types of a text
 FULL = range(6, 16)  # classes of full arrays of numbers: double, single, eight of integers
 COMPLEX = 0x800  # flag beside the class
 DEEPEST = 4  # structures in structures
 MOST_FIELDS = 1000
+MOST_ELEMENTS = 10_000  # of an array of structures
+LONGEST_NAME = 400  # characters of a signal's name
 
 Array = NDArray[Any]
 
@@ -96,25 +101,61 @@ def _matrix(data: memoryview, order: str, prefix: str, deepest: int) -> Iterator
     if len(flags) < 1 or not 2 <= len(shape) <= 8 or min(shape) < 0 or kind not in NUMBERS:
         raise Damaged("an array without a shape or name")
     own = prefix + bytes(name).decode("latin-1")
-    if flags[0] & 0xFF == STRUCTURE and prod(shape) == 1 and deepest:
-        yield from _fields(parts, order, own, deepest - 1)
+    if flags[0] & 0xFF == STRUCTURE and deepest:
+        yield from _structures(parts, order, own, prod(shape), deepest - 1)
     elif flags[0] & 0xFF in FULL:
         real = _values(parts, order, shape)
         yield own, real + 1j * _values(parts, order, shape) if flags[0] & COMPLEX else real
 
 
-def _fields(parts: Iterator[tuple[int, memoryview]], order: str, own: str, deepest: int) -> Iterator[tuple[str, Array]]:
+def _structures(
+    parts: Iterator[tuple[int, memoryview]], order: str, own: str, count: int, deepest: int
+) -> Iterator[tuple[str, Array]]:
+    """Yield the arrays of one structure, or of `count` with the same fields: signals by name, or numbered."""
     length = _integers(parts, order)
     _, text = next(parts, (0, memoryview(b"")))
     if len(length) != 1 or not 1 <= length[0] <= 256 or len(text) > length[0] * MOST_FIELDS:
         raise Damaged(f"structure '{own[:40]}' has no names of fields")
-    for k in range(0, len(text), length[0]):
-        name = bytes(text[k : k + length[0]]).partition(b"\0")[0].decode("latin-1")
+    places = range(0, len(text), length[0])
+    fields = [bytes(text[k : k + length[0]]).partition(b"\0")[0].decode("latin-1") for k in places]
+    if count == 1:
+        yield from _fields(parts, order, own, fields, deepest)[1].items()
+        return
+    if count > MOST_ELEMENTS:
+        raise Damaged(f"an array of {count} structures, '{own[:40]}'")
+    found = [(k, *_fields(parts, order, f"{own}({k})", fields, deepest)) for k in range(1, count + 1)]
+    uses = Counter(name for _, name, _ in found)
+    for k, name, arrays in found:
+        data = arrays.get(f"{own}({k}).Data")
+        yield from arrays.items() if data is None or not name or uses[name] > 1 else ((name, data),)
+
+
+def _fields(
+    parts: Iterator[tuple[int, memoryview]], order: str, own: str, fields: Sequence[str], deepest: int
+) -> tuple[str, dict[str, Array]]:
+    """Return a structure's Name, empty where it has none, and the arrays in it."""
+    name, arrays = "", dict[str, Array]()
+    for field in fields:
         kind, data = next(parts, (0, memoryview(b"")))
         if kind != MATRIX:
-            raise Damaged(f"field '{name[:40]}' of structure '{own[:40]}' is missing")
+            raise Damaged(f"field '{field[:40]}' of structure '{own[:40]}' is missing")
         if len(data):  # an empty field has no content at all
-            yield from _matrix(data, order, f"{own}.{name}", deepest)
+            arrays.update(_matrix(data, order, f"{own}.{field}", deepest))
+            name = _text(data, order) if field == "Name" else name
+    return name, arrays
+
+
+def _text(data: memoryview, order: str) -> str:
+    """Return what a matrix element holds as a text, empty where it is none, or none in one line."""
+    parts = _elements(data, order)
+    flags, shape = _integers(parts, order), _integers(parts, order)
+    next(parts, None)
+    kind, content = next(parts, (0, memoryview(b"")))
+    if len(flags) < 1 or flags[0] & 0xFF != TEXT or kind not in CODES or prod(shape) > LONGEST_NAME or shape[0] != 1:
+        return ""
+    code = CODES[kind] + ({"<": "-le", ">": "-be"}[order] if kind in (4, 17) else "")
+    text = bytes(content[: 4 * LONGEST_NAME]).decode(code, "replace").strip("\0 ")
+    return text if text.isprintable() else ""
 
 
 def _integers(parts: Iterator[tuple[int, memoryview]], order: str) -> list[int]:

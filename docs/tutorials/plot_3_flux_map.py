@@ -10,8 +10,8 @@ as a CSV file, puts a motor's file beside it, and runs an estimator on this moto
 # A map
 # -----
 # Here a formula makes the map; yours comes from a bench or from finite elements. The file has the columns ``i_d`` and ``i_q`` (A),
-# ``psi_d`` and ``psi_q`` (Wb). Each row is one current, and the currents form a rectangular grid. MATLAB files (``.mat``) and NumPy files
-# (``.npz``) are read as well.
+# ``psi_d`` and ``psi_q`` (Wb). Each row is one current. Here the currents form a rectangular grid; a map with holes or with scattered
+# points is read, too. So are MATLAB files (``.mat``) and NumPy files (``.npz``). :doc:`/reference/files` lists what may differ.
 #
 # The formula is the gradient of one function of the currents, so that the map is reciprocal, as every motor without losses is.
 

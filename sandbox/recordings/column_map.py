@@ -7,6 +7,7 @@ IMPORTING.md beside this file tells the whole.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -48,6 +49,7 @@ KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
 LARGEST = 1e18  # of any cell, nanoseconds included
 MOST_ROWS = MOST_VALUES // len(REQUIRED)  # of a recording: a log of few columns becomes all that are needed
 SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
+PORT = re.compile(r'"|/"?(?:Out|In)\d+"?$')  # what a path of Simulink has beside a signal's name
 WRAP = 1.01  # turns within which a wrapped angle stays
 
 
@@ -73,7 +75,7 @@ class Column:
         if not self.others:
             return self.column
         for wanted in self.others:
-            ends = [n for n in names if n == wanted or n.endswith((f".{wanted}", f"/{wanted}", f"\\{wanted}"))]
+            ends = [n for n in names if PORT.sub("", f"/{n}").endswith((f".{wanted}", f"/{wanted}", f"\\{wanted}"))]
             if len(ends) == 1 or wanted in ends:
                 return wanted if wanted in ends else ends[0]
         return None

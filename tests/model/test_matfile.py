@@ -43,6 +43,28 @@ def test_numbers_are_read_as_scipy_reads_them(packed, tmp_path):
     assert found["log.in.u"] == 2.0
 
 
+def structures(names):
+    """Return an array of structures with a Name, Data and a structure of their own."""
+    out = np.empty((1, len(names)), dtype=[("Name", object), ("Data", object), ("more", object)])
+    for k, name in enumerate(names):
+        out[0, k] = (name, np.arange(3.0) + k, {"x": float(k)})
+    return out
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_structures_in_an_array_are_signals_by_their_name_or_numbered(packed, tmp_path):
+    """Texts in SciPy's three ways: bytes, UTF-8, UTF-16; a name used twice, an empty one, and one of two lines tell
+    nothing."""
+    names = ["i_a", "\u03c8", "twice", "twice", "", "two\nlines"]
+    savemat(tmp_path / "m.mat", {"log": {"Y": structures(names)}}, do_compression=packed)
+    found = read_mat(tmp_path / "m.mat", MOST)
+    assert set(found) == {"i_a", "\u03c8", *(f"log.Y({k}).{n}" for k in (3, 4, 5, 6) for n in ("Data", "more.x"))}
+    np.testing.assert_array_equal(found["i_a"].ravel(), np.arange(3.0))
+    np.testing.assert_array_equal(found["\u03c8"].ravel(), np.arange(3.0) + 1)
+    np.testing.assert_array_equal(found["log.Y(4).Data"].ravel(), np.arange(3.0) + 3)
+    assert found["log.Y(4).more.x"] == 3.0
+
+
 def test_a_measured_map_is_read_as_scipy_reads_it():
     path = real_data() / "baldor_pmsyrm" / "ABB_400rpm_map.mat"
     found, known = read_mat(path, MOST), loadmat(path)
@@ -56,7 +78,8 @@ def test_a_measured_map_is_read_as_scipy_reads_it():
 def test_damage_is_refused_or_harmless(packed, tmp_path):
     """Every refusal is `Damaged`; what is read is never larger than its file can hold."""
     path = tmp_path / "m.mat"
-    savemat(path, {"x": ARRAYS["x"], "z": ARRAYS["z"], "log": {"i_a": np.arange(9.0)}}, do_compression=packed)
+    arrays = {"x": ARRAYS["x"], "z": ARRAYS["z"], "log": {"i_a": np.arange(9.0)}, "Y": structures(["a", "b"])}
+    savemat(path, arrays, do_compression=packed)
     whole, kinds = path.read_bytes(), set()
     for k in range(1500):
         path.write_bytes(damaged_bytes(whole, random.Random(k)))

@@ -318,7 +318,7 @@ def beside_text(a: Answers) -> str:
     if own is None:
         return ""
     described = [x for x in own.beside.described if x.share >= TOLD][:2]
-    acts = " and ".join(f"{ACTING[x.acts_as]} that hangs on {HANGS[x.hangs_on]}" for x in described)
+    acts = " and ".join(f"{ACTING[x.acts_as]} that depends on {HANGS[x.hangs_on]}" for x in described)
     text = f"A free regression fitted beside the effects predicts {percent_fine(own.beside.worth)} of it on recordings "
     text += f"left out, mostly as {acts}." if acts else "left out."
     named = [e for e in a.diagnosis.best.effects if e != UNKNOWN]

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from model.drive_files import load_drive
 from model.errors import BadInput
@@ -78,32 +79,34 @@ def test_moteus(tmp_path):
     np.testing.assert_allclose(found.recordings[0].torque, 1.5 * PAIRS * DRIVE.motor.magnet_flux * 1.5, rtol=1e-9)
 
 
+VESC = (  # the header that VESC Tool's openRtLogFile writes
+    "ms_today;input_voltage;temp_mos_max;temp_mos_1;temp_mos_2;temp_mos_3;temp_motor;current_motor;current_in;"
+    "d_axis_current;q_axis_current;erpm;duty_cycle;amp_hours_used;amp_hours_charged;watt_hours_used;"
+    "watt_hours_charged;tachometer;tachometer_abs;encoder_position;fault_code;vesc_id;d_axis_voltage;"
+    "q_axis_voltage;ms_today_setup;amp_hours_setup;amp_hours_charged_setup;watt_hours_setup;"
+    "watt_hours_charged_setup;battery_level;battery_wh_tot;current_in_setup;current_motor_setup;"
+    "speed_meters_per_sec;tacho_meters;tacho_abs_meters;num_vescs;ms_today_imu;roll;pitch;yaw;accX;accY;accZ;"
+    "gyroX;gyroY;gyroZ;gnss_posTime;gnss_lat;gnss_lon;gnss_alt;gnss_gVel;gnss_vVel;gnss_hAcc;gnss_vAcc;"
+)
+
+
 def test_vesc(tmp_path):
-    """Semicolons, ms of the day, degrees that wrap, voltages: too slow for them, the motion stays."""
-    t = np.arange(300) * 0.02
-    names = ["ms_today", "input_voltage", "temp_motor", "current_motor", "d_axis_current", "q_axis_current", "erpm",
-             "encoder_position", "fault_code", "d_axis_voltage", "q_axis_voltage"]  # fmt: skip
-    angle = (100.0 * t) % 360.0
-    columns = [
-        8e7 + 1e3 * t,
-        55.3 + 0 * t,
-        26.9 + 0 * t,
-        2 + 0 * t,
-        0 * t,
-        2 + 0 * t,
-        0 * t,
-        angle,
-        0 * t,
-        0 * t,
-        1 + 0 * t,
-    ]
-    written(tmp_path, "log.csv", names, columns, ";", head=f"[motor]\n{MOTOR}")
+    """A semicolon behind every cell, ms of the day, degrees that wrap; voltages are there, but too slow."""
+    t, names = np.arange(300) * 0.02, VESC.rstrip(";").split(";")
+    own = {
+        "ms_today": 8e7 + 1e3 * t, "input_voltage": 55.3 + 0 * t, "temp_motor": 26.9 + 0 * t,
+        "q_axis_current": 2 + 0 * t, "encoder_position": (100.0 * t) % 360.0, "q_axis_voltage": 1 + 0 * t,
+    }  # fmt: skip
+    written(tmp_path, "log.csv", names, [own.get(n, 0 * t) for n in names], ";", head=f"[motor]\n{MOTOR}")
+    lines = (tmp_path / "log.csv").read_text().splitlines()
+    (tmp_path / "log.csv").write_text(";\n".join([*lines, ""]))
     source = source_of(tmp_path, preset="vesc")
     why = motion_only(source)
     assert why.startswith("sampling_period = 0.02 s is beyond L/R")
     r = read_motion(source, why).recordings[0]
     np.testing.assert_allclose(r.t - r.t[0], t, atol=1e-6)
     np.testing.assert_allclose(r.angle - r.angle[0], np.radians(100.0 * t), atol=1e-6)
+    np.testing.assert_allclose(r.torque, 1.5 * PAIRS * DRIVE.motor.magnet_flux * 2.0, rtol=1e-9)
 
 
 def test_stm32(tmp_path):
@@ -152,12 +155,27 @@ def test_twincat(tmp_path):
     check_electrical(read_recordings(tmp_path, preset="twincat"))
 
 
+SIGNALS = ("theta", "i_a", "i_b", "i_c", "u_alpha", "u_beta", "u_dc")
+
+
 def test_dspace(tmp_path):
-    """Signals by their model paths, in a CSV; MDF4 and MAT go the same way."""
+    """Signals by their model paths, in a CSV; MDF4 goes the same way."""
     c = turning()
-    own = ("theta", "i_a", "i_b", "i_c", "u_alpha", "u_beta", "u_dc")
-    names = ["time", *(f"Model Root/Drive/{n}" for n in own)]
-    written(tmp_path, "log.csv", names, [c["t"], *(c[n] for n in own)])
+    names = ["time", *(f"Model Root/Drive/{n}" for n in SIGNALS)]
+    written(tmp_path, "log.csv", names, [c["t"], *(c[n] for n in SIGNALS)])
+    check_electrical(read_recordings(tmp_path, preset="dspace"))
+
+
+@pytest.mark.parametrize("path", ["{}", '"Model Root"/"Drive"/"{}"/"Out1"', "Model Root/Drive/{}/Out1"])
+def test_dspace_mat(tmp_path, path):
+    """ControlDesk's MAT: one structure called as the measurement, X.Data the stamps, Y(k).Name and Y(k).Data."""
+    c = turning()
+    signals = np.empty((1, len(SIGNALS)), dtype=[("Name", object), ("Raster", object), ("Data", object)])
+    for k, n in enumerate(SIGNALS):
+        signals[0, k] = (path.format(n), "Periodic Task 1", c[n][None, :])
+    log = {"X": {"Name": "time", "Data": c["t"][None, :]}, "Y": signals, "Description": {"General": "no numbers"}}
+    savemat(tmp_path / "log.mat", {"run_001": log})
+    (tmp_path / "campaign.toml").write_text(HEAD + '[[recording]]\nfile = "log.mat"\nrotor = "free"\n')
     check_electrical(read_recordings(tmp_path, preset="dspace"))
 
 
