@@ -355,7 +355,11 @@ def test_carrier_s_phase_is_read_along_the_rotor(theta):
     wave = carrier(drive.injection, drive.converter)
     late, n = np.resize(np.roll(wave.waveform, 3), 4 * len(wave.waveform)), 4 * len(wave.waveform)
     r = SimpleNamespace(
-        theta=np.full(n, theta), t=np.arange(n), injection_axis="d", u_alpha=np.cos(theta) * late, u_beta=np.sin(theta) * late
+        theta=np.full(n, theta),
+        t=np.arange(n),
+        injection_axis="d",
+        u_alpha=np.cos(theta) * late,
+        u_beta=np.sin(theta) * late,
     )
     assert np.array_equal(carrier_at(drive, r), np.resize(np.roll(wave.primitive, 3), n))
 

@@ -177,6 +177,11 @@ def test_nothing_held_out_is_no_bound(quiet):
     assert min(RIDGE) < 1e-3
 
 
+@pytest.mark.parametrize(("chance", "structured"), [(0.009, True), (0.011, False)])
+def test_structure_is_what_noise_makes_in_less_than_one_of_a_hundred(chance, structured):
+    assert Remains(1.0, 0.5, None, None, chance, 1.0).structure == structured
+
+
 def test_the_interval_holds_95_percent(monkeypatch):
     """Of 400 blocks whose sum has a deviation of s the interval ends 1.96 s from it, over 40 seeds (s.e. 0.02 s)."""
     each = np.random.default_rng(1).standard_normal(400) + 5.0

@@ -46,7 +46,10 @@ def test_directions_are_shares_of_the_recordings_that_miss_voltage(monkeypatch):
     """Two recordings, half the weight each, of which one misses none: the other's 4 : 1 along and across stays."""
     missing = np.zeros((1, len(decompose.DIRECTIONS)))
     missing[0, :2] = 2.0, 1.0
-    blocks = [(missing, 0.0 * missing, np.zeros(1), np.zeros(1)), (0.0 * missing, 0.0 * missing, np.zeros(1), np.zeros(1))]
+    blocks = [
+        (missing, 0.0 * missing, np.zeros(1), np.zeros(1)),
+        (0.0 * missing, 0.0 * missing, np.zeros(1), np.zeros(1)),
+    ]
     monkeypatch.setattr(decompose, "_projected", lambda point, k, x, rng: blocks[k])
     recordings = [SimpleNamespace(file="a"), SimpleNamespace(file="b")]
     point = SimpleNamespace(prepared=SimpleNamespace(recordings=recordings))
