@@ -23,7 +23,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from model.effects.library import effect_names
+from experiments.few_effects import left_out
 from sandbox.public.verifying import COSTS
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -68,12 +68,6 @@ speed = 0.1
 load = 0.8
 ramp = 0.1
 """
-LEFT = (
-    "stator_resistance",
-    "magnet_flux",
-    "dead_time",
-    "current_gain",
-)  # effects diagnosed: of others no more is learnt
 RECORDED = ("simulate", "--scenario", "c.toml", "--effects", "dead_time.time=2e-6", "--record", "campaign",
             "--json-only", "--quiet")  # fmt: skip
 CHECK = ("withheld", "make", "check", "--count", "2", "--kind", "controls", "--cycles", "practice", "--quiet")
@@ -105,12 +99,12 @@ def start(name: str, home: Path, out: Path, paths: Sequence[Path] = ()) -> subpr
     """Start a command in a session of its own; paths: where Python looks first."""
     if name == "score" and not out.exists():  # it writes into what it scores
         shutil.copytree(home / "check", out)
-    excluded = ",".join(e for e in effect_names() if e not in LEFT)
-    words = [word.format(out).replace("EXCLUDED", excluded) for word in CALLS[name]]
+    words = [word.format(out).replace("EXCLUDED", ",".join(left_out())) for word in CALLS[name]]
+    program = "experiments.few_effects" if name == "score" else "sandbox.cli"
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, [*paths, ROOT]))}
     heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731 - a background shell ignores it
     return subprocess.Popen(
-        [sys.executable, "-m", "sandbox.cli", *words], cwd=home, env=environment, start_new_session=True,
+        [sys.executable, "-m", program, *words], cwd=home, env=environment, start_new_session=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, preexec_fn=heard,
     )  # fmt: skip
 

@@ -244,9 +244,13 @@ def holds(a: Answer | None) -> bool:
 
 @cache
 def measured() -> set[tuple[str, str]]:
-    """Return the constants (file, name) for which `constants` tells how answers change."""
+    """Return the constants (file, name) for which `constants` has told how answers change."""
     listed = tomllib.loads(Path(__file__).with_name("constants.toml").read_text(encoding="utf-8"))["constants"]
-    return {(f"sandbox/gap/{entry['module'].replace('.', '/')}.py", entry["name"]) for entry in listed}
+    lines = [line for p in (RESULTS / "diagnosis").glob("constants*.jsonl") for line in p.read_text().splitlines()]
+    tried = {json.loads(line).get("constant", "") for line in lines if line.startswith('{"case"')}
+    names = {label.rpartition(".")[2].partition("[")[0] for label in tried}
+    told = [entry for entry in listed if entry["name"] in names]
+    return {(f"sandbox/gap/{entry['module'].replace('.', '/')}.py", entry["name"]) for entry in told}
 
 
 def reason(a: Answer) -> str:

@@ -112,6 +112,15 @@ def test_voltage_error_is_a_saturated_sign_of_each_phase():
     assert np.hypot(*turned) == pytest.approx(8 / 3)
 
 
+def test_a_constant_current_needs_the_voltage_that_is_lost():
+    """Resistance and the inverter's error, on both axes; the injection is small, so no phase changes its sign."""
+    m, mean = Energy(1 / 0.05, 1 / 0.08, *5 * (0.0,)), (0.9, 1.4)
+    u, _ = _solve(m, 12.0, _square(1.0), H, mean, threshold=2.0)
+    lost = voltage_error(*mean, 0.3, 2.0, 0.02)
+    assert min(map(abs, lost)) > 0.5
+    np.testing.assert_allclose(u, 12.0 * np.array(mean) + lost, rtol=1e-5)
+
+
 def test_late_pulses_are_read_in_the_zero_vector():
     """Bench practice/p09: with pulses late by tau the reading stands tau before the middle of the zero vector."""
     resistance, inductance, tau = 12.0, 0.05, 40e-6

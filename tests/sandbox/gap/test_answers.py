@@ -7,6 +7,7 @@ import re
 import shutil
 import tomllib
 from html.parser import HTMLParser
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -345,6 +346,22 @@ def test_estimator_outside_the_loop_is_the_one_inside():
     again = errors(drive, r, None, "ekf")
     inside = r.theta - run.recording.theta_hat
     assert np.allclose(again, inside[-len(again) :], atol=1e-4)  # the loop writes its command one sample later
+
+
+@pytest.mark.parametrize("theta", [0.0, math.pi / 2.0])
+def test_carrier_s_phase_is_read_along_the_rotor(theta):
+    """Injected along d three samples late: in u_alpha where the rotor lies there, in u_beta a quarter turn on."""
+    drive = load_drive("ipm_exchanged")
+    wave = carrier(drive.injection, drive.converter)
+    late, n = np.resize(np.roll(wave.waveform, 3), 4 * len(wave.waveform)), 4 * len(wave.waveform)
+    r = SimpleNamespace(
+        theta=np.full(n, theta),
+        t=np.arange(n),
+        injection_axis="d",
+        u_alpha=np.cos(theta) * late,
+        u_beta=np.sin(theta) * late,
+    )
+    assert np.array_equal(carrier_at(drive, r), np.resize(np.roll(wave.primitive, 3), n))
 
 
 def test_carrier_is_found_in_the_commands():

@@ -78,6 +78,12 @@ def test_states_that_never_settle_leave_six_blocks_of_a_campaign(monkeypatch):
     assert [part.rows for part in parts] == [16_000] * 6
 
 
+def test_blocks_are_a_twenty_fourth_of_what_is_used(monkeypatch):
+    monkeypatch.setattr(cutting, "rows_to_settle", lambda motor, period: 100)
+    parts = excerpted(campaign(recording(288_000)), 96_000).excerpts.parts
+    assert [part.rows for part in parts] == [4_000] * 24
+
+
 def test_blocks_are_described_in_shares_of_rated_values():
     """Rated load torque is 1; ten times the rated current counts as three; kinds of rotor lie ten apart, and the first
     and last of four blocks three quarters of a tenth."""
@@ -164,6 +170,12 @@ def test_of_few_recordings_each_is_used_and_of_many_every_kind():
     cut = excerpted(many, LEAST)
     assert "injected.parquet" in {r.file for r in cut}
     assert len(cut.excerpts.unused) == 61 - len({e.of for e in cut.excerpts.parts})
+
+
+def test_two_seconds_at_ten_kilohertz_are_the_least():
+    cutting.check_samples(20_000)
+    with pytest.raises(BadInput, match="give 20000 or more"):
+        cutting.check_samples(19_999)
 
 
 def test_too_few_samples_are_refused():

@@ -1,5 +1,6 @@
 """What an effect does to the position error, against theory."""
 
+import dataclasses
 import math
 
 import pytest
@@ -8,6 +9,7 @@ from model.drive_files import load_drive
 from model.effects.library import complete, true_motor
 from model.saliency import local_angle
 from sandbox.gap.pages.listed import position_rows
+from sandbox.gap.report import position_moved
 from sandbox.gap.report.position_moved import Moved, moved
 
 SATURATED = {"saturation.alpha_30": 8.0}
@@ -39,6 +41,25 @@ def test_another_saturation_turns_the_null_by_the_difference_of_two_angles(found
         e = float(local_angle(true, *at) - local_angle(motor.energy, 0.0, current))
     assert math.degrees(e) < -0.5  # there is something to see
     assert found["saturation"]["qnull"].mean_deg == pytest.approx(math.degrees(e), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("estimator", "rpm", "speed", "seconds"),
+    [
+        ("qnull", 1200.0, 0.05, 1.0),
+        ("ekf", 1200.0, 0.05, 1.0),
+        ("ekf", 400.0, 0.05, 2.0),
+        ("active_flux", 120.0, 0.5, 1.0),
+    ],
+)
+def test_a_mechanical_turn_at_the_speed_that_the_page_names(monkeypatch, estimator, rpm, speed, seconds):
+    """At a twentieth of 1200 rpm a turn takes 1 s, at half of 120 rpm, too; of 400 rpm two of its three seconds."""
+    monkeypatch.setattr(position_moved, "set_up", lambda drive, scenario, *_: scenario)
+    drive = load_drive("spm_exchanged")
+    drive = dataclasses.replace(drive, motor=dataclasses.replace(drive.motor, rated_speed_rpm=rpm))
+    start, turn = position_moved._ready(drive, estimator).segments
+    assert (start.load, turn.load, start.speed, turn.speed) == (0.0, 1.0, speed, speed)
+    assert turn.duration - position_moved.RAMP - position_moved.SETTLE == pytest.approx(seconds)
 
 
 def test_values_no_drive_can_have_are_left_out(found):

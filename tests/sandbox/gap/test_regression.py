@@ -2,12 +2,14 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from model.energy import Energy
 from model.energy import currents as currents_of
+from sandbox.gap.evidence import regression
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.regression import DRAWS, RIDGE, Remains, judged, regressors, remains, scalars
 from sandbox.plant.sets import complete
@@ -173,3 +175,21 @@ def test_nothing_held_out_is_no_bound(quiet):
     assert isinstance(remains(quiet[0], HELD, before=2.0), Remains)
     assert DRAWS >= 2 / 0.01  # so that the chance can fall below the level
     assert min(RIDGE) < 1e-3
+
+
+@pytest.mark.parametrize(("chance", "structured"), [(0.009, True), (0.011, False)])
+def test_structure_is_what_noise_makes_in_less_than_one_of_a_hundred(chance, structured):
+    assert Remains(1.0, 0.5, None, None, chance, 1.0).structure == structured
+
+
+def test_the_interval_holds_95_percent(monkeypatch):
+    """Of 400 blocks whose sum has a deviation of s the interval ends 1.96 s from it, over 40 seeds (s.e. 0.02 s)."""
+    each = np.random.default_rng(1).standard_normal(400) + 5.0
+    monkeypatch.setattr(regression, "_gains", lambda *_: (np.full(DRAWS, each.sum()), each))
+    monkeypatch.setattr(regression, "_alike", lambda *_: 1.0)
+    part = SimpleNamespace(recording=0, starts=np.zeros(1, int), channel="currents")
+    monkeypatch.setattr(regression, "component", lambda p, shown: np.zeros((1, 1)))
+    shown = [Residual("a", "locked", np.full((4000, 3, 1), 2.0), None, None)]  # an excess of 3 over 12000 squares
+    found = np.array([judged([part], shown, (0,), 2.0, seed).closable_ci95 for seed in range(40)])
+    off = (found * 3.0 * 12_000 - each.sum()) / (each.std() * math.sqrt(len(each)))
+    assert off.mean(0) == pytest.approx([-1.96, 1.96], abs=0.08)

@@ -83,8 +83,9 @@ def sizes_of(effect):
 
 
 def test_sizes_of_twice_and_four_times_the_typical_one_are_tried():
-    """Of either sign where a drive can have both: pulses can only be late, never early.  Three gains are many small
-    sizes, for which slopes do."""
+    """Of either sign where a drive can have both: pulses can only be late, never early.  Of two sizes either is tried;
+    three gains are many small ones, for which slopes do."""
     assert sorted(sizes_of("magnet_flux")) == pytest.approx([-4.0, -2.0, 2.0, 4.0])
     assert sizes_of("pwm_delay") == pytest.approx([2.0, 4.0])
+    assert sizes_of("flux_harmonics") == pytest.approx([-4.0, -2.0, 2.0, 4.0, *[0.0] * 4])
     assert sizes_of("current_gain") == []

@@ -42,6 +42,21 @@ def test_a_current_below_two_hundredths_has_no_direction(monkeypatch, size, alon
     assert found[:, 0] == pytest.approx(np.full(2, along))  # the voltage points along alpha, too
 
 
+def test_directions_are_shares_of_the_recordings_that_miss_voltage(monkeypatch):
+    """Two recordings, half the weight each, of which one misses none: the other's 4 : 1 along and across stays."""
+    missing = np.zeros((1, len(decompose.DIRECTIONS)))
+    missing[0, :2] = 2.0, 1.0
+    blocks = [
+        (missing, 0.0 * missing, np.zeros(1), np.zeros(1)),
+        (0.0 * missing, 0.0 * missing, np.zeros(1), np.zeros(1)),
+    ]
+    monkeypatch.setattr(decompose, "_projected", lambda point, k, x, rng: blocks[k])
+    recordings = [SimpleNamespace(file="a"), SimpleNamespace(file="b")]
+    point = SimpleNamespace(prepared=SimpleNamespace(recordings=recordings))
+    shares = decompose._directions(point, [None, None], {"a": 0.5, "b": 0.5})[0]
+    assert list(shares.values())[:2] == pytest.approx([0.8, 0.2])
+
+
 def turned(per_turn, turns, order):
     """Return a turning recording, and a space vector of amplitude 1 with an order of the rotor's frame."""
     angle = (np.arange(round(per_turn * turns)) + 0.5) * math.tau / per_turn

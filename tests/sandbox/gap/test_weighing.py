@@ -2,11 +2,13 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from sandbox.gap.evidence import spike_slab
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
@@ -50,6 +52,27 @@ def test_evidence_is_the_mean_over_sizes_and_only_data_is_tempered(pull, tempera
     top = pull / curve
     whole = quad(density, -12.0, 12.0, points=[0.0, top], limit=400)[0]
     assert told == pytest.approx(math.log(whole), abs=1e-6)
+
+
+@pytest.mark.parametrize(("promised", "steps", "left"), [(0.49, 0, 0.0), (0.51, 8, 0.26), (10.0, 8, 9.75)])
+def test_a_table_takes_eight_steps_towards_what_promises_half(monkeypatch, promised, steps, left):
+    """Each step gains a quarter, and slopes promise as much as before."""
+    value = [100.0]
+    n = SimpleNamespace(x=np.zeros(1), coordinates=(SimpleNamespace(form="size"),))
+    n.bare = lambda: n
+    e = SimpleNamespace(most_probable=lambda prior: n, objective=lambda x, prior: value[0] - promised)
+
+    def tried(*_):
+        value[0] -= 0.25
+        return value[0], n
+
+    monkeypatch.setattr(spike_slab, "objective", lambda *_: value[0])
+    monkeypatch.setattr(spike_slab, "tried", tried)
+    monkeypatch.setattr(spike_slab, "algebra", lambda *_: e)
+    point = SimpleNamespace()
+    point.moved = lambda coordinates, x: point
+    found = spike_slab.settled(Table(point, n, e, None, None, {}, np.array([True])), None, None, 1)
+    assert found[1:] == pytest.approx((left, steps))
 
 
 def test_what_priors_tell_apart_no_temperature_takes_away():
