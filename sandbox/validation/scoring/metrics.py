@@ -16,7 +16,8 @@ from sandbox.validation.scoring.limits import Figure, auroc, mean, mean_share, q
 
 GOALS = {
     "top1": "≥ 0.95", "mean_probability": "≥ 0.90", "set_f1": "≥ 0.90", "exact_set": "≥ 0.75",
-    "unknown_auroc": "≥ 0.97", "outside_named": "≤ 0.10", "false_alarm": "≤ 0.01", "calibration_one": "≤ 0.03", "included_f1": "≥ 0.90",
+    "unknown_auroc": "≥ 0.97", "outside_named": "≤ 0.10", "false_alarm": "≤ 0.01", "calibration_one": "≤ 0.03",
+    "included_f1": "≥ 0.90",
     "included_auroc": "≥ 0.97", "included_error": "≤ 0.05", "coverage": "0.93–0.97", "coverage_worst": "≥ 0.88",
     "closed_median": "≥ 0.90",
     "closed_p10": "≥ 0.70", "ambiguity_hit": "≥ 0.99", "ambiguity_size": "≤ 1.3", "subsystem": "≥ 0.99",

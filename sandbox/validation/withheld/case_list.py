@@ -142,7 +142,7 @@ def _outside(count: int, style: str, outside: Sequence[str], rng: Generator) -> 
     order = _turns(sorted(set(of.values())), count, rng)
     causes = {s: _sized([n for n in outside if of[n] == s], rng) for s in sorted(set(of.values()))}
     families, beside = _turns(FAMILIES, count, rng), _turns(BESIDE, count, rng)
-    effects = _turns(effect_names(), count, rng)
+    effects = iter(_turns(effect_names(), count, rng))
     out = []
     for k, subsystem in enumerate(order):
         mine = causes[subsystem]
@@ -150,7 +150,7 @@ def _outside(count: int, style: str, outside: Sequence[str], rng: Generator) -> 
         if name == FLUX_MAP:
             out.append(Case(k, "outside", "mapped", style, (), (1.0,), name))
             continue
-        names = (str(effects[k]),) if beside[k] else ()
+        names = (str(next(effects)),) if beside[k] else ()
         sizes = (*(float(rng.choice(FOUND_SIZES)) for _ in names), size)
         out.append(Case(k, "outside", str(families[k]), style, names, sizes, name))
     return out
