@@ -1,9 +1,9 @@
 """How good is the diagnosis on campaigns of the second simulator whose effect is withheld, beside simple methods?
 
-100 campaigns with scored cycles, 60 with four to ten effects at once, 400 controls without a gap, 140 narrow campaigns
-where pairs of effects look alike, and 100 campaigns with the ladder's sizes in place of published ones (what it is
-worth that the prior knows them); single effects of the first 100 once more with the true one taken out of the library;
-the simple methods on them, too.
+100 campaigns with scored cycles, 60 with four to ten effects at once, 48 with a cause outside the library each, 400
+controls without a gap, 140 narrow campaigns where pairs of effects look alike, and 100 campaigns with the ladder's
+sizes in place of published ones (what it is worth that the prior knows them); single effects of the first 100 once more
+with the true one taken out of the library; the simple methods on them, too.
 Everything is made and diagnosed in WORK and goes on where it was interrupted.  Kept in results/withheld/: a row a
 diagnosis (NAME.rows.jsonl) and the opened seal (NAME.truth.json); all else there is computed from these two alone, but
 NOTES.md.  The page says what was not run.
@@ -29,9 +29,9 @@ from model.errors import BadInput
 from sandbox.cli.withholding import ROWS
 from sandbox.output.files import write_json
 from sandbox.validation.scoring.check_figure import withheld_figure
-from sandbox.validation.scoring.metrics import GOALS
+from sandbox.validation.scoring.metrics import GOALS, by_subsystem
 from sandbox.validation.scoring.rows import BLIND, Row, check_seal, one_code, read_rows
-from sandbox.validation.scoring.tables_of_rows import by_method, content_of
+from sandbox.validation.scoring.tables_of_rows import by_method, content_of, scored
 from sandbox.validation.withheld.make import SEAL
 
 RESULTS = Path(__file__).parent / "results" / "withheld"
@@ -57,6 +57,7 @@ CHECKS = {
     ),
     "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 140, 20261223),
     "many": Check("Campaigns of four to ten effects at once", "many", 60, 20261271),
+    "outside": Check("Campaigns of one cause outside the library each", "outside", 48, 20261405),
     "controls": Check("Controls without a gap", "controls", 400, 20261252),
     "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 100, 20261224, "ladder"),
 }  # fmt: skip
@@ -135,6 +136,9 @@ def recompute(results: Path = RESULTS) -> list[str]:
         if others:
             contents[BASELINES] = page(BASELINES, rows, results)
             lines += ["## Simple methods on the same campaigns", "", *table(contents[BASELINES], GOALS), ""]
+    if {"mixed", "outside"} <= set(found):
+        table_of = outside_table(found["outside"].rows, found["mixed"].rows)
+        lines += ["## Causes outside the library by subsystem", "", *table_of, ""]
     if {"mixed", "ladder"} <= set(contents):
         both = {"methods": {k: contents[n]["methods"][OWN] for k, n in ((OWN, "mixed"), ("by the ladder", "ladder"))}}
         lines += ["## Published sizes beside the ladder's", "", *table(both, GOALS), ""]
@@ -182,6 +186,15 @@ def table(content: dict[str, Any], goals: dict[str, str]) -> list[str]:
     names = [k for k in methods[OWN] if any(k in t for t in told)]
     lines = [f"| metric | goal | {' | '.join(methods)} |", "|---|---|" + "---|" * len(methods)]
     lines += [f"| {n} | {goals.get(n, '')} | {' | '.join(cell(m.get(n)) for m in methods.values())} |" for n in names]
+    return lines
+
+
+def outside_table(outside: Sequence[Row], known: Sequence[Row]) -> list[str]:
+    """Return the table of what is said of causes outside the library by their subsystem, beside known campaigns."""
+    own, others = (scored([r for r in rows if r.method == OWN]).judged for rows in (outside, known))
+    lines = ["| subsystem | found | named beside | blamed | unknown_auroc |", "|---|---|---|---|---|"]
+    for subsystem, figures in by_subsystem(own, others).items():
+        lines.append(f"| {subsystem} | {' | '.join(cell(f.as_json()) for f in figures.values())} |")
     return lines
 
 

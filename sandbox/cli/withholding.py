@@ -33,9 +33,10 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
     c.add_argument(
         "--kind",
         default="mixed",
-        choices=("mixed", "controls", "pairs", "many"),
+        choices=("mixed", "controls", "pairs", "many", "outside"),
         help="mixed: none to three effects, or a cause outside the library; controls: shorter, without any effect; "
-        "pairs: one operating point, where two effects look alike; many: four to ten effects at once (mixed)",
+        "pairs: one operating point, where two effects look alike; many: four to ten effects at once; "
+        "outside: a cause outside the library each, in every third campaign with an effect of it (mixed)",
     )
     text = "what the drives do in the recordings: tune on practice, score on scored (scored)"
     c.add_argument("--cycles", default="scored", choices=("practice", "scored"), help=text)
@@ -79,7 +80,7 @@ def run_make(options: argparse.Namespace) -> None:
         """Print the seal's hash before anything is recorded."""
         if not options.quiet:
             print_prose(f"truth sealed, SHA-256 {digest}")
-            if options.kind == "mixed" and (reason := missing()):
+            if options.kind in ("mixed", "outside") and (reason := missing()):
                 print_prose(reason)
 
     with progress_bar("recording", options.quiet) as progress:

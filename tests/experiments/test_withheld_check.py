@@ -6,8 +6,9 @@ import json
 import pytest
 
 from experiments import withheld_check
-from experiments.withheld_check import CHECKS, RESULTS, keep, recompute
+from experiments.withheld_check import CHECKS, OWN, RESULTS, keep, recompute
 from model.errors import BadInput
+from sandbox.validation.scoring.metrics import by_subsystem
 from sandbox.validation.scoring.rows import write_rows
 from sandbox.validation.scoring.tables_of_rows import by_method
 from tests.sandbox.validation.test_withheld_rows import twelve
@@ -66,6 +67,23 @@ def test_both_tables_of_sizes_stand_side_by_side(results):
     assert f"| top1 | ≥ 0.95 | {cells[0]} | {cells[1]} |" in text
 
 
+def test_causes_outside_are_ranked_beside_the_known_campaigns_of_the_mixed_check(results):
+    rows = [r for r in twelve() if r.method == OWN]
+    outside = [r for r in rows if r.truth["kind"] == "outside"]
+    write_rows(results / "outside.rows.jsonl", outside)
+    (results / "outside.truth.json").write_bytes((results / "mixed.truth.json").read_bytes())
+    assert recompute(results) == ["mixed", "outside"]
+    text = (results / "README.md").read_text()
+    table = text[text.index("## Causes outside the library by subsystem") :].split("\n\n")[1].splitlines()
+    assert table[0] == "| subsystem | found | named beside | blamed | unknown_auroc |"
+    mixed = [r for r in rows if r.part == "blind"]
+    auroc = by_subsystem(by_method(outside)[0].judged, by_method(mixed)[0].judged)
+    assert [line.split(" | ")[0] for line in table[2:]] == [f"| {s}" for s in auroc]
+    for line, figures in zip(table[2:], auroc.values(), strict=True):
+        assert line.endswith(f" n = {figures['auroc'].n} |")
+        assert f"{figures['auroc'].value:.3g} [" in line
+
+
 def test_rows_of_another_seal_or_of_several_states_of_the_code_are_refused(results):
     rows = twelve()
     write_rows(results / "controls.rows.jsonl", [type(r)(**{**vars(r), "code": "new"}) for r in rows])
@@ -105,7 +123,7 @@ def test_one_state_of_the_code_and_enough_controls_for_one_percent():
     assert CHECKS["controls"].count >= 400
     assert CHECKS["mixed"].count >= 100
     assert len({c.seed for c in CHECKS.values()}) == len(CHECKS)
-    assert set(CHECKS) == {"mixed", "pairs", "many", "controls", "ladder"}
+    assert set(CHECKS) == {"mixed", "pairs", "many", "outside", "controls", "ladder"}
 
 
 def test_a_check_is_made_and_scored_by_the_command_line(tmp_path, monkeypatch):

@@ -33,7 +33,8 @@ class Judgement:
     hit: the true set is the first hypothesis; probability: given to the true set; unknown: P(unknown);
     parts: parameters (covered, given); closed: None where it is undefined; subsystem: rightly located, None without an
     effect; top, top_probability: the first hypothesis; in_set, unknown_in_set: the truth, or a hypothesis with
-    `unknown`, stands in the ambiguity set; chances: of each effect, to be there; parts_of: `parts` by effect.
+    `unknown`, stands in the ambiguity set; chances: of each effect, to be there; parts_of: `parts` by effect; outside:
+    the subsystem of a cause outside the library.
     """
 
     name: str
@@ -59,6 +60,7 @@ class Judgement:
     top_probability: float
     chances: Mapping[str, float] = field(default_factory=dict)
     parts_of: Mapping[str, tuple[int, int]] = field(default_factory=dict)
+    outside: str | None = None
 
     @property
     def separable(self) -> bool:
@@ -74,6 +76,11 @@ class Judgement:
     def settled(self) -> bool:
         """The truth is alone in the ambiguity set."""
         return self.in_set and self.set_size == 1
+
+    @property
+    def falsely_named(self) -> bool:
+        """The first hypothesis names an effect of the library that is not there."""
+        return bool({*self.top} - {*self.effects, UNKNOWN})
 
     @property
     def twin(self) -> bool:
@@ -106,19 +113,20 @@ def alike(one: frozenset[str], other: frozenset[str]) -> bool:
 def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> Judgement:
     """Judge one diagnosis (the JSON contract, or {"failed": why}) against one entry of the seal."""
     true = frozenset(truth["effects"])
+    beyond = (truth.get("outside_subsystem") or "machine") if UNKNOWN in true else None
     head = (name, truth["kind"], truth["family"], tuple(truth["effects"]), tuple(truth["sizes"]))
     if "failed" in diagnosis:
         missed = (0, sum(estimated(n) for n in truth["parameters"]))
         unknown = 0.0 if UNKNOWN in true else 1.0
         return Judgement(*head, True, False, 0.0, 0.0, unknown, "failed", missed, None if not true else 0.0, False,
-                         False, 0, False if true else None, None, None, (), 0.0)  # fmt: skip
+                         False, 0, False if true else None, None, None, (), 0.0, outside=beyond)  # fmt: skip
     hypotheses = [(frozenset(h["effects"]), float(h["probability"]), h) for h in diagnosis["hypotheses"]]
     top, top_probability, best = hypotheses[0]
     members = [frozenset(m) for m in diagnosis["ambiguity_set"]]
     matches = [(e, p) for e, p, _ in hypotheses if _same(e, true, members)]
     cost, verdict = diagnosis.get("cost", {}), str(diagnosis["verdict"])
     parts = {e: covered(truth["parameters"], best.get("parameters", {}), [e]) for e in sorted(top & true)}
-    place = located(true, diagnosis.get("where", []), truth.get("outside_subsystem"))
+    place = located(true, diagnosis.get("where", []), beyond)
     if true and verdict == "no_gap":
         place = False  # `where` then says where a gap would lie if there were one
     return Judgement(
@@ -128,6 +136,7 @@ def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> 
         closed(true, diagnosis["gap"]),
         any(_contains_truth(m, true) for m in members), any(UNKNOWN in m for m in members), len(members), place,
         cost.get("seconds"), cost.get("simulations"), tuple(sorted(top)), top_probability, chances(diagnosis), parts,
+        beyond,
     )  # fmt: skip
 
 

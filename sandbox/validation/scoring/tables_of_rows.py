@@ -13,6 +13,7 @@ from sandbox.validation.scoring.limits import Figure, quantile
 from sandbox.validation.scoring.metrics import (
     GOALS,
     by_size,
+    by_subsystem,
     confusion,
     detection_floor,
     figures,
@@ -43,10 +44,11 @@ class Scores:
     def as_json(self) -> dict[str, Any]:
         """Return what `withheld.json` keeps of it."""
         sizes = {s: {k: f.as_json() for k, f in fs.items()} for s, fs in by_size(self.judged).items()}
+        outside = {s: {k: f.as_json() for k, f in fs.items()} for s, fs in by_subsystem(self.judged).items()}
         covered = {e: f.as_json() for e, f in coverage_by_effect(self.judged).items()}
         return {
             **{k: f.as_json() for k, f in self.figures.items()},
-            "by_size": sizes, "coverage_by_effect": covered,
+            "by_size": sizes, "coverage_by_effect": covered, "outside_by_subsystem": outside,
             "detection_floor": detection_floor(self.judged), "confusion": confusion(self.judged),
             "reliability": reliability(self.judged), "failed": [j.name for j in self.judged if j.failed],
             "missed": [[j.name, *j.effects, "->", j.label] for j in self.judged if not j.hit],

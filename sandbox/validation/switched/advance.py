@@ -22,6 +22,7 @@ from model.errors import BadInput, PhysicsError, unknown
 from sandbox.validation.switched.bench_numbers import Bench
 from sandbox.validation.switched.inverter import (
     CORE_ALPHA,
+    CORES,
     FILTER_ALPHA,
     FILTER_BETA,
     HELD_ALPHA,
@@ -33,16 +34,17 @@ from sandbox.validation.switched.inverter import (
     PSI_ALPHA,
     PSI_BETA,
     SAMPLE_ALPHA,
-    SAMPLE_BETA,
     SIZE,
     SKIN_ALPHA,
     SPEED,
     THETA,
     advance,
+    early_slot,
     travel,
 )
 from sandbox.validation.switched.machine_state import DRIVEN, FREE, LOCKED
 from sandbox.validation.switched.phase_machine import current_and_torque, magnet, phase_currents
+from sandbox.validation.switched.readers import remembered
 
 Vector = NDArray[np.float64]
 MODES = {"locked": LOCKED, "driven": DRIVEN, "free": FREE}
@@ -84,8 +86,9 @@ def start(b: Bench, theta: float = 0.0, speed: float = 0.0, i_alpha: float = 0.0
     state[PSI_ALPHA], state[PSI_BETA] = psi.real, psi.imag
     state[HELD_ALPHA], state[HELD_BETA] = psi.real, psi.imag
     state[CORE_ALPHA : CORE_ALPHA + 2] = 0.0
-    for first in (SKIN_ALPHA, FILTER_ALPHA, I_ALPHA, SAMPLE_ALPHA):
+    for first in (SKIN_ALPHA, FILTER_ALPHA, I_ALPHA, SAMPLE_ALPHA, early_slot(1), early_slot(2)):
         state[first], state[first + 1] = i_alpha, i_beta
+    state[CORES], state[CORES + 1], state[CORES + 2] = phase_currents(complex(i_alpha, i_beta))
     state[THETA], state[SPEED], state[LOAD_SPEED] = theta, speed, speed
     state[OFFSET] = b.sampling_delay
     return state
@@ -123,17 +126,19 @@ def sensor(b, current, gain, offset, rng):
 
 
 @kernel
-def sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration):
-    """Return the current vector that the sensors hold for t_k, before gain and noise."""
-    if state[OFFSET] < 0.0:
-        return complex(state[SAMPLE_ALPHA], state[SAMPLE_BETA])
+def sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, channel):
+    """Return the current vector that the sensors hold for t_k as a channel reads it, before gain and noise."""
+    late = state[OFFSET] + channel * b.channel_lag
+    if late < 0.0:
+        first = early_slot(channel)
+        return complex(state[first], state[first + 1])
     at = state
-    if state[OFFSET] > 0.0:
+    if late > 0.0:
         at = state[SIZE:]
         for k in range(SIZE):
             at[k] = state[k]
         at[OFFSET] = 0.0
-        travel(at, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, state[OFFSET])
+        travel(at, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, late)
     if b.filter_time > 0.0:
         return complex(at[FILTER_ALPHA], at[FILTER_BETA])
     return complex(at[I_ALPHA], at[I_BETA])
@@ -143,10 +148,14 @@ def sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration):
 def measure(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, rng):
     """Return what the sensors read at t_k; the other arguments as `advance`.
 
-    With jitter, the instant of the next sample is drawn here too: call it once a period, before `advance`.
+    With jitter, the instant of the next sample is drawn here too, and sensors' cores follow the current: call it once a
+    period, before `advance`.
     """
-    i = sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration)
-    i_a, i_b, i_c = phase_currents(i)
+    i_a, i_b, i_c = phase_currents(sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, 0))
+    if b.channel_lag > 0.0:
+        i_b = phase_currents(sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, 1))[1]
+        i_c = phase_currents(sampled(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, 2))[2]
+    i_a, i_b, i_c = remembered(state, b, CORES, (i_a, i_b, i_c))
     i_a = sensor(b, i_a, b.gain_a, b.common_offset + b.offset_a, rng)
     i_b = sensor(b, i_b, b.gain_b, b.common_offset + b.offset_b, rng)
     i_c = sensor(b, i_c, b.gain_c, b.common_offset - b.offset_a - b.offset_b, rng)

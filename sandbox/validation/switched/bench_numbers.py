@@ -109,6 +109,15 @@ class Bench(NamedTuple):
     link_impedance: float = 0.0
     link_damping: float = 0.0
     one_sided: float = 0.0  # devices that lose more for currents out of the leg
+    channel_lag: float = 0.0  # s, by which each phase's current is read after the one before it
+    remanence: float = 0.0  # of current sensors' cores: a play, its share of the current, and its radius in A
+    remanence_radius: float = 0.0
+    crank: float = 0.0  # kg m^2, by which the load's inertia swings twice a turn
+    crank_phase: float = 0.0
+    lobe: float = 0.0  # N m, of a load out of true, once in so many turns
+    lobe_turns: float = 0.0
+    lobe_phase: float = 0.0
+    load_lag: float = 0.0  # s, by which a load machine's torque lags what it is told
     sign_shape: float = LINEAR  # how the sign of a current goes through zero, soft_current its half-width
     zone_width: float = 0.0  # A, of the sign by which edges are late: half-width of its own, and share of a tanh in it
     zone_tanh: float = 0.0

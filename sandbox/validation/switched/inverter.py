@@ -15,8 +15,10 @@ import numpy as np
 from model.compiled import inlined, kernel
 from sandbox.validation.switched.leg import HARD, TANH, edge_sign, given, reached, table_corner
 from sandbox.validation.switched.link import link_step, settled_link, stage
+from sandbox.validation.switched.load import acting_load
 from sandbox.validation.switched.machine_state import Driving, Moving, ahead, mean_rate
 from sandbox.validation.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
+from sandbox.validation.switched.readers import channels
 
 PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
 THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s mechanical; rad mechanical
@@ -39,7 +41,9 @@ SHIFT, LAST_SHIFT = SUNK + 3, SUNK + 6  # three legs each: s by which this perio
 LINK_DIP, LINK_FEED = SUNK + 9, SUNK + 10  # V: the link's resonance, see `link`
 READINGS = SUNK + 11  # number of readings inside a period, then the current vector of each (see `reading_due`)
 MOST_READINGS = 32
-SIZE = READINGS + 1 + 2 * MOST_READINGS
+EARLY = READINGS + 1 + 2 * MOST_READINGS  # current vectors of phases b and c, where read before t_k after a's
+CORES, LOAD = EARLY + 4, EARLY + 7  # A, what three sensors' cores hold; N m, the load torque that acts
+SIZE = LOAD + 1
 NEVER = np.inf
 NEAR = 1e-3  # of a step: a corner as near to either end is met as well as it can be
 TIE = 1e-13  # s: closer events are one
@@ -332,6 +336,19 @@ def reading_due(state, b, j):
 
 
 @kernel
+def early_due(state, b, j):
+    """Return when (s after t_k) the j-th channel is read for t_k+1 if that is before it; NEVER for others."""
+    at = state[OFFSET] + j * b.channel_lag
+    return b.period + at if j < channels(b) and at < 0.0 else NEVER
+
+
+@kernel
+def early_slot(j):
+    """Return where the j-th channel's early sample is kept."""
+    return SAMPLE_ALPHA if j == 0 else EARLY + 2 * (j - 1)
+
+
+@kernel
 def hold(state, b, first):
     """Write the current vector that a sensor sees now to two slots."""
     state[first], state[first + 1] = state[I_ALPHA], state[I_BETA]
@@ -348,8 +365,9 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
     t_a, t_b, t_c = int(state[CARRIED]), int(state[CARRIED + 1]), int(state[CARRIED + 2])
     n_a, n_b, n_c = schedule(state, b, 0, d_a), schedule(state, b, 1, d_b), schedule(state, b, 2, d_c)
     a_a = a_b = a_c = 0
-    early = b.period + state[OFFSET] if state[OFFSET] < 0.0 else NEVER
+    early_j, early = 0, early_due(state, b, 0)
     j, inside = 0, reading_due(state, b, 0)
+    load_torque = acting_load(b, state[LOAD], load_torque)
     t = 0.0
     while True:
         i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
@@ -358,9 +376,10 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
         a_a, t_a, n_a = settle(state, b, 0, a_a, t_a, n_a, t, i_a)
         a_b, t_b, n_b = settle(state, b, 1, a_b, t_b, n_b, t, i_b)
         a_c, t_c, n_c = settle(state, b, 2, a_c, t_c, n_c, t, i_c)
-        if t >= early:
-            hold(state, b, SAMPLE_ALPHA)
-            early = NEVER
+        while t >= early:
+            hold(state, b, early_slot(early_j))
+            early_j += 1
+            early = early_due(state, b, early_j)
         while t >= inside:
             hold(state, b, READINGS + 1 + 2 * j)
             j += 1
@@ -385,3 +404,4 @@ def advance(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration):
     """
     travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, b.period)
     state[TIME] += b.period
+    state[LOAD] = acting_load(b, state[LOAD], load_torque)

@@ -20,8 +20,9 @@ What the effect library does not hold, so that something unknown can be asked fo
 - a measured flux map (`flux_map`): H(Re z, Im z) in place of the series, dH/dtheta = i_d Im z - i_q Re z;
 - harmonics of any orders, those of the flux growing with the current where asked for (`harmonics`);
 - saturation with a knee: H += knee/3 (|z| - knee_flux)^3 beyond knee_flux;
-- a fan: load torque += fan omega |omega|, omega the speed of the load's side;
+- a fan, a crank, a load out of true, a load machine that lags (`load`);
 - current sensors that lose curvature (`simulate.sensor`): reading = gain i (1 - curvature i^2);
+- current sensors that remember, phases read one after another (`readers`);
 - a resolver (`simulate.encoder`), shapes of the current's sign, a table of the leg's voltage error, a device of one
   direction (`leg`), a resonance of the link (`link`), least pulses and vectors (`inverter.kept`, `together`).
 """
@@ -43,6 +44,7 @@ from sandbox.validation.switched.harmonics import (
 )
 from sandbox.validation.switched.leg import given, soft_sign, soft_signs, unlisted_drop
 from sandbox.validation.switched.link import link_voltage
+from sandbox.validation.switched.load import crank_inertia, drag, load_acceleration, load_angle
 from sandbox.validation.switched.machine_state import DRIVEN, LOCKED, Moving, Powers
 
 A = complex(-0.5, 0.5 * math.sqrt(3.0))  # exp(2 pi j / 3)
@@ -209,13 +211,13 @@ def accelerations(b, torque, load_torque, theta, speed, load_speed, twist):
     if b.cogging != 0.0:
         net += b.cogging * math.sin(b.cogging_order * theta / b.pole_pairs + b.cogging_phase)
     net += cogging_sum(b.harmonics, theta / b.pole_pairs)[0]
-    if b.fan != 0.0:
-        load_torque += b.fan * load_speed * abs(load_speed)
+    angle = load_angle(b, theta, twist)
+    load_torque += drag(b, angle, load_speed)
     if b.load_inertia == 0.0:
-        a = (net - load_torque) / b.inertia
+        a = load_acceleration(b, b.inertia, net - load_torque, angle, load_speed)
         return a, a
     shaft = b.stiffness * twist + b.damping * (speed - load_speed)
-    return (net - shaft) / b.inertia, (shaft - load_torque) / b.load_inertia
+    return (net - shaft) / b.inertia, load_acceleration(b, b.load_inertia, shaft - load_torque, angle, load_speed)
 
 
 @kernel
@@ -261,7 +263,7 @@ def powers(b, t, by, wanted, x):
     if b.load_inertia != 0.0:
         rubbing += b.damping * (x.speed - x.load_speed) ** 2
     supply, commanded = v.real * i.real + v.imag * i.imag, ideal.real * i.real + ideal.imag * i.imag
-    output = (by.load_torque + b.fan * x.load_speed * abs(x.load_speed)) * x.load_speed
+    output = (by.load_torque + drag(b, load_angle(b, x.theta, x.twist), x.load_speed)) * x.load_speed
     return Powers(1.5 * supply, 1.5 * loss + rubbing, output, device_loss(b, i), 1.5 * commanded)
 
 
@@ -272,6 +274,7 @@ def reservoir(b, psi, core, skin, theta, speed, load_speed, twist):
     if b.core_conductance != 0.0:
         stored += 0.5 * b.core_time / b.core_conductance * abs(core) ** 2
     total = 1.5 * stored + 0.5 * (b.inertia * speed**2 + b.load_inertia * load_speed**2 + b.stiffness * twist**2)
+    total += 0.5 * crank_inertia(b, load_angle(b, theta, twist)) * load_speed**2
     if b.cogging != 0.0:
         angle = b.cogging_order * theta / b.pole_pairs + b.cogging_phase
         total += b.cogging / b.cogging_order * math.cos(angle)

@@ -3,7 +3,8 @@
     b = unlisted(bench(motor, converter), {"fan": 2e-5, "resolver": 2e-3})
     b = with_sign(b, "tanh", 0.45)
 
-Equations stand where they act: `machine`, `simulate`, `leg`, `link`, `inverter.kept` and `together`, `harmonics`.
+Equations stand where they act: `machine`, `simulate`, `leg`, `link`, `load`, `readers`, `inverter.kept` and `together`,
+`harmonics`.
 """
 
 from __future__ import annotations
@@ -48,7 +49,17 @@ UNLISTED = {
     "link_impedance": Unlisted("inverter", "ohm", 0.0, 1e3, "sqrt(L/C): dip after a step of one ampere"),
     "link_damping": Unlisted("inverter", "", 0.0, 2.0, "damping ratio; 2 damping impedance is the link's resistance"),
     "one_sided": Unlisted("inverter", "ohm", 0.0, 1e3, "what a leg loses more while its current flows out of it"),
+    "channel_lag": Unlisted("sensor", "s", 0.0, 1e-3, "phases are read one after another, b after a, c after b"),
+    "remanence": Unlisted("sensor", "", 0.0, 1.0, "cores of current sensors remember: a play", "remanence_radius"),
+    "remanence_radius": Unlisted("sensor", "A", 0.0, 1e4, "current at which the play is used up"),
+    "crank": Unlisted("mechanics", "kg m^2", 0.0, 1e3, "the load's inertia swings twice a turn, as behind a crank"),
+    "crank_phase": Unlisted("mechanics", "rad", -1e3, 1e3, "its phase"),
+    "lobe": Unlisted("mechanics", "N m", 0.0, 1e5, "load torque once in several turns", "lobe_turns"),
+    "lobe_turns": Unlisted("mechanics", "", 0.0, 1e3, "turns of the motor for one of the load"),
+    "lobe_phase": Unlisted("mechanics", "rad", -1e3, 1e3, "its phase"),
+    "load_lag": Unlisted("mechanics", "s", 0.0, 10.0, "time constant of the load machine's torque"),
 }
+SHORT = {"least_pulse": (0.5, "half"), "least_vector": (0.5, "half"), "channel_lag": (0.1, "a tenth of")}
 
 
 def unlisted(b: Bench, values: Mapping[str, float]) -> Bench:
@@ -61,9 +72,12 @@ def unlisted(b: Bench, values: Mapping[str, float]) -> Bench:
     for name, one in UNLISTED.items():
         if one.needs and getattr(new, name) > 0.0 and not getattr(new, one.needs) > 0.0:
             raise BadInput(f"{name} = {getattr(new, name):g} alone does nothing sound; give {one.needs} > 0 beside it")
-    for name in ("least_pulse", "least_vector"):
-        if not getattr(new, name) < 0.5 * new.period:
-            raise BadInput(f"{name} = {getattr(new, name):g} s is out of range; give less than half the PWM period")
+    for name, (share, what) in SHORT.items():
+        if not getattr(new, name) < share * new.period:
+            raise BadInput(f"{name} = {getattr(new, name):g} s is out of range; give less than {what} the PWM period")
+    carried = new.load_inertia if new.load_inertia > 0.0 else new.inertia
+    if not new.crank < carried:
+        raise BadInput(f"crank = {new.crank:g} kg m^2 leaves no inertia; give less than {carried:g}, what the load has")
     return new
 
 

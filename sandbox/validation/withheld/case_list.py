@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -14,25 +15,28 @@ from model.errors import BadInput, unknown
 from sandbox.validation.withheld.cycle_styles import STYLES
 from sandbox.validation.withheld.cycles_narrow import PAIRS
 from sandbox.validation.withheld.drives import FAMILIES
-from sandbox.validation.withheld.ladder import LADDER, OUTSIDE
+from sandbox.validation.withheld.ladder import LADDER
 from sandbox.validation.withheld.mapped_drive import FLUX_MAP
+from sandbox.validation.withheld.mapped_drive import SUBSYSTEM as OF_MAP
+from sandbox.validation.withheld.outside import EVERY, OUTSIDE
 
 SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
-KINDS = ("mixed", "controls", "pairs", "many")
+KINDS = ("mixed", "controls", "pairs", "many", "outside")
 AT_ONCE = (4, 10)  # effects of a campaign of the kind "many", least and most
 MOST = 10000  # campaigns
 PAIR_SIZES = LADDER[1:3]  # large enough to be seen at one operating point
 NESTED = {"saturation", "cross_saturation"}  # the one contains the other: never put in together
 FOUND_SIZES = LADDER[1:]  # for several at once
 TABLES = ("ladder", "published")  # where sizes come from
+BESIDE = (True, False, False)  # of the kind "outside": one in three has an effect of the library, too
 FOUND_FROM = 0.25  # place in a published range from which on sizes are drawn for several at once, and for pairs
 
 
 @dataclass(frozen=True)
 class Case:
     """One withheld campaign before anything is drawn of its drive: names are the library's, `outside` is not; pair: of
-    effects that its narrow cycles cannot tell apart; table: of TABLES.  Sizes are multiples of the medium one, for
-    effects of the library by the published table places in their ranges, 0 to 1."""
+    effects that its narrow cycles cannot tell apart; table: of TABLES.  Sizes are multiples of the medium one, that of
+    `outside` last; for effects of the library by the published table places in their ranges, 0 to 1."""
 
     index: int
     kind: str
@@ -51,13 +55,14 @@ class Case:
 
 
 def cases(
-    count: int, seed: int, kind: str, style: str, outside: Sequence[str] = tuple(OUTSIDE), table: str = "ladder"
+    count: int, seed: int, kind: str, style: str, outside: Sequence[str] | None = None, table: str = "ladder"
 ) -> list[Case]:
     """Return the cases of a check: every effect and size in turn, in an order drawn from the seed.
 
     Shares of a mixed check as SHARES (each at least one campaign as soon as there are ten).  A flux map is a drive of
-    its own and has one size.  Pairs: one effect of every pair in turn, on the pair's narrow cycles.  table: of TABLES;
-    published sizes come from every quarter of their range in turn.
+    its own and has one size.  Pairs: one effect of every pair in turn, on the pair's narrow cycles.  Outside: see
+    `_outside`.  outside: causes that can be drawn (EVERY for that kind, else OUTSIDE); table: of TABLES; published
+    sizes come from every quarter of their range in turn.
     """
     if kind not in KINDS:
         raise unknown("kind of check", kind, KINDS)
@@ -68,7 +73,14 @@ def cases(
     if not 1 <= count <= MOST:
         raise BadInput(f"count = {count} is no number of campaigns; give 1 to {MOST}")
     rng = np.random.default_rng([seed, 1])
-    listed = _pairs(count, style, rng) if kind == "pairs" else _listed(count, kind, style, outside, rng)
+    if outside is None:
+        outside = tuple(EVERY if kind == "outside" else OUTSIDE)
+    if kind == "pairs":
+        listed = _pairs(count, style, rng)
+    elif kind == "outside":
+        listed = _outside(count, style, outside, rng)
+    else:
+        listed = _listed(count, kind, style, outside, rng)
     return listed if table == "ladder" else [_placed(c, rng) for c in listed]
 
 
@@ -107,8 +119,8 @@ def _placed(case: Case, rng: Generator) -> Case:
     if case.kind == "one" and case.pair is None:
         places = [(LADDER.index(s) + float(rng.uniform())) / len(LADDER) for s in case.sizes]
     else:
-        places = [float(rng.uniform(FOUND_FROM, 1.0)) for _ in case.sizes]
-    return dataclasses.replace(case, table="published", sizes=tuple(places))
+        places = [float(rng.uniform(FOUND_FROM, 1.0)) for _ in case.names]
+    return dataclasses.replace(case, table="published", sizes=(*places, *case.sizes[len(case.names) :]))
 
 
 def _pairs(count: int, style: str, rng: Generator) -> list[Case]:
@@ -120,6 +132,27 @@ def _pairs(count: int, style: str, rng: Generator) -> list[Case]:
         members = PAIRS[order[place]][0]
         names = (members[(round_ + place) % len(members)],)
         out.append(Case(k, "one", str(family), style, names, (float(rng.choice(PAIR_SIZES)),), None, order[place]))
+    return out
+
+
+def _outside(count: int, style: str, outside: Sequence[str], rng: Generator) -> list[Case]:
+    """Return campaigns of one cause outside the library each: subsystems in turn, in each its causes and their sizes in
+    turn; every third has an effect of the library beside it, but no drive with a flux map."""
+    of = {name: OF_MAP if name == FLUX_MAP else EVERY[name].subsystem for name in outside}
+    order = _turns(sorted(set(of.values())), count, rng)
+    causes = {s: _sized([n for n in outside if of[n] == s], rng) for s in sorted(set(of.values()))}
+    families, beside = _turns(FAMILIES, count, rng), _turns(BESIDE, count, rng)
+    effects = iter(_turns(effect_names(), count, rng))
+    out = []
+    for k, subsystem in enumerate(order):
+        mine = causes[subsystem]
+        name, size = mine[order[:k].count(subsystem) % len(mine)]
+        if name == FLUX_MAP:
+            out.append(Case(k, "outside", "mapped", style, (), (1.0,), name))
+            continue
+        names = (str(next(effects)),) if beside[k] else ()
+        sizes = (*(float(rng.choice(FOUND_SIZES)) for _ in names), size)
+        out.append(Case(k, "outside", str(families[k]), style, names, sizes, name))
     return out
 
 
@@ -136,7 +169,7 @@ def _kinds(count: int, rng: Generator) -> list[str]:
     return [kinds[j] for j in rng.permutation(count)]
 
 
-def _turns(values: Sequence[str], count: int, rng: Generator) -> list[str]:
+def _turns(values: Sequence[Any], count: int, rng: Generator) -> list[Any]:
     rounds = -(-count // len(values))
     return [v for _ in range(rounds) for v in rng.permutation(values)][:count]
 

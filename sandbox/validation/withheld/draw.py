@@ -31,8 +31,9 @@ from sandbox.validation.withheld.drives import (
     sign_of,
     valid,
 )
-from sandbox.validation.withheld.ladder import OUTSIDE, Planted, changed, plant, truth_of
+from sandbox.validation.withheld.ladder import Planted, changed, plant, truth_of
 from sandbox.validation.withheld.mapped_drive import FLUX_MAP, SUBSYSTEM, identified, missing
+from sandbox.validation.withheld.outside import EVERY, OUTSIDE
 from sandbox.validation.withheld.published import multiple, planted
 from sandbox.validation.withheld.users_effects import size_at, users_cards, users_planted, users_truth
 
@@ -65,7 +66,7 @@ class Drawn:
             "effects": [*case.names, *(["unknown"] if case.outside else [])],
             "outside_subsystem": outside_subsystem(case.outside),
             "sizes": self.sizes,
-            **({"places": case.sizes} if case.table == "published" and case.names else {}),
+            **({"places": case.sizes[: len(case.names)]} if case.table == "published" and case.names else {}),
             "parameters": truth_of(list(case.names), self.true.motor, self.stated, self.plant)
             | users_truth(case.names, self.own),
             "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
@@ -84,16 +85,16 @@ class Drawn:
         return truth
 
 
-def outside_names() -> list[str]:
-    """Return what is outside the library and can be made here: a flux map needs its data set."""
-    return [*OUTSIDE, *([] if missing() else [FLUX_MAP])]
+def outside_names(kind: str = "mixed") -> list[str]:
+    """Return what is outside the library and can be made here in a kind of check: a flux map needs its data set."""
+    return [*(EVERY if kind == "outside" else OUTSIDE), *([] if missing() else [FLUX_MAP])]
 
 
 def outside_subsystem(name: str | None) -> str | None:
     """Return where an effect outside the library lies."""
     if name is None:
         return None
-    return SUBSYSTEM if name == FLUX_MAP else OUTSIDE[name].subsystem
+    return SUBSYSTEM if name == FLUX_MAP else EVERY[name].subsystem
 
 
 def draw(case: Case, seed: int, without: Sequence[str] = ()) -> Drawn:
@@ -119,10 +120,11 @@ def _once(case: Case, rng: Generator, without: Sequence[str]) -> Drawn | None:
     for p in plans.values():
         believed = changed(believed, p.believed)
     true, values, own = _put_in(base, plans, ())
-    drift = 0.0
-    if case.outside in OUTSIDE:
-        p = OUTSIDE[case.outside].planted(drive, case.sizes[0], rng)
-        own, drift = own | dict(p.bench), p.drift
+    drift, unlisted = 0.0, dict[str, float]()
+    if case.outside in EVERY:
+        p = EVERY[case.outside].planted(drive, case.sizes[-1], rng)
+        unlisted, drift = dict(p.bench), p.drift
+    own |= unlisted
     values = with_deviations(values, bench)
     stated = misjudge(believed, rng, by_range)
     sign = sign_of(base, rng) if by_range else {}
@@ -134,17 +136,21 @@ def _once(case: Case, rng: Generator, without: Sequence[str]) -> Drawn | None:
         return None
     stands, last = float(rng.uniform(0.0, 2.0 * np.pi)), int(rng.integers(2**31))
     if without:
-        kept = [k for k, name in enumerate(case.names) if name not in without]
-        case = dataclasses.replace(
-            case, names=tuple(case.names[k] for k in kept), sizes=tuple(case.sizes[k] for k in kept)
-        )
-        multiples = [multiples[k] for k in kept]
-        true, values, own = _put_in(base, plans, without)
-        values = with_deviations(values, bench)
+        case, multiples = _taken_out(case, multiples, without)
+        true, values, left = _put_in(base, plans, without)
+        values, own = with_deviations(values, bench), left | unlisted
     return Drawn(
         case, dataclasses.replace(drive, motor=true), stated, bench, values, own, sign, drift, stands, last,
         tuple(multiples), off_by(believed, stated, bench),
     )  # fmt: skip
+
+
+def _taken_out(case: Case, multiples: list[float], without: Sequence[str]) -> tuple[Case, list[float]]:
+    """Return a case and its sizes (multiples of medium ones) without some of its effects; a cause outside stays."""
+    kept = [k for k in range(len(case.sizes)) if k >= len(case.names) or case.names[k] not in without]
+    names = tuple(case.names[k] for k in kept if k < len(case.names))
+    smaller = dataclasses.replace(case, names=names, sizes=tuple(case.sizes[k] for k in kept))
+    return smaller, [multiples[k] for k in kept]
 
 
 def _plans(case: Case, drive: Drive, rng: Generator) -> tuple[dict[str, Planted], list[float]]:

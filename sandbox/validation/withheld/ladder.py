@@ -1,4 +1,4 @@
-"""What is put into a withheld drive: effects of the library at a size from a ladder, and some that it does not hold.
+"""What is put into a withheld drive of the library's effects, at a size from a ladder (other causes: `outside`).
 
 A size is a multiple of the medium one, and that is what the practice recordings have where they show an effect, else
 the card's typical size.  Signs, phases and shares are drawn.
@@ -16,7 +16,7 @@ from numpy.random import Generator
 
 from model.effects.card import scales
 from model.effects.library import replaced, scaled
-from model.parameters import Converter, Drive, Motor
+from model.parameters import Converter, Motor
 from sandbox.validation.withheld.drives import ALPHAS
 
 LADDER = (0.25, 0.5, 1.0, 2.0)
@@ -26,7 +26,6 @@ STEPS = {  # medium sizes of what the motor states, in its logarithm (viscous fr
     "cross_saturation": 1.4, "viscous_friction": 0.1,
 }  # fmt: skip
 Values = dict[str, float]
-DRIFT_TIME = 11.0 / 3.0  # recordings: the winding's temperature settles within a campaign
 
 
 @dataclass(frozen=True)
@@ -117,90 +116,6 @@ def plant(name: str, motor: Motor, converter: Converter, size: float, rng: Gener
     if name == "cross_saturation":
         return Planted(believed={a: off(a, STEPS[name]) for a in ("alpha_12", "alpha_22")})
     return Planted(plant=medium(name, motor, converter, size, rng))
-
-
-def _hysteresis(drive: Drive, size: float, rng: Generator) -> Planted:
-    """A play of a tenth of the flux of rated current, 3 % of rated current wide at medium size."""
-    motor = drive.motor
-    inductance = math.sqrt(motor.inductance_d * motor.inductance_q)
-    radius = 0.1 * size * inductance * motor.rated_current
-    return Planted(bench={"grip": 0.3 / inductance, "grip_radius": radius})
-
-
-def _inter_turn_short(drive: Drive, size: float, rng: Generator) -> Planted:
-    """4 % of phase a's turns shorted through as much resistance as they have themselves."""
-    conductance = 0.04 * size / (3.0 * drive.motor.resistance)
-    return Planted(bench={"short_conductance": conductance, "short_time": rng.uniform(1e-4, 3e-4)})
-
-
-def _knee(drive: Drive, size: float, rng: Generator) -> Planted:
-    """Saturation with a knee at 0.8 of the rated current's flux; 15 % of rated current more at twice that flux."""
-    motor = drive.motor
-    start = 0.8 * math.sqrt(motor.inductance_d * motor.inductance_q) * motor.rated_current
-    return Planted(bench={"knee": 0.15 * size * motor.rated_current / start**2, "knee_flux": start})
-
-
-def _sensor_curvature(drive: Drive, size: float, rng: Generator) -> Planted:
-    """Every current sensor reads 2.5 % less at rated current, by the square of the current.
-
-    Not more: control must still reach 1.7 times rated current as read, and at double size it takes 2.0 times.
-    """
-    return Planted(bench={"curvature": 0.025 * size / drive.motor.rated_current**2})
-
-
-def _fan(drive: Drive, size: float, rng: Generator) -> Planted:
-    """A fan on the shaft: 10 % of rated torque at rated speed, by the square of the speed."""
-    motor = drive.motor
-    speed = motor.rated_omega / motor.pole_pairs
-    return Planted(bench={"fan": 0.1 * size * motor.rated_torque / speed**2})
-
-
-def _resolver(drive: Drive, size: float, rng: Generator) -> Planted:
-    """Windings of a resolver that are not square: 0.4 degrees mechanical, twice a turn."""
-    return Planted(bench={"resolver": math.radians(0.4) * size, "resolver_phase": rng.uniform(0.0, math.tau)})
-
-
-def _least_vector(drive: Drive, size: float, rng: Generator) -> Planted:
-    """Active vectors shorter than 0.5 % of the PWM period are left out, as a drive does that reads a single shunt."""
-    return Planted(bench={"least_vector": 0.005 * size * drive.converter.sampling_period})
-
-
-def _link_resonance(drive: Drive, size: float, rng: Generator) -> Planted:
-    """The link's capacitors and its supply's inductance resonate at 600 Hz, damped by 0.05: three windings' R."""
-    impedance = 3.0 * size * drive.motor.resistance
-    return Planted(bench={"link_rate": math.tau * 600.0, "link_impedance": impedance, "link_damping": 0.05})
-
-
-def _one_sided(drive: Drive, size: float, rng: Generator) -> Planted:
-    """Upper devices of another kind than the lower: 5 % of the winding's resistance more while a current flows out."""
-    return Planted(bench={"one_sided": 0.05 * size * drive.motor.resistance})
-
-
-def _temperature_drift(drive: Drive, size: float, rng: Generator) -> Planted:
-    """The winding warms up: resistance 15 % (40 K) higher at the campaign's end than at its beginning."""
-    return Planted(drift=0.15 * size)
-
-
-@dataclass(frozen=True)
-class Outside:
-    """An effect that the library does not hold: the subsystem it lies in, and what it changes at a size."""
-
-    subsystem: str
-    planted: Callable[[Drive, float, Generator], Planted]
-
-
-OUTSIDE = {
-    "hysteresis": Outside("machine", _hysteresis),
-    "inter_turn_short": Outside("machine", _inter_turn_short),
-    "knee": Outside("machine", _knee),
-    "temperature_drift": Outside("machine", _temperature_drift),
-    "sensor_curvature": Outside("sensor", _sensor_curvature),
-    "fan": Outside("mechanics", _fan),
-    "resolver": Outside("sensor", _resolver),
-    "least_vector": Outside("inverter", _least_vector),
-    "link_resonance": Outside("inverter", _link_resonance),
-    "one_sided": Outside("inverter", _one_sided),
-}
 
 
 def truth_of(names: list[str], true: Motor, believed: Motor, plant_values: Mapping[str, float]) -> dict[str, float]:

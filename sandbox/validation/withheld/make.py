@@ -28,7 +28,7 @@ from sandbox.validation.withheld.cycles import LOAD, Cycle, scale_of
 from sandbox.validation.withheld.cycles_narrow import all_cycles as narrow
 from sandbox.validation.withheld.draw import Drawn, draw, outside_names, uncertainty
 from sandbox.validation.withheld.drives import LINK_NOISE
-from sandbox.validation.withheld.ladder import DRIFT_TIME
+from sandbox.validation.withheld.outside import DRIFT_TIME
 from sandbox.validation.withheld.rig import RECORDED, record, tuned
 from sandbox.validation.withheld.users_effects import users_cards
 
@@ -60,15 +60,16 @@ def make(
 ) -> Made:
     """Make a check in `folder`; announce gets the seal's hash before anything is recorded.
 
-    kind: 'mixed', 'controls' (shorter, without a gap) or 'pairs' (one operating point, where two effects look alike);
-    style of the cycles: 'practice' or 'scored'; sizes: 'published' (ranges with sources; ordinary deviations 0.5 to 2
-    times the stated ones; other shapes of a current's sign) or 'ladder'; jobs: processes;
+    kind: 'mixed', 'controls' (shorter, without a gap), 'pairs' (one operating point, where two effects look alike),
+    'many' (four to ten effects) or 'outside' (a cause outside the library, beside some an effect of it); style of the
+    cycles: 'practice' or 'scored'; sizes: 'published' (ranges with sources; ordinary deviations 0.5 to 2 times the
+    stated ones; other shapes of a current's sign) or 'ladder'; jobs: processes;
     Effects of the user that were taken over (`model.effects.adopt`) are drawn beside the library's.
     cluster: a dask scheduler instead, whose workers find the folder at the same place.
     BadInput where the folder holds another check.
     """
     folder = folder if cluster is None else folder.resolve()
-    outside, users = outside_names(), list(users_cards())
+    outside, users = outside_names(kind), list(users_cards())
     drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside, sizes)]
     header = {"seed": seed, "kind": kind, "style": style, "sizes": sizes, "outside": outside}
     if users:

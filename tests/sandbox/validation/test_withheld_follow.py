@@ -14,8 +14,8 @@ from sandbox.replay.replay import prepare, replay, residuals
 from sandbox.validation.scoring.recommended import cycle_of, drawn_again, entry_of, grow, recommended
 from sandbox.validation.withheld.case_list import Case, cases
 from sandbox.validation.withheld.draw import draw
-from sandbox.validation.withheld.ladder import OUTSIDE
 from sandbox.validation.withheld.make import campaign_of
+from sandbox.validation.withheld.outside import OUTSIDE
 from tests.sandbox.validation.test_withheld_make import true_set
 
 DRAWN = draw(Case(0, "one", "ipm_exchanged", "scored", ("dead_time",), (1.0,)), 11)

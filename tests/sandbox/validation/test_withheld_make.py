@@ -24,8 +24,9 @@ from sandbox.validation.withheld.cycle_styles import STYLES, cycles
 from sandbox.validation.withheld.cycles_narrow import PAIRS
 from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.drives import DRAWN, FAMILIES, VALID_TO, draw_bench, family_drive
-from sandbox.validation.withheld.ladder import LADDER, OUTSIDE
+from sandbox.validation.withheld.ladder import LADDER
 from sandbox.validation.withheld.make import campaign_of, make
+from sandbox.validation.withheld.outside import EVERY, OUTSIDE
 
 FILES = {"locked_d", "locked_q_inject_d", "locked_q_inject_q", "locked_steps", "locked_low_current", "run_slow"}
 FILES |= {"run_fast", "reversal", "coast_down", "driven_grid", "driven_grid_slow", "driven_idle"}
@@ -85,9 +86,9 @@ def test_with_the_real_encoder_counts_cost_a_free_rotor_a_little():
     assert motion.max() < 1.2
 
 
-@pytest.mark.parametrize("outside", OUTSIDE)
+@pytest.mark.parametrize("outside", EVERY)
 def test_what_no_library_holds_shows(outside):
-    """In the currents; a fan in the motion of free rotors alone."""
+    """In the currents; what lies in the mechanics in the motion of free rotors alone."""
     drawn = draw(Case(0, "outside", "ipm_exchanged", "scored", sizes=(1.0,), outside=outside), 3)
     current, motion = misses(drawn)
     assert (motion if drawn.as_json()["outside_subsystem"] == "mechanics" else current).max() > 1.5
@@ -184,7 +185,7 @@ def test_a_campaign_says_nothing_of_its_truth(tmp_path, monkeypatch):
     truth = json.loads((tmp_path / "truth.sealed").read_text())["campaigns"]
     for name, entry in truth.items():
         text = (tmp_path / "campaigns" / name / "campaign.toml").read_text()
-        for word in (*OUTSIDE, entry["family"], entry["kind"], entry["style"], "description", "provenance", "rated"):
+        for word in (*EVERY, entry["family"], entry["kind"], entry["style"], "description", "provenance", "rated"):
             assert word not in text.replace('injection_axis = "none"', ""), word
         toml = tomllib.loads(text)
         assert toml["campaign"] == {"name": name}

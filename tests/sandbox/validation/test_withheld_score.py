@@ -15,7 +15,7 @@ from sandbox.validation.scoring.blind import read_report, score
 from sandbox.validation.scoring.check_figure import withheld_figure
 from sandbox.validation.scoring.judge import alike, chances, closed, covered, f1, judge, located
 from sandbox.validation.scoring.limits import area, auroc, mean, mean_share, quantile, ratio, share
-from sandbox.validation.scoring.metrics import figures, left_out
+from sandbox.validation.scoring.metrics import by_subsystem, confusion, figures, left_out
 from sandbox.validation.scoring.tables_of_rows import table
 
 
@@ -99,6 +99,48 @@ def test_names_beside_unknown_are_counted():
     named = figures(judged)["outside_named"]
     assert (named.value, named.n) == (pytest.approx(1 / 3), 3)
     assert figures([*judged, judge("w3", true, {"failed": "no"})])["outside_named"].value == 0.5
+    assert figures(judged)["outside_blamed"].value == pytest.approx(1 / 3)
+
+
+def test_an_effect_that_is_there_beside_unknown_is_no_false_name():
+    """With dead time there: alone or beside unknown no false name, iron loss one; without it, one."""
+    both = truth_of(("dead_time", "unknown"), "outside", (1.0, 2.0)) | {"outside_subsystem": "mechanics"}
+    answers = [
+        diagnosis_of((["dead_time", "unknown"], 1.0), subsystem="mechanics"),
+        diagnosis_of((["dead_time", "iron_loss", "unknown"], 1.0)),
+        diagnosis_of((["dead_time"], 1.0)),
+        diagnosis_of((["iron_loss"], 1.0)),
+    ]
+    judged = [judge(f"w{k}", both, a) for k, a in enumerate(answers)]
+    assert [j.hit for j in judged] == [True, True, False, False]
+    assert [j.outside for j in judged] == ["mechanics"] * 4
+    assert (judged[0].parts_of["dead_time"], judged[0].subsystem, judged[0].f1) == ((1, 1), True, pytest.approx(2 / 3))
+    f = figures(judged)
+    assert (f["outside_named"].value, f["outside_blamed"].value) == (0.25, 0.25)
+
+
+def test_causes_outside_by_their_subsystem():
+    """Two of the sensors, one missed; one of the machine, by an old seal that does not say so; two known ones, of which
+    one ranks above the missed one: of the sensors' four pairs three are in order."""
+    sensor = truth_of(("unknown",), "outside", parameters={}) | {"outside_subsystem": "sensor"}
+    found, missed = diagnosis_of((["unknown"], 0.9), ([], 0.1)), diagnosis_of((["dead_time"], 0.8), (["unknown"], 0.2))
+    judged = [judge("a", sensor, found), judge("b", sensor, missed)]
+    judged.append(judge("c", truth_of(("unknown",), "outside", parameters={}), found))
+    known = [judge("d", truth_of(), diagnosis_of((["dead_time"], 0.9), (["unknown"], p))) for p in (0.1, 0.3)]
+    told = by_subsystem(judged, known)
+    assert list(told) == ["machine", "sensor"]
+    assert {k: f.value for k, f in told["sensor"].items()} == {"found": 0.5, "named": 0.0, "blamed": 0.5, "auroc": 0.75}
+    assert told["machine"]["auroc"].value == 1.0
+    assert by_subsystem(judged)["sensor"]["auroc"].value is None
+    assert by_subsystem(known) == {}
+
+
+def test_campaigns_of_many_effects_count_for_the_whole_list():
+    names = ("dead_time", "device_drop", "inertia", "iron_loss")
+    j = judge("w", truth_of(names, "many", (1.0,) * 4, {}), diagnosis_of((list(names), 1.0)))
+    f = figures([j])
+    assert (f["included_f1"].value, f["included_f1"].n, f["exact_set"].n) == (1.0, 1, 0)
+    assert confusion([j])["counts"] == []
 
 
 def test_who_asks_for_nothing_resolves_nothing():
