@@ -41,10 +41,13 @@ CASES: dict[str, Case] = {
     "synrm_own_map": Case(
         diagnosed.synrm_own_map,
         "the same, its own flux map as nominal model; currents 250 µs late by `experiments.synrm_standstill`",
-        "delay and angle",
-        "Believe the delay, 240 µs (250 µs by the identification), and the angle: an eccentricity at a standing rotor "
-        "is an offset, 0.033 rad here; `synrm_as_integrated` finds 0.039. That it is there in the cross test alone the "
-        "library cannot say: the single-axis tests are filed with exactly no current across.",
+        "`unknown`",
+        "Believe `unknown`: the map misses the cross test by more than any effect explains. What is at work is known "
+        "from elsewhere: currents 250 µs late (by the identification) and an angle of the cross test. The diagnosis of "
+        "2026-11-22 named both beside `unknown` (delay 240 µs; eccentricity, which at a standing rotor is an offset, "
+        "0.033 rad; `synrm_as_integrated` finds 0.039). The present one names neither: a set with 241 µs and the same "
+        "angle is third in its list, improbable as long as it has to explain everything. That the angle is there in "
+        "the cross test alone the library cannot say: the single-axis tests are filed with exactly no current across.",
     ),
     "synrm_as_integrated": Case(
         diagnosed.synrm_as_integrated,
