@@ -64,6 +64,7 @@ CASES |= {
     "dead time, round sign": {"dead_time.time": 4e-6, "bench.soft_current": 0.5, "bench.soft_shape": 0.7},
     "early edges": {"dead_time.time": -3e-6},
     "large drop": {"device_drop.threshold": 5.0},
+    "drop beside late edges": {"device_drop.threshold": 2.0, "dead_time.time": 4e-6},
 }
 
 
