@@ -102,8 +102,9 @@ LATER = {"pwm_delay.delay": LATE}
 def test_a_step_of_load_comes_when_it_is_asked_for_also_with_late_pulses(plant):
     """From its sample on the speed falls by T t/J, the angle by half T t^2/J; nothing answers it for two periods.
 
-    Beside a run without the step; 2 %: back-EMF and torque change by 1 % in so short a time, on both plants (with load
-    and speed taken at the pattern's start the angle was off by 2 d/t, 16 % after one period).
+    Beside a run without the step; 2 %: back-EMF and torque change by 1 % in so short a time, on both plants.  The step
+    of the exact plant in which the load comes is taken with its mean torque: an angle of less than T d h/(2 J).  (With
+    load and speed taken at the pattern's start it was off by T t d/J: 2 d/t of it, 16 % after one period.)
     """
     motor, h = DRIVE.motor, DRIVE.converter.sampling_period
     parts = [(Segment(0.02), Segment(0.02, load)) for load in (0.0, 0.8)]
@@ -117,7 +118,7 @@ def test_a_step_of_load_comes_when_it_is_asked_for_also_with_late_pulses(plant):
     slowing = motor.pole_pairs * run.recording.load_torque[k] / motor.inertia
     speed, angle = ((getattr(run.recording, x) - getattr(still.recording, x))[at] for x in ("omega", "theta"))
     np.testing.assert_allclose(speed, -slowing * t, rtol=0.02, atol=1e-3 * slowing * LATE)
-    np.testing.assert_allclose(angle, -0.5 * slowing * t * t, rtol=0.02, atol=1e-3 * slowing * LATE * h)
+    np.testing.assert_allclose(angle, -0.5 * slowing * t * t, rtol=0.02, atol=0.5 * slowing * LATE * h)
 
 
 @pytest.mark.parametrize("plant", ["exact", "switched"])
