@@ -1,4 +1,12 @@
-"""What windings and the inverter's legs lose beside the resistance: at a segment's start, and on average over it."""
+"""What windings and the inverter's legs lose beside the resistance: at a segment's start, and on average over it.
+
+Around zero current a leg is a steep resistance, so its mean over a segment S hangs on the current's course.  Without
+late edges that is a parabola (`leg_in_middle`).  An edge late by rho S puts a corner into it: beside the straight line
+between its ends the flux then goes along a triangle, whose peak is twice its mean, 4 `lags.bend`, wherever the corner
+is.  And where it is, 1 - rho, follows from `electrical.early` (K): K = -(1 - rho) S/6 times the peak.  Of several late
+edges the corner is one with their mean bend, at the place that their K say; they act within so short a time of each
+other that no more shows.  Behind the corner the course is a parabola again (`leg_around_corner`).
+"""
 
 from __future__ import annotations
 
@@ -7,6 +15,7 @@ import math
 from model.compiled import inlined, kernel
 from sandbox.plant import ports
 from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD
+from sandbox.plant.lags import bend
 
 
 @kernel
@@ -78,10 +87,69 @@ def leg_in_middle(w, j, span, shape):
     w.fall_b[j] += 0.5 * (v_b + z_b) + r * (4.0 / 3.0) * e_b
 
 
+@inlined
+def follows(w, j, a, b):
+    """Return the current (A) that follows a flux (Wb) at once."""
+    return w.stiff_aa[j] * a + w.stiff_ab[j] * b, w.stiff_ab[j] * a + w.stiff_bb[j] * b
+
+
+@inlined
+def corner(w, j, span):
+    """Return the share of the segment behind the corner that late edges make, and half of its peak (A)."""
+    p, q = bend(w, j, 0.5 * span)
+    along = w.early_a[j] * p + w.early_b[j] * q
+    bent = along < 0.0  # else no edge is late, and the bend is rounding
+    left = -1.5 * along / ((p * p + q * q) * span if bent else 1.0)
+    p, q = follows(w, j, 2.0 * p, 2.0 * q)
+    return min(left, 1.0) if bent else 1.0, p if bent else 0.0, q if bent else 0.0
+
+
+@inlined
+def leg_around_corner(w, j, span, shape):
+    """Do so where edges may be late: start to corner, then two pieces; of a lane without late edges the same bits.
+
+    d: flux that the drop's change lets through up to the corner (Wb); h: the same, had it stayed as it is there, from
+    there to the middle of the rest; e: the current of both in that middle.
+    """
+    r, x, y, s_a, s_b = w.resistance[j], w.i_a[j], w.i_b[j], w.swell_a[j], w.swell_b[j]
+    left, b_a, b_b = corner(w, j, span)
+    late, half = 1.0 - left, 0.5 * span * left
+    on_a = late * (2.0 * (w.j_a[j] - b_a - x) + 6.0 * s_a)
+    on_b = late * (2.0 * (w.j_b[j] - b_b - y) + 6.0 * s_b)
+    c_a, c_b = x + (on_a + 2.0 * b_a), y + (on_b + 2.0 * b_b)
+    v_a, v_b = legs_lose(w, j, shape, x, y, c_a, c_b)
+    d_a, d_b = late * span * (w.leg_a[j] - v_a), late * span * (w.leg_b[j] - v_b)
+    p, q = follows(w, j, d_a, d_b)
+    c_a, c_b = c_a + p, c_b + q
+    z_a, z_b = legs_lose(w, j, shape, c_a, c_b, c_a, c_b)
+    h_a, h_b = half * (w.leg_a[j] - z_a), half * (w.leg_b[j] - z_b)
+    s = 3.0 * (1.0 - left * left)
+    on_a, on_b = 0.5 * on_a + s * s_a, 0.5 * on_b + s * s_b
+    p, q = follows(w, j, d_a + h_a, d_b + h_b)
+    f_a, f_b = legs_lose(w, j, shape, c_a, c_b, w.j_a[j] + (on_a + p), w.j_b[j] + (on_b + q))
+    e_a, e_b = follows(w, j, d_a + half * (w.leg_a[j] - f_a), d_b + half * (w.leg_b[j] - f_b))
+    m_a, m_b = w.j_a[j] + on_a + e_a, w.j_b[j] + on_b + e_b
+    p, q = follows(w, j, 3.0 * d_a + 2.0 * h_a, 3.0 * d_b + 2.0 * h_b)
+    p, q = p + 2.0 * (b_a + on_a), q + 2.0 * (b_b + on_b)
+    p, q = 2.0 * (m_a + e_a) - x + 6.0 * s_a - p, 2.0 * (m_b + e_b) - y + 6.0 * s_b - q
+    z_a, z_b = legs_lose(w, j, shape, m_a, m_b, p, q)
+    w.j_a[j], w.j_b[j] = w.j_a[j] + e_a, w.j_b[j] + e_b
+    k = left * THIRD
+    p, q = follows(w, j, (0.5 * late - k) * d_a - k * h_a, (0.5 * late - k) * d_b - k * h_b)
+    w.fall_a[j] += late * v_a + left * 0.5 * (f_a + z_a) + (r * (4.0 / 3.0) * e_a * left + r * p)
+    w.fall_b[j] += late * v_b + left * 0.5 * (f_b + z_b) + (r * (4.0 / 3.0) * e_b * left + r * q)
+
+
 @kernel
-def legs_in_middle(w, span, rounded):
-    """Do so for all lanes."""
-    if rounded:
+def legs_in_middle(w, span, rounded, cornered):
+    """Do so for all lanes; cornered: edges of some lane may be late."""
+    if cornered and rounded:
+        for j in range(w.psi_a.size):
+            leg_around_corner(w, j, span, w.shape[j])
+    elif cornered:
+        for j in range(w.psi_a.size):
+            leg_around_corner(w, j, span, 0.0)
+    elif rounded:
         for j in range(w.psi_a.size):
             leg_in_middle(w, j, span, w.shape[j])
     else:

@@ -189,8 +189,8 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
 
 
 @inlined
-def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, x, y):
-    """Write all that holds in the middle of a segment; long: whether its curvature counts."""
+def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, x, y, tardy):
+    """Write all that holds in the middle of a segment; long, tardy: whether its curvature counts, and late edges."""
     if features & add.WOBBLE:
         add.orient(w, share, course.rate)
     if features & add.MAGNETS:
@@ -214,7 +214,7 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
     if features & add.WINDING:
         losses.winding_in_middle(w)
     if features & add.LEG:
-        losses.legs_in_middle(w, span, features & add.ROUND != 0)
+        losses.legs_in_middle(w, span, features & add.ROUND != 0, tardy)
     if w.table_points > 0:
         losses.table_in_middle(w, span)
     if features & add.MOTION:
@@ -357,7 +357,8 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                     lag_through(w, room, SKIN, w.skin_rate, timing.tardy, taken, t, span, x, y)
                 if features & add.FILTER:
                     lag_through(w, room, FILTER, w.filter_rate, timing.tardy, taken, t, span, x, y)
-                in_middle(w, flux_map, features, c, s, middle_of / period, course, span, long, u_a, u_b, x, y)
+                share, tardy = middle_of / period, timing.tardy > 0.0
+                in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, x, y, tardy)
             until = 2.0 * period if g == EDGES and whole else t + span
             if peeking and len(looks) == 0:
                 peek(w, flux_map, features, room, taken, course, t, span, until, u_a, u_b, x, y)

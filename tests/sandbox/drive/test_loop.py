@@ -102,8 +102,9 @@ LATER = {"pwm_delay.delay": LATE}
 def test_a_step_of_load_comes_when_it_is_asked_for_also_with_late_pulses(plant):
     """From its sample on the speed falls by T t/J, the angle by half T t^2/J; nothing answers it for two periods.
 
-    Beside a run without the step; 1 %: back-EMF and torque change by as much in so short a time (with load and speed
-    taken at the pattern's start the angle was off by 2 d/t, 16 % after one period).
+    Beside a run without the step; 2 %: back-EMF and torque change by 1 % in so short a time, on both plants.  The step
+    of the exact plant in which the load comes is taken with its mean torque: an angle of less than T d h/(2 J).  (With
+    load and speed taken at the pattern's start it was off by T t d/J: 2 d/t of it, 16 % after one period.)
     """
     motor, h = DRIVE.motor, DRIVE.converter.sampling_period
     parts = [(Segment(0.02), Segment(0.02, load)) for load in (0.0, 0.8)]
@@ -116,13 +117,17 @@ def test_a_step_of_load_comes_when_it_is_asked_for_also_with_late_pulses(plant):
     t = run.recording.t[at] - run.recording.t[k]
     slowing = motor.pole_pairs * run.recording.load_torque[k] / motor.inertia
     speed, angle = ((getattr(run.recording, x) - getattr(still.recording, x))[at] for x in ("omega", "theta"))
-    np.testing.assert_allclose(speed, -slowing * t, rtol=0.01, atol=1e-3 * slowing * LATE)
-    np.testing.assert_allclose(angle, -0.5 * slowing * t * t, rtol=0.01, atol=1e-3 * slowing * LATE * h)
+    np.testing.assert_allclose(speed, -slowing * t, rtol=0.02, atol=1e-3 * slowing * LATE)
+    np.testing.assert_allclose(angle, -0.5 * slowing * t * t, rtol=0.02, atol=0.5 * slowing * LATE * h)
 
 
 @pytest.mark.parametrize("plant", ["exact", "switched"])
 def test_a_driven_rotor_keeps_to_its_ramp_also_with_late_pulses(plant):
-    """Speed straight up the ramp, the angle its integral, at the samples; 1e-9 of either: rounding."""
+    """Speed straight up the ramp, the angle its integral, at the samples; 1e-9 of the speed: rounding.
+
+    The step of the exact plant in which the ramp begins, or ends, is taken with its mean acceleration: off by less than
+    slope x delay x period/2 of angle (with motion taken at the pattern's start it was off by speed x delay, 1e-3).
+    """
     top, ramp = 0.05 * DRIVE.motor.rated_omega, 0.1
     scenario = Scenario("d", (Segment(0.05), Segment(0.2, 0.5, 0.05, ramp=ramp)), rotor="driven")
     run = simulate(DRIVE, scenario, load_estimator("qnull"), effects=LATER, plant=plant)
@@ -130,7 +135,8 @@ def test_a_driven_rotor_keeps_to_its_ramp_also_with_late_pulses(plant):
     on = np.clip(t, 0.0, ramp)
     np.testing.assert_allclose(run.recording.omega, top * on / ramp, atol=1e-9 * top)
     turned = 0.5 * top * on**2 / ramp + top * np.maximum(t - ramp, 0.0)
-    np.testing.assert_allclose(run.recording.theta, 1.0 + turned, atol=1e-9 * turned.max())
+    corner = 0.5 * top / ramp * LATE * DRIVE.converter.sampling_period
+    np.testing.assert_allclose(run.recording.theta, 1.0 + turned, rtol=1e-9, atol=corner)
 
 
 def test_steps_of_the_plant_converge_on_the_other_plant():

@@ -64,6 +64,7 @@ CASES |= {
     "dead time, round sign": {"dead_time.time": 4e-6, "bench.soft_current": 0.5, "bench.soft_shape": 0.7},
     "early edges": {"dead_time.time": -3e-6},
     "large drop": {"device_drop.threshold": 5.0},
+    "drop beside late edges": {"device_drop.threshold": 2.0, "dead_time.time": 4e-6},
 }
 
 
@@ -161,3 +162,11 @@ def test_a_free_rotor_moves_as_the_reference_says(name):
     assert miss < 3.0 * PERIOD**2 / 12.0 * change + 1e-5
     if name in ("load", "both", "teeth", "cogging_torque", "coulomb_friction", "inertia", "shaft_compliance"):
         assert np.abs(replay(told(DRIVE, duty, read, slope, "free", load), [{}]).motion[0]).max() > 20.0 * miss
+
+
+@pytest.mark.parametrize("size", [0.0, 0.02])
+def test_a_drop_sees_the_corners_that_late_edges_make(size):
+    """At standstill, legs close together: one step a period, beside 32.  2e-6 of rated current (seen: 0.9e-6 and
+    0.5e-6; with the corners cut 23e-6 and 9e-6)."""
+    values, duty = typical("device_drop") | typical("dead_time"), duties(48, 0.0, size=size)
+    assert apart(DRIVE, kernel(values, duty, 1, 0.0), kernel(values, duty, FINE, 0.0)) < 2e-6
