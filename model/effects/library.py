@@ -182,16 +182,17 @@ def complete(motor: Motor, converter: Converter, effects: Mapping[str, float] | 
 
 @cache
 def _limited() -> tuple[Effect, ...]:
-    return tuple(card for card in map(load_effect, effect_names()) if card.limits)
+    return tuple(card for card in map(load_effect, effect_names()) if card.limits or card.inside)
 
 
 def _hold(
     card: Effect, motor: Motor, converter: Converter, values: Mapping[str, float], simulated: bool = False
 ) -> None:
     """Raise BadInput for a size beyond a limit of its card; simulated: those of a simulated drive alone."""
-    assert card.limits
-    for limit in card.limits(values, motor, converter):
-        if limit.simulated == simulated and limit.size > 0.0 and not limit.size < limit.bound:
+    limits = [x for x in card.limits(values, motor, converter) if x.simulated == simulated] if card.limits else []
+    limits += card.inside(values, motor, converter) if card.inside and simulated else ()
+    for limit in limits:
+        if limit.size > 0.0 and not limit.size < limit.bound:
             raise BadInput(
                 f"{limit.name}: {limit.size:g} is out of range; it must stay below {limit.bound:g} {limit.what}"
             )
