@@ -65,7 +65,7 @@ def softest(terms: Sequence[Term], stiffness: Array) -> Softest:
     count = PER_WAVE * max(waves.values())
     x = np.arange(count) * (math.tau / count)
     sizes = {n: _amplitude(z) for n, z in by.items()}
-    between = sum(0.5 * (waves[n] * math.pi / count) ** 2 * size for n, size in sizes.items())
+    between = np.asarray(sum(0.5 * (waves[n] * math.pi / count) ** 2 * size for n, size in sizes.items()))
     most = np.asarray(sum(sizes.values()))  # no flux has a larger share
     left, best, where = np.argsort(-most), -math.inf, (0, 0)
     while len(left) and most[left[0]] > best:
