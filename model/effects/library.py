@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Mapping
 from functools import cache, lru_cache
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -189,9 +190,9 @@ def _hold(
     card: Effect, motor: Motor, converter: Converter, values: Mapping[str, float], simulated: bool = False
 ) -> None:
     """Raise BadInput for a size beyond a limit of its card; simulated: those of a simulated drive alone."""
-    limits = [x for x in card.limits(values, motor, converter) if x.simulated == simulated] if card.limits else []
-    limits += card.inside(values, motor, converter) if card.inside and simulated else ()
-    for limit in limits:
+    asked = card.limits(values, motor, converter) if card.limits else ()
+    more = card.inside(values, motor, converter) if card.inside and simulated else ()
+    for limit in chain((x for x in asked if x.simulated == simulated), more):  # one by one: a later one may raise
         if limit.size > 0.0 and not limit.size < limit.bound:
             raise BadInput(
                 f"{limit.name}: {limit.size:g} is out of range; it must stay below {limit.bound:g} {limit.what}"
