@@ -23,7 +23,9 @@ SEVERAL = {
     "inductance_harmonics.2": ("gamma",),
     "cogging_torque.2": ("amplitude",),
 }
+SATURATED = ("alpha_30", "alpha_12", "alpha_21", "alpha_03")  # of an inductance harmonic
 OF_QUARTIC = ("cross_saturation", "inductance", "saturation")
+TEETH_PHASE = 0.5  # rad: neither sine nor cosine alone
 ZONE = 0.1  # of rated current, half-width of dead time's own zone, a tanh: about what is measured on a small drive
 
 
@@ -49,6 +51,12 @@ def cases(drive: Drive) -> Iterator[tuple[str, dict[str, float]]]:
     more = {name: known[name].typical_for(motor, drive.converter) for name in sorted(second)}
     firsts = {k: v for part in SEVERAL for k, v in sizes(part.partition(".")[0], drive, 1.0).items()}
     yield "sixth and twelfth orders", firsts | more | {"cogging_torque.2.order_mech": 2.0 * motor.pole_pairs}
+    teeth = {f"inductance_harmonics.2.{n}" for n in SATURATED}
+    yield (
+        "twelfth order of saturated teeth",
+        {name: known[name].typical_for(motor, drive.converter) for name in sorted(teeth)}
+        | {"inductance_harmonics.2.phase": TEETH_PHASE},
+    )
     yield (
         "dead_time x 1 in its own zone",
         sizes("dead_time", drive, 1.0)

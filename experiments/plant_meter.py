@@ -86,9 +86,16 @@ class Meter:
         h += w.quartic_dq[0] * (z.real * z.imag) ** 2 + w.quartic_q[0] * z.imag**4 / 4
         if self.flux_map is not None:
             i, h = i + complex(*ports.map_currents(self.flux_map, *pair(z))), h + energy(self.flux_map, *pair(z))
-        more = complex(*ports.energy(w, 0, c, s, *pair(z))[:2])
-        more += sum(complex(*ports.further_energy(w, k, 0, c, s, *pair(z))[:2]) for k in range(w.more_energy))
-        return (i + more) * e, float(h + 0.5 * (more.conjugate() * z).real)  # harmonics of degree two
+
+        def more(x: float) -> complex:
+            """Return what effects add to the current (A) at a share x of the flux."""
+            at = pair(x * z)
+            own = complex(*ports.energy(w, 0, c, s, *at)[:2])
+            return own + sum(complex(*ports.further_energy(w, k, 0, c, s, *at)[:2]) for k in range(w.more_energy))
+
+        way = 0.5 * (1.0 + PLACES)  # from no flux to z: Gauss' rule, exact for energies up to degree six
+        h += sum(0.5 * a * (more(x).conjugate() * z).real for x, a in zip(way, WEIGHTS, strict=True))
+        return (i + more(1.0)) * e, float(h)
 
     def flux(self, i: complex, near: complex) -> complex:
         """Return the flux (Wb) of a magnetising current (A)."""

@@ -21,6 +21,7 @@ WAVEFORMS = ("square", "sine", "random")
 LINKS = ("steady", "measured")  # what the true link voltage does, beside effects
 COMMANDS = ("volts", "duties", "nominal")  # what recorded commands are
 ROTORS = ("locked", "driven", "free")  # what is done with a rotor while something is recorded
+OVERLOAD = 2.5  # of rated current: the most that a scenario may ask for, and the worst point of every loop
 
 
 def quantity(unit: str, low: float, high: float, *, default: Any = dataclasses.MISSING) -> Any:

@@ -180,7 +180,8 @@ def _try(card: Effect, file: Path) -> None:
 
 def _ask(card: Effect, values: dict[str, float], neutral: dict[str, float], drive: Drive) -> None:
     """Call a card's functions as a run does."""
-    for limit in card.limits(values, drive.motor, drive.converter) if card.limits else ():
+    asked = [f for f in (card.limits, card.inside) if f]
+    for limit in [x for f in asked for x in f(values, drive.motor, drive.converter)]:
         if limit.size > 0.0 and not limit.size < limit.bound:
             return  # nothing else is asked then
     for at in card.at:

@@ -217,7 +217,8 @@ class Effect:
     all of its parameters).
 
     limits: bounds that completed values have beside a motor and a converter, asked for where a parameter of the effect
-    is not neutral; it raises BadInput for what is no matter of a bound.  longest: the longest step (s) that a closed
+    is not neutral; it raises BadInput for what is no matter of a bound.  inside: further ones that take longer to work
+    out, of a simulated drive alone; asked for once, before a run begins.  longest: the longest step (s) that a closed
     loop may take while the effect is on, by completed values, the motor (true) and its highest speed (rad/s,
     electrical); see `model.steps`.
 
@@ -243,6 +244,7 @@ class Effect:
     at: tuple[At, ...] = ()
     switches: tuple[str, ...] = ()
     limits: Callable[[Mapping[str, float], Motor, Converter], Iterable[Limit]] | None = None
+    inside: Callable[[Mapping[str, float], Motor, Converter], Iterable[Limit]] | None = None
     longest: Callable[[Mapping[str, float], Motor, float], float] | None = None
     repeats: int = 1
     further: Part | None = None

@@ -10,19 +10,23 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from model.compiled import inlined
 from model.effects.card import EITHER_PHASE, INF, At, Effect, Limit, Parameter, Part
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
-from model.parameters import Converter, Motor
+from model.parameters import OVERLOAD, Converter, Motor
+from model.softening import Softest, Term, of_overload, softest
+from model.spline import SplineEnergy
 from model.steps import step_for_orders
 
+Array = NDArray[np.float64]
 PARTS = 6  # the sixth order, and others
 FURTHER = tuple(f"inductance_harmonics.{k}" for k in range(2, PARTS + 1))
+SIXTH = "inductance_harmonics.gamma_6"
 SIZES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
 NUMBERS = (*SIZES, "order", "phase")
-TURN = np.arange(720) * (math.tau / 720)  # rad: angles of the rotor at which H is looked at
 AROUND = np.arange(8) * (math.tau / 8)  # rad: angles of the current
 
 
@@ -62,34 +66,91 @@ def of_order(gamma, back, pulse, alpha_30, alpha_12, alpha_21, alpha_03, order, 
 
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
-    """Yield how large the harmonics may be: within the flux of rated current H stays convex."""
-    least = min(1.0 / motor.inductance_d, 1.0 / motor.inductance_q)
-    what = "1/H in all orders together, where H is not convex"
-    yield Limit("inductance_harmonics.gamma_6", softened(v, motor) * least, least, what)
+    """Yield how large the harmonics may be beside 1/L, at the flux of rated current: a coarse bound, as recordings need
+    not go wherever H stops being convex."""
+    parts = _there(v)
+    if parts:
+        found = _at_rated(parts, motor.inductance_d, motor.inductance_q, motor.rated_current)
+        yield _limit(v, found, "H is not convex within the flux of rated current")
+
+
+def inside(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+    """Yield how large the harmonics of a simulated drive may be: H of the motor, with all that effects change in it,
+    and of the harmonics stays convex at every angle, up to the largest current that a scenario may ask for."""
+    parts = _there(v)
+    if parts:
+        from model.effects.library import scaled, true_motor  # which loads this card
+
+        own = true_motor(motor, v, keep_map=True)
+        more = [0.0, 0.0, 0.0]
+        if isinstance(own.energy, SplineEnergy):  # what scales of its inductances add to a flux map
+            scale = {field: v[name] for name, field in scaled().items()}
+            more[0] = (1.0 / scale["inductance_d"] - 1.0) / own.inductance_d
+            more[2] = (1.0 / scale["inductance_q"] - 1.0) / own.inductance_q
+        what = f"H is not convex at every angle and all currents up to {OVERLOAD:.0%} of rated"
+        yield _limit(v, _at_overload(parts, own, tuple(more)), what)
 
 
 def softened(v: Mapping[str, float], motor: Motor) -> float:
     """Return by how much the harmonics lower the second derivatives of H at most, as a share of those that the motor's
-    inductances make: in scaled fluxes d/sqrt(L_d), q/sqrt(L_q), over a turn, without current and at rated current."""
-    parts = [(v["inductance_harmonics.gamma_6"], *[0.0] * 6, 6.0, 0.0)]
-    parts += [tuple(v[f"{part}.{n}"] for n in NUMBERS) for part in FURTHER]
-    there = tuple(x for x in parts if any(x[: len(SIZES)]))
-    return _softened(there, motor.inductance_d, motor.inductance_q, motor.rated_current) if there else 0.0
+    inductances make: over a turn, without current and at rated current."""
+    parts = _there(v)
+    return _at_rated(parts, motor.inductance_d, motor.inductance_q, motor.rated_current).share if parts else 0.0
+
+
+def _limit(v: Mapping[str, float], found: Softest, what: str) -> Limit:
+    """Return a limit of the parameter that softens H most, by its name as the user gave it."""
+    size = abs(v[found.name])
+    together = sum(v[f"{part}.{n}"] != 0.0 for part in FURTHER for n in SIZES) + (v[SIXTH] != 0.0) > 1
+    unit = "A/Wb^2" if ".alpha_" in found.name else "1/H"
+    remedy = "lower it and the other harmonics of the inductances in proportion" if together else "lower it"
+    return Limit(found.name, size, size / found.share, f"{unit} in size, beyond which {what}; {remedy}")
+
+
+def _there(v: Mapping[str, float]) -> tuple[tuple[str, float, float, float], ...]:
+    """Return name, size, order and phase of every term that is there."""
+    first = [(SIXTH, v[SIXTH], 6.0, 0.0)]
+    more = [(f"{p}.{n}", v[f"{p}.{n}"], v[f"{p}.order"], v[f"{p}.phase"]) for p in FURTHER for n in SIZES]
+    return tuple(x for x in (*first, *more) if x[1])
+
+
+def _terms(parts: Sequence[tuple[str, float, float, float]], d: Array, q: Array) -> list[Term]:
+    """Return what terms add to the second derivatives of H at fluxes (Wb)."""
+    none, one = np.zeros(len(d)), np.ones(len(d))
+    cosine_sine = {  # dd, dq, qq for each
+        "gamma": ((one, none, -one), (none, one, none)),
+        "back": ((one, none, -one), (none, -one, none)),
+        "pulse": ((one, none, one), (none, none, none)),
+        "alpha_30": ((6.0 * d, none, none), (none, none, none)),
+        "alpha_12": ((none, 2.0 * q, 2.0 * d), (none, none, none)),
+        "alpha_21": ((none, none, none), (2.0 * q, 2.0 * d, none)),
+        "alpha_03": ((none, none, none), (none, none, 6.0 * q)),
+    }
+    terms = []
+    for name, size, order, phase in parts:
+        cosine, sine = (np.array(x) for x in cosine_sine["gamma" if name == SIXTH else name.rpartition(".")[2]])
+        z = size * (cosine - 1j * sine) * np.exp(1j * phase)
+        terms.append(Term(name, int(abs(order)), z if order > 0.0 else z.conj()))
+    return terms
 
 
 @lru_cache(maxsize=1000)  # a diagnosis asks for the same sizes again and again
-def _softened(parts: Sequence[tuple[float, ...]], l_d: float, l_q: float, rated_current: float) -> float:
+def _at_rated(
+    parts: Sequence[tuple[str, float, float, float]], l_d: float, l_q: float, rated_current: float
+) -> Softest:
+    """Return where the harmonics soften an energy of inductances alone (H) most, up to rated current."""
     d = np.append(0.0, rated_current * l_d * np.cos(AROUND))
     q = np.append(0.0, rated_current * l_q * np.sin(AROUND))
-    dd, dq, qq = np.zeros((3, len(TURN), len(d)))
-    for g, b, p, a_30, a_12, a_21, a_03, order, phase in parts:
-        angle = (order * TURN + phase)[:, None]
-        x, y = np.cos(angle), np.sin(angle)
-        dd = dd + x * (g + b + p + 6.0 * a_30 * d) + y * 2.0 * a_21 * q
-        dq = dq + x * 2.0 * a_12 * q + y * (g - b + 2.0 * a_21 * d)
-        qq = qq + x * (p - g - b + 2.0 * a_12 * d) + y * 6.0 * a_03 * q
-    dd, dq, qq = l_d * dd, math.sqrt(l_d * l_q) * dq, l_q * qq
-    return float(-np.min(0.5 * (dd + qq) - np.hypot(0.5 * (dd - qq), dq)))
+    one = np.ones(len(d))
+    return softest(_terms(parts, d, q), np.array([one / l_d, 0.0 * one, one / l_q]))
+
+
+@lru_cache(maxsize=100)
+def _at_overload(parts: Sequence[tuple[str, float, float, float]], motor: Motor, more: tuple[float, ...]) -> Softest:
+    """Return where the harmonics soften the motor's own energy most, up to OVERLOAD of rated current; more: 1/H on its
+    second derivatives."""
+    fluxes, stiffness = of_overload(motor)
+    return softest(_terms(parts, *fluxes), stiffness + np.array(more)[:, None])
 
 
 def longest(v: Mapping[str, float], motor: Motor, omega: float) -> float:
@@ -119,6 +180,7 @@ CARD = Effect(
     separated_by="locked rotor at several angles with injection; or slow driven rotor under current",
     at=(At("energy", further, ("gamma_6",)),),
     limits=limits,
+    inside=inside,
     longest=longest,
     repeats=PARTS,
     further=Part(

@@ -12,6 +12,7 @@ import textwrap
 from collections.abc import Mapping
 from functools import cache, lru_cache
 from importlib import import_module
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -182,16 +183,17 @@ def complete(motor: Motor, converter: Converter, effects: Mapping[str, float] | 
 
 @cache
 def _limited() -> tuple[Effect, ...]:
-    return tuple(card for card in map(load_effect, effect_names()) if card.limits)
+    return tuple(card for card in map(load_effect, effect_names()) if card.limits or card.inside)
 
 
 def _hold(
     card: Effect, motor: Motor, converter: Converter, values: Mapping[str, float], simulated: bool = False
 ) -> None:
     """Raise BadInput for a size beyond a limit of its card; simulated: those of a simulated drive alone."""
-    assert card.limits
-    for limit in card.limits(values, motor, converter):
-        if limit.simulated == simulated and limit.size > 0.0 and not limit.size < limit.bound:
+    asked = card.limits(values, motor, converter) if card.limits else ()
+    more = card.inside(values, motor, converter) if card.inside and simulated else ()
+    for limit in chain((x for x in asked if x.simulated == simulated), more):  # one by one: a later one may raise
+        if limit.size > 0.0 and not limit.size < limit.bound:
             raise BadInput(
                 f"{limit.name}: {limit.size:g} is out of range; it must stay below {limit.bound:g} {limit.what}"
             )

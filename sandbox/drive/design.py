@@ -28,7 +28,7 @@ from model.errors import BadInput
 from model.kept import note_damage
 from model.kept import read as read_kept
 from model.kept import write as write_kept
-from model.parameters import Drive
+from model.parameters import OVERLOAD, Drive
 from model.saliency import tracking_sign
 from sandbox.drive.control import Control
 from sandbox.recordings.injection import carrier, samples_per_period
@@ -43,7 +43,6 @@ SETTLE_TIMES = 8.0  # starting up waits this many time constants of the current 
 AVERAGE_TIME = 0.016  # s of ripple averaged in each step of starting up
 VOLTAGE_UNCERTAINTY = 0.0025  # of the DC bus, one sigma: what a compensated inverter leaves (EKF)
 INJECTION_RATIO = 8.0  # current and tracking loop cross over this far below the injection they share the current with
-OVERLOAD = 2.5  # of rated current: the limit, and the worst point of every loop
 
 Complex = NDArray[np.complex128]
 Response = Callable[[NDArray[np.float64], float], tuple[Complex, float, float]]  # (grid, bandwidth): loop, kp, ki

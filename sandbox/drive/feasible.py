@@ -14,9 +14,9 @@ from estimators.contract import ROTATING, Belief, Estimate, Estimator, Tuning
 from estimators.startup import polarity_rise
 from model.energy import flux_from_current
 from model.errors import BadInput, OwnCodeError, PhysicsError, brief, raised
-from model.parameters import Drive
+from model.parameters import OVERLOAD, Drive
 from model.saliency import tracking_sign
-from sandbox.drive.design import OVERLOAD, Design
+from sandbox.drive.design import Design
 from sandbox.drive.scenario import Scenario
 from sandbox.recordings.injection import samples_per_period
 

@@ -243,7 +243,8 @@ def judge(w, next_u):
     """Return DONE, or what is wrong with the plant after a period: not finite, or no longer convex."""
     if not math.isfinite(w.psi_a[0] + w.psi_b[0] + w.speed[0] + w.angle[0] + next_u[0] + next_u[1]):
         return NOT_FINITE
-    return DONE if min_eigenvalue(w.stiff_aa[0], w.stiff_ab[0], w.stiff_bb[0]) > 0.0 else OUTSIDE_DOMAIN
+    aa, ab, bb = w.stiff_aa[0] + w.stiffer_aa[0], w.stiff_ab[0] + w.stiffer_ab[0], w.stiff_bb[0] + w.stiffer_bb[0]
+    return DONE if min_eigenvalue(aa, ab, bb) > 0.0 else OUTSIDE_DOMAIN
 
 
 def run_signature(flux_map: Any, belief: Any, inside: Any = ALONE) -> Any:

@@ -262,7 +262,8 @@ def _failure(status: int, t: float, x: tuple[float, float], drive: Drive) -> Phy
     if status == loop.OUTSIDE_DOMAIN:
         return PhysicsError(
             f"after {t:.4g} s the fluxes ({x[0]:.4g}, {x[1]:.4g}) Wb left the domain in which the energy of "
-            f"'{drive.name}' is convex; lower the load or use another parameter set (see `sensorless audit`)"
+            f"'{drive.name}', with what effects add, is convex; lower the load or those effects, or use another "
+            "parameter set (see `sensorless audit`)"
         )
     return PhysicsError(
         f"after {t:.4g} s the simulation of '{drive.name}' is no longer finite, in the plant or in the estimate; check "

@@ -15,6 +15,7 @@ LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
 SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, ZONE, ROUND = (1 << k for k in range(7, 17))
 LAGS = IRON | SKIN | FILTER
 ANGULAR = MAGNETS | ENERGY
+DIFFERENCE, LEAST_DIFFERENCE = 1e-4, 1e-12  # of the flux, and Wb: by which the energy's further currents are compared
 SIGN = ZONE | ROUND  # how a current's sign passes zero: what effects add to it, and the bench's shape
 
 
@@ -86,6 +87,33 @@ def further(w, c_0, s_0):
             w.extra_a[j] += c * i_d - s * i_q
             w.extra_b[j] += s * i_d + c * i_q
     return True
+
+
+@inlined
+def more_current(w, j, c_0, s_0, a, b):
+    """Return the current (A), stationary frame, of all of the energy's terms beside the motor's own at a flux (Wb)."""
+    i_a, i_b = looked_at(w, j, c_0, s_0, a, b)
+    c, s = facing(w, j, c_0, s_0)
+    for k in range(w.more_energy):
+        i_d, i_q, _ = ports.further_energy(w, k, j, c, s, w.z_d[j], w.z_q[j])
+        i_a, i_b = i_a + c * i_d - s * i_q, i_b + s * i_d + c * i_q
+    return i_a, i_b
+
+
+@kernel
+def stiffen_further(w, c_0, s_0):
+    """Write what these terms add to the inverse incremental inductance (1/H), stationary frame, at the flux of a
+    period's start: central differences of their current, exact where it has no third degree."""
+    for j in range(w.psi_a.size):
+        a, b = w.psi_a[j], w.psi_b[j]
+        h = DIFFERENCE * (abs(a) + abs(b)) + LEAST_DIFFERENCE
+        over = 0.5 / h
+        x_a, x_b = more_current(w, j, c_0, s_0, a + h, b)
+        y_a, y_b = more_current(w, j, c_0, s_0, a - h, b)
+        u_a, u_b = more_current(w, j, c_0, s_0, a, b + h)
+        v_a, v_b = more_current(w, j, c_0, s_0, a, b - h)
+        w.stiffer_aa[j], w.stiffer_bb[j] = over * (x_a - y_a), over * (u_b - v_b)
+        w.stiffer_ab[j] = 0.5 * over * (x_b - y_b + (u_a - v_a))
 
 
 @inlined

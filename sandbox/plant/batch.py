@@ -60,6 +60,8 @@ SCRATCH = {  # within a period
     "when": "instant of a reading in the period, s", "next_deviation": "deviation at the period's end, rad",
     "read_a": "reading of sensor a, A", "read_b": "of sensor b, A", "read_c": "of sensor c, A",
     "stiff_aa": "inverse incremental inductance, 1/H", "stiff_ab": "1/H", "stiff_bb": "1/H",
+    "stiffer_aa": "what the energy's further terms add to it, in a closed loop alone, 1/H", "stiffer_ab": "1/H",
+    "stiffer_bb": "1/H",
     "faced_aa": "of it, the rotor as in the segment's middle, 1/H", "faced_ab": "1/H", "faced_bb": "1/H",
     "span_inv": "1/s of the segment", "turn": "rotor, rad mechanical", "omega": "rad/s mechanical",
     "surge": "half the rotor's last acceleration, rad/s^2 electrical",

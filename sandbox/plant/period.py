@@ -322,6 +322,8 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 at_start(w, flux_map, features, c, s, t / period, course, span, x, y, side, real)
                 if t == 0.0 and g == 0:
                     stiffen(w, flux_map, c, s)
+                    if features & add.ENERGY and features & add.MOVED:
+                        add.stiffen_further(w, c, s)
                     first_instant(w, features, timing, room)
             span = left if left <= timing.longest else left / math.ceil(left / timing.longest)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
-from model.energy import SOLVED, AnyEnergy, Energy, flux_newton
+from model.energy import OUTSIDE, SOLVED, AnyEnergy, Energy, flux_newton
 from model.errors import BadInput
 from model.frames import stationary
 from model.parameters import Drive
 from model.spline import SplineEnergy
 from sandbox.plant import additions, ports
 from sandbox.plant.batch import blank_room
+from sandbox.plant.electrical import quartic
 from sandbox.plant.sets import timing_of
 from sandbox.replay.inputs import Inputs, readings_off, with_columns
 from sandbox.replay.kernel import run
@@ -26,6 +27,8 @@ ENERGY_ROWS = (
     ("gamma_d", 1), ("gamma_q", 1), ("cubic_d", 3), ("cubic_q", 1), ("quartic_d", 4), ("quartic_dq", 1),
     ("quartic_q", 4),
 )  # fmt: skip
+NEWTON_STEPS = 60
+CURRENT_TOLERANCE = 1e-11  # of the current: where rounding may end the search for its flux
 
 
 @dataclass(frozen=True)
@@ -170,12 +173,67 @@ def _flux_as_read(w: Any, j: int, r: Inputs, c: float, s: float, flux_map: Splin
     if flux_map is not None:
         own = flux_map
     d, q, status = flux_newton(own, i_d, i_q, 0.0, 0.0)
+    if beside(w, flux_map, j, c, s, d, q) != (0.0, 0.0):
+        start = (d, q) if status == SOLVED else (0.0, 0.0)
+        d, q, status = flux_beside(w, flux_map, j, c, s, i_d, i_q, *start)
     if status != SOLVED:
         raise BadInput(f"{r.file}: no flux of this motor gives the first reading of {math.hypot(i_a, i_b):.3g} A")
     for name, i in (("a", i_a), ("b", i_b)):
         for lag in ("slow", "filter", "i"):
             w[f"{lag}_{name}"][j] = i
     return float(d), float(q)
+
+
+@kernel
+def beside(w, flux_map, j, c, s, d, q):
+    """Return the current (A) at a flux (Wb) beside that of the quartic, or of the flux map: what effects add."""
+    i_d, i_q, _ = ports.energy(w, j, c, s, d, q)
+    for k in range(w.more_energy):
+        x, y, _ = ports.further_energy(w, k, j, c, s, d, q)
+        i_d, i_q = i_d + x, i_q + y
+    if flux_map is not None:
+        x, y = quartic(w, j, d, q)
+        i_d, i_q = i_d + x, i_q + y
+    return i_d, i_q
+
+
+@kernel
+def missed(w, flux_map, j, c, s, i_d, i_q, d, q):
+    """Return what is left of a current (A) at a flux (Wb)."""
+    x, y = beside(w, flux_map, j, c, s, d, q)
+    m_d, m_q = quartic(w, j, d, q) if flux_map is None else ports.map_currents(flux_map, d, q)
+    return i_d - m_d - x, i_q - m_q - y
+
+
+@kernel
+def flux_beside(w, flux_map, j, c, s, i_d, i_q, d, q):
+    """Solve for the flux (Wb) of a current (A) with all that effects add, by Newton's method from (d, q), steps halved
+    until less is left; slopes are central differences, exact for currents of second degree.
+
+    Returns d, q, status; it ends where rounding keeps a step from getting nearer.
+    """
+    x, y = missed(w, flux_map, j, c, s, i_d, i_q, d, q)
+    for _ in range(NEWTON_STEPS):
+        h = 1e-5 * (abs(d) + abs(q)) + 1e-9
+        over = 0.5 / h
+        a_d, a_q = missed(w, flux_map, j, c, s, i_d, i_q, d - h, q)
+        b_d, b_q = missed(w, flux_map, j, c, s, i_d, i_q, d + h, q)
+        dd, qd = over * (a_d - b_d), over * (a_q - b_q)
+        a_d, a_q = missed(w, flux_map, j, c, s, i_d, i_q, d, q - h)
+        b_d, b_q = missed(w, flux_map, j, c, s, i_d, i_q, d, q + h)
+        dq, qq = over * (a_d - b_d), over * (a_q - b_q)
+        det = dd * qq - dq * qd
+        step_d, step_q = (qq * x - dq * y) / det, (dd * y - qd * x) / det
+        left, t = math.hypot(x, y), 1.0
+        while t > 1e-9:
+            x, y = missed(w, flux_map, j, c, s, i_d, i_q, d + t * step_d, q + t * step_q)
+            if math.hypot(x, y) < left:
+                break
+            t *= 0.5
+        if not math.hypot(x, y) < left:
+            return d, q, SOLVED if left <= CURRENT_TOLERANCE * math.hypot(i_d, i_q) else OUTSIDE
+        d, q = d + t * step_d, q + t * step_q
+    return d, q, OUTSIDE
 
 
 @kernel

@@ -15,6 +15,7 @@ from estimators.registry import load_estimator
 from model.drive_files import load_drive, motor_names
 from model.errors import BadInput
 from model.mapped import ALPHAS
+from model.parameters import OVERLOAD
 from sandbox.drive import design as ds
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
@@ -32,7 +33,7 @@ def test_current_loop_margin_at_its_worst_point_and_better_elsewhere(name):
     loop = ds.design(load_drive(name)).loops["current"]
     z = control.tf("z")
     z.dt = H
-    low, high = ds.extreme_inductances(motor.energy, ds.OVERLOAD * motor.rated_current)
+    low, high = ds.extreme_inductances(motor.energy, OVERLOAD * motor.rated_current)
     margins = []
     for inductance in (low, motor.inductance_d, motor.inductance_q, high):
         winding = control.sample_system(control.tf([1], [inductance, motor.resistance]), H, "zoh")
@@ -91,7 +92,7 @@ def test_disk_margin_is_python_controls():
     """Balanced disk margin of the current loop as a transfer function."""
     motor = load_drive("ipm_exchanged").motor
     loop = ds.design(load_drive("ipm_exchanged")).loops["current"]
-    low, _ = ds.extreme_inductances(motor.energy, ds.OVERLOAD * motor.rated_current)
+    low, _ = ds.extreme_inductances(motor.energy, OVERLOAD * motor.rated_current)
     winding = control.sample_system(control.tf([1], [low, motor.resistance]), H, "zoh")
     whole = control.tf([loop.kp, loop.ki * H - loop.kp], [1, -1], H) * winding * control.tf([1], [1, 0], H) * window()
     omega = np.geomspace(1.0, 0.999 * np.pi / H, 4000)
@@ -214,7 +215,7 @@ def test_the_speed_up_to_which_the_current_loop_holds():
     the speed found the sensitivity's peak is within its limit, above it is not."""
     drive = load_drive("ipm_exchanged")
     loop, motor = ds.design(drive).loops["current"], drive.motor
-    inductances = ds.extreme_inductances(motor.energy, ds.OVERLOAD * motor.rated_current)
+    inductances = ds.extreme_inductances(motor.energy, OVERLOAD * motor.rated_current)
     z = np.exp(1j * np.linspace(-np.pi, np.pi, 40_001)[1:-1] + 1e-9j)
 
     def modulus(omega):

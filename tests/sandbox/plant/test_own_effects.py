@@ -269,7 +269,7 @@ def test_a_limit_of_simulated_drives_does_not_hold_for_recorded_ones(own_card):
 def test_cards_of_the_library_are_taken_from_users_too(name):
     """One rule for all cards; a user's has another name, and its functions ask for its own numbers by it."""
     own = load_effect(name)
-    mine = replace(own, name="mine", limits=None, longest=None)
+    mine = replace(own, name="mine", limits=None, inside=None, longest=None)
     adopt._check(mine, Path("mine.py"))  # raises where it refuses, as it does without equations
     with pytest.raises(BadInput, match="no equation"):
         adopt._check(replace(mine, at=()), Path("mine.py"))

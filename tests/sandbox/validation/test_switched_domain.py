@@ -7,11 +7,16 @@ import pytest
 
 from estimators.registry import load_estimator
 from model.drive_files import load_drive
+from model.effects import library
 from model.energy import hessian, min_eigenvalue
 from model.errors import PhysicsError
 from sandbox.cli import main
+from sandbox.drive.closed import closed_bench
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
+from sandbox.plant.additions import stiffen_further
+from sandbox.plant.electrical import stiffen
+from sandbox.validation.switched import bench_numbers
 from sandbox.validation.switched.bench_numbers import bench
 from sandbox.validation.switched.phase_machine import current_and_torque, least_stiffness
 
@@ -49,6 +54,47 @@ def test_flux_that_leaves_the_domain_ends_the_run(plant):
     phi_q = float(str(told.value).partition("(")[2].partition(")")[0].split(",")[1])
     more = 400.0 / math.sqrt(3.0) * drive.converter.sampling_period if plant == "exact" else 0.0
     assert edge < phi_q < 1.05 * edge + more
+
+
+HARMONICS = {
+    "inductance_harmonics.gamma_6": 0.7, "inductance_harmonics.2.alpha_30": 9.0,
+    "inductance_harmonics.2.alpha_21": -4.0,
+    "inductance_harmonics.3.pulse": 0.5, "inductance_harmonics.3.alpha_12": 3.0,
+    "inductance_harmonics.3.order": -18.0,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("theta", [0.0, 0.8, -2.3])
+def test_a_closed_loop_sees_what_harmonics_take(theta):
+    """The eigenvalue that the loop judges is the switched bench's (no code shared); differences of currents of second
+    degree are exact but for rounding, 1e-16 of a current over 1e-4 of its flux."""
+    drive = load_drive("ipm_exchanged")
+    b = bench(drive.motor, drive.converter, HARMONICS)
+    own = closed_bench(drive.motor, drive.converter, HARMONICS, "locked", theta, 1e-5)
+    c, s = math.cos(theta), math.sin(theta)
+    psi = complex(-0.06 + drive.motor.magnet_flux, 0.045) * complex(c, s)
+    own.w["psi_a"][0], own.w["psi_b"][0] = psi.real, psi.imag
+    stiffen(own.w, None, c, s)
+    stiffen_further(own.w, c, s)
+    aa, ab, bb = (own.w[f"stiff_{x}"][0] + own.w[f"stiffer_{x}"][0] for x in ("aa", "ab", "bb"))
+    assert min_eigenvalue(aa, ab, bb) == pytest.approx(least_stiffness(b, psi, theta), rel=1e-10)
+    assert abs(own.w["stiffer_aa"][0]) > 0.1
+
+
+@pytest.mark.parametrize("plant", ["exact", "switched"])
+def test_harmonics_that_take_convexity_away_end_the_run(plant, monkeypatch):
+    """Twice what a simulated drive may have of alpha_30, the check before the run left out: 6 alpha_30 phi_d of 45
+    A/Wb^2 is 1/L_d at phi_d = -0.08 Wb, which 1.4 of rated current make; what saturation takes and adds comes on top.
+    """
+    monkeypatch.setattr(library, "check_inside", lambda *_: None)
+    monkeypatch.setattr(bench_numbers, "check_inside", lambda *_: None)
+    drive, effects = load_drive("ipm_exchanged"), {"inductance_harmonics.2.alpha_30": 45.0}
+    steps = [Segment(0.02), Segment(0.2, 0.0, 0.05, current_d=-2.0, ramp=0.1)]
+    scene = Scenario("deep", tuple(steps), rotor="driven", start_up=False)
+    with pytest.raises(PhysicsError, match=r"the fluxes .* left the domain .* with what effects add") as told:
+        simulate(drive, scene, load_estimator("ekf"), closed_loop=False, effects=effects, plant=plant)
+    phi_d = float(str(told.value).partition("(")[2].partition(",")[0])
+    assert -0.13 < phi_d < -0.06
 
 
 def test_command_line_says_so_with_exit_code_3(tmp_path, capsys):

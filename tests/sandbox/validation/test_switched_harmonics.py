@@ -13,7 +13,13 @@ from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.validation.switched.advance import flux_for, replay, start
 from sandbox.validation.switched.bench_numbers import bench, quiet
-from sandbox.validation.switched.harmonics import CoggingHarmonic, FluxHarmonic, InductanceHarmonic, harmonics
+from sandbox.validation.switched.harmonics import (
+    CoggingHarmonic,
+    FluxHarmonic,
+    InductanceHarmonic,
+    harmonics,
+    largest_swing,
+)
 from sandbox.validation.switched.inverter import INPUT, LOSS, OUTPUT, advance
 from sandbox.validation.switched.machine_state import FREE
 from sandbox.validation.switched.phase_machine import (
@@ -199,3 +205,51 @@ def test_the_closed_loop_takes_a_bench_with_lists(size, monkeypatch):
 def test_what_no_motor_has_is_refused(kinds, told):
     with pytest.raises(BadInput, match=told):
         harmonics(MOTOR, *kinds)
+
+
+EXCHANGED = load_drive("ipm_exchanged").motor
+FLUX_D, FLUX_Q = (x * EXCHANGED.rated_current for x in (EXCHANGED.inductance_d, EXCHANGED.inductance_q))
+
+
+@pytest.mark.parametrize(
+    ("sizes", "expected"),
+    [
+        ({"alpha_03": 2.0}, 12.0 * FLUX_Q),  # 6 alpha_03 phi_q
+        ({"alpha_30": -2.0}, 12.0 * FLUX_D),
+        ({"gamma": 3.0, "pulse": -2.0}, 5.0),
+        ({"gamma": 3.0, "back": 3.0}, 6.0),  # all of it on cos x (d^2 - q^2)
+        ({"alpha_30": 2.0, "gamma": 3.0}, 12.0 * FLUX_D + 3.0),
+    ],
+)
+def test_the_limit_is_of_the_largest_second_derivative(sizes, expected):
+    """By hand; the flux of rated current is each axis' own (here L_q is twice L_d)."""
+    assert largest_swing(InductanceHarmonic(6.0, phase=0.4, **sizes), EXCHANGED) == pytest.approx(expected, rel=1e-12)
+
+
+def test_the_largest_second_derivative_is_that_of_the_bench():
+    """Eigenvalues of differences of the bench's own current, with the harmonic and without, at 60 directions of the
+    current and 120 angles; a grid of directions 2.5 degrees apart, and these, are 0.3 % from the largest."""
+    one = InductanceHarmonic(18.0, 0.1, -0.1, -1.0, 0.25, 2.0, -3.0, 4.0, 1.5)
+    listed = BENCH._replace(harmonics=harmonics(MOTOR, (), [one]))
+    most, h = 0.0, 1e-5
+    for angle in np.arange(60) * (math.tau / 60):
+        z = MOTOR.rated_current * complex(MOTOR.inductance_d * math.cos(angle), MOTOR.inductance_q * math.sin(angle))
+        for theta in np.arange(120) * (math.tau / 120 / 18):
+            turn = cmath.exp(1j * theta)
+
+            def added(x, theta=theta, turn=turn):
+                both = (current_and_torque(b, (x + MOTOR.magnet_flux) * turn, theta)[0] / turn for b in (listed, BENCH))
+                return next(both) - next(both)
+
+            one_way, other = ((added(z + s) - added(z - s)) / (2.0 * h) for s in (h, 1j * h))
+            matrix = [[one_way.real, other.real], [one_way.imag, other.imag]]
+            most = max(most, float(np.abs(np.linalg.eigvalsh(matrix)).max()))
+    assert largest_swing(one, MOTOR) == pytest.approx(most, rel=3e-3)
+
+
+def test_alpha_03_beyond_the_limit_is_refused():
+    """1.1 times 1/L_q over 6 phi_q; with the flux of sqrt(L_d L_q) it would be 0.8 of the limit."""
+    size = 1.1 / (6.0 * EXCHANGED.inductance_q * FLUX_Q)
+    with pytest.raises(BadInput, match="inductance harmonics together"):
+        harmonics(EXCHANGED, (), [InductanceHarmonic(12.0, alpha_03=size)])
+    harmonics(EXCHANGED, (), [InductanceHarmonic(12.0, alpha_03=0.9 * size)])
