@@ -19,7 +19,7 @@ from sandbox.validation.withheld.drives import FAMILIES, family_drive
 from sandbox.validation.withheld.ladder import LADDER
 from sandbox.validation.withheld.make import switched
 from sandbox.validation.withheld.mapped_drive import FLUX_MAP
-from sandbox.validation.withheld.outside import EVERY, MORE, OUTSIDE, SOURCES, TURNS
+from sandbox.validation.withheld.outside_causes import EVERY, MORE, OUTSIDE, SOURCES, TURNS
 
 RNG = np.random.default_rng(0)
 NOISE = 0.0018  # of rated current: drives are drawn with 0.001 to 0.0032, evenly in its logarithm
