@@ -15,10 +15,11 @@ import numpy as np
 from model.compiled import inlined, kernel
 from sandbox.validation.switched.leg import HARD, TANH, edge_sign, given, reached, table_corner
 from sandbox.validation.switched.link import link_step, settled_link, stage
-from sandbox.validation.switched.load import acting_load
+from sandbox.validation.switched.load_side import acting_load
 from sandbox.validation.switched.machine_state import Driving, Moving, ahead, mean_rate
 from sandbox.validation.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
 from sandbox.validation.switched.readers import channels
+from sandbox.validation.switched.short_pulses import kept, together
 
 PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
 THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s mechanical; rad mechanical
@@ -191,42 +192,6 @@ def duties(u_alpha, u_beta, u_dc):
     v_0 = -0.5 * (max(v_a, v_b, v_c) + min(v_a, v_b, v_c))
     d_a, d_b, d_c = 0.5 + (v_a + v_0) / u_dc, 0.5 + (v_b + v_0) / u_dc, 0.5 + (v_c + v_0) / u_dc
     return min(max(d_a, 0.0), 1.0), min(max(d_b, 0.0), 1.0), min(max(d_c, 0.0), 1.0)
-
-
-@kernel
-def kept(b, duty):
-    """Return a leg's duty after its driver: a pulse, or the gap that its period leaves, below least_pulse is dropped.
-
-    The gap's two halves lie at either end of the period; a dropped gap joins the pulse with its neighbours.
-    """
-    on = duty * b.period
-    if on < b.least_pulse:
-        return 0.0
-    return 1.0 if b.period - on < b.least_pulse else duty
-
-
-@kernel
-def together(b, d_a, d_b, d_c):
-    """Return the legs' duties after a driver that drops active vectors shorter than least_vector.
-
-    Legs whose edges would follow each other faster switch together, at the mean of their duties; both active vectors of
-    a half period may go, which leaves no voltage.
-    """
-    if b.least_vector == 0.0:
-        return d_a, d_b, d_c
-    least = 2.0 * b.least_vector / b.period
-    low, middle, high = min(d_a, d_b, d_c), max(min(d_a, d_b), min(max(d_a, d_b), d_c)), max(d_a, d_b, d_c)
-    first, second = high - middle < least, middle - low < least
-    if first and second:
-        mean = (d_a + d_b + d_c) / 3.0
-        return mean, mean, mean
-    if first:
-        mean = 0.5 * (high + middle)
-        return d_a if d_a < middle else mean, d_b if d_b < middle else mean, d_c if d_c < middle else mean
-    if second:
-        mean = 0.5 * (middle + low)
-        return d_a if d_a > middle else mean, d_b if d_b > middle else mean, d_c if d_c > middle else mean
-    return d_a, d_b, d_c
 
 
 @kernel

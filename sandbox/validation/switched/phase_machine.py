@@ -20,11 +20,11 @@ What the effect library does not hold, so that something unknown can be asked fo
 - a measured flux map (`flux_map`): H(Re z, Im z) in place of the series, dH/dtheta = i_d Im z - i_q Re z;
 - harmonics of any orders, those of the flux growing with the current where asked for (`harmonics`);
 - saturation with a knee: H += knee/3 (|z| - knee_flux)^3 beyond knee_flux;
-- a fan, a crank, a load out of true, a load machine that lags (`load`);
+- a fan, a crank, a load out of true, a load machine that lags (`load_side`);
 - current sensors that lose curvature (`simulate.sensor`): reading = gain i (1 - curvature i^2);
 - current sensors that remember, phases read one after another (`readers`);
 - a resolver (`simulate.encoder`), shapes of the current's sign, a table of the leg's voltage error, a device of one
-  direction (`leg`), a resonance of the link (`link`), least pulses and vectors (`inverter.kept`, `together`).
+  direction (`leg`), a resonance of the link (`link`), least pulses and vectors (`short_pulses`).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from sandbox.validation.switched.harmonics import (
 )
 from sandbox.validation.switched.leg import given, soft_sign, soft_signs, unlisted_drop
 from sandbox.validation.switched.link import link_voltage
-from sandbox.validation.switched.load import crank_inertia, drag, load_acceleration, load_angle
+from sandbox.validation.switched.load_side import crank_inertia, drag, load_acceleration, load_angle
 from sandbox.validation.switched.machine_state import DRIVEN, LOCKED, Moving, Powers
 
 A = complex(-0.5, 0.5 * math.sqrt(3.0))  # exp(2 pi j / 3)

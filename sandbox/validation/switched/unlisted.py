@@ -3,8 +3,8 @@
     b = unlisted(bench(motor, converter), {"fan": 2e-5, "resolver": 2e-3})
     b = with_sign(b, "tanh", 0.45)
 
-Equations stand where they act: `machine`, `simulate`, `leg`, `link`, `load`, `readers`, `inverter.kept` and `together`,
-`harmonics`.
+Equations stand where they act: `machine`, `simulate`, `leg`, `link`, `load_side`, `readers`,
+`short_pulses`, `harmonics`.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ from sandbox.validation.withheld.drives import FAMILIES
 from sandbox.validation.withheld.ladder import LADDER
 from sandbox.validation.withheld.mapped_drive import FLUX_MAP
 from sandbox.validation.withheld.mapped_drive import SUBSYSTEM as OF_MAP
-from sandbox.validation.withheld.outside import EVERY, OUTSIDE
+from sandbox.validation.withheld.outside_causes import EVERY, OUTSIDE
 
 SHARES = {"one": 0.6, "several": 0.2, "none": 0.1, "outside": 0.1}
 KINDS = ("mixed", "controls", "pairs", "many", "outside")

@@ -33,7 +33,7 @@ from sandbox.validation.withheld.drives import (
 )
 from sandbox.validation.withheld.ladder import Planted, changed, plant, truth_of
 from sandbox.validation.withheld.mapped_drive import FLUX_MAP, SUBSYSTEM, identified, missing
-from sandbox.validation.withheld.outside import EVERY, OUTSIDE
+from sandbox.validation.withheld.outside_causes import EVERY, OUTSIDE
 from sandbox.validation.withheld.published import multiple, planted
 from sandbox.validation.withheld.users_effects import size_at, users_cards, users_planted, users_truth
 

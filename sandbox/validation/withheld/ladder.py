@@ -1,4 +1,4 @@
-"""What is put into a withheld drive of the library's effects, at a size from a ladder (other causes: `outside`).
+"""What is put into a withheld drive of the library's effects, at a size from a ladder (others: `outside_causes`).
 
 A size is a multiple of the medium one, and that is what the practice recordings have where they show an effect, else
 the card's typical size.  Signs, phases and shares are drawn.

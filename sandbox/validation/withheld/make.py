@@ -28,7 +28,7 @@ from sandbox.validation.withheld.cycles import LOAD, Cycle, scale_of
 from sandbox.validation.withheld.cycles_narrow import all_cycles as narrow
 from sandbox.validation.withheld.draw import Drawn, draw, outside_names, uncertainty
 from sandbox.validation.withheld.drives import LINK_NOISE
-from sandbox.validation.withheld.outside import DRIFT_TIME
+from sandbox.validation.withheld.outside_causes import DRIFT_TIME
 from sandbox.validation.withheld.rig import RECORDED, record, tuned
 from sandbox.validation.withheld.users_effects import users_cards
 

@@ -15,7 +15,7 @@ from sandbox.validation.scoring.recommended import cycle_of, drawn_again, entry_
 from sandbox.validation.withheld.case_list import Case, cases
 from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.make import campaign_of
-from sandbox.validation.withheld.outside import OUTSIDE
+from sandbox.validation.withheld.outside_causes import OUTSIDE
 from tests.sandbox.validation.test_withheld_make import true_set
 
 DRAWN = draw(Case(0, "one", "ipm_exchanged", "scored", ("dead_time",), (1.0,)), 11)

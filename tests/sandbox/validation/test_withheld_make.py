@@ -26,7 +26,7 @@ from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.drives import DRAWN, FAMILIES, VALID_TO, draw_bench, family_drive
 from sandbox.validation.withheld.ladder import LADDER
 from sandbox.validation.withheld.make import campaign_of, make
-from sandbox.validation.withheld.outside import EVERY, OUTSIDE
+from sandbox.validation.withheld.outside_causes import EVERY, OUTSIDE
 
 FILES = {"locked_d", "locked_q_inject_d", "locked_q_inject_q", "locked_steps", "locked_low_current", "run_slow"}
 FILES |= {"run_fast", "reversal", "coast_down", "driven_grid", "driven_grid_slow", "driven_idle"}

@@ -15,7 +15,7 @@ from sandbox.validation.withheld.case_list import Case, cases
 from sandbox.validation.withheld.draw import draw, outside_names
 from sandbox.validation.withheld.drives import family_drive, valid
 from sandbox.validation.withheld.make import campaign_of
-from sandbox.validation.withheld.outside import OUTSIDE
+from sandbox.validation.withheld.outside_causes import OUTSIDE
 
 here = pytest.mark.skipif(mapped.missing() is not None, reason=str(mapped.missing()))
 

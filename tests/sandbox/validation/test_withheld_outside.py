@@ -19,7 +19,7 @@ from sandbox.validation.withheld.drives import FAMILIES, family_drive
 from sandbox.validation.withheld.ladder import LADDER
 from sandbox.validation.withheld.make import switched
 from sandbox.validation.withheld.mapped_drive import FLUX_MAP
-from sandbox.validation.withheld.outside import EVERY, MORE, OUTSIDE, SOURCES, TURNS
+from sandbox.validation.withheld.outside_causes import EVERY, MORE, OUTSIDE, SOURCES, TURNS
 
 RNG = np.random.default_rng(0)
 NOISE = 0.0018  # of rated current: drives are drawn with 0.001 to 0.0032, evenly in its logarithm
@@ -55,13 +55,13 @@ def test_every_subsystem_has_three_causes_at_least():
 @pytest.mark.parametrize("name", MORE)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_bench_takes_every_size(name, family):
-    """Also where half of the least inertia that a published shaft leaves the load hangs on a crank."""
+    """Also behind a shaft that leaves the load the least inertia that is published."""
     for size in LADDER:
-        drive, values = planted(name, family, size)
         drawn = draw(Case(0, "outside", family, "scored", ("shaft_compliance",), (2.0, size), name), 3)
-        assert set(values) <= set(UNLISTED)
+        values = EVERY[name].planted(drawn.true, size, RNG).bench
+        assert set(values) == set(drawn.own) <= set(UNLISTED)
         b = unlisted(switched(drawn), drawn.own)
-        least = load_share() * drive.motor.inertia
+        least = load_share() * drawn.true.motor.inertia
         assert unlisted(b._replace(load_inertia=least), values).load_inertia == least
 
 
@@ -141,7 +141,7 @@ def test_medium_sizes_show_in_single_samples(family):
     value = {name: planted(name, family)[1] for name in MORE}
     slope = motor.pole_pairs * 0.8 * speed * motor.magnet_flux / motor.inductance_q
     memory, lobe, lag = value["sensor_memory"], value["lobe"], value["load_lag"]["load_lag"]
-    assert 2.0 * value["one_by_one"]["channel_lag"] * slope > 1.5 * current
+    assert 2.0 * value["one_by_one"]["channel_lag"] * slope > 2.5 * current
     assert memory["remanence"] * memory["remanence_radius"] > 3.0 * current
     assert value["crank"]["crank"] / (4.0 * motor.inertia) > 20.0 * angle
     assert TURNS[0] ** 2 * lobe["lobe"] / (motor.inertia * (0.5 * speed) ** 2) > 20.0 * angle
