@@ -11,13 +11,13 @@ from model.drive_files import load_drive
 
 
 @pytest.fixture(scope="module")
-def found(request):
+def found():
     """What is found of a drive with dead time and device drop (27 ppm at 120 rad/s, results/plant/against_bench.md), a
     millionth taken for a large difference: that these are looked into does not hang on the plant being as far off."""
-    drive, patch = load_drive("ipm_exchanged"), pytest.MonkeyPatch()
-    patch.setattr(table, "LARGEST", 1e-6)
-    request.addfinalizer(patch.undo)
-    return table.run(drive, {**sizes("dead_time", drive, 1.0), **sizes("device_drop", drive, 1.0)})
+    drive = load_drive("ipm_exchanged")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(table, "LARGEST", 1e-6)
+        return table.run(drive, {**sizes("dead_time", drive, 1.0), **sizes("device_drop", drive, 1.0)})
 
 
 def test_a_large_difference_is_looked_into(found):
