@@ -162,7 +162,9 @@ def why(found: Mapping[str, Any], k: int) -> str:
     }
     least = min(kinds, key=lambda kind: found[kind][k])
     if found["grown"][k] > GROWN:
-        return f"dead time's gain, which makes a millionth of resistance {found['grown'][k]:.0f} times as large, too"
+        return (
+            f"the drive's own gain, which makes a millionth of resistance {found['grown'][k]:.0f} times as large, too"
+        )
     said = f"{found[least][k] * 1e6:.1f} ppm without; {found['all_three'][k] * 1e6:.1f} without all three"
     told = found.get("left_out", [])[k : k + 1]
     if least == "plant_finer" and told and abs(told[0] - found["apart"][k]) < ALIKE * found["apart"][k]:

@@ -1,4 +1,4 @@
-"""By how much the plant's error falls when its steps double, effect by effect; and whether neutral effects do anything.
+"""By how much the plant's error falls when its steps double, effect by effect; what neutral effects do beside others.
 
 The recordings of `plant_against_bench` (the switched bench, every effect at typical size, locked, driven, free) are
 replayed with 1 to 32 steps a period.  Error: rms difference of the sampled currents from 256 steps, over rated current.
@@ -56,11 +56,16 @@ def order(found: Mapping[int, list[float]], k: int) -> float | None:
     return float(np.log(found[few][k] / found[many][k]) / np.log(many / few))
 
 
-def moved_by_nothing(drive: Drive, prepared: Prepared) -> list[str]:
-    """Return the effects whose neutral values change a bit of any recording's readings."""
-    plain, neutral = currents(prepared, {}), library.neutral(drive.motor)
-    own = {name: {k: v for k, v in neutral.items() if k.startswith(f"{name}.")} for name in library.effect_names()}
-    return [name for name, values in own.items() if not all(map(np.array_equal, currents(prepared, values), plain))]
+def moved_by_neutral(drive: Drive, prepared: Prepared) -> dict[str, float]:
+    """Return the effects whose neutral values move a bit of any recording's readings, and by how much at most (of rated
+    current): a plain set beside one with the effect at typical size, so that the plant does for both what the effect
+    needs, against the plain set alone."""
+    plain, found = currents(prepared, {}), {}
+    for name in library.effect_names():
+        on = library.typical(name, drive.motor, drive.converter)
+        beside = [i[SETTLED:, :, 0] for i in replay(prepared, [{}, on]).currents]
+        found[name] = max(float(np.abs(a - b).max()) for a, b in zip(beside, plain, strict=True))
+    return {name: x / drive.motor.rated_current for name, x in found.items() if x > 0.0}
 
 
 def rows(drive: Drive) -> Iterator[tuple[str, dict[int, list[float]]]]:
@@ -72,7 +77,9 @@ def rows(drive: Drive) -> Iterator[tuple[str, dict[int, list[float]]]]:
             yield title, errors(drive, prepare(campaign, effects, steps=1), effects)
 
 
-def table(results: Mapping[str, Mapping[str, Mapping[int, list[float]]]], moved: Mapping[str, list[str]]) -> str:
+def table(
+    results: Mapping[str, Mapping[str, Mapping[int, list[float]]]], moved: Mapping[str, Mapping[str, float]]
+) -> str:
     """Return the results as Markdown."""
     names = [f"{rotor} {speed:g}" if rotor == "driven" else rotor for rotor, speed in CASES]
     lines = [
@@ -80,11 +87,13 @@ def table(results: Mapping[str, Mapping[str, Mapping[int, list[float]]]], moved:
         f"Written by `python -m experiments.plant_order` on {date.today().isoformat()}. Error with 1 and with "
         f"{STEPS[-1]} steps a period (rms of the sampled currents over rated current, ppm; against {BEST} steps), and "
         f"the order of convergence between {STEPS[-2]} and {STEPS[-1]} steps (a dash: nothing left to tell). "
-        "An order near 0: edges lie so close together that these steps do not cut what lies between them.",
+        "An order near 0: edges lie so close together that these steps do not cut what lies between them. "
+        "Neutral effects: a plain set beside one with the effect on, for both of which the plant then does what the "
+        "effect needs, against the plain set alone; the same to the bit but for those named.",
     ]  # fmt: skip
     for motor, by_title in results.items():
-        left = ", ".join(moved[motor]) or "none"
-        lines += ["", f"## {motor}", "", f"Effects whose neutral values change a bit of the readings: {left}.", ""]
+        left = ", ".join(f"{name} ({x:.1g} of rated current)" for name, x in moved[motor].items()) or "none"
+        lines += ["", f"## {motor}", "", f"Moved by an effect that is on in the lane beside: {left}.", ""]
         lines += [f"| effects | {' | '.join(names)} |", "|---|" + "---|" * len(names)]
         for title, found in by_title.items():
             cells = []
@@ -99,11 +108,11 @@ def table(results: Mapping[str, Mapping[str, Mapping[int, list[float]]]], moved:
 def main() -> None:
     """Run everything, write the table."""
     results: dict[str, dict[str, dict[int, list[float]]]] = {}
-    moved = {}
+    moved: dict[str, dict[str, float]] = {}
     for motor in MOTORS:
         drive = load_drive(motor)
         campaign = Campaign("bench", drive, tuple(r for r, _ in recorded(drive, {})), {}, {}, False)
-        moved[motor] = moved_by_nothing(drive, prepare(campaign, steps=1))
+        moved[motor] = moved_by_neutral(drive, prepare(campaign, steps=1))
         results[motor] = {}
         for title, found in rows(drive):
             results[motor][title] = found

@@ -92,14 +92,35 @@ def lag_weights(zeroth, first, second):
 
 @inlined
 def one_lag(gain, time_constant, more, other):
-    """Return gain and time constant of two lags side by side as one lag: gains add up, and the time constant (s) is the
-    mean that they weigh, so that slow changes and fast ones are answered as by both.  A lag without gain is none."""
+    """Return resistance and time constant (s) of two branches in series as one: each drops what its current has beside
+    its lagged part.  Fast changes see the sum of the resistances, slow ones that of their products with the time
+    constants.  In between, off by 6 % of the drop at most where the time constants are as 1 to 2, by 25 % at 1 to 4.
+
+    A branch without gain is none; a negative gain is handed on as it is, to be refused (`sets.batch_of`).
+    """
     both = gain + more
+    if min(gain, more) < 0.0 or both == 0.0:
+        return min(gain, more), 0.0
     if more == 0.0:
         return gain, time_constant
     if gain == 0.0:
         return more, other
     return both, (gain * time_constant + more * other) / both
+
+
+@inlined
+def one_branch(gain, time_constant, more, other):
+    """Return conductance and time constant (s) of two branches across the slope of the flux, side by side, as one.
+    Slow changes see the sum of the conductances, fast ones that of their quotients by the time constants.  In between,
+    off as `one_lag`, of the current."""
+    both, across = gain + more, gain * other + more * time_constant
+    if min(gain, more) < 0.0 or both == 0.0:
+        return min(gain, more), 0.0
+    if more == 0.0:
+        return gain, time_constant
+    if gain == 0.0:
+        return more, other
+    return both, (both * time_constant * other / across if across > 0.0 else 0.0)
 
 
 @inlined

@@ -31,7 +31,7 @@ from model.kept import write as write_kept
 from model.map_points import Quality, check_angle, fit_points, quality, read_points
 from model.names import check_file
 from model.parameters import Motor, build
-from model.spline import DEGREE, SplineEnergy
+from model.spline import DEGREE, SplineEnergy, hessian
 
 KEYS = ("dataset", "file", "magnet", "angle", "cells", "smooth")
 OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
@@ -187,12 +187,14 @@ def _fitted(
 
 
 def _is_sound(spline: SplineEnergy, flux: float) -> bool:
-    """Tell whether a fit is finite, its scales positive."""
+    """Tell whether a fit is finite, its scales positive, and its stiffness at no current what its cells say."""
     numbers = np.array([*spline[1:], flux], dtype=np.float64)
     scales = spline.per_d, spline.per_q, spline.gamma_d, spline.gamma_q
-    return bool(
-        spline.cells.size and np.isfinite(spline.cells).all() and np.isfinite(numbers).all() and min(scales) > 0
-    )
+    finite = spline.cells.size and np.isfinite(spline.cells).all() and np.isfinite(numbers).all()
+    if not finite or min(scales) <= 0:
+        return False
+    stiff_d, _, stiff_q = hessian(spline, 0.0, 0.0)
+    return bool(np.allclose((stiff_d, stiff_q), (spline.gamma_d, spline.gamma_q), rtol=1e-6, atol=0.0))
 
 
 def map_quality(table: Mapping[str, Any], folder: Path) -> Quality:

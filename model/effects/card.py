@@ -105,8 +105,8 @@ class Port:
 
     once: asked for once a batch, not as the plant runs; the first number is then 0 where the effect is neutral.
     joined: what several effects at one port make: "sum", they add up; "chain", each is handed what the one before made
-    of it; "lags", first numbers add up and the second, a time constant, is the mean that they weigh; "last", the last
-    one whose first number is not 0.
+    of it; "lags" and "branches", first numbers add up and the second is the time constant of `model.lanes.one_lag`,
+    `one_branch`; "last", the last one whose first number is not 0.
     """
 
     quantities: tuple[str, ...]
@@ -147,7 +147,7 @@ PORTS = {
         2,
         "conductance across the slope of the flux (1/ohm), time constant of its lag (s)",
         once=True,
-        joined="lags",
+        joined="branches",
     ),
     "skin": Port(
         (), 2, "ohm for what the current has beside its lagged part, time constant (s)", once=True, joined="lags"

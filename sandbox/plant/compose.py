@@ -25,10 +25,10 @@ from __future__ import annotations
 
 from model.compiled import inlined
 {imports}
-from model.lanes import one_lag
+from model.lanes import one_branch, one_lag
 from model.spline import currents as map_currents
 
-__all__ = ["FURTHER", "NUMBERS", "map_currents", "one_lag"]
+__all__ = ["FURTHER", "NUMBERS", "map_currents", "one_branch", "one_lag"]
 '''
 RESULTS = ("x", "y", "z", "t")
 LIBRARY = "model.effects"
@@ -121,10 +121,10 @@ def _body(name: str, calls: list[str]) -> str:
 def _joined(port: Port, count: int) -> str:
     """Return in words of Python what several equations at a port make together, of their results x_0, x_1, ..."""
     each = [", ".join(f"{r}_{k}" for r in RESULTS[: port.returns]) for k in range(count)]
-    if port.joined == "lags":
-        together = each[0]
+    if port.joined in ("lags", "branches"):
+        together, function = each[0], "one_lag" if port.joined == "lags" else "one_branch"
         for more in each[1:]:
-            together = f"one_lag({'*' * (together != each[0])}{together}, {more})"
+            together = f"{function}({'*' * (together != each[0])}{together}, {more})"
         return together
     if port.joined == "last":
         return " ".join(f"({each[k]}) if x_{k} > 0.0 else" for k in range(count - 1, 0, -1)) + f" ({each[0]})"

@@ -2,7 +2,8 @@
 
 Each has a port whose equations say it in a few numbers, asked for when a batch is made.  A lag of first order is fully
 given by its gain and its time constant, two masses by their inertias and the swing between them: the plant solves both
-exactly (`lags`, `mechanics`), so nothing else of such an equation could enter while it runs.
+exactly (`lags`, `mechanics`), so nothing else of such an equation could enter while it runs.  But for
+one: a swing that is damped more than MOST_DAMPED says is taken as damped so much (the library's has at most 1).
 """
 
 from __future__ import annotations
@@ -13,13 +14,16 @@ from model.compiled import inlined, kernel
 from sandbox.plant import ports
 
 FASTEST = 1e12  # 1/s
-MOST_DAMPED = 0.999  # of critical damping: the plant's shaft swings
+MOST_DAMPED = 0.999  # of critical damping: the plant's solution is that of a shaft that swings
 
 
 @inlined
 def rate_of(time_constant):
-    """Return a lag's rate (1/s); one without time constant (s) has forgotten everything at once."""
-    return min(1.0 / time_constant, FASTEST) if time_constant > 0.0 else FASTEST
+    """Return a lag's rate (1/s); one without time constant (s) has forgotten everything at once.  Of what is no time
+    constant, less than 0."""
+    if time_constant > 0.0:
+        return min(1.0 / time_constant, FASTEST)
+    return FASTEST if time_constant == 0.0 else -1.0
 
 
 @kernel
@@ -38,6 +42,8 @@ def fix(w, nominal):
         w.sample[j], w.jitter[j] = late - w.delay[j], math.sqrt(variance)
         inertia = w.masses[j]
         load, rate, ratio = ports.shaft(w, j, inertia)
-        w.inertia_inv[j], w.motor_inv[j] = 1.0 / inertia, 1.0 / (inertia - load)
+        w.inertia_inv[j] = 1.0 / inertia
+        w.motor_inv[j] = 1.0 / (inertia - load) if load < inertia else math.inf  # refused
         w.load_inv[j] = 1.0 / load if load > 0.0 else 0.0
-        w.load_share[j], w.swing_rate[j], w.swing_ratio[j] = load / inertia, rate, min(ratio, MOST_DAMPED)
+        w.load_share[j], w.swing_rate[j] = load / inertia, rate
+        w.swing_ratio[j] = MOST_DAMPED if ratio > MOST_DAMPED else ratio

@@ -139,14 +139,22 @@ def iron_in_middle(w, span, u_a, u_b, x, y):
 
 
 @kernel
-def iron_bends(w, turned):
-    """Take from the mean iron-loss current what the drop's growth over the segment, known by now, bends the flux, and
-    from the drop what `electrical.settled` gave it for turning with the rotor (by `turned`, rad), which it does not."""
+def iron_stays(w, turned):
+    """Take from the drop what `electrical.settled` gave the iron-loss current for turning with the rotor (by `turned`,
+    rad), which it does not."""
     square, across = turned * turned * (1.0 / 24.0), turned * (1.0 / 6.0)
     for j in range(w.psi_a.size):
         r, e_a, e_b = w.resistance[j], w.core_a[j] - w.begun_a[j], w.core_b[j] - w.begun_b[j]
         w.fall_a[j] -= r * (square * w.core_a[j] - across * e_b)
         w.fall_b[j] -= r * (square * w.core_b[j] + across * e_a)
+
+
+@kernel
+def iron_bends(w):
+    """Take from the mean iron-loss current what the growth of the whole drop over the segment bends the flux: last,
+    when all have said what they add to the drop."""
+    for j in range(w.psi_a.size):
+        r = w.resistance[j]
         a, b = w.core_less[j] * (w.fall_a[j] - w.drop_a[j]), w.core_less[j] * (w.fall_b[j] - w.drop_b[j])
         w.core_a[j], w.core_b[j] = w.core_a[j] - a, w.core_b[j] - b
         w.j_a[j], w.j_b[j] = w.j_a[j] - a, w.j_b[j] - b

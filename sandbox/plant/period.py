@@ -206,7 +206,7 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
             c_0, s_0 = turned(c, s, 0.5 * share * span * course.rate)
             add.energy_at(w, c_0, s_0, share)
     if features & add.IRON:
-        lags.iron_bends(w, span * course.rate)
+        lags.iron_stays(w, span * course.rate)
     if features & (add.SKIN | add.LEG):
         lags.swelling(w)
     if features & add.SKIN:
@@ -217,6 +217,8 @@ def in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, 
         losses.legs_in_middle(w, span, features & add.ROUND != 0, tardy)
     if w.table_points > 0:
         losses.table_in_middle(w, span)
+    if features & add.IRON:
+        lags.iron_bends(w)
     if features & add.MOTION:
         if features & add.ANGULAR:
             add.turning(w, c, s)

@@ -28,10 +28,10 @@ from model.effects import (
     viscous_friction,
     winding_asymmetry,
 )
-from model.lanes import one_lag
+from model.lanes import one_branch, one_lag
 from model.spline import currents as map_currents
 
-__all__ = ["FURTHER", "NUMBERS", "map_currents", "one_lag"]
+__all__ = ["FURTHER", "NUMBERS", "map_currents", "one_branch", "one_lag"]
 
 
 NUMBERS = {  # rows of the batch that hold effects' parameters

@@ -271,7 +271,8 @@ class Legs:
     """Commanded edges and late ones of three legs: a pulse, or a gap between two, is never shorter than nothing."""
 
     def __init__(self, plant: Reference) -> None:
-        self.plant, self.before, self.last = plant, [0.5, 0.5, 0.5], [(-1.0, 0, 0.0)] * 3  # act, number, level
+        self.plant, self.before = plant, [0.5, 0.5, 0.5]
+        self.last, self.waiting = [(-1.0, 0)] * 3, dict[tuple[int, int], float]()  # act, number; level by leg, number
 
     def commanded(self, t: float, duty: Array) -> list[Any]:
         """Return the events of edges commanded in the period from t on."""
@@ -287,20 +288,23 @@ class Legs:
         return out
 
     def taken(self, t: float, leg: int, kind: str, current: float) -> Any:
-        """Return the event of an edge that is commanded now, at which it acts; what it overtakes acts no more."""
+        """Return the event of an edge that is commanded now, at which it acts; it and one that it overtakes act no
+        more."""
         v, rises = self.plant.v, kind == "rise"
         blank, sign = v["dead_time.time"], self.plant.edge_sign(current)
         act = t + 0.5 * (abs(blank) + (1.0 if rises else -1.0) * blank * sign)
-        waiting, number, _ = self.last[leg]
-        overtaken = waiting > t and act <= waiting
-        self.last[leg] = (-1.0 if overtaken else act, number + 1, 1.0 if rises else 0.0)
-        return (t, "z act", -1, leg) if overtaken else (act, "z act", number + 1, leg)
+        before, number = self.last[leg]
+        overtaken = before > t and act <= before
+        self.last[leg] = (-1.0 if overtaken else act, number + 1)
+        if overtaken:
+            del self.waiting[leg, number]
+        else:
+            self.waiting[leg, number + 1] = 1.0 if rises else 0.0
+        return act, "z act", number + 1, leg
 
     def act(self, leg: int, number: int) -> None:
-        """Set a leg's level where the edge that acts is still the last one taken."""
-        _, last, level = self.last[leg]
-        if number == last:
-            self.plant.levels[leg] = level
+        """Set a leg's level by an edge that nothing has overtaken."""
+        self.plant.levels[leg] = self.waiting.pop((leg, number), self.plant.levels[leg])
 
 
 def two(y: Array, first: int) -> complex:

@@ -38,6 +38,21 @@ PORT_BITS = {
 }  # fmt: skip
 
 
+ANY, NONE_BELOW = -math.inf, 0.0
+SOUND = {  # rows by the port whose equations make them, and their least values; all have to be finite
+    "supply": {"supply": ANY}, "resistance": {"resistance": ANY}, "delay": {"delay": ANY},
+    "iron": {"core_g": NONE_BELOW, "core_rate": NONE_BELOW}, "skin": {"skin_r": NONE_BELOW, "skin_rate": NONE_BELOW},
+    "filter": {"filter_rate": NONE_BELOW}, "instant": {"sample": ANY, "jitter": NONE_BELOW},
+    "offset": {"offset": ANY},
+    "shaft": {"motor_inv": NONE_BELOW, "load_share": NONE_BELOW, "swing_rate": NONE_BELOW, "swing_ratio": NONE_BELOW},
+}  # fmt: skip
+PASSIVE = dict.fromkeys(SOUND, "finite numbers") | {
+    "iron": "a conductance, a time constant, both at least 0", "skin": "a resistance, a time constant, both at least 0",
+    "filter": "a time constant of at least 0",
+    "instant": "finite, a variance of at least 0", "shaft": "0 <= the load's inertia < all of it, no negative damping",
+}  # fmt: skip
+
+
 @dataclass(frozen=True)
 class BenchParameter:
     """An ordinary deviation of a bench: neutral value (None: of the drive), bounds, unit."""
@@ -208,10 +223,25 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
         for name, values in (("current", i), ("volts", u), ("sum", area)):
             w[f"table_{name}"][: len(i)] = values
     fix(w, converter.dc_bus_voltage)
+    _check_fixed(w, motor, sets)
     w["link"][:] = w["supply"]
     w["off_c"][:], w["off_s"][:] = np.cos(w["offset"]), np.sin(w["offset"])
     w["when"][:] = readings_at(w["sample"], converter.sampling_period)
     return w
+
+
+def _check_fixed(w: Any, motor: Motor, sets: Sequence[Set]) -> None:
+    """Raise BadInput where equations that are asked once made what no passive part of a drive has."""
+    for port, rows in SOUND.items():
+        for name, least in rows.items():
+            wrong = ~(np.isfinite(w[name]) & (w[name] >= least))
+            if wrong.any():
+                lane = int(np.flatnonzero(wrong)[0])
+                cards = [library.load_effect(n) for n in library.effect_names()]
+                told = {c.public(1, n) for c in cards for at in c.at if at.port == port for n in at.numbers}
+                v, neutral = sets[lane if lane < len(sets) else 0], library.neutral(motor)
+                given = ", ".join(f"{n} = {v[n]:g}" for n in sorted(told) if v[n] != neutral[n])
+                raise BadInput(f"what effects say at '{port}' is no part of a drive ({PASSIVE[port]}): correct {given}")
 
 
 def sampled_at(motor: Motor, converter: Converter, v: Set) -> float:

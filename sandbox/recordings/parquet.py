@@ -43,8 +43,14 @@ def _column(file: Any, name: str, kind: Any, rows: int) -> Array:
     if types.is_null(kind):
         return out
     for batch in file.iter_batches(ROWS, columns=[name], use_threads=False):
-        part = batch.column(0).to_numpy(zero_copy_only=False)
-        out[n : n + len(part)] = np.asarray(part, dtype=np.float64)
+        column = batch.column(0)
+        if types.is_time(kind):  # of a day: NumPy has no kind for it
+            column = column.cast(f"int{kind.bit_width}")
+        part = column.to_numpy(zero_copy_only=False)
+        numbers = np.asarray(part, dtype=np.float64)
+        if part.dtype.kind in "mM":  # no instant is a whole number there
+            numbers[np.isnat(part)] = np.nan
+        out[n : n + len(part)] = numbers
         n += len(part)
     if n != rows:
         raise ValueError(f"column '{name}' has {n} rows, the file's end says {rows}")

@@ -1,5 +1,4 @@
-"""The table of the plant's order of convergence: what is made of errors, and that neutral effects are seen to do
-nothing."""
+"""The table of the plant's order of convergence: what is made of errors, and what neutral effects do."""
 
 import numpy as np
 import pytest
@@ -20,24 +19,29 @@ def test_an_order_is_told_from_the_last_two_numbers_of_steps():
 
 def test_a_row_says_both_errors_and_the_order():
     found = {n: [1e-3 / n**2] * len(table.CASES) for n in table.STEPS}
-    text = table.table({"ipm": {"none": found}}, {"ipm": []})
-    assert "change a bit of the readings: none." in text
+    text = table.table({"ipm": {"none": found}}, {"ipm": {}})
+    assert "on in the lane beside: none." in text
     assert f"| none | {' | '.join(['1e+03, 1: 2.0'] * len(table.CASES))} |" in text
+    moved = table.table({"ipm": {"none": found}}, {"ipm": {"current_filter": 1.7e-9}})
+    assert "on in the lane beside: current_filter (2e-09 of rated current)." in moved
 
 
-def test_an_effect_that_moves_a_bit_at_its_neutral_value_is_named(monkeypatch):
+def test_a_neutral_lane_that_moves_is_named(monkeypatch):
+    """Rounding, but for the filter's 1e-12 s (bound: tests/sandbox/plant/test_batch.py).  One moved by more is told."""
     drive = load_drive("ipm")
     campaign = Campaign("bench", drive, tuple(r for r, _ in table.recorded(drive, {})), {}, {}, False)
     prepared = prepare(campaign, steps=1)
-    assert table.moved_by_nothing(drive, prepared) == []
-    exact = table.currents
+    found = table.moved_by_neutral(drive, prepared)
+    assert found.pop("current_filter") < 1e-12 * 2.0 / 3.0 * 400.0 / drive.motor.inductance_q / drive.motor.rated_current
+    assert max(found.values(), default=0.0) < 32.0 * np.finfo(float).eps
+    exact = table.replay
 
-    def off(prepared, effects):
-        """Return the readings with the last bit of one changed where dead time is named."""
-        found = exact(prepared, effects)
-        if "dead_time.time" in effects:
-            found[0][0, 0] = np.nextafter(found[0][0, 0], np.inf)
+    def off(prepared, sets):
+        """Return the readings with one of the first lane moved where dead time is on beside."""
+        found = exact(prepared, sets)
+        if "dead_time.time" in sets[-1]:
+            found.currents[0][-1, 0, 0] += 1e-6 * drive.motor.rated_current
         return found
 
-    monkeypatch.setattr(table, "currents", off)
-    assert table.moved_by_nothing(drive, prepared) == ["dead_time"]
+    monkeypatch.setattr(table, "replay", off)
+    assert table.moved_by_neutral(drive, prepared)["dead_time"] == pytest.approx(1e-6)

@@ -57,8 +57,9 @@ def test_every_real_case_is_kept_with_its_date():
 
 
 def test_what_laas_motion_tells_is_what_the_slow_scan_and_the_accelerations_say():
-    """Cogging of order 72 and dry friction by the equation of the shaft, beside holding currents up against down and
-    beside averages over accelerations: two fits that share no code with it.  Inside the intervals of these."""
+    """A check of kept results.  Cogging of order 72 and dry friction by the equation of the shaft, beside holding
+    currents up against down and beside averages over accelerations: two fits that share no code with it.  Inside the
+    intervals of these."""
     results = ROOT / "experiments" / "results"
     said = json.loads((results / "real_cases.json").read_text(encoding="utf-8"))["cases"]["laas_motion"]["parameters"]
     scan, runs = (

@@ -76,11 +76,11 @@ def foretold(campaign: Campaign, entry: Entry, a: Judged) -> tuple[Campaign, dic
     """Return an experiment as a campaign with the readings that a hypothesis predicts, without noise, and its set."""
     drive = campaign.drive
     motion = shaft(a.fit.point.values, drive)
-    truth = {k: v for k, v in a.fit.point.values.items() if v == v}
-    planned = encoded(recording_of(campaign, entry, motion), truth)
-    read = replay(prepare(planned, truth, steps=1), [truth]).currents[0][:, :, 0]
+    fitted = {k: v for k, v in a.fit.point.values.items() if v == v}
+    planned = encoded(recording_of(campaign, entry, motion), fitted)
+    read = replay(prepare(planned, fitted, steps=1), [fitted]).currents[0][:, :, 0]
     columns = {**planned.recordings[0].columns, **{f"i_{p}": read[:, k].copy() for k, p in enumerate("abc")}}
-    return replace(planned, recordings=(replace(planned.recordings[0], columns=columns),)), truth
+    return replace(planned, recordings=(replace(planned.recordings[0], columns=columns),)), fitted
 
 
 def expected_evidence(

@@ -48,7 +48,7 @@ class Screened:
 
 def together(
     best: Judged, tried: Sequence[Start], screened: Screened, worth: float
-) -> list[tuple[float, Start]]:  # fmt: skip
+) -> list[tuple[float, Start]]:
     """Return for each effect that is not in the set the orders that together promise half of the gap, as one start,
     with what they promise.
 

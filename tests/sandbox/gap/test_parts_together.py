@@ -64,7 +64,8 @@ def test_no_more_orders_than_an_effect_has_places():
 @pytest.mark.parametrize(("rotors", "squares", "count"), [
     (("driven",), 1.9, 1), (("driven",), 2.1, 0), (("locked",), 1.9, 0), (("free",), 1.9, 1)])  # fmt: skip
 def test_together_they_have_to_promise_half_of_what_turning_rotors_show(rotors, squares, count):
-    """The gap is `squares` times four times what the orders promise: half of it is reached up to two of these."""
+    """The gap is `squares` times what the orders promise, a gain being half of the squares that it takes away: half
+    of it is reached up to two of these."""
     pulls = [300.0, 200.0]
     promised = sum(gain(p) for p in pulls)
     best, tried, found = screened(pulls, rotors, squares=squares * 2.0 * promised)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from model import lanes
+from model.lanes import one_branch, one_lag
 from sandbox.plant import electrical, lags, sampling
 
 mpmath.mp.dps = 50
@@ -113,3 +114,36 @@ def test_how_much_sooner_a_kinked_drop_changes():
         exact = mpmath.quad(lambda t: (span - t) * (min(t, late) - 2 * mean * t / span), [0, late, span]) / span  # noqa: B023
         told = electrical.early.py_func(late, span, 1.0 / span)
         assert abs(told - exact) < 1e-12 * span**2
+
+
+def answers(gains, times, s, *, iron):
+    """Return what lags side by side answer to s: a current of the slope of a flux (iron), or a drop of a current."""
+    return sum(g / (1.0 + s * t) if iron else g * s * t / (1.0 + s * t) for g, t in zip(gains, times, strict=True))
+
+
+@pytest.mark.parametrize("iron", [True, False])
+@pytest.mark.parametrize(("ratio", "most"), [(1.0, 1e-12), (2.0, 0.061), (4.0, 0.251)])
+def test_two_lags_as_one(iron, ratio, most):
+    """Slow (x 1e-4) and fast (x 1e4) changes are answered as by both to 1e-3; in between off by at most what
+    model/effects/README.md says, over all shares of the two."""
+    worst = 0.0
+    for share in np.linspace(0.02, 0.98, 49):
+        pair = (share, 2e-4), (1.0 - share, 2e-4 * ratio)
+        one = (one_branch if iron else one_lag).py_func(*pair[0], *pair[1])
+        for size in np.logspace(-4.0, 4.0, 81):
+            s = 1j * size / 2e-4
+            both = answers(*zip(*pair, strict=True), s, iron=iron)
+            off = abs(answers((one[0],), (one[1],), s, iron=iron) - both) / abs(both)
+            worst = max(worst, off)
+            assert size not in (1e-4, 1e4) or off < 1e-3
+    assert worst < most
+    assert ratio == 1.0 or worst > 0.9 * most
+
+
+@pytest.mark.parametrize("join", [one_lag, one_branch])
+def test_lags_that_are_none(join):
+    """No gain is no lag; opposite gains divide nothing, and are handed on to be refused."""
+    assert join.py_func(2.0, 1e-4, 0.0, 3e-4) == (2.0, 1e-4)
+    assert join.py_func(0.0, 1e-4, 2.0, 3e-4) == (2.0, 3e-4)
+    assert join.py_func(0.0, 1e-4, 0.0, 3e-4) == (0.0, 0.0)
+    assert join.py_func(2.0, 1e-4, -2.0, 3e-4)[0] == -2.0

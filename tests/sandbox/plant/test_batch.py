@@ -14,6 +14,7 @@ from model.effects import library
 from model.effects.card import PORTS
 from sandbox.plant import additions as add
 from sandbox.plant.compose import library_source
+from sandbox.plant.fixed import FASTEST
 from sandbox.plant.sets import complete, features_of
 from sandbox.replay.replay import replay
 from tests.sandbox.plant import interpreted
@@ -37,13 +38,38 @@ def without_compiler(what):
     )
 
 
-def test_neutral_effects_change_no_bit():
-    neutral = complete(DRIVE.motor, DRIVE.converter)
-    assert features_of(DRIVE.motor, neutral) == add.RUB  # the motor's own viscous friction
+def test_a_drive_without_effects_needs_nothing():
+    assert features_of(DRIVE.motor, complete(DRIVE.motor, DRIVE.converter)) == add.RUB  # its own viscous friction
+
+
+ROUNDED = ("current_sampling", "pwm_delay")  # the sample then lies inside a segment for all lanes: other sums
+
+
+@pytest.mark.parametrize("name", library.effect_names())
+def test_a_neutral_lane_beside_one_that_is_on(name):
+    """The plant then does for both what the effect needs, and asks its equations in both: the bits of a lane alone.
+
+    But for three.  Timing: the same sample by other sums, to a few roundings of the largest current.  Filter: one
+    without time constant has 1e-12 s, so it reads what the current was then; no current of this motor moves faster than
+    by 2/3 of the link on its smaller inductance.
+    """
     plain = readings([{}])[:, :, 0]
-    for name in library.effect_names():
-        own = {k: v for k, v in neutral.items() if k.startswith(f"{name}.")}
-        assert np.array_equal(readings([own])[:, :, 0], plain), name
+    beside = readings([{}, library.typical(name, DRIVE.motor, DRIVE.converter)])[:, :, 0]
+    off = float(np.abs(beside - plain).max())
+    if name == "current_filter":
+        least = min(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q)
+        assert off < 1.0 / FASTEST * 2.0 / 3.0 * DRIVE.converter.dc_bus_voltage / least
+    elif name in ROUNDED:
+        assert off < 8.0 * np.finfo(float).eps * np.abs(plain).max()
+    else:
+        assert np.array_equal(beside, plain)
+
+
+def test_a_neutral_lane_beside_all_that_is_on():
+    """As before, the filter among them."""
+    plain, beside = readings([{}])[:, :, 0], readings([{}, interpreted.every()])[:, :, 0]
+    least = min(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q)
+    assert np.abs(beside - plain).max() < 1.0 / FASTEST * 2.0 / 3.0 * DRIVE.converter.dc_bus_voltage / least
 
 
 @pytest.mark.parametrize("name", library.effect_names())

@@ -49,6 +49,7 @@ import json
 from model.effects.adopt import adopt
 adopt({file!r})
 from model.drive_files import load_drive
+from model.errors import BadInput
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.plant.batch import FIXED
 drive = load_drive("ipm")
@@ -64,7 +65,13 @@ shaft = {{"shaft_compliance__stiffness": 50.0, "shaft_compliance__load_inertia":
 mine = {{f"my_{{k}}": v for k, v in (sizes | shaft).items()}}
 more = {{"iron_loss__core_resistance": 250.0, "iron_loss__time_constant": 4e-4}}
 uneven = told(**{{**sizes, **more}}, **mine)
-print(json.dumps([told(), told(**sizes, **shaft), told(**mine), told(**sizes, **mine), uneven]))
+wrong = []
+for share in (1.0, 2.0):
+    try:
+        told(**{{**mine, "my_shaft_compliance__load_inertia": share * drive.motor.inertia}})
+    except BadInput as error:
+        wrong.append(str(error))
+print(json.dumps([told(), told(**sizes, **shaft), told(**mine), told(**sizes, **mine), uneven, *wrong]))
 """
 RUN = """
 import math
@@ -121,11 +128,14 @@ def in_a_process_of_its_own(script, text, folder):
 
 def test_lags_delays_and_a_second_mass_of_ones_own(tmp_path):
     """The library's equations as a user's: alone the same bits; beside the library's own lags add up as told in
-    model/effects/README.md: conductances 1/500 + 1/250 with 1e-4 s and 4e-4 s are 6e-3 with (2 1e-4 + 4 4e-4)/6 s,
-    delays and time constants add up, jitters as independent ones do."""
+    model/effects/README.md: conductances 1/500 + 1/250 with 1e-4 s and 4e-4 s are 6e-3 and, for fast changes, 20 + 10
+    1/H, delays and time constants add up, jitters as independent ones do.  Half of a shaft's inertia behind it is a
+    load, all of it or more is refused."""
     (tmp_path / "lags.py").write_text(LAGS, encoding="utf-8")
     text = TWICE.format(file=str(tmp_path / "lags.py"))
-    none, library_alone, alone, both, uneven = json.loads(in_a_process_of_its_own(tmp_path / "run.py", text, tmp_path))
+    none, library_alone, alone, both, uneven, *wrong = json.loads(
+        in_a_process_of_its_own(tmp_path / "run.py", text, tmp_path)
+    )
     assert library_alone == alone
     assert none != alone
     assert (none["features"], none["core_g"], none["skin_r"], none["filter_rate"]) == (add.RUB, 0.0, 0.0, 1e12)
@@ -133,7 +143,7 @@ def test_lags_delays_and_a_second_mass_of_ones_own(tmp_path):
     assert alone["features"] == add.RUB | add.IRON | add.SKIN | add.FILTER | add.DELAYED | add.TWIST
     assert both["core_g"] == pytest.approx(2.0 * alone["core_g"])
     assert both["core_rate"] == pytest.approx(1e4)
-    assert (uneven["core_g"], 1.0 / uneven["core_rate"]) == pytest.approx((6e-3, (2e-4 + 16e-4) / 6.0))
+    assert (uneven["core_g"], uneven["core_g"] * uneven["core_rate"]) == pytest.approx((6e-3, 20.0 + 10.0))
     assert (both["skin_r"], both["skin_rate"]) == pytest.approx((4.0, 1.0 / 3e-4))
     assert both["filter_rate"] == pytest.approx(1.0 / 4e-5)
     assert (both["delay"], both["sample"]) == pytest.approx((8e-6, 6e-6 - 8e-6))
@@ -141,6 +151,10 @@ def test_lags_delays_and_a_second_mass_of_ones_own(tmp_path):
     assert (both["swing_rate"], both["load_share"]) == (alone["swing_rate"], alone["load_share"])
     assert alone["load_share"] == pytest.approx(0.4)
     assert alone["swing_ratio"] < 1.0
+    assert len(wrong) == 2
+    for said in wrong:
+        assert said.startswith("what effects say at 'shaft' is no part of a drive (0 <= the load's inertia < all of it")
+        assert "my_shaft_compliance.load_inertia = 0.00" in said
 
 
 def test_kernels_that_hold_no_effect_are_not_compiled_again(monkeypatch):
