@@ -1,10 +1,11 @@
 """Does a test notice when a constant of the diagnosis is half as large, or half as large again?
 
 `python -m experiments.constants_tried` changes every number of every constant in sandbox/gap both ways, one at a time
-in a copy of the project, and runs the tests that `mutations.toml` names for the file, up to the first that fails.  Left
-out are constants whose effect on verdicts is measured (`constants.toml`), and those with a reason, which stands in
-`constants_tried.toml`.  Resumable: results/diagnosis/constants_tried.jsonl holds a line a change; the page beside it is
-constants_tried.md.  A test fails where a number of a constant is none of the three.
+in a copy of the project, and runs the tests that noticed another change of it, then those that `mutations.toml` names
+for the file, up to the first that fails.  Left out are constants whose effect on verdicts is measured
+(`constants.toml`), and those with a reason, which stands in `constants_tried.toml`.  Resumable:
+results/diagnosis/constants_tried.jsonl holds a line a change; the page beside it is constants_tried.md.  A test fails
+where a number of a constant is none of the three.
 """
 
 from __future__ import annotations
@@ -15,12 +16,12 @@ import json
 import time
 import tomllib
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from experiments.mutation_rules import Mutation, constants
-from experiments.mutations import HEAVY, ROOT, Copy, Group, digest, group_of, groups, measured
+from experiments.mutations import HEAVY, ROOT, Copy, digest, group_of, measured
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 REASONS = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))["reasons"]
@@ -137,21 +138,36 @@ def page(there: dict[Number, Tried]) -> list[str]:
     return lines
 
 
-def work(copy: Copy, chosen: Sequence[tuple[Number, Mutation]], deadline: float) -> Iterator[Tried]:
-    """Yield the answers to changes, group by group, each group's tests without a change first."""
-    own: dict[Group, list[tuple[Number, Mutation]]] = {g: [] for g in groups()}
+def known(number: Number, there: Mapping[Number, Tried]) -> tuple[str, ...]:
+    """Return the tests that noticed another change of the same constant, as far as they are still there."""
+    told = [a.noticed.partition("[")[0] for n, a in there.items() if n[:2] == number[:2]]
+    return tuple(dict.fromkeys(t for t in told if is_there(t)))
+
+
+def is_there(test: str) -> bool:
+    """Tell whether a test, `file::function`, is in its file."""
+    file, _, name = test.partition("::")
+    return (ROOT / file).is_file() and f"def {name.partition('[')[0]}(" in (ROOT / file).read_text(encoding="utf-8")
+
+
+def work(
+    copy: Copy, chosen: Sequence[tuple[Number, Mutation]], there: Mapping[Number, Tried], deadline: float
+) -> Iterator[Tried]:
+    """Yield the answers to changes: by the tests that know the constant, then by all of its file's."""
+    usual: dict[tuple[str, ...], float] = {}
     for number, m in chosen:
-        own[group_of(m.file)].append((number, m))
-    for group, changes in own.items():
-        if not changes or time.monotonic() > deadline:
-            continue
-        wrong, usual = copy.run(group.tests, 1800.0, written=True)
-        if wrong:
-            raise SystemExit(f"{wrong} fails without a change; nothing can be told of {', '.join(group.files)}")
-        for number, m in changes:
-            if time.monotonic() < deadline:
-                a = copy.tried(m, group, usual)
-                yield Tried(number, a.noticed, a.state)
+        if time.monotonic() > deadline:
+            return
+        group, noticed, state = group_of(m.file), "", digest(m.file)
+        for tests in (known(number, there), group.tests):
+            if noticed or not tests:
+                continue
+            if tests not in usual:
+                wrong, usual[tests] = copy.run(tests, 1800.0, written=True)
+                if wrong:
+                    raise SystemExit(f"{wrong} fails without a change; nothing can be told of {m.file}")
+            noticed = copy.tried(m, group._replace(tests=tests), usual[tests]).noticed
+        yield Tried(number, noticed, state)
 
 
 def main() -> None:
@@ -172,7 +188,7 @@ def main() -> None:
                 __import__(name)
         copy = Copy(options.place.resolve())
         with kept.open("a", encoding="utf-8") as file:
-            for a in work(copy, left, time.monotonic() + options.seconds):
+            for a in work(copy, left, there, time.monotonic() + options.seconds):
                 there[a.number] = a
                 file.write(json.dumps(a) + "\n")
                 file.flush()

@@ -1,12 +1,9 @@
 """No constant of the diagnosis without a test that notices another number, a measurement, or a reason."""
 
-from pathlib import Path
-
 import pytest
 
 from experiments import constants_tried as ct
 
-ROOT = Path(__file__).resolve().parents[2]
 SOURCE = b"""A, B = 1.5, (0, 2)  # caf\xc3\xa9
 C: int = 1
 DRAWS = 400
@@ -39,14 +36,17 @@ def test_every_number_is_noticed_or_has_a_reason():
 def test_the_tests_that_noticed_are_there():
     there = ct.answers()
     for number in ct.numbers():
-        if (
-            number in there
-            and not ct.reason(number)
-            and "::" in (noticed := there[number].noticed.removeprefix("ERROR "))
-        ):
-            path, _, name = noticed.partition("::")
-            text = (ROOT / path).read_text(encoding="utf-8")
-            assert f"def {name.partition('[')[0]}(" in text or "ERROR" in there[number].noticed, number
+        if number in there and "::" in (noticed := there[number].noticed):
+            assert ct.is_there(noticed), number
+
+
+def test_first_are_tried_the_tests_that_know_the_constant():
+    """Those of its other numbers, each once; none that is gone."""
+    mine = [ct.Number("f.py", "A", k, "2.0", new) for k, new in ((0, "1.0"), (0, "3.0"), (1, "1.0"), (1, "3.0"))]
+    told = ["tests/experiments/test_constants_tried.py::test_first_are_tried_the_tests_that_know_the_constant[x]"] * 2
+    there = {n: ct.Tried(n, t, "") for n, t in zip(mine, [*told, "tests/gone.py::test_x", ""], strict=True)}
+    assert ct.known(mine[3], there) == (told[0].removesuffix("[x]"),)
+    assert ct.known(mine[3]._replace(constant="B"), there) == ()
 
 
 @pytest.mark.parametrize("entry", ct.REASONS, ids=lambda e: f"{e['file']} {e['constant']}")
