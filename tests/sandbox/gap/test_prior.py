@@ -1,7 +1,7 @@
 """Prior over sets, temperature, and what counts as located, by value."""
 
 import math
-from itertools import combinations
+from itertools import combinations, pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,6 +24,14 @@ def test_the_prior_over_sets_by_value():
         assert math.exp(log_prior(effect_names()[:effects])) == pytest.approx(0.95 * p)
     every = sum(math.exp(log_prior(s)) for n in range(4) for s in combinations(effect_names(), n))
     assert every == pytest.approx(0.95)
+
+
+def test_more_than_three_effects_share_a_twentieth():
+    """Each number of them has 0.8 of what the one before has."""
+    names = effect_names()
+    chances = [math.comb(26, n) * math.exp(log_prior(names[:n])) for n in range(4, 27)]
+    assert sum(chances) == pytest.approx(0.05)
+    assert [b / a for a, b in pairwise(chances)] == pytest.approx([0.8] * 22)
 
 
 def judged(effects, log_evidence):
