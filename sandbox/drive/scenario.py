@@ -163,6 +163,8 @@ class Scenario:
 
     def cut(self, duration: float) -> Scenario:
         """Return the scenario ended after `duration` s; BadInput where it is not that long."""
+        if finite(duration) is None:
+            raise BadInput(f"duration = {brief(duration)} is no number; give s")
         if not 1e-3 <= duration <= self.duration * (1.0 + 1e-9):
             raise BadInput(f"duration {duration} s is out of range; '{self.name}' has [0.001, {self.duration:g}] s")
         kept: list[Segment] = []
