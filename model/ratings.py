@@ -32,7 +32,7 @@ def _torque(m: Motor) -> list[str]:
         f"rated_current gives {_plain(found)} N m (3/2 pole_pairs x magnet_flux x rated_current"
         f"{'' if found == magnet else ', with reluctance'}), rated_torque is {_plain(m.rated_torque)} N m: a factor of "
         f"{_plain(off)}, where saturation and reluctance explain less than {TORQUE_OFF:g}; is magnet_flux in mWb, "
-        "rated_torque worked out from kW or in mN m, rated_current in mA or rms, or pole_pairs a count of poles?"
+        "rated_torque in mN m or worked out from kW, or rated_current in mA or rms?"
     ]
 
 
