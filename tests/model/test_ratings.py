@@ -1,4 +1,4 @@
-"""Ratings that cannot belong to one motor are cautioned: 3/2 p psi i = 1.06 N m of the paper's motor is what it states."""
+"""Ratings that cannot belong to one motor are cautioned; 3/2 p psi i = 1.06 N m is what the paper's motor states."""
 
 import dataclasses
 
@@ -22,7 +22,7 @@ def test_motors_of_the_package_have_ratings_that_go_together(name):
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"magnet_flux": 98.1}, ["gives 1059 N m", "a factor of 999", "mWb"]),
+        ({"magnet_flux": 98.1}, ["gives 1059 N m", "a factor of 1000", "mWb"]),
         ({"rated_torque": 1060.0}, ["rated_torque is 1060 N m", "mN m"]),
         ({"rated_current": 1200.0}, ["mA or rms"]),
         ({"rated_speed_rpm": 188.5}, ["rad/s", "less than a tenth"]),  # 1800 rpm
