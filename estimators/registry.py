@@ -45,9 +45,11 @@ def estimator_names() -> list[str]:
 
 
 def check_known(which: AnyEstimator) -> None:
-    """Raise BadInput, before anything is compiled, for an unknown name or a Python file that does not exist."""
-    if isinstance(which, (str, Path)) and Path(which).suffix not in LIBRARIES:
-        if _is_file_name(which):
+    """Raise BadInput, before anything is compiled, for an unknown name or a file that does not exist."""
+    if isinstance(which, (str, Path)):
+        if Path(which).suffix in LIBRARIES:
+            _check_library(Path(which))
+        elif _is_file_name(which):
             _check_there(Path(which))
         elif which not in MODULES:
             raise unknown("estimator", which, MODULES)
@@ -60,6 +62,11 @@ def _is_file_name(which: str | Path) -> bool:
 def _check_there(path: Path) -> None:
     if not path.is_file():
         raise BadInput(f"estimator file '{path}' does not exist; give a Python file that defines ESTIMATOR")
+
+
+def _check_library(path: Path) -> None:
+    if not path.is_file():
+        raise BadInput(f"estimator library '{path}' does not exist; build one as `sensorless_estimator.h` says")
 
 
 def load_estimator(which: AnyEstimator) -> Estimator:
@@ -83,7 +90,8 @@ def load_estimator(which: AnyEstimator) -> Estimator:
 
 def load_estimator_library(path: str | Path) -> Estimator:
     """Return the estimator of a shared library (`c/sensorless_estimator.h`); BadInput where it does not fit."""
-    from estimators.shared_library import load_library
+    _check_library(Path(path))
+    from estimators.shared_library import load_library  # compiles
 
     return _apart(load_library(path))
 

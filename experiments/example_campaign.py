@@ -34,9 +34,9 @@ CASES = (  # name, rotor, speed (rad/s mechanical), swing of the voltage (V)
 def drive():
     """Return the drive with an encoder of 16384 counts and noise of 0.3 % of rated current."""
     own = load_drive("ipm_exchanged")
-    return dataclasses.replace(
-        own, converter=dataclasses.replace(own.converter, encoder_counts=1 << 14, current_noise=0.004)
-    )
+    converter = dataclasses.replace(own.converter, encoder_counts=1 << 14, current_noise=0.004)
+    said = own.provenance | {"current_noise": "assumed: 0.33 % of rated current"}
+    return dataclasses.replace(own, converter=converter, provenance=said)
 
 
 def recording(own, case, effects, rng) -> CampaignRecording:

@@ -277,8 +277,9 @@ def fetch(name: str) -> Path:
     if os.environ.get(OFFLINE, "0") not in ("", "0"):
         names = ", ".join(f"'{file.name}' ({file.address})" for file in entry.files[:1])
         more = f" and {len(entry.files) - 1} more of it" if len(entry.files) > 1 else ""
+        said = "--offline" if os.environ[OFFLINE] == "--offline" else OFFLINE  # the command line sets it so
         raise BadInput(
-            f"data set '{name}' is not on this machine and {OFFLINE} forbids a download; put {names}{more} into "
+            f"data set '{name}' is not on this machine and {said} forbids a download; put {names}{more} into "
             f"'{cache() / name}'"
         )
     try:

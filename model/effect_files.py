@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from model.effects.library import checked, parse
+from model.effects.library import checked, effect_names, parse
 from model.errors import BadInput, brief, unknown
 from model.given import read_toml
 from model.parameters import finite, table_of
@@ -54,6 +54,8 @@ def read_effect_file(path: Path) -> EffectFile:
     try:
         for table in data:
             if table not in TABLES:
+                if table in effect_names() or table.partition(".")[0] in effect_names():
+                    raise BadInput(f"'{table}' is an effect and stands in no table; put it under [effects]")
                 raise unknown("table", table, TABLES)
         effects = {name: checked(name, number) for name, number in _numbers(data, "effects")}
         effects |= {f"bench.{name}": number for name, number in _numbers(data, "bench")}

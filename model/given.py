@@ -23,11 +23,11 @@ TOKENS = re.compile(  # a key of too many parts, or what it cannot begin in: str
 MOST_JSON = 100_000_000  # bytes of a JSON document of results: twenty times the longest, a whole protocol's
 
 
-def check_given(path: Path, most: int, remedy: str) -> int:
+def check_given(path: Path, most: int, remedy: str, smaller: str = "") -> int:
     """Return a file's size (bytes); BadInput where it is absent, no regular file, or larger than `most` bytes.
 
     A pipe would make the program wait for ever, a device like /dev/zero take all memory.  remedy: what to give instead,
-    the end of the sentence.
+    the end of the sentence; smaller: the same where the file is too large, if another.
     """
     try:
         found = path.stat()
@@ -42,26 +42,27 @@ def check_given(path: Path, most: int, remedy: str) -> int:
     if not stat.S_ISREG(found.st_mode):
         raise BadInput(f"'{path}' is a pipe or a device, no file; {remedy}")
     if found.st_size > most:
-        raise BadInput(f"file '{path}' has more than {most / 1e6:g} MB; {remedy}")
+        raise BadInput(f"file '{path}' has more than {most / 1e6:g} MB; {smaller or remedy}")
     return found.st_size
 
 
-def given_bytes(path: Path, most: int, remedy: str) -> bytes:
+def given_bytes(path: Path, most: int, remedy: str, smaller: str = "") -> bytes:
     """Return a file's content; BadInput as in `check_given`, or where it cannot be read."""
-    check_given(path, most, remedy)
+    check_given(path, most, remedy, smaller)
     try:
         with path.open("rb") as file:
             content = file.read(most + 1)
     except OSError as error:
         raise BadInput(f"file '{path}' cannot be read ({error.strerror or error}); {remedy}") from None
     if len(content) > most:  # it grew, or stands in /proc, where every size is 0
-        raise BadInput(f"file '{path}' has more than {most / 1e6:g} MB; {remedy}")
+        raise BadInput(f"file '{path}' has more than {most / 1e6:g} MB; {smaller or remedy}")
     return content
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """Return a TOML file's content; BadInput where it cannot be read or parsed."""
-    content = given_bytes(path, LONGEST, "give a path to a TOML file, tables of readings apart from it")
+    smaller = "keep long tables of numbers in files of their own, which it names"
+    content = given_bytes(path, LONGEST, "give the path of an existing TOML file", smaller)
     try:
         text = content.decode("utf-8-sig").replace("\r\n", "\n").replace("\r", "\n")
         if any(token.lastgroup == "key" for token in TOKENS.finditer(text)):

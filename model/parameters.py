@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -43,12 +44,21 @@ def check(thing: Any, table: str) -> None:
             raise BadInput(f"[{table}] {f.name} = {brief(value)} is not a number; give one ({unit})")
         if not low <= value <= high:  # NaN lands here too
             bound = f"[{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
-            raise BadInput(f"[{table}] {f.name} = {brief(value)} is out of range; give a finite value in {bound}")
+            hint = _meant(float(value), f.metadata) if abs(value) <= LARGEST else ""
+            raise BadInput(f"[{table}] {f.name} = {brief(value)} is out of range; give a finite value in {bound}{hint}")
     for name in ("description", "waveform", "transformation", "rotor", "reference", "dc_link", "command"):
         if not isinstance(getattr(thing, name, "") or "", str):
             raise BadInput(f"[{table}] {name} = {brief(getattr(thing, name))} is not a text; put it in quotes")
     if hasattr(thing, "name"):
         check_name(thing.name, f"[{table}] name")
+
+
+def _meant(value: float, stated: Mapping[str, Any]) -> str:
+    """Return a question where a time in s would be in its range had it been written in ms or us."""
+    for unit, factor in (("ms", 1e-3), ("us", 1e-6)) if stated["unit"] == "s" else ():
+        if stated["low"] <= factor * value <= stated["high"]:
+            return f"; is it {unit}? write {factor * value:g}"
+    return ""
 
 
 def finite(value: object) -> float | None:

@@ -83,7 +83,7 @@ def attempt(options: argparse.Namespace) -> int:
     before, code = os.environ.get(OFFLINE), 0
     try:
         if getattr(options, "offline", False):
-            os.environ[OFFLINE] = "1"  # also of the processes that a command starts
+            os.environ[OFFLINE] = "--offline"  # also of the processes that a command starts
         if files := getattr(options, "effects_from", ()):
             from model.effects.adopt import adopt  # brings in numba
 

@@ -18,10 +18,22 @@ LARGEST_COUNT = 1_000_000  # of anything that is counted on the command line
 class Parser(argparse.ArgumentParser):
     """argparse that answers a wrong call with one sentence and exit code 2."""
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Refuse what a command does not know in its own name, not in that of the program."""
+        found, left = super().parse_known_args(args, namespace)
+        if left and self._subparsers is None:
+            self.error(f"unrecognized arguments: {' '.join(map(brief_text, left))}")
+        return found, left
+
     def error(self, message: str) -> NoReturn:
         """Print the message alone."""
         print(f"{self.prog}: {sentence(message)} (see `{self.prog} --help`)", file=sys.stderr)
         raise SystemExit(2)
+
+
+def brief_text(text: str) -> str:
+    """Return a word of the command line, cut."""
+    return text if len(text) <= 40 else f"{text[:37]}..."
 
 
 def number(text: str) -> float:

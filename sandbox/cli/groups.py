@@ -65,8 +65,9 @@ def add_runs(add: Add) -> None:
     c.add_argument("--open", action="store_true", help="the encoder controls, the estimator only watches")
     c.add_argument("--duration", type=number, help="s of the scenario to run (all of it; an hour takes 4 GB)")
     _plant(c)
-    text = "exact: edge by edge; switched: the second simulator; averaged: same as exact (exact)"
-    c.add_argument("--plant", choices=("exact", "switched", "averaged"), default="exact", help=text)
+    text = "exact: edge by edge; switched: the second simulator (exact); older scripts may say averaged for exact"
+    choices = ("exact", "switched", "averaged")
+    c.add_argument("--plant", choices=choices, default="exact", metavar="{exact,switched}", help=text)
     c.add_argument(
         "--json-only", action="store_true", help="write simulate.json alone, no trace, page, figure or table"
     )
@@ -131,7 +132,7 @@ def add_looking(add: Add) -> None:
     c = add("list", commands.run_list, "names and one line each of motors, effects and so on", writes=False)
     kinds = ("motors", "effects", "estimators", "scenarios", "datasets", "presets", "tests")
     c.add_argument("kind", choices=kinds, metavar="KIND", help=", ".join(kinds))
-    c.add_argument("name", nargs="?", help="of an effect or estimator: its card is printed")
+    c.add_argument("name", nargs="?", help="of an effect, estimator, motor or scenario: its card is printed")
     add_own_effects(c)
     c = add("view", commands.run_view, "open the rerun viewer on a trace", writes=False)
     c.add_argument("file", type=Path, metavar="FILE.rrd")

@@ -12,7 +12,8 @@ import numpy as np
 
 from estimators.contract import ROTATING, Belief, Estimate, Estimator, Tuning
 from estimators.startup import polarity_rise
-from model.energy import flux_from_current
+from model.drive_files import motor_names
+from model.energy import Energy, boundary_on_ray, flux_from_current
 from model.errors import BadInput, OwnCodeError, PhysicsError, brief, raised
 from model.parameters import OVERLOAD, Drive
 from model.saliency import tracking_sign
@@ -132,7 +133,7 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
             f"of {converter.dc_bus_voltage:g} V gives; lower the injection or raise dc_bus_voltage"
         )
     if scenario.start_up:
-        check_polarity(drive, gains, room)
+        check_polarity(drive, gains, room, can_carry(drive, scenario))
     for s in scenario.segments:
         if math.hypot(s.load, s.current_d) > OVERLOAD:
             raise BadInput(
@@ -146,7 +147,10 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
                 f"speed {100 * s.speed:g} % ({abs(omega):.4g} rad/s electrical) is beyond {gains.top_omega:.4g} rad/s, "
                 "up to which the current loop behind the injection's average holds; lower it, or inject faster"
             )
-        d, q = (float(v) for v in flux_from_current(m, i_d, i_q))
+        try:
+            d, q = (float(v) for v in flux_from_current(m, i_d, i_q))
+        except PhysicsError as error:
+            raise PhysicsError(str(error).replace("use another parameter set", other_set(drive))) from None
         u = math.hypot(motor.resistance * i_d - omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
         if u > room:
             raise PhysicsError(
@@ -156,13 +160,43 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
             )
 
 
-def check_polarity(drive: Drive, gains: Design, room: float) -> None:
-    """Raise where starting up cannot tell the magnet's ends: bias outside the domain, or ripples too alike."""
+def can_carry(drive: Drive, scenario: Scenario) -> bool:
+    """Tell whether a motor's model holds all currents that a scenario asks for."""
+    rated = drive.motor.rated_current
+    try:
+        for s in scenario.segments:
+            flux_from_current(drive.motor.energy, s.current_d * rated, s.load * rated)
+    except PhysicsError:
+        return False
+    return True
+
+
+def other_set(drive: Drive) -> str:
+    """Return which parameter set to use in a motor's place, as far as one is known."""
+    name = f"{drive.name}_exchanged"
+    if name in motor_names():
+        return f"use '{name}', its rows of L_d and L_q exchanged"
+    return "use another parameter set"
+
+
+def check_polarity(drive: Drive, gains: Design, room: float, carried: bool = False) -> None:
+    """Raise where starting up cannot tell the magnet's ends: bias outside the domain, or ripples too alike.
+
+    carried: the scenario could be run without starting up.
+    """
     motor, tuning = drive.motor, gains.tuning
     try:
         flux_from_current(motor.energy, np.array([-1.0, 1.0]) * tuning.bias, 0.0)
     except PhysicsError as error:
-        raise PhysicsError(f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}") from None
+        if not isinstance(motor.energy, Energy):
+            raise PhysicsError(f"starting up tests polarity at +-{tuning.bias:g} A on d: {error}") from None
+        ends = [boundary_on_ray(motor.energy, sign * tuning.bias, 0.0)[0] for sign in (-1.0, 1.0)]
+        end = min(ends, key=abs)
+        told = ", or set start_up = false in the scenario, whose own loads it can carry" if carried else ""
+        raise PhysicsError(
+            f"starting up tests polarity at +-{tuning.bias:g} A on d, and the energy of '{drive.name}' stops being "
+            f"convex at i_d = {end:.4g} A; {other_set(drive)}{told}"
+        ) from None
     if motor.resistance * tuning.bias > room:
         raise PhysicsError(
             f"starting up holds {tuning.bias:g} A, which needs {motor.resistance * tuning.bias:.4g} V of {room:.4g} V "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass
+from numbers import Real
 from pathlib import Path
 from typing import Any
 
@@ -163,6 +164,8 @@ class Scenario:
 
     def cut(self, duration: float) -> Scenario:
         """Return the scenario ended after `duration` s; BadInput where it is not that long."""
+        if isinstance(duration, bool) or not isinstance(duration, Real):
+            raise BadInput(f"duration = {brief(duration)} is no number; give s")
         if not 1e-3 <= duration <= self.duration * (1.0 + 1e-9):
             raise BadInput(f"duration {duration} s is out of range; '{self.name}' has [0.001, {self.duration:g}] s")
         kept: list[Segment] = []

@@ -101,7 +101,8 @@ def far_off(s: Standing) -> str:
     control = "the estimate" if s.closed_loop else "the encoder"
     if s.worst_p95 is None:
         return f"It {why_out(s)}, {control} in control."
-    kept = "It kept lock" if not s.lost else f"It {why_out(s)}"
+    missed = f", but the rotor's own speed was not the one asked for in {s.missed} of {s.stretches} stretches"
+    kept = f"It kept lock{missed * bool(s.missed)}" if not s.lost else f"It {why_out(s)}"
     return (
         f"{kept}, {control} in control: the mean error is at most {_size(s)}, and in every stretch in lock 95 % of the "
         f"time the position is within {s.worst_p95:.2g}°."

@@ -14,6 +14,7 @@ from estimators.registry import AnyEstimator, load_estimator
 from model.effects.library import parameters
 from model.errors import BadInput
 from model.parameters import Drive
+from model.ratings import cautions
 from sandbox.drive.design import Design
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario
@@ -73,6 +74,7 @@ class Comparison:
             "scenario": self.scenario.name,
             "seed": self.properties["seed"],
             "effects": self.effects,
+            "cautions": list(cautions(self.drive)),
             "rows": [asdict(row) for row in self.rows],
             "cpu_seconds": sum(run.cpu_seconds for run in self.runs),
         }

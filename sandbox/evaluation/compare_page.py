@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from model.effects.library import parameters
+from model.ratings import cautions
 from sandbox.evaluation.choice import Standing, best, far_off, gained, standings, theory_held, which
 from sandbox.evaluation.compare import Comparison, Run
 from sandbox.evaluation.compare_sheets import most_current, over_angle, spectra, working
@@ -17,11 +19,13 @@ from sandbox.output.loci import angle_svg, estimator_svg, hodograph_svg, loci_sv
 from sandbox.output.plots import colour_of, reading
 from sandbox.output.tables import comparison_tables
 from sandbox.output.vector import lines_svg
+from sandbox.plant.sets import BENCH
 
 DRAWN = 600  # blocks of a line over time
+ESTIMATED = "#2a9d5c"  # of the estimated speed on the true one
 NOT_IN_IT = (
     "It is a simulation: what the drive has beside this model (see `sensorless list effects`) is not in it unless it "
-    "was added by --effects.",
+    "was added by --effects; nothing was.",
     "The saturated belief is the plant's own model, so it is as good as a model can be; ",
 )
 ASK = "`sensorless compare --tolerances` shows what is left of it when the model is known to some percent only."
@@ -53,6 +57,7 @@ def _run_parts(c: Comparison, run: Run, title: str) -> Iterator[str]:
     """Yield the parts of a single run's page."""
     yield f"<h1>{prose(title)}</h1>"
     yield answer("How far is it off?", far_off(standings(run.rows)[0]))
+    yield from _cautioned(c)
     yield answer("What is not in it?", _effects_said(c))
     yield figure(estimator_svg([run]), reading(c.runs))
     yield from looked(c, [run])
@@ -67,6 +72,7 @@ def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str
     yield f"<h1>{prose(title)}</h1>"
     yield answer("Which estimator for this motor?", which(found))
     yield answer("What does believing the saturated model bring?", f"{gained(found)} {theory_held(c.rows)}")
+    yield from _cautioned(c)
     then = f"see '{KNOWN}' below." if known else ASK
     yield answer("What is not in it?", f"{_effects_said(c)} {NOT_IN_IT[1]}{then}")
     yield "<h2>All estimators, the estimate in control</h2>" + _standings([s for s in found if s.closed_loop])
@@ -92,9 +98,21 @@ def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str
 
 
 def _effects_said(c: Comparison) -> str:
-    """Return what the plant has beside the model."""
-    effects = ", ".join(f"{k} = {v:g}" for k, v in c.effects.items())
-    return f"It is a simulation; in the plant beside the model: {effects}." if effects else NOT_IN_IT[0]
+    """Return what the plant lacks, and what it has beside the model."""
+    if not c.effects:
+        return NOT_IN_IT[0]
+    known = {name: p.unit for name, p in (parameters() | BENCH).items()}
+    effects = ", ".join(f"{k} = {float(v):g} {known.get(k, '')}".rstrip() for k, v in c.effects.items())
+    return (
+        "It is a simulation: nothing that the drive has beside this model (see `sensorless list effects`) is in it but "
+        f"what was added, {effects}."
+    )
+
+
+def _cautioned(c: Comparison) -> Iterator[str]:
+    """Yield what about the drive's ratings cannot be meant."""
+    if texts := cautions(c.drive):
+        yield answer("Is the motor as it is meant?", " ".join(f"Caution: {text}" for text in texts))
 
 
 def _made(c: Comparison) -> str:
@@ -121,13 +139,26 @@ def looked(c: Comparison, runs: Sequence[Run]) -> Iterator[str]:
     panels = [("error (°)", {n: _error(run) for n, run in kept.items()})]
     panels.append(("i_q (A)", {n: _line(run, "i_q") for n, run in kept.items()}))
     if any(np.any(run.recording.omega) for run in runs):
-        panels.append(("speed\n(rad/s el.)", {n: _line(run, "omega") for n, run in kept.items()}))
+        panels += _speeds(kept)
+        colours += [ESTIMATED] if len(kept) == 1 else []
+    pushed = " A load that comes on pushes a free rotor away, until the integral of the speed loop has followed."
+    asked = c.scenario.reference == "speed" and any(s.load for s in c.scenario.segments)
     yield figure(
         lines_svg(panels, "time (s)", colours=colours, alike=True),
-        "Over time: true minus estimated position (lost lock left out), true current and speed.",
+        "Over time: true minus estimated position (lost lock left out), true current, true and estimated speed."
+        + pushed * asked,
     )
     yield from pairs(_planes(c, kept))
     yield from pairs(_spectra(c, kept))
+
+
+def _speeds(kept: dict[str, Run]) -> list[tuple[str, dict[str, tuple[list[float], list[float]]]]]:
+    """Return panels of true and estimated speed: one of a single run, one each where there are several."""
+    if len(kept) == 1:
+        (run,) = kept.values()
+        return [("speed\n(rad/s el.)", {"true": _line(run, "omega"), "estimated": _line(run, "omega_hat")})]
+    names = {"true speed\n(rad/s el.)": "omega", "estimated\n(rad/s el.)": "omega_hat"}
+    return [(head, {n: _line(run, name) for n, run in kept.items()}) for head, name in names.items()]
 
 
 def _error(run: Run) -> tuple[list[float], list[float]]:

@@ -194,14 +194,15 @@ def _grid(rows: list[list[str]]) -> Any:
 def comparison_tables(c: Comparison) -> list[tuple[str, list[str], list[list[str]]]]:
     """Return title, heads and cells of one table for the closed and one for the open loop.
 
-    A line is a segment; a cell the mean error in degrees with the 95th percentile of its size. Without theory there is
-    no column of it.
+    A line is a segment; a cell the mean error in degrees with the 95th percentile of its size, and the true speed where
+    it is not the one asked for. Without theory there is no column of it.
     """
     tables = []
     for closed in sorted({r.closed_loop for r in c.runs}, reverse=True):
         runs = [r for r in c.runs if r.closed_loop == closed]
         loop = "closed loop (the estimate controls)" if closed else "open loop (the encoder controls)"
-        heads, lines = ["load %", "rpm"], [[f"{100 * r.load:+.0f}", f"{r.speed_rpm:+.4g}"] for r in runs[0].rows]
+        rpm = "asked rpm" if c.scenario.rotor == "free" else "rpm"
+        heads, lines = ["load %", rpm], [[f"{100 * r.load:+.0f}", f"{r.speed_rpm:+.4g}"] for r in runs[0].rows]
         theory = theory_of([r for r in runs if r.belief == "linear"] or runs)
         columns = [(THEORY, theory)] if theory else []
         columns += [(f"{r.estimator} {r.belief[:3]}.", [_cell(row) for row in r.rows]) for r in runs]
@@ -229,7 +230,14 @@ def _cell(row: Row) -> str:
         return "lost lock"
     if row.error_deg.p95 is None:
         return "–"
-    return f"{number_text(row.error_deg.mean)} ({row.error_deg.p95:.1f}){'' if row.reference_held else ' speed missed'}"
+    known = "" if row.true_speed_rpm is None else f" ({rpm_text(row.true_speed_rpm)} rpm)"
+    missed = "" if row.reference_held else f" speed missed{known}"
+    return f"{number_text(row.error_deg.mean)} ({row.error_deg.p95:.1f}){missed}"
+
+
+def rpm_text(speed: float | None) -> str:
+    """Return a speed in rpm with a sign and no more than a tenth, or a dash for none."""
+    return "–" if speed is None else f"{round(speed, 1) + 0.0:+.5g}"
 
 
 def comparison_markdown(c: Comparison) -> str:

@@ -48,7 +48,8 @@ def lines_svg(
 ) -> str:  # fmt: skip
     """Return panels of lines over a common axis as inline SVG; a panel: its y label, {name: (x, y)}.
 
-    log: the logarithmic axes, such as "y" or "xy"; alike: lines may lie on each other, see `widths`.
+    log: the logarithmic axes, such as "y" or "xy"; alike: lines may lie on each other, see `widths`.  A panel whose
+    lines have other names than the first one's names them, too.
     """
     drawing, places = page((PHONE, 0.7 + 1.5 * len(panels)), len(panels), 1, sharex=True)
     for axes, (ylabel, lines) in zip(places[:, 0], panels, strict=True):
@@ -60,6 +61,8 @@ def lines_svg(
         if "y" in log:
             axes.set_yscale("log")
             plain_ticks(axes, "y")
+        if axes is not places[0, 0] and list(lines) != list(panels[0][1]):
+            named(axes)
     if "x" in log:
         places[-1, 0].set_xscale("log")
         plain_ticks(places[-1, 0])

@@ -6,13 +6,14 @@ import dataclasses
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from functools import wraps
+from numbers import Real
 from pathlib import Path
 from typing import Any, ParamSpec, TypeVar
 
 from model.datasets import locate
 from model.drive_files import mapped_names, motor_file
 from model.effects import own
-from model.errors import BadInput
+from model.errors import BadInput, brief
 from model.given import is_file, is_folder, named_by, read_toml
 from sandbox.output.provenance import Call, digest_of
 from sandbox.recordings.foreign import SUFFIXES
@@ -34,13 +35,25 @@ def told(function: Callable[P, R]) -> Callable[P, R]:
     @wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> R:
         """Return the function's result with its call."""
-        result: Any = function(*args, **kwargs)
         bound = signature.bind(*args, **kwargs)
+        _check_numbers(signature, bound.arguments)
+        result: Any = function(*args, **kwargs)
         bound.apply_defaults()
         found: R = dataclasses.replace(result, call=call_of(function.__name__, bound.arguments))
         return found
 
     return call
+
+
+def _check_numbers(signature: inspect.Signature, given: Mapping[str, Any]) -> None:
+    """Raise BadInput for an argument that should be a number and is none; its range is the function's own to check."""
+    for name, value in given.items():
+        kinds = str(signature.parameters[name].annotation).split(" | ")
+        if not {"int", "float"} & set(kinds) or (value is None and "None" in kinds):
+            continue
+        if isinstance(value, bool) or not isinstance(value, Real):
+            whole = "" if "float" in kinds else "whole "
+            raise BadInput(f"{name} = {brief(value)} is no {whole}number; give one")
 
 
 def call_of(function: str, given: Mapping[str, Any]) -> Call:

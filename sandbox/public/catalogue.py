@@ -139,13 +139,14 @@ def list_tests() -> dict[str, str]:
 
 
 def describe(name: str) -> str:
-    """Return the card of an effect or an estimator as text.
+    """Return the card of an effect, an estimator, a motor or a scenario as text.
 
     Parameters
     ----------
     name : str
         Of an effect: equation, source, parameters with units and bounds, what it is confused with. Of an estimator:
-        injection, delay, speeds, source, and the cost of a step in ns, measured now.
+        injection, delay, speeds, source, and the cost of a step in ns, measured now. Of a motor or a scenario: the
+        numbers of its file.
 
     Returns
     -------
@@ -163,28 +164,82 @@ def describe(name: str) -> str:
     True
     """
     from estimators.registry import MODULES
+    from model.drive_files import mapped_names, motor_names
     from model.effects.library import card_text, effect_names, load_effect
     from model.errors import unknown
+    from sandbox.drive.scenario import scenario_names
 
     if name in effect_names():
         return card_text(load_effect(name))
     if name in MODULES:
         return _estimator_card(name)
-    raise unknown("effect or estimator", name, (*effect_names(), *MODULES))
+    if name in (motors := [*motor_names(), *mapped_names()]):
+        return motor_card(name)
+    if name in scenario_names():
+        return scenario_card(name)
+    raise unknown("effect, estimator, motor or scenario", name, (*effect_names(), *MODULES, *motors, *scenario_names()))
 
 
 def card_of(kind: str, name: str) -> str:
-    """Return a card of one kind, 'effects' or 'estimators'; BadInput where the name is not of that kind."""
+    """Return a card of one kind: 'effects', 'estimators', 'motors' or 'scenarios'; BadInput where the name is not of
+    that kind."""
     from estimators.registry import MODULES
+    from model.drive_files import mapped_names, motor_names
     from model.effects.library import effect_names
     from model.errors import unknown
+    from sandbox.drive.scenario import scenario_names
 
-    known = {"effects": effect_names(), "estimators": MODULES}.get(kind)
+    motors = [*motor_names(), *mapped_names()]
+    kinds = {"effects": effect_names(), "estimators": MODULES, "motors": motors, "scenarios": scenario_names()}
+    known = kinds.get(kind)
     if known is None:
-        raise BadInput(f"'{kind}' have no cards; `list effects NAME` and `list estimators NAME` print one")
+        raise BadInput(f"'{kind}' have no cards; {', '.join(f'`list {k} NAME`' for k in kinds)} print one")
     if name not in known:
         raise unknown(kind.removesuffix("s"), name, known)
     return describe(name)
+
+
+def motor_card(name: str) -> str:
+    """Return what the file of a motor of the package states, as lines a person can read; nothing is downloaded."""
+    from dataclasses import fields
+
+    from model.drive_files import motor_file
+    from model.effects.library import entry
+    from model.given import read_toml
+    from model.parameters import Converter, Injection, Motor
+
+    data = read_toml(motor_file(name))
+    rows = [entry(f"{name}:", str(data["motor"]["description"]), 2), ""]
+    for kind, table in ((Motor, "motor"), (Converter, "drive"), (Injection, "injection")):
+        units = {f.name: f.metadata.get("unit", "") for f in fields(kind)}
+        stated = {k: v for k, v in data.get(table, {}).items() if k not in ("name", "description")}
+        rows += [entry(k, f"{v} {units.get(k, '')}".rstrip(), 22) for k, v in stated.items()]
+    if "flux_map" in data:
+        rows.append(
+            entry("flux map", f"data set '{data['flux_map'].get('dataset', data['flux_map'].get('file'))}'", 22)
+        )
+    if source := data.get("provenance", {}).get("source"):
+        rows.append(entry("source", str(source), 22))
+    return "\n".join(rows)
+
+
+def scenario_card(name: str) -> str:
+    """Return what a scenario of the package asks for, stretch by stretch, as lines a person can read."""
+    from model.effects.library import entry
+    from sandbox.drive.scenario import load_scenario
+
+    s = load_scenario(name)
+    rows = [entry(f"{name}:", s.description, 2), ""]
+    rows += [entry("rotor", f"{s.rotor}, {s.reference} controlled", 22)]
+    rows += [entry("lasts", f"{s.duration:g} s, and starting up before" if s.start_up else f"{s.duration:g} s", 22)]
+    for k, x in enumerate(s.segments, 1):
+        told = [f"{x.duration:g} s", f"load {100.0 * x.load:g} %"]
+        told += [f"i_d {100.0 * x.current_d:g} %"] * bool(x.current_d)
+        told += [f"speed {100.0 * x.speed:g} % of rated"] * (s.rotor != "locked")
+        told += [f"reached in {x.ramp:g} s"] * bool(x.ramp)
+        told += [f"the last {x.duration - s.settle_of(x):.3g} s count" if x.score else "not evaluated"]
+        rows.append(entry(f"stretch {k}", ", ".join(told), 22))
+    return "\n".join(rows)
 
 
 def _estimator_card(name: str) -> str:

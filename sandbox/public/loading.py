@@ -238,10 +238,12 @@ def motion_only(folder: str | Path | Campaign, columns: str | Path | None, prese
 
 
 def ready(
-    motor: str | Path | Drive, estimators: Iterable[AnyEstimator], effects: Mapping[str, float]
-) -> tuple[Drive, list[Estimator]]:
-    """Return a motor and estimators; what is wrong with names, a motor's file or effects is told before anything is
-    compiled, and a flux map is downloaded after all else is read."""
+    motor: str | Path | Drive, estimators: Iterable[AnyEstimator], effects: Mapping[str, float],
+    scenario: Scenario | None = None,
+) -> tuple[Drive, list[Estimator]]:  # fmt: skip
+    """Return a motor and estimators; what is wrong with names, a motor's file or effects, and whether the motor's model
+    can start up and carry a scenario's loads, is told before anything is compiled, and a flux map is downloaded after
+    all else is read."""
     asked = list(estimators)
     for one in asked:
         check_known(one)
@@ -251,6 +253,11 @@ def ready(
         from sandbox.plant.sets import complete
 
         complete(drive.motor, drive.converter, effects)
+    if drive is not None and scenario is not None and not effects:  # what effects do to the motor is looked at later
+        from sandbox.drive.design import design
+        from sandbox.drive.feasible import check_feasible
+
+        check_feasible(drive, scenario, design(drive, scenario.start_up))
     own = [load_estimator(one) for one in asked]  # compiles
     return load_motor(motor) if drive is None else drive, own
 

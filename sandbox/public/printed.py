@@ -8,7 +8,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from model.errors import PhysicsError
-from sandbox.output.tables import BELIEFS, THEORY, comparison_tables, number_text, print_prose, print_table, theory_of
+from model.ratings import cautions
+from sandbox.output.tables import (
+    BELIEFS,
+    THEORY,
+    comparison_tables,
+    number_text,
+    print_prose,
+    print_table,
+    rpm_text,
+    theory_of,
+)
 
 if TYPE_CHECKING:
     from model.parameters import Drive
@@ -27,6 +37,7 @@ def print_comparison(c: Comparison) -> None:
     theory = "theory: the cross-saturation angle that a linear belief cannot see, for small ripple."
     if all(row.predicted_mean_deg is None for row in c.rows):
         theory = "theory: none, as it knows the motor alone, not the effects of this plant or these estimators."
+    print_cautions(c.drive)
     print_prose(f"Position error in electrical degrees, mean (95th percentile of its size); {theory}")
 
 
@@ -34,20 +45,29 @@ def print_run(c: Comparison, gains: Design) -> None:
     """Print the rows of a single run and the loops it was controlled by."""
     run = c.runs[0]
     theory = theory_of([run])
-    heads = ["load %", "rpm", *[THEORY][: len(theory)], "mean °", "rms °", "p95 °", "max °"]
+    speeds = ["asked\nrpm", "true\nrpm"] if c.scenario.rotor == "free" else ["rpm"]
+    heads = ["load %", *speeds, *[THEORY][: len(theory)], "mean °", "rms °", "p95 °", "max °"]
     lines = []
     for k, row in enumerate(run.rows):
         e = row.error_deg
         values = ["lost lock", "", "", ""] if row.lost_lock else [number_text(e.mean), *(f"{v:.2f}" for v in _sizes(e))]
         values[0] += "" if row.reference_held else " (speed missed)"
-        lines.append([f"{100 * row.load:+.0f}", f"{row.speed_rpm:+.4g}", *theory[k : k + 1], *values])
+        rpm = [f"{row.speed_rpm:+.4g}", rpm_text(row.true_speed_rpm)][: len(speeds)]
+        lines.append([f"{100 * row.load:+.0f}", *rpm, *theory[k : k + 1], *values])
     print_table(f"{c.drive.name}, {c.scenario.name}, {run.name}: position error", heads, lines)
+    print_cautions(c.drive)
     heads = ["loop", "bandwidth\nrad/s", "phase margin\n°", "gain\nmargin", "disk\nmargin"]
     loops = [
         [name, f"{v.bandwidth:.1f}", f"{v.phase_margin_deg:.1f}", f"{v.gain_margin:.2f}", f"{v.disk_margin:.2f}"]
         for name, v in gains.loops.items()
     ]
     print_table("designed loops (tracking loop: at zero load; the filter `ekf` has its own)", heads, loops)
+
+
+def print_cautions(drive: Drive) -> None:
+    """Print what about a drive's ratings cannot be meant."""
+    for text in cautions(drive):
+        print_prose(f"caution: {text}")
 
 
 def _sizes(e: ErrorDeg) -> tuple[float, float, float]:
@@ -68,7 +88,7 @@ def audit_content(drive: Drive, a: Audit) -> dict[str, Any]:
         "torque_at_rated_current": _torque(drive), "rated_torque": drive.motor.rated_torque, "load": a.load,
         "angle_local_deg": np.degrees(a.angle_local), "angle_closed_deg": np.degrees(a.angle_closed),
         "relative_slope": a.slope, "error_per_10mA_deg": np.degrees(0.01 / saliency),
-        "provenance": drive.provenance,
+        "cautions": list(cautions(drive)), "provenance": drive.provenance,
     }  # fmt: skip
 
 
@@ -108,6 +128,7 @@ def print_audit(drive: Drive, a: Audit) -> None:
     print_prose(
         f"torque at rated current on q: {_torque(drive):.4g} N m (rated torque {rated:.4g} N m; currents are peak)"
     )
+    print_cautions(drive)
     content = audit_content(drive, a)
     heads = [
         "load %",

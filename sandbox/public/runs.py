@@ -11,6 +11,7 @@ from estimators.registry import AnyEstimator
 from model.effect_files import effects_of
 from model.names import fitting
 from model.parameters import Drive
+from model.ratings import cautions
 from sandbox.drive.scenario import Scenario
 from sandbox.output.columns import Column, columns_of
 from sandbox.public.calls import told
@@ -29,12 +30,13 @@ AnyMotor = str | Path | Drive
 AnyScenario = str | Path | Scenario
 Effects = Mapping[str, float] | str | Path | None
 ROW_UNITS = {
-    "load": "of rated current", "speed_rpm": "rpm", "mean_deg": "deg", "rms_deg": "deg", "p95_deg": "deg",
-    "max_deg": "deg", "transient_max_deg": "deg", "predicted_mean_deg": "deg", "t_start": "s", "t_end": "s",
+    "load": "of rated current", "speed_rpm": "rpm", "true_speed_rpm": "rpm", "mean_deg": "deg",
+    "rms_deg": "deg", "p95_deg": "deg", "max_deg": "deg", "transient_max_deg": "deg", "predicted_mean_deg": "deg",
+    "t_start": "s", "t_end": "s",
 }  # fmt: skip
 ROW_NAMES = (
-    "estimator", "belief", "closed_loop", "load", "speed_rpm", "mean_deg", "rms_deg", "p95_deg", "max_deg",
-    "transient_max_deg", "predicted_mean_deg", "lost_lock", "reference_held", "t_start", "t_end",
+    "estimator", "belief", "closed_loop", "load", "speed_rpm", "true_speed_rpm", "mean_deg", "rms_deg",
+    "p95_deg", "max_deg", "transient_max_deg", "predicted_mean_deg", "lost_lock", "reference_held", "t_start", "t_end",
 )  # fmt: skip
 
 
@@ -97,7 +99,7 @@ class SimulationResult(Result):
         return {
             "motor": self.comparison.drive.name, "scenario": self.comparison.scenario.name,
             "estimator": run.estimator, "belief": run.belief, "closed_loop": run.closed_loop, "seed": made["seed"],
-            "plant": made["plant"], "effects": dict(self.effects),
+            "plant": made["plant"], "effects": dict(self.effects), "cautions": list(cautions(self.comparison.drive)),
             "simulated_seconds": float(self.recording.t[-1]), "cpu_seconds": run.cpu_seconds,
             "lost_lock": self.lost_lock, "error_deg": asdict(self.error_deg), "rows": [asdict(r) for r in self.rows],
             "loops": {name: asdict(loop) for name, loop in self.design.loops.items()},
@@ -308,7 +310,7 @@ def simulate(
     scene = scene if duration is None else scene.cut(duration)
     if record is not None:
         check_new_folder(Path(record))
-    drive, (own,) = ready(motor, [estimator], added)
+    drive, (own,) = ready(motor, [estimator], added, scene)
     from sandbox.evaluation.compare import single, stride_of  # compiles
 
     if record is not None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,8 @@ from sandbox.recordings.column_map import KIND, Column, contract, parse_columns
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.log_table import Table
-from sandbox.recordings.formats.presets import preset_notes, with_preset
+from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
+from sandbox.recordings.parquet import INDEX
 from sandbox.recordings.plausibility import check
 from sandbox.recordings.stamps import Log, by_arrival, cut_at_gaps, parse_log, polled, stamp_jitter
 
@@ -39,6 +41,7 @@ Array = NDArray[np.float64]
 SILENT = 0.01  # of the sampling period: jitter that the format allows
 JITTER = 0.25  # of it: jitter that leaves no doubt which sample is meant
 DRIFT = 0.01  # relative error of the recorded clock
+MAPS = re.compile(r"\bmap .* (?:with|= \{)")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -68,7 +71,7 @@ class Source:
     def table(self, file: str) -> Table:
         """Return one recording's table as it stands in its file."""
         table = read_table(self.folder / file, self.wanted, self.log.matrix)
-        stranger = next((n for n in table.columns if n not in KIND), None)
+        stranger = next((n for n in table.columns if n not in KIND and not INDEX.fullmatch(n)), None)
         if not self.foreign and stranger is not None:
             raise BadInput(f"{file}: {unknown('column', stranger, KIND)}; map other names with --columns FILE.toml")
         return table
@@ -85,6 +88,8 @@ def source_of(
     """Return what a folder (or one table in it) and its column map state, no recording read; BadInput says what is
     wrong."""
     path = Path(path)
+    if preset is not None:
+        check_preset(preset)
     folder = path if path.is_dir() else path.parent
     if not path.exists():
         raise BadInput(f"campaign '{path}' does not exist; give its folder, or one table in it")
@@ -112,9 +117,18 @@ def read_recordings(
     program whose names and units are known; `rotors` limits the recordings read.  Raises BadInput naming file, column
     and row for what cannot be right.
     """
-    campaign = unchecked(source_of(path, columns, preset, rotors))
-    found = (*campaign.findings, *check(campaign.recordings, campaign.drive))
+    source = source_of(path, columns, preset, rotors)
+    campaign = unchecked(source)
+    try:
+        found = (*campaign.findings, *check(campaign.recordings, campaign.drive))
+    except BadInput as error:
+        raise BadInput(str(error) if source.foreign else how_to_map(str(error))) from None
     return with_link(dataclasses.replace(campaign, findings=found))
+
+
+def how_to_map(text: str) -> str:
+    """Return a sentence that says to map a column with where a map stands, for a campaign that has none."""
+    return f"{text} ([columns] in a file for --columns)" if MAPS.search(text) else text
 
 
 def unchecked(source: Source) -> Campaign:
@@ -175,6 +189,12 @@ def _timed(
 def _tables(folder: Path, columns: Path | None, preset: str | None) -> tuple[dict[str, Any], dict[str, Column], str]:
     """Return the tables of campaign.toml and of the column file together, the map, and the file to name in errors."""
     own = folder / "campaign.toml"
+    if columns is None and not own.is_file() and preset is not None:
+        raise BadInput(
+            f"'{folder}' holds no campaign.toml; preset '{preset}' names the columns alone: write [drive], [motor] and "
+            "one [[recording]] a table into campaign.toml, or into a file for --columns (`sensorless check` without "
+            "the preset drafts one)"
+        )
     if columns is None and not own.is_file():
         raise BadInput(
             f"'{folder}' holds no campaign.toml, so its drive, motor and recordings are unknown; write one, or give "

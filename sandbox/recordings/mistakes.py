@@ -261,16 +261,16 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
         raise BadInput(
             f"{r.file}: row {k} of column '{m.column}' is {r.columns[m.column][k]:.6g}, and currents, angle and "
             "nominal "
-            f"model leave {_percent(b.share)} of the commanded voltage unexplained{others}, at most "
-            f"{_percent(UNDISTURBED)} would be a gap; it falls to {_percent(after)} if "
+            f"model leave {percent(b.share)} of the commanded voltage unexplained{others}, at most "
+            f"{percent(UNDISTURBED)} would be a gap; it falls to {percent(after)} if "
             f"{', or '.join(x.guess for x in found)}: {m.remedy}"
         )
     off_axis(recordings, drive)
     return [
         Finding(
             r.file, "u_alpha", b.worst_row,
-            f"{r.file}: row {b.worst_row} of column 'u_alpha': {_percent(b.share)} of the commanded voltage is "
-            f"unexplained by currents, angle and nominal model (at most {_percent(UNDISTURBED)} is usual), and no "
+            f"{r.file}: row {b.worst_row} of column 'u_alpha': {percent(b.share)} of the commanded voltage is "
+            f"unexplained by currents, angle and nominal model (at most {percent(UNDISTURBED)} is usual), and no "
             "single "
             "wrong unit, sign or order explains it; a large gap, a wrong nominal value, or several mistakes at once",
         )
@@ -287,8 +287,17 @@ def _saturation_explains(r: CampaignRecording, drive: Drive) -> bool:
     return len(told.rows) >= 0.5 * asked and not told.doubtful
 
 
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.2g} %" if share < 10.0 else f"{share:.0e} times all"
+def percent(share: float) -> str:
+    """Return a share in percent, or how many times the whole it is; two digits, no power of ten."""
+    if share < 10.0:
+        return f"{plain(100.0 * share)} %"
+    return f"{plain(share)} times all"
+
+
+def plain(x: float) -> str:
+    """Return a number of two digits as a person writes it."""
+    rounded = float(f"{x:.2g}")
+    return f"{rounded:.0f}" if abs(rounded) >= 10.0 else f"{rounded:g}"
 
 
 def _explains(m: Mistake, r: CampaignRecording, b: Balance, drive: Drive) -> float | None:
@@ -340,8 +349,8 @@ def off_axis(recordings: Sequence[CampaignRecording], drive: Drive) -> None:
             if after is not None and after > ON_AXIS:
                 raise BadInput(
                     f"{r.file}: row 0 of column 'theta' is {r.theta[0]:.6g}; turned by theta, only "
-                    f"{_percent(max(share, 0.0))} of the injected voltage lies along axis {r.injection_axis} (at least "
-                    f"{_percent(ON_AXIS)} expected), it does if {m.guess}: {m.remedy}"
+                    f"{percent(max(share, 0.0))} of the injected voltage lies along axis {r.injection_axis} (at least "
+                    f"{percent(ON_AXIS)} expected), it does if {m.guess}: {m.remedy}"
                 )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -17,6 +18,7 @@ Array = NDArray[np.float64]
 Recording = TypeVar("Recording", bound=Any)
 ROWS = 1 << 18  # read at a time: what is decoded besides the columns themselves
 BUFFER = 1 << 20  # bytes of the file held at a time
+INDEX = re.compile(r"__index_level_\d+__")  # an unnamed index as pandas saves it
 
 
 def with_volts(r: Recording, converter: Converter) -> Recording:
@@ -65,9 +67,10 @@ def _kinds(file: str, schema: Any) -> dict[str, Any]:
     for name, kind in zip(schema.names, schema.types, strict=True):
         if schema.names.count(name) > 1:
             raise BadInput(f"{file}: column '{name}' stands twice; give each column its own name")
-        if not types.is_null(kind) and not any(fits(kind) for fits in numbers):
+        if not types.is_null(kind) and not any(fits(kind) for fits in numbers) and not INDEX.fullmatch(name):
             raise BadInput(f"{file}: column '{name}' holds {str(kind)[:40]}, no numbers; leave it away")
-    return dict(zip(schema.names, schema.types, strict=True))
+    kinds = zip(schema.names, schema.types, strict=True)
+    return {n: k for n, k in kinds if not INDEX.fullmatch(n) or any(fits(k) for fits in numbers)}
 
 
 def read_parquet(path: Path) -> dict[str, Array]:
@@ -87,4 +90,5 @@ def read_parquet(path: Path) -> dict[str, Array]:
     except BadInput:
         raise
     except (pyarrow.ArrowException, OSError, TypeError, ValueError) as error:
-        raise BadInput(f"{path.name}: not a Parquet table of numbers ({str(error).splitlines()[0]})") from None
+        said = str(error).splitlines()[0].rstrip(".")[:200]
+        raise BadInput(f"{path.name}: not a Parquet table of numbers ({said}); export it again, or as CSV") from None

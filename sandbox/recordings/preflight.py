@@ -9,6 +9,7 @@ is not there.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -19,7 +20,7 @@ from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
 from sandbox.recordings.conventions import shifted, with_link
-from sandbox.recordings.mistakes import PHASES, VOLTAGES, balance, contradictions
+from sandbox.recordings.mistakes import PHASES, VOLTAGES, balance, contradictions, percent
 from sandbox.recordings.plausibility import angle, current_sensors, link_voltage, other_columns, voltage_limit
 
 Array = NDArray[np.float64]
@@ -36,6 +37,7 @@ LOAD_TURNS = 1.2  # turns by which a load that changes its sign, and back, may m
 TURNS = 5.0  # electrical turns that tell how fast voltage and angle turn
 OFF_PACE = 0.02  # relative, of how fast they turn
 COARSER = 2.0  # times the stated step
+COLUMN = re.compile(r"column '(\w+)'")
 
 
 @dataclass(frozen=True)
@@ -58,7 +60,27 @@ def noticed(campaign: Campaign) -> list[Noticed]:
         out += _tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
     if not any(n.level == REFUSED for n in out):
         out += [Noticed(SUSPICIOUS, f) for f in with_link(campaign).findings[len(campaign.findings) :]]
-    return out
+    return _refusals_first(out)
+
+
+def _refusals_first(found: Sequence[Noticed]) -> list[Noticed]:
+    """Return what stops a campaign before the rest, without what is suspicious about the same readings: a current in
+    another unit has other steps, too.
+    """
+    refused = [n for n in found if n.level == REFUSED]
+    wrong = set[tuple[str, str]]()
+    for n in refused:
+        if match := COLUMN.search(n.finding.text):
+            several = re.search(r"other recordings?\)", n.finding.text)
+            files = {x.finding.file for x in found} if several else {n.finding.file}
+            wrong |= {(file, _kind(match[1])) for file in files}
+    rest = [n for n in found if n.level != REFUSED]
+    return [*refused, *(n for n in rest if n.level == NOTE or (n.finding.file, _kind(n.finding.column)) not in wrong)]
+
+
+def _kind(column: str) -> str:
+    """Return what is told together of columns: currents, voltages, or the column itself."""
+    return "current" if column in PHASES else "voltage" if column in VOLTAGES else column
 
 
 def further(campaign: Campaign) -> list[Finding]:
@@ -217,7 +239,7 @@ def factors(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Findi
         return []  # the best factor lies elsewhere: a gap, not a convention
     r = told[0][0]
     text = (
-        f"{r.file}: {100.0 * before:.2g} % of the commanded voltage is unexplained, {100.0 * after:.2g} % if {what} "
+        f"{r.file}: {percent(before)} of the commanded voltage is unexplained, {percent(after)} if {what} "
         f"are multiplied by {factor:.4g}; {guess} would do that: check peak values, transformation and phase voltages"
     )
     return [Finding(r.file, names[0], None, text)]

@@ -226,7 +226,7 @@ def row_of(ready: Ready, done: Simulation) -> Row:
     for w in ready.windows:
         settled = Recording(table[w.settled : w.end])
         lost = lost or is_lost(Recording(table[w.start : w.end]))
-        held = held and (setup.scenario.reference != "speed" or speed_held(setup.drive, settled))
+        held = held and (setup.scenario.reference != "speed" or speed_held(settled))
         errors.append(np.degrees(settled.error))
     found: ErrorDeg = statistics(np.concatenate(errors) if len(errors) > 1 else errors[0], lost)
     means = [] if lost else [float(e.mean()) for e in errors if e.size]

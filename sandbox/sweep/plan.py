@@ -164,6 +164,10 @@ def sweep_of(tables: Mapping[str, Any], name: str = "sweep", folder: Path | None
     """Return the sweep of tables laid out as in a TOML file, everything checked that can be before it runs."""
     for table in tables:
         if table not in TABLES:
+            from model.effects.library import effect_names
+
+            if table in effect_names():
+                raise BadInput(f"'{table}' is an effect and stands in no table; put it under [run] or [grid]")
             raise unknown("table", table, TABLES)
     head = _table(tables, "sweep", ("name", "description"))
     fixed = {k: check_value(k, v, "run") for k, v in flat(_table(tables, "run")).items()}

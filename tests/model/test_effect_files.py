@@ -36,6 +36,7 @@ def test_a_file_says_what_a_mapping_says(tmp_path):
         ("[effects]\ndead_time.tim = 1e-6\n", "mine.toml: unknown effect parameter 'dead_time.tim'; did you mean"),
         ("[effects]\ndead_time.time = 'long'\n", r"mine.toml: \[effects\] dead_time.time = 'long' is no finite number"),
         ("[effects]\ndead_time = 2e-6\n", "mine.toml: unknown effect parameter 'dead_time'"),
+        ("dead_time.time = 2e-6\n", "'dead_time' is an effect and stands in no table; put it under .effects."),
         ("[effects]\ndead_time.time = 9.0\n", "mine.toml: dead_time.time = 9.0 is out of range"),
         ("[bench]\nsoft_current = nan\n", r"mine.toml: \[bench\] soft_current = nan is no finite number"),
         ("effects = 3\n", r"mine.toml: 'effects' is not a table; write \[effects\]"),

@@ -103,7 +103,11 @@ def test_user_motor_with_defaults(tmp_path):
         ("pole_pairs = 4|pole_pairs = 4.5", ("pole_pairs", "whole")),
         ("[motor]|[moter]", ("moter", "did you mean 'motor'")),
         ("[motor]|[motor", ("not valid TOML",)),
-        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nsampling_period = 250", ("250", "0.01] s")),
+        (
+            "rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nsampling_period = 250",
+            ("250", "0.01] s", "us? write 0.00025"),
+        ),
+        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nsampling_period = 0.25", ("ms? write 0.00025",)),
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\npwm_frequency = 8000", ("pwm_frequency", "1 / samp")),
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\nwaveform = 'squar'", ("mean 'square'",)),
     ],

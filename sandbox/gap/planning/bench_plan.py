@@ -47,6 +47,12 @@ class Plan:
     experiments: tuple[Planned, ...]
     together: Visible
 
+    @property
+    def adds(self) -> tuple[str, ...]:
+        """Effects that stand clear in all experiments together, but in none of them alone."""
+        alone = {e for p in self.experiments for e in p.tells}
+        return tuple(e for e, z in self.together.sizes.items() if z >= CLEAR and e not in alone)
+
 
 def plan(drive: Drive, limits: Limits, *, workers: int = 1) -> Plan:
     """Return experiments within a bench's limits, each the one that adds most to those before it, until none adds any.

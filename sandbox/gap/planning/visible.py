@@ -1,7 +1,8 @@
 """Which effects recordings could tell, before any residual is looked at: slopes at typical size beside the noise.
 
 An effect's typical size is worth z standard deviations of what ordinary deviations leave of it.  Only an excerpt of
-each recording is replayed; z grows with the root of the samples.
+each recording is replayed; z grows with the root of the samples.  What an encoder's misalignment of any size would do
+as well is no sign of another error of its reading: at a rotor that never turns an eccentric disc is not told.
 """
 
 from __future__ import annotations
@@ -13,12 +14,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from model.effects.library import effect_names, load_effect
 from sandbox.gap.evidence.fit import coordinates_of
 from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.evidence.priors import WIDE, Coordinate
 from sandbox.gap.evidence.probes import probe_coordinates, probes_at_typical
 from sandbox.gap.excerpts import excerpt, rows_to_settle
-from sandbox.plant.sets import complete
+from sandbox.plant.sets import ANGLE_OFFSET, complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import prepare
 
@@ -52,18 +54,23 @@ def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
     start = Point(prepared, complete(campaign.drive.motor, campaign.drive.converter))
     own = coordinates_of(start, ())
     groups: dict[str, list[str]] = {}
+    moved: dict[str, list[Coordinate]] = {}
     added = {c.label: c for c in own}
     for probe in probes_at_typical(start):
         coordinates = probe_coordinates(start, probe, "")
         added |= {c.label: c for c in coordinates if c.label not in added}
-        groups[probe.effect] = [c.label for c in coordinates]
+        groups[probe.effect], moved[probe.effect] = [c.label for c in coordinates], coordinates
     n = normal(start, list(added.values()), workers=workers)
     a, _, _ = n.summed()
     place = {c.label: k for k, c in enumerate(n.coordinates)}
     ordinary = {c.label for c in own} | {c.label for c in n.coordinates if c.form == "turn"}
-    size = {e: _move(n.coordinates, place, labels) for e, labels in groups.items()}
+    size = {e: _move(own_, {c.label: k for k, c in enumerate(own_)}, groups[e]) for e, own_ in moved.items()}
     precision = np.array([c.deviation**-2 if c.label in ordinary else 0.0 for c in n.coordinates])
-    left = {e: _left(share * a, precision, [place[x] for x in labels]) for e, labels in groups.items()}
+    aligned = _misaligned(precision, place, moved)
+    left = {
+        e: _left(share * a, aligned if reads_angle(e) else precision, [place[x] for x in labels])
+        for e, labels in groups.items()
+    }
     sizes = {e: math.sqrt(max(float(size[e] @ left[e] @ size[e]), 0.0)) for e in groups}
     order = dict(sorted(sizes.items(), key=lambda x: -x[1]))
     return Visible(order, _alike(share * a, precision, groups, place, size, sizes))
@@ -85,6 +92,19 @@ def _move(coordinates: Sequence[Coordinate], place: dict[str, int], labels: list
     """Return a typical move along an effect's coordinates."""
     own = [coordinates[place[x]] for x in labels]
     return np.array([1.0 if c.form == "share" else c.deviation / WIDE for c in own])
+
+
+def reads_angle(effect: str) -> bool:
+    """Return whether an effect is an error of the angle's reading that depends on the angle."""
+    return effect in effect_names() and any(at.port == "angle" for at in load_effect(effect).at)
+
+
+def _misaligned(precision: Array, place: dict[str, int], moved: dict[str, list[Coordinate]]) -> Array:
+    """Return the precisions of ordinary deviations with an encoder that may be as far off as the effect has it."""
+    out = precision.copy()
+    for c in moved.get(ANGLE_OFFSET.partition(".")[0], ()):
+        out[place[c.label]] = c.deviation**-2
+    return out
 
 
 def _left(a: Array, precision: Array, places: list[int]) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
@@ -20,6 +20,7 @@ from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
 from sandbox.recordings.campaign import NO_LIMITS, Campaign, Finding
+from sandbox.recordings.importing import how_to_map
 from sandbox.recordings.preflight import NOTE, REFUSED, Noticed, noticed
 
 if TYPE_CHECKING:
@@ -147,6 +148,8 @@ def check(
     if read is None:
         return CheckResult(name, tuple(found), None, why, _draft(campaign, columns))
     found += noticed(read)
+    if columns is None and preset is None and not isinstance(campaign, Campaign):
+        found = [replace(n, finding=replace(n.finding, text=how_to_map(n.finding.text))) for n in found]
     if any(n.level == REFUSED for n in found) or not effects:
         return CheckResult(read.name, tuple(found), None, "the recordings cannot be replayed as they are" * effects)
     from sandbox.gap.planning.visible import visible
@@ -179,6 +182,7 @@ class PlanResult(Result):
                  "seconds": p.entry.seconds, "settings": p.settings, "repeats": REPEATS, "tells": list(p.tells),
                  "adds": list(p.adds), "setpoints": f"{p.entry.name}.csv"} for p in self.plan.experiments
             ],
+            "together_adds": list(self.plan.adds),
             "effects": [{"name": e, "deviations": z, "visible": v.words(e)} for e, z in v.sizes.items()],
             "alike": [list(pair) for pair in v.alike],
         }  # fmt: skip
@@ -265,7 +269,10 @@ def plan(
     drive = load_motor(motor)
     limits = NO_LIMITS if isinstance(motor, Drive) else load_limits(motor)
     given = {"current": current, "speed_rpm": speed_rpm, "voltage": voltage, "can": can}
-    limits = dataclasses.replace(limits, **{k: v for k, v in given.items() if v is not None})  # type: ignore[arg-type]
+    try:
+        limits = dataclasses.replace(limits, **{k: v for k, v in given.items() if v is not None})  # type: ignore[arg-type]
+    except BadInput as error:
+        raise BadInput(str(error).replace("[limits] ", "")) from None  # these stand in no file
     return PlanResult(planned(drive, limits, workers=jobs))
 
 
@@ -276,11 +283,15 @@ def print_plan(found: PlanResult) -> None:
     )
     for k, p in enumerate(found.plan.experiments, 1):
         print_prose(f"{p.entry.name} ({p.entry.seconds:.3g} s): {p.entry.description}; {p.settings}", f"{k}. ")
-        print_prose(f"tells {many(len(p.tells), 'effect')}, beyond those before it {', '.join(p.adds)}", "   ")
+        beyond = f", {len(p.adds)} of them not told by those before it" if k > 1 else ""
+        print_prose(f"tells {many(len(p.tells), 'effect')}{beyond}: {', '.join(p.adds)}", "   ")
     v = found.plan.together
-    print_prose(
-        "not told: " + (", ".join(e for e in v.sizes if v.words(e) == "not") or "none of the library's effects")
-    )
+    if found.plan.adds:
+        print_prose(f"told by all of them together, by none alone: {', '.join(found.plan.adds)}")
+    for word, said in (("faint", "only faintly told"), ("not", "not told")):
+        names = ", ".join(e for e in v.sizes if v.words(e) == word)
+        if names or word == "not":
+            print_prose(f"{said}: {names or 'none of the library' + chr(39) + 's effects'}")
     for a, b, cosine in v.alike[:6]:
         print_prose(f"{a} and {b} still look alike (cosine {cosine:.3f})")
 

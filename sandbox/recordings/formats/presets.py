@@ -46,7 +46,12 @@ def with_preset(
     return {**data, **behind}, {**columns, **mapped}
 
 
-def _read(name: str) -> dict[str, Any]:
+def check_preset(name: str) -> None:
+    """Raise BadInput for an unknown name."""
     if name not in preset_names():
         raise unknown("preset", name, preset_names())
+
+
+def _read(name: str) -> dict[str, Any]:
+    check_preset(name)
     return read_toml(FOLDER / f"{name}.toml")

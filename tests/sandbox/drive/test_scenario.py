@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -107,6 +109,22 @@ def test_voltage_too_low_for_the_load():
 def test_load_outside_the_valid_domain_is_refused():
     with pytest.raises(PhysicsError, match="convex"):
         check_feasible(load_drive("spm"), load_scenario("staircase"), design(load_drive("spm")))
+
+
+def test_the_printed_surface_motor_is_refused_with_what_to_take_instead():
+    spm, still = load_drive("spm"), load_scenario("staircase").cut(0.1)
+    with pytest.raises(
+        PhysicsError, match=r"convex at i_d = -0\.78\d+ A; use 'spm_exchanged'.*or set start_up = false"
+    ):
+        check_feasible(spm, still, design(spm))
+    lone = dataclasses.replace(spm, motor=dataclasses.replace(spm.motor, name="mine"))
+    with pytest.raises(PhysicsError, match=r"use another parameter set"):
+        check_feasible(lone, still, design(lone))
+
+
+def test_a_duration_that_is_no_number_is_refused():
+    with pytest.raises(BadInput, match="duration = '1 s' is no number; give s"):
+        load_scenario("staircase").cut("1 s")
 
 
 VALUES = st.one_of(st.floats(), st.integers(-5, 5), st.text(max_size=3), st.booleans(), st.none())

@@ -150,10 +150,32 @@ def test_runs_without_lock_and_strange_names_have_a_page(small_comparison, tmp_p
     compare_page.write_comparison(tmp_path / "lost.html", c)
     page = Page(tmp_path / "lost.html")
     assert "None of these: no estimator kept lock" in page.text
-    assert "in the plant beside the model: dead_time.time = 1e-06" in page.text
+    assert "is in it but what was added, dead_time.time = 1e-06 s." in page.text
     assert "<svg onload" not in page.source
     compare_page.write_run(tmp_path / "run.html", Comparison(drive, c.scenario, c.runs[:1], c.properties))
     assert "It lost lock in 2 of 2 stretches" in Page(tmp_path / "run.html").text
+
+
+def test_a_run_s_page_says_that_the_speed_was_missed_and_what_the_motor_cannot_mean(small_comparison, tmp_path):
+    run = small_comparison.runs[0]
+    missed = dataclasses.replace(run, rows=tuple(dataclasses.replace(r, reference_held=False) for r in run.rows))
+    motor = dataclasses.replace(small_comparison.drive.motor, magnet_flux=98.1)
+    drive = dataclasses.replace(small_comparison.drive, motor=motor)
+    c = Comparison(drive, small_comparison.scenario, (missed,), small_comparison.properties)
+    compare_page.write_run(tmp_path / "run.html", c)
+    text = Page(tmp_path / "run.html").text
+    assert "kept lock, but the rotor's own speed was not the one asked for in 2 of 2 stretches" in text
+    assert "Caution: rated_current gives 1059 N m" in text
+
+
+def test_a_single_run_draws_both_speeds_on_one_panel(small_comparison):
+    run = small_comparison.runs[0]
+    ((head, lines),) = compare_page._speeds({"saturated": run})
+    assert head.startswith("speed")
+    assert list(lines) == ["true", "estimated"]
+    assert [head.split("\n")[0] for head, _ in compare_page._speeds({"linear": run, "saturated": run})] == [
+        "true speed", "estimated",
+    ]  # fmt: skip
 
 
 def unit(estimator, test, passed, belief="saturated", **metrics):

@@ -79,6 +79,24 @@ def test_a_speed_that_is_not_reached_is_said():
         assert row.reference_held is held
 
 
+def test_a_creep_the_wrong_way_is_missed_and_a_change_that_dies_away_is_not():
+    """0.2 % of rated speed asked for, 2.26 rad/s: 45 degrees in the last half second are 1.57 rad/s."""
+    drive = load_drive("ipm_exchanged")
+    scenario = Scenario("s", (Segment(1.0, 0.0, 0.002),), rotor="free", reference="speed")
+    asked = 0.002 * drive.motor.rated_omega
+    r = recording([0.0] * 1000)
+    r.table[:, CHANNELS.index("omega_ref")] = asked
+    late = np.where(np.arange(1000) < 500, 40.0, asked)
+    for omega, held in ((asked, True), (asked + 1.5, True), (asked + 1.7, False), (-6.5, False), (0.0, False),
+                        (late, True)):  # fmt: skip
+        r.table[:, CHANNELS.index("omega")] = omega
+        (row,) = rows_of(drive, scenario, r, 0.0, "ekf", "saturated", True)
+        assert row.reference_held is held
+        second = float(np.broadcast_to(omega, 1000)[500:].mean())
+        assert row.true_speed_rpm == pytest.approx(second * 30.0 / np.pi / drive.motor.pole_pairs)
+        assert row.speed_rpm == pytest.approx(3.6)
+
+
 def test_windows_of_rows():
     drive = load_drive("ipm_exchanged")
     scenario = Scenario("s", (Segment(0.2), Segment(0.3, 0.5, settle=0.1), Segment(0.1, score=False)), settle=0.05)

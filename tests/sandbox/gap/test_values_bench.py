@@ -192,3 +192,23 @@ def test_a_bench_table_by_hand(monkeypatch, tmp_path, rotor, link):
     )
     assert text[2].endswith("; [limits]: 2 A peak, 300 V link")
     assert text[-1].split(",")[3] == ("-300" if rotor == "driven" else "397.8874")  # seven digits
+
+
+def test_an_eccentric_disc_is_no_more_than_a_misaligned_one_where_the_angle_stays():
+    """The offset counts as far off as the effect has it: precision 1/0.075^2 instead of 1/0.003^2."""
+    assert visible.reads_angle("encoder_eccentricity")
+    assert not visible.reads_angle("encoder_offset")
+    assert not visible.reads_angle("e")
+    moved = {"encoder_offset": [Coordinate("o", 0.0, 0.075, "linear", ("encoder_offset.offset",))]}
+    found = visible._misaligned(np.array([4.0, 0.003**-2]), {"x": 0, "o": 1}, moved)
+    assert found == pytest.approx([4.0, 0.075**-2])
+    # reading off by 0.03 rad, read 0.001 rad exactly, beside that offset: 0.03/hypot(0.001, 0.075) deviations
+    a = 1e6 * np.array([[1.0, 1.0], [1.0, 1.0]])
+    left = float(visible._left(a, np.array([0.0, found[1]]), [0])[0, 0])
+    assert 0.03 * math.sqrt(left) == pytest.approx(0.03 / math.hypot(0.001, 0.075))
+
+
+def test_what_all_experiments_tell_together_is_listed():
+    alone, whole = Visible({"a": 7.0, "b": 5.0}, ()), Visible({"a": 9.0, "b": 7.0, "c": 1.0}, ())
+    planned = bench_plan.Plan(DRIVE, (bench_plan.Planned(entry_of(), "", alone, ("a",)),), whole)
+    assert planned.adds == ("b",)

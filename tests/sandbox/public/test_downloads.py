@@ -72,6 +72,7 @@ def test_off_line_it_is_said_which_file_to_put_where(how, asked, capsys, monkeyp
     said = capsys.readouterr().err
     assert "'baldor_meas.npz' (https://" in said
     assert str(datasets.cache() / "baldor_pmsyrm") in said
+    assert f"{'--offline' if how == 'flag' else 'SENSORLESS_OFFLINE'} forbids a download" in said
     assert said.count("\n") == 1
     assert asked == []
 

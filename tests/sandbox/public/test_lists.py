@@ -12,6 +12,7 @@ import sandbox
 from model import compiling
 from model.compiling import Watch
 from model.drive_files import load_drive
+from sandbox.cli import main
 from tests.sandbox.public.naming import of, python
 
 
@@ -106,3 +107,39 @@ def test_compiling_is_said_only_when_it_happens(tmp_path):
     assert second.stderr == ""
     known = json.loads((tmp_path / "cache" / "compile-seconds.json").read_text())
     assert all(0.0 < seconds < 60.0 for seconds in known.values())
+
+
+def test_a_motor_and_a_scenario_have_cards(capsys):
+    assert main(["list", "motors", "ipm_exchanged"]) == 0
+    assert "magnet_flux           0.0981 Wb" in capsys.readouterr().out
+    assert main(["list", "motors", "thor_fea"]) == 0  # its map is a data set, which is not asked for
+    assert "data set 'thor_fea'" in capsys.readouterr().out
+    assert main(["list", "scenarios", "creep_reversal"]) == 0
+    assert "2.5 s, load 150 %, speed 0.2 % of rated" in " ".join(capsys.readouterr().out.split())
+    assert main(["list", "presets", "vesc"]) == 2
+    assert "'presets' have no cards" in capsys.readouterr().err
+
+
+def test_an_unknown_option_is_refused_in_its_command_s_name(capsys):
+    with pytest.raises(SystemExit):
+        main(["bench", "--foo"])
+    assert "sensorless bench: unrecognized arguments: --foo (see `sensorless bench --help`)" in capsys.readouterr().err
+
+
+def test_limits_given_in_the_call_are_not_said_to_stand_in_a_file():
+    with pytest.raises(sandbox.BadInput, match=r"^current = -1.0 is out of range"):
+        sandbox.plan(current=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: sandbox.simulate(duration="1 s"), "duration = '1 s' is no number"),
+        (lambda: sandbox.audit(radius="2"), "radius = '2' is no number"),
+        (lambda: sandbox.maps(points="5"), "points = '5' is no whole number"),
+        (lambda: sandbox.plan(jobs=None), "jobs = None is no whole number"),
+    ],
+)
+def test_an_argument_that_should_be_a_number_is_refused(call, said):
+    with pytest.raises(sandbox.BadInput, match=said):
+        call()

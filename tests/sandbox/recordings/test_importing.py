@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import shutil
 import sys
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from sandbox.cli import main
 from sandbox.drive.locked_test import Bench, paper_campaign
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.column_map import KIND
-from sandbox.recordings.importing import read_recordings, regular
+from sandbox.recordings.importing import how_to_map, read_recordings, regular
 from sandbox.recordings.writing import write_campaign
 
 DRIVE = load_drive("ipm_exchanged")
@@ -282,7 +283,7 @@ def test_files_that_are_something_else_are_refused(tmp_path):
     for name, content, message in [
         ("run.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64", "MAT (version )?7.3"),
         ("run.mat", b"nothing of the kind" * 20, "not a MAT file"),
-        ("run.parquet", b"nothing", "not a Parquet table"),
+        ("run.parquet", b"nothing", "not a Parquet table.*; export it again, or as CSV"),
         ("run.xlsx", b"PK", "format '.xlsx' is not read; export as one of"),
         ("run.csv", b"\n\n", "no line of data"),
     ]:
@@ -393,3 +394,23 @@ def test_example_of_the_document(tmp_path):
     assert [f.column for f in found.findings] == ["i_c", "u_alpha"]
     for n in NAMES:
         np.testing.assert_allclose(found.recordings[0].columns[n], _columns()[n], atol=1e-11)
+
+
+@pytest.mark.parametrize("index", ["number", "text"])
+def test_an_index_that_pandas_saved_is_passed_over(tmp_path, index):
+    import pyarrow
+    from pyarrow import parquet
+
+    from sandbox.recordings.campaign import EXAMPLE
+
+    shutil.copytree(EXAMPLE, tmp_path / "mine")
+    file = tmp_path / "mine" / "locked_slow.parquet"
+    table = parquet.read_table(file)
+    rows = range(table.num_rows) if index == "number" else ["r"] * table.num_rows
+    parquet.write_table(table.append_column("__index_level_0__", pyarrow.array(list(rows))), file)
+    assert len(read_recordings(tmp_path / "mine").recordings) == 4
+
+
+def test_a_sentence_that_says_map_says_where_where_nothing_is_mapped():
+    assert how_to_map("theta is turned: map it with scale = -1").endswith("([columns] in a file for --columns)")
+    assert how_to_map("correct [drive] sampling_period") == "correct [drive] sampling_period"

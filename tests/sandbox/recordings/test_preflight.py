@@ -13,7 +13,7 @@ import pytest
 from sandbox import check
 from sandbox.cli import main
 from sandbox.recordings.campaign import EXAMPLE, read_campaign
-from sandbox.recordings.mistakes import PHASES
+from sandbox.recordings.mistakes import PHASES, percent
 from sandbox.recordings.preflight import REFUSED, noticed, quantum
 from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
@@ -158,6 +158,21 @@ def test_two_mistakes_are_told_at_once():
     told = [n.finding.text for n in noticed(both) if n.level == REFUSED]
     assert any("jumps by" in text for text in told)
     assert any("stuck" in text for text in told)
+
+
+def test_what_stops_a_campaign_comes_first_without_hints_that_follow_from_it():
+    """Currents in mA have steps of mA, too: correcting current_resolution would be wrong."""
+    campaign = read_campaign(EXAMPLE)
+    recordings = all_of(scaled(PHASES, 1e3))(campaign)
+    told = noticed(dataclasses.replace(campaign, recordings=recordings))
+    assert told[0].level == REFUSED
+    assert "currents are in mA" in told[0].finding.text
+    assert not any("current_resolution" in n.finding.text for n in told)
+    assert "e+0" not in told[0].finding.text
+
+
+def test_shares_are_plain_numbers():
+    assert [percent(x) for x in (0.004, 0.35, 2.0, 6.2e5)] == ["0.4 %", "35 %", "200 %", "620000 times all"]
 
 
 def test_the_step_of_readings():

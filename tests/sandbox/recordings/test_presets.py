@@ -189,6 +189,13 @@ def test_every_preset_has_a_test_a_source_and_a_line(capsys):
     assert "odrive" in capsys.readouterr().out
 
 
+def test_a_preset_alone_is_said_to_name_columns_alone(tmp_path):
+    with pytest.raises(BadInput, match=r"preset 'vesc' names the columns alone: write \[drive\], \[motor\]"):
+        source_of(tmp_path, preset="vesc")
+    with pytest.raises(BadInput, match="unknown preset 'vesk'; did you mean 'vesc'"):
+        source_of(tmp_path, preset="vesk")
+
+
 def test_an_unknown_preset_is_named(tmp_path):
     written(tmp_path, "run.csv", ["t"], [np.arange(3.0)])
     with pytest.raises(BadInput, match="unknown preset 'odrvie'; did you mean 'odrive'"):

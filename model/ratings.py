@@ -1,0 +1,68 @@
+"""Whether a drive's stated ratings can belong to one motor: a value in another unit shows before anything runs."""
+
+from __future__ import annotations
+
+import math
+
+from model.parameters import Drive, Motor
+
+# Torque at rated current against the rated one: cross-saturation takes a few percent, reluctance at most doubles it,
+# sqrt 2 for rms and 2 for peak to peak stay below; units that are mistaken differ by 1000.
+TORQUE_OFF = 3.0
+# Voltage at rated speed over what the link gives.  Field weakening reaches four to five times its base speed; a motor
+# that needs a tenth of its link is one whose speed stands in rad/s (9.5 times too low), or whose link is not stated.
+VOLTAGE_HIGH, VOLTAGE_LOW = 5.0, 0.1
+
+
+def cautions(drive: Drive) -> tuple[str, ...]:
+    """Return a sentence for each rating that does not go with the others, none where all do."""
+    return (*_torque(drive.motor), *_speed(drive))
+
+
+def _torque(m: Motor) -> list[str]:
+    magnet = 1.5 * m.pole_pairs * m.magnet_flux * m.rated_current
+    most = largest_torque(m)
+    if magnet > TORQUE_OFF * m.rated_torque:
+        found, off = magnet, magnet / m.rated_torque
+    elif most < m.rated_torque / TORQUE_OFF:
+        found, off = most, m.rated_torque / most if most else math.inf
+    else:
+        return []
+    return [
+        f"rated_current gives {_plain(found)} N m (3/2 pole_pairs x magnet_flux x rated_current"
+        f"{'' if found == magnet else ', with reluctance'}), rated_torque is {_plain(m.rated_torque)} N m: a factor of "
+        f"{_plain(off)}, where saturation and reluctance explain less than {TORQUE_OFF:g}; is magnet_flux in mWb, "
+        "rated_torque in mN m or worked out from kW, or rated_current in mA or rms?"
+    ]
+
+
+def _plain(x: float) -> str:
+    """Return a number as a person writes it, without a power of ten where it is large."""
+    return f"{x:.0f}" if 100.0 <= x < 1e15 else f"{x:.3g}"
+
+
+def largest_torque(m: Motor) -> float:
+    """Return the largest torque (N m) of rated current at any angle to the magnet, without saturation."""
+    i, gap = m.rated_current, m.inductance_d - m.inductance_q
+    angles = (math.pi * k / 180.0 for k in range(181))
+    flux = (m.magnet_flux * math.sin(a) + gap * i * math.sin(a) * math.cos(a) for a in angles)
+    return 1.5 * m.pole_pairs * i * max(flux)
+
+
+def _speed(drive: Drive) -> list[str]:
+    m, limit = drive.motor, drive.converter.voltage_limit
+    back = m.rated_omega * m.magnet_flux
+    loaded = m.rated_omega * math.hypot(m.magnet_flux, m.inductance_q * m.rated_current)
+    if VOLTAGE_LOW * limit <= loaded and back <= VOLTAGE_HIGH * limit:
+        return []
+    high = back > VOLTAGE_HIGH * limit
+    said = f"the back-EMF is {_plain(back)} V" if high else f"rated current takes {_plain(loaded)} V"
+    unusual = (
+        f"more than {VOLTAGE_HIGH:g} times that, field weakening included," if high else "less than a tenth of that"
+    )
+    unit = "Hz or electrical" if high else "rad/s"
+    return [
+        f"at rated_speed_rpm = {m.rated_speed_rpm:g} {said}, and the link of {drive.converter.dc_bus_voltage:g} V "
+        f"gives {limit:.4g} V; {unusual} is not usual: is the speed in {unit}, magnet_flux in another unit, "
+        "or [drive] dc_bus_voltage another one?"
+    ]
