@@ -258,7 +258,7 @@ def locate(name: str) -> Path | None:
     """Return the folder of a data set that is on this machine, hash-checked, or None; never downloads."""
     entry = dataset(name)
     named = os.environ.get(VARIABLE)
-    places = [*([Path(named)] if named else []), cache(), _users_cache()]  # the last: where earlier versions downloaded to
+    places = [*([Path(named)] if named else []), cache(), _users_cache()]  # the last: for what earlier versions got
     for folder in dict.fromkeys(place / name for place in places):
         if all((folder / file.name).is_file() for file in entry.files):
             for file in entry.files:

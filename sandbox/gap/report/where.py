@@ -189,7 +189,7 @@ def sentences(name: str, share: float, part: Decomposition, recordings: int) -> 
         what += _dependence(part)
     else:
         what = f"{WHAT[channel]}, {mostly}"
-    text = f"{percent(share)} of the gap is {what}: {NAMES[name]}."
+    text = f"{percent(share)} of the gap is {what}. This points to the {NAMES[name]}."
     text = text[0].upper() + text[1:]
     turning = sum(part.electrical.values())
     single = abs(order) if turning > DETAIL and part.electrical[order] > 0.5 * turning else None
@@ -211,8 +211,8 @@ def _dependence(part: Decomposition) -> str:
         if shared.any():
             ratio = float(np.exp(np.mean(np.log(seen[-1][shared] / seen[0][shared]))))
             same = 1.0 / ALIKE < ratio < ALIKE
-            out.append(f"{'independent of' if same else 'growing with' if ratio > 1.0 else 'falling with'} {of}")
-    return (", " + " and ".join(out) if out else "").replace("of speed and independent of", "of speed and")
+            out.append(f"{'independent of' if same else 'larger at higher' if ratio > 1.0 else 'smaller at higher'} {of}")
+    return (f"; it is {' and '.join(out)}" if out else "").replace("of speed and independent of", "of speed and")
 
 
 def _details(
