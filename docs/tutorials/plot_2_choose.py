@@ -62,12 +62,16 @@ panel.legend()
 
 done = protocol(["qnull", "ekf"], ["ipm_exchanged"], ["load_step"])
 for row in done.protocol.rows:
-    print(f"{row.unit.estimator:6} {row.unit.belief:9} {cell(row)}")
+    found = row.outcome.metrics
+    said = f"{found['mean_deg']:5.2f}° ({found['p95_deg']:4.1f}°)"
+    said += f"  {row.outcome.said()}"
+    print(f"{row.unit.estimator:6} {row.unit.belief:9} {said}")
 
 # %%
-# Worst mean error, in brackets the worst 95th percentile, and a mark with what it says, as on the page that ``sensorless protocol`` writes.
-# The linear belief is judged against theory, which foretells its error by the cross-saturation angle: ○ says that it is as large as foretold, which
-# is not good. For the filter's linear belief there is no theory, so it has no mark.
+# Worst mean error, in brackets the worst 95th percentile, and whether the goal was met. The goal of the saturated belief is 1° (3°).
+# The linear belief of ``qnull`` is judged against theory, which predicts its error by the cross-saturation angle: *passed* says that the error
+# is as large as predicted, not that it is small. For the filter's linear belief there is no theory, so it has no goal. The page that
+# ``sensorless protocol`` writes shows the same with marks.
 #
 # What to take
 # ------------

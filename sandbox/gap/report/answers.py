@@ -217,9 +217,9 @@ def next_text(a: Answers) -> str:
     if a.verdict == "explained":
         return (
             "Nothing is needed to name the cause. `motor.toml` and `effects.toml`, beside this result, hold the values "
-            "for the simulator. See how near it comes to the recordings: `sensorless replay CAMPAIGN --motor "
-            "motor.toml --effects effects.toml`. Simulate this drive: `sensorless simulate --motor motor.toml --effects "
-            "effects.toml`."
+            "for the simulator. To see how near it comes to the recordings: `sensorless replay CAMPAIGN --motor "
+            "motor.toml --effects effects.toml`. To simulate this drive: `sensorless simulate --motor motor.toml "
+            "--effects effects.toml`."
         )
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
     disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
