@@ -56,7 +56,8 @@ def parameters() -> dict[str, Parameter]:
 
 def title(name: str) -> str:
     """Return a parameter's public name as words of a sentence, such as "6th harmonic of d flux"."""
-    said = parameters()[name].title or name.rpartition(".")[2].replace("_", " ")
+    known = parameters().get(name)
+    said = (known.title if known else "") or name.rpartition(".")[2].replace("_", " ")
     return f"{said} (part {name.split('.')[1]})" if is_further(name) else said
 
 
