@@ -74,7 +74,8 @@ def effect(card: Effect) -> str:
     lines = (
         ("Equation", cell(card.equation)), ("Enters at", "; ".join(map(cell, places(card)))),
         ("Shows", f"{cell(card.axis)}; order {cell(card.order)}; {cell(card.region)}"),
-        ("Confused with", alike), ("Told apart by", cell(card.separated_by)), ("Source", EXPERIMENT.sub(EXPERIMENTS, cell(card.source))),
+        ("Confused with", alike), ("Told apart by", cell(card.separated_by)),
+        ("Source", EXPERIMENT.sub(EXPERIMENTS, cell(card.source))),
     )  # fmt: skip
     return text + "\n".join(f"**{head}**\n: {said}\n" for head, said in lines) + "\n"
 
