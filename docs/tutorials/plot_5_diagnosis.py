@@ -44,8 +44,8 @@ for finding in kept["where"]:
     print(f"{finding['share']:4.0%}  {finding['text']}")
 
 # %%
-# "64 % of the gap is voltage, mostly (88 %) on the d axis. It grows with speed and does not depend on current. This points to the machine." The
-# magnets are likely: a voltage that grows with speed and does not depend on current is an induced one. The rest is motion, in the mechanics. "Of electrical order 6 in the rotor frame" means that it
+# "64 % of the gap is voltage, mostly (88 %) on the d axis": it grows with speed and does not depend on current. This points to the machine, and there to
+# the magnets, because a voltage that grows with speed and does not depend on current is an induced one. The rest is motion, in the mechanics. "Of electrical order 6 in the rotor frame" means that it
 # repeats six times in one electrical turn.
 #
 # "Which effect causes it?"

@@ -47,7 +47,7 @@ code {{ font-size: .9em; }} pre {{ white-space: pre-wrap; font-size: .85rem; }}
 figure {{ margin: .6rem 0; break-inside: avoid; }}
 figure svg {{ width: 100%; height: auto; max-width: 34rem; min-width: 27rem; color: var(--ink); fill: var(--ink); }}
 figure svg {{ cursor: zoom-in; }} figure svg.big {{ position: fixed; inset: 0; z-index: 9; width: 100vw; height: 100vh;
-  max-width: none; padding: 1rem; background: var(--paper); cursor: move; touch-action: none; }}
+  max-width: none; min-width: 0; padding: 1rem; background: var(--paper); cursor: move; touch-action: none; }}
 @media (min-width: 50rem) {{ .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 figcaption {{ color: var(--soft); font-size: .9rem; }}
 details {{ margin: .8rem 0; }} summary {{ cursor: pointer; color: var(--mark); }}

@@ -30,7 +30,7 @@ AnyAxes = Any  # None, one Axes of matplotlib, or a sequence or an array of them
 Cells = tuple[Sequence[str], Sequence[Sequence[str]]]  # heads and lines of a table of texts
 DPI = 150
 LETTERS = 12  # of nine points in an inch
-NO_THEORY = "none, as it does not stop where the ripple across its axis is zero"
+NO_THEORY = "as it does not stop where the ripple across its axis is zero"
 MARKERS = {"saturated": "o", "linear": "s"}
 READING = (
     "error = true − estimated angle;  marker: mean;  outer end of bar: 95th percentile of |error|;  "
@@ -74,7 +74,8 @@ def reading(runs: Sequence[Run]) -> str:
     if not any(known.values()):
         return READING.replace("dashed: theory;  ", "")
     without = ", ".join(name for name, held in known.items() if not held)
-    return READING.replace("dashed: theory", f"dashed: theory ({without}: {NO_THEORY})") if without else READING
+    theory = f"dashed: theory (none for {without}, {NO_THEORY})" if without else "dashed: theory"
+    return READING.replace("dashed: theory", theory)
 
 
 def by_load(runs: Sequence[Run]) -> bool:

@@ -32,7 +32,7 @@ def print_comparison(c: Comparison) -> None:
     theory = "theory: the cross-saturation angle that a linear belief cannot see, for small ripple."
     known = {row.estimator: row.predicted_mean_deg is not None for row in c.rows if row.belief == "linear"}
     if without := [name for name, held in known.items() if not held]:
-        theory += f" It is not meant for {', '.join(without)}: {NO_THEORY}."
+        theory += f" It is not made for {', '.join(without)}, {NO_THEORY}."
     if all(row.predicted_mean_deg is None for row in c.rows):
         theory = "theory: none, as it knows the motor alone, not the effects of this plant or these estimators."
     print_prose(f"Position error in electrical degrees, mean (95th percentile of its size); {theory}")
