@@ -204,7 +204,7 @@ def page(m: Motion, title: str, picture: str) -> Iterator[str]:
         yield "<h2>Cogging</h2>" + table(["order per turn", "N m", "as i_q (A)", "phase (rad)"], rows)
     yield "<h2>Residual of each recording</h2>" + figure(
         picture,
-        "Torque left unexplained, in noise floors (rms of the noise alone). After: with the effects named above.",
+        "Torque left unexplained, in noise floors (1: rms of the noise alone). After: with the effects named above.",
     )
     if m.campaign.findings:
         yield "<h2>Notes</h2>" + bullets(f.text for f in m.campaign.findings)

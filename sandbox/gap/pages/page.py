@@ -143,8 +143,9 @@ def _listed(a: Answers) -> Iterator[str]:
     labels, levels = listed.waterfall(a)
     if len(labels) > 3:
         yield figure(
-            dots_svg(labels, {"residual": levels}, "residual (noise floors; 1 is noise alone)"),
-            "Residual on the recordings held out (or all) as effects are added one after the other, the largest first.",
+            dots_svg(labels, {"residual": levels}, "residual (noise floors)"),
+            "Residual on the recordings held out (or all) as effects are added one after the other, the largest first. 1 is "
+            "noise alone.",
         )
 
 
@@ -192,7 +193,7 @@ def _by_recording(a: Answers) -> str:
     series = {"before": [r.before for r in rows]}
     if a.diagnosis.after.effects:
         series["after"] = [r.after for r in rows]
-    return dots_svg(labels, series, "residual (noise floors; 1 is noise alone)")
+    return dots_svg(labels, series, "residual (noise floors)")
 
 
 def part_rows(cut: Excerpts, period: float) -> list[list[str]]:

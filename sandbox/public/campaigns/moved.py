@@ -72,7 +72,7 @@ class MotionResult(Result):
         shown = m.by_recording[:40]
         picture = dots_svg(
             [r[0] for r in shown], {"before": [r[1] for r in shown], "after": [r[2] for r in shown]},
-            "residual torque (noise floors; 1 is noise alone)",
+            "residual torque (noise floors)",
         )  # fmt: skip
         title = f"{m.campaign.name}: what the motion says"
         write_page(Path(path), title, page(m, title, picture))
