@@ -144,8 +144,8 @@ def _listed(a: Answers) -> Iterator[str]:
     if len(labels) > 3:
         yield figure(
             dots_svg(labels, {"residual": levels}, "residual (noise floors)"),
-            "Residual on the recordings held out (or all) as effects are added one after the other, the largest first. 1 is "
-            "noise alone.",
+            "Residual on the recordings held out (or all) as effects are added one after the other, the largest first. "
+            "1 is noise alone.",
         )
 
 
