@@ -254,7 +254,7 @@ def test_the_page_names_only_the_tests_that_ran(tmp_path):
     protocol_page.write_protocol(tmp_path / "protocol.html", Protocol(tuple(rows), 0))
     text = Page(tmp_path / "protocol.html").text.replace("\xa0", " ")
     assert "a with the saturated belief: meets all 2 goals. Only 2 of the protocol's 11 tests were run." in text
-    assert "Worst mean position error over static_map, load_step; the goal" in text
+    assert "Worst mean position error over static_map, load_step; dashed: the goal" in text
     assert "Tests that were not run: start, creep, hand_over," in text
     assert reading(Protocol(tuple(rows), 0)) == (
         "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the "
