@@ -233,10 +233,8 @@ def _detail(a: Answers) -> Iterator[str]:
     if rest:
         yield fold("Hypotheses that were tried and dropped", _hypotheses(a, rest))
     for effect in dict.fromkeys(e for h in d.ambiguity_set for e in h.effects if e != UNKNOWN):
-        yield fold(
-            f"The effect {words(effect)}",
-            f"<pre>{html_text(library.card_text(library.load_effect(effect)))}</pre>",
-        )
+        card = library.card_text(library.load_effect(effect)).split("\n")
+        yield fold(f"The effect {words(effect)}", "<pre>" + "\n".join(map(html_text, card)) + "</pre>")
     motor = d.campaign.drive.motor
     units = {f.name: f.metadata.get("unit", "") for f in fields(motor)}
     rows = [

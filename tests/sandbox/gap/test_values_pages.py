@@ -212,6 +212,7 @@ def test_facts_of_effects_and_nominal_model_are_told():
     card, model, made = page._detail(SimpleNamespace(diagnosis=d))
     assert "<td>rated_current</td><td class='n'>1.2</td><td class='n'>A peak</td>" in model
     assert "The effect inertia" in card
+    assert "\\n" not in card  # its lines are lines
     assert "9 noise floors" in made
 
 
