@@ -1,8 +1,8 @@
 """Measured and third-party machine data: where each file lives, its SHA-256, licence and citation.
 
 `fetch` looks in the folder named by the environment variable SENSORLESS_DATA (one sub-folder per data set), then in
-the user's cache, then downloads with pooch (`pip install 'sensorless-sandbox[data]'`), unless SENSORLESS_OFFLINE is
-set.  Every file is hash-checked.
+the cache (SENSORLESS_CACHE, else the user's), then downloads with pooch (`pip install 'sensorless-sandbox[data]'`) into
+the cache, unless SENSORLESS_OFFLINE is set.  Every file is hash-checked.
 """
 
 from __future__ import annotations
@@ -244,7 +244,12 @@ def dataset(name: str) -> DataSet:
 
 
 def cache() -> Path:
-    """Return the user's cache folder of this package (not created)."""
+    """Return the cache folder of this package (not created): `SENSORLESS_CACHE`, else the user's."""
+    named = os.environ.get("SENSORLESS_CACHE")
+    return Path(named) if named else _users_cache()
+
+
+def _users_cache() -> Path:
     base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
     return (Path(base) if base else Path.home() / ".cache") / "sensorless-sandbox"
 
@@ -253,7 +258,8 @@ def locate(name: str) -> Path | None:
     """Return the folder of a data set that is on this machine, hash-checked, or None; never downloads."""
     entry = dataset(name)
     named = os.environ.get(VARIABLE)
-    for folder in [*([Path(named) / name] if named else []), cache() / name]:
+    places = [*([Path(named)] if named else []), cache(), _users_cache()]  # the last: for what earlier versions got
+    for folder in dict.fromkeys(place / name for place in places):
         if all((folder / file.name).is_file() for file in entry.files):
             for file in entry.files:
                 _verify(folder / file.name, file)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import inspect
+from typing import Any
+
+from repository_pages import PAGES
 
 import sandbox
 
@@ -68,6 +71,12 @@ simulate(belief="saturated").plot(ax=axes[:, 1])
 ```
 
 """
+
+
+def linked(app: Any, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """Turn files of the repository that a docstring names into links to their pages (`autodoc-process-docstring`)."""
+    for page_, path in PAGES.items():
+        lines[:] = [line.replace(path, f":doc:`/{page_}`") for line in lines]
 
 
 def block(lines: list[str]) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from pathlib import Path
 
 from markdown import cell, code, table
@@ -22,7 +23,17 @@ An effect is something a real drive has and the nominal model lacks. Give it to 
 says `mech`. *Neutral* is the value that leaves the plant as it is; *typical* is a size that is common on real drives.
 An effect of your own: [tutorial](../../gallery/plot_8_effect.rst).
 
+Symbols in the equations: `theta` is the rotor's electrical angle (rad), `omega` its electrical and `w` its mechanical
+speed (rad/s), `p` the number of pole pairs, `n` an order; `i` currents (A), `u` voltages (V), `R` the resistance of a
+phase (ohm), `L` inductances (H) and `Gamma` = 1/L (1/H). `d` and `q` are the fluxes that the currents cause along the
+magnet and across it (Wb), `psi_d` and `psi_q` all the flux there, `phi_m` the magnets' flux (Wb). `H(d, q)` is the
+energy of the currents (J): its slopes by `d` and `q` are the currents along these axes. `+=`
+says what an effect adds. `T_s` is the sampling period, `tau` and `t_d` times (s), `D` the duty cycle of a leg, `x` a
+quantity that lags. Names with a dot, such as `dead_time.time`, are the parameters in the tables.
+
 """
+EXPERIMENTS = r"experiment [`\1`](../../results/made/experiments.md)"
+EXPERIMENT = re.compile(r"experiments/(\w+)\.py")
 ESTIMATORS = """# Estimators
 
 An estimator turns commanded voltages and measured currents into position and speed. Every estimator *believes* a model
@@ -63,7 +74,8 @@ def effect(card: Effect) -> str:
     lines = (
         ("Equation", cell(card.equation)), ("Enters at", "; ".join(map(cell, places(card)))),
         ("Shows", f"{cell(card.axis)}; order {cell(card.order)}; {cell(card.region)}"),
-        ("Confused with", alike), ("Told apart by", cell(card.separated_by)), ("Source", cell(card.source)),
+        ("Confused with", alike), ("Told apart by", cell(card.separated_by)),
+        ("Source", EXPERIMENT.sub(EXPERIMENTS, cell(card.source))),
     )  # fmt: skip
     return text + "\n".join(f"**{head}**\n: {said}\n" for head, said in lines) + "\n"
 

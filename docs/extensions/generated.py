@@ -47,4 +47,5 @@ def write(app: Sphinx) -> None:
 def setup(app: Sphinx) -> dict[str, Any]:
     """Write the pages before Sphinx looks for its sources."""
     app.connect("builder-inited", write)
+    app.connect("autodoc-process-docstring", api_pages.linked)
     return {"parallel_read_safe": True}

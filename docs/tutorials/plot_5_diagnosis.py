@@ -44,8 +44,8 @@ for finding in kept["where"]:
     print(f"{finding['share']:4.0%}  {finding['text']}")
 
 # %%
-# "64 % of the gap is voltage, mostly (88 %) on the d axis, growing with speed and independent of current: machine" speaks for the
-# magnets: a voltage that grows with speed and does not depend on current is an induced one. The rest is motion, in the mechanics. "Of electrical order 6 in the rotor frame" means that it
+# "64 % of the gap is voltage, mostly (88 %) on the d axis": it grows with speed and does not depend on current. This points to the machine, and there to
+# the magnets, because a voltage that grows with speed and does not depend on current is an induced one. The rest is motion, in the mechanics. "Of electrical order 6 in the rotor frame" means that it
 # repeats six times in one electrical turn.
 #
 # "Which effect causes it?"
@@ -71,7 +71,7 @@ for effect in kept["effects"][:5]:
 # %%
 # "How far does the gap shrink?"
 # ------------------------------
-# J is the residual over the noise of the sensors: 1 means that only noise is left. *Before* is J after everything was fitted that every drive has a little of
+# J is the residual over the noise of the sensors (its *noise floor*): 1 means that only noise is left. *Before* is J after everything was fitted that every drive has a little of
 # (gains, offsets, resistance within their stated tolerances). *After* is J with the effects. The recordings marked as *held out* were not used for the fit; the sentence in the page
 # counts only these.
 

@@ -51,7 +51,7 @@ mine = Estimator("mine", what, init, step, compiled=False, injection="none")
 # %%
 # Run it
 # ------
-# The scenario turns the rotor and tells the first angle (``start_up=False``).
+# The scenario turns the rotor and gives the first angle (``start_up=False``).
 
 idle = Segment(0.5, speed=0.2, ramp=0.2, settle=0.3)
 loaded = Segment(0.5, load=0.8, speed=0.2, ramp=0.1, settle=0.3)
@@ -63,7 +63,7 @@ run.plot()
 
 # %%
 # Without load it is right; with load it errs by a degree, because it believes in one constant inductance. At standstill it
-# would drift away, because the voltage then tells nothing about the position. An estimator of the same kind that comes with the package believes the saturated
+# would drift away, because the voltage then shows nothing about the position. An estimator of the same kind that comes with the package believes the saturated
 # flux:
 
 ours = simulate("ipm_exchanged", turning, "active_flux", belief="saturated")

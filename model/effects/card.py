@@ -47,7 +47,8 @@ class Parameter:
 
     What else it is: `scales`, the motor's value that it multiplies (one without a neutral value of its own replaces the
     motor's; in the library alone); `whole`: only whole numbers but 0 make sense, such as orders; `first`: the parameter
-    of the effect's first part that is the same number where a further part stands at its `first_at`.
+    of the effect's first part that is the same number where a further part stands at its `first_at`; `title`: its name
+    in a sentence, such as "6th harmonic of d flux" (default: `name` in words).
     """
 
     name: str
@@ -71,6 +72,7 @@ class Parameter:
     scales: str = ""
     whole: bool = False
     first: str = ""
+    title: str = ""
 
     def neutral_for(self, motor: Motor) -> float:
         """Return the neutral value for a motor."""

@@ -26,11 +26,21 @@ CARD = Effect(
         "Trans. Energy Conversion 15 (2000) 407"
     ),
     parameters=(
-        Parameter("amplitude", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque"),
+        Parameter("amplitude", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque", title="cogging torque"),
         Parameter(
-            "order_mech", "", 6.0, 1.0, 1e4, 6.0, "pole pairs", fit="fixed", scan=(1.0, 72.0, 1.0), resolved_by="turns"
+            "order_mech",
+            "",
+            6.0,
+            1.0,
+            1e4,
+            6.0,
+            "pole pairs",
+            fit="fixed",
+            scan=(1.0, 72.0, 1.0),
+            resolved_by="turns",
+            title="order of cogging",
         ),
-        Parameter("phase", "rad", 0.0, -INF, INF, 0.0, change=1.0),
+        Parameter("phase", "rad", 0.0, -INF, INF, 0.0, change=1.0, title="phase of cogging"),
     ),
     axis="motion",
     order="n/p electrical (lcm of poles and slots)",

@@ -46,10 +46,10 @@ CARD = Effect(
         "methods for the control of machines with friction, Automatica 30 (1994) 1083"
     ),
     parameters=(
-        Parameter("torque", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque"),
-        Parameter("width", "rad/s", 2.0, 1e-3, 1e3, 2.0, fit="log", spread=0.5),
-        Parameter("stribeck_torque", "N m", 0.0, 0.0, 1e5, 0.0, "rated torque", change=0.01),
-        Parameter("stribeck_speed", "rad/s", 5.0, 1e-3, 1e3, 5.0, fit="fixed"),
+        Parameter("torque", "N m", 0.0, 0.0, 1e5, 0.03, "rated torque", title="dry friction torque"),
+        Parameter("width", "rad/s", 2.0, 1e-3, 1e3, 2.0, fit="log", spread=0.5, title="speed width of dry friction"),
+        Parameter("stribeck_torque", "N m", 0.0, 0.0, 1e5, 0.0, "rated torque", change=0.01, title="Stribeck torque"),
+        Parameter("stribeck_speed", "rad/s", 5.0, 1e-3, 1e3, 5.0, fit="fixed", title="Stribeck speed"),
     ),
     axis="motion (and i_q under speed control)",
     order="0",

@@ -35,6 +35,7 @@ CARD = Effect(
             0.01,
             "rated current",
             ordinary=Ordinary("current_offset", 0.001, "rated current", OF_THREE),
+            title="offset of current sensor a",
         ),
         Parameter(
             "offset_b",
@@ -45,6 +46,7 @@ CARD = Effect(
             -0.007,
             "rated current",
             ordinary=Ordinary("current_offset", 0.001, "rated current", OF_THREE),
+            title="offset of current sensor b",
         ),
     ),
     axis="fixed in the stator",

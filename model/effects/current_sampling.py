@@ -38,8 +38,10 @@ CARD = Effect(
         " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123"
     ),
     parameters=(
-        Parameter("delay", "s", 0.0, -1e-2, 1e-2, 5e-6),
-        Parameter("jitter", "s rms", 0.0, 0.0, 1e-3, 0.0, fit="fixed", predicted=False),
+        Parameter("delay", "s", 0.0, -1e-2, 1e-2, 5e-6, title="delay of current sampling"),
+        Parameter(
+            "jitter", "s rms", 0.0, 0.0, 1e-3, 0.0, fit="fixed", predicted=False, title="jitter of current sampling"
+        ),
     ),
     axis="along the current's slope in the zero vector",
     order="1 at speed, no injection band within the zero vector",

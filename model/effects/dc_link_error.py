@@ -51,8 +51,8 @@ CARD = Effect(
         "balance of legs and link, e.g. Holmes, Lipo, Pulse Width Modulation for Power Converters, IEEE Press (2003)"
     ),
     parameters=(
-        Parameter("gain_error", "", 0.0, -0.5, 0.5, 0.03),
-        Parameter("sag", "ohm", 0.0, 0.0, 1e4, 0.02, "DC link / rated current"),
+        Parameter("gain_error", "", 0.0, -0.5, 0.5, 0.03, title="relative error of the DC link voltage"),
+        Parameter("sag", "ohm", 0.0, 0.0, 1e4, 0.02, "DC link / rated current", title="resistance of the DC supply"),
     ),
     axis="along the commanded voltage",
     order="0 and the injection band",

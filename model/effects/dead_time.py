@@ -46,9 +46,22 @@ CARD = Effect(
         "Ind. Electron. 38 (1991) 108"
     ),
     parameters=(
-        Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6, ordinary=Ordinary("dead_time", 5e-8)),
-        Parameter("zone_width", "A", 0.0, 0.0, 1e5, 0.0, "rated current", fit="fixed", change=0.1),
-        Parameter("zone_shape", "", 0.0, 0.0, 1.0, 0.0, fit="fixed", change=1.0),
+        Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6, ordinary=Ordinary("dead_time", 5e-8), title="dead time"),
+        Parameter(
+            "zone_width",
+            "A",
+            0.0,
+            0.0,
+            1e5,
+            0.0,
+            "rated current",
+            fit="fixed",
+            change=0.1,
+            title="width of the zone at zero current",
+        ),
+        Parameter(
+            "zone_shape", "", 0.0, 0.0, 1.0, 0.0, fit="fixed", change=1.0, title="shape of the zone at zero current"
+        ),
     ),
     axis="against the current",
     order="1 and 6k (5, 7 in phases)",

@@ -64,8 +64,8 @@ CARD = Effect(
         "Power Electron. 11 (1996) 221"
     ),
     parameters=(
-        Parameter("threshold", "V", 0.0, 0.0, 50.0, 1.0),
-        Parameter("on_resistance", "ohm", 0.0, 0.0, 1e2, 0.02, "resistance"),
+        Parameter("threshold", "V", 0.0, 0.0, 50.0, 1.0, title="threshold voltage of the devices"),
+        Parameter("on_resistance", "ohm", 0.0, 0.0, 1e2, 0.02, "resistance", title="on-resistance of the devices"),
     ),
     axis="against the current",
     order="1 and 6k",

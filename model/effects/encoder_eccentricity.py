@@ -21,8 +21,10 @@ CARD = Effect(
     equation="theta_read = theta + p A sin(theta_mech + phase)",
     source="geometry of a disc off its centre; first harmonic",
     parameters=(
-        Parameter("amplitude_mech", "rad", 0.0, -0.5, 0.5, 0.005),
-        Parameter("phase", "rad", 0.0, -INF, INF, 0.5),
+        Parameter(
+            "amplitude_mech", "rad", 0.0, -0.5, 0.5, 0.005, title="amplitude of the encoder's error (mechanical)"
+        ),
+        Parameter("phase", "rad", 0.0, -INF, INF, 0.5, title="phase of the encoder's error"),
     ),
     axis="d from q and q from d",
     order="1/p (once a mechanical turn)",

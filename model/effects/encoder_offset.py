@@ -21,7 +21,16 @@ CARD = Effect(
     equation="theta_read = theta + offset",
     source="geometry",
     parameters=(
-        Parameter("offset", "rad", 0.0, -math.tau, math.tau, 0.05, ordinary=Ordinary("encoder_offset", 0.003)),
+        Parameter(
+            "offset",
+            "rad",
+            0.0,
+            -math.tau,
+            math.tau,
+            0.05,
+            ordinary=Ordinary("encoder_offset", 0.003),
+            title="offset of the encoder",
+        ),
     ),
     axis="d from q and q from d",
     order="0",

@@ -23,6 +23,7 @@ CARD = Effect(
             typical,
             scales=f"inductance_{axis}",
             ordinary=Ordinary(f"inductance_{axis}", 0.03, of_motor=True),
+            title=f"factor on L_{axis}",
         )
         for axis, typical in (("d", 0.9), ("q", 1.1))
     ),

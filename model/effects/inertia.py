@@ -21,6 +21,7 @@ CARD = Effect(
             "neutral",
             "inertia",
             ordinary=Ordinary("inertia", 0.05, of_motor=True),
+            title="inertia",
         ),
     ),
     axis="motion",

@@ -28,8 +28,12 @@ CARD = Effect(
         "time constant (derivation) keeps i_c finite under pulses"
     ),
     parameters=(
-        Parameter("core_resistance", "ohm", INF, 1.0, INF, 20.0, "rated reactance", fit="reciprocal"),
-        Parameter("time_constant", "s", 2e-4, 1e-5, 1e-2, 2e-4, fit="log", spread=0.5),
+        Parameter(
+            "core_resistance", "ohm", INF, 1.0, INF, 20.0, "rated reactance", fit="reciprocal", title="core resistance"
+        ),
+        Parameter(
+            "time_constant", "s", 2e-4, 1e-5, 1e-2, 2e-4, fit="log", spread=0.5, title="time constant of the iron"
+        ),
     ),
     axis="q at speed, along the injected voltage in the injection band",
     order="0 and the injection band",

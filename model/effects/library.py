@@ -55,6 +55,13 @@ def parameters() -> dict[str, Parameter]:
     return {c.public(k, p.name): p for c in cards for k in range(1, c.repeats + 1) for p in c.part(k).parameters}
 
 
+def title(name: str) -> str:
+    """Return a parameter's public name as words of a sentence, such as "6th harmonic of d flux"."""
+    known = parameters().get(name)
+    said = (known.title if known else "") or name.rpartition(".")[2].replace("_", " ")
+    return f"{said} (part {name.split('.')[1]})" if is_further(name) else said
+
+
 def is_further(name: str) -> bool:
     """Return whether a public name is that of an effect's second or later part."""
     return name.count(".") > 1

@@ -21,6 +21,7 @@ CARD = Effect(
             "neutral",
             "magnet_flux",
             ordinary=Ordinary("magnet_flux", 0.02, of_motor=True),
+            title="magnet flux",
         ),
     ),
     axis="q",

@@ -39,7 +39,7 @@ CARD = Effect(
         "Bae, Sul, A compensation method for time delay of full-digital synchronous frame current "
         "regulator of PWM AC drives, IEEE Trans. Ind. Appl. 39 (2003) 802"
     ),
-    parameters=(Parameter("delay", "s", 0.0, 0.0, 1e-2, 0.08, "PWM period"),),
+    parameters=(Parameter("delay", "s", 0.0, 0.0, 1e-2, 0.08, "PWM period", title="PWM delay"),),
     axis="along the commanded voltage, R d Gamma u",
     order="0 and the injection band",
     region="grows with voltage and its changes",

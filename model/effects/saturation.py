@@ -27,6 +27,7 @@ CARD = Effect(
             "neutral",
             "alpha_30",
             ordinary=Ordinary("alpha_30", 0.05, of_motor=True),
+            title="saturation coefficient alpha_30",
         ),
         Parameter(
             "alpha_12",
@@ -38,6 +39,7 @@ CARD = Effect(
             "neutral",
             "alpha_12",
             ordinary=Ordinary("alpha_12", 0.05, of_motor=True),
+            title="saturation coefficient alpha_12",
         ),
         Parameter(
             "alpha_40",
@@ -49,6 +51,7 @@ CARD = Effect(
             "neutral",
             "alpha_40",
             ordinary=Ordinary("alpha_40", 0.05, of_motor=True),
+            title="saturation coefficient alpha_40",
         ),
         Parameter(
             "alpha_22",
@@ -60,6 +63,7 @@ CARD = Effect(
             "neutral",
             "alpha_22",
             ordinary=Ordinary("alpha_22", 0.05, of_motor=True),
+            title="saturation coefficient alpha_22",
         ),
         Parameter(
             "alpha_04",
@@ -71,6 +75,7 @@ CARD = Effect(
             "neutral",
             "alpha_04",
             ordinary=Ordinary("alpha_04", 0.05, of_motor=True),
+            title="saturation coefficient alpha_04",
         ),
     ),
     axis="both, coupled",

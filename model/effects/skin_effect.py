@@ -25,8 +25,21 @@ CARD = Effect(
         "first-order ladder for Dowell, Effects of eddy currents in transformer windings, Proc. IEE 113 (1966) 1387"
     ),
     parameters=(
-        Parameter("resistance", "ohm", 0.0, 0.0, 1e3, 0.3, "resistance"),
-        Parameter("time_constant", "s", 2e-4, 1e-6, 1.0, 2e-4, fit="log", spread=1.0, starts=(0.2, 1.0, 5.0)),
+        Parameter(
+            "resistance", "ohm", 0.0, 0.0, 1e3, 0.3, "resistance", title="additional resistance of the skin effect"
+        ),
+        Parameter(
+            "time_constant",
+            "s",
+            2e-4,
+            1e-6,
+            1.0,
+            2e-4,
+            fit="log",
+            spread=1.0,
+            starts=(0.2, 1.0, 5.0),
+            title="time constant of the skin effect",
+        ),
     ),
     axis="along the fast part of the current",
     order="the injection band, and steps",

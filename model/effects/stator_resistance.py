@@ -21,6 +21,7 @@ CARD = Effect(
             "neutral",
             "resistance",
             ordinary=Ordinary("resistance", 0.02, of_motor=True),
+            title="stator resistance",
         ),
     ),
     axis="along the current",

@@ -29,6 +29,7 @@ CARD = Effect(
             "rated torque / rated speed",
             "viscous_friction",
             ordinary=Ordinary("viscous_friction", 0.2, of_motor=True),
+            title="viscous friction",
         ),
     ),
     axis="motion (and i_q under speed control)",

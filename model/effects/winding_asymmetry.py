@@ -35,8 +35,8 @@ CARD = Effect(
     ),
     source="derivation: phase voltage equations seen through Clarke's transformation",
     parameters=(
-        Parameter("delta_a", "ohm", 0.0, -1e3, 1e3, 0.03, "resistance"),
-        Parameter("delta_b", "ohm", 0.0, -1e3, 1e3, -0.02, "resistance"),
+        Parameter("delta_a", "ohm", 0.0, -1e3, 1e3, 0.03, "resistance", title="additional resistance of phase a"),
+        Parameter("delta_b", "ohm", 0.0, -1e3, 1e3, -0.02, "resistance", title="additional resistance of phase b"),
     ),
     axis="negative sequence: d and q alternating",
     order="2",

@@ -20,7 +20,7 @@ LONGEST = 3600.0  # s of simulated time
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of a scenario at one load and one speed, reached by a linear ramp from those of the stretch before.
+    """A part of a scenario at one load and one speed, reached by a linear ramp from those of the segment before.
 
     Parameters
     ----------
@@ -207,7 +207,7 @@ def scenario_of(data: dict[str, Any], name: str) -> Scenario:
             raise unknown("table", table, ("scenario", "segment"))
     head, rows = data.get("scenario", {}), data.get("segment", [])
     if not isinstance(head, dict) or not isinstance(rows, list) or not all(isinstance(r, dict) for r in rows):
-        raise BadInput("a scenario is one [scenario] table and one [[segment]] table for each stretch")
+        raise BadInput("a scenario is one [scenario] table and one [[segment]] table for each segment")
     if "segments" in head:
         raise unknown("key in [scenario]", "segments", ("settle", "rotor", "reference"))
     segments = tuple(build(Segment, dict(r), "segment") for r in rows)

@@ -14,9 +14,9 @@ SLIGHT = 0.2  # degrees of the worst mean error: less is no gain to speak of
 
 @dataclass(frozen=True)
 class Standing:
-    """The worst of one estimator with one belief over its evaluated stretches; degrees electrical.
+    """The worst of one estimator with one belief over its evaluated segments; degrees electrical.
 
-    worst_mean, worst_p95: None where no stretch was in lock; at: the stretch of the worst mean.
+    worst_mean, worst_p95: None where no segment was in lock; at: the segment of the worst mean.
     """
 
     estimator: str
@@ -24,7 +24,7 @@ class Standing:
     closed_loop: bool
     stretches: int
     lost: int
-    missed: int  # stretches whose speed was not reached
+    missed: int  # segments whose speed was not reached
     worst_mean: float | None
     worst_p95: float | None
     at: Row | None
@@ -74,7 +74,7 @@ def which(found: Sequence[Standing]) -> str:
     if not chosen:
         return "None of these: no estimator kept lock and speed in all of it with its estimate in control."
     worst = max(s.worst_p95 or 0.0 for s in chosen)
-    text = f"{said(chosen)}: in every stretch within {worst:.2g}° of the true position 95 % of the time, the estimate "
+    text = f"{said(chosen)}: in every segment within {worst:.2g}° of the true position 95 % of the time, the estimate "
     text += "in control."
     if len(chosen) > 1:
         text += " They are too near each other to choose by error: take the cheaper or the more robust one, which "
@@ -116,8 +116,8 @@ def either(texts: Sequence[str]) -> str:
 
 def why_out(s: Standing) -> str:
     """Return why an estimator is no choice."""
-    lost = f"lost lock in {s.lost} of {s.stretches} stretches" if s.lost else ""
-    missed = f"missed the speed in {s.missed} of {s.stretches} stretches" if s.missed else ""
+    lost = f"lost lock in {s.lost} of {s.stretches} segments" if s.lost else ""
+    missed = f"missed the speed in {s.missed} of {s.stretches} segments" if s.missed else ""
     return ", ".join(text for text in (lost, missed) if text) or "nothing in lock"
 
 
@@ -179,9 +179,9 @@ def place(row: Row) -> str:
 
 
 def theory_held(rows: Iterable[Row]) -> str:
-    """Return how near the linear belief's error is to what theory foretells; nothing where there is no theory."""
+    """Return how near the linear belief's error is to what theory predicts; nothing where there is no theory."""
     apart = [
         abs(r.error_deg.mean - r.predicted_mean_deg) for r in rows
         if r.belief == "linear" and r.error_deg.mean is not None and r.predicted_mean_deg is not None
     ]  # fmt: skip
-    return f"Where theory foretells the linear belief's error, it is met within {max(apart):.2g}°." if apart else ""
+    return f"Where theory predicts the linear belief's error, it is met within {max(apart):.2g}°." if apart else ""

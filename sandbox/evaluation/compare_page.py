@@ -29,6 +29,12 @@ NOT_IN_IT = (
     "The saturated belief is the plant's own model, so it is as good as a model can be; ",
 )
 ASK = "`sensorless compare --tolerances` shows what is left of it when the model is known to some percent only."
+STANDINGS = (
+    "Worst mean: the largest mean position error of any segment of the scenario. Worst 95 %: in every segment 95 % of "
+    "the samples err by less. Lock lost: in how many segments. "
+)
+MISSED = "Speed missed: in how many segments the rotor did not run at the speed asked for."
+NOT_ASKED = "This scenario asks for currents or imposes the speed, so no speed can be missed."
 KNOWN = "What is left when the model is known to some percent only"
 
 
@@ -75,8 +81,10 @@ def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str
     yield from _cautioned(c)
     then = f"see '{KNOWN}' below." if known else ASK
     yield answer("What is not in it?", f"{_effects_said(c)} {NOT_IN_IT[1]}{then}")
-    yield "<h2>All estimators, the estimate in control</h2>" + _standings([s for s in found if s.closed_loop])
-    yield fold("The same, the encoder in control", _standings([s for s in found if not s.closed_loop]))
+    asked = c.scenario.reference == "speed"
+    yield "<h2>All estimators, the estimate in control</h2>" + _standings([s for s in found if s.closed_loop], asked)
+    yield f"<p class='soft'>{prose(STANDINGS + (MISSED if asked else NOT_ASKED))}</p>"
+    yield fold("The same, the encoder in control", _standings([s for s in found if not s.closed_loop], asked))
     if known:
         yield f"<h2>{KNOWN}</h2>" + table(known.heads, known.lines)
         yield figure(known.drawing, "Each parameter of the belief is drawn evenly within ± so much; the plant stays.")
@@ -90,10 +98,10 @@ def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str
     yield f"<p class='soft'>{prose(reading(c.runs))}</p>"
     chosen = next((s.estimator for s in best(found)), next(iter(groups), None))
     if chosen is not None:
-        yield f"<h2>{prose(chosen)}, looked at</h2>"
+        yield f"<h2>{prose(chosen)} in detail</h2>"
         yield from looked(c, groups[chosen])
     for heading, heads, rows in comparison_tables(c):
-        yield fold(f"Every stretch: {heading}", table(heads, rows))
+        yield fold(f"Every segment: {heading}", table(heads, rows))
     yield _made(c)
 
 
@@ -120,15 +128,16 @@ def _made(c: Comparison) -> str:
     return fold("How it was made", table(["", ""], [[name, str(value)] for name, value in c.properties.items()]))
 
 
-def _standings(found: Sequence[Standing]) -> str:
-    """Return the table of worst figures."""
+def _standings(found: Sequence[Standing], asked: bool) -> str:
+    """Return the table of worst figures; asked: whether a speed was asked for, which can be missed."""
     rows = []
     for s in found:
         lock = f"{s.lost} of {s.stretches}" if s.lost else "never"
         worst = "–" if s.worst_mean is None else f"{s.worst_mean:.2f}°"
         p95 = "–" if s.worst_p95 is None else f"{s.worst_p95:.2f}°"
-        rows.append([f"{s.estimator}, {s.belief}", worst, p95, lock, str(s.missed) if s.missed else "–"])
-    heads = ["estimator, belief", "worst mean", "worst 95 %", "lock lost", "speed missed"]
+        missed = [f"{s.missed} of {s.stretches}" if s.missed else "never"] if asked else []
+        rows.append([f"{s.estimator}, {s.belief}", worst, p95, lock, *missed])
+    heads = ["estimator, belief", "worst mean", "worst 95 %", "lock lost", *["speed missed"][:asked]]
     return table(heads, rows)
 
 
@@ -138,15 +147,16 @@ def looked(c: Comparison, runs: Sequence[Run]) -> Iterator[str]:
     kept = dict(zip(names, runs, strict=True))
     panels = [("error (°)", {n: _error(run) for n, run in kept.items()})]
     panels.append(("i_q (A)", {n: _line(run, "i_q") for n, run in kept.items()}))
-    if any(np.any(run.recording.omega) for run in runs):
+    turns = any(np.any(run.recording.omega) for run in runs)
+    if turns:
         panels += _speeds(kept)
         colours += [ESTIMATED] if len(kept) == 1 else []
-    pushed = " A load that comes on pushes a free rotor away, until the integral of the speed loop has followed."
+    said = ", true and estimated speed." if turns else ". The rotor is locked, so there is no speed to draw."
     asked = c.scenario.reference == "speed" and any(s.load for s in c.scenario.segments)
+    pushed = " A load that comes on pushes a free rotor away, until the integral of the speed loop has followed."
     yield figure(
         lines_svg(panels, "time (s)", colours=colours, alike=True),
-        "Over time: true minus estimated position (lost lock left out), true current, true and estimated speed."
-        + pushed * asked,
+        "Over time: true minus estimated position (lost lock left out) and true current" + said + pushed * asked,
     )
     yield from pairs(_planes(c, kept))
     yield from pairs(_spectra(c, kept))
@@ -162,7 +172,7 @@ def _speeds(kept: dict[str, Run]) -> list[tuple[str, dict[str, tuple[list[float]
 
 
 def _error(run: Run) -> tuple[list[float], list[float]]:
-    """Return the error (degrees) over time from the first evaluated stretch on; NaN where it would hide all else."""
+    """Return the error (degrees) over time from the first evaluated segment on; NaN where it would hide all else."""
     r = working(run)
     seen = [row.transient_max_deg for row in run.rows if row.transient_max_deg is not None]
     t, e = looks.thinned(r.t, np.degrees(r.error), DRAWN)
@@ -190,7 +200,7 @@ def _planes(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
             c.drive.motor.magnet_flux,
         ),
         "Hodograph: the flux linkage in the stator's frame, by the nominal model at these currents; dotted: the magnet "
-        "alone. Of a turning rotor the last turn of each stretch.",
+        "alone. Of a turning rotor the last turn of each segment.",
     )
 
 
@@ -204,10 +214,10 @@ def _spectra(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
         ]
         yield figure(
             lines_svg(panels, "frequency (Hz)", log="y", colours=[colour_of(name) for name in found], alike=True),
-            f"Spectrum of the true current in the rotor's frame and of the position error, longest evaluated stretch "
+            f"Spectrum of the true current in the rotor's frame and of the position error, longest evaluated segment "
             f"in lock; injection at {c.drive.injection.frequency:g} Hz. Height: amplitude of a line there.",
         )
     drawing = angle_svg({name: over for name, run in kept.items() if (over := over_angle(run)) is not None})
     if drawing:
-        caption = "Position error less its stretch's mean, against the rotor's angle: mean, and nine samples in ten."
+        caption = "Position error minus its segment's mean, against the rotor's angle: mean, and nine samples in ten."
         yield figure(drawing, caption)

@@ -21,18 +21,18 @@ LOW = 1e-6  # A or degrees: 0 dB of a spectrum's bars
 
 
 def working(run: Run) -> Recording:
-    """Return the samples from the first evaluated stretch to the end of the last, without starting up."""
+    """Return the samples from the first evaluated segment to the end of the last, without starting up."""
     return run.recording.between(run.rows[0].t_start, run.rows[-1].t_end) if run.rows else run.recording
 
 
 def in_lock(run: Run) -> list[Recording]:
-    """Return the evaluated stretches that kept lock, the longest first."""
+    """Return the evaluated segmentes that kept lock, the longest first."""
     parts = [run.recording.between(row.t_start, row.t_end) for row in run.rows if not row.lost_lock]
     return sorted((p for p in parts if len(p) > 1), key=len, reverse=True)
 
 
 def over_angle(run: Run) -> tuple[Array, Array] | None:
-    """Return the error less each stretch's mean (degrees) and the angle (rad) of all stretches in lock."""
+    """Return the error less each segment's mean (degrees) and the angle (rad) of all stretches in lock."""
     parts = in_lock(run)
     if not parts:
         return None
@@ -41,7 +41,7 @@ def over_angle(run: Run) -> tuple[Array, Array] | None:
 
 
 def spectra(c: Comparison, run: Run) -> dict[str, tuple[Array, Array]]:
-    """Return spectra of the longest stretch in lock: 'current' (i_d, i_q in A) and 'error' (degrees).
+    """Return spectra of the longest segment in lock: 'current' (i_d, i_q in A) and 'error' (degrees).
 
     Empty without lock, and for a thinned recording, which would fold lines back.
     """
@@ -105,7 +105,7 @@ def _tab(
     means = {belief: 1e3 * found[1] for belief, found in sectors.items() if found is not None}
     if means:
         at = (np.arange(looks.SECTORS) + 0.5) * 360.0 / looks.SECTORS
-        title = "Error less its stretch's mean (0.001°) against the electrical angle (°)"
+        title = "Error minus its segment's mean (0.001°) against the electrical angle (°)"
         out["angle"] = _bars(title, at, means)
     return out
 

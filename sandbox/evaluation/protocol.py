@@ -291,7 +291,7 @@ def forget(folder: Path) -> None:
 
 
 def tidy(result: Protocol) -> list[dict[str, Any]]:
-    """Return the tidy table: a row per evaluated stretch, or per test that has none."""
+    """Return the tidy table: a row per evaluated segment, or per test that has none."""
     nothing: dict[str, Any] = dict.fromkeys(f.name for f in fields(Point))
     rows = []
     for row in result.rows:

@@ -1,7 +1,7 @@
 """A protocol as tables of texts: the worst figures of each test, and beside every verdict the goal that it is of.
 
 A tick is for what is good in absolute terms.  What holds without being good has a mark of its own: lock kept while the
-error is large, an error as large as theory foretells for a linear belief, wrong starts that end at the wrong pole, a
+error is large, an error as large as theory predicts for a linear belief, wrong starts that end at the wrong pole, a
 small error while the speed asked for was not reached in time.
 """
 
@@ -89,7 +89,7 @@ def _held(cells: list[str]) -> str:
         "the speed asked for was not reached in time": (" slow",),
     }
     but = [reason for reason, of in reasons.items() if any(what in text for what in of for text in held)]
-    theory = "; 'as theory': it is as large as theory foretells for a linear belief"
+    theory = "; 'as theory': it is as large as theory predicts for a linear belief"
     said = f"{HOLDS}: what stands beside it holds, but {', or '.join(but)}"
     return said + (theory if any("as theory" in text for text in held) else "") + "."
 
@@ -99,7 +99,7 @@ def _within_goal(mean: float | None, p95: float | None) -> bool:
 
 
 def cell(row: Row | None) -> str:
-    """Return a unit as text: worst mean (worst p95) in degrees, stretches lost, a mark for the verdict, the goal."""
+    """Return a unit as text: worst mean (worst p95) in degrees, segments lost, a mark for the verdict, the goal."""
     if row is None:
         return ""
     mark = " ".join(["", *judged(row)]).rstrip()

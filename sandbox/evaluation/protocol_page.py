@@ -12,7 +12,7 @@ from sandbox.evaluation.protocol import PEER, SHARED, TESTS, Protocol, Row
 from sandbox.evaluation.protocol_cells import BAD, CHECKS, GOOD, HOLDS, reading, table, tables
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
 from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
-from sandbox.output.vector import SERIES, bars_svg
+from sandbox.output.vector import SERIES, bars_svg, dots_svg
 
 DEAREST = 1.25  # times the cheapest's step: dearer is named after it
 GAINED = ("static_map", "load_step", "creep")  # tests whose worst mean error is drawn for both beliefs
@@ -139,7 +139,7 @@ def why(row: Row) -> str:
     if lost:
         return f"{row.unit.test} (lock lost with {', '.join(lost)})"
     if m.get("lost"):
-        return f"{row.unit.test} (lock lost in {m['lost']:.0f} of {m['judged']:.0f} stretches)"
+        return f"{row.unit.test} (lock lost in {m['lost']:.0f} of {m['judged']:.0f} segments)"
     if m.get("mean_deg") is not None and m.get("p95_deg") is not None:
         return f"{row.unit.test} (mean {m['mean_deg']:.2g}°, 95 % within {m['p95_deg']:.2g}°)"
     if m.get("elsewhere") is not None:
@@ -238,11 +238,10 @@ def _figures(rows: Sequence[Row], motor: str) -> Iterator[str]:
             "linear": [max(a, 1e-3) for a, _ in both.values()],
             "saturated": [max(b, 1e-3) for _, b in both.values()],
         }
-        low = min([0.1, *(0.5 * v for values in series.values() for v in values)])
         over = ", ".join(_seen(rows, motor))
         yield figure(
-            bars_svg(list(both), series, "worst mean error (°)", log_from=low),
-            f"Worst mean position error over {over}; the goal of the saturated belief is {MEAN_GOAL:g}°.",
+            dots_svg(list(both), series, "worst mean error (°)", mark=MEAN_GOAL),
+            f"Worst mean position error over {over}; dashed: the goal of the saturated belief, {MEAN_GOAL:g}°.",
         )
     costs = {m.estimator: m.step_ns for m in merits(rows, motor) if m.step_ns is not None}
     if costs:

@@ -35,7 +35,7 @@ TURNED = 35.0  # degrees: the wrong pole, where a saturated belief adds the wron
 
 @dataclass(frozen=True)
 class Point:
-    """One evaluated stretch: a row of the tidy table.  Degrees electrical; loads in fractions of rated current."""
+    """One evaluated segment: a row of the tidy table.  Degrees electrical; loads in fractions of rated current."""
 
     case: str
     closed_loop: bool

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from model.effects.library import parameters as library_parameters
+from model.effects.library import title as title_of
 from sandbox.motion.judging import Motion, Weighed
 from sandbox.motion.shaft import STUDENT
 from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, numbers, users
@@ -161,12 +162,13 @@ def sentences(m: Motion) -> list[tuple[str, str]]:
     w, p = m.best, parameters(m, m.best)
     named = " + ".join(e.replace("_", " ") for e in w.effects) or "no effect"
     left = m.unknown > 0.5
-    sizes = "; ".join(f"{k} = {v['value']:.4g} {v['unit']}".rstrip() + _interval(v) for k, v in p.items())
+    sizes = "; ".join(f"{title_of(k)} {v['value']:.4g} {v['unit']}".rstrip() + _interval(v) for k, v in p.items())
     out = [
         ("Where?", "; ".join(r["text"] for r in where(m)[:3]) or "nowhere above the noise"),
         ("Which?", f"{named}{' and something unknown' if left else ''} (set {100.0 * w.probability:.0f} % probable"
          f" among mechanical effects). {sizes}"),
-        ("How far?", f"residual torque {m.before:.3g} to {m.after:.3g} noise floors on rows held out"),
+        ("How far?", f"residual torque: {m.before:.3g} times the noise floor (rms of the noise alone) before, "
+         f"{m.after:.3g} after, on rows held out"),
         ("Electrical?", m.campaign.why),
     ]  # fmt: skip
     if m.cannot:
@@ -200,6 +202,9 @@ def page(m: Motion, title: str, picture: str) -> Iterator[str]:
     rows = cogging_rows(m)
     if rows:
         yield "<h2>Cogging</h2>" + table(["order per turn", "N m", "as i_q (A)", "phase (rad)"], rows)
-    yield "<h2>Residual of each recording</h2>" + figure(picture, "Torque left unexplained; 1 is noise.")
+    yield "<h2>Residual of each recording</h2>" + figure(
+        picture,
+        "Torque left unexplained, in noise floors (1: rms of the noise alone). After: with the effects named above.",
+    )
     if m.campaign.findings:
         yield "<h2>Notes</h2>" + bullets(f.text for f in m.campaign.findings)

@@ -28,10 +28,14 @@ h3 {{ font-size: 1rem; margin: 1rem 0 .3rem; }}
 .unknown, .ambiguous {{ background: var(--warm); }}
 .answer {{ border-left: .3rem solid var(--mark); padding: .1rem .8rem; margin: .7rem 0; break-inside: avoid; }}
 .answer b {{ display: block; color: var(--soft); font-size: .85rem; font-weight: 600; }}
-.wide {{ overflow-x: auto; }} .soft {{ color: var(--soft); }}
+.wide, .draw {{ overflow-x: auto; overflow-y: hidden; }}
+.over {{ border-right: .2rem solid var(--bar); }}
+.over::before {{ content: "scroll sideways →"; position: sticky; left: 0; display: block; width: max-content;
+  color: var(--soft); font-size: .8rem; }} .soft {{ color: var(--soft); }}
 table {{ border-collapse: collapse; width: 100%; font-size: .92rem; }}
 th, td {{ text-align: left; padding: .3rem .5rem .3rem 0; border-bottom: 1px solid var(--line); vertical-align: top; }}
 th {{ color: var(--soft); font-weight: 600; }} td.n, th.n {{ text-align: right; white-space: nowrap; }}
+td, th {{ overflow-wrap: normal; }} td.long {{ white-space: normal; min-width: 15rem; }}
 td.file {{ overflow-wrap: anywhere; }} .wide td:first-child {{ min-width: 8rem; }}
 td.good, td.bad, td.none {{ padding: .3rem .5rem; border: 2px solid var(--paper); white-space: nowrap; }}
 td.good {{ background: var(--good); }} td.bad {{ background: var(--bad); }} td.none {{ background: var(--none); }}
@@ -41,18 +45,22 @@ td small {{ display: block; color: var(--soft); }}
 .bar {{ background: var(--bar); height: .55rem; border-radius: .2rem; min-width: 1px; }}
 code {{ font-size: .9em; }} pre {{ white-space: pre-wrap; font-size: .85rem; }}
 figure {{ margin: .6rem 0; break-inside: avoid; }}
-figure svg {{ width: 100%; height: auto; max-width: 34rem; color: var(--ink); fill: var(--ink); }}
+figure svg {{ width: 100%; height: auto; max-width: 34rem; min-width: 27rem; color: var(--ink); fill: var(--ink); }}
 figure svg {{ cursor: zoom-in; }} figure svg.big {{ position: fixed; inset: 0; z-index: 9; width: 100vw; height: 100vh;
-  max-width: none; padding: 1rem; background: var(--paper); cursor: move; touch-action: none; }}
+  max-width: none; min-width: 0; padding: 1rem; background: var(--paper); cursor: move; touch-action: none; }}
 @media (min-width: 50rem) {{ .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 figcaption {{ color: var(--soft); font-size: .9rem; }}
 details {{ margin: .8rem 0; }} summary {{ cursor: pointer; color: var(--mark); }}
-@media print {{ body {{ font-size: 10pt; max-width: none; padding: 0; }} h2 {{ break-after: avoid; }}
+@media print {{ .wide, .draw {{ overflow: visible; }} .over {{ border: 0; }} .over::before {{ display: none; }}
+  figure svg {{ min-width: 0; }} body {{ font-size: 10pt; max-width: none; padding: 0; }} h2 {{ break-after: avoid; }}
   tr {{ break-inside: avoid; }} figure svg {{ max-height: 10.5cm; }} figure {{ margin: .3rem 0; }}
   .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 </style></head><body>
 {body}
 <script>
+const wider = new ResizeObserver(all => all.forEach(({{target: w}}) =>
+  w.classList.toggle("over", w.scrollWidth > w.clientWidth + 1)));
+document.querySelectorAll(".wide, .draw").forEach(w => wider.observe(w));
 addEventListener("beforeprint", () => document.querySelectorAll("details").forEach(d => d.open = true));
 document.querySelectorAll("figure svg").forEach(s => {{
   const home = s.getAttribute("viewBox"), box = () => s.getAttribute("viewBox").split(" ").map(Number);
@@ -71,6 +79,7 @@ document.querySelectorAll("figure svg").forEach(s => {{
 </body></html>
 """
 ENLARGE = "Click to enlarge; then the wheel zooms, dragging moves, Escape or a double click closes."
+LONG = 36  # letters: a cell with more is broken between words
 MARKS = {"✓": "good", "✗": "bad", "○": "none"}  # ○: as it should be, but not good
 
 
@@ -80,8 +89,8 @@ def write_page(path: Path, title: str, parts: Iterable[str]) -> None:
 
 
 def prose(text: str) -> str:
-    """Return text for a page: percentages kept together, names with underscores free to break, `words` as code."""
-    plain = html_text(text).replace(" %", "&nbsp;%").replace("_", "_<wbr>")
+    """Return text for a page: percentages kept together, `words` as code."""
+    plain = html_text(text).replace(" %", "&nbsp;%")
     return re.sub("`([^`]+)`", r"<code>\1</code>", plain)
 
 
@@ -97,11 +106,15 @@ def bullets(texts: Iterable[str]) -> str:
 
 
 def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table; the first column is text, the others numbers where there are more than two."""
+    """Return a table; the first column is text, the others numbers where there are more than two; long ones wrap."""
     kind = " class='n'" if len(heads) > 2 else ""
+    wraps = " class='n long'" if len(heads) > 2 else " class='long'"
     head = "".join(f"<th{kind if k else ''}>{prose(h)}</th>" for k, h in enumerate(heads))
     body = "".join(
-        "<tr>" + "".join(f"<td{kind if k else ''}>{prose(x)}</td>" for k, x in enumerate(row)) + "</tr>" for row in rows
+        "<tr>"
+        + "".join(f"<td{'' if not k else wraps if len(x) > LONG else kind}>{prose(x)}</td>" for k, x in enumerate(row))
+        + "</tr>"
+        for row in rows
     )
     return f"<div class='wide'><table><tr>{head}</tr>{body}</table></div>"
 
@@ -127,7 +140,8 @@ def fold(head: str, content: str) -> str:
 
 def figure(svg: str, caption: str) -> str:
     """Return a drawing (SVG) with a caption in plain text."""
-    return f"<figure role='img' title='{ENLARGE}'>{svg}<figcaption>{prose(caption)}</figcaption></figure>"
+    drawing = f"<div class='draw'>{svg}</div>"
+    return f"<figure role='img' title='{ENLARGE}'>{drawing}<figcaption>{prose(caption)}</figcaption></figure>"
 
 
 def pairs(figures: Iterable[str]) -> Iterator[str]:

@@ -30,6 +30,7 @@ AnyAxes = Any  # None, one Axes of matplotlib, or a sequence or an array of them
 Cells = tuple[Sequence[str], Sequence[Sequence[str]]]  # heads and lines of a table of texts
 DPI = 150
 LETTERS = 12  # of nine points in an inch
+NO_THEORY = "as it does not stop where the ripple across its axis is zero"
 MARKERS = {"saturated": "o", "linear": "s"}
 READING = (
     "error = true − estimated angle;  marker: mean;  outer end of bar: 95th percentile of |error|;  "
@@ -68,9 +69,13 @@ def comparison_figure(comparison: Comparison, path: str | Path | None = None, ax
 
 
 def reading(runs: Sequence[Run]) -> str:
-    """Return how to read the position error of runs; theory is named where there is one."""
-    foretold = any(row.predicted_mean_deg is not None for run in runs for row in run.rows)
-    return READING if foretold else READING.replace("dashed: theory;  ", "")
+    """Return how to read the position error of runs; theory is named where there is one, and who has none."""
+    known = {run.estimator: any(row.predicted_mean_deg is not None for row in run.rows) for run in runs}
+    if not any(known.values()):
+        return READING.replace("dashed: theory;  ", "")
+    without = ", ".join(name for name, held in known.items() if not held)
+    theory = f"dashed: theory (none for {without}, {NO_THEORY})" if without else "dashed: theory"
+    return READING.replace("dashed: theory", theory)
 
 
 def by_load(runs: Sequence[Run]) -> bool:
@@ -129,7 +134,7 @@ def _draw_belief(axes: Axes, belief: str, rows: Sequence[Row], places: Sequence[
         if row.lost_lock or mean is None:
             continue
         bar = max(0.0, (p95 or 0.0) - abs(mean))
-        axes.errorbar(x, mean, yerr=bar, fmt=MARKERS.get(belief, "D"), color=colour, markersize=6, capsize=3, zorder=3)
+        axes.errorbar(x, mean, yerr=bar, fmt=MARKERS.get(belief, "D"), color=colour, markersize=4, capsize=5, zorder=3)
 
 
 def _draw_lost(axes: Axes, belief: str, lost: Sequence[float], end: float, height: float) -> None:
@@ -316,7 +321,8 @@ def plain_ticks(axes: Axes, which: str = "x") -> None:
 
     axis = axes.xaxis if which == "x" else axes.yaxis
     low, high = axis.get_view_interval()
-    axis.set_major_locator(LogLocator(subs=(1.0,) if high > 100.0 * low else (1.0, 2.0, 5.0)))
+    few, some, many = (1.0,), (1.0, 2.0, 5.0), (1.0, 2.0, 3.0, 4.0, 5.0, 7.0)
+    axis.set_major_locator(LogLocator(subs=few if high > 100.0 * low else some if high > 8.0 * low else many))
     axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 

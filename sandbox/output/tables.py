@@ -214,7 +214,7 @@ def comparison_tables(c: Comparison) -> list[tuple[str, list[str], list[list[str
 
 
 def theory_of(runs: Sequence[Run]) -> list[str]:
-    """Return what theory foretells for each stretch (degrees), nothing where it foretells none of these runs."""
+    """Return what theory predicts for each segment (degrees), nothing where it predicts none of these runs."""
     known = [[v for v in values if v is not None] for values in
              zip(*([row.predicted_mean_deg for row in run.rows] for run in runs), strict=True)]  # fmt: skip
     return [number_text(values[0] if values else None) for values in known] if any(known) else []
@@ -253,10 +253,10 @@ def comparison_text(comparison: Comparison, made: dict[str, str], stride: int, s
     """Return the markdown shown first: how to read the trace, the table of errors, how it was made."""
     kept = "every recorded sample" if stride == 1 else f"one recorded sample in {stride}"
     known = any(row.predicted_mean_deg is not None for run in comparison.runs for row in run.rows)
-    foretold = ", pale lines: theory over the evaluation windows" if known else ""
+    theory = ", pale lines: theory over the evaluation windows" if known else ""
     reading = (
         "Error = true minus estimated angle, degrees electrical. **Blue**: the estimator believes the "
-        f"saturated model, **orange**: the linear one{foretold}. Error "
+        f"saturated model, **orange**: the linear one{theory}. Error "
         "views are cut to what runs in lock need. Angle views open on a quarter turn of the last window in "
         f"lock. Error and angle hold {kept}, currents means over {slow} samples, ripple and speed "
         f"one sample in {slow}."

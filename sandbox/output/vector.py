@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from sandbox.output.plots import page, plain_ticks, svg_text
 
 if TYPE_CHECKING:
-    from sandbox.output.plots import Axes
+    from sandbox.output.plots import Axes, Figure
 
 PHONE = 4.6  # inches: a phone's width at a legible size
 SERIES = ("#de6210", "#2e86de", "#7f7f7f")  # before, after, recorded; as in the trace
@@ -18,26 +18,44 @@ Line = tuple[Sequence[float], Sequence[float]]  # x, y
 
 
 def bars_svg(
-    labels: Sequence[str], series: Mapping[str, Sequence[float]], xlabel: str, *, log_from: float | None = None,
+    labels: Sequence[str], series: Mapping[str, Sequence[float]], xlabel: str, *, ylabel: str = "",
     colours: Sequence[Any] = SERIES,
 ) -> str:  # fmt: skip
-    """Return horizontal bars as inline SVG, one group a label, one bar a series; log_from: logarithmic from there."""
+    """Return horizontal bars as inline SVG, one group a label, one bar a series."""
     drawing, panels = page((PHONE, 0.9 + 0.34 * len(labels)), 1, 1)
     axes = panels[0, 0]
     height = 0.8 / max(1, len(series))
     for k, (name, values) in enumerate(series.items()):
         places = [n + (k - (len(series) - 1) / 2) * height for n in range(len(labels))]
-        left = log_from or 0.0
-        axes.barh(
-            places, [max(v - left, 0.0) for v in values], height, left, color=colours[k % len(colours)], label=name
-        )
-    if log_from is not None:
-        axes.set_xscale("log")
-        axes.set_xlim(log_from, 1.6 * max([2.0 * log_from, *(v for values in series.values() for v in values)]))
-        plain_ticks(axes)
+        axes.barh(places, list(values), height, color=colours[k % len(colours)], label=name)
+    return _by_label(drawing, axes, labels, xlabel, ylabel)
+
+
+def dots_svg(
+    labels: Sequence[str], series: Mapping[str, Sequence[float]], xlabel: str, *, mark: float = 1.0,
+    colours: Sequence[Any] = SERIES,
+) -> str:  # fmt: skip
+    """Return dots over a logarithmic axis as inline SVG, one line a label; mark: a value that is marked (1: noise)."""
+    drawing, panels = page((PHONE, 0.9 + 0.34 * len(labels)), 1, 1)
+    axes = panels[0, 0]
+    axes.axvline(mark, color="0.5", linewidth=0.9, linestyle=(0, (4, 2)), zorder=1)
+    every = [v for values in series.values() for v in values if v > 0.0] or [mark]
+    for k, (name, values) in enumerate(series.items()):
+        colour, size = colours[k % len(colours)], 7.0 - 2.0 * k  # the first looks out behind the next
+        axes.plot(list(values), range(len(labels)), "o", color=colour, markersize=size, label=name)
+    axes.set_xscale("log")
+    axes.set_xlim(0.75 * min(mark, *every), 1.4 * max(2.0 * mark, *every))
+    axes.grid(axis="y", color="0.5", alpha=0.25, linewidth=0.6)
+    plain_ticks(axes)
+    return _by_label(drawing, axes, labels, xlabel)
+
+
+def _by_label(drawing: Figure, axes: Axes, labels: Sequence[str], xlabel: str, ylabel: str = "") -> str:
+    """Name the lines of a drawing and its axes; return it as SVG."""
     axes.set_yticks(range(len(labels)), list(labels), parse_math=False)
-    axes.invert_yaxis()
+    axes.set_ylim(len(labels) - 0.5, -0.5)
     axes.set_xlabel(xlabel)
+    axes.set_ylabel(ylabel)
     named(axes)
     return svg_text(drawing, "".join(labels) + xlabel)
 

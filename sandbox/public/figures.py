@@ -1,4 +1,4 @@
-"""Figures of the page's results that no other room draws: a run over time, an identification, a replay."""
+"""Figures of the page's results that no other package draws: a run over time, an identification, a replay."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ STAIRCASES = (  # injected axis, biased axis, component of the slope: title, uni
 def run_figure(run: Run, title: str, path: str | Path | None = None, ax: AnyAxes = None) -> Figure:
     """Draw a run over time (s): position error (° electrical), currents (A), speed (rad/s electrical), load (%).
 
-    Evaluated stretches are shaded. Returns the figure, and writes it where a path is given; ax: see `page`.
+    Evaluated segments are shaded. Returns the figure, and writes it where a path is given; ax: see `page`.
     """
     r = run.recording
     t, error = r.t, np.degrees(r.error)
@@ -52,7 +52,9 @@ def run_figure(run: Run, title: str, path: str | Path | None = None, ax: AnyAxes
         panel.grid(axis="y", color="0.9", linewidth=0.6)
         panel.spines[["top", "right"]].set_visible(False)
         if len(lines) > 1:
-            panel.legend(frameon=False, fontsize=8, ncols=2, loc="upper left")
+            panel.legend(
+                frameon=False, fontsize=8, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0
+            )
         for row in run.rows:
             panel.axvspan(row.t_start, row.t_end, color="0.95", linewidth=0, zorder=0)
     largest = [row.transient_max_deg for row in run.rows if row.transient_max_deg is not None]
@@ -69,7 +71,7 @@ def identification_figure(result: Identification, path: str | Path | None = None
     """Draw the measured inverse inductances over current with the fits through them, and what the fits leave.
 
     Above: slope of the ripple (1/H, bars: two standard deviations) at each level of a staircase; lines: what a fit
-    says at these levels. Below: measured less fitted peak of the ripple (mA). Returns the figure, and writes it where
+    says at these levels. Below: measured minus fitted peak of the ripple (mA). Returns the figure, and writes it where
     a path is given; ax: see `page`.
     """
     levels = result.levels
@@ -112,7 +114,7 @@ def replay_figure(title: str, rms: Mapping[str, float], path: str | Path | None 
     panel.barh(list(rms), list(rms.values()), color=colour_of("saturated"))
     panel.axvline(1.0, color="0.3", linewidth=0.9)
     panel.invert_yaxis()
-    panel.set_xlabel("rms of measured less simulated current, over the noise floor (1: noise alone)")
+    panel.set_xlabel("rms of measured minus simulated current, in noise floors (1: noise alone)")
     if max(rms.values(), default=1.0) > 30.0 * max(min(rms.values(), default=1.0), 1e-9):
         panel.set_xscale("log")
     entitle(figure, title, ax)

@@ -82,7 +82,7 @@ def load_motor(motor: str | Path | Drive = "ipm_exchanged") -> Drive:
 
 
 def load_scenario(scenario: str | Path | Scenario = "staircase") -> Scenario:
-    """Return a scenario: what load and speed are asked for, stretch by stretch.
+    """Return a scenario: what load and speed are asked for, segment by segment.
 
     Parameters
     ----------

@@ -9,6 +9,7 @@ import numpy as np
 
 from model.errors import PhysicsError
 from model.ratings import cautions
+from sandbox.output.plots import NO_THEORY
 from sandbox.output.tables import (
     BELIEFS,
     THEORY,
@@ -19,6 +20,10 @@ from sandbox.output.tables import (
     rpm_text,
     theory_of,
 )
+
+KALMAN = ("ekf", "ukf", "ekf_filterpy", "ukf_filterpy")
+TYPE_3 = ("pll3", "pwm_ripple", "mechanical")
+TRIPLE = "margins of a type 2 loop; this estimator has a triple pole with the same crossover"
 
 if TYPE_CHECKING:
     from model.parameters import Drive
@@ -35,6 +40,9 @@ def print_comparison(c: Comparison) -> None:
     for title, heads, rows in comparison_tables(c):
         print_table(title, heads, rows, fixed=3 if heads[2] == THEORY else 2, together=len(BELIEFS))
     theory = "theory: the cross-saturation angle that a linear belief cannot see, for small ripple."
+    known = {row.estimator: row.predicted_mean_deg is not None for row in c.rows if row.belief == "linear"}
+    if without := [name for name, held in known.items() if not held]:
+        theory += f" It is not made for {', '.join(without)}, {NO_THEORY}."
     if all(row.predicted_mean_deg is None for row in c.rows):
         theory = "theory: none, as it knows the motor alone, not the effects of this plant or these estimators."
     print_cautions(c.drive)
@@ -61,7 +69,16 @@ def print_run(c: Comparison, gains: Design) -> None:
         [name, f"{v.bandwidth:.1f}", f"{v.phase_margin_deg:.1f}", f"{v.gain_margin:.2f}", f"{v.disk_margin:.2f}"]
         for name, v in gains.loops.items()
     ]
-    print_table("designed loops (tracking loop: at zero load; the filter `ekf` has its own)", heads, loops)
+    own = run.estimator
+    if own in KALMAN:
+        loops = [row for row in loops if row[0] != "tracking"]
+    said = "" if own in KALMAN else f"; tracking loop: at zero load{', ' + TRIPLE if own in TYPE_3 else ''}"
+    print_table(f"designed loops{said}", heads, loops)
+    if own in KALMAN:
+        print_prose(
+            f"`{own}` has no tracking loop: its gain follows at each sample from the noise that it assumes, so it has "
+            "no fixed bandwidth and no margins."
+        )
 
 
 def print_cautions(drive: Drive) -> None:
@@ -146,6 +163,11 @@ def print_audit(drive: Drive, a: Audit) -> None:
         for k in range(0, a.load.size, 3)
     ]
     print_table("cross-saturation angle, i_d = 0", heads, lines)
+    print_prose(
+        "angle: error of a q-null estimator with a linear belief; slope of the null: how fast the ripple across the "
+        "axis changes with the angle (1: as at zero current; near 0 the estimator loses the rotor); ° per 10 mA: error "
+        "that 10 mA of unwanted ripple across the axis make"
+    )
 
 
 def print_identification(result: Identification) -> None:

@@ -52,7 +52,7 @@ class ProtocolResult(Result):
         return self.protocol.as_json()
 
     def columns(self) -> dict[str, Column]:
-        """Return the tidy table: a row for each evaluated stretch, or for a test that has none."""
+        """Return the tidy table: a row for each evaluated segment, or for a test that has none."""
         from sandbox.evaluation.protocol import tidy
         from sandbox.evaluation.protocol_tests import Point
 

@@ -41,7 +41,7 @@ ROW_NAMES = (
 
 
 def row_columns(rows: Iterable[Row]) -> dict[str, Column]:
-    """Return evaluated stretches as columns, the position error's statistics beside the rest."""
+    """Return evaluated segments as columns, the position error's statistics beside the rest."""
     flat = []
     for row in rows:
         error = {f"{key}_deg": value for key, value in asdict(row.error_deg).items()}
@@ -52,7 +52,7 @@ def row_columns(rows: Iterable[Row]) -> dict[str, Column]:
 
 @dataclass(frozen=True, repr=False)
 class SimulationResult(Result):
-    """One run: its samples, the error of each evaluated stretch, the loops it was controlled by."""
+    """One run: its samples, the error of each evaluated segment, the loops it was controlled by."""
 
     command: ClassVar[str] = "simulate"
     comparison: Comparison  # of this run alone
@@ -71,17 +71,17 @@ class SimulationResult(Result):
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """One row for each evaluated stretch: load, speed, position error in electrical degrees."""
+        """One row for each evaluated segment: load, speed, position error in electrical degrees."""
         return self.run.rows
 
     @property
     def lost_lock(self) -> bool:
-        """Whether the estimate slipped or stayed away in any evaluated stretch."""
+        """Whether the estimate slipped or stayed away in any evaluated segment."""
         return any(row.lost_lock for row in self.rows)
 
     @property
     def error_deg(self) -> ErrorDeg:
-        """Mean, rms, 95th percentile and maximum of the position error over all evaluated stretches, degrees."""
+        """Mean, rms, 95th percentile and maximum of the position error over all evaluated segments, degrees."""
         from sandbox.evaluation.score import error_of, settled_part
 
         return error_of(settled_part(self.recording, self.rows), self.lost_lock)
@@ -162,7 +162,7 @@ class ComparisonResult(Result):
 
     @property
     def rows(self) -> tuple[Row, ...]:
-        """Every evaluated stretch of every run: load, speed, position error in electrical degrees."""
+        """Every evaluated segment of every run: load, speed, position error in electrical degrees."""
         return self.comparison.rows
 
     def summary(self) -> str:
@@ -176,7 +176,7 @@ class ComparisonResult(Result):
         return self.comparison.as_json()
 
     def columns(self) -> dict[str, Column]:
-        """Return one row for each evaluated stretch of each run."""
+        """Return one row for each evaluated segment of each run."""
         return row_columns(self.rows)
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:

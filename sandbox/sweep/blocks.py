@@ -36,14 +36,14 @@ MOST_TRACED = 4_000_000  # numbers in the traces of a block: 32 MB
 RESULTS = {  # name: (type, unit, what it is)
     "status": ("string", "", "ok, refused (bad input), failed (physics), error (of one's own code), crashed"),
     "sentence": ("string", "", "why a run has no result; null where it has one"),
-    "mean_deg": ("double", "deg", "mean position error over all settled scored stretches; null where lock was lost"),
+    "mean_deg": ("double", "deg", "mean position error over all settled scored segments; null where lock was lost"),
     "rms_deg": ("double", "deg", "its rms"),
     "p95_deg": ("double", "deg", "95th percentile of its size"),
     "max_deg": ("double", "deg", "largest size of it"),
-    "worst_mean_deg": ("double", "deg", "mean error of the stretch where its size is largest"),
-    "rms_mean_deg": ("double", "deg", "rms over the stretches of their mean errors"),
-    "lost_lock": ("bool", "", "a pole slipped, or the error stayed beyond 45 degrees, in any scored stretch"),
-    "speed_held": ("bool", "", "the speed asked for was reached in every scored stretch"),
+    "worst_mean_deg": ("double", "deg", "mean error of the segment where its size is largest"),
+    "rms_mean_deg": ("double", "deg", "rms over the segments of their mean errors"),
+    "lost_lock": ("bool", "", "a pole slipped, or the error stayed beyond 45 degrees, in any scored segment"),
+    "speed_held": ("bool", "", "the speed asked for was reached in every scored segment"),
 }
 ARROW = {str: "string", bool: "bool", int: "int64", float: "double"}
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, page
+from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, page, plain_ticks
 from sandbox.output.vector import widths
 from sandbox.sweep.summary import curve
 
@@ -43,7 +43,7 @@ def yield_figure(
     axes.axhline(100.0 * share, color="0.6", linewidth=0.8)
     axes.set(xscale="log", xlabel="largest mean position error (° electrical)", ylabel="drives that err less (%)")
     axes.set_ylim(0.0, 101.0)
-    axes.xaxis.set_major_formatter("{x:g}")
+    plain_ticks(axes)
     axes.grid(color="0.9", linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     if curves:

@@ -19,6 +19,7 @@ def elsewhere(tmp_path, monkeypatch):
     folder = tmp_path / "data"
     folder.mkdir()
     monkeypatch.setenv("SENSORLESS_DATA", str(folder))
+    monkeypatch.delenv("SENSORLESS_CACHE", raising=False)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     return folder
 
@@ -71,6 +72,19 @@ def test_folder_named_by_the_variable_comes_first_then_the_cache(elsewhere, smal
     (elsewhere / "small").mkdir()
     (elsewhere / "small" / "a.txt").write_bytes(b"abc")
     assert fetch("small") == elsewhere / "small"
+
+
+def test_named_cache_holds_downloads_and_the_users_is_still_looked_in(elsewhere, small, tmp_path, monkeypatch):
+    """SENSORLESS_CACHE is the place of all that is kept; what an earlier version put into the user's is found there."""
+    users = datasets.cache() / "small"
+    monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path / "named"))
+    assert datasets.cache() == tmp_path / "named"
+    users.mkdir(parents=True)
+    (users / "a.txt").write_bytes(b"abc")
+    assert fetch("small") == users
+    (datasets.cache() / "small").mkdir(parents=True)
+    (datasets.cache() / "small" / "a.txt").write_bytes(b"abc")
+    assert fetch("small") == datasets.cache() / "small"
 
 
 def test_changed_file_is_refused(elsewhere, small):

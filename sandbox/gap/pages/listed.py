@@ -27,7 +27,7 @@ def rows(r: Ranking) -> list[list[str]]:
             share = r.shares.of.get(effect)
             told = "–" if share is None else f"{percent(share.value)} [{percent(share.low)}, {percent(share.high)}]"
             own = r.parameters.get(effect, {})
-            size = ", ".join(f"{k.partition('.')[2]} {quantity(e)}" for k, e in own.items())
+            size = ", ".join(f"{library.title(k)} {quantity(e)}" for k, e in own.items())
             size = size if len(own) <= MOST else f"{len(own)} numbers, below"
             out.append([words(effect), f"{100.0 * chance:.1f} %", told, size or "–"])
     if r.unknown >= SHOWN:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 
 from model.effects import library
@@ -15,14 +15,14 @@ from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.decompose import Decomposition, decompose
 from sandbox.gap.report.diagnosis_json import closed_by
 from sandbox.gap.report.distinguishability import Alike
-from sandbox.gap.report.words import label, names, quantity, words
+from sandbox.gap.report.words import SIGNS, capital, label, names, quantity, words
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.output.document import answer as answered
 from sandbox.output.document import bullets, figure, fold, pairs, prose, table, write_page
 from sandbox.output.files import version
 from sandbox.output.tables import print_prose, print_table
-from sandbox.output.vector import bars_svg, lines_svg
+from sandbox.output.vector import bars_svg, dots_svg, lines_svg
 from sandbox.recordings.campaign import Excerpts
 
 FEWEST = 0.001  # probability below which a hypothesis stays in the folded part
@@ -32,6 +32,11 @@ TITLES = {
     "unknown": "Not in the library",
     "no_gap": "No gap",
 }
+FLOOR = "Noise floor: rms of what the sensors' noise alone makes. A residual of 1 noise floor is noise, nothing else."
+GAP = (
+    "Gap closed: (before² − after²) / (before² − 1), with the residuals before and after in noise floors. The 1 is the "
+    "noise, which no effect can close; before² − 1 is the reducible gap."
+)
 FLAT = 3.0  # log likelihood: a fall of less is none that decides
 
 
@@ -81,17 +86,19 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     yield "<h2>Hypotheses</h2>" + _hypotheses(a, [h for h in d.hypotheses if h.probability >= FEWEST])
     told = ", or ".join(names(h.effects) for h in d.ambiguity_set)
     yield f'<p class="soft">With at least 95 % probability it is {prose(told)}.</p>'
+    yield f'<p class="soft">{prose(f"{GAP} {FLOOR}")}</p>'
     yield from _listed(a)
     if a.alike is not None:
         yield from _why_alike(a.alike)
     for h, own in zip(d.hypotheses, d.parameters, strict=True):
         if own and h in d.ambiguity_set:
             yield f"<h2>Parameters of {prose(names(h.effects))}</h2>"
-            yield table(["parameter", "value [95 % interval]", "nominal"], _parameters(a, own))
+            rows = [[f"{capital(library.title(k))} `{k}`", *rest] for k, *rest in _parameters(a, own)]
+            yield table(["parameter", "value [95 % interval]", "nominal"], rows)
     before, after = shown(d.before.point), shown(d.after.point)
     part, rest = decompose(d.before.point, before), decompose(d.after.point, after)
     yield "<h2>The gap, recording by recording</h2>"
-    yield figure(_by_recording(a), "rms of the residual over its noise floor; 1 is noise. ● held out of the fit.")
+    yield figure(_by_recording(a), "Rms of the residual, in noise floors; 1 is noise alone. ● held out of the fit.")
     yield fold("All figures", table(["recording", "before", "after", "share of the gap"], _recordings(a, part)))
     if d.campaign.excerpts is not None:
         period = d.campaign.drive.converter.sampling_period
@@ -136,8 +143,9 @@ def _listed(a: Answers) -> Iterator[str]:
     labels, levels = listed.waterfall(a)
     if len(labels) > 3:
         yield figure(
-            bars_svg(labels, {"residual / noise floor": levels}, "residual / noise floor", log_from=0.5),
-            "Residual on the recordings held out (or all) as effects are added one after the other, the largest first.",
+            dots_svg(labels, {"residual": levels}, "residual (noise floors)"),
+            "Residual on the recordings held out (or all) as effects are added one after the other, the largest first. "
+            "1 is noise alone.",
         )
 
 
@@ -185,7 +193,7 @@ def _by_recording(a: Answers) -> str:
     series = {"before": [r.before for r in rows]}
     if a.diagnosis.after.effects:
         series["after"] = [r.after for r in rows]
-    return bars_svg(labels, series, "residual / noise floor", log_from=0.5)
+    return dots_svg(labels, series, "residual (noise floors)")
 
 
 def part_rows(cut: Excerpts, period: float) -> list[list[str]]:
@@ -214,7 +222,7 @@ def _shares(part: Decomposition, rest: Decomposition) -> Iterator[str]:
     if max(both[0]) > 1.0:
         yield figure(
             bars_svg([str(n) for n in orders], {"before": both[0], "after": [scale * x for x in both[1]]},
-                     "share of the gap before (%)"),
+                     "share of the gap before (%)", ylabel="electrical order"),
             "Electrical orders of the currents in the rotor's frame, turning recordings (0: turns with the rotor).",
         )  # fmt: skip
 
@@ -225,14 +233,17 @@ def _detail(a: Answers) -> Iterator[str]:
     if rest:
         yield fold("Hypotheses that were tried and dropped", _hypotheses(a, rest))
     for effect in dict.fromkeys(e for h in d.ambiguity_set for e in h.effects if e != UNKNOWN):
-        yield fold(
-            f"The effect {words(effect)}",
-            f"<pre>{html_text(library.card_text(library.load_effect(effect)))}</pre>",
-        )
-    rows = [[k, f"{v:g}" if isinstance(v, (int, float)) else str(v)] for k, v in vars(d.campaign.drive.motor).items()]
+        card = library.card_text(library.load_effect(effect)).split("\n")
+        yield fold(f"The effect {words(effect)}", "<pre>" + "\n".join(map(html_text, card)) + "</pre>")
+    motor = d.campaign.drive.motor
+    units = {f.name: f.metadata.get("unit", "") for f in fields(motor)}
+    rows = [
+        [k, f"{v:.7g}" if isinstance(v, (int, float)) else str(v), SIGNS.get(units.get(k, ""), units.get(k, ""))]
+        for k, v in vars(motor).items()
+    ]
     told = [[what, text] for what, text in d.campaign.drive.provenance.items()]
     sources = f"<h3>Where its values come from</h3>{table(['value', 'source'], told)}" if told else ""
-    yield fold("The nominal model", table(["[motor]", "value"], [r for r in rows if r[1]]) + sources)
+    yield fold("The nominal model", table(["[motor]", "value", "unit"], [r for r in rows if r[1]]) + sources)
     held = ", ".join(d.start.prepared.recordings[k].file for k in d.held_out) or "none"
     facts = [
         ["residual of the nominal model as given", f"{d.size.raw:.3g} noise floors"],

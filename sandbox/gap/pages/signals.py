@@ -30,25 +30,28 @@ def waves(a: Answers, part: Decomposition, before: Sequence[Residual], after: Se
     t = ((r.first + np.arange(r.samples // width) * width) * period).tolist()
 
     def peaks(x: Array) -> list[float]:
-        """Return the largest value of each stretch, with its sign."""
+        """Return the largest value of each interval drawn, with its sign."""
         own = np.asarray(x)[: len(t) * width].reshape(len(t), width)
         return list(own[np.arange(len(t)), np.argmax(np.abs(own), axis=1)].tolist())
 
+    both = {"before": before[k], "after": after[k]}
     panels = [
-        (f"i_{p}", {"before": (t, peaks(before[k].current[:, j, 0])), "after": (t, peaks(after[k].current[:, j, 0]))})
+        (f"i_{p}\n(noise floors)", {name: (t, peaks(x.current[:, j, 0])) for name, x in both.items()})
         for j, p in enumerate("abc")
     ]
     own, rest = before[k].motion, after[k].motion
     if own is not None and rest is not None:
-        panels.append(("motion", {"before": (t, peaks(own[:, 0])), "after": (t, peaks(rest[:, 0]))}))
+        panels.append(("motion\n(noise floors)", {"before": (t, peaks(own[:, 0])), "after": (t, peaks(rest[:, 0]))}))
     yield f"<h2>Residuals in {prose(r.file)}</h2>"
-    spectra = {
-        name: looks.spectrum(x.current[:, :, 0], period) for name, x in (("before", before[k]), ("after", after[k]))
-    }
+    spectra = {name: looks.spectrum(x.current[:, :, 0], period) for name, x in both.items()}
     lines = {name: (f.tolist(), size.tolist()) for name, (f, size) in spectra.items()}
     first, last = _worst(before[k].current[:, :, 0], max(2, round(WINDOW / period)))
     yield from pairs([
-        figure(lines_svg(panels, "t (s)"), "Read less predicted, in units of the noise floor; peaks of each stretch."),
+        figure(
+            lines_svg(panels, "t (s)"),
+            "Residual over time: measured minus simulated, in noise floors (1: rms of the noise). Of each short "
+            "interval the largest value is drawn.",
+        ),
         figure(
             lines_svg(_currents(a.diagnosis, k, before[k], after[k], slice(first, last), period), "t (s)"),
             f"Currents where the gap is largest, sample by sample, {1e3 * (last - first) * period:.0f} ms. The noise "
@@ -69,7 +72,7 @@ def phases_of(d: Diagnosis, k: int) -> tuple[Array, Array, Array]:
 
 
 def _worst(residual: Array, width: int) -> tuple[int, int]:
-    """Return first and last sample of the stretch (width samples) whose residuals (n, 3) are largest."""
+    """Return first and last sample of the interval (width samples) whose residuals (n, 3) are largest."""
     sums = np.concatenate([[0.0], np.cumsum(np.sum(residual**2, axis=1))])
     width = min(width, len(residual))
     first = int(np.argmax(sums[width:] - sums[:-width]))

@@ -159,7 +159,7 @@ def far_text(a: Answers) -> str:
             every = math.sqrt(max(0.0, 1.0 + d.remainder.before))
             text = (
                 f"Fitted to all recordings ordinary deviations leave {times(every)} the noise floor, but "
-                f"{times(s.before)} {on}: too few recordings to foretell one from the others."
+                f"{times(s.before)} {on}: too few recordings to predict one from the others."
             )
     elif s.closed is None:
         text = f"Residuals are {times(s.before)} the noise floor {on}; no effect of the library lowers them."
@@ -170,7 +170,8 @@ def far_text(a: Answers) -> str:
     else:
         text = (
             f"{percent_fine(s.closed)} of the reducible gap closes {on} ({_between(s.closed_ci95)}); "
-            f"residuals fall from {s.before:.3g} to {times(s.after)} the noise floor."
+            f"residuals fall from {s.before:.3g} to {times(s.after)} the noise floor (rms of the noise). The reducible "
+            "gap is what squared residuals have above the noise."
         )
     return f"{capital(text)} {position_text(a)}".strip()
 
@@ -189,7 +190,8 @@ def position_text(a: Answers) -> str:
     if p is None:
         return ""
     text = (
-        f"Position error of the estimator '{p.estimator}': {p.recorded:.2f}° on the recorded currents; the simulator "
+        f"Position error (rms, electrical) of the estimator '{p.estimator}': {p.recorded:.2f}° on the recorded "
+        "currents; the simulator "
     )
     if a.verdict == "no_gap":
         return f"{text}says {p.simulated_before:.2f}°."
@@ -213,7 +215,12 @@ def next_text(a: Answers) -> str:
             "[uncertainty] and [background] allow is refitted."
         )
     if a.verdict == "explained":
-        return "Nothing is needed to name the cause. Put the values above into the simulator of this drive."
+        return (
+            "Nothing is needed to name the cause. `motor.toml` and `effects.toml`, beside this result, hold the values "
+            "for the simulator. To see how near it comes to the recordings: `sensorless replay CAMPAIGN --motor "
+            "motor.toml --effects effects.toml`. To simulate this drive: `sensorless simulate --motor motor.toml "
+            "--effects effects.toml`."
+        )
     sets: list[set[str]] = [set(h.effects) - {UNKNOWN} for h in a.diagnosis.ambiguity_set]
     disputed = sorted(e for e in set().union(*sets) if not all(e in s for s in sets)) or sorted(sets[0])
     told = "; for ".join(f"{words(e)}: {library.load_effect(e).separated_by}" for e in disputed)
@@ -221,7 +228,7 @@ def next_text(a: Answers) -> str:
         return "No effect is known that a recording could confirm."
     held = a.verdict == "ambiguous" and a.diagnosis.campaign.limits != NO_LIMITS
     none = "Within [limits] no recording of the menu is likely to leave one of them. " if held else ""
-    return f"{none}Recordings that tell more, for {told}."
+    return f"{none}Recordings that show more, for {told}."
 
 
 def caveats(a: Answers) -> list[str]:

@@ -189,7 +189,7 @@ def sentences(name: str, share: float, part: Decomposition, recordings: int) -> 
         what += _dependence(part)
     else:
         what = f"{WHAT[channel]}, {mostly}"
-    text = f"{percent(share)} of the gap is {what}: {NAMES[name]}."
+    text = f"{percent(share)} of the gap is {what}. This points to the {NAMES[name]}."
     text = text[0].upper() + text[1:]
     turning = sum(part.electrical.values())
     single = abs(order) if turning > DETAIL and part.electrical[order] > 0.5 * turning else None
@@ -203,7 +203,7 @@ def percent(share: float) -> str:
 
 
 def _dependence(part: Decomposition) -> str:
-    """Return how the voltage depends on speed and current, in words (or nothing, where it cannot be told)."""
+    """Return how the voltage depends on speed and current, a sentence more (or nothing, where it cannot be told)."""
     out = []
     for table, of in ((part.amplitude, "speed"), (part.amplitude.T, "current")):
         seen = [row for row in table if np.isfinite(row).any()]
@@ -211,8 +211,8 @@ def _dependence(part: Decomposition) -> str:
         if shared.any():
             ratio = float(np.exp(np.mean(np.log(seen[-1][shared] / seen[0][shared]))))
             same = 1.0 / ALIKE < ratio < ALIKE
-            out.append(f"{'independent of' if same else 'growing with' if ratio > 1.0 else 'falling with'} {of}")
-    return (", " + " and ".join(out) if out else "").replace("of speed and independent of", "of speed and")
+            out.append(f"{'does not depend on' if same else 'grows with' if ratio > 1.0 else 'falls with'} {of}")
+    return (f". It {' and '.join(out)}" if out else "").replace("on speed and does not depend on", "on speed or")
 
 
 def _details(

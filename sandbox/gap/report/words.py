@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from model.effects import library
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import Hypothesis
 
@@ -54,7 +55,7 @@ def label(h: Hypothesis) -> str:
 
 def sizes(parameters: dict[str, Estimate]) -> str:
     """Return the parameters of a hypothesis as one clause."""
-    return ", ".join(f"{name.partition('.')[2]} {quantity(e)}" for name, e in parameters.items()) or "no parameter"
+    return ", ".join(f"{library.title(name)} {quantity(e)}" for name, e in parameters.items()) or "no parameter"
 
 
 def quantity(e: Estimate) -> str:
@@ -63,10 +64,17 @@ def quantity(e: Estimate) -> str:
     sizes = [abs(x) for x in (e.value, e.low, e.high) if math.isfinite(x) and x]
     if e.unit in PREFIXED and sizes:
         scale, prefix = next(((s, p) for s, p in PREFIXES if max(sizes) >= s), PREFIXES[-1])
-    value, low, high = (_digits(x / scale, (e.high - e.low) / scale) for x in (e.value, e.low, e.high))
+    exact = e.low == e.high  # told by a file, not estimated: as many digits as it has
+    value, low, high = (
+        _exact(x / scale) if exact else _digits(x / scale, (e.high - e.low) / scale) for x in (e.value, e.low, e.high)
+    )
     unit = prefix + SIGNS.get(e.unit, e.unit)
-    fixed = "" if e.low == e.high else f" [{low}, {high}]"
-    return f"{value}{' ' + unit if unit else ''}{fixed}{' (at the bound of the search)' if e.at_bound else ''}"
+    interval = "" if exact else f" [{low}, {high}]"
+    return f"{value}{' ' + unit if unit else ''}{interval}{' (at the bound of the search)' if e.at_bound else ''}"
+
+
+def _exact(x: float) -> str:
+    return f"{x:.6g}" if math.isfinite(x) else "∞"
 
 
 def _digits(x: float, width: float) -> str:

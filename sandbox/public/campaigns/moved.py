@@ -66,13 +66,13 @@ class MotionResult(Result):
         """Write the report, one page with its figures inside (`.html`); return its path."""
         from sandbox.motion.telling import page
         from sandbox.output.document import write_page
-        from sandbox.output.vector import bars_svg
+        from sandbox.output.vector import dots_svg
 
         m = self.motion
         shown = m.by_recording[:40]
-        picture = bars_svg(
+        picture = dots_svg(
             [r[0] for r in shown], {"before": [r[1] for r in shown], "after": [r[2] for r in shown]},
-            "residual torque / noise floor",
+            "residual torque (noise floors)",
         )  # fmt: skip
         title = f"{m.campaign.name}: what the motion says"
         write_page(Path(path), title, page(m, title, picture))

@@ -82,9 +82,9 @@ def test_the_best_are_those_near_it_that_keep_lock():
     found = choice.standings(rows)
     assert [s.estimator for s in choice.best(found)] == ["a", "b"]  # c is 0.4 worse than a, more than NEAR_DEG
     text = choice.which(found)
-    assert text.startswith("a or b with the saturated belief: in every stretch within 0.6°")
-    assert "d with the saturated belief missed the speed in 1 of 1 stretches" in text
-    assert "e with the saturated belief lost lock in 1 of 2 stretches" in text
+    assert text.startswith("a or b with the saturated belief: in every segment within 0.6°")
+    assert "d with the saturated belief missed the speed in 1 of 1 segments" in text
+    assert "e with the saturated belief lost lock in 1 of 2 segments" in text
     assert "a 9.00° at 100 % load → 0.10°" in choice.gained(found)
     assert choice.which(choice.standings([row("e", "linear", None, None)])).startswith("None of these")
     alone = choice.which(choice.standings([row("a", "saturated", 0.1, 0.5)]))
@@ -110,7 +110,7 @@ def test_a_comparison_on_one_page(small_comparison, tmp_path):
     check_self_contained(page)
     first = page.text.index("Which estimator for this motor?")
     assert first < page.text.index("What does believing") < page.text.index("All estimators")
-    assert "with the saturated belief: in every stretch within" in page.text
+    assert "with the saturated belief: in every segment within" in page.text
     # two estimators over load; of the best: time, currents, flux, spectra; the rotor is locked, so no angle
     assert page.drawings == 6
     assert "against the rotor's angle" not in page.text
@@ -153,7 +153,7 @@ def test_runs_without_lock_and_strange_names_have_a_page(small_comparison, tmp_p
     assert "is in it but what was added, dead_time.time = 1e-06 s." in page.text
     assert "<svg onload" not in page.source
     compare_page.write_run(tmp_path / "run.html", Comparison(drive, c.scenario, c.runs[:1], c.properties))
-    assert "It lost lock in 2 of 2 stretches" in Page(tmp_path / "run.html").text
+    assert "It lost lock in 2 of 2 segments" in Page(tmp_path / "run.html").text
 
 
 def test_a_run_s_page_says_that_the_speed_was_missed_and_what_the_motor_cannot_mean(small_comparison, tmp_path):
@@ -239,7 +239,7 @@ def test_what_holds_without_being_good_is_told_beside_the_recommendation():
     ("metrics", "said"),
     [
         ({"mean_deg": 2.0, "p95_deg": 4.0}, "(mean 2°, 95 % within 4°)"),
-        ({"lost": 1, "judged": 7, "mean_deg": 2.0, "p95_deg": 4.0}, "(lock lost in 1 of 7 stretches)"),
+        ({"lost": 1, "judged": 7, "mean_deg": 2.0, "p95_deg": 4.0}, "(lock lost in 1 of 7 segments)"),
         ({"R +50 %: mean_deg": None, "nominal: mean_deg": 0.1}, "(lock lost with R +50 %)"),
         ({"elsewhere": 0.25}, "(25 % of wrong starts end at a third place)"),
     ],
@@ -276,7 +276,7 @@ def test_the_page_names_only_the_tests_that_ran(tmp_path):
     protocol_page.write_protocol(tmp_path / "protocol.html", Protocol(tuple(rows), 0))
     text = Page(tmp_path / "protocol.html").text.replace("\xa0", " ")
     assert "a with the saturated belief: meets all 2 goals. Only 2 of the protocol's 11 tests were run." in text
-    assert "Worst mean position error over static_map, load_step; the goal" in text
+    assert "Worst mean position error over static_map, load_step; dashed: the goal" in text
     assert "Tests that were not run: start, creep, hand_over," in text
     assert reading(Protocol(tuple(rows), 0)) == (
         "Worst mean (worst 95th percentile) of the position error, electrical degrees, up to 180 % load where the "

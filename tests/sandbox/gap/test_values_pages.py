@@ -56,14 +56,15 @@ def hypotheses(*chances):
 
 @pytest.fixture
 def drawn(monkeypatch):
-    """What is drawn: a list of (labels or panels, series, logarithmic from)."""
+    """What is drawn: a list of (labels or panels, series, logarithmic axes)."""
     seen = []
+    monkeypatch.setattr(page, "bars_svg", lambda labels, series, xlabel, *, ylabel="": bars(labels, series, ""))
+    monkeypatch.setattr(page, "dots_svg", lambda labels, series, xlabel: bars(labels, series, "x"))
 
-    def bars(labels, series, xlabel, *, log_from=None):
-        seen.append((labels, series, log_from))
+    def bars(labels, series, log):
+        seen.append((labels, series, log))
         return ""
 
-    monkeypatch.setattr(page, "bars_svg", bars)
     monkeypatch.setattr(page, "lines_svg", lambda panels, xlabel: seen.append((panels, None, None)) or "")
     monkeypatch.setattr(signals, "lines_svg", lambda panels, xlabel, log="": seen.append((panels, None, log)) or "")
     return seen
@@ -124,15 +125,15 @@ def test_a_waterfall_is_drawn_for_two_effects(monkeypatch, drawn, count, figures
     )
     list(page._listed(a))
     assert len(drawn) == figures
-    assert [x[2] for x in drawn] == [0.5] * figures  # half the noise floor
+    assert [x[2] for x in drawn] == ["x"] * figures
 
 
 @pytest.mark.parametrize(("effects", "series"), [((), ["before"]), (("inertia",), ["before", "after"])])
-def test_residuals_are_drawn_from_half_the_noise_floor_on(drawn, effects, series):
+def test_residuals_of_recordings_are_drawn_as_dots(drawn, effects, series):
     rows = [OfRecording("r.parquet", 4.0, 2.0, False)]
     d = SimpleNamespace(size=SimpleNamespace(recordings=rows), after=SimpleNamespace(effects=effects))
     page._by_recording(SimpleNamespace(diagnosis=d))
-    assert drawn[0][2] == 0.5
+    assert drawn[0][2] == "x"
     assert list(drawn[0][1]) == series
     assert drawn[0][0] == ["r"]
 
@@ -166,7 +167,7 @@ class Recorded(dict):
 
 @pytest.mark.parametrize(("n", "period", "points", "milliseconds"), [(2401, 1e-3, 1200, 40), (900, 0.1, 900, 200)])
 def test_residuals_over_time_by_hand(monkeypatch, drawn, n, period, points, milliseconds):
-    """1200 points of a line, each the largest of its stretch with its sign; currents of 40 ms (two samples at the
+    """1200 points of a line, each the largest of its interval with its sign; currents of 40 ms (two samples at the
     least) around the largest residuals, at the end."""
     residual = np.zeros((n, 3, 1))
     residual[n // 2 - 1, 0], residual[-5:, 1] = -3.0, 9.0
@@ -184,7 +185,7 @@ def test_residuals_over_time_by_hand(monkeypatch, drawn, n, period, points, mill
     assert t[1] == pytest.approx(n // points * period)
     assert min(peaks) == -3.0
     assert max(peaks) == 0.0
-    assert drawn[0][0][3][0] == "motion"
+    assert drawn[0][0][3][0] == "motion\n(noise floors)"
     assert drawn[0][0][3][1]["after"][1] == [-4.0] * points
     name, lines = drawn[1][0][1]
     assert name == "i_b (A)"
@@ -209,8 +210,9 @@ def test_facts_of_effects_and_nominal_model_are_told():
         size=SimpleNamespace(raw=9.0, before=4.0, after=1.0), simulations=7, seconds=1.0, start=None,
     )  # fmt: skip
     card, model, made = page._detail(SimpleNamespace(diagnosis=d))
-    assert "<td>rated_<wbr>current</td><td>1.2</td>" in model
+    assert "<td>rated_current</td><td class='n'>1.2</td><td class='n'>A peak</td>" in model
     assert "The effect inertia" in card
+    assert "\\n" not in card  # its lines are lines
     assert "9 noise floors" in made
 
 

@@ -80,8 +80,8 @@ def test_a_share_of_nearly_all_is_the_gap_s(share, own):
 @pytest.mark.parametrize(
     ("ratio", "word"),
     [
-        (1.45, "independent of speed"), (1.55, "growing with speed"),
-        (1 / 1.45, "independent of speed"), (1 / 1.55, "falling with speed"),
+        (1.45, "does not depend on speed"), (1.55, "grows with speed"),
+        (1 / 1.45, "does not depend on speed"), (1 / 1.55, "falls with speed"),
     ],
 )  # fmt: skip
 def test_amplitudes_within_one_and_a_half_are_alike(ratio, word):

@@ -128,10 +128,11 @@ def test_figures_of_a_report_need_one_font_only(caplog, monkeypatch, request):
     monkeypatch.setattr(manager, "ttflist", [f for f in manager.ttflist if f.fname.endswith("DejaVuSans.ttf")])
     manager._findfont_cached.cache_clear()
     request.addfinalizer(manager._findfont_cached.cache_clear)
-    svg = vector.bars_svg(["run_a ●", "b"], {"before": [20.0, 3.0], "after": [1.0, 1.1]}, "residual", log_from=0.5)
-    wide = vector.bars_svg(["a"], {"before": [2e4]}, "residual", log_from=0.5)
+    svg = vector.dots_svg(["run_a ●", "b"], {"before": [20.0, 3.0], "after": [1.0, 1.1]}, "residual")
+    wide = vector.dots_svg(["a"], {"before": [2e4]}, "residual")
+    bars = vector.bars_svg(["0", "6"], {"before": [20.0, 3.0]}, "share", ylabel="order")
     lines = vector.lines_svg([("i_a", {"before": ([0.0, 1.0], [2.0, 1.0])})], "t (s)")
-    assert all(s.startswith("<svg") for s in (svg, wide, lines))
+    assert all(s.startswith("<svg") for s in (svg, wide, bars, lines))
     assert not caplog.records
 
 

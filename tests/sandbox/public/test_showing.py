@@ -84,7 +84,7 @@ def test_columns_that_belong_together_are_not_parted():
     assert folded(["k", *(2 * ["x" * 57])], [], 1, 80, 2) == [[0, 1], [0, 2]]
 
 
-def test_a_column_of_theory_is_there_where_theory_foretells_something(small_comparison, tmp_path, capsys):
+def test_a_column_of_theory_is_there_where_theory_predicts_something(small_comparison, tmp_path, capsys):
     from sandbox.evaluation.compare_page import write_run
     from sandbox.public.printed import print_comparison, print_run
 
