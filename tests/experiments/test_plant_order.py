@@ -32,7 +32,9 @@ def test_a_neutral_lane_that_moves_is_named(monkeypatch):
     campaign = Campaign("bench", drive, tuple(r for r, _ in table.recorded(drive, {})), {}, {}, False)
     prepared = prepare(campaign, steps=1)
     found = table.moved_by_neutral(drive, prepared)
-    assert found.pop("current_filter") < 1e-12 * 2.0 / 3.0 * 400.0 / drive.motor.inductance_q / drive.motor.rated_current
+    assert (
+        found.pop("current_filter") < 1e-12 * 2.0 / 3.0 * 400.0 / drive.motor.inductance_q / drive.motor.rated_current
+    )
     assert max(found.values(), default=0.0) < 32.0 * np.finfo(float).eps
     exact = table.replay
 

@@ -98,9 +98,7 @@ def _grown(
     return out, cost
 
 
-def _promising(
-    best: Judged, tried: Sequence[Start], gains: Sequence[float], worth: float
-) -> list[tuple[float, Start]]:
+def _promising(best: Judged, tried: Sequence[Start], gains: Sequence[float], worth: float) -> list[tuple[float, Start]]:
     """Return the starts whose log evidence promises what they must be worth, with what they promise; of an effect that
     is not in the set one that promises as much of the gap as it has to close."""
     half = 0.5 * (1.0 - CLOSES[0]) * excess(best.fit)

@@ -46,9 +46,7 @@ class Screened:
     weights: Weights
 
 
-def together(
-    best: Judged, tried: Sequence[Start], screened: Screened, worth: float
-) -> list[tuple[float, Start]]:
+def together(best: Judged, tried: Sequence[Start], screened: Screened, worth: float) -> list[tuple[float, Start]]:
     """Return for each effect that is not in the set the orders that together promise half of the gap, as one start,
     with what they promise.
 
