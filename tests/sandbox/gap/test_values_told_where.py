@@ -131,7 +131,7 @@ def test_a_kind_of_functions_is_spoken_of_from_a_seventh(share, told):
     open_part = SimpleNamespace(beside=SimpleNamespace(described=described, worth=0.5), chances={})
     none = SimpleNamespace(best=SimpleNamespace(effects=()))
     a = SimpleNamespace(ranking=SimpleNamespace(open_part=open_part), diagnosis=none)
-    assert ("a voltage that hangs on the speed" in answers.beside_text(a)) == told
+    assert ("a voltage that depends on the speed" in answers.beside_text(a)) == told
 
 
 @pytest.mark.parametrize(("alike", "told"), [(1.9, False), (2.1, True)])
