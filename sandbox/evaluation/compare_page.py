@@ -22,7 +22,7 @@ from sandbox.output.vector import lines_svg
 from sandbox.plant.sets import BENCH
 
 DRAWN = 600  # blocks of a line over time
-ESTIMATED = "#2a9d5c"  # of the estimated speed on the true one
+ESTIMATED = (0.16, 0.62, 0.36)  # of the estimated speed on the true one
 NOT_IN_IT = (
     "It is a simulation: what the drive has beside this model (see `sensorless list effects`) is not in it unless it "
     "was added by --effects; nothing was.",
