@@ -122,8 +122,14 @@ def rotor(w):
 
 
 @kernel
+def at_pattern(w):
+    """Return the rotor's speed (rad/s, electrical) at the pattern's start, and how much later than t_k that is (s)."""
+    return rotor(w)[1], w.delay[0]
+
+
+@kernel
 def at_sample(w, rig, push):
-    """Return the same at t_k, before the pattern's start: the rotor turned as its last acceleration made it."""
+    """Return angle and speed at t_k, before the pattern's start: the rotor turned as its last acceleration made it."""
     theta, omega = rotor(w)
     gained = w.delay[0] * (push.imposed if rig.rotor == DRIVEN else 2.0 * w.surge[0])
     return theta - w.delay[0] * (omega - 0.5 * gained), omega - gained
@@ -271,7 +277,8 @@ def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profi
         t = k * rig.sampling_period
         wanted, cursor = interpolate(profile, t - rig.start_time, int(memory[CURSOR]))
         memory[CURSOR], memory[LINK] = cursor, read_link(rig, rng)
-        push = pushed(k, wanted, rotor(w)[1], w.delay[0], rig, profile, memory)
+        speed, delay = at_pattern(w)
+        push = pushed(k, wanted, speed, delay, rig, profile, memory)
         theta, omega = at_sample(w, rig, push)
         angle, slope = encoder(w, bench.features, theta, omega, rig.encoder_step)
         measured = angle, speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period)
