@@ -17,6 +17,10 @@ from sandbox.plant import ports
 from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD
 from sandbox.plant.lags import bend
 
+# Of link voltage times segment: a smaller bend counts as none.  Rounding of the fluxes (1e-16 of some 0.1 Wb) would place
+# its corner, here still to 1e-4; an edge late by so small a share moves the corner, and the drop, by as little.
+SLIGHT = 1e-9
+
 
 @kernel
 def winding_at_start(w):
@@ -98,7 +102,8 @@ def corner(w, j, span):
     """Return the share of the segment behind the corner that late edges make, and half of its peak (A)."""
     p, q = bend(w, j, 0.5 * span)
     along = w.early_a[j] * p + w.early_b[j] * q
-    bent = along < 0.0  # else no edge is late, and the bend is rounding
+    least = SLIGHT * span * w.link[j]
+    bent = along < 0.0 and p * p + q * q > least * least
     left = -1.5 * along / ((p * p + q * q) * span if bent else 1.0)
     p, q = follows(w, j, 2.0 * p, 2.0 * q)
     return min(left, 1.0) if bent else 1.0, p if bent else 0.0, q if bent else 0.0

@@ -143,7 +143,7 @@ WRONG = {
     "unknown estimator": (["compare", "--estimators", "qnul"], 2, ["unknown estimator 'qnul'", "mean 'qnull'"]),
     "no estimator": (["compare", "--estimators", ","], 2, ["no estimator"]),
     "missing file": (["compare", "--motor", "nowhere.toml"], 2, ["nowhere.toml", "does not exist"]),
-    "outside the domain": (["compare", "--motor", "spm"], 3, ["convex", "-0.786 A", "eigenvalue"]),
+    "outside the domain": (["compare", "--motor", "spm"], 3, ["convex", "-0.786 A", "spm_exchanged"]),
     "duration too long": (["simulate", "--duration", "1e9"], 2, ["1000000000.0 s", "staircase"]),
     "duration nan": (["simulate", "--duration", "nan"], 2, ["duration nan"]),
     "radius": (["audit", "ipm", "--radius", "-1"], 2, ["radius -1.0 A", "24] A"]),
@@ -369,7 +369,8 @@ def test_list_effects_prints_all_and_one_card(capsys):
     assert all(word in said for word in ("equation", "source", "confused with", "separated by", "dead_time.time"))
     assert main(["list", "effects", "dead_tme"]) == 2
     assert "did you mean 'dead_time'" in capsys.readouterr().err
-    assert main(["list", "motors", "ipm"]) == 2
+    assert main(["list", "motors", "ipm"]) == 0
+    assert "magnet_flux           0.0981 Wb" in capsys.readouterr().out
 
 
 def test_simulate_refuses_wrong_effects(capsys, tmp_path):

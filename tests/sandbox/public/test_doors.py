@@ -66,7 +66,7 @@ def made(tmp_path_factory):
         ({"cluster": "tcp://127.0.0.1:9"}, "no result keeps the argument 'cluster'"),
         ({"effects_from": 3}, "no list of files"),
         ({"effects_from": ["\0.py"]}, "no list of files"),
-        ({"radius": [1]}, "states a call that cannot be made"),
+        ({"radius": [1]}, r"radius = \[1\] is no number"),
     ],
 )
 def test_a_result_s_call_reaches_nothing_else(tmp_path, made, change, said):
