@@ -17,8 +17,8 @@ from sandbox.plant import ports
 from sandbox.plant.electrical import HALF_ROOT, ROOT_THIRD, THIRD
 from sandbox.plant.lags import bend
 
-# Of link voltage times segment: a smaller bend counts as none.  Rounding of the fluxes (1e-16 of some 0.1 Wb) would place
-# its corner, here still to 1e-4; an edge late by so small a share moves the corner, and the drop, by as little.
+# Of link voltage times segment: a smaller bend counts as none.  Rounding of the fluxes (1e-16 of some 0.1 Wb) would
+# place its corner, here still to 1e-4; an edge late by so small a share moves the corner, and the drop, by as little.
 SLIGHT = 1e-9
 
 
