@@ -53,6 +53,7 @@ def _row(belief, closed, load, start, predicted, lost=False):
         predicted_mean_deg=predicted,
         lost_lock=lost,
         reference_held=True,
+        true_speed_rpm=None,
         t_start=start,
         t_end=start + 0.04,
     )
@@ -79,7 +80,7 @@ def _comparison(samples=SAMPLES):
     kinds = [(belief, closed) for closed in (True, False) for belief in ("saturated", "linear")]
     return SimpleNamespace(
         drive=SimpleNamespace(name="ipm_exchanged"),
-        scenario=SimpleNamespace(name="staircase"),
+        scenario=SimpleNamespace(name="staircase", rotor="locked"),
         runs=tuple(_run(*kind, seed, samples) for seed, kind in enumerate(kinds)),
         properties={"version": "0.1.0", "seed": 7, "inductance_d": 0.0113, "note": "synthetic"},
     )
