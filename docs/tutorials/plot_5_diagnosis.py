@@ -93,8 +93,8 @@ panel.legend()
 # %%
 # The turning recordings had the large gap; after it nothing but noise is left in any of them.
 #
-# "Position error of the estimator"
-# ---------------------------------
+# "Position error (rms, electrical) of the estimator"
+# ---------------------------------------------------
 # The page also says what this means for a sensorless drive. The same Kalman filter is run on the recorded currents and on simulated ones:
 
 for name, value in gap["position_error_deg"].items():
