@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
+from sandbox.gap.evidence.renewed import renewed
 
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
@@ -34,6 +36,9 @@ DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
 STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken
 CHORDS = 4  # steps on the same slopes: more of them would only creep
 ENOUGH = 0.25  # of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
+HERE = 10.0  # of it: slopes taken so near are those of the point itself
+LACKS = 2e-3  # of what a fit lacks to the best rival: a step that gains less does not bring it there
+SHORT = 0.25  # share of a step below which all slopes are taken anew
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
@@ -80,27 +85,40 @@ def fit(
     effects: Sequence[str],
     weights: Weights,
     *,
+    leader: float = math.inf,
     workers: int = 1,
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
-    How a current's sign goes through zero is freed once all else has brought the residual near its floor: far from it
-    the sign walks away with what is missing, and takes hundreds of simulations to do so.
+    leader: the objective of the best rival; a fit far behind it ends as soon as steps gain little of what it lacks.
+
+    Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free
+    rotors' motion, smoothed again at the point that was found, fits better.
     """
-    held = _fit(start, effects, weights, workers, sign=False)
-    if normalised(held.normal, weights) > NEAR:
-        return held
-    free = _fit(held.point, effects, weights, workers, sign=True)
-    return replace(free, simulations=held.simulations + free.simulations)
+    task = Task(start, effects, weights, leader, workers)
+    found, smoother = _within_bounds(task, start)
+    for _ in range(WIDENED):
+        claimed = [c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)]
+        if all(reach(c, found.point.values) <= FARTHEST for c in claimed) and smoother < SMOOTHER:
+            break
+        at = found.point.resmoothed() if smoother >= SMOOTHER else found.point
+        further, smoother = _within_bounds(task, at)
+        cost = found.simulations + further.simulations
+        if not further.objective < found.objective - TOLERANCE:
+            return replace(found, simulations=cost)
+        found = replace(further, simulations=cost)
+    return found
 
 
 def attempted(
-    start: Point, effects: Sequence[str], weights: Weights, *, smooth: bool = False, workers: int = 1
-) -> Fit | None:
+    start: Point, effects: Sequence[str], weights: Weights, *, smooth: bool = False, leader: float = math.inf,
+    workers: int = 1,
+) -> Fit | None:  # fmt: skip
     """Return the fit of a set, None where no drive can have it or it predicts nothing finite; smooth: free rotors'
     motion is smoothed at the start."""
     try:
-        found = fit(start.resmoothed() if smooth else start, effects, weights, workers=workers)
+        at = start.resmoothed() if smooth else start
+        found = fit(at, effects, weights, leader=leader, workers=workers)
     except BadInput:
         return None
     return found if math.isfinite(found.objective) else None
@@ -112,77 +130,133 @@ def normalised(n: Normal, weights: Weights) -> float:
     return math.sqrt(sum(float(s.rr.sum()) for s in own) / sum(float(s.n.sum()) for s in own))
 
 
-def _fit(start: Point, effects: Sequence[str], weights: Weights, workers: int, *, sign: bool) -> Fit:
-    """Return the most probable point, the currents' sign as it is at the start or free.
+class Task(NamedTuple):
+    """What is fitted: where it begins, effects, recordings that count, the best rival's objective, threads."""
 
-    Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free
-    rotors' motion, smoothed again at the point that was found, fits better.
+    start: Point
+    effects: Sequence[str]
+    weights: Weights
+    leader: float
+    workers: int
+
+
+def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
+    """Return the most probable point within the bounds of the search as they are at a point, and what smoothing again
+    would gain.
+
+    How a current's sign goes through zero is freed once all else has brought the residual near its floor: far from it
+    the sign walks away with what is missing, and takes hundreds of simulations to do so.
     """
-    found, smoother = _within_bounds(start, start, effects, weights, workers, sign=sign)
-    for _ in range(WIDENED):
-        claimed = [c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)]
-        if all(reach(c, found.point.values) <= FARTHEST for c in claimed) and smoother < SMOOTHER:
-            break
-        at = found.point.resmoothed() if smoother >= SMOOTHER else found.point
-        further, smoother = _within_bounds(at, start, effects, weights, workers, sign=sign)
-        cost = found.simulations + further.simulations
-        if not further.objective < found.objective - TOLERANCE:
-            return replace(found, simulations=cost)
-        found = replace(further, simulations=cost)
-    return found
-
-
-def _within_bounds(
-    start: Point, begun: Point, effects: Sequence[str], weights: Weights, workers: int, *, sign: bool
-) -> tuple[Fit, float]:
-    """Return the same within the bounds of the search as they are at the start, and what smoothing again would gain.
-
-    Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
-    """
-    coordinates = [c for c in coordinates_of(start, effects, begun) if sign or c.label not in SIGN]
-    point, n = start, normal(start, coordinates, workers=workers)
-    prior = prior_of(n.coordinates)
-    value, cost = objective(n, prior, weights), n.simulations
-    taken, own, damping, share = 1, 0, 0, 1.0  # times slopes were taken; steps since then; of a whole step
-    falling = False  # sizes in proportion
-    little = TOLERANCE * noise_at(n, weights)
-    for _ in range(STEPS):
-        straight, promised = _step(n, prior, weights, DAMPING[damping], share)
-        x = fallen(n.x, straight, prior) if falling else straight
-        trial = point.moved(n.coordinates, x)
-        reached, at_trial = tried(n, trial, prior, weights, workers)
-        cost += 1.0
-        gained = value - reached
-        if at_trial is not None and gained > (0.0 if damping else max(0.0, ENOUGH * promised)):
-            point, n, value, damping = trial, at_trial, reached, max(0, damping - 1)
-            own, share = own + 1, min(1.0, 2.0 * share)
-            if gained > POOR * promised and gained > little and own < CHORDS:
-                continue
-            if own == 1 and gained <= little:
-                break
-        elif not own:
-            if promised < little:
-                break
-            if not falling and not damping and np.any(fallen(n.x, straight, prior) != straight):
-                falling = True
-                continue
-            share = shorter(share, promised, promised - gained)
-            if share < SHORTEST or damping:
-                damping, share = damping + 1, 1.0
-            if damping < len(DAMPING):
-                continue
-            break
-        if taken == SLOPES:
-            break
-        if taken <= SMOOTHINGS:
-            point = point.resmoothed()
-        n = normal(point, coordinates, workers=workers)
-        value, cost = objective(n, prior, weights), cost + n.simulations
-        taken, own, little = taken + 1, 0, TOLERANCE * noise_at(n, weights)
+    coordinates = coordinates_of(at, task.effects, task.start)
+    n = normal(at, coordinates, workers=task.workers)
+    free = prior_of(n.coordinates)
+    sign = np.array([c.label in SIGN for c in n.coordinates])
+    held = replace(free, mean=np.where(sign, n.x, free.mean), deviation=np.where(sign, 0.0, free.deviation))
+    usual = {c.label: c.deviation for c in ordinary(at.prepared.campaign)}
+    bends = [c for c in coordinates if c.label in SIGN or usual.get(c.label) != c.deviation]
+    d = Descent(task, bends, at, n, n, n.simulations)
+    d.down(held, confirm=False)
+    prior = free if normalised(d.n, task.weights) <= NEAR else held
+    d.down(prior, confirm=True)
     smoother = 0.0
-    if effects and any(r.rotor == "free" for r in point.prepared.recordings):
-        smoother, cost = value - tried(n, point.resmoothed(), prior, weights, workers)[0], cost + 1.0
-    return Fit(tuple(effects), point, n.bare(), value, cost), smoother
+    if task.effects and any(r.rotor == "free" for r in d.point.prepared.recordings):
+        again = tried(d.whole, d.point.resmoothed(), prior, task.weights, task.workers)[0]
+        smoother, d.cost = d.value - again, d.cost + 1.0
+    return Fit(tuple(task.effects), d.point, d.n.bare(), objective(d.n, free, task.weights), d.cost), smoother
+
+
+@dataclass
+class Descent:
+    """A fit under way: coordinates whose slopes bend, point, equations there, those where all slopes were taken last,
+    simulations.
+
+    taken: times that all slopes were taken; steps, way: steps made since then, and what they gained; value: the
+    objective.
+    """
+
+    task: Task
+    bends: Sequence[Coordinate]
+    point: Point
+    n: Normal
+    whole: Normal
+    cost: float
+    taken: int = 1
+    steps: int = 0
+    way: float = 0.0
+    value: float = math.inf
+
+    def down(self, prior: Prior, confirm: bool) -> None:
+        """Step to the most probable point under a prior; confirm: slopes that were all taken near it say that it is
+        there.
+
+        Slopes that bend are taken at every point (`renewed`), the others kept until they promise more than a step
+        gains.
+        """
+        self.value = objective(self.n, prior, self.task.weights)
+        damping, share, falling, both = 0, 1.0, False, False  # falling: sizes in proportion; share: of a whole step
+        little = self.little()
+        for _ in range(STEPS):
+            straight, promised = _step(self.n, prior, self.task.weights, DAMPING[damping], share)
+            x = fallen(self.n.x, straight, prior) if falling else straight
+            gained, stepped = self.stepped(x, prior, 0.0 if damping else max(0.0, ENOUGH * promised))
+            near = not confirm or self.way <= HERE * little
+            if stepped:
+                damping, share, both = max(0, damping - 1), min(1.0, 2.0 * share), False
+                if gained <= little and near:
+                    return
+                if gained > POOR * promised and gained > little and self.steps < CHORDS:
+                    continue
+            elif promised < little:
+                if near or not self.steps:
+                    return
+            elif not damping and not both and np.any(fallen(self.n.x, straight, prior) != straight):
+                falling, both = not falling, True
+                continue
+            else:
+                share = shorter(share, promised, promised - gained)
+                if share >= (SHORT if self.steps else SHORTEST) and not damping:
+                    continue
+                damping, share = damping + 1, 1.0
+                if not self.steps and damping < len(DAMPING):
+                    continue
+                if not self.steps:
+                    return
+                damping = 0
+            if self.taken == SLOPES:
+                return
+            self.again(prior)
+            little = self.little()
+
+    def little(self) -> float:
+        """Return what a step may gain and yet change no decision."""
+        behind = max(0.0, self.value - self.task.leader)
+        return max(TOLERANCE * noise_at(self.n, self.task.weights), LACKS * behind)
+
+    def stepped(self, x: Array, prior: Prior, least: float) -> tuple[float, bool]:
+        """Go to x where the objective falls by more than `least`; return by how much it would fall, and whether."""
+        trial, gained = self.point.moved(self.n.coordinates, x), -math.inf
+        try:
+            at_trial = renewed(self.whole, trial, self.bends, self.task.workers)
+        except BadInput:
+            return gained, False
+        reached = objective(at_trial, prior, self.task.weights)
+        self.cost += at_trial.simulations
+        gained = self.value - reached
+        if not (math.isfinite(reached) and gained > least):
+            return gained, False
+        self.point, self.n, self.value = trial, at_trial, reached
+        self.steps, self.way = self.steps + 1, self.way + gained
+        return gained, True
+
+    def again(self, prior: Prior) -> None:
+        """Take all slopes anew, at first with free rotors' motion smoothed again."""
+        if self.taken <= SMOOTHINGS:
+            self.point = self.point.resmoothed()
+        own = [c for c in self.n.coordinates if c.form != "turn"]
+        self.n = self.whole = normal(self.point, own, workers=self.task.workers)
+        self.value = objective(self.n, prior, self.task.weights)
+        self.cost += self.n.simulations
+        self.taken, self.steps, self.way = self.taken + 1, 0, 0.0
 
 
 def stray(f: Fit) -> dict[str, tuple[Coordinate, float]]:

@@ -93,7 +93,8 @@ class Forward:
         self.report(f"fitting {' + '.join(key)}")
         from_here = parent.point if parent.effects else unbent(parent.point)
         at = replace(from_here, values={**from_here.values, **begin})
-        found = attempted(at, key, self.weights, smooth=bool(begin), workers=self.workers)
+        leader = min(f.objective for f in self.fits.values())
+        found = attempted(at, key, self.weights, smooth=bool(begin), leader=leader, workers=self.workers)
         if found is not None:
             self.fits[key], self.cost = found, self.cost + found.simulations
         return found

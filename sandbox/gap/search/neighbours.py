@@ -43,7 +43,8 @@ def neighbours(
         for key in keys:
             if key not in known:
                 with suppress(BadInput):  # none a drive can have
-                    out.append(fits.get(key) or fit(towards(best.fit, key, chosen), key, weights, workers=workers))
+                    at, leader = towards(best.fit, key, chosen), best.fit.objective
+                    out.append(fits.get(key) or fit(at, key, weights, leader=leader, workers=workers))
     return out
 
 
@@ -65,7 +66,7 @@ def fitted_again(
         tried.add((best.effects, rest))
         for start in (towards(best.fit, rest, chosen), starting(unbent(null.point), rest, chosen)):
             with suppress(BadInput):  # none a drive can have
-                found = fit(start, rest, weights, workers=workers)
+                found = fit(start, rest, weights, leader=best.fit.objective, workers=workers)
                 if found.objective < old.objective - BETTER:
                     old = found
         if old is not fits[rest]:
@@ -93,6 +94,7 @@ def pointed(
         return []
     key = max(told, key=lambda k: told[k])
     try:
-        return [fits.get(key) or fit(towards(best.fit, key, chosen), key, weights, workers=workers)]
+        at, leader = towards(best.fit, key, chosen), best.fit.objective
+        return [fits.get(key) or fit(at, key, weights, leader=leader, workers=workers)]
     except BadInput:  # none a drive can have
         return []

@@ -159,7 +159,8 @@ def _without(best: Judged, found: Search, temperature: float, weights: Weights, 
             rest = tuple(e for e in best.effects if e != gone)
             told = best.table.log_evidence(rest, temperature=temperature) + log_prior(rest)
             if shaped(gone) or told > level(best, temperature) - DOUBTED:
-                own = attempted(towards(best.fit, rest, found.chosen), rest, weights, workers=workers)
+                at, leader = towards(best.fit, rest, found.chosen), best.fit.objective
+                own = attempted(at, rest, weights, leader=leader, workers=workers)
                 rests += [] if own is None else [judge(own, found.chosen, found.share, weights, workers)]
         out += rests
         first = max(rests, key=lambda j: level(j, temperature), default=best)
@@ -219,7 +220,8 @@ def _begun(point: Point, effect: str, k: int, values: Mapping[str, float]) -> St
 def _with(best: Judged, start: Start, found: Search, weights: Weights, workers: int) -> Judged | None:
     """Return the best set with one part more, fitted and weighed; None where no drive can have it."""
     at = replace(best.fit.point, values={**best.fit.point.values, **start.begun})
-    new = attempted(at, tuple(sorted({*best.effects, start.effect})), weights, workers=workers)
+    key, leader = tuple(sorted({*best.effects, start.effect})), best.fit.objective
+    new = attempted(at, key, weights, leader=leader, workers=workers)
     return None if new is None else judge(new, found.chosen, found.share, weights, workers)
 
 

@@ -84,7 +84,9 @@ class Selection:
             point = towards(self.best, key, self.chosen)
             sized = new[0].sized if len(new) == 1 else None
             at = point if sized is None else replace(point, values={**point.values, **sized})
-            found = attempted(at, key, self.weights, smooth=bool(sized), workers=self.workers)
+            found = attempted(
+                at, key, self.weights, smooth=bool(sized), leader=self.best.objective, workers=self.workers
+            )
             if found is not None:
                 self.fits[key], self.cost = found, self.cost + found.simulations
         return self.fits.get(key)
@@ -204,7 +206,8 @@ def from_starts(s: Selection, key: Key, null: Fit) -> Fit | None:
     if not several & set(key) or len(key) > ALONE or not set(key) < set(s.best.effects):
         return first
     try:
-        other = fit(starting(unbent(null.point), key, s.chosen), key, s.weights, workers=s.workers)
+        at = starting(unbent(null.point), key, s.chosen)
+        other = fit(at, key, s.weights, leader=s.best.objective, workers=s.workers)
     except BadInput:
         return first
     s.cost += other.simulations
