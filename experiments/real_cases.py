@@ -41,13 +41,15 @@ CASES: dict[str, Case] = {
     "synrm_own_map": Case(
         diagnosed.synrm_own_map,
         "the same, its own flux map as nominal model; currents 250 µs late by `experiments.synrm_standstill`",
-        "`unknown`",
-        "Believe `unknown`: the map misses the cross test by more than any effect explains. What is at work is known "
-        "from elsewhere: currents 250 µs late (by the identification) and an angle of the cross test. The diagnosis of "
-        "2026-11-22 named both beside `unknown` (delay 240 µs; eccentricity, which at a standing rotor is an offset, "
-        "0.033 rad; `synrm_as_integrated` finds 0.039). The present one names neither: a set with 241 µs and the same "
-        "angle is third in its list, improbable as long as it has to explain everything. That the angle is there in "
-        "the cross test alone the library cannot say: the single-axis tests are filed with exactly no current across.",
+        "delay; angle, on all three tests; `unknown`",
+        "Believe the delay (240 µs; the identification says 250 µs): alone, and fitted without the cross test, it "
+        "closes two thirds of the reducible gap there (J 82.2 to 47.7). Believe the angle with care. The eccentricity "
+        "is an offset where a rotor stands (0.033 rad; `synrm_as_integrated` finds 0.039 by another way), but only the "
+        "cross test shows it: single-axis tests are filed with exactly no current across, so a fit to them puts it "
+        "near zero, and it closes nothing of the gap held out. Believe `unknown`: what else is at work stands under "
+        "`synrm_as_integrated`. Between 2026-11-22 (27a6c21) and 2026-11-24 neither was named: beside `unknown` a "
+        "current offset is not worth its place, and what stays was fitted from no delay at all, from where slopes do "
+        "not lead to 2.4 periods. Now it is fitted from its own values, too.",
     ),
     "synrm_as_integrated": Case(
         diagnosed.synrm_as_integrated,

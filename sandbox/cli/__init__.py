@@ -13,6 +13,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
+import sandbox.cli.blas  # noqa: F401 (before numpy)
 from model.errors import BadInput, PhysicsError, sentence
 from sandbox.cli.arguments import Parser, add_own_effects, folder_of, positive_int, seed_number
 from sandbox.cli.groups import Run, add_common, add_export, add_judging, add_looking, add_motor, add_recorded, add_runs

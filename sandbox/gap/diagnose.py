@@ -18,7 +18,7 @@ import numpy as np
 from model.effects import library
 from model.errors import PhysicsError
 from sandbox.gap.evidence.discrepancy import Remainder, remainder, unlogged_counts
-from sandbox.gap.evidence.fit import Fit, Weights, fit
+from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
 from sandbox.gap.evidence.noise import floor_of, noise_caution
@@ -26,6 +26,7 @@ from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.search.estimates import Estimate, estimates
 from sandbox.gap.search.forward import Judged, Search, search
 from sandbox.gap.search.parts import in_parts, with_parts
+from sandbox.gap.search.points import own_values
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.search.selection import widened
 from sandbox.gap.search.stranger import beside_unknown
@@ -124,7 +125,7 @@ def _diagnosed(
     hypotheses, rest = _beside_unknown(found, ranked, temperature, everything, workers)
     best = hypotheses[0].judged
     before = _without(found.null, start, left, workers)
-    after = _without(best.fit, best.fit.point, left, workers) if best.effects else before
+    after = _without(best.fit, start, left, workers) if best.effects else before
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
     return Diagnosis(
         own, start, nominal, before, after, left, judged, hypotheses,
@@ -214,16 +215,24 @@ def _ranked(
             judged = (*judged, fitted)
 
 
-def _without(whole: Fit, begin: Point, left: Sequence[int], workers: int) -> Fit:
-    """Return a fit to all recordings made again, from some point, without those that are held out.
+def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit:
+    """Return a fit to all recordings made again without those that are held out; start: the nominal model.
 
-    With effects it begins where the whole fit ended, a few steps away: its end is the same (a test spoils the recording
-    held out).  Without them, far from the floor, it would keep some of what it saw, and begins at the nominal model.
+    With effects it begins where the whole fit ended, a few steps away: near the floor its end is the same (a test
+    spoils the recording held out).  Far from the floor it could keep some of what the whole fit saw: there the best of
+    two counts, the other begins at the nominal model with the effects alone, as one without effects does.
     """
     if not left:
         return whole
-    weights = weights_of(len(begin.prepared.recordings), left)
-    return fit(begin, whole.effects, weights, workers=workers)
+    weights = weights_of(len(start.prepared.recordings), left)
+    if not whole.effects:
+        return fit(start, (), weights, workers=workers)
+    near = fit(whole.point, whole.effects, weights, workers=workers)
+    if normalised(near.normal, weights) <= NEAR:
+        return near
+    own = own_values(whole.effects, whole.point.values)
+    other = attempted(replace(start, values={**start.values, **own}), whole.effects, weights, workers=workers)
+    return near if other is None or near.objective <= other.objective else other
 
 
 def verdict(d: Diagnosis) -> str:

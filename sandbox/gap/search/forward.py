@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput
 from sandbox.gap.evidence.fit import Fit, Weights, attempted, fit
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.probes import Probe, probe_coordinates, probes
@@ -21,7 +20,7 @@ from sandbox.gap.evidence.spike_slab import gains_of, ordinary_share, table
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.multistart import with_sizes
 from sandbox.gap.search.neighbours import CLOSE, EXCHANGED, MOST, fitted_again, neighbours, pointed
-from sandbox.gap.search.points import starting, unbent
+from sandbox.gap.search.points import own_values, starting, unbent
 from sandbox.gap.search.subsets import possible
 
 Array = NDArray[np.float64]
@@ -56,16 +55,22 @@ class Search:
     share: float
     further: Mapping[str, float] = field(default_factory=dict)
 
-    def judge_also(self, effects: tuple[str, ...], weights: Weights, workers: int) -> Judged | None:
-        """Return one more set, fitted from ordinary deviations alone and weighed; None where no drive can have it."""
-        try:
-            start = starting(unbent(self.null.point), effects, self.chosen)
-            parts = {k: v for k, v in self.further.items() if k.partition(".")[0] in effects}
-            found = fit(replace(start, values={**start.values, **parts}), effects, weights, workers=workers)
-        except BadInput:
+    def judge_also(
+        self, effects: tuple[str, ...], weights: Weights, workers: int, near: Fit | None = None
+    ) -> Judged | None:
+        """Return one more set, fitted from ordinary deviations alone and weighed; None where no drive can have it.
+
+        near: the fit of a set that holds it; fitted from its effects' values, too, it need not end in another minimum.
+        """
+        alone = starting(unbent(self.null.point), effects, self.chosen)
+        points = [replace(alone, values={**alone.values, **own_values(effects, self.further)})]
+        if near is not None:
+            points.append(replace(alone, values={**alone.values, **own_values(effects, near.point.values)}))
+        fits = [f for f in (attempted(p, effects, weights, workers=workers) for p in points) if f is not None]
+        if not fits:
             return None
-        own = judge(found, self.chosen, self.share, weights, workers)
-        return replace(own, simulations=own.simulations + found.simulations)
+        own = judge(min(fits, key=lambda f: f.objective), self.chosen, self.share, weights, workers)
+        return replace(own, simulations=own.simulations + sum(f.simulations for f in fits))
 
 
 @dataclass
@@ -187,7 +192,7 @@ def _both_best(fits: Mapping[Key, Fit], null: Fit) -> list[tuple[Key, Fit, Set, 
     key = tuple(sorted((*first.effects, *second.effects)))
     if len(key) < 2 or not possible(key) or excess(first) < SETTLES * excess(null):
         return []
-    own = {k: v for k, v in second.point.values.items() if k.startswith(f"{second.effects[0]}.")}
+    own = own_values(second.effects, second.point.values)
     return [(key, first, own, 0.5 * (null.objective - second.objective))]
 
 

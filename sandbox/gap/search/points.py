@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from model.effects import library
@@ -21,6 +21,11 @@ def towards(best: Fit, key: Sequence[str], chosen: Sequence[Probe]) -> Point:
     off = {k: neutral[k] for k in own if k not in library.shared()}
     start = replace(best.point, values={**best.point.values, **off})
     return starting(start, [e for e in key if e not in best.effects], chosen)
+
+
+def own_values(effects: Sequence[str], values: Mapping[str, float]) -> dict[str, float]:
+    """Return those of a set's values that belong to some effects."""
+    return {k: v for k, v in values.items() if k.partition(".")[0] in effects}
 
 
 def starting(point: Point, effects: Sequence[str], chosen: Sequence[Probe]) -> Point:

@@ -53,7 +53,7 @@ def beside_unknown(
             break
         own = next((j for j in found.judged if j.effects == kept), None)
         if own is None:
-            own = found.judge_also(kept, weights, workers)
+            own = found.judge_also(kept, weights, workers, here.fit)
         if own is None:
             break
         here = own

@@ -8,7 +8,7 @@ import pytest
 
 from sandbox.gap.diagnose import _without
 from sandbox.gap.evidence.algebra import prior_of
-from sandbox.gap.evidence.fit import TOLERANCE, fit, noise_at, objective
+from sandbox.gap.evidence.fit import NEAR, TOLERANCE, fit, noise_at, normalised, objective
 from sandbox.gap.evidence.gap_size import Size, size_of
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
@@ -72,7 +72,8 @@ def test_a_recording_held_out_leaves_nothing_in_the_fit_to_the_others(small_fold
     spoilt = replace(own, recordings=(replace(first, columns=wrong), *own.recordings[1:]))
     start = Point(prepare(spoilt), complete(own.drive.motor, own.drive.converter))
     whole, honest = fit(start, effects, weights_of(len(own.recordings))), fit(start, effects, others)
-    found = _without(whole, whole.point, (0,), 1)
+    found = _without(whole, start, (0,), 1)
+    assert normalised(found.normal, others) < NEAR  # one fit, from the end of the whole one
     little = 2.0 * TOLERANCE * noise_at(honest.normal, others)
     assert found.objective == pytest.approx(honest.objective, abs=little)
     seen = objective(whole.normal, prior_of(whole.coordinates), others)

@@ -14,7 +14,7 @@ from sandbox.gap.evidence import probes, spike_slab
 from sandbox.gap.evidence.algebra import Prior
 from sandbox.gap.evidence.fit import Fit, stray
 from sandbox.gap.evidence.holdout import worst_share
-from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.evidence.normal import Normal, Point
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.report import shares as sharing
 from sandbox.replay.segments import Segment
@@ -376,15 +376,28 @@ def test_the_sign_of_currents_is_freed_within_three_floors(monkeypatch, left, fi
     assert asked == fits
 
 
-def test_a_fit_without_held_out_recordings_counts_all_others(monkeypatch):
-    """Three recordings, the second held out: all but its channels count; with none held out nothing is fitted again."""
+@pytest.mark.parametrize(("level", "other", "best"), [(2.9, None, "near"), (3.1, 4.0, "other"), (3.1, 6.0, "near")])
+def test_a_fit_without_held_out_recordings_counts_all_others(monkeypatch, level, other, best):
+    """Three recordings, the second held out: all but its channels count; with none held out nothing is fitted again.
+    Beyond three floors a fit from the nominal model, the effect's values alone kept, counts where its objective is
+    below that of the first (5)."""
     asked = []
-    monkeypatch.setattr(diagnose, "fit", lambda *given, **more: asked.append(given) or "again")
-    point = SimpleNamespace(prepared=SimpleNamespace(recordings=("a", "b", "c")))
-    whole = SimpleNamespace(point=point, effects=("dead_time",))
-    assert diagnose._without(whole, point, (), 1) is whole
+
+    def told(name, size):
+        return lambda *given, **more: asked.append(given) or SimpleNamespace(name=name, objective=size, normal=None)
+
+    monkeypatch.setattr(diagnose, "fit", told("near", 5.0))
+    monkeypatch.setattr(diagnose, "attempted", told("other", other))
+    monkeypatch.setattr(diagnose, "normalised", lambda n, weights: level)
+    recordings = SimpleNamespace(recordings=("a", "b", "c"))
+    end = Point(recordings, {"resistance": 1.5, "dead_time.time": 2e-6})
+    nominal = Point(recordings, {"resistance": 1.0, "dead_time.time": 0.0})
+    whole = SimpleNamespace(point=end, effects=("dead_time",))
+    assert diagnose._without(whole, nominal, (), 1) is whole
     assert asked == []
-    assert diagnose._without(whole, point, (1,), 1) == "again"
-    ((start, effects, weights),) = asked
-    assert (start, effects) == (point, ("dead_time",))
-    assert weights == {(k, c): 1.0 for k in (0, 2) for c in ("current", "motion", "angle")}
+    assert diagnose._without(whole, nominal, (1,), 1).name == best
+    assert asked[0][0] is end
+    assert [(given[0].values) for given in asked[1:]] == [{"resistance": 1.0, "dead_time.time": 2e-6}] * (level > 3.0)
+    for _, effects, weights in asked:
+        assert effects == ("dead_time",)
+        assert weights == {(k, c): 1.0 for k in (0, 2) for c in ("current", "motion", "angle")}

@@ -6,10 +6,18 @@ from types import SimpleNamespace
 import pytest
 
 from sandbox.gap.evidence.beside import beside
+from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.search import stranger
+from sandbox.gap.search.forward import Search
 from sandbox.gap.search.posterior import with_unknown
 from sandbox.gap.search.stranger import believed, beside_unknown
 from sandbox.gap.search.subsets import Subsets
+from sandbox.plant.sets import complete
+from sandbox.replay.replay import prepare
+from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
 
 
 def planned(worth):
@@ -51,3 +59,23 @@ def test_dead_time_stays_beside_a_stranger(with_a_stranger, monkeypatch):
     monkeypatch.setattr(stranger, "believed", lambda sets, effects: ())
     beside_unknown(search, own, 0.9, 1.0, {}, 1)
     assert asked == [()]
+
+
+def test_what_stays_is_not_dismissed_for_the_minimum_it_ends_in_alone():
+    """Voltages logged one period before they act.  From no delay at all slopes do not lead to so long a one; from the
+    delay of a fit that has a needless effect, too, they stay at it."""
+    campaign, period = small_campaign({}, CASES[::3]), DRIVE.converter.sampling_period
+    early = tuple(replace(r, columns=logged_early(r.columns)) for r in campaign.recordings)
+    start = Point(prepare(replace(campaign, recordings=early)), complete(DRIVE.motor, DRIVE.converter))
+    weights, both, delay = weights_of(2), ("dead_time", "pwm_delay"), "pwm_delay.delay"
+    near = fit(replace(start, values={**start.values, delay: 2.0 * period}), both, weights)
+    search = Search(fit(start, (), weights), (), 0.0, frozenset(), tuple(Probe(e, {}) for e in both), 0.01)
+    alone, stays = (search.judge_also(("pwm_delay",), weights, 1, x) for x in (None, near))
+    assert alone.fit.point.values[delay] < 0.1 * period
+    assert stays.fit.point.values[delay] == pytest.approx(period, rel=0.05)
+    assert stays.fit.objective < 0.1 * alone.fit.objective
+
+
+def logged_early(columns):
+    """Return columns of a recording whose voltages stand one row earlier."""
+    return {k: x[1:] if k in ("u_alpha", "u_beta") else x[:-1] for k, x in columns.items()}

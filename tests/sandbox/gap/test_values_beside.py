@@ -75,7 +75,7 @@ def test_three_rounds_leave_out_what_is_not_believed(monkeypatch, unknown, left)
     monkeypatch.setattr(stranger, "shortened", lambda x: x)
     monkeypatch.setattr(stranger, "beside", lambda *_, **__: SimpleNamespace(equations=None))
     monkeypatch.setattr(stranger, "believed", lambda sets, effects: effects[:-1])
-    judged = lambda kept, *_: SimpleNamespace(effects=kept, table=SimpleNamespace(point=None), prior=None)  # noqa: E731
+    judged = lambda kept, *_: SimpleNamespace(effects=kept, table=SimpleNamespace(point=None), prior=None, fit=None)  # noqa: E731
     found = SimpleNamespace(judged=(), judge_also=judged)
     assert stranger.beside_unknown(found, judged(tuple("abcde")), unknown, 1.0, {}, 1).effects == tuple(left)
 

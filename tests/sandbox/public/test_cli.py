@@ -248,6 +248,28 @@ def test_as_a_program(tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("module", "own", "said"), [("sandbox.cli", {}, "1"), ("sandbox.cli", {"OPENBLAS_NUM_THREADS": "2"}, "2"),
+                                ("sandbox", {}, "None")]
+)  # fmt: skip
+def test_a_command_has_one_thread_of_blas(module, own, said):
+    """Set before numpy is loaded, which reads it then; what the user has set stays, and so does a user's own Python."""
+    names = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+    code = (
+        "import os, sys\n"
+        "class Seen:\n"
+        "    def find_spec(self, name, *_):\n"
+        f"        if name == 'numpy': print(*(os.environ.get(x) for x in {names}))\n"
+        "sys.meta_path.insert(0, Seen())\n"
+        f"import {module}, numpy\n"
+    )
+    around = {k: v for k, v in os.environ.items() if k not in names} | own
+    root = Path(__file__).resolve().parents[3]
+    call = [sys.executable, "-c", code]
+    done = subprocess.run(call, cwd=root, env=around, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == [said, *(["None"] * 2 if said == "None" else ["1"] * 2)]
+
+
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_interrupt_leaves_nothing_half_written(sent, code, tmp_path):
     """Ctrl-C or SIGTERM as soon as the first file of the results is written aside: the process sends it itself."""
