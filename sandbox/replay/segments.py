@@ -37,22 +37,14 @@ class Segment:
     n: Array
 
 
-class Squared(NamedTuple):
-    """A segment with its slopes (n c, q) and residuals (n, c)."""
-
-    segment: Segment
-    rows: Rows
-    residuals: Array
-
-
-def squared_slopes(prepared: Prepared, moves: Moves, cut: int, workers: int) -> list[Squared]:
+def squared_slopes(prepared: Prepared, moves: Moves, cut: int, workers: int) -> list[tuple[Segment, Rows]]:
     """Return all segments with their slopes, which stay in memory where they fit; cut: samples of a block."""
     width, n = len(moves.to), [r.samples for r in prepared.recordings]
     room, size = SHARE * prepared.spare, 8.0 * width * sum(_readings(r) for r in prepared.recordings)
     groups = stretches(n, room / (32.0 * (width + ROOMS[-1] * workers)), cut)
     small = size <= room and all(s.whole for group in groups for s in group)
     spill, at = None if small else Spill(size), 0
-    out: list[Squared] = []
+    out: list[tuple[Segment, Rows]] = []
     gathering: list[Gathering] = []
     for s, told in slopes(prepared, moves, groups, workers=workers):
         parts = channels_of(prepared, s, told, width - 2)
@@ -125,7 +117,7 @@ class Gathering:
         if spill is not None:
             spill.write(self.at + 8 * self.width * first * part.j.shape[1], flat)
 
-    def squared(self, recording: int, part: Part, spill: Spill | None, cut: int) -> Squared:
+    def squared(self, recording: int, part: Part, spill: Spill | None, cut: int) -> tuple[Segment, Rows]:
         """Return the segment and the slopes (n c, q) of those coordinates that act on it; part: the last stretch."""
         assert self.acts is not None
         acts = np.flatnonzero(self.acts[part.columns])
@@ -134,7 +126,7 @@ class Gathering:
             spill, self.at, (self.rows, self.width), columns, scale
         )  # fmt: skip
         r = self.residuals[0] if len(self.residuals) == 1 else np.concatenate(self.residuals)
-        return Squared(_segment(recording, part.channel, rows, part.places[acts], r, cut), rows, r)
+        return _segment(recording, part.channel, rows, part.places[acts], r, cut), rows
 
 
 def blocks(n: int, cut: int) -> list[tuple[int, int]]:

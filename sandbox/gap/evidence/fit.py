@@ -24,7 +24,6 @@ from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
-from sandbox.gap.evidence.renewed import renewed
 
 Array = NDArray[np.float64]
 Weights = Mapping[tuple[int, str], float]
@@ -38,7 +37,6 @@ CHORDS = 4  # steps on the same slopes: more of them would only creep
 ENOUGH = 0.25  # of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
 HERE = 10.0  # of it: slopes taken so near are those of the point itself
 LACKS = 2e-3  # of what a fit lacks to the best rival: a step that gains less does not bring it there
-SHORT = 0.25  # share of a step below which all slopes are taken anew
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
@@ -152,33 +150,30 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
     free = prior_of(n.coordinates)
     sign = np.array([c.label in SIGN for c in n.coordinates])
     held = replace(free, mean=np.where(sign, n.x, free.mean), deviation=np.where(sign, 0.0, free.deviation))
-    usual = {c.label: c.deviation for c in ordinary(at.prepared.campaign)}
-    bends = [c for c in coordinates if c.label in SIGN or usual.get(c.label) != c.deviation]
-    d = Descent(task, bends, at, n, n, n.simulations)
+    d = Descent(task, coordinates, at, n, n.simulations)
     d.down(held, confirm=False)
     prior = free if normalised(d.n, task.weights) <= NEAR else held
+    if prior is free and d.steps:
+        d.again(prior)
     d.down(prior, confirm=True)
     smoother = 0.0
     if task.effects and any(r.rotor == "free" for r in d.point.prepared.recordings):
-        again = tried(d.whole, d.point.resmoothed(), prior, task.weights, task.workers)[0]
+        again = tried(d.n, d.point.resmoothed(), prior, task.weights, task.workers)[0]
         smoother, d.cost = d.value - again, d.cost + 1.0
     return Fit(tuple(task.effects), d.point, d.n.bare(), objective(d.n, free, task.weights), d.cost), smoother
 
 
 @dataclass
 class Descent:
-    """A fit under way: coordinates whose slopes bend, point, equations there, those where all slopes were taken last,
-    simulations.
+    """A fit under way: its coordinates, point, equations there, simulations.
 
-    taken: times that all slopes were taken; steps, way: steps made since then, and what they gained; value: the
-    objective.
+    taken: times that slopes were taken; steps, way: steps made since then, and what they gained; value: the objective.
     """
 
     task: Task
-    bends: Sequence[Coordinate]
+    coordinates: Sequence[Coordinate]
     point: Point
     n: Normal
-    whole: Normal
     cost: float
     taken: int = 1
     steps: int = 0
@@ -186,14 +181,12 @@ class Descent:
     value: float = math.inf
 
     def down(self, prior: Prior, confirm: bool) -> None:
-        """Step to the most probable point under a prior; confirm: slopes that were all taken near it say that it is
-        there.
+        """Step to the most probable point under a prior; confirm: slopes that were taken near it say that it is there.
 
-        Slopes that bend are taken at every point (`renewed`), the others kept until they promise more than a step
-        gains.
+        Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
         """
         self.value = objective(self.n, prior, self.task.weights)
-        damping, share, falling, both = 0, 1.0, False, False  # falling: sizes in proportion; share: of a whole step
+        damping, share, falling = 0, 1.0, False  # falling: sizes in proportion; share: of a whole step
         little = self.little()
         for _ in range(STEPS):
             straight, promised = _step(self.n, prior, self.task.weights, DAMPING[damping], share)
@@ -201,27 +194,23 @@ class Descent:
             gained, stepped = self.stepped(x, prior, 0.0 if damping else max(0.0, ENOUGH * promised))
             near = not confirm or self.way <= HERE * little
             if stepped:
-                damping, share, both = max(0, damping - 1), min(1.0, 2.0 * share), False
+                damping, share = max(0, damping - 1), min(1.0, 2.0 * share)
                 if gained <= little and near:
                     return
                 if gained > POOR * promised and gained > little and self.steps < CHORDS:
                     continue
-            elif promised < little:
-                if near or not self.steps:
-                    return
-            elif not damping and not both and np.any(fallen(self.n.x, straight, prior) != straight):
-                falling, both = not falling, True
-                continue
-            else:
+            elif promised < little and near:
+                return
+            elif not self.steps:
+                if not falling and not damping and np.any(fallen(self.n.x, straight, prior) != straight):
+                    falling = True
+                    continue
                 share = shorter(share, promised, promised - gained)
-                if share >= (SHORT if self.steps else SHORTEST) and not damping:
+                if share < SHORTEST or damping:
+                    damping, share = damping + 1, 1.0
+                if damping < len(DAMPING):
                     continue
-                damping, share = damping + 1, 1.0
-                if not self.steps and damping < len(DAMPING):
-                    continue
-                if not self.steps:
-                    return
-                damping = 0
+                return
             if self.taken == SLOPES:
                 return
             self.again(prior)
@@ -234,26 +223,21 @@ class Descent:
 
     def stepped(self, x: Array, prior: Prior, least: float) -> tuple[float, bool]:
         """Go to x where the objective falls by more than `least`; return by how much it would fall, and whether."""
-        trial, gained = self.point.moved(self.n.coordinates, x), -math.inf
-        try:
-            at_trial = renewed(self.whole, trial, self.bends, self.task.workers)
-        except BadInput:
-            return gained, False
-        reached = objective(at_trial, prior, self.task.weights)
-        self.cost += at_trial.simulations
+        trial = self.point.moved(self.n.coordinates, x)
+        reached, at_trial = tried(self.n, trial, prior, self.task.weights, self.task.workers)
+        self.cost += 1.0
         gained = self.value - reached
-        if not (math.isfinite(reached) and gained > least):
+        if at_trial is None or not gained > least:
             return gained, False
         self.point, self.n, self.value = trial, at_trial, reached
         self.steps, self.way = self.steps + 1, self.way + gained
         return gained, True
 
     def again(self, prior: Prior) -> None:
-        """Take all slopes anew, at first with free rotors' motion smoothed again."""
+        """Take slopes anew, at first with free rotors' motion smoothed again."""
         if self.taken <= SMOOTHINGS:
             self.point = self.point.resmoothed()
-        own = [c for c in self.n.coordinates if c.form != "turn"]
-        self.n = self.whole = normal(self.point, own, workers=self.task.workers)
+        self.n = normal(self.point, self.coordinates, workers=self.task.workers)
         self.value = objective(self.n, prior, self.task.weights)
         self.cost += self.n.simulations
         self.taken, self.steps, self.way = self.taken + 1, 0, 0.0

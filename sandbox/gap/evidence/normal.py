@@ -30,7 +30,7 @@ from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import inputs_of
 from sandbox.replay.memory import SHARE
 from sandbox.replay.replay import Prepared, Walk, in_threads, plan, residual_of
-from sandbox.replay.segments import Segment, Squared, channel, squared, squared_slopes
+from sandbox.replay.segments import Segment, channel, squared, squared_slopes
 from sandbox.replay.sensitivity import Moves
 from sandbox.replay.stretches import Stretch, stretches
 from sandbox.replay.walking import Block
@@ -125,14 +125,12 @@ class Normal:
         for group in stretches([r.samples for r in prepared.recordings], SHARE * prepared.spare / a_sample, cut):
             in_threads(task, [(stretch, block) for stretch in group for block in together], workers)
         _COUNT.get()(float(len(points)))
-        told = zip(points, out, strict=True)
-        return [replace(self, x=self.at_point(p), segments=tuple(s), simulations=1.0) for p, s in told]
+        return [self._with(*x) for x in zip(points, sets, out, strict=True)]
 
-    def at_point(self, point: Point) -> Array:
-        """Return the values (p,) of the coordinates at a point."""
-        turned = point.turns
-        told = [turned.get(c.names[0], 0.0) if c.form == "turn" else c.value(point.values) for c in self.coordinates]
-        return np.array(told)
+    def _with(self, point: Point, values: Mapping[str, float], segments: Sequence[Segment]) -> Normal:
+        """Return the equations with segments squared at a point."""
+        x = [point.turns.get(c.names[0], 0.0) if c.form == "turn" else c.value(values) for c in self.coordinates]
+        return replace(self, x=np.array(x), segments=tuple(segments), simulations=1.0)
 
     def bare(self) -> Normal:
         """Return the same without slopes, which are large."""
@@ -199,22 +197,6 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
 
     BadInput where the point is none a drive can have (masses, delays that bound each other).
     """
-    told = slopes_at(point, coordinates, workers)
-    segments, rows, _ = zip(*told.parts, strict=True)
-    return Normal(told.coordinates, told.x, segments, told.cost, rows)
-
-
-class Told(NamedTuple):
-    """Coordinates (turns last), their values x (p,), segments with slopes and residuals, cost in simulations."""
-
-    coordinates: tuple[Coordinate, ...]
-    x: Array
-    parts: Sequence[Squared]
-    cost: float
-
-
-def slopes_at(point: Point, coordinates: Sequence[Coordinate], workers: int) -> Told:
-    """Return slopes of the coordinates and all turns at a point, squared; BadInput as `normal`."""
     drive = point.prepared.campaign.drive
     complete(drive.motor, drive.converter, point.values)
     prepared, values = point.turned(), point.values
@@ -238,7 +220,7 @@ def slopes_at(point: Point, coordinates: Sequence[Coordinate], workers: int) -> 
     free = sum(r.samples for r in prepared.recordings if r.rotor == "free") / prepared.samples
     cost = 1.0 + sum(free if m else 1.0 for m in mechanical)
     _COUNT.get()(cost)
-    return Told((*coordinates, *own_turns), x, parts, cost)
+    return Normal((*coordinates, *own_turns), x, tuple(s for s, _ in parts), cost, tuple(rows for _, rows in parts))
 
 
 def possible(drive: Drive, values: Mapping[str, float]) -> bool:
