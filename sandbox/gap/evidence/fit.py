@@ -2,7 +2,8 @@
 
 A hypothesis is a list of effects.  Its coordinates are the ordinary deviations with their narrow priors, and its
 effects' with wide ones; the objective is the sum of squared residuals over their floor plus that of deviations over
-their priors.  Near the most probable point all is Gaussian:
+their priors.  Slopes are kept from step to step; only slopes that were taken near the end say that it is one.  Near
+the most probable point all is Gaussian:
 
     log evidence = -1/2 objective - 1/2 log det(A + P^-1) - sum log deviation,
 
@@ -35,9 +36,13 @@ DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
 STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken
 CHORDS = 4  # steps on the same slopes: more of them would only creep
 ENOUGH = 0.25  # of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
-HERE = 10.0  # of it: slopes taken so near are those of the point itself
-LACKS = 2e-3  # of what a fit lacks to the best rival: a step that gains less does not bring it there
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
+# Times TOLERANCE: gained since slopes were taken, by steps of 1.4 standard deviations near the floor.  On so short a
+# way slopes are those of the end.
+HERE = 10.0
+# Of what a fit lacks to the best rival: a step that gains less does not bring it there, and log evidences stay right
+# to some such shares.
+LACKS = 2e-3
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
 SIGN = ("bench.soft_current", "bench.soft_shape")
@@ -113,7 +118,7 @@ def attempted(
     workers: int = 1,
 ) -> Fit | None:  # fmt: skip
     """Return the fit of a set, None where no drive can have it or it predicts nothing finite; smooth: free rotors'
-    motion is smoothed at the start."""
+    motion is smoothed at the start; leader: as in `fit`."""
     try:
         at = start.resmoothed() if smooth else start
         found = fit(at, effects, weights, leader=leader, workers=workers)
