@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
-from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.normal import Normal, Point, equations_of, normal
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
 
 Array = NDArray[np.float64]
@@ -33,7 +33,7 @@ Weights = Mapping[tuple[int, str], float]
 TOLERANCE = 0.2
 SHORTEST = 0.05  # share of a step that is still tried: along a bent valley short steps gain, damped ones hardly
 DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
-STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken
+STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken; twice
 CHORDS = 4  # steps on the same slopes: more of them would only creep
 ENOUGH = 0.25  # of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
@@ -42,7 +42,7 @@ POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
 HERE = 10.0
 # Of what a fit lacks to the best rival: a step that gains less does not bring it there, and log evidences stay right
 # to some such shares.
-LACKS = 2e-3
+LACKS = 5e-4
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
 SIGN = ("bench.soft_current", "bench.soft_shape")
@@ -165,7 +165,11 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
     if task.effects and any(r.rotor == "free" for r in d.point.prepared.recordings):
         again = tried(d.n, d.point.resmoothed(), prior, task.weights, task.workers)[0]
         smoother, d.cost = d.value - again, d.cost + 1.0
-    return Fit(tuple(task.effects), d.point, d.n.bare(), objective(d.n, free, task.weights), d.cost), smoother
+    found, value = d.n.bare(), objective(d.n, free, task.weights)
+    if prior is held:  # what is made of the fit holds the sign, too
+        own = np.flatnonzero(~sign).tolist()
+        found = equations_of(found, own, [n.coordinates[k] for k in own], found.x)
+    return Fit(tuple(task.effects), d.point, found, value, d.cost), smoother
 
 
 @dataclass
@@ -192,12 +196,12 @@ class Descent:
         """
         self.value = objective(self.n, prior, self.task.weights)
         damping, share, falling = 0, 1.0, False  # falling: sizes in proportion; share: of a whole step
-        little = self.little()
+        little, most = self.little(), self.taken + SLOPES - 1
         for _ in range(STEPS):
             straight, promised = _step(self.n, prior, self.task.weights, DAMPING[damping], share)
             x = fallen(self.n.x, straight, prior) if falling else straight
             gained, stepped = self.stepped(x, prior, 0.0 if damping else max(0.0, ENOUGH * promised))
-            near = not confirm or self.way <= HERE * little
+            near = not confirm or self.way <= HERE * self.little()
             if stepped:
                 damping, share = max(0, damping - 1), min(1.0, 2.0 * share)
                 if gained <= little and near:
@@ -216,7 +220,7 @@ class Descent:
                 if damping < len(DAMPING):
                     continue
                 return
-            if self.taken == SLOPES:
+            if self.taken == most:
                 return
             self.again(prior)
             little = self.little()

@@ -149,6 +149,22 @@ class Normal:
         return Sums(a, g, rr)
 
 
+def equations_of(n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array) -> Normal:
+    """Return normal equations of some coordinates, the others held at values (p,); coordinates: what to call these."""
+    place = {k: m for m, k in enumerate(kept)}
+    shift = held - n.x
+    segments = []
+    for s in n.segments:
+        inside = np.array([m for m, k in enumerate(s.places) if int(k) in place], dtype=np.int64)
+        move = shift[s.places]
+        move[inside] = 0.0
+        g = s.g - s.a @ move
+        rr = s.rr - (s.g + g) @ move
+        places = np.array([place[int(s.places[m])] for m in inside], dtype=np.int64)
+        segments.append(Segment(s.recording, s.channel, places, s.a[:, inside][:, :, inside], g[:, inside], rr, s.n))
+    return Normal(tuple(coordinates), n.x[list(kept)], tuple(segments), 0.0)
+
+
 @dataclass(frozen=True)
 class Point:
     """Where a fit stands: the prepared campaign, a completed set, and how far (rad) recordings' angles are turned."""

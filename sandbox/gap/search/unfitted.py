@@ -10,15 +10,10 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
 from sandbox.gap.evidence.fit import Fit
-from sandbox.gap.evidence.normal import Normal, Segment
-from sandbox.gap.evidence.priors import Coordinate
+from sandbox.gap.evidence.normal import equations_of
 from sandbox.gap.search.judged import Judged
 
-Array = NDArray[np.float64]
 BEHIND = 30.0  # log evidence behind the best at which there is no point in it
 
 
@@ -37,25 +32,9 @@ def by_algebra(none: Judged, effect: str) -> Judged:
     prior = t.prior(effects, alone=True)
     kept = [k for k, c in enumerate(t.coordinates) if prior.deviation[k] > 0.0 or c.form == "turn"]
     own = [replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k])) for k in kept]
-    n = part_of(t.normal, kept, own, prior.mean)
+    n = equations_of(t.normal, kept, own, prior.mean)
     x, _, objective = t.equations.most_probable(prior)
     whole = [k for k in kept if t.coordinates[k].form != "share"]  # a share is there or not, nothing between
     at = t.point.moved([t.coordinates[k] for k in whole], x[whole])
     found = Fit(effects, at, n, objective, 0.0)
     return Judged(found, t, t.prior(effects), t.log_evidence(effects) - 0.5 * none.unmet, none.unmet, 0.0)
-
-
-def part_of(n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array) -> Normal:
-    """Return normal equations of some coordinates, the others held at values (p,); coordinates: what to call these."""
-    place = {k: m for m, k in enumerate(kept)}
-    shift = held - n.x
-    segments = []
-    for s in n.segments:
-        inside = np.array([m for m, k in enumerate(s.places) if int(k) in place], dtype=np.int64)
-        move = shift[s.places]
-        move[inside] = 0.0
-        g = s.g - s.a @ move
-        rr = s.rr - (s.g + g) @ move
-        places = np.array([place[int(s.places[m])] for m in inside], dtype=np.int64)
-        segments.append(Segment(s.recording, s.channel, places, s.a[:, inside][:, :, inside], g[:, inside], rr, s.n))
-    return Normal(tuple(coordinates), n.x[list(kept)], tuple(segments), 0.0)

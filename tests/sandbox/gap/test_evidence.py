@@ -271,5 +271,6 @@ def test_the_sign_of_currents_is_freed_near_the_floor_only(small_answers):
     sign = {"bench.soft_current", "bench.soft_shape"}
     assert d.size.before > 3.0 > d.size.after
     assert not sign & {c.label for c in d.before.coordinates}
-    assert d.before.point.values["bench.soft_current"] == d.start.values["bench.soft_current"]
+    kept = pytest.approx(d.start.values["bench.soft_current"], rel=1e-12)  # by its logarithm, there and back
+    assert d.before.point.values["bench.soft_current"] == kept
     assert sign <= {c.label for c in d.after.coordinates}

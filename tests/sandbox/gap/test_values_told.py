@@ -148,7 +148,7 @@ def test_what_slopes_still_promise_counts_against_a_set(monkeypatch):
     t.prior = lambda effects, alone=False: SimpleNamespace(deviation=np.ones(0), mean=np.ones(0))
     t.coordinates, t.equations = (), SimpleNamespace(most_probable=lambda prior: (np.zeros(0), None, 1.0))
     t.point = SimpleNamespace(moved=lambda coordinates, x: None)
-    monkeypatch.setattr(unfitted, "part_of", lambda *given: None)
+    monkeypatch.setattr(unfitted, "equations_of", lambda *given: None)
     assert unfitted.by_algebra(none, "a").log_evidence == pytest.approx(6.0)
 
 

@@ -12,13 +12,14 @@ from sandbox.gap.evidence import spike_slab
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.normal import equations_of
 from sandbox.gap.evidence.priors import ordinary, seen
 from sandbox.gap.evidence.probes import probes_at_typical
 from sandbox.gap.evidence.spike_slab import Table, ordinary_share
 from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.posterior import tempered
-from sandbox.gap.search.unfitted import part_of, slight
+from sandbox.gap.search.unfitted import slight
 from sandbox.recordings.writing import write_campaign
 from tests.sandbox.gap.conftest import small_campaign
 from tests.sandbox.gap.test_evidence import start
@@ -131,7 +132,7 @@ def test_part_of_the_equations_is_the_rest_held(quiet):
     none, _ = quiet
     n, kept, rng = none.normal, [0, 3, len(none.normal.x) - 1], np.random.default_rng(2)
     held = n.x + 0.1 * none.prior.deviation * rng.standard_normal(len(n.x))
-    own = part_of(n, kept, [n.coordinates[k] for k in kept], held)
+    own = equations_of(n, kept, [n.coordinates[k] for k in kept], held)
     x = n.x[kept] + none.prior.deviation[kept] * rng.standard_normal(len(kept))
     whole = held.copy()
     whole[kept] = x
