@@ -162,9 +162,16 @@ def test_a_scan_ends_where_its_card_says():
 
 
 def stand_in(effects, told, excess=0.0):
-    """Return a judged set with a level and an excess over noise that are given, and leave-one-out levels `told`."""
+    """Return a judged set with a level and an excess over noise that are given, and leave-one-out levels `told`; its
+    fit is its effects."""
+
+    class Effects(tuple):
+        """Effects that stand for their fit."""
+
+        objective = 0.0
+
     table = SimpleNamespace(log_evidence=lambda rest, temperature: told.get(rest, -1e6))
-    return SimpleNamespace(effects=effects, level=told[effects], excess=excess, table=table, fit=effects)
+    return SimpleNamespace(effects=effects, level=told[effects], excess=excess, table=table, fit=Effects(effects))
 
 
 @pytest.fixture

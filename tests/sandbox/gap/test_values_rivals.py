@@ -28,7 +28,7 @@ def fitted(monkeypatch):
 def best_of(effects, told):
     """A judged set of log evidence 0; the table tells that of others, -500 where nothing is told."""
     table = SimpleNamespace(members=dict.fromkeys("abcdef"), log_evidence=lambda key: told.get("".join(key), -500.0))
-    return SimpleNamespace(effects=tuple(effects), table=table, log_evidence=0.0, fit=None)
+    return SimpleNamespace(effects=tuple(effects), table=table, log_evidence=0.0, fit=SimpleNamespace(objective=0.0))
 
 
 @pytest.mark.parametrize(

@@ -108,7 +108,7 @@ def test_a_rival_of_two_effects_with_a_shape_is_fitted_alone_too(monkeypatch, ef
     monkeypatch.setattr(Selection, "fitted", lambda self, key: self.fits.setdefault(key, fit_of(key, 2.0)))
     monkeypatch.setattr(selection, "starting", lambda *_: None)
     monkeypatch.setattr(selection, "unbent", lambda point: point)
-    monkeypatch.setattr(selection, "fit", lambda start, key, weights, workers: fit_of(key, 1.0))
+    monkeypatch.setattr(selection, "fit", lambda start, key, weights, leader, workers: fit_of(key, 1.0))
     found = selection.from_starts(s, tuple(effects), SimpleNamespace(point=None))
     assert found.objective - COUNT == expected
 
