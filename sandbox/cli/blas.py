@@ -1,7 +1,9 @@
 """One thread for BLAS, imported before numpy reads it: commands share the cores by threads and processes of their own,
-and BLAS' threads wait beside them in a loop.  What the user has set stays."""
+and BLAS' threads wait beside them in a loop.  Where the user has set a number of threads, nothing is changed."""
 
 import os
 
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(name, "1")
+NAMES = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
+
+if not any(name in os.environ for name in NAMES):
+    os.environ |= dict.fromkeys(NAMES, "1")

@@ -26,7 +26,7 @@ from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.search.estimates import Estimate, estimates
 from sandbox.gap.search.forward import Judged, Search, search
 from sandbox.gap.search.parts import in_parts, with_parts
-from sandbox.gap.search.points import own_values
+from sandbox.gap.search.points import own_values, with_values
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
 from sandbox.gap.search.selection import widened
 from sandbox.gap.search.stranger import beside_unknown
@@ -230,8 +230,8 @@ def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit
     near = fit(whole.point, whole.effects, weights, workers=workers)
     if normalised(near.normal, weights) <= NEAR:
         return near
-    own = own_values(whole.effects, whole.point.values)
-    other = attempted(replace(start, values={**start.values, **own}), whole.effects, weights, workers=workers)
+    begun = with_values(start, own_values(whole.effects, whole.point.values))
+    other = attempted(begun, whole.effects, weights, smooth=True, workers=workers)
     return near if other is None or near.objective <= other.objective else other
 
 

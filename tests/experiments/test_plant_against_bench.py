@@ -12,8 +12,8 @@ from model.drive_files import load_drive
 
 @pytest.fixture(scope="module")
 def found():
-    """What is found of a drive whose devices drop 4 V (some 10 ppm), a millionth taken for a large difference: that it is
-    looked into does not depend on how far off the plant is."""
+    """What is found of a drive whose devices drop 4 V (some 10 ppm), a millionth taken for a large difference: that it
+    is looked into does not depend on how far off the plant is."""
     drive = load_drive("ipm_exchanged")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(table, "LARGEST", 1e-6)

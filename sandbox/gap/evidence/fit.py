@@ -33,15 +33,14 @@ Weights = Mapping[tuple[int, str], float]
 TOLERANCE = 0.2
 SHORTEST = 0.05  # share of a step that is still tried: along a bent valley short steps gain, damped ones hardly
 DAMPING = (0.0, 0.05, 0.3, 2.0, 10.0)  # tried in turn until a step gains
-STEPS, SLOPES = 30, 8  # steps, of which each costs one simulation, and points at which slopes are taken; twice
+STEPS, SLOPES = 30, 8  # of a part of a fit: steps, each of one simulation, and points at which slopes are taken
 CHORDS = 4  # steps on the same slopes: more of them would only creep
-ENOUGH = 0.25  # of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
 POOR = 0.5  # of the gain that slopes promised: below it they are taken anew
-# Times TOLERANCE: gained since slopes were taken, by steps of 1.4 standard deviations near the floor.  On so short a
-# way slopes are those of the end.
+ENOUGH = 0.25  # of it: a step that gains less climbs the sides of a bent valley, along which a shorter one goes
+# Times what changes no decision, gained since slopes were taken: 2 at the floor, a way of 1.4 standard deviations.  On
+# so short a way slopes hold.
 HERE = 10.0
-# Of what a fit lacks to the best rival: a step that gains less does not bring it there, and log evidences stay right
-# to some such shares.
+# Share of the distance to the best rival: a step that gains less does not change which of them is ahead.
 LACKS = 5e-4
 SMOOTHINGS = 2  # of a free rotor's motion
 SMOOTHER = 3.0  # of the objective that smoothing again must gain
@@ -93,7 +92,9 @@ def fit(
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
-    leader: the objective of the best rival; a fit far behind it ends as soon as steps gain little of what it lacks.
+    The first part of a fit holds how a current's sign goes through zero, the second frees it where the residual is near
+    its floor (`_within_bounds`).  leader: the objective of the best rival; a fit far behind it ends as soon as steps
+    gain little of what it lacks.
 
     Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free
     rotors' motion, smoothed again at the point that was found, fits better.
@@ -157,10 +158,13 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
     held = replace(free, mean=np.where(sign, n.x, free.mean), deviation=np.where(sign, 0.0, free.deviation))
     d = Descent(task, coordinates, at, n, n.simulations)
     d.down(held, confirm=False)
+    if d.steps and normalised(d.n, task.weights) > NEAR:
+        d.down(held, confirm=True)
     prior = free if normalised(d.n, task.weights) <= NEAR else held
-    if prior is free and d.steps:
-        d.again(prior)
-    d.down(prior, confirm=True)
+    if prior is free:
+        if d.steps:
+            d.again(free)
+        d.down(free, confirm=True)
     smoother = 0.0
     if task.effects and any(r.rotor == "free" for r in d.point.prepared.recordings):
         again = tried(d.n, d.point.resmoothed(), prior, task.weights, task.workers)[0]
@@ -195,6 +199,8 @@ class Descent:
         Slopes are kept from step to step (each costs one simulation) until they promise more than a step gains.
         """
         self.value = objective(self.n, prior, self.task.weights)
+        if not math.isfinite(self.value):
+            return
         damping, share, falling = 0, 1.0, False  # falling: sizes in proportion; share: of a whole step
         little, most = self.little(), self.taken + SLOPES - 1
         for _ in range(STEPS):

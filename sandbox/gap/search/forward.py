@@ -20,7 +20,7 @@ from sandbox.gap.evidence.spike_slab import gains_of, ordinary_share, table
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.multistart import with_sizes
 from sandbox.gap.search.neighbours import CLOSE, EXCHANGED, MOST, fitted_again, neighbours, pointed
-from sandbox.gap.search.points import own_values, starting, unbent
+from sandbox.gap.search.points import own_values, starting, unbent, with_values
 from sandbox.gap.search.subsets import possible
 
 Array = NDArray[np.float64]
@@ -60,13 +60,14 @@ class Search:
     ) -> Judged | None:
         """Return one more set, fitted from ordinary deviations alone and weighed; None where no drive can have it.
 
-        near: the fit of a set that holds it; fitted from its effects' values, too, it need not end in another minimum.
+        near: the fit of a larger set; its values of these effects are a second start, and the better fit counts.
         """
         alone = starting(unbent(self.null.point), effects, self.chosen)
-        points = [replace(alone, values={**alone.values, **own_values(effects, self.further)})]
+        told = [attempted(with_values(alone, own_values(effects, self.further)), effects, weights, workers=workers)]
         if near is not None:
-            points.append(replace(alone, values={**alone.values, **own_values(effects, near.point.values)}))
-        fits = [f for f in (attempted(p, effects, weights, workers=workers) for p in points) if f is not None]
+            begun = with_values(alone, own_values(effects, near.point.values))
+            told.append(attempted(begun, effects, weights, smooth=True, workers=workers))
+        fits = [f for f in told if f is not None]
         if not fits:
             return None
         own = judge(min(fits, key=lambda f: f.objective), self.chosen, self.share, weights, workers)

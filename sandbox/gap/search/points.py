@@ -24,14 +24,23 @@ def towards(best: Fit, key: Sequence[str], chosen: Sequence[Probe]) -> Point:
 
 
 def own_values(effects: Sequence[str], values: Mapping[str, float]) -> dict[str, float]:
-    """Return those of a set's values that belong to some effects."""
-    return {k: v for k, v in values.items() if k.partition(".")[0] in effects}
+    """Return those of a set's values that belong to some effects, and their doubles: a set holds both or neither."""
+    first, out = library.same_numbers(), dict[str, float]()
+    for name, value in values.items():
+        if name.partition(".")[0] in effects:
+            out |= library.moved(first.get(name, name), value)
+    return out
+
+
+def with_values(point: Point, values: Mapping[str, float]) -> Point:
+    """Return a point with some values exchanged."""
+    return replace(point, values={**point.values, **values})
 
 
 def starting(point: Point, effects: Sequence[str], chosen: Sequence[Probe]) -> Point:
     """Return a point with the companions of effects where their probes start."""
     begun = {k: v for p in chosen if p.effect in effects for k, v in p.start.items()}
-    return replace(point, values={**point.values, **begun})
+    return with_values(point, begun)
 
 
 def unbent(point: Point) -> Point:

@@ -51,10 +51,10 @@ def beside_unknown(
         kept = believed(sets, here.effects)
         if kept == here.effects:
             break
-        own = next((j for j in found.judged if j.effects == kept), None)
-        if own is None:
-            own = found.judge_also(kept, weights, workers, here.fit)
-        if own is None:
+        known = [j for j in found.judged if j.effects == kept]
+        again = found.judge_also(kept, weights, workers, here.fit)  # what was judged may stand in another minimum
+        both = [*known, *([] if again is None else [again])]
+        if not both:
             break
-        here = own
+        here = min(both, key=lambda j: j.fit.objective)
     return here

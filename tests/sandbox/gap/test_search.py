@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from model.effects.library import load_effect
+from model.effects.library import effect_names, load_effect, moved, neutral, same_numbers, typical
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.discrepancy import IMITATED, STRETCH, remainder, stretched
 from sandbox.gap.evidence.fit import coordinates_of, fit, objective, stray
@@ -23,11 +23,25 @@ from sandbox.gap.search.forward import search
 from sandbox.gap.search.judged import judge
 from sandbox.gap.search.multistart import with_sizes
 from sandbox.gap.search.neighbours import pointed
+from sandbox.gap.search.points import own_values
+from sandbox.plant.sets import complete
 from sandbox.recordings.writing import write_campaign
 from tests.sandbox.gap.conftest import DRIVE, small_campaign
 from tests.sandbox.gap.test_evidence import start
 
 LATE = 8e-5  # s, a third of a period: beyond the zero vector, where the slope at zero says nothing
+
+
+@pytest.mark.parametrize("effect", effect_names())
+def test_values_of_an_effect_are_a_set_with_all_others_off(effect):
+    """Saturation and cross-saturation hold one number under two names: neither comes without the other."""
+    motor, converter = DRIVE.motor, DRIVE.converter
+    first, given = same_numbers(), {}
+    for name, value in typical(effect, motor, converter).items():
+        given |= moved(first.get(name, name), value)
+    whole = complete(motor, converter, {**neutral(motor), **given})
+    own = own_values((effect,), whole)
+    assert complete(motor, converter, {**neutral(motor), **own}) == whole
 
 
 @pytest.fixture(scope="module")

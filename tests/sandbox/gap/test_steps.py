@@ -417,39 +417,57 @@ def test_only_ordinary_deviations_follow_where_effects_are_missing(monkeypatch):
 
 
 @pytest.mark.parametrize("rotor", ["driven", "free"])
-@pytest.mark.parametrize(("left", "freed"), [(2.9, True), (3.1, False)])
-def test_the_sign_of_currents_is_freed_within_three_floors(monkeypatch, left, freed, rotor):
-    """Held where it is until then; only slopes near an end of the second part say that it is one, and the sign's own
-    are taken anew before it.  Each part takes 7 simulations beside the 20 of each equations; a free rotor's motion,
-    smoothed again, would gain 4 and takes one more."""
+@pytest.mark.parametrize(
+    ("left", "parts"),
+    [([2.9], ["held", "free"]), ([3.1, 3.1], ["held", "held sure"]), ([3.1, 2.9], ["held", "held sure", "free"])],
+)
+def test_the_sign_of_currents_is_freed_within_three_floors(monkeypatch, left, parts, rotor):
+    """Held where it is until then, at first on slopes that nothing confirms; above three floors these are confirmed,
+    which may bring it below.  Slopes are taken anew before the sign is freed.  Each part takes 7 simulations, all
+    slopes 20; a free rotor's motion, smoothed again, would gain 4 and takes one more."""
     wide = [Coordinate(n, 0.5, sd, "linear", (n,)) for n, sd in (("a", 0.1), ("b", 3.0), (fitting.SIGN[0], 1.0))]
-    told, own = [], [wide[0], dataclasses.replace(wide[1], deviation=0.1), wide[2]]
+    told, floors, freed = [], chain(left, repeat(left[-1])), parts[-1] == "free"
     point = SimpleNamespace(prepared=SimpleNamespace(campaign=None, recordings=[SimpleNamespace(rotor=rotor)]))
     point.resmoothed = lambda: point
     n = SimpleNamespace(coordinates=tuple(wide), x=np.array([1.0, 2.0, 3.0]), simulations=20.0, segments=())
     n.bare = lambda: n
 
     def down(d, prior, confirm):
-        told.append((prior, confirm))
-        d.cost, d.value, d.steps = d.cost + 7.0, 100.0 - len(told), 1
+        """Note the part, which takes one step."""
+        held = prior.deviation[2] == 0.0
+        told.append(("held sure" if confirm else "held") if held else "free" if confirm else "")
+        assert prior.mean.tolist() == [0.5, 0.5, 3.0 if held else 0.5]
+        assert prior.deviation[:2].tolist() == [0.1, 3.0]
+        d.cost, d.value, d.steps = d.cost + 7.0, 98.0, 1
 
     monkeypatch.setattr(fitting, "coordinates_of", lambda *given: wide)
-    monkeypatch.setattr(fitting, "ordinary", lambda campaign: own)
     monkeypatch.setattr(fitting, "normal", lambda *given, **more: n)
-    monkeypatch.setattr(fitting, "normalised", lambda n, weights: left)
+    monkeypatch.setattr(fitting, "normalised", lambda n, weights: next(floors))
     monkeypatch.setattr(fitting, "objective", lambda n, prior, weights: prior.deviation.tolist())
     monkeypatch.setattr(fitting, "tried", lambda *given: (94.0, None))
     monkeypatch.setattr(Descent, "down", down)
     found, smoother = fitting._within_bounds(Task(point, ("b",), {}, np.inf, 1), point)
-    (first, one), (second, other) = told
-    assert (first.mean.tolist(), first.deviation.tolist()) == ([0.5, 0.5, 3.0], [0.1, 3.0, 0.0])
-    assert second.deviation.tolist() == [0.1, 3.0, 1.0 if freed else 0.0]
-    assert second.mean.tolist() == [0.5, 0.5, 0.5 if freed else 3.0]
-    assert (one, other) == (False, True)
+    assert told == parts
     assert found.objective == [0.1, 3.0, 1.0]  # of what is free to every fit, so that fits compare
     assert [c.label for c in found.coordinates] == ["a", "b", *fitting.SIGN[:freed]]  # a held sign is nobody's to move
-    again = 20.0 if freed else 0.0
-    assert (smoother, found.simulations) == ((4.0, 35.0 + again) if rotor == "free" else (0.0, 34.0 + again))
+    once_more = rotor == "free"
+    assert smoother == (4.0 if once_more else 0.0)
+    assert found.simulations == 20.0 * (1 + freed) + 7.0 * len(parts) + once_more
+
+
+def test_a_first_part_without_a_step_is_not_done_twice(monkeypatch):
+    """Its slopes are of the point itself: nothing is left to confirm, and 20 simulations were all."""
+    wide = [Coordinate(fitting.SIGN[0], 0.5, 1.0, "linear", (fitting.SIGN[0],))]
+    point = SimpleNamespace(prepared=SimpleNamespace(campaign=None, recordings=()))
+    n = SimpleNamespace(coordinates=tuple(wide), x=np.array([3.0]), simulations=20.0, segments=())
+    n.bare, told = (lambda: n), []
+    monkeypatch.setattr(fitting, "coordinates_of", lambda *given: wide)
+    monkeypatch.setattr(fitting, "normal", lambda *given, **more: n)
+    monkeypatch.setattr(fitting, "normalised", lambda n, weights: 3.1)
+    monkeypatch.setattr(fitting, "objective", lambda *given: 1.0)
+    monkeypatch.setattr(Descent, "down", lambda d, prior, confirm: told.append(confirm))
+    assert fitting._within_bounds(Task(point, (), {}, np.inf, 1), point)[0].simulations == 20.0
+    assert told == [False]
 
 
 @pytest.mark.parametrize(("level", "other", "best"), [(2.9, None, "near"), (3.1, 4.0, "other"), (3.1, 6.0, "near")])

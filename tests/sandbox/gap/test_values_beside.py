@@ -75,9 +75,28 @@ def test_three_rounds_leave_out_what_is_not_believed(monkeypatch, unknown, left)
     monkeypatch.setattr(stranger, "shortened", lambda x: x)
     monkeypatch.setattr(stranger, "beside", lambda *_, **__: SimpleNamespace(equations=None))
     monkeypatch.setattr(stranger, "believed", lambda sets, effects: effects[:-1])
-    judged = lambda kept, *_: SimpleNamespace(effects=kept, table=SimpleNamespace(point=None), prior=None, fit=None)  # noqa: E731
-    found = SimpleNamespace(judged=(), judge_also=judged)
+    found = SimpleNamespace(judged=(), judge_also=lambda kept, *_: judged(kept))
     assert stranger.beside_unknown(found, judged(tuple("abcde")), unknown, 1.0, {}, 1).effects == tuple(left)
+
+
+def judged(effects, objective=0.0):
+    """A judged set whose fit has an objective."""
+    table, fit = SimpleNamespace(point=None), SimpleNamespace(objective=objective)
+    return SimpleNamespace(effects=effects, table=table, prior=None, fit=fit)
+
+
+@pytest.mark.parametrize(("known", "counts"), [(4.0, 4.0), (6.0, 5.0), (None, 5.0)])
+def test_what_stays_is_fitted_from_the_larger_set_though_it_was_judged(monkeypatch, known, counts):
+    """The search judged `a` at 4, 6 or not at all; from the values beside `b` it reaches 5: the lower one counts."""
+    monkeypatch.setattr(stranger, "replace", lambda x, **_: x)
+    monkeypatch.setattr(stranger, "shortened", lambda x: x)
+    monkeypatch.setattr(stranger, "beside", lambda *_, **__: SimpleNamespace(equations=None))
+    monkeypatch.setattr(stranger, "believed", lambda sets, effects: effects[:1])
+    both, asked = judged(("a", "b")), []
+    again = lambda kept, weights, workers, near: asked.append(near) or judged(kept, 5.0)  # noqa: E731
+    found = SimpleNamespace(judged=() if known is None else (judged(("a",), known),), judge_also=again)
+    assert stranger.beside_unknown(found, both, 0.9, 1.0, {}, 1).fit.objective == counts
+    assert asked == [both.fit]
 
 
 @pytest.mark.parametrize(("count", "groups"), [(4, 1), (5, 0)])
