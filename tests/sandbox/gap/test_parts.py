@@ -168,7 +168,7 @@ def stand_in(effects, told, excess=0.0):
     class Effects(tuple):
         """Effects that stand for their fit."""
 
-        objective = 0.0
+        objective = 70.0
 
     table = SimpleNamespace(log_evidence=lambda rest, temperature: told.get(rest, -1e6))
     return SimpleNamespace(effects=effects, level=told[effects], excess=excess, table=table, fit=Effects(effects))
@@ -183,7 +183,13 @@ def planned(monkeypatch):
     monkeypatch.setattr(parts, "rms_of", lambda f: 1.0)
     monkeypatch.setattr(parts, "log_prior", lambda effects: 0.0)
     monkeypatch.setattr(parts, "towards", lambda fit, rest, chosen: None)
-    monkeypatch.setattr(parts, "attempted", lambda start, rest, *x, **y: rest)
+
+    def attempted(start, rest, weights, *, leader, workers):
+        """Return a set for its fit, which knows the best one's objective."""
+        assert leader == 70.0
+        return rest
+
+    monkeypatch.setattr(parts, "attempted", attempted)
     monkeypatch.setattr(parts, "judge", lambda rest, *x: plan[rest])
     monkeypatch.setattr(parts, "shaped", lambda effect: effect == "shape")
     return plan

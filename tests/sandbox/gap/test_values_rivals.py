@@ -10,25 +10,30 @@ from sandbox.gap.search import neighbours
 from sandbox.gap.search.multistart import trials
 from tests.sandbox.gap.conftest import DRIVE
 
+LEADS = 70.0  # objective of the best set
+
 
 @pytest.fixture
 def fitted(monkeypatch):
-    """Fits stand for themselves: a point is the set that it is for, a fit's objective is told by its set."""
+    """Fits stand for themselves: a point is the set that it is for, a fit's objective is told by its set.  Each of them
+    knows the best set's objective, so that it may end sooner far behind it."""
     told = {}
     monkeypatch.setattr(neighbours, "towards", lambda best, key, chosen: ("near", key))
     monkeypatch.setattr(neighbours, "starting", lambda point, key, chosen: ("alone", key))
     monkeypatch.setattr(neighbours, "unbent", lambda point: point)
-    monkeypatch.setattr(
-        neighbours, "fit",
-        lambda start, key, *_, **__: SimpleNamespace(effects=key, objective=told.get(start[0], 0.0)),
-    )  # fmt: skip
+
+    def fit(start, key, weights, *, leader, workers):
+        assert leader == LEADS
+        return SimpleNamespace(effects=key, objective=told.get(start[0], 0.0))
+
+    monkeypatch.setattr(neighbours, "fit", fit)
     return told
 
 
 def best_of(effects, told):
     """A judged set of log evidence 0; the table tells that of others, -500 where nothing is told."""
     table = SimpleNamespace(members=dict.fromkeys("abcdef"), log_evidence=lambda key: told.get("".join(key), -500.0))
-    return SimpleNamespace(effects=tuple(effects), table=table, log_evidence=0.0, fit=SimpleNamespace(objective=0.0))
+    return SimpleNamespace(effects=tuple(effects), table=table, log_evidence=0.0, fit=SimpleNamespace(objective=LEADS))
 
 
 @pytest.mark.parametrize(

@@ -108,7 +108,13 @@ def test_a_rival_of_two_effects_with_a_shape_is_fitted_alone_too(monkeypatch, ef
     monkeypatch.setattr(Selection, "fitted", lambda self, key: self.fits.setdefault(key, fit_of(key, 2.0)))
     monkeypatch.setattr(selection, "starting", lambda *_: None)
     monkeypatch.setattr(selection, "unbent", lambda point: point)
-    monkeypatch.setattr(selection, "fit", lambda start, key, weights, leader, workers: fit_of(key, 1.0))
+
+    def fit(start, key, weights, *, leader, workers):
+        """Return a fit that knows the best set's objective."""
+        assert leader == s.best.objective
+        return fit_of(key, 1.0)
+
+    monkeypatch.setattr(selection, "fit", fit)
     found = selection.from_starts(s, tuple(effects), SimpleNamespace(point=None))
     assert found.objective - COUNT == expected
 
