@@ -52,7 +52,8 @@ def beside_unknown(
         if kept == here.effects:
             break
         known = [j for j in found.judged if j.effects == kept]
-        again = found.judge_also(kept, weights, workers, here.fit)  # what was judged may stand in another minimum
+        # What was judged may stand in another minimum; ordinary deviations alone have only one.
+        again = found.judge_also(kept, weights, workers, here.fit) if kept or not known else None
         both = [*known, *([] if again is None else [again])]
         if not both:
             break
