@@ -29,7 +29,7 @@ from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.replay.replay import prepare
 from sandbox.validation.scoring.blind import opened
-from sandbox.validation.withheld.case_list import Case, cases
+from sandbox.validation.withheld.case_list import Case, Maps, cases
 from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.make import campaign_of
 
@@ -91,8 +91,9 @@ def main() -> None:
     folder = parser.parse_args().check
     header = opened(folder)
     listed = cases(
-        len(header["campaigns"]), header["seed"], header["kind"], header["style"], header["outside"], header["sizes"]
-    )
+        len(header["campaigns"]), header["seed"], header["kind"], header["style"], header["outside"], header["sizes"],
+        Maps(*header.get("maps", ())),
+    )  # fmt: skip
     rows = kept(folder / ROWS)
     for case in listed:
         known = case.name in {r.campaign for r in rows}

@@ -12,7 +12,7 @@ shrinks. This page walks through its answer, sentence by sentence.
 # To follow this page with a drive whose truth is known to nobody, let the package make one. This draws two drives, seals what is wrong with them in a file, and
 # then records a *campaign* of each: twelve recordings, some with the rotor locked, some turning::
 #
-#     sensorless withheld make drill --count 2 --seed 7
+#     sensorless withheld make drill --count 2 --seed 7 --maps 0
 #     sensorless diagnose drill/campaigns/w001
 #
 # A diagnosis takes half a minute to some minutes, so this page reads the result that the script ``docs/stored/diagnosis.py`` has kept. Its page for people is

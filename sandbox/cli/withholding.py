@@ -46,6 +46,8 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
         choices=("ladder", "published"),
         help="sizes of effects: published ranges, or a ladder of multiples of medium ones (published)",
     )
+    text = "share of a mixed check whose nominal model is a flux map, 0 to 1 (0.5; 0 where its data set is missing)"
+    c.add_argument("--maps", type=float, metavar="SHARE", help=text)
     _common(c, positive)
     text = "diagnose every campaign blindly, then open the seal and score"
     c = steps.add_parser("score", help=text, description=text)
@@ -74,7 +76,12 @@ def _common(command: Any, positive: Number) -> None:
 def run_make(options: argparse.Namespace) -> None:
     """Make a check; the seal's hash is printed before anything is recorded."""
     from sandbox.validation.withheld.make import make
+    from sandbox.validation.withheld.map_motors import SHARE, map_families, no_maps
     from sandbox.validation.withheld.mapped_drive import missing
+
+    maps = options.maps
+    if maps is None:  # the usual share, where it can be had
+        maps = SHARE if options.kind == "mixed" and map_families() else 0.0
 
     def announce(digest: str) -> None:
         """Print the seal's hash before anything is recorded."""
@@ -82,11 +89,14 @@ def run_make(options: argparse.Namespace) -> None:
             print_prose(f"truth sealed, SHA-256 {digest}")
             if options.kind in ("mixed", "outside") and (reason := missing()):
                 print_prose(reason)
+            if options.kind == "mixed" and options.maps is None and not map_families():
+                print_prose(f"{no_maps()}; all campaigns of this check have quartic ones, as with --maps 0")
 
     with progress_bar("recording", options.quiet) as progress:
         made = make(
             options.folder, options.count, options.seed, kind=options.kind, style=options.cycles, sizes=options.sizes,
-            jobs=options.jobs or os.cpu_count() or 1, cluster=options.dask, announce=announce, progress=progress,
+            maps=maps, jobs=options.jobs or os.cpu_count() or 1, cluster=options.dask, announce=announce,
+            progress=progress,
         )  # fmt: skip
     if not options.quiet:
         print_prose(f"{many(options.count, 'campaign')} in {made.folder / 'campaigns'}, {made.recorded} recorded now")

@@ -7,17 +7,38 @@ import os
 import shutil
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from model.errors import BadInput
-from model.mapped import without_map
+from model.mapped import OF_MAP, MappedMotor, without_map
+from model.parameters import Motor
 from sandbox.output.files import aside_of
 from sandbox.output.toml import toml_text
 from sandbox.recordings.campaign import NO_LIMITS, OF_RECORDING, RATED, Campaign
 
 
-def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
-    """Write a campaign as a new folder, whole or not at all; returns it.  BadInput where it exists already."""
+class StatedMap(NamedTuple):
+    """A nominal model's flux map as a campaign states it: its [flux_map] table, and its file (None: a data set's)."""
+
+    table: Mapping[str, Any]
+    content: bytes | None
+
+
+def map_read(motor: Motor) -> StatedMap | None:
+    """Return the flux map of a motor that was read from files; None where it has none."""
+    if not isinstance(motor, MappedMotor) or motor.origin is None:
+        return None
+    path, table = motor.origin
+    if "dataset" in table:
+        return StatedMap(table, None)
+    return StatedMap({**table, "file": path.name}, path.read_bytes())
+
+
+def write_campaign(folder: str | Path, campaign: Campaign, flux_map: StatedMap | None = None) -> Path:
+    """Write a campaign as a new folder, whole or not at all; returns it.  BadInput where it exists already.
+
+    flux_map: of the nominal model; without it a motor with a map is written as its numbers alone say, linear.
+    """
     import pyarrow
     from pyarrow import parquet
 
@@ -28,7 +49,9 @@ def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
     partial = aside_of(Path(os.path.realpath(folder)))
     try:
         partial.mkdir()
-        (partial / "campaign.toml").write_text(_toml(campaign), encoding="utf-8")
+        (partial / "campaign.toml").write_text(_toml(campaign, flux_map), encoding="utf-8")
+        if flux_map is not None and flux_map.content is not None:
+            (partial / flux_map.table["file"]).write_bytes(flux_map.content)
         for r in campaign.recordings:
             (partial / r.file).parent.mkdir(parents=True, exist_ok=True)
             parquet.write_table(pyarrow.table(dict(r.columns)), partial / r.file, write_page_checksum=True)
@@ -38,14 +61,17 @@ def write_campaign(folder: str | Path, campaign: Campaign) -> Path:
     return folder
 
 
-def _toml(c: Campaign) -> str:
+def _toml(c: Campaign, flux_map: StatedMap | None) -> str:
     motor = {k: v for k, v in dataclasses.asdict(without_map(c.drive.motor)).items() if k != "name" and v != ""}
     if c.rated_from_data:
         motor = {k: v for k, v in motor.items() if k not in RATED}
+    if flux_map is not None:
+        motor = {k: v for k, v in motor.items() if k not in OF_MAP}
     tables: list[tuple[str, Mapping[str, Any]]] = [
         ("[campaign]", {"name": c.name}),
         ("[drive]", dataclasses.asdict(c.drive.converter)),
         ("[motor]", motor),
+        ("[flux_map]", {} if flux_map is None else flux_map.table),
         ("[uncertainty]", c.uncertainty),
         ("[background]", c.background),
         ("[injection]", dataclasses.asdict(c.drive.injection)),

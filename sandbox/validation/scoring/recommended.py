@@ -17,8 +17,8 @@ from model.errors import BadInput, unknown
 from sandbox.gap.planning.menu import Entry
 from sandbox.gap.planning.within import allowed
 from sandbox.recordings.campaign import Campaign, read_campaign
-from sandbox.recordings.writing import write_campaign
-from sandbox.validation.withheld.case_list import cases
+from sandbox.recordings.writing import map_read, write_campaign
+from sandbox.validation.withheld.case_list import Maps, cases
 from sandbox.validation.withheld.cycles import CURRENT, Cycle, cycle
 from sandbox.validation.withheld.draw import Drawn, draw
 from sandbox.validation.withheld.make import drifted, recording, switched
@@ -54,7 +54,8 @@ def grow(folder: Path, new: Path, entry: tuple[str, float], drawn: Drawn) -> Pat
     b = drifted(drawn, switched(drawn), len(campaign.recordings))
     added = recording(drawn, b, cycle_of(wanted), rng, link)
     shutil.rmtree(new, ignore_errors=True)
-    return write_campaign(new, replace(campaign, recordings=(*campaign.recordings, added)))
+    grown = replace(campaign, recordings=(*campaign.recordings, added))
+    return write_campaign(new, grown, map_read(campaign.drive.motor))
 
 
 def cycle_of(entry: Entry) -> Cycle:
@@ -68,7 +69,8 @@ def drawn_again(content: Mapping[str, Any], name: str) -> Drawn:
     truths = content["campaigns"]
     try:
         table = content.get("sizes", "")  # seals of before do not say so
-        listed = cases(len(truths), content["seed"], content["kind"], content["style"], content["outside"], table)
+        maps = Maps(*content.get("maps", ()))  # seals of before have none
+        listed = cases(len(truths), content["seed"], content["kind"], content["style"], content["outside"], table, maps)
         drawn = draw(next(c for c in listed if c.name == name), content["seed"])
         same = drawn.sealed() == truths[name]
     except (LookupError, TypeError, ValueError, ArithmeticError, StopIteration):  # a header of no check of this version

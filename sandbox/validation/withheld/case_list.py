@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.random import Generator
@@ -32,6 +32,16 @@ BESIDE = (True, False, False)  # of the kind "outside": one in three has an effe
 FOUND_FROM = 0.25  # place in a published range from which on sizes are drawn for several at once, and for pairs
 
 
+class Maps(NamedTuple):
+    """The share of a mixed check's campaigns whose nominal model is a flux map, and the families of these drives."""
+
+    share: float = 0.0
+    families: tuple[str, ...] = ()
+
+
+NO_MAPS = Maps()
+
+
 @dataclass(frozen=True)
 class Case:
     """One withheld campaign before anything is drawn of its drive: names are the library's, `outside` is not; pair: of
@@ -55,14 +65,20 @@ class Case:
 
 
 def cases(
-    count: int, seed: int, kind: str, style: str, outside: Sequence[str] | None = None, table: str = "ladder"
+    count: int,
+    seed: int,
+    kind: str,
+    style: str,
+    outside: Sequence[str] | None = None,
+    table: str = "ladder",
+    maps: Maps = NO_MAPS,
 ) -> list[Case]:
     """Return the cases of a check: every effect and size in turn, in an order drawn from the seed.
 
     Shares of a mixed check as SHARES (each at least one campaign as soon as there are ten).  A flux map is a drive of
     its own and has one size.  Pairs: one effect of every pair in turn, on the pair's narrow cycles.  Outside: see
     `_outside`.  outside: causes that can be drawn (EVERY for that kind, else OUTSIDE); table: of TABLES; published
-    sizes come from every quarter of their range in turn.
+    sizes come from every quarter of their range in turn; maps: of mixed checks, which are else the same to the bit.
     """
     if kind not in KINDS:
         raise unknown("kind of check", kind, KINDS)
@@ -81,6 +97,8 @@ def cases(
         listed = _outside(count, style, outside, rng)
     else:
         listed = _listed(count, kind, style, outside, rng)
+    if maps.share > 0.0:
+        listed = _on_maps(listed, kind, maps, np.random.default_rng([seed, 5]))
     return listed if table == "ladder" else [_placed(c, rng) for c in listed]
 
 
@@ -110,6 +128,23 @@ def _listed(count: int, kind: str, style: str, outside: Sequence[str], rng: Gene
                 base = dataclasses.replace(base, family="mapped", sizes=(1.0,))
         out.append(base)
     return out
+
+
+def _on_maps(listed: list[Case], kind: str, maps: Maps, rng: Generator) -> list[Case]:
+    """Return the cases, a share of every kind on drives with a flux map, whose families come in turn.
+
+    A cause outside the library that is itself a map keeps its drive.
+    """
+    if kind != "mixed":
+        raise BadInput(f"a share of flux maps belongs to mixed checks; leave it away for '{kind}'")
+    if not (maps.share <= 1.0 and maps.families):
+        raise BadInput(f"maps = {maps.share} of {len(maps.families)} families is no share; give 0 to 1 of some")
+    chosen: list[int] = []
+    for what in SHARES:
+        own = [c.index for c in listed if c.kind == what and c.outside != FLUX_MAP]
+        chosen += [int(k) for k in rng.permutation(own)[: int(maps.share * len(own) + rng.uniform())]]
+    families = dict(zip(sorted(chosen), _turns(maps.families, len(chosen), rng), strict=True))
+    return [dataclasses.replace(c, family=str(families.get(c.index, c.family))) for c in listed]
 
 
 def _placed(case: Case, rng: Generator) -> Case:

@@ -16,13 +16,13 @@ from numpy.random import Generator
 
 from model.effects.library import complete
 from model.errors import BadInput
-from model.mapped import without_map
+from model.mapped import MappedMotor, without_map
 from model.parameters import Drive, Motor
 from sandbox.output.files import plain, rounded
 from sandbox.validation.switched.bench_numbers import SOFT_SIGN
 from sandbox.validation.withheld.case_list import Case
 from sandbox.validation.withheld.drives import (
-    UNCERTAINTY,
+    VALID_TO,
     Bench,
     draw_bench,
     draw_drive,
@@ -31,7 +31,8 @@ from sandbox.validation.withheld.drives import (
     sign_of,
     valid,
 )
-from sandbox.validation.withheld.ladder import Planted, changed, plant, truth_of
+from sandbox.validation.withheld.ladder import Planted, plant, truth_of
+from sandbox.validation.withheld.map_motors import can_be_stated, changed, like_map
 from sandbox.validation.withheld.mapped_drive import FLUX_MAP, SUBSYSTEM, identified, missing
 from sandbox.validation.withheld.outside_causes import EVERY, OUTSIDE
 from sandbox.validation.withheld.published import multiple, planted
@@ -56,6 +57,7 @@ class Drawn:
     seed: int
     sizes: tuple[float, ...]  # multiples of the medium one
     off: dict[str, float]  # ordinary deviations, in stated ones
+    beside_map: dict[str, float]  # alphas by which the true motor saturates beyond the flux map that is stated
 
     def as_json(self) -> dict[str, Any]:
         """Return the truth as the seal keeps it."""
@@ -67,7 +69,9 @@ class Drawn:
             "outside_subsystem": outside_subsystem(case.outside),
             "sizes": self.sizes,
             **({"places": case.sizes[: len(case.names)]} if case.table == "published" and case.names else {}),
-            "parameters": truth_of(list(case.names), self.true.motor, self.stated, self.plant)
+            "parameters": truth_of(
+                list(case.names), self.true.motor, self.stated, self.plant, self.beside_map
+            )
             | users_truth(case.names, self.own),
             "outside_parameters": {**self.own, **({"drift": self.drift} if self.drift else {})},
             "true_motor": dataclasses.asdict(without_map(self.true.motor)),
@@ -128,21 +132,34 @@ def _once(case: Case, rng: Generator, without: Sequence[str]) -> Drawn | None:
     values = with_deviations(values, bench)
     stated = misjudge(believed, rng, by_range)
     sign = sign_of(base, rng) if by_range else {}
-    if not (valid(true) and valid(stated)):
+    if not (valid(true) and _can_be_stated(stated, true)):
         return None
     try:
         complete(true, drive.converter, values)
     except BadInput:
         return None
     stands, last = float(rng.uniform(0.0, 2.0 * np.pi)), int(rng.integers(2**31))
+    beside = _beside_map(plans, without)
     if without:
         case, multiples = _taken_out(case, multiples, without)
         true, values, left = _put_in(base, plans, without)
         values, own = with_deviations(values, bench), left | unlisted
     return Drawn(
         case, dataclasses.replace(drive, motor=true), stated, bench, values, own, sign, drift, stands, last,
-        tuple(multiples), off_by(believed, stated, bench),
+        tuple(multiples), off_by(believed, stated, bench), beside,
     )  # fmt: skip
+
+
+def _can_be_stated(stated: Motor, true: Motor) -> bool:
+    """Tell whether a stated motor is a valid one; of a flux map, wherever the true motor goes."""
+    if isinstance(stated, MappedMotor):
+        return can_be_stated(stated, true, VALID_TO * true.rated_current)
+    return valid(stated)
+
+
+def _beside_map(plans: Mapping[str, Planted], without: Sequence[str]) -> dict[str, float]:
+    """Return the alphas that a stated flux map lacks of the true motor's; none of a motor whose own alphas say it."""
+    return {name: -size for effect, p in plans.items() if effect not in without for name, size in p.of_map.items()}
 
 
 def _taken_out(case: Case, multiples: list[float], without: Sequence[str]) -> tuple[Case, list[float]]:
@@ -160,12 +177,23 @@ def _plans(case: Case, drive: Drive, rng: Generator) -> tuple[dict[str, Planted]
         if name in users:
             multiples[k] = size_at(case.sizes[k]) if case.table == "published" else case.sizes[k]
             plans[name] = users_planted(users[name], drive.motor, drive.converter, multiples[k], rng)
-        elif case.table == "published":
-            plans[name] = planted(name, drive.motor, drive.converter, case.sizes[k], rng)
-            multiples[k] = multiple(name, drive.motor, drive.converter, plans[name])
+            continue
+        like = like_map(drive.motor, name)
+        if case.table == "published":
+            plans[name] = planted(name, like, drive.converter, case.sizes[k], rng)
+            multiples[k] = multiple(name, like, drive.converter, plans[name])
         else:
-            plans[name] = plant(name, drive.motor, drive.converter, case.sizes[k], rng)
+            plans[name] = plant(name, like, drive.converter, case.sizes[k], rng)
+        if like is not drive.motor:
+            plans[name] = _on_map(plans[name], like)
     return plans, multiples
+
+
+def _on_map(p: Planted, like: Motor) -> Planted:
+    """Return what an effect on saturation changes on a flux map, planted on the quartic that is like it: what the map
+    that is stated has more than the true one."""
+    more = {name: value - getattr(like, name) for name, value in p.believed.items()}
+    return dataclasses.replace(p, believed=more, of_map=more)
 
 
 def _put_in(
@@ -192,8 +220,3 @@ def with_deviations(values: dict[str, float], bench: Bench) -> dict[str, float]:
     more |= {"encoder_offset.offset": bench.encoder_offset, "dead_time.time": bench.dead_time}
     neutral = {name: 1.0 if name.startswith("current_gain") else 0.0 for name in more}
     return values | {name: values.get(name, neutral[name]) + x for name, x in more.items()}
-
-
-def uncertainty() -> dict[str, float]:
-    """Return [uncertainty] as every withheld campaign states it."""
-    return dict(UNCERTAINTY)

@@ -21,8 +21,9 @@ from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
 from sandbox.validation.switched.bench_numbers import SOFT_SIGN
 from sandbox.validation.switched.bench_numbers import Bench as Switched
+from sandbox.validation.withheld.map_motors import MAPS, changed
 
-OWN = {name: Path(__file__).with_name(f"{name}.toml") for name in ("modern", "mapped")}
+OWN = {name: Path(__file__).with_name(f"{name}.toml") for name in ("modern", *MAPS)}
 FAMILIES = ("ipm", "ipm_exchanged", "spm_exchanged", "modern")
 MODERN_RATES = (8000.0, 10000.0, 12500.0, 16000.0)  # Hz
 SPREAD = {"magnet_flux": 0.06, "viscous_friction": 0.3}  # half width of a family, relative
@@ -135,8 +136,13 @@ def draw_bench(drive: Drive, rng: Generator, vary: bool = False) -> Bench:
 
 def misjudge(motor: Motor, rng: Generator, vary: bool = False) -> Motor:
     """Return a motor as its identification would state it: every value off by its uncertainty; vary: `deviations`."""
-    values = {k: getattr(motor, k) * (1.0 + s * float(deviations(rng, vary)[0])) for k, s in UNCERTAINTY.items()}
-    return dataclasses.replace(motor, **values)
+    off = {k: 1.0 + s * float(deviations(rng, vary)[0]) for k, s in uncertainty(motor).items()}
+    return changed(motor, {k: getattr(motor, k) * x for k, x in off.items()})
+
+
+def uncertainty(motor: Motor) -> dict[str, float]:
+    """Return [uncertainty] as a campaign with such a nominal motor states it; a flux map has no alphas."""
+    return {k: s for k, s in UNCERTAINTY.items() if not (isinstance(motor, MappedMotor) and k in ALPHAS)}
 
 
 def deviations(rng: Generator, vary: bool, count: int = 1) -> NDArray[np.float64]:
@@ -156,7 +162,7 @@ def deviations(rng: Generator, vary: bool, count: int = 1) -> NDArray[np.float64
 
 def off_by(believed: Motor, stated: Motor, bench: Bench) -> dict[str, float]:
     """Return how far every ordinary value of a drive lies off, in stated standard deviations."""
-    out = {k: (getattr(stated, k) / getattr(believed, k) - 1.0) / s for k, s in UNCERTAINTY.items()}
+    out = {k: (getattr(stated, k) / getattr(believed, k) - 1.0) / s for k, s in uncertainty(stated).items()}
     b = bench.background
     for x, gain, offset in zip("abc", bench.gains, bench.offsets, strict=True):
         out |= {f"gain_{x}": (gain - 1.0) / b["current_gain"], f"offset_{x}": offset / b["current_offset"]}

@@ -6,11 +6,9 @@ the card's typical size.  Signs, phases and shares are drawn.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from numpy.random import Generator
 
@@ -36,6 +34,7 @@ class Planted:
     believed: Mapping[str, float] = field(default_factory=dict)
     plant: Mapping[str, float] = field(default_factory=dict)
     bench: Mapping[str, float] = field(default_factory=dict)
+    of_map: Mapping[str, float] = field(default_factory=dict)  # alphas that the stated flux map has beyond the true one
     drift: float = 0.0  # of the resistance, relative, over the campaign
 
 
@@ -118,16 +117,20 @@ def plant(name: str, motor: Motor, converter: Converter, size: float, rng: Gener
     return Planted(plant=medium(name, motor, converter, size, rng))
 
 
-def truth_of(names: list[str], true: Motor, believed: Motor, plant_values: Mapping[str, float]) -> dict[str, float]:
-    """Return the true parameters of effects by public name; scales and replaced values against the stated motor."""
+def truth_of(
+    names: list[str],
+    true: Motor,
+    believed: Motor,
+    plant_values: Mapping[str, float],
+    beside_map: Mapping[str, float] | None = None,
+) -> dict[str, float]:
+    """Return the true parameters of effects by public name; scales and replaced values against the stated motor.
+
+    beside_map: alphas by which the true motor saturates beyond a flux map that is stated.
+    """
     of_motor = {name: float(getattr(true, field_)) for name, field_ in replaced().items()}
+    of_motor |= {f"saturation.{alpha}": size for alpha, size in (beside_map or {}).items()}
     of_motor |= {f"cross_{k}": v for k, v in of_motor.items() if k in ("saturation.alpha_12", "saturation.alpha_22")}
     of_motor |= {name: getattr(true, field_) / getattr(believed, field_) for name, field_ in scaled().items()}
     known = of_motor | dict(plant_values)
     return {k: v for k, v in known.items() if k.partition(".")[0] in names}
-
-
-def changed(motor: Motor, values: Mapping[str, float]) -> Motor:
-    """Return the motor with some values replaced."""
-    new: dict[str, Any] = dict(values)
-    return dataclasses.replace(motor, **new)

@@ -16,18 +16,20 @@ from typing import Any
 import numpy as np
 
 from model.errors import BadInput
+from model.mapped import MappedMotor
 from model.parameters import Drive
 from sandbox.engine.processes import Cluster, spread
 from sandbox.output.files import json_bytes, plain, write_whole
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
 from sandbox.validation.switched.bench_numbers import Bench, bench
-from sandbox.validation.withheld.case_list import cases
+from sandbox.validation.withheld.case_list import NO_MAPS, Maps, cases
 from sandbox.validation.withheld.cycle_styles import cycles
 from sandbox.validation.withheld.cycles import LOAD, Cycle, scale_of
 from sandbox.validation.withheld.cycles_narrow import all_cycles as narrow
-from sandbox.validation.withheld.draw import Drawn, draw, outside_names, uncertainty
-from sandbox.validation.withheld.drives import LINK_NOISE
+from sandbox.validation.withheld.draw import Drawn, draw, outside_names
+from sandbox.validation.withheld.drives import LINK_NOISE, uncertainty
+from sandbox.validation.withheld.map_motors import map_families, no_maps, stated_map
 from sandbox.validation.withheld.outside_causes import DRIFT_TIME
 from sandbox.validation.withheld.rig import RECORDED, record, tuned
 from sandbox.validation.withheld.users_effects import users_cards
@@ -53,6 +55,7 @@ def make(
     kind: str = "mixed",
     style: str = "scored",
     sizes: str = "published",
+    maps: float = 0.0,
     jobs: int = 1,
     cluster: Cluster | None = None,
     announce: Callable[[str], None] | None = None,
@@ -63,15 +66,19 @@ def make(
     kind: 'mixed', 'controls' (shorter, without a gap), 'pairs' (one operating point, where two effects look alike),
     'many' (four to ten effects) or 'outside' (a cause outside the library, beside some an effect of it); style of the
     cycles: 'practice' or 'scored'; sizes: 'published' (ranges with sources; ordinary deviations 0.5 to 2 times the
-    stated ones; other shapes of a current's sign) or 'ladder'; jobs: processes;
+    stated ones; other shapes of a current's sign) or 'ladder'; maps: share of a mixed check whose nominal model is a
+    flux map; jobs: processes;
     Effects of the user that were taken over (`model.effects.adopt`) are drawn beside the library's.
     cluster: a dask scheduler instead, whose workers find the folder at the same place.
-    BadInput where the folder holds another check.
+    BadInput where the folder holds another check, or where maps are wanted and none is on this machine.
     """
     folder = folder if cluster is None else folder.resolve()
     outside, users = outside_names(kind), list(users_cards())
-    drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside, sizes)]
+    wanted = wanted_maps(maps)
+    drawn = [draw(case, seed) for case in cases(count, seed, kind, style, outside, sizes, wanted)]
     header = {"seed": seed, "kind": kind, "style": style, "sizes": sizes, "outside": outside}
+    if wanted.share > 0.0:
+        header["maps"] = wanted
     if users:
         header["users_effects"] = users
     digest = seal(folder, header, drawn)
@@ -84,6 +91,17 @@ def make(
         if progress is not None:
             progress(done / len(work))
     return Made(folder, digest, len(left))
+
+
+def wanted_maps(share: float) -> Maps:
+    """Return the share of flux maps with the families that can be drawn here; BadInput where there is none of them."""
+    if not 0.0 <= share <= 1.0:
+        raise BadInput(f"maps = {share} is no share; give a number in [0, 1]")
+    if share == 0.0:
+        return NO_MAPS
+    if not (families := map_families()):
+        raise BadInput(f"{no_maps()}; or give maps = 0 for a check without")
+    return Maps(share, families)
 
 
 def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
@@ -106,7 +124,7 @@ def seal(folder: Path, header: dict[str, Any], drawn: Sequence[Drawn]) -> str:
 
 def _write(item: tuple[Path, Drawn, float]) -> None:
     folder, drawn, share = item
-    write_campaign(folder, campaign_of(drawn, share))
+    write_campaign(folder, campaign_of(drawn, share), stated_map(drawn.stated))
 
 
 def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
@@ -121,8 +139,11 @@ def campaign_of(drawn: Drawn, share: float = 1.0) -> Campaign:
         recordings.append(recording(drawn, drifted(drawn, b, k), plan, rng))
     stated = replace(drawn.stated, name=drawn.case.name, description="")
     nominal = Drive(stated, drive.converter, drive.injection, {})
-    unrated = drawn.case.pair is None  # so few operating points show no rated values; a nameplate states them
-    return Campaign(drawn.case.name, nominal, tuple(recordings), uncertainty(), drawn.bench.background, unrated)
+    # a nameplate states the rated values where few operating points show none, and beside a flux map, of which a
+    # campaign's rated torque could not be told without reading it
+    unrated = drawn.case.pair is None and not isinstance(stated, MappedMotor)
+    told = uncertainty(stated)
+    return Campaign(drawn.case.name, nominal, tuple(recordings), told, drawn.bench.background, unrated)
 
 
 def switched(drawn: Drawn) -> Bench:
