@@ -106,15 +106,17 @@ def currents_at(motor, d, q):
 
 
 @here
-@pytest.mark.parametrize("size", LADDER)
-@pytest.mark.parametrize("effect", [None, *MAGNETIC])
+@pytest.mark.parametrize(("effect", "size"), [(None, 1.0), *((e, s) for e in MAGNETIC for s in (LADDER[0], LADDER[-1]))])
 def test_the_stated_file_gives_the_stated_map(effect, size, tmp_path):
-    """Within 1e-3 of rated current wherever the true motor goes (2.2 times rated): a noise of the least, 0.1 %."""
+    """Within 1e-3 of rated current wherever the true motor goes (2.2 times rated): a noise of the least, 0.1 %.
+
+    Magnet flux within a hundredth of its stated uncertainty.
+    """
     names = () if effect is None else (effect,)
     drawn = draw(Case(0, "one" if names else "none", "mapped", "scored", names, (size,) * len(names)), 11)
     read = written(drawn, tmp_path / "c", 0.02).drive.motor
     assert isinstance(read, MappedMotor)
-    assert read.magnet_flux == pytest.approx(drawn.stated.magnet_flux, rel=1e-6)
+    assert read.magnet_flux == pytest.approx(drawn.stated.magnet_flux, rel=0.01 * UNCERTAINTY["magnet_flux"])
     rated = drawn.true.motor.rated_current
     angle, r = (x.ravel() for x in np.meshgrid(np.linspace(0.0, 6.0, 13), np.linspace(0.0, 2.2, 8) * rated))
     flux = flux_from_current(drawn.true.motor.energy, r * np.cos(angle), r * np.sin(angle))
