@@ -106,7 +106,9 @@ def currents_at(motor, d, q):
 
 
 @here
-@pytest.mark.parametrize(("effect", "size"), [(None, 1.0), *((e, s) for e in MAGNETIC for s in (LADDER[0], LADDER[-1]))])
+@pytest.mark.parametrize(
+    ("effect", "size"), [(None, 1.0), *((e, s) for e in MAGNETIC for s in (LADDER[0], LADDER[-1]))]
+)
 def test_the_stated_file_gives_the_stated_map(effect, size, tmp_path):
     """Within 1e-3 of rated current wherever the true motor goes (2.2 times rated): a noise of the least, 0.1 %.
 
