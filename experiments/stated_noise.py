@@ -61,7 +61,9 @@ def main(folder: Path) -> None:
     done = {(r["campaign"], r["stated_share"]) for r in rows}
     for name, share in product(CAMPAIGNS, STATED):
         if (name, share) not in done:
-            rows.append(row(name, truths[name], share, diagnose(misstated(read_campaign(folder / name), share), workers=1)))
+            rows.append(
+                row(name, truths[name], share, diagnose(misstated(read_campaign(folder / name), share), workers=1))
+            )
             write_json(RESULTS, "stated_noise", {"rows": rows})
             print(name, share, rows[-1]["first"], flush=True)
     heads = ["campaign", "stated", "first", "probability", "P(unknown)", "used / stated", "caution"]

@@ -68,18 +68,18 @@ class Refitted:
         ends = {k: list(v) for k, v in self.ci95.items() if k in own}
         spread = {k: (b - a) / (2.0 * Z * abs(own[k])) for k, (a, b) in ends.items() if own[k] != 0.0}
         head = f"# {self.said}\n# [ci95]: 95 % intervals; [uncertainty]: relative deviations, for a campaign.toml\n\n"
-        return head + toml_text(
+        values = toml_text([("[motor]", {k: v for k, v in own.items() if v != ""})], self.at_bound)
+        rest = toml_text(
             [
-                ("[motor]", {k: v for k, v in own.items() if v != ""}),
                 ("[flux_map]", _flux_map(motor)),
                 ("[ci95]", ends),
                 ("[uncertainty]", spread),
                 ("[drive]", dataclasses.asdict(drive.converter)),
                 ("[injection]", dataclasses.asdict(drive.injection)),
                 ("[provenance]", drive.provenance),
-            ],
-            {k: v for k, v in self.at_bound.items() if k in own},
+            ]
         )
+        return f"{head}{values}\n{rest}"
 
     def _effects(self) -> str:
         notes = {}

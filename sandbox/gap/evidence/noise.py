@@ -24,7 +24,6 @@ QUARTER = 0.967  # 25th percentile of blocks' rms of white noise: 0.674 deviatio
 VOTE = 0.015  # relative error of the seen floor: 1.0 % scatter on twelve campaigns, 0.5 % by counting blocks
 PLAUSIBLE = 1.5  # stated over seen, or seen over stated, up to which the seen one votes
 TOO_LARGE = 2.0  # stated over seen from which nothing could be seen
-OVERRULED = VOTE * math.sqrt(2.0 * math.log(2.0))  # 1.8 %: from there on the seen one counts for more than half
 
 
 class Noise(NamedTuple):
@@ -130,14 +129,20 @@ def noise_caution(campaign: Campaign) -> str:
 
 def parting(own: Noise) -> str:
     """Return a sentence on a stated noise that is overruled by the one seen, or stands against it; else ""."""
-    if own.seen is None or abs(math.log(own.seen / own.stated)) <= OVERRULED:
+    if own.seen is None:
+        return ""
+    overruled = abs(math.log(own.used / own.seen)) < abs(math.log(own.used / own.stated))
+    against = own.used == own.stated and abs(math.log(own.seen / own.stated)) > math.log(PLAUSIBLE)
+    if not overruled and not against:
         return ""
     said = (
         f"[drive] current_noise and current_resolution state {own.stated:.4g} A of noise, the current readings scatter "
         f"by {own.seen:.4g} A"
     )
-    if own.used != own.stated:
-        return f"{said}: everything here is in units of {own.used:.4g} A, which follows the readings more than the file."
+    if overruled:
+        return (
+            f"{said}: everything here is in units of {own.used:.4g} A, which follows the readings more than the file."
+        )
     larger = "larger" if own.seen > own.stated else "smaller"
     return (
         f"{said}, too far apart for both to be right: everything here is in units of the stated noise and may look "

@@ -9,7 +9,6 @@ from sandbox.gap.report.words import capital, quantity
 from sandbox.gap.search.estimates import Estimate, Held
 
 OF_SEARCH = "at the bound of the search"
-NUMBERS = {3.0: "three", 4.0: "four"}
 TITLES = {  # of what is no effect's
     "bench.common_offset": "common offset of the three current sensors",
     "bench.load_torque_offset": "offset of the load's torque",
@@ -32,11 +31,10 @@ def sentence(held: Sequence[Held]) -> str:
     if not held:
         return ""
     told = [f"the {_title(h.name)} stands at its bound of {_deviations(h)}: {_value(h)}" for h in held]
-    it, goes = ("it", "goes") if len(held) == 1 else ("they", "go")
+    they, them, go = ("it", "it", "goes") if len(held) == 1 else ("they", "them", "go")
     return (
-        f"{capital('; '.join(told))}. Either {it} may be further off than [uncertainty] or [background] of the campaign "
-        f"says, or something that is not named pushes {'it' if it == 'it' else 'them'}: as an ordinary deviation {it} "
-        f"{goes} no further."
+        f"{capital('; '.join(told))}. Either {they} may be further off than [uncertainty] or [background] of the "
+        f"campaign says, or something that is not named pushes {them}: as an ordinary deviation {they} {go} no further."
     )
 
 
@@ -47,7 +45,7 @@ def _value(h: Held) -> str:
 
 
 def _deviations(h: Held) -> str:
-    return f"{NUMBERS.get(h.deviations, f'{h.deviations:g}')} standard deviations"
+    return f"{h.deviations:g} standard deviations"
 
 
 def _title(name: str) -> str:

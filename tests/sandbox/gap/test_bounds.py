@@ -124,11 +124,11 @@ HELD = [
 def test_a_reader_is_told_in_a_sentence():
     assert sentence([]) == ""
     one = sentence(HELD[:1])
-    assert one.startswith("The gain of current sensor a stands at its bound of four standard deviations: 0.994. Either it")
+    assert one.startswith("The gain of current sensor a stands at its bound of 4 standard deviations: 0.994. Either it")
     told = sentence(HELD)
-    assert "the stator resistance stands at its bound of four standard deviations: 13.5 Ω" in told
-    assert "the angle of a b.parquet stands at its bound of four standard deviations: 1 mrad" in told
-    assert "changes its sign stands at its bound of three standard deviations: 20 mA. Either they" in told
+    assert "the stator resistance stands at its bound of 4 standard deviations: 13.5 Ω" in told
+    assert "the angle of a b.parquet stands at its bound of 4 standard deviations: 1 mrad" in told
+    assert "changes its sign stands at its bound of 3 standard deviations: 20 mA. Either they" in told
 
 
 def test_the_files_for_the_simulator_flag_values_at_their_bounds(tmp_path):
@@ -140,11 +140,11 @@ def test_the_files_for_the_simulator_flag_values_at_their_bounds(tmp_path):
     ends = {"pwm_delay.delay": (9e-5, 1e-4)}
     files = {"a b.parquet": 1e-3}
     Refitted(drive, effects, files, ends, {"pwm_delay.delay": "s"}, {"a b.parquet": 1.0}, "t", bounds).write(tmp_path)
-    four = "at its bound of four standard deviations"
+    four = "at its bound of 4 standard deviations"
     lines = {x.partition(" = ")[0]: x for x in (tmp_path / "effects.toml").read_text().splitlines() if " = " in x}
     assert lines["pwm_delay.delay"].endswith("# s, 95 % interval 9e-05 to 0.0001, at the bound of the search")
     assert lines[GAIN].endswith(f"# fitted beside, {four}")
-    assert lines["soft_current"].endswith("# fitted beside, at its bound of three standard deviations")
+    assert lines["soft_current"].endswith("# fitted beside, at its bound of 3 standard deviations")
     assert "bound" not in lines["dead_time.time"]
     text = (tmp_path / "effects.toml").read_text()
     assert text.count(f'"a b.parquet" = 0.001  # {four}\n') == 1

@@ -41,7 +41,7 @@ def test_a_fifth_of_stated_noise_changes_no_answer(small_folder):
 @pytest.mark.parametrize(
     ("seen", "said"),
     [
-        (None, ""), (1.0, ""), (1.0176, ""), (1.0178, "follows the readings"), (0.975, "follows the readings"),
+        (None, ""), (1.0, ""), (1.0177, ""), (1.0179, "follows the readings"), (0.975, "follows the readings"),
         (1.49, "follows the readings"), (1.51, "may look larger"), (2.9, "may look larger"), (0.66, "may look smaller"),
         (0.51, "may look smaller"),
     ],
