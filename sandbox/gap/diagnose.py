@@ -21,9 +21,9 @@ from sandbox.gap.evidence.discrepancy import Remainder, remainder, unlogged_coun
 from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
-from sandbox.gap.evidence.noise import floor_of, noise_caution
+from sandbox.gap.evidence.noise import Noise, floor_of, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
-from sandbox.gap.search.estimates import Estimate, estimates
+from sandbox.gap.search.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.search.forward import Judged, Search, search
 from sandbox.gap.search.parts import in_parts, with_parts
 from sandbox.gap.search.points import own_values, with_values
@@ -65,6 +65,8 @@ class Diagnosis:
     excluded: tuple[str, ...] = ()
     caution: str = ""  # about the stated noise
     out_of_sight: tuple[str, ...] = ()  # effects that are no candidates as no recording can show them
+    noise: Noise | None = None  # stated, seen, used
+    at_bound: tuple[Held, ...] = ()  # ordinary deviations of the best hypothesis that are as large as they may be
 
     @property
     def best(self) -> Hypothesis:
@@ -130,7 +132,7 @@ def _diagnosed(
     return Diagnosis(
         own, start, nominal, before, after, left, judged, hypotheses,
         tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,
-        0, 0.0, tuple(exclude), noise_caution(own), hidden,
+        0, 0.0, tuple(exclude), noise_caution(own), hidden, noise_of(own), tuple(held_ordinary(best)),
     )  # fmt: skip
 
 

@@ -5,13 +5,13 @@ from __future__ import annotations
 import dataclasses
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from model.mapped import OF_MAP, MappedMotor
 from model.parameters import Drive, Motor
-from sandbox.output.toml import toml_text
+from sandbox.output.toml import key, toml_text
 
 MOTOR, EFFECTS = "motor.toml", "effects.toml"
 Z = 1.959964
@@ -25,7 +25,8 @@ class Refitted:
     drive: with the motor's values refitted (None where recordings say nothing of it); effects: what the plant has
     beside it, by public name, `bench.*` too; angles: rad by which recordings' angles are turned; ci95: 95 % intervals
     of values in [motor] and of effects; units: of effects; residual: rms of each recording's currents, in noise floors,
-    that the two files leave; said: where they come from, one sentence.
+    that the two files leave; said: where they come from, one sentence; at_bound: of values that stand at a bound, by
+    name (`angles.<file>` of an angle), which bound that is.
     """
 
     drive: Drive | None
@@ -35,6 +36,7 @@ class Refitted:
     units: Mapping[str, str]
     residual: Mapping[str, float]
     said: str
+    at_bound: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def line(self) -> str:
@@ -66,9 +68,9 @@ class Refitted:
         ends = {k: list(v) for k, v in self.ci95.items() if k in own}
         spread = {k: (b - a) / (2.0 * Z * abs(own[k])) for k, (a, b) in ends.items() if own[k] != 0.0}
         head = f"# {self.said}\n# [ci95]: 95 % intervals; [uncertainty]: relative deviations, for a campaign.toml\n\n"
-        return head + toml_text(
+        values = toml_text([("[motor]", {k: v for k, v in own.items() if v != ""})], self.at_bound)
+        rest = toml_text(
             [
-                ("[motor]", {k: v for k, v in own.items() if v != ""}),
                 ("[flux_map]", _flux_map(motor)),
                 ("[ci95]", ends),
                 ("[uncertainty]", spread),
@@ -77,6 +79,7 @@ class Refitted:
                 ("[provenance]", drive.provenance),
             ]
         )
+        return f"{head}{values}\n{rest}"
 
     def _effects(self) -> str:
         notes = {}
@@ -84,7 +87,8 @@ class Refitted:
             low, high = self.ci95.get(name, (None, None))
             unit = self.units.get(name, "")
             found = "fitted beside" if low is None else f"95 % interval {low:.5g} to {high:.5g}"
-            notes[name.removeprefix("bench.")] = ", ".join(filter(None, (unit, found)))
+            told = (unit, found, self.at_bound.get(name, ""))
+            notes[name.removeprefix("bench.")] = ", ".join(filter(None, told))
         effects = {k: v for k, v in self.effects.items() if not k.startswith("bench.")}
         bench = {k.removeprefix("bench."): v for k, v in self.effects.items() if k.startswith("bench.")}
         beside = f" beside {MOTOR}" if self.drive is not None else ""
@@ -93,10 +97,12 @@ class Refitted:
             f"# {self.said}\n# What the simulator has{beside}: sensorless simulate {call}\n"
             f"# With the recordings' own voltages: sensorless replay CAMPAIGN {call}\n\n"
         )
-        return head + toml_text(
-            [("[effects]", _nested(effects)), ("[bench]", bench), ("[angles]", self.angles),
-             ("[residual]", self.residual)], notes,
+        angles = {key(file): text for file in self.angles if (text := self.at_bound.get(f"angles.{file}"))}
+        parts = (
+            toml_text([("[effects]", _nested(effects)), ("[bench]", bench)], notes),
+            toml_text([("[angles]", self.angles)], angles), toml_text([("[residual]", self.residual)]),
         )  # fmt: skip
+        return head + "\n".join(filter(None, parts))
 
 
 def _flux_map(motor: Motor) -> dict[str, Any]:

@@ -18,8 +18,8 @@ def toml_text(tables: Sequence[tuple[str, Mapping[str, Any]]], notes: Mapping[st
 
 
 def _lines(table: Mapping[str, Any], above: str, notes: Mapping[str, str]) -> Iterator[str]:
-    for key, value in table.items():
-        name = above + _key(key)
+    for own, value in table.items():
+        name = above + key(own)
         if isinstance(value, Mapping):
             yield from _lines(value, f"{name}.", notes)
         elif value is not None:
@@ -27,7 +27,7 @@ def _lines(table: Mapping[str, Any], above: str, notes: Mapping[str, str]) -> It
             yield f"{name} = {_value(value)}{note}\n"
 
 
-def _key(name: str) -> str:
+def key(name: str) -> str:
     """Return a TOML key, in quotes where a bare one could not hold it."""
     bare = name.replace("_", "").replace("-", "")
     return name if bare.isascii() and bare.isalnum() else json.dumps(name, ensure_ascii=False)

@@ -8,6 +8,7 @@ mismatch is left makes that too large, never too small, so quiet blocks count: t
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,7 +23,15 @@ ROUNDING = (
 QUARTER = 0.967  # 25th percentile of blocks' rms of white noise: 0.674 deviations of sqrt(2 x 1.944 / BLOCK) / 2 lower
 VOTE = 0.015  # relative error of the seen floor: 1.0 % scatter on twelve campaigns, 0.5 % by counting blocks
 PLAUSIBLE = 1.5  # stated over seen, or seen over stated, up to which the seen one votes
-TOO_LARGE, TOO_SMALL = 2.0, 3.0  # stated over seen, seen over stated
+TOO_LARGE = 2.0  # stated over seen from which nothing could be seen
+
+
+class Noise(NamedTuple):
+    """One sensor's noise (A rms): as stated, as seen (None where it cannot be), and the floor that is used."""
+
+    stated: float
+    seen: float | None
+    used: float
 
 
 def seen(campaign: Campaign) -> float | None:
@@ -39,13 +48,29 @@ def floor_of(campaign: Campaign, stated: float) -> float:
     Where they differ by what the seen one errs (VOTE) the stated one stands; the further they part, the more the seen
     one counts.  Beyond PLAUSIBLE, as `noise_caution` says, or with two sensors, the stated one stands alone.
     """
-    quarter = _of_blocks(campaign, 25.0)
-    if quarter is None:
+    return voted(stated, _quarter(campaign))
+
+
+def noise_of(campaign: Campaign) -> Noise:
+    """Return the noise that a campaign states, that its readings show, and the floor that follows."""
+    stated, shown = noise_floor(campaign.drive.converter), _quarter(campaign)
+    return Noise(stated, shown, voted(stated, shown))
+
+
+def voted(stated: float, shown: float | None) -> float:
+    """Return the floor (A rms) that both votes make."""
+    if shown is None:
         return stated
-    away = math.log(quarter / QUARTER / stated)
+    away = math.log(shown / stated)
     if abs(away) > math.log(PLAUSIBLE):
         return stated
     return stated * math.exp(away * -math.expm1(-0.5 * (away / VOTE) ** 2))
+
+
+def _quarter(campaign: Campaign) -> float | None:
+    """Return one sensor's noise (A rms) as the quieter quarter of blocks shows it, known to VOTE; None as `seen`."""
+    found = _of_blocks(campaign, 25.0)
+    return None if found is None else found / QUARTER
 
 
 def _of_blocks(campaign: Campaign, percentile: float) -> float | None:
@@ -78,30 +103,48 @@ def counted(campaign: Campaign) -> bool:
 
 
 def noise_caution(campaign: Campaign) -> str:
-    """Return a sentence where the sensors scatter more than the campaign states, or hide it in their counts, or "".
+    """Return a sentence where stated noise and readings part: which of them counts, or that counts hide it; else "".
 
     BadInput where no current ever changes, or the stated noise is far larger than what the sensors show and no
     coarse counts explain it.
     """
     if all(np.ptp(c) == 0.0 for r in campaign.recordings for c in (r.i_a, r.i_b, r.i_c)):
         raise BadInput("no current of any recording ever changes; record the three current sensors with the drive on")
-    stated, shown = noise_floor(campaign.drive.converter), seen(campaign)
-    if shown is None:
+    own, quiet = noise_of(campaign), seen(campaign)
+    if own.seen is None or quiet is None:
         return ""
-    if stated > TOO_LARGE * shown and counted(campaign):
+    if own.stated > TOO_LARGE * quiet and counted(campaign):
         resolution = campaign.drive.converter.current_resolution
         return (
-            f"Current readings at rest scatter by {shown:.3g} A only, since a count of {resolution:.3g} A hides the "
-            f"noise there: everything here is in units of {stated:.3g} A, that of readings that change."
+            f"Current readings at rest scatter by {quiet:.3g} A only, since a count of {resolution:.3g} A hides the "
+            f"noise there: everything here is in units of {own.used:.3g} A, that of readings that change."
         )
-    if stated > TOO_LARGE * shown:
+    if own.stated > TOO_LARGE * quiet:
         raise BadInput(
-            f"[drive] current_noise and current_resolution state {stated:.3g} A of noise, the readings scatter by "
-            f"{shown:.3g} A; nothing could be seen below the stated noise: state what the sensors have (A, not mA)"
+            f"[drive] current_noise and current_resolution state {own.stated:.3g} A of noise, the readings scatter by "
+            f"{quiet:.3g} A; nothing could be seen below the stated noise: state what the sensors have (A, not mA)"
         )
-    if shown > TOO_SMALL * stated:
+    return parting(own)
+
+
+def parting(own: Noise) -> str:
+    """Return a sentence on a stated noise that is overruled by the one seen, or stands against it; else ""."""
+    if own.seen is None:
+        return ""
+    overruled = abs(math.log(own.used / own.seen)) < abs(math.log(own.used / own.stated))
+    against = own.used == own.stated and abs(math.log(own.seen / own.stated)) > math.log(PLAUSIBLE)
+    if not overruled and not against:
+        return ""
+    said = (
+        f"[drive] current_noise and current_resolution state {own.stated:.4g} A of noise, the current readings scatter "
+        f"by {own.seen:.4g} A"
+    )
+    if overruled:
         return (
-            f"The current readings scatter by {shown:.3g} A, [drive] current_noise and current_resolution state "
-            f"{stated:.3g} A: everything here is in units of the stated noise and may look larger than it is."
+            f"{said}: everything here is in units of {own.used:.4g} A, which follows the readings more than the file."
         )
-    return ""
+    larger = "larger" if own.seen > own.stated else "smaller"
+    return (
+        f"{said}, too far apart for both to be right: everything here is in units of the stated noise and may look "
+        f"{larger} than it is. Measure the noise with the drive on and no current, and state it."
+    )

@@ -94,6 +94,8 @@ class Coordinate:
         if self.form == "share":
             return 0.0, 1.5
         p = BENCH.get(self.names[0]) or library.parameters().get(self.names[0])
+        if self.form in ("cosine", "sine") and p is not None:
+            return -p.high * math.sqrt(0.5), p.high * math.sqrt(0.5)  # both there: the amplitude at its own
         if self.form not in ("linear", "log") or p is None:
             return -math.inf, math.inf
         if self.form == "log":
@@ -202,7 +204,7 @@ def of_part(card: Effect, k: int, drive: Drive, start: Set, at: Set | None = Non
 
 def reach(c: Coordinate, values: Set) -> float:
     """Return how many deviations an effect's coordinate may move: FARTHEST, twice as far as a point that is there."""
-    if c.form in ("share", "cosine", "sine"):
+    if c.form == "share":
         return FARTHEST
     at = abs(c.value(values) - c.mean) / c.deviation
     return 2.0 * at if math.isfinite(at) and at >= REACHED * FARTHEST else FARTHEST

@@ -141,7 +141,7 @@ def _listed(a: Answers) -> Iterator[str]:
         yield "<h3>What each does to the position estimate</h3>" + table(heads, moves)
         yield f'<p class="soft">{prose(listed.POSITION_NOTE)}</p>'
     labels, levels = listed.waterfall(a)
-    if len(labels) > 3:
+    if len(labels) > 2:
         yield figure(
             dots_svg(labels, {"residual": levels}, "residual (noise floors)"),
             "Residual on the recordings held out (or all) as effects are added one after the other, the largest first. "

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -58,8 +58,9 @@ def _whole(a: Answers, parts: dict[str, Decomposition]) -> Iterator[tuple[str, P
     if labels:
         yield (
             "waterfall",
-            Plot(f"Residual over floor: {', '.join(labels)}", np.arange(1.0, len(levels) + 1.0) - HALF,
-                 {"residual": np.array(levels)}, [AFTER], bars=True),
+            Plot("Residual over floor as effects are added (legend: steps from left to right)",
+                 np.arange(1.0, len(levels) + 1.0) - HALF, _steps(labels, levels),
+                 [BEFORE, *[AFTER] * (len(levels) - 2), RECORDED], bars=True),
         )  # fmt: skip
     scale = {"before": 1.0, "after": parts["after"].excess / parts["before"].excess}
     for title, field, orders in (
@@ -71,6 +72,13 @@ def _whole(a: Answers, parts: dict[str, Decomposition]) -> Iterator[tuple[str, P
             for name, part in parts.items()
         }
         yield field, Plot(title, np.array(orders, float) - HALF, lines, [BEFORE, AFTER], bars=True)
+
+
+def _steps(labels: Sequence[str], levels: Sequence[float]) -> dict[str, Array]:
+    """Return a bar for each step of the waterfall, numbered and named as a path can be: elsewhere without height."""
+    bars = np.diag(np.array(levels, dtype=np.float64))
+    plain = [label.removeprefix("+ ").replace(" ", "_") for label in labels]
+    return {f"{k}_{label}": bar for k, (label, bar) in enumerate(zip(plain, bars, strict=True), 1)}
 
 
 def _recording(

@@ -17,6 +17,7 @@ from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.planning.next_recording import Next, recommend
+from sandbox.gap.report.bounds import sentence
 from sandbox.gap.report.distinguishability import Alike, alike
 from sandbox.gap.report.outside import odd_phase
 from sandbox.gap.report.position import PositionError, position_error
@@ -235,7 +236,7 @@ def caveats(a: Answers) -> list[str]:
     """Return what a reader has to know before believing the rest, one sentence each; assumed values are last."""
     d = a.diagnosis
     out = [f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}" for f in d.campaign.findings]
-    out += [text for text in (d.caution, a.odd_phase) if text]
+    out += [text for text in (d.caution, a.odd_phase, sentence(d.at_bound)) if text]
     if d.excluded:
         out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")
     motor = d.campaign.drive.motor

@@ -52,6 +52,7 @@ def contract(
             "recordings": [{"file": f, "before": b, "after": a, "held_out": h} for f, b, a, h in size.recordings],
             "position_error_deg": None if position is None else position.as_json(),
             "remains": None if remains is None else remains.as_json(),
+            "noise": None if d.noise is None else d.noise._asdict(),
         },
         "where": [asdict(finding) for finding in where],
         "hypotheses": [
@@ -64,6 +65,7 @@ def contract(
             for h, own in zip(d.hypotheses, d.parameters, strict=True)
         ],
         **(whole or ranking(d)).as_json(),
+        "at_bound": [{"name": h.name, **parameter(h.estimate), "deviations": h.deviations} for h in d.at_bound],
         "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
         "alike": None if alike is None else asdict(alike),
         "next_recording": as_json(following),

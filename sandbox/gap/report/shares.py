@@ -10,6 +10,9 @@ shared out in proportion, so that shares sum to what is explained.  The interval
 An effect that hides others, so that the gap grows without it, has a negative share.  With sizes refitted for each set
 one of two correlated effects would stand in for the other, and get half of a gap that a bench without it still has
 (`experiments.shares_truth`).
+
+Shares are of the fit to all recordings.  The waterfall is of the fit without those held out, on which it is told: the
+same fits as `gap.before` and `gap.after`, between which it lies.
 """
 
 from __future__ import annotations
@@ -25,9 +28,11 @@ from numpy.typing import NDArray
 from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.evidence.algebra import Prior
+from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.gap_size import rms
+from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
 from sandbox.gap.report.where import held_at_neutral
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.posterior import UNKNOWN
@@ -73,7 +78,7 @@ def shares(d: Diagnosis) -> Shares:
         single = scale * alone.sum(1) / gap.sum()
     found = {e: Share(*map(float, x)) for e, *x in zip(named, value, low, high, single, strict=True)}
     ranked = dict(sorted(found.items(), key=lambda x: -x[1].value))
-    return Shares(ranked, tuple(_waterfall(d, j, list(ranked))))
+    return Shares(ranked, tuple(_waterfall(d, list(ranked))))
 
 
 def shared_out(first: Array, last: Array, whole: Array) -> Array:
@@ -134,17 +139,37 @@ def _predicted(j: Judged, gone: Sequence[str]) -> Array:
     return out
 
 
-def _waterfall(d: Diagnosis, j: Judged, ranked: Sequence[str]) -> list[tuple[str, float]]:
+def _waterfall(d: Diagnosis, ranked: Sequence[str]) -> list[tuple[str, float]]:
     """Return each effect with the normalised rms once it and those before it are added; the last is the fit's own."""
     chosen = list(d.held_out) or list(range(len(d.start.prepared.recordings)))
     out = []
     for k, effect in enumerate(ranked[:-1]):
         try:
-            n = normal(without(j, ranked[k + 1 :]), ())
+            n = normal(with_part(d, ranked[k + 1 :]), ())
             out.append((effect, rms(n, chosen)))
         except BadInput:  # extrapolated: none that a drive can have
             out.append((effect, math.nan))
     return [*out, (ranked[-1], d.size.after)]
+
+
+def with_part(d: Diagnosis, gone: Sequence[str]) -> Point:
+    """Return the point at which effects are missing of the fit without the recordings held out: the others' sizes are
+    that fit's, ordinary deviations follow by its equations, which have not seen those recordings either."""
+    n, campaign, values = d.after.normal, d.campaign, d.after.point.values
+    usual = {c.label: c for c in ordinary(campaign)}
+    own = {e: of_effect(e, campaign.drive, values) for e in d.after.effects}
+    missing = {c.label: c for e in gone for c in own[e]}
+    claimed = {c.label for e in own if e not in gone for c in own[e]}
+    chosen = []
+    for c, x in zip(n.coordinates, n.x, strict=True):
+        if c.label in missing:
+            chosen.append(usual.get(c.label, replace(missing[c.label], deviation=0.0)))
+        else:
+            chosen.append(replace(c, mean=float(x), deviation=0.0) if c.label in claimed else c)
+    weights = weights_of(len(d.start.prepared.recordings), d.held_out)
+    x = algebra(n, weights).most_probable(prior_of(chosen)).x
+    shapes = [e for e in gone if all(c.form == "log" for c in own[e])]
+    return _brought(d.after.point, n.coordinates, x, shapes)
 
 
 def is_shape_only(j: Judged, effect: str) -> bool:
@@ -154,10 +179,15 @@ def is_shape_only(j: Judged, effect: str) -> bool:
 
 def without(j: Judged, gone: Sequence[str]) -> Point:
     """Return the point at which effects are missing and ordinary deviations follow by algebra; shapes at neutral."""
-    x = _values(j, gone)
-    moved = [(c, to) for c, to in zip(j.normal.coordinates, x, strict=True) if c.form != "share"]
-    point = j.table.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
+    shapes = [e for e in gone if is_shape_only(j, e)]
+    return _brought(j.table.point, j.normal.coordinates, _values(j, gone), shapes)
+
+
+def _brought(point: Point, coordinates: Sequence[Coordinate], x: Array, shapes: Sequence[str]) -> Point:
+    """Return a point with coordinates at x (p,), and effects that are nothing but shapes at neutral."""
+    moved = [(c, to) for c, to in zip(coordinates, x, strict=True) if c.form != "share"]
+    point = point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
     neutral = library.neutral(point.prepared.campaign.drive.motor)
-    shapes = tuple(f"{e}." for e in gone if is_shape_only(j, e))
-    off = {k: v for k, v in neutral.items() if shapes and k.startswith(shapes)}
+    begun = tuple(f"{e}." for e in shapes)
+    off = {k: v for k, v in neutral.items() if begun and k.startswith(begun)}
     return replace(point, values={**point.values, **off})

@@ -16,6 +16,7 @@ from model.mapped import MappedMotor
 from model.parameters import Converter, Motor
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.report.bounds import at_bound
 from sandbox.gap.search.estimates import estimates, of_motor
 from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.output.refitted import Refitted
@@ -27,8 +28,8 @@ def refitted(d: Diagnosis) -> Refitted:
     judged, own = d.best.judged, d.campaign.drive
     values, turns = judged.fit.point.values, judged.fit.point.turns
     motor = baked(own.motor, values)
-    named = estimates(judged)
-    ci95 = {k: (e.low, e.high) for k, e in {**of_motor(judged), **named}.items()}
+    found = {**of_motor(judged), **estimates(judged)}
+    ci95 = {k: (e.low, e.high) for k, e in found.items()}
     effects = beside(motor, own.converter, values)
     shown = [e for e in d.best.effects if e != UNKNOWN]
     said = (
@@ -45,7 +46,8 @@ def refitted(d: Diagnosis) -> Refitted:
     units = {name: p.unit for name, p in library.parameters().items()} | {name: p.unit for name, p in BENCH.items()}
     parts = {} if d.campaign.excerpts is None else {e.file: e.of for e in d.campaign.excerpts.parts if e.file != e.of}
     angles = {name: turn for name, turn in turns.items() if turn and name not in parts}  # a replay has no parts
-    return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit, parts), said)
+    bounds = at_bound(found, d.at_bound)
+    return Refitted(drive, effects, angles, ci95, units, residual_of(judged.fit, parts), said, bounds)
 
 
 def baked(motor: Motor, values: Mapping[str, float]) -> Motor:

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 from model.effects import library
 from model.effects.card import Effect
 from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, between_segments, prior_of, sandwich
-from sandbox.gap.evidence.priors import Coordinate
+from sandbox.gap.evidence.priors import REACHED, Coordinate, ordinary
 from sandbox.gap.search.judged import Judged
+from sandbox.plant.sets import BENCH
 
 Array = NDArray[np.float64]
 Z = 1.959964
@@ -63,7 +64,7 @@ def estimates(j: Judged) -> dict[str, Estimate]:
 def estimates_beside(j: Judged, equations: Algebra) -> dict[str, Estimate]:
     """Return the same by other equations of its table: those with a free regression integrated out (`beside`)."""
     x, free, _ = equations.most_probable(j.prior)
-    sd = SPREAD * np.sqrt(np.diag(equations.covariance(j.prior)))
+    sd = SPREAD * np.sqrt(_as_if_free(equations, j.prior, free, np.diag(equations.covariance(j.prior))))
     s = Spread(j.table.coordinates, j.table.point.values, x, sd, (x - Z * sd, x + Z * sd), free)
     return {name: e for effect in j.effects for name, e in _of_effect(effect, s).items()}
 
@@ -94,13 +95,49 @@ def spread(j: Judged) -> Spread:
     there = {c.label: float(y) for c, y in zip(j.normal.coordinates, beside, strict=True)}
     traces = np.array([there.get(c.label, y) - y for c, y in zip(j.fit.coordinates, x, strict=True)])
     variance = np.max([np.diag(c) for c in (plain, robust, apart)], axis=0)
-    held = (prior.deviation > 0.0) & ~free  # as uncertain as if they were free: a bound is no measurement
-    variance = np.where(held, np.diag(own.covariance(unbounded(prior))), variance)
+    variance = _as_if_free(own, prior, free, variance)
     wider = np.sqrt(SPREAD**2 * variance + (TRACES * traces) ** 2)
     tails = own.tails(prior)
     below = np.where(x > prior.low, tails, 0.0) + Z * wider
     above = np.where(x < prior.high, tails, 0.0) + Z * wider
     return Spread(j.fit.coordinates, j.fit.point.values, x, wider, (x - below, x + above), free)
+
+
+def _as_if_free(own: Algebra, prior: Prior, free: NDArray[np.bool_], variance: Array) -> Array:
+    """Return variances (p,), those of values held at a bound as if they were free: a bound is no measurement."""
+    held = (prior.deviation > 0.0) & ~free
+    return np.where(held, np.diag(own.covariance(unbounded(prior))), variance)
+
+
+class Held(NamedTuple):
+    """An ordinary deviation that stands at its bound: public name, value with interval, and how many standard
+    deviations the bound is away from the value that the campaign states."""
+
+    name: str
+    estimate: Estimate
+    deviations: float
+
+
+def held_ordinary(j: Judged) -> list[Held]:
+    """Return the ordinary deviations of a hypothesis' fit that stand at their bound, those that an effect has made wide
+    left out; a recording's angle as `angles.<file>`, as in effects.toml."""
+    s = spread(j)
+    usual = {c.label: c for c in ordinary(j.fit.point.prepared.campaign)}
+    out = []
+    for k, c in enumerate(s.coordinates):
+        narrow = c.deviation > 0.0 and (c.form == "turn" or usual.get(c.label) == c)
+        if not narrow or s.free[k] or abs(s.x[k] - c.mean) < REACHED * c.within * c.deviation:
+            continue
+        name = f"angles.{c.names[0]}" if c.form == "turn" else c.names[0]
+        value, *ends = (public(c.form, c.bounded(float(to[k]))) for to in (s.x, *s.ends))
+        out.append(Held(name, Estimate(value, min(ends), max(ends), unit_of(name), at_bound=True), c.within))
+    return out
+
+
+def unit_of(name: str) -> str:
+    """Return the unit of a parameter by its public name; of an angle of a recording the radian."""
+    known = BENCH.get(name) or library.parameters().get(name)
+    return "rad" if known is None else known.unit
 
 
 def unbounded(prior: Prior) -> Prior:
@@ -131,8 +168,9 @@ def _of_part(card: Effect, k: int, s: Spread) -> dict[str, Estimate]:
             across = math.hypot(x[v] * sd[u], x[u] * sd[v]) / around
             angle = math.atan2(x[v], x[u])
             turn = min(across / around, math.pi)
-            out[name] = Estimate(size, max(0.0, size - Z * radial), size + Z * radial, p.unit)
-            out[phase] = Estimate(angle, angle - Z * turn, angle + Z * turn, "rad")
+            held = not (s.free[u] and s.free[v])
+            out[name] = Estimate(size, max(0.0, size - Z * radial), size + Z * radial, p.unit, held)
+            out[phase] = Estimate(angle, angle - Z * turn, angle + Z * turn, "rad", held)
         elif own in place:
             at = place[own]
             ends = (s.coordinates[at].bounded(float(to[at])) for to in (x, *s.ends))

@@ -69,10 +69,11 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
     assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **c}) == []
     assert set(c) == {
         "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "alike", "next_recording", "excluded",
-        "out_of_sight", "excerpts", "cost", "effects", "groups", "unknown", "waterfall",
+        "out_of_sight", "excerpts", "cost", "effects", "groups", "unknown", "waterfall", "at_bound",
     }  # fmt: skip
     assert set(c["gap"]) == {
-        "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg", "remains"
+        "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg", "remains",
+        "noise",
     }  # fmt: skip
     assert set(c["gap"]["position_error_deg"]) == {"recorded", "simulated_before", "simulated_after"}
     assert [set(r) for r in c["gap"]["recordings"]] == 4 * [{"file", "before", "after", "held_out"}]

@@ -9,7 +9,7 @@ import pytest
 from model.errors import BadInput, PhysicsError
 from sandbox.cli import main
 from sandbox.gap.diagnose import diagnose
-from sandbox.gap.evidence.noise import floor_of, noise_caution, seen
+from sandbox.gap.evidence.noise import floor_of, noise_caution, noise_of, seen
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.inputs import noise_floor
 
@@ -42,7 +42,9 @@ def test_noise_seen_is_that_put_in(small_folder):
 def test_stated_noise_far_from_the_sensors_is_told(small_folder):
     campaign = read_campaign(small_folder)
     floor = noise_floor(campaign.drive.converter)
-    assert noise_caution(campaign) == ""
+    own = dataclasses.replace(campaign.drive.converter, current_noise=noise_of(campaign).seen, current_resolution=0.0)
+    right = dataclasses.replace(campaign, drive=dataclasses.replace(campaign.drive, converter=own))
+    assert noise_caution(right) == ""
     with pytest.raises(BadInput, match="nothing could be seen below the stated noise"):
         noise_caution(with_noise(campaign, 1000.0 * floor))
     with pytest.raises(BadInput, match="no current of any recording ever changes"):
@@ -101,7 +103,9 @@ def test_coarse_counts_at_rest_are_cautioned_not_refused(small_folder):
     assert np.ptp(counts.recordings[0].i_a) == 0.0
     told = noise_caution(counts)
     assert "a count of 0.05 A hides the noise" in told
-    assert "0.0156 A" in told  # (6^2 + 50^2/12)^(1/2) mA
+    used = floor_of(counts, noise_floor(counts.drive.converter))
+    assert f"units of {used:.3g} A" in told
+    assert used == pytest.approx(0.0156, rel=0.1)  # (6^2 + 50^2/12)^(1/2) mA; a quarter of the readings is at rest
     slip = dataclasses.replace(counts.drive.converter, current_resolution=5.0)
     with pytest.raises(BadInput, match="nothing could be seen below the stated noise"):
         noise_caution(dataclasses.replace(counts, drive=dataclasses.replace(counts.drive, converter=slip)))

@@ -374,7 +374,7 @@ def test_shares_of_two_effects_by_hand(monkeypatch):
     10 are left; 0.81 explained is scaled to what all of it is.  The larger share comes first."""
     left = {("a", "b"): 200.0, ("a",): 140.0, ("b",): 170.0}  # by what is missing; 100 of them are noise
     monkeypatch.setattr(sharing, "_replayed", lambda j, gone: np.full(2, left[tuple(sorted(gone))]))
-    monkeypatch.setattr(sharing, "_waterfall", lambda d, j, ranked: [(e, 1.0) for e in ranked])
+    monkeypatch.setattr(sharing, "_waterfall", lambda d, ranked: [(e, 1.0) for e in ranked])
     segments = [SimpleNamespace(recording=k, rr=np.array([110.0]), n=np.array([100.0])) for k in range(2)]
     judged = SimpleNamespace(fit=SimpleNamespace(normal=SimpleNamespace(segments=segments)))
     d = SimpleNamespace(

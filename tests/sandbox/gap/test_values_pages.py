@@ -117,8 +117,8 @@ def test_a_likelihood_is_flat_up_to_a_fall_of_three(drawn, fall, said):
     assert "looks like what ordinary deviations can do: cosine 0.5000" in told[1]
 
 
-@pytest.mark.parametrize(("count", "figures"), [(1, 0), (2, 1)])
-def test_a_waterfall_is_drawn_for_two_effects(monkeypatch, drawn, count, figures):
+@pytest.mark.parametrize(("count", "figures"), [(0, 0), (1, 1), (2, 1)])
+def test_a_waterfall_is_drawn_for_one_effect_and_more(monkeypatch, drawn, count, figures):
     steps = (("inertia", 2.0), ("iron_loss", 1.5))[:count]
     a = SimpleNamespace(
         ranking=ranking({"inertia": 1.0}, waterfall=steps), diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0))

@@ -236,11 +236,11 @@ def test_a_waterfall_has_a_step_for_every_effect(monkeypatch):
             raise BadInput("the link's voltage is negative")
         return effects
 
-    monkeypatch.setattr(shares, "without", without)
+    monkeypatch.setattr(shares, "with_part", lambda d, effects: without(None, effects))
     monkeypatch.setattr(shares, "normal", lambda point, coordinates: point)
     monkeypatch.setattr(shares, "rms", lambda n, chosen: float(len(n)))
     d = SimpleNamespace(held_out=(1,), size=SimpleNamespace(after=1.01))
-    found = shares._waterfall(d, None, ["a", "b", "c"])
+    found = shares._waterfall(d, ["a", "b", "c"])
     assert [e for e, _ in found] == ["a", "b", "c"]
     assert [x for _, x in found] == pytest.approx([2.0, math.nan, 1.01], nan_ok=True)
     assert gone == [("b", "c"), ("c",)]

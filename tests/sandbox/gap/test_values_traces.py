@@ -82,7 +82,7 @@ def test_a_trace_has_a_tab_of_each_recording(monkeypatch, tmp_path):
 
 def test_bars_of_width_one_stand_around_their_place(monkeypatch):
     """Recordings 1 and 2, orders n: drawn from half before on; what is left, 2 of 8, in shares of the gap before."""
-    monkeypatch.setattr(traces, "waterfall", lambda a: (["before", "noise"], [5.0, 1.0]))
+    monkeypatch.setattr(traces, "waterfall", lambda a: (["before", "+ PWM delay"], [5.0, 1.0]))
     rows = [SimpleNamespace(before=4.0, after=2.0)] * 2
     parts = {
         name: SimpleNamespace(excess=e, electrical={2: 0.5}, mechanical={1: 0.25})
@@ -91,6 +91,8 @@ def test_bars_of_width_one_stand_around_their_place(monkeypatch):
     a = SimpleNamespace(diagnosis=SimpleNamespace(size=SimpleNamespace(recordings=rows)))
     found = dict(traces._whole(a, parts))
     assert found["recordings"].x.tolist() == found["waterfall"].x.tolist() == [0.5, 1.5]
+    steps = {k: v.tolist() for k, v in found["waterfall"].lines.items()}
+    assert steps == {"1_before": [5.0, 0.0], "2_PWM_delay": [0.0, 1.0]}
     k = traces.ORDERS.index(2)
     own = found["electrical"]
     assert (own.x[k], own.lines["before"][k], own.lines["after"][k]) == (1.5, 50.0, 12.5)
