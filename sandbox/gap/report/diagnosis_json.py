@@ -63,7 +63,7 @@ def contract(
             }
             for h, own in zip(d.hypotheses, d.parameters, strict=True)
         ],
-        **(whole or ranking(d)).as_json(),
+        **(whole or ranking(d)).as_json(following),
         "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
         "alike": None if alike is None else asdict(alike),
         "next_recording": as_json(following),

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sandbox.gap.evidence.discrepancy import Unexplained
 from sandbox.gap.evidence.gap_size import OfRecording
 from sandbox.gap.pages import listed, page, signals
 from sandbox.gap.report.distinguishability import Alike
@@ -23,7 +24,8 @@ def ranking(chances, unknown=0.0, **more):
         "moved": {},
     } | more
     return SimpleNamespace(
-        inclusion=SimpleNamespace(chances=chances, groups=own["groups"]), unknown=unknown, unexplained=0.125,
+        inclusion=SimpleNamespace(chances=chances, groups=own["groups"]), unknown=unknown, beside_unknown=False,
+        unexplained=Unexplained(0.125, (0.0625, 0.25)), where=None, told={}, sizes=lambda e: own["parameters"].get(e, {}),
         shares=SimpleNamespace(of=own["of"], waterfall=own["waterfall"]), parameters=own["parameters"],
         moved=own["moved"],
     )  # fmt: skip
@@ -31,7 +33,7 @@ def ranking(chances, unknown=0.0, **more):
 
 def test_effects_are_listed_from_a_chance_of_one_in_a_hundred():
     found = listed.rows(ranking({"inertia": 0.011, "iron_loss": 0.009}, 0.011))
-    outside = ["something outside the library", "1.1 %", "12.5 %", "–"]
+    outside = ["something outside the library", "1.1 %", "12.5 % [6.2 %, 25.0 %]", "–"]
     assert found == [["inertia", "1.1 %", "50.0 % [25.0 %, 75.0 %]", "–"], outside]
     assert listed.rows(ranking({"iron_loss": 0.5}, 0.009)) == [["iron loss", "50.0 %", "–", "–"]]
 
