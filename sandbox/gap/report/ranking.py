@@ -154,7 +154,7 @@ def completed(d: Diagnosis, r: Ranking) -> Ranking:
         if j is None:
             continue
         told[e] = telling(j, e, d.temperature)
-        if e not in sized:
+        if not sized.get(e):
             sized[e] = own_of(e, estimates(j))
         if part is not None and e not in part.parameters:
             part = part.sized(e, j)

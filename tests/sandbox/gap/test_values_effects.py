@@ -49,7 +49,7 @@ def test_two_sizes_of_noise_are_no_share():
 
 def test_the_interval_of_the_share_is_that_of_its_blocks():
     """400 blocks of a gap of 1, half of them left whole and half closed: the share left is 1/2 with a binomial's
-    deviation, 1/2/sqrt(400) = 0.025; a bootstrap of 400 draws tells 1.96 of it to some 6 %, three times that allowed."""
+    deviation, 1/2/sqrt(400) = 0.025; a bootstrap of 400 draws tells 1.96 of it to some 6 %, thrice that allowed."""
     after = [2.0, 1.0] * 200
     found = unexplained(blocks(*[2.0] * 400), blocks(*after))
     assert found.value == pytest.approx(0.5 - 0.0123)

@@ -25,7 +25,8 @@ def ranking(chances, unknown=0.0, **more):
     } | more
     return SimpleNamespace(
         inclusion=SimpleNamespace(chances=chances, groups=own["groups"]), unknown=unknown, beside_unknown=False,
-        unexplained=Unexplained(0.125, (0.0625, 0.25)), where=None, told={}, sizes=lambda e: own["parameters"].get(e, {}),
+        unexplained=Unexplained(0.125, (0.0625, 0.25)), where=None, told={},
+        sizes=lambda e: own["parameters"].get(e, {}),
         shares=SimpleNamespace(of=own["of"], waterfall=own["waterfall"]), parameters=own["parameters"],
         moved=own["moved"],
     )  # fmt: skip
@@ -123,8 +124,9 @@ def test_a_likelihood_is_flat_up_to_a_fall_of_three(drawn, fall, said):
 def test_a_waterfall_is_drawn_for_two_effects(monkeypatch, drawn, count, figures):
     steps = (("inertia", 2.0), ("iron_loss", 1.5))[:count]
     a = SimpleNamespace(
-        ranking=ranking({"inertia": 1.0}, waterfall=steps), diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0))
-    )
+        ranking=ranking({"inertia": 1.0}, waterfall=steps), following=None,
+        diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0)),
+    )  # fmt: skip
     list(page._listed(a))
     assert len(drawn) == figures
     assert [x[2] for x in drawn] == ["x"] * figures
