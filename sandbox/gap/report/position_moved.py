@@ -1,10 +1,10 @@
 """What each named effect does to the position error, were it alone in the drive: the closed loop runs with and without.
 
-One estimator of each family (sandbox/gap/README.md says which stands for which): the null of an injected ripple (`qnull`), a Kalman filter with a model of
-the motor (`ekf`), both at low speed where only injection sees the rotor, and the flux behind the voltages at speed
-(`active_flux`).  All believe the nominal model of the campaign, with rated current, over one mechanical turn.  At low
-speed the rotor turns freely under the estimate; at speed it is driven, since near standstill that estimator sees
-nothing and could not start it.
+One estimator of each family (sandbox/gap/README.md says which stands for which): the null of an injected ripple
+(`qnull`), a Kalman filter with a model of the motor (`ekf`), both at low speed where only injection sees the rotor, and
+the flux behind the voltages at speed (`active_flux`).  All believe the nominal model of the campaign, with rated
+current, over one mechanical turn.  At low speed the rotor turns freely under the estimate; at speed it is driven, since near
+standstill that estimator sees nothing and could not start it.
 """
 
 from __future__ import annotations
