@@ -3,8 +3,8 @@
 One estimator of each family (sandbox/gap/README.md says which stands for which): the null of an injected ripple
 (`qnull`), a Kalman filter with a model of the motor (`ekf`), both at low speed where only injection sees the rotor, and
 the flux behind the voltages at speed (`active_flux`).  All believe the nominal model of the campaign, with rated
-current, over one mechanical turn.  At low speed the rotor turns freely under the estimate; at speed it is driven, since near
-standstill that estimator sees nothing and could not start it.
+current, over one mechanical turn.  At low speed the rotor turns freely under the estimate; at speed it is driven, since
+near standstill that estimator sees nothing and could not start it.
 """
 
 from __future__ import annotations
