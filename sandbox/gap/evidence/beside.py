@@ -9,6 +9,7 @@ out in turn best.
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +25,7 @@ from sandbox.replay.replay import replay, residuals
 Array = NDArray[np.float64]
 Label = tuple[str, str, int]  # channel, what a regressor acts as, its kind
 FOLDS = 12  # times that recordings are left out: with more of them, several at a time
+NESTED = 6  # folds that what is chosen is judged on: more of them cost by their square
 RIDGES = RIDGE[::2]
 KINDS = ("currents", "angle", "speed")  # what a kind of functions hangs on
 ACTS = {"motion": "torque", "angle": "encoder"}
@@ -42,10 +44,11 @@ class Described:
 @dataclass(frozen=True)
 class Beside:
     """Equations with the regression integrated out; worth: share of the excess of recordings left out in turn that it
-    closes beyond the effects; what it consists of, the largest share first."""
+    closes beyond the effects, chosen without them, too (None with fewer than three recordings); what it consists of,
+    the largest share first."""
 
     equations: Algebra
-    worth: float
+    worth: float | None
     described: tuple[Described, ...]
 
 
@@ -69,6 +72,7 @@ class Joint:
 
     def solved(self, m: Array, v: Array, rows: Array, columns: NDArray[np.int64], ridge: float) -> Array:
         """Return the most probable values (p + q,) of some columns, 0 for all others."""
+        columns = columns[(columns < self.p) | (rows[columns] > 0.0)]  # a channel may be in one recording alone
         own = m[np.ix_(columns, columns)] + np.diag((self.held + ridge * rows)[columns])
         out = np.zeros(len(v))
         out[columns] = cho_solve(cho_factor(own, check_finite=False), (v + self.pull)[columns], check_finite=False)
@@ -76,12 +80,24 @@ class Joint:
 
     def predicted(self, columns: NDArray[np.int64], ridge: float) -> float:
         """Return by how much folds left out in turn are explained by the others."""
-        m, v, rows = self.m.sum(0), self.v.sum(0), self.rows.sum(0)
-        gain = 0.0
-        for m_k, v_k, rows_k in zip(self.m, self.v, self.rows, strict=True):
-            z = self.solved(m - m_k, v - v_k, rows - rows_k, columns, ridge)
-            gain += float(2.0 * z @ v_k - z @ m_k @ z)
-        return gain
+        return sum(self.gained(k, self.without([k], columns, ridge)) for k in range(len(self.m)))
+
+    def without(self, gone: Sequence[int], columns: NDArray[np.int64], ridge: float) -> Array:
+        """Return the most probable values (p + q,) by all folds but some."""
+        m, v, rows = (x.sum(0) - x[list(gone)].sum(0) for x in (self.m, self.v, self.rows))
+        return self.solved(m, v, rows, columns, ridge)
+
+    def gained(self, fold: int, z: Array) -> float:
+        """Return by how much values (p + q,) explain a fold."""
+        return float(2.0 * z @ self.v[fold] - z @ self.m[fold] @ z)
+
+    def merged(self, folds: int) -> Joint:
+        """Return the same with at most so many folds."""
+        place = np.arange(len(self.m)) % folds
+        m, v, rows = (
+            np.stack([x[place == k].sum(0) for k in range(max(place) + 1)]) for x in (self.m, self.v, self.rows)
+        )
+        return Joint(m, v, rows, self.held, self.pull, self.labels)
 
     def explained(self, columns: NDArray[np.int64], ridge: float) -> float:
         """Return by how much all recordings together are explained, priors taken off."""
@@ -112,10 +128,32 @@ def beside(table: Table, prior: Prior, *, workers: int = 1) -> Beside | None:
     best, kinds, ridge = max((joint.predicted(joint.of(free, k), r), k, r) for k, r in options)
     if best <= alone:
         return None
+    gain = foretold(joint.merged(NESTED), free)
     return Beside(
-        integrated_out(joint, n, joint.of(free[:0], kinds), ridge), min(1.0, (best - alone) / excess),
-        _described(joint, free, kinds, ridge),
+        integrated_out(joint, n, joint.of(free[:0], kinds), ridge),
+        None if gain is None else min(1.0, max(0.0, gain / excess)), _described(joint, free, kinds, ridge),
     )  # fmt: skip
+
+
+def foretold(joint: Joint, free: NDArray[np.int64]) -> float | None:
+    """Return by how much more than coordinates alone a regression explains folds that neither its fit nor the choice of
+    its kinds and of its ridge has seen: for each fold the choice is what predicts the others in turn best (Stone, J. R.
+    Stat. Soc. B 36 (1974) 111).  None with fewer than three folds."""
+    count = len(joint.m)
+    if count < 3:
+        return None
+    regressions = itertools.product(range(1, len(KINDS) + 1), RIDGES)
+    options = [(free, 0.0), *((joint.of(free, kinds), float(ridge)) for kinds, ridge in regressions)]
+    outer, inner = np.zeros((2, len(options), count))
+    for k, (columns, ridge) in enumerate(options):
+        for i in range(count):
+            outer[k, i] = joint.gained(i, joint.without([i], columns, ridge))
+        for i, j in itertools.combinations(range(count), 2):
+            z = joint.without([i, j], columns, ridge)
+            inner[k, i] += joint.gained(j, z)
+            inner[k, j] += joint.gained(i, z)
+    chosen = inner.argmax(axis=0)
+    return float(sum(outer[chosen[i], i] - outer[0, i] for i in range(count)))
 
 
 def joined(n: Normal, table: Table, prior: Prior) -> Joint | None:

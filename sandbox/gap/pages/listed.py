@@ -6,17 +6,28 @@ import math
 from collections.abc import Iterator
 
 from model.effects import library
+from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.report.answers import Answers
-from sandbox.gap.report.ranking import Ranking
+from sandbox.gap.report.open_part import Remaining
+from sandbox.gap.report.position_moved import Moved
+from sandbox.gap.report.ranking import Ranking, parted_by
+from sandbox.gap.report.told_apart import SURE, Confused
 from sandbox.gap.report.words import capital, names, quantity, words
 
 POSITION_NOTE = (
     "Mean position error under rated load, in electrical degrees, that each effect alone adds in the closed loop: low "
-    "speed with injection (qnull, ekf), half of rated speed (active_flux). All believe the nominal model."
+    "speed with injection, half of rated speed (active_flux). In brackets: by how much its ripple (standard deviation) "
+    "grows. All believe the nominal model."
 )
+BESIDE = (
+    "Sizes are those beside a free regression, so that what is outside the library does not bend them. What they are "
+    "without it stands below, and as `parameters` in diagnosis.json."
+)
+MOSTLY = 0.5  # share of what remains from which on a region is said to hold most of it
 MOST = 2  # parameters that stand in the list itself
 HIDES = 0.02  # negative share from which an effect is said to hide others
 SHOWN = 0.01  # chance below which an effect is not listed
+LISTED, NAMED = 0.5, 3  # chance from which it is said what an effect is confused with; rivals that are named
 
 
 def rows(r: Ranking) -> list[list[str]]:
@@ -26,13 +37,53 @@ def rows(r: Ranking) -> list[list[str]]:
         if chance >= SHOWN:
             share = r.shares.of.get(effect)
             told = "–" if share is None else f"{percent(share.value)} [{percent(share.low)}, {percent(share.high)}]"
-            own = r.parameters.get(effect, {})
+            own = r.sizes(effect)
             size = ", ".join(f"{library.title(k)} {quantity(e)}" for k, e in own.items())
             size = size if len(own) <= MOST else f"{len(own)} numbers, below"
             out.append([words(effect), f"{100.0 * chance:.1f} %", told, size or "–"])
     if r.unknown >= SHOWN:
-        out.append(["something outside the library", f"{100.0 * r.unknown:.1f} %", percent(r.unexplained), "–"])
+        out.append(["something outside the library", f"{100.0 * r.unknown:.1f} %", _unexplained(r), "–"])
     return out
+
+
+def _unexplained(r: Ranking) -> str:
+    if r.unexplained is None:
+        return "–"
+    told, ends = percent(r.unexplained.value), r.unexplained.ci95
+    return told if ends is None else f"{told} [{percent(ends[0])}, {percent(ends[1])}]"
+
+
+def remaining_sentence(where: Remaining | None) -> str:
+    """Return where what remains after the fit lies; '' where nothing does, or no region holds most of it."""
+    if where is None:
+        return ""
+    most = [max(regions, key=lambda x: x.share) for regions in (where.speed, where.current)]
+    told = [f"{percent(x.share)} {x.region}{_range(x.low, x.high, x.unit)}" for x in most if x.share >= MOSTLY]
+    told += [f"{percent(o.share)} of {o.of} order {o.order}" for o in where.angle]
+    if where.frequency is not None:
+        told.append(f"{percent(where.frequency.share)} at a fixed {where.frequency.hz:.0f} Hz at locked rotor")
+    return f"Of what remains after the fit, {', '.join(told)}." if told else ""
+
+
+def _range(low: float, high: float | None, unit: str) -> str:
+    """Return the ends of a region in brackets; nothing where it has none."""
+    if high is None:
+        return f" (from {low:.3g} {unit} on)"
+    return f" (up to {high:.3g} {unit})" if low == 0.0 else f" ({low:.3g} to {high:.3g} {unit})"
+
+
+def confused_sentences(r: Ranking) -> Iterator[str]:
+    """Yield which likely effects cannot be told from which others on these recordings."""
+    for effect, telling in r.told.items():
+        if telling is None or telling.tellable or r.inclusion.chances[effect] < LISTED:
+            continue
+        alike = [x for x in telling.confused_with if x.log_evidence < SURE][:NAMED]
+        told = ", ".join(f"{_rival(x)} (cosine {x.cosine:.3f})" for x in alike)
+        yield f"{capital(words(effect))} cannot be told here from {told or 'no effect at all: it is too small'}."
+
+
+def _rival(x: Confused) -> str:
+    return words(x.name) if x.kind == "effect" else f"an ordinary deviation ({library.title(x.name)})"
 
 
 def position_rows(r: Ranking) -> tuple[list[str], list[list[str]]]:
@@ -43,9 +94,23 @@ def position_rows(r: Ranking) -> tuple[list[str], list[list[str]]]:
         cells = []
         for name in estimators:
             m = own.get(name)
-            cells.append("–" if m is None else f"{m.mean_deg:+.2f}°" if math.isfinite(m.mean_deg) else "lost")
+            cells.append("–" if m is None else _moved(m))
         out.append([words(effect), *cells])
     return ["effect", *estimators], out if estimators else []
+
+
+def _moved(m: Moved) -> str:
+    """Return a move of the mean error, and of its ripple in brackets."""
+    if m.not_run:
+        return "not run"
+    return f"{m.mean_deg:+.2f}° ({m.ripple_deg:+.2f}°)" if math.isfinite(m.mean_deg) else "lost"
+
+
+def not_run_sentences(r: Ranking) -> Iterator[str]:
+    """Yield why an estimator was not run, once for each reason."""
+    told = {(name, m.not_run): None for own in r.moved.values() for name, m in own.items() if m.not_run}
+    for name, why in told:
+        yield f"`{name}` was not run: {why}"
 
 
 def percent(x: float) -> str:
@@ -65,10 +130,13 @@ def hidden_sentence(r: Ranking) -> str:
     )
 
 
-def group_sentences(r: Ranking) -> Iterator[str]:
-    """Yield which effects cannot be parted here, and the recording that parts them."""
+def group_sentences(r: Ranking, following: Next | None = None) -> Iterator[str]:
+    """Yield which effects cannot be parted here, and the recording that parts them: a planned one, where it does."""
     for group, chance in r.inclusion.groups:
-        how = "; ".join(f"for {words(e)}: {library.load_effect(e).separated_by}" for e in group)
+        told: dict[str, list[str]] = {}
+        for effect, by in parted_by(group, following).items():
+            told.setdefault(by, []).append(words(effect))
+        how = "; ".join(f"for {' and '.join(effects)}: {by}" for by, effects in told.items())
         yield f"One of {names(group).replace(' + ', ' or ')} is there ({100.0 * chance:.0f} %). To part them, {how}."
 
 

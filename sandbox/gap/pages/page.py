@@ -135,11 +135,15 @@ def _listed(a: Answers) -> Iterator[str]:
     yield table(["effect", "probability", "share of the gap [95 %]", "size [95 % interval]"], own)
     if hidden := listed.hidden_sentence(r):
         yield f"<p>{prose(hidden)}</p>"
-    yield bullets(listed.group_sentences(r))
+    if r.beside_unknown:
+        yield f'<p class="soft">{prose(listed.BESIDE)}</p>'
+    if lies := listed.remaining_sentence(r.where):
+        yield f"<p>{prose(lies)}</p>"
+    yield bullets([*listed.group_sentences(r, a.following), *listed.confused_sentences(r)])
     heads, moves = listed.position_rows(r)
     if moves:
         yield "<h3>What each does to the position estimate</h3>" + table(heads, moves)
-        yield f'<p class="soft">{prose(listed.POSITION_NOTE)}</p>'
+        yield f'<p class="soft">{prose(" ".join([listed.POSITION_NOTE, *listed.not_run_sentences(r)]))}</p>'
     labels, levels = listed.waterfall(a)
     if len(labels) > 2:
         yield figure(

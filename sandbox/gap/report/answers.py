@@ -327,8 +327,9 @@ def beside_text(a: Answers) -> str:
         return ""
     described = [x for x in own.beside.described if x.share >= TOLD][:2]
     acts = " and ".join(f"{ACTING[x.acts_as]} that depends on {HANGS[x.hangs_on]}" for x in described)
-    text = f"A free regression fitted beside the effects predicts {percent_fine(own.beside.worth)} of it on recordings "
-    text += f"left out, mostly as {acts}." if acts else "left out."
+    worth = own.beside.worth
+    told = "stands" if worth is None else f"predicts {percent_fine(worth)} of it on recordings left out"
+    text = f"A free regression fitted beside the effects {told}" + (f", mostly as {acts}." if acts else ".")
     named = [e for e in a.diagnosis.best.effects if e != UNKNOWN]
     gone = [e for e in named if own.chances[e] < 0.5]
     new = [e for e, p in own.chances.items() if p >= 0.5 and e not in named]

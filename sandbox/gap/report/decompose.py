@@ -103,9 +103,13 @@ def _stationary(x: Residual) -> Complex:
     return np.asarray(z[:, 0] + 1j * z[:, 1])
 
 
+def top_speed(point: Point) -> float:
+    """Return the largest speed of all recordings (rad/s, electrical)."""
+    return max(float(np.max(np.abs(x.motion.speed))) for x in point.prepared.recordings)
+
+
 def _speed(point: Point, r: Inputs) -> Array:
-    top = max(float(np.max(np.abs(x.motion.speed))) for x in point.prepared.recordings)
-    return np.asarray(np.abs(r.motion.speed) / max(top, 1e-9) * np.ones(r.samples))
+    return np.asarray(np.abs(r.motion.speed) / max(top_speed(point), 1e-9) * np.ones(r.samples))
 
 
 def _size(point: Point, r: Inputs) -> Array:

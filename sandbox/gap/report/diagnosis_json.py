@@ -64,7 +64,7 @@ def contract(
             }
             for h, own in zip(d.hypotheses, d.parameters, strict=True)
         ],
-        **(whole or ranking(d)).as_json(),
+        **(whole or ranking(d)).as_json(following),
         "at_bound": [{"name": h.name, **parameter(h.estimate), "deviations": h.deviations} for h in d.at_bound],
         "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
         "alike": None if alike is None else asdict(alike),

@@ -83,12 +83,12 @@ def _cosine(j: Judged, effect: str, rival: tuple[str, ...], temperature: float) 
     whole = float(move @ equations.a[np.ix_(places, places)] @ move)
     if not whole > 0.0:
         return None
-    left = [_left(equations, places, move, p) for p in (without, with_)]
+    left = [left_by(equations, places, move, p) for p in (without, with_)]
     share = left[1] / left[0] if rival else left[0] / whole
     return math.sqrt(max(0.0, 1.0 - share))
 
 
-def _left(equations: Algebra, places: NDArray[np.int64], move: Array, prior: Prior) -> float:
+def left_by(equations: Algebra, places: NDArray[np.int64], move: Array, prior: Prior) -> float:
     """Return the squares of a move's slopes that the other coordinates, within their prior, cannot take up."""
     others = np.setdiff1d(np.flatnonzero(prior.deviation > 0.0), places)
     slopes = equations.a[np.ix_(others, places)] @ move

@@ -1,10 +1,10 @@
 """What each named effect does to the position error, were it alone in the drive: the closed loop runs with and without.
 
-One estimator of each way to find a position: the null of an injected ripple (`qnull`), a Kalman filter with a model of
-the motor (`ekf`), both at low speed where only injection sees the rotor, and the flux behind the voltages at speed
-(`active_flux`).  All believe the nominal model of the campaign, with rated current, over one mechanical turn.  At low
-speed the rotor turns freely under the estimate; at speed it is driven, since near standstill that estimator sees
-nothing and could not start it.
+One estimator of each family (sandbox/gap/README.md says which stands for which): the null of an injected ripple
+(`qnull`), a Kalman filter with a model of the motor (`ekf`), both at low speed where only injection sees the rotor, and
+the flux behind the voltages at speed (`active_flux`).  All believe the nominal model of the campaign, with rated
+current, over one mechanical turn.  At low speed the rotor turns freely under the estimate; at speed it is driven, since
+near standstill that estimator sees nothing and could not start it.
 """
 
 from __future__ import annotations
@@ -29,42 +29,52 @@ RAMP, SETTLE, LONGEST_TURN = 0.3, 0.5, 2.0  # s
 
 class Moved(NamedTuple):
     """By how much an effect moves the mean of the error and its ripple (standard deviation), electrical degrees;
-    not finite where the rotor is lost."""
+    not finite where the rotor is lost, or where nothing could be run: why."""
 
     mean_deg: float
     ripple_deg: float
+    not_run: str = ""
 
-    def as_json(self) -> dict[str, float | bool | None]:
-        """Return the numbers, null where the rotor is lost."""
-        lost = not math.isfinite(self.mean_deg)
+    def as_json(self) -> dict[str, float | bool | str | None]:
+        """Return the numbers, null where the rotor is lost or nothing was run."""
+        none = not math.isfinite(self.mean_deg)
         return {
-            "mean_deg": None if lost else self.mean_deg, "ripple_deg": None if lost else self.ripple_deg, "lost": lost
+            "mean_deg": None if none else self.mean_deg, "ripple_deg": None if none else self.ripple_deg,
+            "lost": none and not self.not_run, "not_run": self.not_run or None,
         }  # fmt: skip
 
 
 def moved(drive: Drive, effects: Mapping[str, Mapping[str, float]]) -> dict[str, dict[str, Moved]]:
-    """Return by effect and estimator what the effect's values (public names) do; estimators that no gains can be
-    designed for on this drive, or that lose the rotor without any effect, are left out."""
+    """Return by effect and estimator what the effect's values (public names) do, or why that could not be run."""
     out: dict[str, dict[str, Moved]] = {e: {} for e in effects}
     for name in ESTIMATORS if effects else ():
+        base, why = None, ""
         try:
             setup = _ready(drive, name)
             base = _error(setup, {})
-        except (BadInput, PhysicsError):
-            continue
-        if base is None:
-            continue
+        except (BadInput, PhysicsError) as error:
+            why = f"it cannot run on this drive: {error}"
         for effect, values in effects.items():
-            try:
-                found = _error(setup, values)
-            except BadInput:  # none that a drive can have: an estimate at the end of its range
-                continue
-            except PhysicsError:
-                found = None
-            out[effect][name] = (
-                Moved(math.nan, math.nan) if found is None else Moved(found[0] - base[0], found[1] - base[1])
-            )
+            if base is None:
+                out[effect][name] = _not_run(why or "it loses the rotor without any effect")
+            else:
+                out[effect][name] = _moved(setup, values, base)
     return out
+
+
+def _not_run(why: str) -> Moved:
+    return Moved(math.nan, math.nan, why)
+
+
+def _moved(setup: Setup, values: Mapping[str, float], base: tuple[float, float]) -> Moved:
+    """Return what values do to mean and ripple (base: without them)."""
+    try:
+        found = _error(setup, values)
+    except BadInput as error:  # none that a drive can have: an estimate at the end of its range
+        return _not_run(f"no drive can have the effect at this size: {error}")
+    except PhysicsError:
+        found = None
+    return Moved(math.nan, math.nan) if found is None else Moved(found[0] - base[0], found[1] - base[1])
 
 
 def _ready(drive: Drive, estimator: str) -> Setup:

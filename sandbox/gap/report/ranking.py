@@ -8,52 +8,70 @@ from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from model.effects import library
-from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.evidence.beside import Beside, beside
+from sandbox.gap.diagnose import Diagnosis, verdict
+from sandbox.gap.evidence.discrepancy import Unexplained
+from sandbox.gap.planning.next_recording import Next
+from sandbox.gap.report.open_part import OpenPart, Remaining, open_part, own_of, remaining
 from sandbox.gap.report.position_moved import Moved, moved
-from sandbox.gap.report.shares import Shares, shares
-from sandbox.gap.search.estimates import Estimate, estimates_beside
-from sandbox.gap.search.inclusion import Inclusion, by_algebra, inclusion
+from sandbox.gap.report.shares import Share, Shares, of_set, shares
+from sandbox.gap.report.told_apart import Telling, telling
+from sandbox.gap.search.estimates import Estimate, estimates
+from sandbox.gap.search.inclusion import Inclusion, inclusion
+from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.gap.shortened import shortened
+from sandbox.gap.search.unfitted import by_algebra
 
-SLIGHT = 0.05  # chance of `unknown` below which no regression is fitted beside the effects
+SLIGHT = 0.05  # chance of `unknown` below which no regression is fitted beside the effects; of an effect: no size
 LIKELY = 0.5  # chance from which an effect counts as there
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Chances of all effects, shares and waterfall of the best hypothesis', parameters of each effect where it is in a
-    hypothesis, chance of `unknown`, the share of the gap that nothing in the library explains, and what a free
-    regression beside the effects says (None where `unknown` is unlikely, or the regression predicts nothing).  moved:
-    by effect and estimator, what it does to the position error."""
+    """Chances of all effects, those that are there by their shares, the others by chance; shares, and the waterfall of
+    the best hypothesis; parameters of each effect that may be there, in a set that holds it; chance of `unknown`; the
+    share of the gap that nothing in the library explains (None: no gap) and where that lies (None: nothing is left);
+    what a free regression beside the effects says (None where `unknown` is unlikely, or the regression predicts
+    nothing).  moved: by effect and estimator, what it does to the position error; told: what it is confused with."""
 
     inclusion: Inclusion
     shares: Shares
     parameters: dict[str, dict[str, Estimate]]
     unknown: float
-    unexplained: float
+    unexplained: Unexplained | None
     open_part: OpenPart | None = None
     moved: Mapping[str, Mapping[str, Moved]] = field(default_factory=dict)
+    where: Remaining | None = None
+    told: Mapping[str, Telling | None] = field(default_factory=dict)
 
-    def as_json(self) -> dict[str, Any]:
-        """Return `effects`, `groups`, `unknown` and `waterfall` of `diagnosis.json`."""
+    def as_json(self, following: Next | None = None) -> dict[str, Any]:
+        """Return `effects`, `groups`, `unknown` and `waterfall` of `diagnosis.json`; following: a planned recording."""
         return {
             "effects": [self._effect(e, p) for e, p in self.inclusion.chances.items()],
             "groups": [
-                {"effects": list(g), "probability": p, "parted_by": {e: library.load_effect(e).separated_by for e in g}}
+                {"effects": list(g), "probability": p, "parted_by": parted_by(g, following)}
                 for g, p in self.inclusion.groups
             ],
             "unknown": {
                 "probability": self.unknown,
-                "share": {"value": self.unexplained},
+                "share": None if self.unexplained is None else asdict(self.unexplained),
+                "where": None if self.where is None else self.where.as_json(),
                 "beside": None if self.open_part is None else self.open_part.as_json(),
             },
             "waterfall": [{"added": e, "J": j if math.isfinite(j) else None} for e, j in self.shares.waterfall],
         }
 
+    def sizes(self, effect: str) -> dict[str, Estimate]:
+        """Return an effect's parameters: beside the free regression, where something outside the library is likely."""
+        bent = self.parameters.get(effect, {})
+        return self.open_part.parameters.get(effect, bent) if self.beside_unknown and self.open_part else bent
+
+    @property
+    def beside_unknown(self) -> bool:
+        """Whether sizes are those beside a free regression."""
+        return self.open_part is not None and self.unknown >= LIKELY
+
     def _effect(self, name: str, chance: float) -> dict[str, Any]:
-        share = self.shares.of.get(name)
+        share, telling = self.shares.of.get(name), self.told.get(name)
         group = self.inclusion.group_of(name)
         return {
             "name": name,
@@ -67,33 +85,38 @@ class Ranking:
             },
             "parameters": {k: parameter(e) for k, e in self.parameters.get(name, {}).items()},
             "group": None if group is None else list(group),
+            **({"tellable": None, "confused_with": None} if telling is None else telling.as_json()),
             "position": {k: m.as_json() for k, m in self.moved.get(name, {}).items()},
-            "beside_unknown": None if self.open_part is None else self.open_part.of_effect(name),
+            "beside_unknown": None if self.open_part is None else beside_unknown(self.open_part, name),
         }
 
 
-@dataclass(frozen=True)
-class OpenPart:
-    """What nothing in the library explains, as a free regression fitted beside the effects: what it closes and consists
-    of, every effect's chance and the best hypothesis' parameters with it."""
-
-    beside: Beside
-    chances: Mapping[str, float]
-    parameters: dict[str, Estimate]
-
-    def as_json(self) -> dict[str, Any]:
-        """Return `unknown.beside` of `diagnosis.json`."""
-        return {"worth": self.beside.worth, "consists_of": [asdict(x) for x in self.beside.described]}
-
-    def of_effect(self, name: str) -> dict[str, Any]:
-        """Return an effect's chance and parameters beside the regression."""
-        own = {k: parameter(e) for k, e in self.parameters.items() if k.startswith(f"{name}.")}
-        return {"probability": self.chances[name], "parameters": own}
+def beside_unknown(part: OpenPart, name: str) -> dict[str, Any]:
+    """Return an effect's chance and parameters beside a free regression."""
+    own = part.parameters.get(name, {})
+    return {"probability": part.chances[name], "parameters": {k: parameter(e) for k, e in own.items()}}
 
 
 def parameter(e: Estimate) -> dict[str, Any]:
     """Return one parameter as the contract has it."""
     return {"value": e.value, "ci95": [e.low, e.high], "unit": e.unit} | ({"at_bound": True} if e.at_bound else {})
+
+
+def parted_by(group: tuple[str, ...], following: Next | None) -> dict[str, str]:
+    """Return the recording that tells each effect of a group apart: the planned one where it separates a set that holds
+    this effect from one that holds another of the group instead, else what the effect's card says."""
+    sets = () if following is None else [{e for e in s if e in group} for s in following.separates]
+    out = {}
+    for effect in group:
+        having, lacking = ([s for s in sets if (effect in s) == there] for there in (True, False))
+        parts = following is not None and any(b - a for a in having for b in lacking)
+        out[effect] = planned(following) if parts and following else library.load_effect(effect).separated_by
+    return out
+
+
+def planned(following: Next) -> str:
+    """Return a planned recording in words."""
+    return f"the recording planned next ({following.entry}): {following.description}, for {following.seconds:g} s"
 
 
 def ranking(d: Diagnosis, workers: int = 1, *, position: bool = True) -> Ranking:
@@ -103,23 +126,76 @@ def ranking(d: Diagnosis, workers: int = 1, *, position: bool = True) -> Ranking
     for h, parameters in zip(d.hypotheses, d.parameters, strict=True):
         for e in h.effects:
             if e != UNKNOWN and e not in own:
-                own[e] = {k: v for k, v in parameters.items() if k.startswith(f"{e}.")}
+                own[e] = own_of(e, parameters)
     chance = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
-    left = 0.0 if d.remainder.before <= 0.0 else min(1.0, max(0.0, d.remainder.after / d.remainder.before))
+    left = None if verdict(d) == "no_gap" else d.remainder.share
     found = inclusion(d.hypotheses, d.temperature)
-    open_part = _open_part(d, workers) if chance >= SLIGHT else None
-    if open_part is not None:
-        mixed = {e: (1.0 - chance) * p + chance * open_part.chances[e] for e, p in found.chances.items()}
-        found = replace(found, chances=dict(sorted(mixed.items(), key=lambda x: -x[1])))
-    there = [e for e in own if found.chances[e] >= LIKELY]
-    values = {e: {k: x.value for k, x in own[e].items()} for e in there}
-    return Ranking(found, shares(d), own, chance, left, open_part, moved(d.campaign.drive, values) if position else {})
+    part = open_part(d, workers) if chance >= SLIGHT else None
+    if part is not None:
+        found = found.mixed(part.inclusion, chance)
+    r = completed(d, Ranking(found, shares(d), own, chance, left, part))
+    lies = left is not None and (left.value > 0.0 or chance >= SLIGHT)
+    there = [e for e in r.parameters if found.chances[e] >= LIKELY]
+    values = {e: {k: x.value for k, x in r.sizes(e).items()} for e in there}
+    at = remaining(d.after.point) if lies else None
+    return replace(r, where=at, moved=moved(d.campaign.drive, values) if position else {})
 
 
-def _open_part(d: Diagnosis, workers: int) -> OpenPart | None:
-    j = d.best.judged
-    found = beside(replace(j.table, point=shortened(j.table.point)), j.prior, workers=workers)
-    if found is None:
-        return None
-    freed = replace(j.table, equations=found.equations)
-    return OpenPart(found, by_algebra(freed, j.effects, d.temperature).chances, estimates_beside(j, found.equations))
+def completed(d: Diagnosis, r: Ranking) -> Ranking:
+    """Return the list with sizes, and what it is confused with, of every effect that may be there, and the share of
+    every effect that is likely to be: those that are not in the best hypothesis as they are in the most probable set
+    that holds them, by the equations at the best hypothesis' point."""
+    sets, sized, told = _Sets(d, r), dict(r.parameters), dict[str, Telling | None]()
+    of, part = dict(r.shares.of), r.open_part
+    for e, chance in r.inclusion.chances.items():
+        if chance < SLIGHT:
+            continue
+        j = sets.holding(e)
+        if j is None:
+            continue
+        told[e] = telling(j, e, d.temperature)
+        if not sized.get(e):
+            sized[e] = own_of(e, estimates(j))
+        if part is not None and e not in part.parameters:
+            part = part.sized(e, j)
+        if chance > LIKELY and e not in of:
+            of[e] = sets.shares(j)[e]
+    found = replace(r.inclusion, chances=ordered(r.inclusion.chances, of))
+    return replace(r, inclusion=found, shares=replace(r.shares, of=of), parameters=sized, open_part=part, told=told)
+
+
+def ordered(chances: Mapping[str, float], of: Mapping[str, Share]) -> dict[str, float]:
+    """Return chances, those of likely effects first, the largest share first, then all others, the likeliest first."""
+    shares = {e: of[e].value if e in of and math.isfinite(of[e].value) else -math.inf for e in chances}
+    likely = [e for e in chances if chances[e] > LIKELY]
+    first = sorted(likely, key=lambda e: (-shares[e], -chances[e]))
+    rest = sorted((e for e in chances if e not in likely), key=lambda e: -chances[e])
+    return {e: chances[e] for e in (*first, *rest)}
+
+
+class _Sets:
+    """The sets that hold effects, by the equations at the best hypothesis' point, and their shares, each worked out
+    once."""
+
+    def __init__(self, d: Diagnosis, r: Ranking) -> None:
+        self.best, self.inclusion = d.best.judged, r.inclusion
+        self.part = r.open_part if r.beside_unknown else None
+        self.known: dict[tuple[str, ...], Judged] = {tuple(sorted(self.best.effects)): self.best}
+        self.shared: dict[int, dict[str, Share]] = {}
+
+    def holding(self, effect: str) -> Judged | None:
+        """Return the best hypothesis if it holds an effect, else the most probable set that does."""
+        if effect in self.best.effects:
+            return self.best
+        key = self.inclusion.most_probable(effect)
+        if key is None or any(e not in self.best.table.members for e in key):
+            return None
+        if key not in self.known:
+            self.known[key] = by_algebra(self.best, key)
+        return self.known[key]
+
+    def shares(self, j: Judged) -> dict[str, Share]:
+        """Return the shares of a set's effects: at sizes that no unknown part bends, where one is likely."""
+        if id(j) not in self.shared:
+            self.shared[id(j)] = of_set(j if self.part is None else self.part.unbent(j))
+        return self.shared[id(j)]

@@ -52,8 +52,8 @@ class Share(NamedTuple):
 
 @dataclass(frozen=True)
 class Shares:
-    """Shares by effect, largest first, and the normalised rms on the recordings held out after each is added in this
-    order."""
+    """Shares by effect, largest first, and the normalised rms on the recordings held out after each effect of the best
+    hypothesis is added in this order."""
 
     of: dict[str, Share]
     waterfall: tuple[tuple[str, float], ...]
@@ -64,21 +64,30 @@ def shares(d: Diagnosis) -> Shares:
     named = tuple(e for e in d.best.effects if e != UNKNOWN)
     if not named:
         return Shares({}, ())
-    j = d.best.judged
-    full, nothing = _left(j.fit.normal), _replayed(j, named)
+    found = of_set(d.best.judged, d.remainder.explained)
+    ranked = dict(sorted(found.items(), key=lambda x: -x[1].value))
+    return Shares(ranked, tuple(_waterfall(d, list(ranked))))
+
+
+def of_set(j: Judged, explained: float | None = None) -> dict[str, Share]:
+    """Return the shares of a set's effects, at the sizes that they have in it.
+
+    explained: share of the gap that the fit of the set explains, which shares sum to; None where the set was not fitted
+    (its equations are those of another one's point): what it explains is replayed, too.
+    """
+    named = j.effects
+    nothing, full = _replayed(j, named), _left(j.fit.normal) if explained is not None else _replayed(j, ())
     gap = nothing - _counts(j.fit.normal)
     alone = np.array([nothing - _replayed(j, [x for x in named if x != e]) for e in named])
     last = np.array([_replayed(j, [e]) - full for e in named])
     pick = np.random.default_rng(1).integers(full.size, size=(DRAWS, full.size))
     with np.errstate(invalid="ignore", divide="ignore"):
-        scale = d.remainder.explained * gap.sum() / (nothing - full).sum()  # of the gap that was fitted, not replayed
+        scale = 1.0 if explained is None else explained * gap.sum() / (nothing - full).sum()  # the gap as fitted
         drawn = scale * shared_out(alone[:, pick].sum(2), last[:, pick].sum(2), (nothing - full)[pick].sum(1))
         low, high = np.nanpercentile(drawn / gap[pick].sum(1), [2.5, 97.5], axis=1)
         value = scale * shared_out(alone.sum(1), last.sum(1), (nothing - full).sum()) / gap.sum()
         single = scale * alone.sum(1) / gap.sum()
-    found = {e: Share(*map(float, x)) for e, *x in zip(named, value, low, high, single, strict=True)}
-    ranked = dict(sorted(found.items(), key=lambda x: -x[1].value))
-    return Shares(ranked, tuple(_waterfall(d, list(ranked))))
+    return {e: Share(*map(float, x)) for e, *x in zip(named, value, low, high, single, strict=True)}
 
 
 def shared_out(first: Array, last: Array, whole: Array) -> Array:

@@ -62,9 +62,18 @@ def estimates(j: Judged) -> dict[str, Estimate]:
 
 
 def estimates_beside(j: Judged, equations: Algebra) -> dict[str, Estimate]:
-    """Return the same by other equations of its table: those with a free regression integrated out (`beside`)."""
+    """Return the same by other equations of its table: those with a free regression integrated out (`beside`).
+
+    An interval is as much wider than the ordinary one as the regression makes the plain covariance, so that residuals
+    that are alike, recordings that disagree and traces count as ever.
+    """
+    ordinary, own = spread(j), unbounded(j.prior)
     x, free, _ = equations.most_probable(j.prior)
-    sd = SPREAD * np.sqrt(_as_if_free(equations, j.prior, free, np.diag(equations.covariance(j.prior))))
+    with_, without = (np.sqrt(np.diag(e.covariance(own))) for e in (equations, j.equations))
+    wider = np.divide(with_, without, out=np.ones_like(with_), where=without > 0.0)
+    place = ordinary.place
+    usual = [ordinary.sd[place[c.label]] if c.label in place else 0.0 for c in j.table.coordinates]
+    sd = np.maximum(wider * np.array(usual), SPREAD * with_)
     s = Spread(j.table.coordinates, j.table.point.values, x, sd, (x - Z * sd, x + Z * sd), free)
     return {name: e for effect in j.effects for name, e in _of_effect(effect, s).items()}
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from sandbox.gap.evidence.spike_slab import Table
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
@@ -22,14 +22,26 @@ OPEN = (0.05, 0.95)  # chances between which an effect may be one of a group
 
 @dataclass(frozen=True)
 class Inclusion:
-    """Chance of each effect, and the groups of effects that cannot be parted: (effects, chance that one is there)."""
+    """Chance of each effect, the groups of effects that cannot be parted: (effects, chance that one is there), and the
+    chances of the sets that they follow from."""
 
     chances: Mapping[str, float]
     groups: tuple[tuple[tuple[str, ...], float], ...]
+    sets: Mapping[Set, float] = field(default_factory=dict)
 
     def group_of(self, effect: str) -> tuple[str, ...] | None:
         """Return the group an effect belongs to."""
         return next((names for names, _ in self.groups if effect in names), None)
+
+    def most_probable(self, effect: str) -> Set | None:
+        """Return the most probable set that holds an effect."""
+        return max((s for s in self.sets if effect in s), key=lambda s: self.sets[s], default=None)
+
+    def mixed(self, other: Inclusion, share: float) -> Inclusion:
+        """Return chances and groups where the sets of another have that share of the probability."""
+        both = dict.fromkeys([*self.sets, *other.sets], 0.0)
+        sets = {s: (1.0 - share) * self.sets.get(s, 0.0) + share * other.sets.get(s, 0.0) for s in both}
+        return summed(sets, tuple(self.chances))
 
 
 def inclusion(hypotheses: Sequence[Hypothesis], temperature: float) -> Inclusion:
@@ -80,4 +92,5 @@ def summed(sets: Mapping[Set, float], names: Sequence[str] | Mapping[str, object
         either = sum(p for s, p in sets.items() if set(group) & set(s)) / total
         if alike and either > SURE and len(group) <= LARGEST:
             groups.append((group, either))
-    return Inclusion(dict(sorted(chance.items(), key=lambda x: -x[1])), tuple(groups))
+    shares = {s: p / total for s, p in sets.items()}
+    return Inclusion(dict(sorted(chance.items(), key=lambda x: -x[1])), tuple(groups), shares)

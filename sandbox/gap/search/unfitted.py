@@ -23,12 +23,12 @@ def slight(judged: Sequence[Judged], fitted: Collection[tuple[str, ...]]) -> lis
     none = next((j for j in judged if not j.effects), None)
     if none is None or none.log_evidence < max(j.log_evidence for j in judged) - BEHIND:
         return []
-    return [by_algebra(none, e) for e in none.table.members if (e,) not in fitted]
+    return [by_algebra(none, (e,)) for e in none.table.members if (e,) not in fitted]
 
 
-def by_algebra(none: Judged, effect: str) -> Judged:
-    """Return an effect's hypothesis from the equations at the point without effects."""
-    t, effects = none.table, (effect,)
+def by_algebra(near: Judged, effects: tuple[str, ...]) -> Judged:
+    """Return the hypothesis of a set of effects from the equations at the point of another one."""
+    t = near.table
     prior = t.prior(effects, alone=True)
     kept = [k for k, c in enumerate(t.coordinates) if prior.deviation[k] > 0.0 or c.form == "turn"]
     own = [replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k])) for k in kept]
@@ -37,4 +37,4 @@ def by_algebra(none: Judged, effect: str) -> Judged:
     whole = [k for k in kept if t.coordinates[k].form != "share"]  # a share is there or not, nothing between
     at = t.point.moved([t.coordinates[k] for k in whole], x[whole])
     found = Fit(effects, at, n, objective, 0.0)
-    return Judged(found, t, t.prior(effects), t.log_evidence(effects) - 0.5 * none.unmet, none.unmet, 0.0)
+    return Judged(found, t, t.prior(effects), t.log_evidence(effects) - 0.5 * near.unmet, near.unmet, 0.0)

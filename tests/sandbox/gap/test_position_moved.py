@@ -2,13 +2,15 @@
 
 import dataclasses
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from model.drive_files import load_drive
 from model.effects.library import complete, true_motor
+from model.errors import BadInput
 from model.saliency import local_angle
-from sandbox.gap.pages.listed import position_rows
+from sandbox.gap.pages.listed import not_run_sentences, position_rows
 from sandbox.gap.report import position_moved
 from sandbox.gap.report.position_moved import Moved, moved
 
@@ -62,11 +64,34 @@ def test_a_mechanical_turn_at_the_speed_that_the_page_names(monkeypatch, estimat
     assert turn.duration - position_moved.RAMP - position_moved.SETTLE == pytest.approx(seconds)
 
 
-def test_values_no_drive_can_have_are_left_out(found):
-    assert found["odd"] == {}
+def test_values_no_drive_can_have_are_said_to_be_none(found):
+    assert set(found["odd"]) == {"qnull", "ekf", "active_flux"}
+    told = found["odd"]["qnull"].as_json()
+    assert "no drive can have" in told.pop("not_run")
+    assert told == {"mean_deg": None, "ripple_deg": None, "lost": False}
+
+
+@pytest.mark.parametrize(("fails", "why"), [(True, "on this drive: no saliency"), (False, "loses the rotor")])
+def test_an_estimator_that_cannot_run_says_so(monkeypatch, fails, why):
+    """No gains can be designed, or the rotor is lost without any effect: each effect says why, once an estimator."""
+
+    def ready(drive, name):
+        if fails:
+            raise BadInput("no saliency")
+
+    monkeypatch.setattr(position_moved, "_ready", ready)
+    monkeypatch.setattr(position_moved, "_error", lambda setup, values: None)
+    found = moved(None, {"inertia": {}})["inertia"]
+    assert set(found) == set(position_moved.ESTIMATORS)
+    assert all(why in m.not_run for m in found.values())
+    told = list(not_run_sentences(SimpleNamespace(moved={"inertia": found, "saturation": found})))
+    assert len(told) == len(found)
+    assert position_rows(SimpleNamespace(moved={"inertia": found}))[1] == [["inertia", *["not run"] * len(found)]]
 
 
 def test_a_rotor_that_is_lost_is_said_to_be():
     ranking = type("R", (), {"moved": {"dead_time": {"qnull": Moved(math.nan, math.nan), "ekf": Moved(1.234, 0.1)}}})
-    assert position_rows(ranking) == (["effect", "qnull", "ekf"], [["dead time", "lost", "+1.23°"]])
-    assert Moved(math.nan, math.nan).as_json() == {"mean_deg": None, "ripple_deg": None, "lost": True}
+    assert position_rows(ranking) == (["effect", "qnull", "ekf"], [["dead time", "lost", "+1.23° (+0.10°)"]])
+    assert Moved(math.nan, math.nan).as_json() == {
+        "mean_deg": None, "ripple_deg": None, "lost": True, "not_run": None
+    }  # fmt: skip

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from sandbox.gap.evidence.discrepancy import Unexplained
 from sandbox.gap.evidence.gap_size import OfRecording
 from sandbox.gap.pages import listed, page, signals
 from sandbox.gap.report.distinguishability import Alike
@@ -23,7 +24,9 @@ def ranking(chances, unknown=0.0, **more):
         "moved": {},
     } | more
     return SimpleNamespace(
-        inclusion=SimpleNamespace(chances=chances, groups=own["groups"]), unknown=unknown, unexplained=0.125,
+        inclusion=SimpleNamespace(chances=chances, groups=own["groups"]), unknown=unknown, beside_unknown=False,
+        unexplained=Unexplained(0.125, (0.0625, 0.25)), where=None, told={},
+        sizes=lambda e: own["parameters"].get(e, {}),
         shares=SimpleNamespace(of=own["of"], waterfall=own["waterfall"]), parameters=own["parameters"],
         moved=own["moved"],
     )  # fmt: skip
@@ -31,7 +34,7 @@ def ranking(chances, unknown=0.0, **more):
 
 def test_effects_are_listed_from_a_chance_of_one_in_a_hundred():
     found = listed.rows(ranking({"inertia": 0.011, "iron_loss": 0.009}, 0.011))
-    outside = ["something outside the library", "1.1 %", "12.5 %", "–"]
+    outside = ["something outside the library", "1.1 %", "12.5 % [6.2 %, 25.0 %]", "–"]
     assert found == [["inertia", "1.1 %", "50.0 % [25.0 %, 75.0 %]", "–"], outside]
     assert listed.rows(ranking({"iron_loss": 0.5}, 0.009)) == [["iron loss", "50.0 %", "–", "–"]]
 
@@ -121,8 +124,9 @@ def test_a_likelihood_is_flat_up_to_a_fall_of_three(drawn, fall, said):
 def test_a_waterfall_is_drawn_for_one_effect_and_more(monkeypatch, drawn, count, figures):
     steps = (("inertia", 2.0), ("iron_loss", 1.5))[:count]
     a = SimpleNamespace(
-        ranking=ranking({"inertia": 1.0}, waterfall=steps), diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0))
-    )
+        ranking=ranking({"inertia": 1.0}, waterfall=steps), following=None,
+        diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0)),
+    )  # fmt: skip
     list(page._listed(a))
     assert len(drawn) == figures
     assert [x[2] for x in drawn] == ["x"] * figures

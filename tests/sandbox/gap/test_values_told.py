@@ -149,7 +149,7 @@ def test_what_slopes_still_promise_counts_against_a_set(monkeypatch):
     t.coordinates, t.equations = (), SimpleNamespace(most_probable=lambda prior: (np.zeros(0), None, 1.0))
     t.point = SimpleNamespace(moved=lambda coordinates, x: None)
     monkeypatch.setattr(unfitted, "equations_of", lambda *given: None)
-    assert unfitted.by_algebra(none, "a").log_evidence == pytest.approx(6.0)
+    assert unfitted.by_algebra(none, ("a",)).log_evidence == pytest.approx(6.0)
 
 
 def test_what_a_parameter_is_from_its_coordinate():

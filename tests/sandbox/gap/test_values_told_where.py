@@ -12,6 +12,7 @@ from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.report import answers, position, position_moved, ranking, shares, where
 from sandbox.gap.report.decompose import CURRENT_NAMES, DIRECTIONS, SPEED_NAMES, Decomposition
 from sandbox.gap.report.words import PREFIXES
+from sandbox.gap.search.inclusion import summed
 
 HALF = 1.0 / len(SPEED_NAMES)
 
@@ -156,13 +157,15 @@ def test_the_list_that_is_told_holds_nineteen_of_twenty(first, count):
 def test_which_effects_move_the_position_and_when_a_regression_is_made(monkeypatch, unknown, chance, asked, moved):
     """From even odds on; from one in twenty of `unknown` on."""
     calls = []
-    monkeypatch.setattr(ranking, "inclusion", lambda *_: SimpleNamespace(chances={"a": chance}))
-    monkeypatch.setattr(ranking, "_open_part", lambda d, workers: calls.append(1))
+    monkeypatch.setattr(ranking, "inclusion", lambda *_: summed({("a",): chance, (): 1.0 - chance}, "a"))
+    monkeypatch.setattr(ranking, "open_part", lambda d, workers: calls.append(1))
     monkeypatch.setattr(ranking, "shares", lambda d: None)
+    monkeypatch.setattr(ranking, "verdict", lambda d: "explained")
+    monkeypatch.setattr(ranking, "completed", lambda d, r: r)
     monkeypatch.setattr(ranking, "moved", lambda drive, values: list(values))
     d = diagnosis((("a",), 1.0 - unknown), (("unknown",), unknown))
     d.parameters, d.temperature = [{}, {}], 1.0
-    d.remainder, d.campaign = SimpleNamespace(before=1.0, after=0.0), SimpleNamespace(drive=None)
+    d.remainder, d.campaign = SimpleNamespace(share=None), SimpleNamespace(drive=None)
     assert (ranking.ranking(d).moved, len(calls)) == (moved, asked)
 
 
