@@ -26,7 +26,6 @@ MACHINE = 0.6  # of what currents show and no list holds
 THIRD = 10.0  # a bent sensor's squares over those of its third harmonic
 NONE = 1e-3  # of it is always left unpredicted, so that a chance is never 0 or 1
 SLIGHT = 0.05  # a chance whose weight in any share is smaller than a page shows
-TWICE = 2.0  # of either other phase's rms: more than a star's readings owe to their sum being zero
 SIGNIFICANT = 3.0  # standard deviations of noise's squares that are no excess
 
 
@@ -78,14 +77,3 @@ def excesses(shown: Sequence[Residual]) -> dict[str, float]:
 def _excess(x: Array) -> float:
     noise = len(x) + SIGNIFICANT * math.sqrt(2.0 * len(x))
     return max(0.0, float(x @ x) - noise)
-
-
-def odd_phase(shown: Sequence[Residual]) -> str:
-    """Return a sentence on a phase whose residual has TWICE the excess rms of both others, or nothing."""
-    phases = [_excess(np.concatenate([r.current[:, j].ravel() for r in shown])) for j in range(3)]
-    worst = int(np.argmax(phases))
-    others = max(x for j, x in enumerate(phases) if j != worst)
-    if phases[worst] <= TWICE**2 * others:
-        return ""
-    times = f"{math.sqrt(phases[worst] / others):.1f} times as much current as" if others else "current, unlike"
-    return f"Phase {'abc'[worst]} misses {times} either other phase: look at its sensor, its leg and its winding first."
