@@ -19,7 +19,7 @@ from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.planning.next_recording import Next, recommend
 from sandbox.gap.report import which
 from sandbox.gap.report.distinguishability import Alike, alike
-from sandbox.gap.report.odd_phase import OddPhase, odd_phase
+from sandbox.gap.report.outside import OddPhase, odd_phase
 from sandbox.gap.report.position import PositionError, position_error
 from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.report.where import Finding, Part, parts, percent, summary, where
