@@ -20,12 +20,12 @@ PAGE = """<!doctype html>
   --mark: #1f6fbf; --warm: #c2540c; --good: #d5ecda; --bad: #f6d6d1; --none: #eef0f3; }} }}
 * {{ box-sizing: border-box; }}
 body {{ margin: 0 auto; padding: 1rem; max-width: 62rem; color: var(--ink); background: var(--paper);
-  font: 16px/1.45 system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; overflow-wrap: anywhere; }}
+  font: 16px/1.45 system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; overflow-wrap: break-word; }}
 h1 {{ font-size: 1.3rem; margin: 0 0 .6rem; }} h2 {{ font-size: 1.1rem; margin: 1.6rem 0 .4rem; }}
 h3 {{ font-size: 1rem; margin: 1rem 0 .3rem; }}
 .badge {{ display: inline-block; padding: .1rem .6rem; border-radius: 1rem; color: var(--paper);
   background: var(--mark); font-size: .9rem; vertical-align: middle; }}
-.unknown, .ambiguous {{ background: var(--warm); }}
+.unknown, .ambiguous, .explained_in_part {{ background: var(--warm); }}
 .answer {{ border-left: .3rem solid var(--mark); padding: .1rem .8rem; margin: .7rem 0; break-inside: avoid; }}
 .answer b {{ display: block; color: var(--soft); font-size: .85rem; font-weight: 600; }}
 .wide, .draw {{ overflow-x: auto; overflow-y: hidden; }}
@@ -48,6 +48,9 @@ figure {{ margin: .6rem 0; break-inside: avoid; }}
 figure svg {{ width: 100%; height: auto; max-width: 34rem; min-width: 27rem; color: var(--ink); fill: var(--ink); }}
 figure svg {{ cursor: zoom-in; }} figure svg.big {{ position: fixed; inset: 0; z-index: 9; width: 100vw; height: 100vh;
   max-width: none; min-width: 0; padding: 1rem; background: var(--paper); cursor: move; touch-action: none; }}
+.tools {{ position: fixed; top: .5rem; right: .5rem; z-index: 10; }} .tools button {{ width: 2.8rem; height: 2.8rem;
+  margin-left: .3rem; font-size: 1.4rem; color: var(--ink); background: var(--paper); border: 1px solid var(--soft);
+  border-radius: .4rem; }} @media print {{ .tools {{ display: none; }} }}
 @media (min-width: 50rem) {{ .pair {{ display: grid; grid-template-columns: 1fr 1fr; gap: 1rem; }} }}
 figcaption {{ color: var(--soft); font-size: .9rem; }}
 details {{ margin: .8rem 0; }} summary {{ cursor: pointer; color: var(--mark); }}
@@ -62,23 +65,38 @@ const wider = new ResizeObserver(all => all.forEach(({{target: w}}) =>
   w.classList.toggle("over", w.scrollWidth > w.clientWidth + 1)));
 document.querySelectorAll(".wide, .draw").forEach(w => wider.observe(w));
 addEventListener("beforeprint", () => document.querySelectorAll("details").forEach(d => d.open = true));
+const tools = document.body.appendChild(document.createElement("div")); tools.className = "tools";
 document.querySelectorAll("figure svg").forEach(s => {{
   const home = s.getAttribute("viewBox"), box = () => s.getAttribute("viewBox").split(" ").map(Number);
+  const held = new Map();  // fingers, or the mouse's button, by id
   const big = () => s.classList.contains("big"), show = b => s.setAttribute("viewBox", b.join(" "));
-  const at = e => new DOMPoint(e.clientX, e.clientY).matrixTransform(s.getScreenCTM().inverse());
-  s.addEventListener("click", () => {{ if (!big()) s.classList.add("big"); }});
-  s.addEventListener("dblclick", () => {{ s.classList.remove("big"); s.setAttribute("viewBox", home); }});
-  addEventListener("keydown", e => {{ if (e.key === "Escape") s.dispatchEvent(new Event("dblclick")); }});
-  s.addEventListener("wheel", e => {{ if (!big()) return; e.preventDefault();
-    const [x, y, w, h] = box(), f = e.deltaY > 0 ? 1.25 : 0.8, p = at(e);
-    show([p.x - f * (p.x - x), p.y - f * (p.y - y), f * w, f * h]); }}, {{passive: false}});
-  s.addEventListener("pointermove", e => {{ if (!big() || e.buttons !== 1) return;
-    const [x, y, w, h] = box(), c = s.getScreenCTM(); show([x - e.movementX / c.a, y - e.movementY / c.d, w, h]); }});
+  const zoom = (f, at) => {{ const [x, y, w, h] = box(), p = new DOMPoint(at.x, at.y).matrixTransform(s.getScreenCTM()
+    .inverse()); show([p.x - f * (p.x - x), p.y - f * (p.y - y), f * w, f * h]); }};
+  const move = (a, b) => {{ const [x, y, w, h] = box(), c = s.getScreenCTM();
+    show([x - (b.x - a.x) / c.a, y - (b.y - a.y) / c.d, w, h]); }};
+  const middle = {{ get x() {{ return innerWidth / 2; }}, get y() {{ return innerHeight / 2; }} }};
+  const close = () => {{ s.classList.remove("big"); show(home.split(" ")); held.clear(); tools.replaceChildren(); }};
+  const button = (sign, name, act) => {{ const b = document.createElement("button"); b.textContent = sign;
+    b.setAttribute("aria-label", name); b.addEventListener("click", act); return b; }};
+  s.addEventListener("click", () => {{ if (big()) return; s.classList.add("big");
+    tools.replaceChildren(button("+", "closer", () => zoom(0.7, middle)), button("−", "wider", () => zoom(1.4, middle)),
+      button("×", "close", close)); }});
+  s.addEventListener("dblclick", () => {{ if (big()) close(); }});
+  addEventListener("keydown", e => {{ if (e.key === "Escape" && big()) close(); }});
+  s.addEventListener("wheel", e => {{ if (!big()) return; e.preventDefault(); zoom(e.deltaY > 0 ? 1.25 : 0.8, e); }},
+    {{passive: false}});
+  s.addEventListener("pointerdown", e => {{ if (big()) held.set(e.pointerId, e); }});
+  ["pointerup", "pointercancel"].forEach(k => addEventListener(k, e => held.delete(e.pointerId)));
+  s.addEventListener("pointermove", e => {{ const last = held.get(e.pointerId); if (!last) return;
+    const other = [...held.values()].find(p => p !== last), far = p => Math.hypot(p.x - other.x, p.y - other.y);
+    if (!other) move(last, e);
+    else if (far(e) > 1) zoom(far(last) / far(e), {{x: (e.x + other.x) / 2, y: (e.y + other.y) / 2}});
+    held.set(e.pointerId, e); }});
 }});
 </script>
 </body></html>
 """
-ENLARGE = "Click to enlarge; then the wheel zooms, dragging moves, Escape or a double click closes."
+ENLARGE = "Click to enlarge; then wheel, two fingers or + and − zoom, dragging moves, × or Escape closes."
 LONG = 36  # letters: a cell with more is broken between words
 MARKS = {"✓": "good", "✗": "bad", "○": "none"}  # ○: as it should be, but not good
 

@@ -62,16 +62,20 @@ def _by_label(drawing: Figure, axes: Axes, labels: Sequence[str], xlabel: str, y
 
 def lines_svg(
     panels: Sequence[tuple[str, Mapping[str, Line]]], xlabel: str, *, log: str = "", colours: Sequence[Any] = SERIES,
-    alike: bool = False,
+    alike: bool = False, bands: Sequence[float] = (),
 ) -> str:  # fmt: skip
     """Return panels of lines over a common axis as inline SVG; a panel: its y label, {name: (x, y)}.
 
-    log: the logarithmic axes, such as "y" or "xy"; alike: lines may lie on each other, see `widths`.  A panel whose
-    lines have other names than the first one's names them, too.
+    log: the logarithmic axes, such as "y" or "xy"; alike: lines may lie on each other, see `widths`; bands: of each
+    panel the height of a grey band about zero (0: none).  A panel whose lines have other names than the first one's
+    names them, too.
     """
     drawing, places = page((PHONE, 0.7 + 1.5 * len(panels)), len(panels), 1, sharex=True)
+    heights = iter(bands)
     for axes, (ylabel, lines) in zip(places[:, 0], panels, strict=True):
         wide = widths(len(lines)) if alike else [THIN] * len(lines)
+        if band := next(heights, 0.0):
+            axes.axhspan(-band, band, color="0.5", alpha=0.35, linewidth=0.0, zorder=0)
         for k, (name, (x, y)) in enumerate(lines.items()):
             axes.plot(x, y, color=colours[k % len(colours)], linewidth=wide[k], label=name)
         axes.set_ylabel(ylabel)

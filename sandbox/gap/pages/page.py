@@ -15,7 +15,9 @@ from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.decompose import Decomposition, decompose
 from sandbox.gap.report.diagnosis_json import closed_by
 from sandbox.gap.report.distinguishability import Alike
-from sandbox.gap.report.words import SIGNS, capital, label, names, quantity, words
+from sandbox.gap.report.where import WHOSE, Part
+from sandbox.gap.report.which import BADGES
+from sandbox.gap.report.words import SIGNS, amperes, capital, label, names, quantity, words
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.output.document import answer as answered
@@ -26,16 +28,14 @@ from sandbox.output.vector import bars_svg, dots_svg, lines_svg
 from sandbox.recordings.campaign import Excerpts
 
 FEWEST = 0.001  # probability below which a hypothesis stays in the folded part
-TITLES = {
-    "explained": "Explained",
-    "ambiguous": "Ambiguous",
-    "unknown": "Not in the library",
-    "no_gap": "No gap",
-}
 FLOOR = "Noise floor: rms of what the sensors' noise alone makes. A residual of 1 noise floor is noise, nothing else."
 GAP = (
     "Gap closed: (before² − after²) / (before² − 1), with the residuals before and after in noise floors. The 1 is the "
     "noise, which no effect can close; before² − 1 is the reducible gap."
+)
+PARTS = (
+    "A subsystem's part is what is left where its effects alone are taken out again and all else is fitted. The "
+    "sentences above and the charts below are of these parts."
 )
 FLAT = 3.0  # log likelihood: a fall of less is none that decides
 
@@ -43,7 +43,7 @@ FLAT = 3.0  # log likelihood: a fall of less is none that decides
 def print_answers(a: Answers) -> None:
     """Print the answers and what is left in sentences, the hypotheses and the gap per recording as tables."""
     d = a.diagnosis
-    print_prose(f"{d.campaign.name}: {TITLES[a.verdict].lower()}")
+    print_prose(f"{d.campaign.name}: {BADGES[a.badge].lower()}")
     for head, text in _three(a):
         print_prose(text, f"{head:<10} ")
     print_prose(answers.remains_text(a), f"{'Left?':<10} ")
@@ -76,7 +76,7 @@ def _three(a: Answers) -> list[tuple[str, str]]:
 
 def _body(a: Answers, title: str) -> Iterator[str]:
     d = a.diagnosis
-    yield f'<h1>{prose(title)} <span class="badge {a.verdict}">{TITLES[a.verdict]}</span></h1>'
+    yield f'<h1>{prose(title)} <span class="badge {a.badge}">{BADGES[a.badge]}</span></h1>'
     heads = {
         "Where?": "Where does the gap lie?", "Which?": "Which effect causes it?",
         "How far?": "How far does the gap shrink?", "Next?": "What next?",
@@ -98,7 +98,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     before, after = shown(d.before.point), shown(d.after.point)
     part, rest = decompose(d.before.point, before), decompose(d.after.point, after)
     yield "<h2>The gap, recording by recording</h2>"
-    yield figure(_by_recording(a), "Rms of the residual, in noise floors; 1 is noise alone. ● held out of the fit.")
+    yield figure(_by_recording(a), _floor_caption(a))
     yield fold("All figures", table(["recording", "before", "after", "share of the gap"], _recordings(a, part)))
     if d.campaign.excerpts is not None:
         period = d.campaign.drive.converter.sampling_period
@@ -106,7 +106,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
         yield fold("Parts of long recordings that were used", table(columns, part_rows(d.campaign.excerpts, period)))
     if a.where:
         yield "<h2>Where it lies</h2>" + bullets(f.text for f in a.where)
-        yield from pairs(_shares(part, rest))
+        yield from _parts(a.parts, part, rest)
     yield from signals.waves(a, part, before, after)
     yield "<h2>What remains</h2><p>" + prose(answers.remains_text(a)) + "</p>"
     notes = answers.caveats(a)
@@ -162,15 +162,28 @@ def _why_alike(x: Alike) -> Iterator[str]:
         others = names(rival) if rival else "what ordinary deviations can do"
         text = f"On these recordings {words(effect)} looks like {others}: cosine {cosine:.4f}."
         yield f"<li>{prose(text)}</li>"
-    fall = max(x.log_likelihood) - min(x.log_likelihood)
-    what = f"0: {names(x.second)}, 1: {names(x.first)}. "
-    if fall < FLAT:
-        what += "Flat: the recordings cannot choose."
-    else:
-        what += f"It falls by {fall:.0f} on the straight way: recordings choose there, priors between its ends."
+    what = f"0: {names(x.second)}, 1: {names(x.first)}. {_way(x)}"
     line = (list(x.share), list(x.log_likelihood))
     panels = [("log likelihood", {"all parameters going along": line})]
     yield "</ul>" + figure(lines_svg(panels, "share of the way between both fits"), what)
+
+
+def _way(x: Alike) -> str:
+    """Return what a likelihood along the way between two fits says: which end it prefers, whether it falls between."""
+    fall = max(x.log_likelihood) - min(x.log_likelihood)
+    if fall < FLAT:
+        return "Flat: the recordings cannot choose."
+    ends = {share: own for share, own in zip(x.share, x.log_likelihood, strict=True) if share in (0.0, 1.0)}
+    apart = ends[1.0] - ends[0.0] if len(ends) == 2 else 0.0
+    if abs(apart) >= FLAT:
+        first, second = (x.first, x.second) if apart > 0.0 else (x.second, x.first)
+        return (
+            f"By {abs(apart):.0f} the recordings prefer {names(first)}. That {names(second)} is still left is due to "
+            "the priors: how large effects and ordinary deviations usually are, and how many effects there are."
+        )
+    if len(ends) < 2:
+        return f"It falls by {fall:.0f} where a drive can be simulated; at one end none can."
+    return f"It falls by {fall:.0f} on the straight way: recordings choose there, priors between its ends."
 
 
 def _share(x: float | None) -> str:
@@ -191,6 +204,11 @@ def _recordings(a: Answers, part: Decomposition) -> list[list[str]]:
     ]
 
 
+def _floor_caption(a: Answers) -> str:
+    own = amperes(a.diagnosis.start.prepared.floor)
+    return f"Rms of the residual, in noise floors; 1 is noise alone ({own} for currents). ● held out of the fit."
+
+
 def _by_recording(a: Answers) -> str:
     rows = a.diagnosis.size.recordings
     labels = [Path(f).stem + (" ●" if held else "") for f, _, _, held in rows]
@@ -207,25 +225,42 @@ def part_rows(cut: Excerpts, period: float) -> list[list[str]]:
     ]
 
 
-def _shares(part: Decomposition, rest: Decomposition) -> Iterator[str]:
-    """Yield the shares by direction, region and order that stand out, before and after."""
+def _parts(parts: Sequence[Part], before: Decomposition, rest: Decomposition) -> Iterator[str]:
+    """Yield charts of the parts that sentences speak of, the largest open; of the whole where none is spoken of."""
+    if len(parts) < 2:
+        yield from pairs(_shares(parts[0].left, rest, parts[0].subsystem) if parts else _shares(before, rest, None))
+        return
+    yield f'<p class="soft">{prose(PARTS)}</p>'
+    for k, p in enumerate(parts):
+        head = f"The {WHOSE[p.subsystem]} part, {100.0 * p.share:.0f} % of the gap"
+        charts = "".join(pairs(_shares(p.left, rest, p.subsystem)))
+        yield fold(head, charts) if k else f"<h3>{prose(head)}</h3>{charts}"
+
+
+def _shares(part: Decomposition, rest: Decomposition, subsystem: str | None) -> Iterator[str]:
+    """Yield the shares by direction, region and order that stand out, before and after; of sensors by what is constant
+    in each phase instead of by a voltage's direction."""
     scale = rest.excess / part.excess
-    labels, before, after = [], [], []
-    groups = ("directions", "speeds", "currents")
-    for group in groups:
-        for name, share in getattr(part, group).items():
-            labels.append(name)
-            before.append(100.0 * share)
-            after.append(100.0 * scale * getattr(rest, group)[name])
+    labels: list[str] = []
+    both: list[list[float]] = []
+    for of in (part, rest):
+        first = of.directions
+        if subsystem == "sensor":
+            first = {f"constant in phase {p}": share for p, share in of.readings.constant.items()}
+        groups = {**first, **of.speeds, **of.currents}
+        labels = list(groups)
+        both.append([100.0 * (scale if of is rest else 1.0) * x for x in groups.values()])
+    what = "Constant errors of the readings" if subsystem == "sensor" else "Direction of the missing voltage"
+    adds = "" if subsystem == "sensor" else " Directions of one frame add up to at most 100 %."
     yield figure(
-        bars_svg(labels, {"before": before, "after": after}, "share of the gap before (%)"),
-        "Direction of the missing voltage, speed, current. Directions of one frame add up to at most 100 %.",
+        bars_svg(labels, {"before": both[0], "after": both[1]}, "share of the gap before (%)"),
+        f"{what}, speed, current.{adds}",
     )
     orders = sorted({abs(n) for n in part.electrical})
-    both = [[100.0 * sum(x.electrical.get(s, 0.0) for s in {n, -n}) for n in orders] for x in (part, rest)]
-    if max(both[0]) > 1.0:
+    by_order = [[100.0 * sum(x.electrical.get(s, 0.0) for s in {n, -n}) for n in orders] for x in (part, rest)]
+    if max(by_order[0]) > 1.0:
         yield figure(
-            bars_svg([str(n) for n in orders], {"before": both[0], "after": [scale * x for x in both[1]]},
+            bars_svg([str(n) for n in orders], {"before": by_order[0], "after": [scale * x for x in by_order[1]]},
                      "share of the gap before (%)", ylabel="electrical order"),
             "Electrical orders of the currents in the rotor's frame, turning recordings (0: turns with the rotor).",
         )  # fmt: skip

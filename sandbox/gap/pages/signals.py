@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.decompose import Decomposition
+from sandbox.gap.report.words import amperes
 from sandbox.output import looks
 from sandbox.output.document import figure, pairs, prose
 from sandbox.output.vector import Line, lines_svg
@@ -35,32 +36,33 @@ def waves(a: Answers, part: Decomposition, before: Sequence[Residual], after: Se
         return list(own[np.arange(len(t)), np.argmax(np.abs(own), axis=1)].tolist())
 
     both = {"before": before[k], "after": after[k]}
+    floor = a.diagnosis.start.prepared.floor
     panels = [
-        (f"i_{p}\n(noise floors)", {name: (t, peaks(x.current[:, j, 0])) for name, x in both.items()})
+        (f"i_{p} (A)", {name: (t, peaks(floor * x.current[:, j, 0])) for name, x in both.items()})
         for j, p in enumerate("abc")
     ]
     own, rest = before[k].motion, after[k].motion
     if own is not None and rest is not None:
         panels.append(("motion\n(noise floors)", {"before": (t, peaks(own[:, 0])), "after": (t, peaks(rest[:, 0]))}))
     yield f"<h2>Residuals in {prose(r.file)}</h2>"
-    spectra = {name: looks.spectrum(x.current[:, :, 0], period) for name, x in both.items()}
+    spectra = {name: looks.spectrum(floor * x.current[:, :, 0], period) for name, x in both.items()}
     lines = {name: (f.tolist(), size.tolist()) for name, (f, size) in spectra.items()}
     first, last = _worst(before[k].current[:, :, 0], max(2, round(WINDOW / period)))
     yield from pairs([
         figure(
-            lines_svg(panels, "t (s)"),
-            "Residual over time: measured minus simulated, in noise floors (1: rms of the noise). Of each short "
-            "interval the largest value is drawn.",
+            lines_svg(panels, "t (s)", bands=[floor] * 3 + [1.0]),
+            f"Residual over time: measured minus simulated. Grey: one noise floor either way ({amperes(floor)}, rms of "
+            "the noise). Of each short interval the largest value is drawn.",
         ),
         figure(
             lines_svg(_currents(a.diagnosis, k, before[k], after[k], slice(first, last), period), "t (s)"),
             f"Currents where the gap is largest, sample by sample, {1e3 * (last - first) * period:.0f} ms. The noise "
-            f"floor is {a.diagnosis.start.prepared.floor:.2g} A.",
+            f"floor is {amperes(floor)}.",
         ),
         figure(
-            lines_svg([("amplitude\n(noise floors)", lines)], "frequency (Hz)", log="y"),
+            lines_svg([("amplitude (A)", lines)], "frequency (Hz)", log="y"),
             "Spectrum of the same residuals of the currents, all phases together, without their means: the height of a "
-            "line. White noise alone is flat.",
+            f"line, in A. White noise alone is flat; its rms is {amperes(floor)}.",
         ),
     ])  # fmt: skip
 

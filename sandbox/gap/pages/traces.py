@@ -13,6 +13,7 @@ from sandbox.gap.pages.listed import waterfall
 from sandbox.gap.report import answers
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.decompose import MECHANICAL, ORDERS, Decomposition, decompose
+from sandbox.gap.report.words import amperes
 from sandbox.output import looks
 from sandbox.output.trace import COLOURS, GREY, Plot, write_series
 from sandbox.replay.inputs import LEGS, Inputs
@@ -135,7 +136,8 @@ def _text(a: Answers) -> str:
     d = a.diagnosis
     lines = [f"# {d.campaign.name}", f"**Where?** {answers.where_text(a)}", f"**Which?** {answers.which_text(a)}"]
     lines += [f"**How far?** {answers.far_text(a)}", f"**Next?** {answers.next_text(a)}"]
-    lines.append("Grey: recorded. Orange: simulated before. Blue: simulated after.")
+    floor = amperes(d.start.prepared.floor)
+    lines.append(f"Grey: recorded. Orange: simulated before. Blue: simulated after. One noise floor is {floor}.")
     rows = [
         f"| {k} | {file}{' (held out)' if held else ''} | {before:.2f} | {after:.2f} |"
         for k, (file, before, after, held) in enumerate(d.size.recordings, 1)

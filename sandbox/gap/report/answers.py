@@ -17,13 +17,14 @@ from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.planning.next_recording import Next, recommend
+from sandbox.gap.report import which
 from sandbox.gap.report.bounds import sentence
 from sandbox.gap.report.distinguishability import Alike, alike
-from sandbox.gap.report.outside import odd_phase
+from sandbox.gap.report.outside import OddPhase, odd_phase
 from sandbox.gap.report.position import PositionError, position_error
 from sandbox.gap.report.ranking import Ranking, ranking
-from sandbox.gap.report.where import Finding, percent, summary, where
-from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, times, words
+from sandbox.gap.report.where import Finding, Part, parts, percent, summary, where
+from sandbox.gap.report.words import capital, likely, names, percent_fine, times, words
 from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.gap.shortened import share, shortened
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
@@ -40,7 +41,7 @@ ALIKE = 2.0  # variance of sums over that of white noise: less is not spoken of
 
 @dataclass(frozen=True)
 class Answers:
-    """A diagnosis with what a person asks of it."""
+    """A diagnosis with what a person asks of it; parts: the subsystems' parts of the gap that `where` speaks of."""
 
     diagnosis: Diagnosis
     where: tuple[Finding, ...]
@@ -49,12 +50,18 @@ class Answers:
     remains: Remains | None
     alike: Alike | None = None
     ranking: Ranking | None = None
-    odd_phase: str = ""
+    odd_phase: OddPhase | None = None
+    parts: tuple[Part, ...] = ()
 
     @property
     def verdict(self) -> str:
         """Return the contract's verdict."""
         return verdict(self.diagnosis)
+
+    @property
+    def badge(self) -> str:
+        """Return what stands at the page's head, a key of `which.BADGES`."""
+        return which.badge(self.diagnosis)
 
 
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")  # of absurd sets: nothing is probable there
@@ -75,7 +82,8 @@ def answer(
         library.load_effect(name)
     d = diagnose(campaign, exclude=exclude, rivals=rivals, workers=workers, memory=memory, report=report)
     report("where it lies")
-    found = where(d)
+    apart = parts(d)
+    found = where(d, apart)
     report("position estimate")
     position = position_error(d)
     report("what to record next")
@@ -84,7 +92,8 @@ def answer(
     left = remains(shortened(d.after.point), d.held_out, d.size.before)
     report("all effects")
     listed = ranking(d, workers)
-    return Answers(d, found, position, following, left, alike(d), listed, odd_phase(shown(d.before.point)))
+    odd = odd_phase(d.before.point, shown(d.before.point))
+    return Answers(d, found, position, following, left, alike(d), listed, odd, apart)
 
 
 def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
@@ -114,35 +123,14 @@ def linear(campaign: Campaign) -> Campaign:
 
 
 def where_text(a: Answers) -> str:
-    """Return where the gap lies, in one sentence."""
-    return summary(a.diagnosis, a.where)
+    """Return where the gap lies, in one sentence; one more where a single phase misses more than the others."""
+    text = summary(a.diagnosis, a.where)
+    return text if a.odd_phase is None or a.verdict == "no_gap" else f"{text} {a.odd_phase.text}"
 
 
 def which_text(a: Answers) -> str:
     """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates."""
-    hidden = a.diagnosis.out_of_sight
-    text = "" if not hidden else f" No rotor turned freely: {', '.join(words(e) for e in hidden)} were no candidates."
-    return _which(a) + text
-
-
-def _which(a: Answers) -> str:
-    d, best = a.diagnosis, a.diagnosis.best
-    if a.verdict == "no_gap":
-        others = [h for h in d.ambiguity_set if h.effects and UNKNOWN not in h.effects]
-        text = f"None: ordinary deviations alone are {likely(best.probability)}."
-        told = ", ".join(f"{names(h.effects)} ({percent(h.probability)})" for h in others)
-        return f"{text} Too slight to exclude: {told}." if others else text
-    if a.verdict == "unknown":
-        named = [e for e in best.effects if e != UNKNOWN]
-        chance = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
-        if not named:
-            return f"None in the library: that something it does not hold is at work is {likely(chance)}."
-        besides = f"Something outside the library is at work, {likely(chance)}"
-        return f"{besides}; beside it, and less surely the more there is of it: {names(named)}."
-    if a.verdict == "ambiguous":
-        told = "; or ".join(f"{names(h.effects)} ({percent(h.probability)})" for h in d.ambiguity_set)
-        return f"These recordings cannot tell apart: {told}."
-    return f"{capital(names(best.effects))}, {likely(best.probability)}: {sizes(d.parameters[0])}."
+    return which.which_text(a.diagnosis)
 
 
 def far_text(a: Answers) -> str:
@@ -236,7 +224,9 @@ def caveats(a: Answers) -> list[str]:
     """Return what a reader has to know before believing the rest, one sentence each; assumed values are last."""
     d = a.diagnosis
     out = [f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}" for f in d.campaign.findings]
-    out += [text for text in (d.caution, a.odd_phase, sentence(d.at_bound)) if text]
+    out += [d.caution] if d.caution else []
+    out += [a.odd_phase.text] if a.odd_phase is not None and a.verdict == "no_gap" else []
+    out += [text] if (text := sentence(d.at_bound)) else []
     if d.excluded:
         out.append(f"Excluded by the user, so never named: {', '.join(words(e) for e in d.excluded)}.")
     motor = d.campaign.drive.motor
@@ -300,12 +290,12 @@ def remains_text(a: Answers) -> str:
     size = f"After it residuals are {times(after)} the noise floor over all recordings (before: {before:.3g})"
     if not a.diagnosis.best.effects:
         size = f"Residuals are {times(before)} the noise floor over all recordings"
-    chance = sum(h.probability for h in a.diagnosis.hypotheses if UNKNOWN in h.effects)
-    parts = (
+    chance = which.chance_of_unknown(a.diagnosis)
+    said = (
         f"{size}; that something outside the library is at work is {likely(chance)}.",
         beside_text(a), regression_text(a), alike_text(a),
     )  # fmt: skip
-    return " ".join(text for text in parts if text)
+    return " ".join(text for text in said if text)
 
 
 def regression_text(a: Answers) -> str:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence.normal import Point
+from sandbox.gap.report.readings import Readings, readings
 from sandbox.recordings.injection import samples_per_period
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Residual
@@ -49,7 +50,8 @@ class Decomposition:
     """Shares of the excess of a residual; amplitude (4, 4): rms voltage (V) in the leading direction
     by speed and current, NaN where nothing was recorded.
 
-    direction: the one that holds most of the voltage, and how much; line: (Hz, share) of a fixed frequency, or None.
+    direction: the one that holds most of the voltage, and how much; line: (Hz, share) of a fixed frequency, or None;
+    readings: the same residual as errors of the measured currents, in A.
     """
 
     excess: float
@@ -63,6 +65,7 @@ class Decomposition:
     mechanical: dict[int, float]
     injection: float
     line: tuple[float, float] | None
+    readings: Readings
 
     @property
     def direction(self) -> tuple[str, float]:
@@ -85,6 +88,7 @@ def decompose(point: Point, shown: Sequence[Residual]) -> Decomposition:
     return Decomposition(
         total, recordings, channels, directions, speed, current, amplitude,
         _orders(own, z, total), _mechanical(own, shown, total), _injection(point, z, total), _line(point, z, total),
+        readings(shown, point.prepared.floor, _of_readings(point, shown)),
     )  # fmt: skip
 
 
@@ -149,6 +153,14 @@ def _directions(point: Point, shown: Sequence[Residual], weight: dict[str, float
     return shares, _amplitudes(p, noise, np.digitize(speed, SPEEDS), np.digitize(size, CURRENTS))
 
 
+def _of_readings(point: Point, shown: Sequence[Residual]) -> Array:
+    """Return rms residual of a phase (noise floors, noise taken off) by speed and current (4, 4)."""
+    own = point.prepared.recordings
+    rms = np.concatenate([np.sqrt(np.mean(x.current[:, :, 0] ** 2, axis=1)) for x in shown])
+    speed, size = (np.concatenate([of(point, r) for r in own]) for of in (_speed, _size))
+    return _amplitudes(rms, np.ones_like(rms), np.digitize(speed, SPEEDS), np.digitize(size, CURRENTS))
+
+
 def _projected(point: Point, k: int, x: Residual, rng: np.random.Generator) -> tuple[Array, Array, Array, Array]:
     """Return block means (b, 6) of voltage in all DIRECTIONS, the same of white noise, speed and current (b,)."""
     r, drive = point.prepared.recordings[k], point.prepared.campaign.drive
@@ -179,7 +191,7 @@ def _means(x: Array, width: int) -> Array:
 
 
 def _amplitudes(p: Array, noise: Array, speed, current) -> Array:
-    """Return rms voltage (V) by speed and current (4, 4); NaN where fewer than FEWEST blocks, or noise, were seen."""
+    """Return rms by speed and current (4, 4); NaN where fewer than FEWEST blocks, or noise alone, were seen."""
     out = np.full((len(SPEED_NAMES), len(CURRENT_NAMES)), np.nan)
     for s in range(len(SPEED_NAMES)):
         for c in range(1, len(CURRENT_NAMES)):
@@ -189,7 +201,7 @@ def _amplitudes(p: Array, noise: Array, speed, current) -> Array:
     return out
 
 
-def _turns(angle: Array, per_turn: float, turns: float) -> list[tuple[int, int]]:
+def whole_turns(angle: Array, per_turn: float, turns: float) -> list[tuple[int, int]]:
     """Return (first, last) of stretches of whole turns with enough samples a turn."""
     turned = np.floor(np.maximum.accumulate(np.abs(angle - angle[0])) / (turns * math.tau))
     edges = [0, *(np.flatnonzero(np.diff(turned) > 0.0) + 1).tolist()]
@@ -205,7 +217,7 @@ def _orders(own: Sequence[Inputs], z: Sequence[Complex], total: float) -> dict[i
     for r, values in zip(own, z, strict=True):
         if r.rotor == "locked":
             continue
-        for a, b in _turns(r.motion.angle, PER_TURN, 2.0):
+        for a, b in whole_turns(r.motion.angle, PER_TURN, 2.0):
             wave = np.exp(-1j * np.outer(ORDERS, r.motion.angle[a:b]))
             turn = (b - a) * math.tau / abs(r.motion.angle[b - 1] - r.motion.angle[a])
             told = 2.0 * (size + 1) <= max(turn, PER_TURN)
@@ -220,7 +232,7 @@ def _mechanical(own: Sequence[Inputs], shown: Sequence[Residual], total: float) 
         if x.motion is None:
             continue
         angle = r.motion.angle / r.pole_pairs
-        for a, b in _turns(angle, 2.0 * max(MECHANICAL), 1.0):
+        for a, b in whole_turns(angle, 2.0 * max(MECHANICAL), 1.0):
             wave = np.exp(-1j * np.outer(MECHANICAL, angle[a:b]))
             power += 2.0 * (np.abs(wave @ x.motion[a:b, 0]) ** 2 / (b - a) - 1.0)
     return {n: max(0.0, float(p)) / total for n, p in zip(MECHANICAL, power, strict=True)}

@@ -19,6 +19,7 @@ from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.position import PositionError
 from sandbox.gap.report.ranking import Ranking, parameter, ranking
 from sandbox.gap.report.where import Finding
+from sandbox.gap.report.which import badge
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 from sandbox.recordings.campaign import Excerpts
 
@@ -42,6 +43,7 @@ def contract(
     return {
         "campaign": d.campaign.name,
         "verdict": named,
+        "badge": badge(d),
         "gap": {
             "raw": size.raw,
             "before": size.before,

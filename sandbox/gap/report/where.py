@@ -3,7 +3,7 @@
 How much of the gap belongs to a subsystem follows from the hypotheses: each counts by its probability, and its effects
 by what the fit loses without them.  For `unknown` counts which readings show it (`outside`).  What a subsystem's part
 looks like (channel, direction, region, order) is measured on the residual that is left when its effects are missing
-and all else is fitted.
+and all else is fitted.  Charts show the same parts (`parts`).
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from sandbox.gap.evidence.priors import of_effect, ordinary
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.report.decompose import Decomposition, decompose
 from sandbox.gap.report.outside import outside
+from sandbox.gap.report.readings import told
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 from sandbox.plant.sets import complete
@@ -55,17 +56,36 @@ class Finding:
     text: str
 
 
-def where(d: Diagnosis) -> tuple[Finding, ...]:
-    """Return the findings, the largest share first; none where surely nothing is wrong (`summary` says so)."""
-    shares = subsystems(d)
+@dataclass(frozen=True)
+class Part:
+    """One subsystem's part of the gap: its share, and what is left without its effects, taken apart."""
+
+    subsystem: str
+    share: float
+    left: Decomposition
+
+
+def parts(d: Diagnosis) -> tuple[Part, ...]:
+    """Return the subsystems' parts that are spoken of, the largest first; none where there is no gap."""
     if verdict(d) == "no_gap":
-        return possible(d, shares)
-    found: list[Finding] = []
-    for name, share in shares.items():
+        return ()
+    found = []
+    for name, share in subsystems(d).items():
         if share >= LEAST:
             point = without(d, name, alone=share > 1.0 - LEAST)
-            found += sentences(name, share, decompose(point, shown(point)), len(point.prepared.recordings))
-    return tuple(sorted(found, key=lambda f: -f.share))
+            found.append(Part(name, share, decompose(point, shown(point))))
+    return tuple(sorted(found, key=lambda p: -p.share))
+
+
+def where(d: Diagnosis, found: Sequence[Part] | None = None) -> tuple[Finding, ...]:
+    """Return the findings, the largest share first; none where surely nothing is wrong (`summary` says so).
+
+    found: the gap's `parts`, if they are known.
+    """
+    if verdict(d) == "no_gap":
+        return possible(d, subsystems(d))
+    said = [f for p in (parts(d) if found is None else found) for f in sentences(p.subsystem, p.share, p.left)]
+    return tuple(sorted(said, key=lambda f: -f.share))
 
 
 def possible(d: Diagnosis, shares: Mapping[str, float]) -> tuple[Finding, ...]:
@@ -176,17 +196,19 @@ def without(d: Diagnosis, subsystem: str, *, alone: bool) -> Point:
     return d.before.point
 
 
-def sentences(name: str, share: float, part: Decomposition, recordings: int) -> Iterator[Finding]:
+def sentences(name: str, share: float, part: Decomposition) -> Iterator[Finding]:
     """Yield what is to be said of one subsystem's part of the gap: what it is, then details."""
     channel = max(part.channels, key=lambda c: part.channels[c])
     order = max(part.electrical, key=lambda n: part.electrical[n])
     region = max(part.speeds, key=lambda r: part.speeds[r])
     mostly = region if part.speeds[region] > 0.6 else "all speeds"
-    if channel == "currents":
+    if channel == "currents" and name == "sensor":
+        what = told(part.readings) + _dependence(part.readings.amplitude)
+    elif channel == "currents":
         direction, size = part.direction
         what = f"voltage {direction}" if size > 0.5 else "voltage in no single direction"
         what = what.replace("voltage ", f"voltage, mostly ({percent(size)}) ", 1) if 0.5 < size < 0.95 else what
-        what += _dependence(part)
+        what += _dependence(part.amplitude)
     else:
         what = f"{WHAT[channel]}, {mostly}"
     text = f"{percent(share)} of the gap is {what}. This points to the {NAMES[name]}."
@@ -194,7 +216,7 @@ def sentences(name: str, share: float, part: Decomposition, recordings: int) -> 
     turning = sum(part.electrical.values())
     single = abs(order) if turning > DETAIL and part.electrical[order] > 0.5 * turning else None
     yield Finding(name, channel, mostly, single, share, text)
-    yield from _details(name, share, part, recordings, channel, mostly)
+    yield from _details(name, share, part, channel, mostly)
 
 
 def percent(share: float) -> str:
@@ -202,10 +224,10 @@ def percent(share: float) -> str:
     return "all" if share > 0.995 else f"{100.0 * share:.0f} %"
 
 
-def _dependence(part: Decomposition) -> str:
-    """Return how the voltage depends on speed and current, a sentence more (or nothing, where it cannot be told)."""
+def _dependence(amplitude: Array) -> str:
+    """Return how an amplitude (4, 4) depends on speed and current: a sentence more, or nothing if none can tell."""
     out = []
-    for table, of in ((part.amplitude, "speed"), (part.amplitude.T, "current")):
+    for table, of in ((amplitude, "speed"), (amplitude.T, "current")):
         seen = [row for row in table if np.isfinite(row).any()]
         shared = np.isfinite(seen[0]) & np.isfinite(seen[-1]) if len(seen) >= 2 else np.array([False])
         if shared.any():
@@ -215,9 +237,7 @@ def _dependence(part: Decomposition) -> str:
     return (f". It {' and '.join(out)}" if out else "").replace("on speed and does not depend on", "on speed or")
 
 
-def _details(
-    name: str, share: float, part: Decomposition, recordings: int, channel: str, mostly: str
-) -> Iterator[Finding]:
+def _details(name: str, share: float, part: Decomposition, channel: str, mostly: str) -> Iterator[Finding]:
     def one(of: float, text: str, order: float | None = None, at: str = channel) -> Finding:
         """Return a finding on a share of this subsystem's part."""
         part = share * min(of, 1.0)  # a region's excess may outdo the whole where others fall below their floor
@@ -227,7 +247,7 @@ def _details(
         return Finding(name, at, mostly, order, part, said[:1].upper() + said[1:])
 
     file = max(part.recordings, key=lambda f: part.recordings[f])
-    if part.recordings[file] > max(DETAIL, 1.5 / recordings):
+    if part.recordings[file] > max(DETAIL, 1.5 / len(part.recordings)):
         yield one(part.recordings[file], f"is in {file}, more than in any other recording")
     for other, of in part.channels.items():
         if other != channel and of > DETAIL:

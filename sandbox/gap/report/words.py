@@ -26,6 +26,14 @@ def times(x: float) -> str:
     return f"{x:.2f} times" if x < 10.0 else f"{x:.3g} times" if x < 1000.0 else f"{x:,.0f} times"
 
 
+def amperes(x: float, *, sign: bool = False) -> str:
+    """Return a current with two digits and a unit a person uses: "17 mA", with its sign "+17 mA"."""
+    size = abs(x)
+    scale, prefix = next(((s, p) for s, p in PREFIXES if size >= s), (1e-9, "n")) if size else (1.0, "")
+    two = float(f"{size / scale:.2g}")
+    return f"{('−' if x < 0.0 else '+') if sign else ''}{two:g} {prefix}A"
+
+
 def percent_fine(x: float) -> str:
     """Return a share with enough digits near one."""
     if not math.isfinite(x):

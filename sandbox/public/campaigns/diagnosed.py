@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from dataclasses import replace as replace_fields
 from functools import cached_property
 from pathlib import Path
@@ -64,6 +64,7 @@ class DiagnosisResult(Result):
             told["next_recording"] |= {
                 "table": NAME, "recording": dict(self.table.recording), "limits": dict(self.table.limits),
             }  # fmt: skip
+        told["odd_phase"] = None if a.odd_phase is None else asdict(a.odd_phase)
         return told | {"simulator": self.refitted.as_json(), "continued": self.continued}
 
     @cached_property

@@ -68,8 +68,8 @@ def test_contract_has_the_keys_of_the_contract(small_answers):
     c = content_of(small_answers)
     assert misfits("diagnosis", {"schema": 1, "command": "diagnose", "version": "", **c}) == []
     assert set(c) == {
-        "campaign", "verdict", "gap", "where", "hypotheses", "ambiguity_set", "alike", "next_recording", "excluded",
-        "out_of_sight", "excerpts", "cost", "effects", "groups", "unknown", "waterfall", "at_bound",
+        "campaign", "verdict", "badge", "gap", "where", "hypotheses", "ambiguity_set", "alike", "next_recording",
+        "excluded", "out_of_sight", "excerpts", "cost", "effects", "groups", "unknown", "waterfall", "at_bound",
     }  # fmt: skip
     assert set(c["gap"]) == {
         "raw", "before", "after", "floor", "closed", "closed_ci95", "recordings", "position_error_deg", "remains",
@@ -436,12 +436,12 @@ def test_a_file_keeps_its_name_in_a_sentence(small_answers):
     """Its capitals, too; a subsystem's details are shares of its own part."""
     part = dataclasses.replace(
         decompose(small_answers.diagnosis.before.point, shown(small_answers.diagnosis.before.point)),
-        recordings={"Locked_STEPS.parquet": 0.8},
+        recordings={"Locked_STEPS.parquet": 0.8} | dict.fromkeys(map(str, range(11)), 0.0),
         directions={"along the voltage command": 0.7},
     )
-    told = [f.text for f in places.sentences("sensor", 0.5, part, 12)]
+    told = [f.text for f in places.sentences("sensor", 0.5, part)]
     assert any("Of the sensors' part 80 % is in Locked_STEPS.parquet" in t for t in told)
-    whole = [f.text for f in places.sentences("sensor", 1.0, part, 12)]
+    whole = [f.text for f in places.sentences("sensor", 1.0, part)]
     assert all(t.count("mostly") <= 1 for t in [*told, *whole])
     assert any("80 % of the gap is in Locked_STEPS.parquet" in t for t in whole)
 

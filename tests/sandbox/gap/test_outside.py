@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sandbox.gap.report.outside import excesses, odd_phase, shares
+from sandbox.gap.report.outside import excesses, shares
 from sandbox.replay.replay import Residual
 
 NONE = {"machine": 0.0, "inverter": 0.25, "sensor": 0.75, "mechanics": 0.0}
@@ -41,16 +41,3 @@ def test_what_only_motion_shows_is_the_mechanics():
 def test_noise_is_no_excess():
     """Then the library's spans stand: nothing else is known."""
     assert shares(excesses([shown(np.zeros((3000, 3)))]), NONE) == NONE
-
-
-def test_a_phase_that_misses_more_than_twice_as_much_as_the_others_is_named():
-    """Six noise floors in b, two in a and c: excesses 36 and 4 of the noise, so b misses three times as much."""
-    rng = np.random.default_rng(8)
-    sizes = np.sqrt(1.0 + np.array([4.0, 36.0, 4.0]))
-    residual = Residual("a", "free", (sizes * rng.standard_normal((20000, 3)))[:, :, None], None, None)
-    told = odd_phase([residual])
-    assert "Phase b misses 3.0 times" in told
-    even = Residual("a", "free", (2.0 * rng.standard_normal((20000, 3)))[:, :, None], None, None)
-    assert odd_phase([even]) == ""
-    quiet = Residual("a", "free", rng.standard_normal((20000, 3))[:, :, None], None, None)
-    assert odd_phase([quiet]) == ""

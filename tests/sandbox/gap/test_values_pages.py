@@ -69,7 +69,9 @@ def drawn(monkeypatch):
         return ""
 
     monkeypatch.setattr(page, "lines_svg", lambda panels, xlabel: seen.append((panels, None, None)) or "")
-    monkeypatch.setattr(signals, "lines_svg", lambda panels, xlabel, log="": seen.append((panels, None, log)) or "")
+    monkeypatch.setattr(
+        signals, "lines_svg", lambda panels, xlabel, log="", bands=(): seen.append((panels, bands, log)) or ""
+    )
     return seen
 
 
@@ -77,7 +79,7 @@ def test_hypotheses_below_one_in_a_thousand_are_folded(monkeypatch):
     seen = []
     monkeypatch.setattr(page, "_three", lambda a: [])
     monkeypatch.setattr(page, "_hypotheses", lambda a, chosen: seen.append([h.probability for h in chosen]) or "")
-    a = SimpleNamespace(verdict="no_gap", diagnosis=SimpleNamespace(hypotheses=hypotheses(0.9, 0.0011, 0.0009)))
+    a = SimpleNamespace(badge="no_gap", diagnosis=SimpleNamespace(hypotheses=hypotheses(0.9, 0.0011, 0.0009)))
     body, detail = page._body(a, "x"), page._detail(a)
     assert "No gap" in next(body)
     assert next(body) == "<h2>Hypotheses</h2>"
@@ -105,7 +107,7 @@ def test_six_hypotheses_are_printed(monkeypatch, capsys):
         size=SimpleNamespace(recordings=[("r", 2.0, 1.0, True)]), simulations=7, seconds=1.0,
     )  # fmt: skip
     monkeypatch.setattr(page, "_parameters", lambda a, own: list(own))
-    page.print_answers(SimpleNamespace(diagnosis=d, verdict="explained"))
+    page.print_answers(SimpleNamespace(diagnosis=d, badge="explained"))
     assert tables["hypotheses"] == [["inertia", "0.100", "–"]] * 6
     assert tables["parameters"] == ["a.b"]
     assert tables["residual over its noise floor (rms)"] == [["r (held out)", "2.00", "1.00"]]
@@ -118,6 +120,56 @@ def test_a_likelihood_is_flat_up_to_a_fall_of_three(drawn, fall, said):
     told = list(page._why_alike(x))
     assert said in told[-1]
     assert "looks like what ordinary deviations can do: cosine 0.5000" in told[1]
+
+
+@pytest.mark.parametrize(
+    ("ends", "said"),
+    [
+        ((-60.0, 0.0), "By 60 the recordings prefer inertia. That no effect is still left is due to the priors"),
+        ((0.0, -60.0), "By 60 the recordings prefer no effect. That inertia is still left is due to the priors"),
+        ((-2.9, -40.0), "By 37 the recordings prefer no effect."),
+        ((0.0, -2.9), "Flat: the recordings cannot choose."),
+    ],
+)
+def test_ends_that_differ_are_told(ends, said):
+    """0 is the second fit's end, 1 the first's; the best point of the way has 0."""
+    between = () if 0.0 in ends else (0.0,)
+    share = (0.0, *(0.5 for _ in between), 1.0)
+    x = Alike(("inertia",), (), {"inertia": 0.5}, share, (ends[0], *between, ends[1]))
+    assert page._way(x).startswith(said)
+
+
+def test_an_end_that_cannot_be_simulated_prefers_nothing():
+    x = Alike(("inertia",), (), {"inertia": 0.5}, (0.0, 0.5), (-9.0, 0.0))
+    assert page._way(x) == "It falls by 9 where a drive can be simulated; at one end none can."
+
+
+def apart(**electrical):
+    """A residual taken apart, by order of the rotor's frame."""
+    return SimpleNamespace(
+        excess=8.0, directions={"on the d axis": 0.5}, speeds={"at standstill": 0.4}, currents={},
+        electrical={int(k[1:]): v for k, v in electrical.items()} or {0: 0.0},
+        readings=SimpleNamespace(constant={"a": 0.25, "b": 0.0, "c": 0.0}),
+    )  # fmt: skip
+
+
+def test_charts_are_of_the_parts_that_sentences_speak_of(drawn):
+    """Two subsystems: the sensors' chart has what is constant in a phase, the inverter's the voltage's direction."""
+    parts = [SimpleNamespace(subsystem="inverter", share=0.7, left=apart()),
+             SimpleNamespace(subsystem="sensor", share=0.3, left=apart())]  # fmt: skip
+    told = "".join(page._parts(parts, None, apart()))
+    assert told.index(" part, 70&nbsp;% of the gap") < told.index(" part, 30&nbsp;% of the gap")
+    assert [x[0] for x in drawn] == [
+        ["on the d axis", "at standstill"],
+        ["constant in phase a", "constant in phase b", "constant in phase c", "at standstill"],
+    ]
+    assert drawn[1][1]["before"] == pytest.approx([25.0, 0.0, 0.0, 40.0])
+    drawn.clear()
+    list(page._parts(parts[:1], None, apart()))  # one subsystem's: its own, not that of the whole
+    assert [x[0] for x in drawn] == [["on the d axis", "at standstill"]]
+    drawn.clear()
+    list(page._parts([], apart(), apart()))  # none is spoken of: the whole
+    assert [x[0] for x in drawn] == [["on the d axis", "at standstill"]]
 
 
 @pytest.mark.parametrize(("count", "figures"), [(0, 0), (1, 1), (2, 1)])
@@ -149,7 +201,7 @@ def test_orders_are_drawn_where_one_holds_a_hundredth_of_the_gap(drawn, share, f
         excess=8.0, directions={"d": 0.5}, speeds={}, currents={}, electrical={0: 0.001, 2: share, -2: share}
     )
     rest = SimpleNamespace(excess=2.0, directions={"d": 0.4}, speeds={}, currents={}, electrical={2: 0.5})
-    list(page._shares(part, rest))
+    list(page._shares(part, rest, "machine"))
     assert len(drawn) == figures
     assert drawn[0][1] == {"before": [50.0], "after": pytest.approx([10.0])}
     if figures > 1:
@@ -187,7 +239,9 @@ def test_residuals_over_time_by_hand(monkeypatch, drawn, n, period, points, mill
     t, peaks = drawn[0][0][0][1]["before"]
     assert len(t) == points
     assert t[1] == pytest.approx(n // points * period)
-    assert min(peaks) == -3.0
+    assert min(peaks) == -3.0 * 0.5  # in A: the floor is 0.5 A
+    assert drawn[0][1] == [0.5, 0.5, 0.5, 1.0]  # one floor of each panel as a band
+    assert "Grey: one noise floor either way (500 mA, rms of the noise)" in told
     assert max(peaks) == 0.0
     assert drawn[0][0][3][0] == "motion\n(noise floors)"
     assert drawn[0][0][3][1]["after"][1] == [-4.0] * points

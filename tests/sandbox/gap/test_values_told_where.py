@@ -11,6 +11,7 @@ from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.report import answers, position, position_moved, ranking, shares, where
 from sandbox.gap.report.decompose import CURRENT_NAMES, DIRECTIONS, SPEED_NAMES, Decomposition
+from sandbox.gap.report.readings import Readings
 from sandbox.gap.report.words import PREFIXES
 from sandbox.gap.search.inclusion import summed
 
@@ -25,13 +26,14 @@ def part(**more):
         "directions": dict.fromkeys(DIRECTIONS, 0.1), "speeds": dict.fromkeys(SPEED_NAMES, HALF),
         "currents": dict.fromkeys(CURRENT_NAMES, HALF), "amplitude": np.full((4, 4), np.nan),
         "electrical": {0: 0.0, 6: 0.0, -6: 0.0}, "mechanical": {5: 0.0}, "injection": 0.0, "line": None,
+        "readings": Readings(0.0, {}, {}, np.full((4, 4), np.nan)),
     }  # fmt: skip
     return Decomposition(**(own | more))
 
 
-def said(share=1.0, recordings=2, **more):
+def said(share=1.0, **more):
     """The sentences on such a residual but for the first, which says what it is."""
-    return [f.text for f in where.sentences("machine", share, part(**more), recordings)][1:]
+    return [f.text for f in where.sentences("machine", share, part(**more))][1:]
 
 
 @pytest.mark.parametrize(
@@ -69,7 +71,8 @@ def test_the_first_two_orders_have_words():
 @pytest.mark.parametrize(("of", "count", "told"), [(0.74, 2, 0), (0.76, 2, 1), (0.09, 20, 0), (0.11, 20, 1)])
 def test_a_recording_is_told_of_where_it_has_half_more_than_its_share(of, count, told):
     """1.5 over their number, at least a tenth."""
-    assert len(list(where.sentences("machine", 1.0, part(recordings={"a": of}), count))) == 1 + told
+    recordings = {"a": of} | dict.fromkeys(map(str, range(1, count)), 0.0)
+    assert len(list(where.sentences("machine", 1.0, part(recordings=recordings)))) == 1 + told
 
 
 @pytest.mark.parametrize(("share", "own"), [(0.99, False), (0.97, True)])
@@ -88,12 +91,12 @@ def test_a_share_of_nearly_all_is_the_gap_s(share, own):
 def test_amplitudes_within_one_and_a_half_are_alike(ratio, word):
     amplitude = np.full((4, 4), np.nan)
     amplitude[0, 2], amplitude[3, 2] = 1.0, ratio
-    assert word in where._dependence(part(amplitude=amplitude))
+    assert word in where._dependence(amplitude)
 
 
 @pytest.mark.parametrize(("turning", "order"), [(0.09, None), (0.11, 6)])
 def test_an_order_is_the_gap_s_where_it_has_most_of_a_tenth(turning, order):
-    found = next(where.sentences("machine", 1.0, part(electrical={0: 0.0, 6: turning}), 2))
+    found = next(where.sentences("machine", 1.0, part(electrical={0: 0.0, 6: turning})))
     assert found.order == order
 
 

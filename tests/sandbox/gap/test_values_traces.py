@@ -105,5 +105,8 @@ def test_recordings_are_numbered_from_one(monkeypatch):
         monkeypatch.setattr(traces.answers, name, lambda a: "told")
     rows = [OfRecording("a.parquet", 4.0, 2.0, False), OfRecording("b.parquet", 3.0, 1.0, True)]
     d = SimpleNamespace(campaign=SimpleNamespace(name="x"), size=SimpleNamespace(recordings=rows))
-    told = traces._text(SimpleNamespace(diagnosis=d)).splitlines()[-2:]
+    d.start = SimpleNamespace(prepared=SimpleNamespace(floor=0.002))
+    said = traces._text(SimpleNamespace(diagnosis=d))
+    assert "One noise floor is 2 mA." in said
+    told = said.splitlines()[-2:]
     assert told == ["| 1 | a.parquet | 4.00 | 2.00 |", "| 2 | b.parquet (held out) | 3.00 | 1.00 |"]

@@ -1,0 +1,94 @@
+"""Which effect causes the gap: in one sentence, and as the badge at a page's head."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from sandbox.gap.diagnose import Diagnosis, verdict
+from sandbox.gap.report.where import percent
+from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, words
+from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
+
+HALF = 0.5  # chance of `unknown` below which it is not what most probably is at work
+NEARLY_ALL = 0.99  # share of the gap: what closes so much leaves no room for "not in the library"
+BADGES = {
+    "explained": "Explained",
+    "explained_in_part": "Explained in part",
+    "ambiguous": "Ambiguous",
+    "unknown": "Not in the library",
+    "no_gap": "No gap",
+}
+
+
+def chance_of_unknown(d: Diagnosis) -> float:
+    """Return the probability that something outside the library is at work, alone or beside named effects."""
+    return sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
+
+
+def badge(d: Diagnosis) -> str:
+    """Return a key of BADGES: the verdict, but "unknown" only where nothing is named, it has at least HALF of the
+    probability, and less than NEARLY_ALL of the gap is closed."""
+    named = verdict(d)
+    if named != UNKNOWN:
+        return named
+    if chance_of_unknown(d) < HALF:
+        return "ambiguous"
+    if _named(d.best):
+        return "explained_in_part"
+    return "ambiguous" if _hardly_open(d) else UNKNOWN
+
+
+def which_text(d: Diagnosis) -> str:
+    """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates."""
+    hidden = d.out_of_sight
+    text = "" if not hidden else f" No rotor turned freely: {', '.join(words(e) for e in hidden)} were no candidates."
+    return _which(d) + text
+
+
+def _which(d: Diagnosis) -> str:
+    best, named = d.best, verdict(d)
+    if named == "no_gap":
+        others = [h for h in d.ambiguity_set if _named(h) and UNKNOWN not in h.effects]
+        text = f"None: ordinary deviations alone are {likely(best.probability)}."
+        return f"{text} Too slight to exclude: {_listed(others, ', ')}." if others else text
+    if named == UNKNOWN and chance_of_unknown(d) >= HALF:
+        return _outside(d)
+    if named in (UNKNOWN, "ambiguous"):
+        return f"These recordings cannot tell apart: {_listed(d.ambiguity_set, '; or ')}."
+    return f"{capital(names(best.effects))}, {likely(best.probability)}: {sizes(d.parameters[0])}."
+
+
+def _outside(d: Diagnosis) -> str:
+    """Return the answer where something outside the library is more likely than not."""
+    chance, named = likely(chance_of_unknown(d)), _named(d.best)
+    if named:
+        besides = f"Something outside the library is at work, {chance}"
+        return f"{besides}; beside it, and less surely the more there is of it: {names(named)}."
+    outside = f"that something outside the library is at work is {chance}"
+    if _hardly_open(d):
+        closed = percent_fine(d.size.closed or 0.0)
+        outside += f", although with {names(d.best.judged.effects)} {closed} of the gap closes"
+    others = [h for h in d.ambiguity_set if h.effects != (UNKNOWN,)]
+    if not others:
+        return f"{'None for sure' if _hardly_open(d) else 'None in the library'}: {outside}."
+    return f"None for sure: {outside}. Perhaps {_listed(others, '; or ')}."
+
+
+def _hardly_open(d: Diagnosis) -> bool:
+    return (d.size.closed or 0.0) >= NEARLY_ALL
+
+
+def _named(h: Hypothesis) -> list[str]:
+    return [e for e in h.effects if e != UNKNOWN]
+
+
+def _listed(chosen: Sequence[Hypothesis], between: str) -> str:
+    """Return hypotheses with their probabilities, `unknown` beside effects in words."""
+    return between.join(f"{_words(h)} ({percent(h.probability)})" for h in chosen)
+
+
+def _words(h: Hypothesis) -> str:
+    if UNKNOWN not in h.effects:
+        return names(h.effects)
+    outside = "something outside the library"
+    return f"{names(_named(h))} with {outside}" if _named(h) else outside
