@@ -12,7 +12,7 @@ from sandbox.gap.evidence.priors import ordinary
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.validation.scoring import refit as fit
-from sandbox.validation.scoring.baselines import BASELINES, REFINED, nuisances
+from sandbox.validation.scoring.baselines import BASELINES, REFINED
 from sandbox.validation.scoring.judge import judge
 from sandbox.validation.scoring.voltage_regression import background, binned, left_over
 from sandbox.validation.withheld.case_list import Case
@@ -123,7 +123,7 @@ def test_priors_are_the_campaigns_own(tmp_path):
     """Means, deviations and bounds of the diagnosis' ordinary deviations, and one angle for each recording."""
     folder, _ = recorded(tmp_path)
     campaign = read_campaign(folder)
-    null, _ = nuisances(campaign)
+    null, _ = fit.nuisances(campaign)
     own = [*ordinary(campaign), *turns(null.point.prepared)]
     assert null.normal.coordinates == tuple(own)
     assert [c.names[0] for c in own if c.form == "turn"] == [r.file for r in campaign.recordings]
