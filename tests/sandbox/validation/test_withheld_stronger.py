@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
+from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.probes import Probe
 from sandbox.validation.scoring import discrepancy_process as gp
@@ -27,10 +28,17 @@ class Place:
     prepared: object
 
 
+def nothing():
+    """Tell no parameters."""
+    raise BadInput("a table has none")
+
+
 def told(effects):
     """Return a set as the table has it; what it promises is what it reaches."""
     key = "".join(sorted(effects))
-    one = SimpleNamespace(point=Place({}, NOWHERE), cost=TABLE[key], normal=SimpleNamespace(coordinates=key))
+    one = SimpleNamespace(
+        point=Place({}, NOWHERE), cost=TABLE[key], normal=SimpleNamespace(coordinates=key), estimates=nothing
+    )
     return Visited(tuple(key), one, TABLE[key])
 
 
