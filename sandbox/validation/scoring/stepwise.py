@@ -13,6 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -97,7 +98,7 @@ def grown(walk: Walk, best: Visited) -> Visited | None:
         if promise.criterion + own >= (best if out is None else out).criterion:
             break
         probe = promise.probe
-        found = walk.tried((*best.effects, probe.effect), lambda p=probe: visited(unbent, p, best.effects))
+        found = walk.tried((*best.effects, probe.effect), partial(visited, unbent, probe, best.effects))
         if found is not None and (out is None or found.criterion < out.criterion):
             out = found
     return out
@@ -113,7 +114,7 @@ def firsts(listed: Sequence[Promise]) -> list[Promise]:
 
 def shrunk(walk: Walk, best: Visited) -> Visited | None:
     """Return the best set with one effect less; None where there is none to drop."""
-    found = [walk.tried(set(best.effects) - {e}, lambda e=e: without(best, e)) for e in best.effects]
+    found = [walk.tried(set(best.effects) - {e}, partial(without, best, e)) for e in best.effects]
     return min((f for f in found if f is not None), key=lambda v: v.criterion, default=None)
 
 
