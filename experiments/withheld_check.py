@@ -29,14 +29,16 @@ from model.errors import BadInput
 from sandbox.cli.withholding import ROWS
 from sandbox.output.files import write_json
 from sandbox.validation.scoring.check_figure import withheld_figure
+from sandbox.validation.scoring.judge import label_of
 from sandbox.validation.scoring.metrics import GOALS, by_subsystem
 from sandbox.validation.scoring.rows import BLIND, Row, check_seal, one_code, read_rows
 from sandbox.validation.scoring.tables_of_rows import by_method, content_of, scored
+from sandbox.validation.scoring.wins import split
 from sandbox.validation.withheld.make import SEAL
 
 RESULTS = Path(__file__).parent / "results" / "withheld"
 OWN = "diagnosis"  # the project's own method
-BASELINES = "baselines"  # file of all methods' figures
+BASELINES = "baselines"  # after a check's name: file of all methods' figures
 
 
 class Check(NamedTuple):
@@ -56,8 +58,10 @@ CHECKS = {
         "mixed", 100, 20261401, options=("--leave-out", "0.7", "--baselines"),
     ),
     "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 140, 20261403),
-    "many": Check("Campaigns of four to ten effects at once", "many", 60, 20261271),
-    "outside": Check("Campaigns of one cause outside the library each", "outside", 48, 20261405),
+    "many": Check("Campaigns of four to ten effects at once", "many", 60, 20261271, options=("--baselines",)),
+    "outside": Check(
+        "Campaigns of one cause outside the library each", "outside", 48, 20261405, options=("--baselines",)
+    ),
     "controls": Check("Controls without a gap", "controls", 100, 20261402),
     "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 100, 20261224, "ladder"),
 }  # fmt: skip
@@ -134,15 +138,17 @@ def recompute(results: Path = RESULTS) -> list[str]:
         content = contents[name] = page(name, own, results)
         lines += [f"## {CHECKS[name].title}", "", told, "", *table(content, GOALS), "", *details(content)]
         if others:
-            contents[BASELINES] = page(BASELINES, rows, results)
-            lines += ["## Simple methods on the same campaigns", "", *table(contents[BASELINES], GOALS), ""]
+            both = f"{name}_{BASELINES}"
+            contents[both] = page(both, rows, results)
+            lines += ["### Simple methods on the same campaigns", "", *table(contents[both], GOALS), ""]
+            lines += [*wins_table(rows), ""]
     if {"mixed", "outside"} <= set(found):
         table_of = outside_table(found["outside"].rows, found["mixed"].rows)
         lines += ["## Causes outside the library by subsystem", "", *table_of, ""]
     if {"mixed", "ladder"} <= set(contents):
         both = {"methods": {k: contents[n]["methods"][OWN] for k, n in ((OWN, "mixed"), ("by the ladder", "ladder"))}}
         lines += ["## Published sizes beside the ladder's", "", *table(both, GOALS), ""]
-    for name in {*CHECKS, BASELINES} - set(contents):  # of a run whose rows are not kept
+    for name in {*CHECKS, *(f"{n}_{BASELINES}" for n in CHECKS)} - set(contents):  # of a run whose rows are not kept
         for suffix in (".json", ".png"):
             (results / f"{name}{suffix}").unlink(missing_ok=True)
     (results / "README.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
@@ -186,6 +192,24 @@ def table(content: dict[str, Any], goals: dict[str, str]) -> list[str]:
     names = [k for k in methods[OWN] if any(k in t for t in told)]
     lines = [f"| metric | goal | {' | '.join(methods)} |", "|---|---|" + "---|" * len(methods)]
     lines += [f"| {n} | {goals.get(n, '')} | {' | '.join(cell(m.get(n)) for m in methods.values())} |" for n in names]
+    return lines
+
+
+def wins_table(rows: Sequence[Row]) -> list[str]:
+    """Return the table of campaigns where the diagnosis, or a simple method, does better than the other."""
+    own, *others = by_method(rows)
+    lines = [
+        "Better: the first hypothesis is right and the other's wrong; of four effects and more, F1 of those named.",
+        "Chance: that methods of equal worth differ as unevenly (sign test).",
+        "",
+        f"| method | {own.method} better | method better | alike | chance | where the method is better |",
+        "|---|--:|--:|--:|--:|---|",
+    ]
+    for s in others:
+        found, truth = split(own.judged, s.judged), {j.name: label_of(j.effects) for j in s.judged}
+        where = ", ".join(f"{n} ({truth[n].replace('_', ' ')})" for n in found.other) or "–"
+        counts = f"{len(found.own)} | {len(found.other)} | {found.alike} | {found.chance:.2g}"
+        lines.append(f"| {s.method} | {counts} | {where} |")
     return lines
 
 

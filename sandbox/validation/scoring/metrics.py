@@ -10,19 +10,19 @@ from typing import Any
 import numpy as np
 
 from model.effects.library import effect_names
-from sandbox.validation.scoring.chances import calibration, coverage_worst, of_many
+from sandbox.validation.scoring.chances import MANY, calibration, coverage_worst, of_many
 from sandbox.validation.scoring.judge import UNKNOWN, Judgement
 from sandbox.validation.scoring.limits import Figure, auroc, mean, mean_share, quantile, ratio, share
 
-GOALS = {
-    "top1": "≥ 0.95", "mean_probability": "≥ 0.90", "set_f1": "≥ 0.90", "exact_set": "≥ 0.75",
-    "unknown_auroc": "≥ 0.97", "outside_named": "≤ 0.10", "false_alarm": "≤ 0.01", "calibration_one": "≤ 0.03",
-    "included_f1": "≥ 0.90",
-    "included_auroc": "≥ 0.97", "included_error": "≤ 0.05", "coverage": "0.93–0.97", "coverage_worst": "≥ 0.88",
-    "closed_median": "≥ 0.90",
-    "closed_p10": "≥ 0.70", "ambiguity_hit": "≥ 0.99", "ambiguity_size": "≤ 1.3", "subsystem": "≥ 0.99",
-    "resolved": "≥ 0.90", "seconds": "≤ 60",
+GOALS = {  # of the whole list of effects with chances that hold, then those of single causes and recommendations
+    "top1_half": "≥ 0.97", "calibration_one": "≤ 0.03", "exact_set": "≥ 0.85", "included_f1": "≥ 0.90",
+    "included_auroc": "≥ 0.97", "included_error": "≤ 0.05", "closed_many_median": "≥ 0.99", "closed_many_p10": "≥ 0.95",
+    "coverage": "0.93–0.97", "coverage_worst": "≥ 0.88", "unknown_auroc": "≥ 0.98", "outside_named": "≤ 0.10",
+    "leave_out_confident_wrong": "≤ 0.02", "false_alarm": "≤ 0.01", "cpu_seconds": "≤ 10", "cpu_seconds_p99": "≤ 60",
+    "mean_probability": "≥ 0.90", "set_f1": "≥ 0.90", "ambiguity_hit": "≥ 0.99", "ambiguity_size": "≤ 1.3",
+    "subsystem": "≥ 0.99", "resolved": "≥ 0.90",
 }  # fmt: skip
+HALF = 0.5  # of the medium size: single effects of this rung and above are to be named first
 SETS = ("several", "many")  # kinds of campaigns with more than one effect of the library
 DOUBT = 0.05  # of P(unknown): more than this holds the question open
 SURE = 0.9  # chance stated to settle an ambiguity from which on a recommended recording is promised
@@ -50,10 +50,12 @@ def figures(
     settled = {j.name: j.settled for j in followed}
     tried = [n for n in ambiguous if n in settled or n not in asked]  # the others are not recorded yet
     shrunk = [j.closed for j in judged if j.closed is not None]
+    of_list = [j.closed for j in judged if j.closed is not None and len(j.effects) >= MANY]
     times = [j.seconds for j in judged if j.seconds is not None]
     spent = [j.simulations for j in judged if j.simulations is not None]
     return {
         "top1": share([j.hit for j in one]),
+        "top1_half": share([j.hit for j in one if rung(j.sizes[0]) >= HALF]),
         "mean_probability": mean_share([j.probability for j in one]),
         "set_f1": mean_share([j.f1 for j in several]),
         "exact_set": share([j.hit for j in several]),
@@ -69,6 +71,8 @@ def figures(
         "coverage_worst": coverage_worst(judged),
         "closed_median": quantile(shrunk, 0.5),
         "closed_p10": quantile(shrunk, 0.1),
+        "closed_many_median": quantile(of_list, 0.5),
+        "closed_many_p10": quantile(of_list, 0.1),
         "ambiguity_hit": share([j.in_set for j in judged]),
         "ambiguity_size": mean([j.set_size for j in one if j.separable and not j.failed]),
         "subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),

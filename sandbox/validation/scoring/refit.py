@@ -10,24 +10,29 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
-from model.errors import BadInput
+from model.errors import BadInput, PhysicsError
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
 from sandbox.gap.evidence.probes import Probe, possible
 from sandbox.gap.search.estimates import public
+from sandbox.plant.sets import complete
+from sandbox.recordings.campaign import Campaign
+from sandbox.replay.replay import prepare
 
 Array = NDArray[np.float64]
 SHARES = (1.0, 0.5, 0.25, 0.1)  # of a step, tried in turn
 LITTLE, SHARE = 0.5, 1e-3  # of the cost, and of its excess over noise: a step that gains less ends a fit
+ROUNDS = 3  # of Gauss-Newton
 CHORDS = 2  # steps on the slopes of one point
 Z95 = 1.96
+UNFITTED = (BadInput, PhysicsError, np.linalg.LinAlgError)  # what a fit may end with
 
 
 @dataclass(frozen=True)
@@ -48,6 +53,16 @@ class Refit:
     def error(self) -> Array:
         """Return the standard deviations of all coordinates (p,)."""
         return np.sqrt(np.diag(algebra(self.normal).covariance(self.prior)))
+
+    def estimates(self) -> Estimates:
+        """Return what it found."""
+        return Estimates(self.normal.coordinates, self.normal.x, self.error())
+
+
+def nuisances(campaign: Campaign) -> tuple[Refit, float]:
+    """Return the fit of the ordinary deviations alone, and the raw gap."""
+    start = Point(prepare(campaign, steps=1), complete(campaign.drive.motor, campaign.drive.converter))
+    return refit(start, ordinary(campaign), ROUNDS), rms(normal(start, ()))
 
 
 def rms(n: Normal) -> float:
@@ -133,33 +148,48 @@ def beginning(point: Point, effect: str) -> Probe:
     return probe
 
 
-def with_effect(point: Point, probe: Probe) -> tuple[Point, list[Coordinate]]:
-    """Return where an effect's fit begins, and the ordinary coordinates with its own (wide) ones."""
+def with_effect(point: Point, probe: Probe, beside: Sequence[str] = ()) -> tuple[Point, list[Coordinate]]:
+    """Return where an effect's fit begins, and the ordinary coordinates with its own (wide) ones; beside: effects that
+    the point has already, which move with it."""
     begin = replace(point, values={**point.values, **probe.start})
+    return begin, with_effects(begin, (*beside, probe.effect))
+
+
+def with_effects(point: Point, effects: Sequence[str]) -> list[Coordinate]:
+    """Return the ordinary coordinates with the (wide) ones of effects, companions about where the point has them."""
     campaign = point.prepared.campaign
-    own = {c.label: c for c in of_effect(probe.effect, campaign.drive, begin.values)}
-    known = {c.label: c for c in ordinary(campaign)}
-    return begin, list((known | own).values())
+    out = {c.label: c for c in ordinary(campaign)}
+    for effect in effects:
+        out |= {c.label: c for c in of_effect(effect, campaign.drive, point.values)}
+    return list(out.values())
 
 
-def intervals(fit: Refit, effect: str) -> dict[str, Any]:
+class Estimates(NamedTuple):
+    """Coordinates of a fit, their values x (p,) and standard deviations (p,)."""
+
+    coordinates: Sequence[Coordinate]
+    x: Array
+    deviation: Array
+
+
+def intervals(fit: Estimates, effect: str) -> dict[str, Any]:
     """Return an effect's parameters by public name with 95 % intervals."""
     card, out = library.load_effect(effect), {}
-    place = {c.label: k for k, c in enumerate(fit.normal.coordinates)}
-    sd = fit.error()
+    place = {c.label: k for k, c in enumerate(fit.coordinates)}
+    sd = fit.deviation
     for p in card.parameters:
         name = f"{effect}.{p.name}"
         own = f"saturation.{p.name}" if effect == "cross_saturation" else name
         if card.polar and p.name == card.polar[0]:
             c, s = place[f"{name} cosine"], place[f"{name} sine"]
-            x, y = fit.normal.x[c], fit.normal.x[s]
+            x, y = fit.x[c], fit.x[s]
             size = max(math.hypot(x, y), 1e-300)
             out[name] = interval(size, Z95 * math.hypot(x * sd[c], y * sd[s]) / size)
             turn = min(math.hypot(y * sd[c], x * sd[s]) / size**2, math.pi)
             out[f"{effect}.{card.polar[1]}"] = interval(math.atan2(y, x), Z95 * turn)
         elif own in place:
             k = place[own]
-            found = interval(float(fit.normal.x[k]), Z95 * float(sd[k]))
+            found = interval(float(fit.x[k]), Z95 * float(sd[k]))
             value, *ends = (public(p.fit, z) for z in (found["value"], *found["ci95"]))
             out[name] = {"value": value, "ci95": sorted(ends)}
     return out

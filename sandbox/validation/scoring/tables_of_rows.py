@@ -75,7 +75,8 @@ def scored(rows: Sequence[Row]) -> Scores:
     asked = [n for n, a in blind.items() if "failed" not in a and recommended(a) is not None]
     promised = {n: blind[n]["next_recording"].get("power") for n in asked}
     spent = [a["cpu_seconds"] for a in blind.values() if "failed" not in a and "cpu_seconds" in a]
-    found = figures(judged, promised, followed) | {"cpu_seconds": quantile(spent, 0.5)}
+    costs = {"cpu_seconds": quantile(spent, 0.5), "cpu_seconds_p99": quantile(spent, 0.99)}
+    found = figures(judged, promised, followed) | costs
     found |= left_out(others) if others else {}
     return Scores(methods.pop(), found, judged, others, followed, tuple(rows))
 

@@ -12,7 +12,7 @@ from sandbox.gap.evidence.priors import ordinary
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.validation.scoring import refit as fit
-from sandbox.validation.scoring.baselines import BASELINES, REFINED, nuisances
+from sandbox.validation.scoring.baselines import BASELINES, REFINED
 from sandbox.validation.scoring.judge import judge
 from sandbox.validation.scoring.voltage_regression import background, binned, left_over
 from sandbox.validation.withheld.case_list import Case
@@ -29,7 +29,7 @@ def recorded(folder, *names, sizes=(2.0,), family="ipm_exchanged"):
 
 
 CASES = [("refit", "stator_resistance"), ("bic", "encoder_eccentricity"), ("bic", "stator_resistance")]
-CASES += [("voltage", "stator_resistance")]
+CASES += [("voltage", "stator_resistance"), ("stepwise", "encoder_eccentricity"), ("gp", "encoder_eccentricity")]
 
 
 @pytest.mark.parametrize(("method", "effect"), CASES)
@@ -46,7 +46,25 @@ def test_a_large_effect_is_found(method, effect, tmp_path):
         assert found["gap"]["after"] < 1.1
 
 
-@pytest.mark.parametrize("method", ["refit", "bic"])
+def test_two_effects_at_once_are_found_beside_a_discrepancy(tmp_path):
+    """Both names, the whole gap closed, and each of three parameters within its 95 % interval or twice as far."""
+    names = ("encoder_eccentricity", "stator_resistance")
+    folder, truth = recorded(tmp_path, *names, sizes=(2.0, 2.0))
+    found = BASELINES["gp"](folder, ()).json
+    j = judge("w000", truth, found)
+    assert j.top == names
+    assert found["gap"]["after"] == pytest.approx(1.0, abs=0.04)
+    assert j.parts[1] == 3
+    best = found["hypotheses"][0]["parameters"]
+    for name, value in truth["parameters"].items():
+        low, high = best[name]["ci95"]
+        away = (best[name]["value"] - value + math.pi) % math.tau - math.pi if name.endswith("phase") else (
+            best[name]["value"] - value
+        )  # fmt: skip
+        assert abs(away) < high - low
+
+
+@pytest.mark.parametrize("method", ["refit", "bic", "stepwise", "gp"])
 def test_without_effect_nothing_is_named(method, tmp_path):
     folder, truth = recorded(tmp_path)
     found = BASELINES[method](folder, ()).json
@@ -123,7 +141,7 @@ def test_priors_are_the_campaigns_own(tmp_path):
     """Means, deviations and bounds of the diagnosis' ordinary deviations, and one angle for each recording."""
     folder, _ = recorded(tmp_path)
     campaign = read_campaign(folder)
-    null, _ = nuisances(campaign)
+    null, _ = fit.nuisances(campaign)
     own = [*ordinary(campaign), *turns(null.point.prepared)]
     assert null.normal.coordinates == tuple(own)
     assert [c.names[0] for c in own if c.form == "turn"] == [r.file for r in campaign.recordings]

@@ -66,6 +66,8 @@ def test_figures_of_a_file_are_those_of_the_run(tmp_path):
     content, second = (content_of(by_method(r)) for r in (rows, again))
     assert json.dumps(content) == json.dumps(second)
     assert (content["top1"]["value"], content["top1"]["n"]) == (2 / 5, 5)  # w000 and w003; not w001, w002, w011
+    assert (content["top1_half"]["value"], content["top1_half"]["n"]) == (2 / 4, 4)  # not w011, of a quarter
+    assert content["cpu_seconds_p99"]["value"] == 1.5
     assert (content["false_alarm"]["value"], content["false_alarm"]["n"]) == (pytest.approx(1 / 3), 3)
     assert (content["exact_two"]["value"], content["exact_three"]["n"]) == (0.5, 0)
     assert (content["resolved_sure"]["value"], content["resolved_else"]["n"]) == (1.0, 0)

@@ -140,6 +140,10 @@ def test_campaigns_of_many_effects_count_for_the_whole_list():
     j = judge("w", truth_of(names, "many", (1.0,) * 4, {}), diagnosis_of((list(names), 1.0)))
     f = figures([j])
     assert (f["included_f1"].value, f["included_f1"].n, f["exact_set"].n) == (1.0, 1, 0)
+    one = judge("o", truth_of(), diagnosis_of((["dead_time"], 1.0), shrunk=0.2))
+    both = figures([j, one])
+    assert (both["closed_many_median"].value, both["closed_many_p10"].n) == (0.9, 1)  # of the list alone
+    assert both["closed_median"].value == pytest.approx(0.55)
     assert confusion([j])["counts"] == []
 
 
