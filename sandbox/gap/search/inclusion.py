@@ -1,7 +1,9 @@
 """Every effect's chance of being there: the posterior over all sets near the best one, summed over those that hold it.
 
-Fitted sets have the probabilities of their hypotheses.  Sets that were not fitted stand to the best one as the
-equations at its point say: all with one effect more, one fewer, one exchanged that came near on the way.
+Fitted sets have the probabilities of their hypotheses.  A set that was not fitted stands to the fitted one that it
+differs least from as the equations at the best set's point say: all with one effect more, one fewer, one exchanged that
+came near on the way.  Only this difference is told by algebra: what an effect is worth whose answer is far from linear
+(a shaft's stiffness) is what the fit without it lost.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from sandbox.gap.search.subsets import Set, Subsets
 APART = 0.2  # of the less probable of two effects: chance of both together, below which they stand for each other
 SURE = 0.9  # chance that one of a group is there: less, and they are no group but each a doubt of its own
 LARGEST = 4  # effects of a group: more of them are no question that one recording answers
+FARTHEST = 700.0  # log: what a number can hold
 OPEN = (0.05, 0.95)  # chances between which an effect may be one of a group
 
 
@@ -54,16 +57,25 @@ def inclusion(hypotheses: Sequence[Hypothesis], temperature: float) -> Inclusion
     best = next(h for h in hypotheses if h.effects != (UNKNOWN,))
     own = tuple(sorted(e for e in best.effects if e != UNKNOWN))
     near = Subsets(best.judged.table, temperature)
-    level = near.weigh(own)
+    near.weigh(own)
     near.climb(own)
     for effect in best.judged.table.members:
         if effect not in own:
             near.weigh((*own, effect))
-    chances = dict(fitted)
-    for key, told in near.known.items():
-        if key not in chances:
-            chances[key] = max(fitted[own], 1e-9) * math.exp(min(0.0, told - level))
+    told = {key: near.weigh(key) for key in fitted}
+    chances = fitted | {key: _beside(key, near.known, fitted, told, own) for key in near.known if key not in fitted}
     return summed(chances, best.judged.table.members)
+
+
+def _beside(
+    key: Set, known: Mapping[Set, float], fitted: Mapping[Set, float], told: Mapping[Set, float], own: Set
+) -> float:
+    """Return the chance of a set by that of the fitted set next to it, at most that of the best one, `own`: a set that
+    promised more was fitted.  known, told: log posterior by algebra, of all sets and of fitted ones."""
+    apart = {f: len(set(key) ^ set(f)) for f in fitted}
+    least = min(apart.values())
+    nearest = max((f for f in fitted if apart[f] == least), key=lambda f: fitted[f])
+    return min(fitted[own], fitted[nearest] * math.exp(min(known[key] - told[nearest], FARTHEST)))
 
 
 def by_algebra(table: Table, effects: Sequence[str], temperature: float) -> Inclusion:

@@ -106,8 +106,14 @@ def test_a_group_has_at_most_four_effects(count, groups):
     assert len(inclusion.summed(sets, "abcde"[:count]).groups) == groups
 
 
-def test_a_set_with_and_without_unknown_is_one_set(monkeypatch):
-    """0.5 for a, 0.2 for a beside `unknown`, 0.3 for none; by algebra b is e times less likely than a: 0.7/e."""
+@pytest.mark.parametrize(
+    ("none", "fitted_none", "b"),
+    [(-0.5, 0.3, 0.3 * np.exp(-0.5)), (4.0, 0.0, 0.0), (-9.0, 0.3, 0.7)],
+    ids=["by the set without", "algebra misjudges the set without", "never above the best"],
+)
+def test_what_was_not_fitted_stands_to_what_was(monkeypatch, none, fitted_none, b):
+    """0.5 for a, 0.2 for a beside `unknown`, which are one set, and what fits gave for none.  By algebra (log) a is at
+    0, b at -1, none at `none`: b differs from none by one effect, from a by two, and follows none's fit."""
     table = SimpleNamespace(members={"a": (), "b": ()})
 
     class Sets:
@@ -115,18 +121,19 @@ def test_a_set_with_and_without_unknown_is_one_set(monkeypatch):
             self.known = {}
 
         def weigh(self, effects):
-            return self.known.setdefault(tuple(sorted(effects)), {("a",): 0.0, ("b",): -1.0}.get(tuple(effects), -99.0))
+            by_algebra = {("a",): 0.0, ("b",): -1.0, (): none}
+            return self.known.setdefault(tuple(sorted(effects)), by_algebra.get(tuple(effects), -99.0))
 
         def climb(self, effects):
             return effects, self.weigh(("b",))
 
     monkeypatch.setattr(inclusion, "Subsets", Sets)
-    told = [(("a",), 0.5), (("a", "unknown"), 0.2), ((), 0.3)]
+    told = [(("a",), 0.5), (("a", "unknown"), 0.2), ((), fitted_none)]
     found = inclusion.inclusion(
         [SimpleNamespace(effects=e, probability=p, judged=SimpleNamespace(table=table)) for e, p in told], 1.0
     )
-    total = 1.0 + 0.7 / np.e
-    assert found.chances == pytest.approx({"a": 0.7 / total, "b": 0.7 / np.e / total}, abs=1e-12)
+    total = 0.7 + fitted_none + b
+    assert found.chances == pytest.approx({"a": 0.7 / total, "b": b / total}, abs=1e-12)
 
 
 def test_scans_reach_their_last_value(monkeypatch):
