@@ -32,8 +32,8 @@ from model.errors import BadInput
 from sandbox.cli.sweeping import on_dask
 from sandbox.engine.processes import spread
 from sandbox.gap.diagnose import diagnose
+from sandbox.gap.location.where import where
 from sandbox.gap.report.diagnosis_json import contract
-from sandbox.gap.report.where import where
 from sandbox.output.files import plain, rounded
 from sandbox.recordings.campaign import read_campaign
 from sandbox.validation.scoring.rows import DIGITS

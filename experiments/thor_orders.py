@@ -24,7 +24,7 @@ from experiments.drawing import RESULTS, save, shared
 from model.drives import thor
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
-from sandbox.gap.report.decompose import decompose
+from sandbox.gap.location.decompose import decompose
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare

@@ -104,7 +104,7 @@ def run_make(options: argparse.Namespace) -> None:
 
 def run_score(options: argparse.Namespace) -> None:
     """Score a check; write its rows, the figures that follow from them and their page into its folder."""
-    from sandbox.validation.scoring.baselines import BASELINES
+    from sandbox.validation.baselines.methods import BASELINES
     from sandbox.validation.scoring.blind import score, standard
     from sandbox.validation.scoring.check_figure import withheld_figure
     from sandbox.validation.scoring.rows import write_rows

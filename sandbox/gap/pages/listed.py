@@ -12,7 +12,7 @@ from sandbox.gap.report.open_part import Remaining
 from sandbox.gap.report.position_moved import Moved
 from sandbox.gap.report.ranking import Ranking, parted_by
 from sandbox.gap.report.told_apart import SURE, Confused
-from sandbox.gap.report.words import capital, names, quantity, words
+from sandbox.gap.words import capital, names, quantity, words
 
 POSITION_NOTE = (
     "Mean position error under rated load, in electrical degrees, that each effect alone adds in the closed loop: low "

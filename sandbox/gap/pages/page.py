@@ -9,17 +9,17 @@ from pathlib import Path
 from model.effects import library
 from model.names import html_text
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.location.decompose import Decomposition, decompose
+from sandbox.gap.location.where import WHOSE, Part
 from sandbox.gap.pages import listed, signals
 from sandbox.gap.report import answers
 from sandbox.gap.report.answers import Answers
-from sandbox.gap.report.decompose import Decomposition, decompose
 from sandbox.gap.report.diagnosis_json import closed_by
 from sandbox.gap.report.distinguishability import Alike
-from sandbox.gap.report.where import WHOSE, Part
 from sandbox.gap.report.which import BADGES
-from sandbox.gap.report.words import SIGNS, amperes, capital, label, names, quantity, words
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN
+from sandbox.gap.words import SIGNS, amperes, capital, label, names, quantity, words
 from sandbox.output.document import answer as answered
 from sandbox.output.document import bullets, figure, fold, pairs, prose, table, write_page
 from sandbox.output.files import version

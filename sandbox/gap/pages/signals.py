@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.diagnose import Diagnosis
+from sandbox.gap.location.decompose import Decomposition
 from sandbox.gap.report.answers import Answers
-from sandbox.gap.report.decompose import Decomposition
-from sandbox.gap.report.words import amperes
+from sandbox.gap.words import amperes
 from sandbox.output import looks
 from sandbox.output.document import figure, pairs, prose
 from sandbox.output.vector import Line, lines_svg

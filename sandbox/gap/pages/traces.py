@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence.normal import Point
+from sandbox.gap.location.decompose import MECHANICAL, ORDERS, Decomposition, decompose
 from sandbox.gap.pages.listed import waterfall
 from sandbox.gap.report import answers
 from sandbox.gap.report.answers import Answers
-from sandbox.gap.report.decompose import MECHANICAL, ORDERS, Decomposition, decompose
-from sandbox.gap.report.words import amperes
+from sandbox.gap.words import amperes
 from sandbox.output import looks
 from sandbox.output.trace import COLOURS, GREY, Plot, write_series
 from sandbox.replay.inputs import LEGS, Inputs

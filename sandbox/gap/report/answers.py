@@ -16,17 +16,17 @@ from model.mapped import MappedMotor
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.evidence.regression import Remains, remains
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.location.outside import OddPhase, odd_phase
+from sandbox.gap.location.where import Finding, Part, parts, percent, summary, where
 from sandbox.gap.planning.next_recording import Next, recommend
 from sandbox.gap.report import which
 from sandbox.gap.report.bounds import sentence
 from sandbox.gap.report.distinguishability import Alike, alike
-from sandbox.gap.report.outside import OddPhase, odd_phase
 from sandbox.gap.report.position import PositionError, position_error
 from sandbox.gap.report.ranking import Ranking, ranking
-from sandbox.gap.report.where import Finding, Part, parts, percent, summary, where
-from sandbox.gap.report.words import capital, likely, names, percent_fine, times, words
 from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.gap.shortened import share, shortened
+from sandbox.gap.words import capital, likely, names, percent_fine, times, words
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
 from sandbox.replay.memory import USUAL
 

@@ -14,11 +14,11 @@ from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.gap_size import rms, share_closed
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.regression import Remains
+from sandbox.gap.location.where import Finding
 from sandbox.gap.planning.next_recording import Next, as_json
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.position import PositionError
 from sandbox.gap.report.ranking import Ranking, parameter, ranking
-from sandbox.gap.report.where import Finding
 from sandbox.gap.report.which import badge
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 from sandbox.recordings.campaign import Excerpts

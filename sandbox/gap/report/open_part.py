@@ -12,7 +12,7 @@ from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.beside import Beside, beside
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
-from sandbox.gap.report.decompose import (
+from sandbox.gap.location.decompose import (
     CURRENT_NAMES,
     CURRENTS,
     SPEED_NAMES,
@@ -21,7 +21,7 @@ from sandbox.gap.report.decompose import (
     decompose,
     top_speed,
 )
-from sandbox.gap.report.where import DETAIL
+from sandbox.gap.location.where import DETAIL
 from sandbox.gap.search.estimates import Estimate, estimates_beside
 from sandbox.gap.search.inclusion import Inclusion, by_algebra
 from sandbox.gap.search.judged import Judged

@@ -33,7 +33,7 @@ from sandbox.gap.evidence.gap_size import rms
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
-from sandbox.gap.report.where import held_at_neutral
+from sandbox.gap.location.where import held_at_neutral
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.posterior import UNKNOWN
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sandbox.gap.diagnose import Diagnosis, verdict
-from sandbox.gap.report.where import percent
-from sandbox.gap.report.words import capital, likely, names, percent_fine, sizes, words
+from sandbox.gap.location.where import percent
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
+from sandbox.gap.words import capital, likely, names, percent_fine, sizes, words
 
 HALF = 0.5  # chance of `unknown` below which it is not what most probably is at work
 NEARLY_ALL = 0.99  # share of the gap: what closes so much leaves no room for "not in the library"

@@ -19,10 +19,10 @@ from model.errors import BadInput
 from model.given import MOST_JSON, given_bytes
 from sandbox.engine.processes import Cluster
 from sandbox.gap.diagnose import diagnose
+from sandbox.gap.location.where import where
 from sandbox.gap.report.answers import next_recording
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.gap.report.ranking import ranking
-from sandbox.gap.report.where import where
 from sandbox.output.files import plain
 from sandbox.recordings.campaign import read_campaign
 from sandbox.validation.scoring.documents import check_report, check_truth

@@ -25,17 +25,17 @@ from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.gap.diagnose import out_of_sight
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.location import where as places
+from sandbox.gap.location.decompose import decompose
+from sandbox.gap.location.where import subsystems
 from sandbox.gap.pages.page import write_report
 from sandbox.gap.planning.menu import menu, settings
 from sandbox.gap.planning.next_recording import Next
-from sandbox.gap.report import where as places
 from sandbox.gap.report.answers import answer, caveats, far_text, linear, next_text, which_text
-from sandbox.gap.report.decompose import decompose
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.gap.report.position import carrier_at, errors
-from sandbox.gap.report.where import subsystems
-from sandbox.gap.report.words import quantity, times
 from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.words import quantity, times
 from sandbox.output.files import plain
 from sandbox.output.trace import read_trace
 from sandbox.public.campaigns.diagnosed import DiagnosisResult, diagnose

@@ -17,6 +17,7 @@ from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
 from sandbox.gap.report.bounds import at_bound, sentence
+from sandbox.gap.search import estimates as estimating
 from sandbox.gap.search.estimates import Estimate, Held, Spread, _of_part, estimates_beside, held_ordinary
 from sandbox.output.refitted import Refitted
 from sandbox.recordings.campaign import Campaign
@@ -99,14 +100,18 @@ def test_what_is_inside_or_an_effects_own_is_not_told(pull, widened):
     assert held_ordinary(held_fit(pull, widened=widened)) == []
 
 
-def test_a_held_value_beside_a_free_regression_has_an_interval():
-    """Curve 3 and prior 1 (units of 1 us), held at 1: known to 1.15/2 as if it were free."""
+def test_a_held_value_beside_a_free_regression_has_an_interval(monkeypatch):
+    """Curve 3 and prior 1 (units of 1 us), held at 1: known to 1.15/2 as if it were free, with the regression as
+    without it; the ordinary interval is narrower here and does not count."""
     us, far = 1e-6, np.full(1, np.inf)
     own = Coordinate("dead_time.time", 0.0, us, "linear", ("dead_time.time",))
     table = SimpleNamespace(coordinates=[own], point=SimpleNamespace(values={}))
     j = SimpleNamespace(table=table, prior=Prior(np.zeros(1), np.full(1, us), -far, np.full(1, us)))
     j.effects = ("dead_time",)
-    found = estimates_beside(j, Algebra(np.array([[3.0 / us**2]]), np.array([6.0 / us]), 0.0, np.zeros(1)))
+    j.equations = Algebra(np.array([[3.0 / us**2]]), np.array([6.0 / us]), 0.0, np.zeros(1))
+    usual = Spread([own], {}, np.ones(1), np.full(1, 0.3 * us), (np.zeros(1), np.ones(1)), np.ones(1, dtype=bool))
+    monkeypatch.setattr(estimating, "spread", lambda _: usual)
+    found = estimates_beside(j, j.equations)
     e, half = found["dead_time.time"], 1.959964 * 1.15 / 2.0 * us
     assert (e.value, e.low, e.high, e.at_bound) == (
         pytest.approx(us), pytest.approx(us - half), pytest.approx(us + half), True,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.report.decompose import CHANNELS, VARIANCE, decompose
+from sandbox.gap.location.decompose import CHANNELS, VARIANCE, decompose
 from sandbox.plant.sets import complete
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Residual, prepare, replay

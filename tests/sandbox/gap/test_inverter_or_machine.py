@@ -7,7 +7,7 @@ from scipy.signal import TransferFunction, lsim
 from model.drive_files import load_drive
 from sandbox.gap.evidence.inverter_or_machine import explained, machines, of_size_one
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.report.outside import inverters
+from sandbox.gap.location.outside import inverters
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import prepare

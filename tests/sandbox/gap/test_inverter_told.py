@@ -15,10 +15,10 @@ from sandbox.gap.evidence.normal import normal
 from sandbox.gap.evidence.priors import FARTHEST, of_effect, reach
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.report.ranking import parameter
-from sandbox.gap.report.words import quantity
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.multistart import with_sizes
 from sandbox.gap.search.neighbours import fitted_again
+from sandbox.gap.words import quantity
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.test_evidence import start

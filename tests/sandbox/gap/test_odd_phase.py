@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sandbox.gap.report.outside import odd_phase
+from sandbox.gap.location.outside import odd_phase
 from sandbox.replay.replay import Residual
 
 TURNS, PER = 40, 60

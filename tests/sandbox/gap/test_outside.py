@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sandbox.gap.report.outside import excesses, shares
+from sandbox.gap.location.outside import excesses, shares
 from sandbox.replay.replay import Residual
 
 NONE = {"machine": 0.0, "inverter": 0.25, "sensor": 0.75, "mechanics": 0.0}

@@ -7,10 +7,10 @@ import pytest
 
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
-from sandbox.gap.report.decompose import decompose
-from sandbox.gap.report.readings import Readings, told
-from sandbox.gap.report.where import sentences
-from sandbox.gap.report.words import amperes
+from sandbox.gap.location.decompose import decompose
+from sandbox.gap.location.readings import Readings, told
+from sandbox.gap.location.where import sentences
+from sandbox.gap.words import amperes
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign

@@ -18,7 +18,7 @@ from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import normal
 from sandbox.gap.evidence.probes import Probe, probes_at_typical
 from sandbox.gap.evidence.spike_slab import SIZES, ordinary_share, settled, table
-from sandbox.gap.report.where import held_at_neutral
+from sandbox.gap.location.where import held_at_neutral
 from sandbox.gap.search.forward import search
 from sandbox.gap.search.judged import judge
 from sandbox.gap.search.multistart import with_sizes

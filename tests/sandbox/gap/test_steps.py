@@ -376,7 +376,7 @@ def test_shares_of_two_effects_by_hand(monkeypatch):
     monkeypatch.setattr(sharing, "_replayed", lambda j, gone: np.full(2, left[tuple(sorted(gone))]))
     monkeypatch.setattr(sharing, "_waterfall", lambda d, ranked: [(e, 1.0) for e in ranked])
     segments = [SimpleNamespace(recording=k, rr=np.array([110.0]), n=np.array([100.0])) for k in range(2)]
-    judged = SimpleNamespace(fit=SimpleNamespace(normal=SimpleNamespace(segments=segments)))
+    judged = SimpleNamespace(effects=("a", "b"), fit=SimpleNamespace(normal=SimpleNamespace(segments=segments)))
     d = SimpleNamespace(
         best=SimpleNamespace(effects=("a", "b"), judged=judged), remainder=SimpleNamespace(explained=0.81)
     )

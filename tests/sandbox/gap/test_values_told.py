@@ -8,7 +8,7 @@ import pytest
 
 from sandbox.gap.evidence import discrepancy
 from sandbox.gap.evidence.inverter_or_machine import _before, _short
-from sandbox.gap.report import outside
+from sandbox.gap.location import outside
 from sandbox.gap.search import judged as judging
 from sandbox.gap.search import selection, unfitted
 from sandbox.gap.search.estimates import Spread, _of_effect, public

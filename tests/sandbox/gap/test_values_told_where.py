@@ -9,11 +9,12 @@ import pytest
 
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.report import answers, position, position_moved, ranking, shares, where
-from sandbox.gap.report.decompose import CURRENT_NAMES, DIRECTIONS, SPEED_NAMES, Decomposition
-from sandbox.gap.report.readings import Readings
-from sandbox.gap.report.words import PREFIXES
+from sandbox.gap.location import where
+from sandbox.gap.location.decompose import CURRENT_NAMES, DIRECTIONS, SPEED_NAMES, Decomposition
+from sandbox.gap.location.readings import Readings
+from sandbox.gap.report import answers, position, position_moved, ranking, shares
 from sandbox.gap.search.inclusion import summed
+from sandbox.gap.words import PREFIXES
 
 HALF = 1.0 / len(SPEED_NAMES)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from sandbox.gap.evidence import spectrum
-from sandbox.gap.report import decompose, outside
-from sandbox.gap.report.decompose import BINS, CURRENT_NAMES, SPEED_NAMES
+from sandbox.gap.location import decompose, outside
+from sandbox.gap.location.decompose import BINS, CURRENT_NAMES, SPEED_NAMES
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Residual
 from tests.sandbox.gap.test_size import size_at

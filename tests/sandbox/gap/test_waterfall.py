@@ -8,10 +8,10 @@ import pytest
 from sandbox.gap.evidence.gap_size import rms
 from sandbox.gap.evidence.normal import normal
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.location.decompose import decompose
 from sandbox.gap.pages.listed import waterfall
 from sandbox.gap.pages.page import write_report
 from sandbox.gap.pages.traces import _whole
-from sandbox.gap.report.decompose import decompose
 from sandbox.gap.report.shares import with_part
 
 

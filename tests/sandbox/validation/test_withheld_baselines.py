@@ -11,10 +11,10 @@ from sandbox.gap.evidence.normal import turns
 from sandbox.gap.evidence.priors import ordinary
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.writing import write_campaign
-from sandbox.validation.scoring import refit as fit
-from sandbox.validation.scoring.baselines import BASELINES, REFINED
+from sandbox.validation.baselines import refit as fit
+from sandbox.validation.baselines.methods import BASELINES, REFINED
+from sandbox.validation.baselines.voltage_regression import background, binned, left_over
 from sandbox.validation.scoring.judge import judge
-from sandbox.validation.scoring.voltage_regression import background, binned, left_over
 from sandbox.validation.withheld.case_list import Case
 from sandbox.validation.withheld.draw import draw
 from sandbox.validation.withheld.make import campaign_of

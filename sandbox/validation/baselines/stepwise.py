@@ -22,10 +22,10 @@ from sandbox.gap.evidence.normal import Point, counted
 from sandbox.gap.evidence.priors import Coordinate, with_usual_sign
 from sandbox.gap.evidence.probes import Probe, probes
 from sandbox.recordings.campaign import read_campaign
-from sandbox.validation.scoring import refit as fit
-from sandbox.validation.scoring.baseline_answer import Answer, answer
-from sandbox.validation.scoring.refit import ROUNDS, UNFITTED, Refit
-from sandbox.validation.scoring.screening import Promise, count, owner, screened
+from sandbox.validation.baselines import refit as fit
+from sandbox.validation.baselines.answer import Answer, answer
+from sandbox.validation.baselines.refit import ROUNDS, UNFITTED, Refit
+from sandbox.validation.baselines.screening import Promise, count, owner, screened
 
 REFINED = 3  # effects that are fitted in full after a screening: slopes rank the true one among the first three
 MOST = 3000  # simulations: a single effect takes some 500, the way up to six or seven effects all of them

@@ -23,13 +23,13 @@ from sandbox.gap.evidence.normal import Point, counted
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.evidence.probes import Probe
 from sandbox.recordings.campaign import read_campaign
-from sandbox.validation.scoring import refit as fit
-from sandbox.validation.scoring.baseline_answer import Answer, answer
-from sandbox.validation.scoring.gaussian_process import by_gaussian_process
-from sandbox.validation.scoring.refit import UNFITTED, Z95, interval
-from sandbox.validation.scoring.screening import screened
-from sandbox.validation.scoring.stepwise import REFINED, Visited, by_stepwise, ranked, visited
-from sandbox.validation.scoring.voltage_regression import by_voltage
+from sandbox.validation.baselines import refit as fit
+from sandbox.validation.baselines.answer import Answer, answer
+from sandbox.validation.baselines.gaussian_process import by_gaussian_process
+from sandbox.validation.baselines.refit import UNFITTED, Z95, interval
+from sandbox.validation.baselines.screening import screened
+from sandbox.validation.baselines.stepwise import REFINED, Visited, by_stepwise, ranked, visited
+from sandbox.validation.baselines.voltage_regression import by_voltage
 
 SUSPICIOUS = 4.0  # standard deviations: further off is reported as a cause
 LOOSE = 30.0  # times the stated deviations: priors so wide that the data decide, but for what they do not show

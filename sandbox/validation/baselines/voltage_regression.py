@@ -25,8 +25,8 @@ from sandbox.gap.evidence.priors import ordinary as stated
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
 from sandbox.replay.inputs import noise_floor
 from sandbox.replay.replay import prepare
-from sandbox.validation.scoring.baseline_answer import Answer, answer
-from sandbox.validation.scoring.refit import inverse_root
+from sandbox.validation.baselines.answer import Answer, answer
+from sandbox.validation.baselines.refit import inverse_root
 
 Complex = NDArray[np.complex128]
 Columns = dict[str, list[Complex]]  # by parameter or effect: first-order voltages, whitened with the residual

@@ -12,7 +12,7 @@ from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.evidence.probes import Probe, probe_coordinates
-from sandbox.validation.scoring.refit import readings
+from sandbox.validation.baselines.refit import readings
 
 
 class Columns(NamedTuple):

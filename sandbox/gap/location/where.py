@@ -23,9 +23,9 @@ from sandbox.gap.evidence.algebra import Prior
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import of_effect, ordinary
 from sandbox.gap.evidence.spectrum import shown
-from sandbox.gap.report.decompose import Decomposition, decompose
-from sandbox.gap.report.outside import outside
-from sandbox.gap.report.readings import told
+from sandbox.gap.location.decompose import Decomposition, decompose
+from sandbox.gap.location.outside import outside
+from sandbox.gap.location.readings import told
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 from sandbox.plant.sets import complete

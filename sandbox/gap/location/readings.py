@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.report.words import amperes
+from sandbox.gap.words import amperes
 from sandbox.replay.replay import Residual
 
 Array = NDArray[np.float64]

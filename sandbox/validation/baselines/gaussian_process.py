@@ -24,11 +24,11 @@ from sandbox.gap.evidence.normal import Point, counted, normal
 from sandbox.gap.evidence.priors import Coordinate, ordinary, with_usual_sign
 from sandbox.gap.evidence.probes import Probe, probes
 from sandbox.recordings.campaign import read_campaign
-from sandbox.validation.scoring import discrepancy_process as gp
-from sandbox.validation.scoring import refit as fit
-from sandbox.validation.scoring.baseline_answer import Answer, answer
-from sandbox.validation.scoring.refit import UNFITTED, Estimates
-from sandbox.validation.scoring.screening import Columns, columns, held_but, owner
+from sandbox.validation.baselines import discrepancy_process as gp
+from sandbox.validation.baselines import refit as fit
+from sandbox.validation.baselines.answer import Answer, answer
+from sandbox.validation.baselines.refit import UNFITTED, Estimates
+from sandbox.validation.baselines.screening import Columns, columns, held_but, owner
 
 SAMPLED, TRIES = 4000, 100  # readings that scales are learnt from, and how often they are weighed: some seconds
 BEGIN = gp.Scales(1.0, 1.0, 0.5, 0.5, 0.7)  # a floor; half of rated current and top speed; a sixth of a turn

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.report.readings import Readings, readings
+from sandbox.gap.location.readings import Readings, readings
 from sandbox.recordings.injection import samples_per_period
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Residual

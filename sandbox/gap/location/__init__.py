@@ -1,0 +1,1 @@
+"""Where a gap lies: in which subsystem, at which currents, speeds, angles and frequencies."""

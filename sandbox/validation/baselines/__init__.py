@@ -1,0 +1,1 @@
+"""Simple methods and two stronger ones, on the same campaigns as the diagnosis."""
