@@ -19,7 +19,6 @@ from sandbox.gap.search.subsets import Set, Subsets
 APART = 0.2  # of the less probable of two effects: chance of both together, below which they stand for each other
 SURE = 0.9  # chance that one of a group is there: less, and they are no group but each a doubt of its own
 LARGEST = 4  # effects of a group: more of them are no question that one recording answers
-FARTHEST = 700.0  # log: what a number can hold
 OPEN = (0.05, 0.95)  # chances between which an effect may be one of a group
 
 
@@ -75,7 +74,10 @@ def _beside(
     apart = {f: len(set(key) ^ set(f)) for f in fitted}
     least = min(apart.values())
     nearest = max((f for f in fitted if apart[f] == least), key=lambda f: fitted[f])
-    return min(fitted[own], fitted[nearest] * math.exp(min(known[key] - told[nearest], FARTHEST)))
+    if fitted[nearest] == 0.0:
+        return 0.0
+    promised = math.log(fitted[nearest]) + known[key] - told[nearest]
+    return math.exp(min(math.log(fitted[own]), promised))
 
 
 def by_algebra(table: Table, effects: Sequence[str], temperature: float) -> Inclusion:

@@ -67,3 +67,20 @@ def test_a_current_that_stands_still_in_one_phase_is_no_fault():
 def test_ten_turns_are_needed(turns, told):
     """Of the last turn a sample is missing."""
     assert (odd_phase(*at(-9.0, 18.0, -9.0, turns=turns)) is not None) == told
+
+
+def test_little_more_than_three_standard_errors_over_turns_suffice():
+    """12 turns with squares 1 + m +- s in phase b, in the others 1 as noise has: the mean m over its standard error
+    s / sqrt(11) is 3.7."""
+    turns, m = 13, 50.0  # of the last turn a sample is missing
+    squares = 1.0 + m + np.resize([1.0, -1.0], turns) * m * np.sqrt(11.0) / 3.7
+    own, others = np.sqrt(np.repeat(squares, PER)), np.ones(turns * PER)
+    point, _ = at(0.0, 0.0, 0.0, turns=turns)
+    current = np.stack([others, own, others], axis=1)[:, :, None]
+    assert odd_phase(point, [Residual("a", "driven", current, None, None)]).phase == "b"
+
+
+@pytest.mark.parametrize(("per", "told"), [(8, False), (14, True)])
+def test_a_turn_has_at_least_twelve_samples(per, told):
+    angle = 2.0 * np.pi * np.arange(TURNS * PER) / per
+    assert (odd_phase(*at(-9.0, 18.0, -9.0, angle=angle)) is not None) == told
