@@ -9,7 +9,7 @@ That set is fitted in full; at its point the equations are taken anew.  Effects 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 
 from model.errors import BadInput
@@ -22,7 +22,7 @@ from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.neighbours import MOST
 from sandbox.gap.search.points import starting, towards, unbent
 from sandbox.gap.search.posterior import ACCURATE
-from sandbox.gap.search.subsets import Subsets, log_prior
+from sandbox.gap.search.subsets import STILL, Subsets, log_prior
 
 PROMISED = 2  # sets fitted at a point that algebra holds more probable than the one there
 ROUNDS = 7  # points at which all effects' equations are taken
@@ -96,18 +96,20 @@ def widened(
     found: Search, raw: float, weights: Weights, *, exclude: Sequence[str] = (), workers: int = 1,
     report: Callable[[str], None] = lambda _: None,
 ) -> Search:  # fmt: skip
-    """Return a search of few effects continued where these leave much of a gap, the sets that stand a chance judged.
+    """Return a search of few effects continued where these leave much of a gap, or where more effects beside them
+    promise more; the sets that stand a chance judged.
 
     Nothing is added where more effects close little more and leave a gap: so a cause outside the library looks.  Nor
     are rivals fitted where the best set leaves a gap that only something outside the library explains.
     raw: normalised rms of the nominal model.
     """
     few = max(found.judged, key=lambda j: j.log_evidence)
-    if len(few.effects) < LEAST or remainder(found.null, few.fit).unknown < OPEN:
-        return found
     fits = {j.effects: j.fit for j in found.judged}
     own = [replace(p, sized=None, gain=0.0) for p in found.chosen]
     s = Selection(few.fit, own, found.share, weights, workers, raw, found.simulations, fits, tuple(exclude))
+    open_ = remainder(found.null, few.fit).unknown >= OPEN
+    if len(few.effects) < LEAST or not (open_ or promising(s, few, found.fitted)):
+        return found
     s.looked = rms_of(few.fit)
     select(s, few.table, report)
     closes = CLOSES[len(few.effects) >= MOST]
@@ -128,6 +130,15 @@ def widened(
         top = best
     fitted, chosen = found.fitted | set(s.fits), tuple(s.chosen)
     return replace(found, judged=tuple(judged.values()), simulations=s.cost, fitted=fitted, chosen=chosen)
+
+
+def promising(s: Selection, few: Judged, fitted: Collection[Key]) -> bool:
+    """Return whether algebra holds the few effects with more beside them, a set not fitted so far, more probable: what
+    they leave may be small and still tell of one more."""
+    near = Subsets(few.table, s.temperature())
+    near.climb(few.effects)
+    level = near.weigh(few.effects)
+    return any(x > level + STILL and set(k) > set(few.effects) and k not in fitted for k, x in near.known.items())
 
 
 def select(s: Selection, here: Table, report: Callable[[str], None] = lambda _: None) -> None:

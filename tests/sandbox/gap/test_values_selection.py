@@ -122,8 +122,8 @@ def test_a_rival_of_two_effects_with_a_shape_is_fitted_alone_too(monkeypatch, ef
 class Widening:
     """A search of few effects that goes on to a set of more: what each leaves and how likely `unknown` is, told."""
 
-    def __init__(self, monkeypatch, few, many, unknown=0.5):
-        """few, many: (effects, excess)."""
+    def __init__(self, monkeypatch, few, many, unknown=0.5, promising=False):
+        """few, many: (effects, excess); promising: what algebra says of more effects beside the few."""
         self.asked = []
         self.fits = {tuple(e): fit_of(tuple(e), x) for e, x in (few, many)}
         self.few, self.many = self.fits.values()
@@ -133,6 +133,7 @@ class Widening:
         monkeypatch.setattr(selection, "rivals", lambda s, top: self.rivals)
         monkeypatch.setattr(selection, "from_starts", lambda s, key, null: self.asked.append(key) or self.fits[key])
         monkeypatch.setattr(selection, "log_prior", lambda effects: 0.0)
+        monkeypatch.setattr(selection, "promising", lambda s, few, fitted: promising)
         monkeypatch.setattr(selection, "remainder", lambda null, fit: SimpleNamespace(unknown=unknown))
 
     @staticmethod
@@ -150,6 +151,27 @@ class Widening:
 @pytest.mark.parametrize(("unknown", "expected"), [(0.19, ["a"]), (0.21, ["a", "ab"])])
 def test_a_search_goes_on_from_a_fifth_of_unknown(monkeypatch, unknown, expected):
     assert Widening(monkeypatch, ("a", 1000.0), ("ab", 10.0), unknown)() == expected
+
+
+def test_a_search_goes_on_where_more_effects_promise_more(monkeypatch):
+    """Also where nothing outside the library is likely."""
+    assert Widening(monkeypatch, ("a", 10.0), ("ab", -20.0), unknown=0.0, promising=True)() == ["a", "ab"]
+
+
+@pytest.mark.parametrize(
+    ("told", "fitted", "expected"),
+    [
+        ({"ab": 0.2}, "", False),  # less than a step upwards
+        ({"ab": 0.4}, "", True),
+        ({"ab": 0.4}, "ab", False),  # fitted before, and no better
+        ({"bc": 9.0}, "", False),  # not beside the few
+    ],
+)
+def test_more_effects_beside_the_few_promise_more(monkeypatch, told, fitted, expected):
+    monkeypatch.setattr(Sets, "told", {"a": 0.0, **told}, raising=False)
+    monkeypatch.setattr(selection, "Subsets", Sets)
+    few = SimpleNamespace(effects=("a",), table=None)
+    assert selection.promising(selecting(fit_of(("a",), 0.0)), few, {tuple(fitted)}) == expected
 
 
 def test_without_an_effect_nothing_goes_on(monkeypatch):

@@ -344,7 +344,7 @@ def test_score_counts_what_is_known(check, tmp_path):
     assert [b["n"] for b in content["reliability"]] == [1, 4]  # 0.8 alone; 0.9 and 1 in the last bin
     heads, rows = table([result])
     assert heads == ["metric", "goal", "diagnosis"]
-    assert [row[0] for row in rows[:4]] == ["top1", "mean_probability", "set_f1", "exact_set"]
+    assert [row[0] for row in rows[:5]] == ["top1", "top1_half", "mean_probability", "set_f1", "exact_set"]
     assert {"resolved", "resolved_promised", "leave_out_twin"} <= {row[0] for row in rows}
     withheld_figure({**content, "methods": {"diagnosis": content}}, tmp_path / "page.png")
     assert (tmp_path / "page.png").stat().st_size > 10_000

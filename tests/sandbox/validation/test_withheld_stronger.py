@@ -12,9 +12,9 @@ from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.probes import Probe
 from sandbox.validation.baselines import discrepancy_process as gp
+from sandbox.validation.baselines import stepwise
 from sandbox.validation.baselines.screening import Promise
 from sandbox.validation.baselines.stepwise import Visited, Walk, ranked, walked
-from sandbox.validation.scoring import stepwise
 
 NOWHERE = SimpleNamespace(campaign=SimpleNamespace(drive=SimpleNamespace(motor=None)))
 TABLE = {"": 100.0, "a": 50.0, "b": 60.0, "c": 70.0, "ab": 40.0, "ac": 45.0, "bc": 20.0, "abc": 30.0}
