@@ -95,3 +95,8 @@ def _digits(x: float, width: float) -> str:
     fine = math.floor(math.log10(width)) - 1 if math.isfinite(width) and width > 0.0 else own - 2
     places = max(0, min(-fine, 2 - own + 4))
     return f"{x:.{places}f}" if -5 < own < 7 else f"{x:.4g}"
+
+
+def tenths(x: float) -> str:
+    """Return a share in percent, to a tenth of one."""
+    return "–" if not math.isfinite(x) else f"{100.0 * x:.1f} %"

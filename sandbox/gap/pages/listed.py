@@ -8,11 +8,10 @@ from collections.abc import Iterator
 from model.effects import library
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.report.answers import Answers
-from sandbox.gap.report.open_part import Remaining
 from sandbox.gap.report.position_moved import Moved
-from sandbox.gap.report.ranking import Ranking, parted_by
+from sandbox.gap.report.ranking import Ranking, ordered, parted_by
 from sandbox.gap.report.told_apart import SURE, Confused
-from sandbox.gap.words import capital, names, quantity, words
+from sandbox.gap.words import capital, names, quantity, tenths, words
 
 POSITION_NOTE = (
     "Mean position error under rated load, in electrical degrees, that each effect alone adds in the closed loop: low "
@@ -23,7 +22,6 @@ BESIDE = (
     "Sizes are those beside a free regression, so that what is outside the library does not bend them. What they are "
     "without it stands below, and as `parameters` in diagnosis.json."
 )
-MOSTLY = 0.5  # share of what remains from which on a region is said to hold most of it
 MOST = 2  # parameters that stand in the list itself
 HIDES = 0.02  # negative share from which an effect is said to hide others
 SHOWN = 0.01  # chance below which an effect is not listed
@@ -33,10 +31,10 @@ LISTED, NAMED = 0.5, 3  # chance from which it is said what an effect is confuse
 def rows(r: Ranking) -> list[list[str]]:
     """Return rows of effect, chance, share of the gap, size, for effects that may be there."""
     out = []
-    for effect, chance in r.inclusion.chances.items():
+    for effect, chance in ordered(r.inclusion.chances, r.shares.of).items():
         if chance >= SHOWN:
             share = r.shares.of.get(effect)
-            told = "–" if share is None else f"{percent(share.value)} [{percent(share.low)}, {percent(share.high)}]"
+            told = "–" if share is None else f"{tenths(share.value)} [{tenths(share.low)}, {tenths(share.high)}]"
             own = r.sizes(effect)
             size = ", ".join(f"{library.title(k)} {quantity(e)}" for k, e in own.items())
             size = size if len(own) <= MOST else f"{len(own)} numbers, below"
@@ -49,27 +47,8 @@ def rows(r: Ranking) -> list[list[str]]:
 def _unexplained(r: Ranking) -> str:
     if r.unexplained is None:
         return "–"
-    told, ends = percent(r.unexplained.value), r.unexplained.ci95
-    return told if ends is None else f"{told} [{percent(ends[0])}, {percent(ends[1])}]"
-
-
-def remaining_sentence(where: Remaining | None) -> str:
-    """Return where what remains after the fit lies; '' where nothing does, or no region holds most of it."""
-    if where is None:
-        return ""
-    most = [max(regions, key=lambda x: x.share) for regions in (where.speed, where.current)]
-    told = [f"{percent(x.share)} {x.region}{_range(x.low, x.high, x.unit)}" for x in most if x.share >= MOSTLY]
-    told += [f"{percent(o.share)} of {o.of} order {o.order}" for o in where.angle]
-    if where.frequency is not None:
-        told.append(f"{percent(where.frequency.share)} at a fixed {where.frequency.hz:.0f} Hz at locked rotor")
-    return f"Of what remains after the fit, {', '.join(told)}." if told else ""
-
-
-def _range(low: float, high: float | None, unit: str) -> str:
-    """Return the ends of a region in brackets; nothing where it has none."""
-    if high is None:
-        return f" (from {low:.3g} {unit} on)"
-    return f" (up to {high:.3g} {unit})" if low == 0.0 else f" ({low:.3g} to {high:.3g} {unit})"
+    told, ends = tenths(r.unexplained.value), r.unexplained.ci95
+    return told if ends is None else f"{told} [{tenths(ends[0])}, {tenths(ends[1])}]"
 
 
 def confused_sentences(r: Ranking) -> Iterator[str]:
@@ -111,11 +90,6 @@ def not_run_sentences(r: Ranking) -> Iterator[str]:
     told = {(name, m.not_run): None for own in r.moved.values() for name, m in own.items() if m.not_run}
     for name, why in told:
         yield f"`{name}` was not run: {why}"
-
-
-def percent(x: float) -> str:
-    """Return a share as a number of percent."""
-    return "–" if not math.isfinite(x) else f"{100.0 * x:.1f} %"
 
 
 def hidden_sentence(r: Ranking) -> str:

@@ -137,7 +137,7 @@ def _listed(a: Answers) -> Iterator[str]:
         yield f"<p>{prose(hidden)}</p>"
     if r.beside_unknown:
         yield f'<p class="soft">{prose(listed.BESIDE)}</p>'
-    if lies := listed.remaining_sentence(r.where):
+    if lies := r.where.told() if r.where is not None else "":
         yield f"<p>{prose(lies)}</p>"
     yield bullets([*listed.group_sentences(r, a.following), *listed.confused_sentences(r)])
     heads, moves = listed.position_rows(r)

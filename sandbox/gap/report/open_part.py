@@ -26,8 +26,10 @@ from sandbox.gap.search.estimates import Estimate, estimates_beside
 from sandbox.gap.search.inclusion import Inclusion, by_algebra
 from sandbox.gap.search.judged import Judged
 from sandbox.gap.shortened import shortened
+from sandbox.gap.words import tenths
 
 RPM = 60.0 / math.tau
+MOSTLY = 0.5  # share of what remains from which on a region is said to hold most of it
 
 
 @dataclass(frozen=True)
@@ -73,12 +75,28 @@ class Remaining:
     frequency: Line | None
 
     def as_json(self) -> dict[str, Any]:
-        """Return `unknown.where` of `diagnosis.json`."""
+        """Return `unknown.regions` of `diagnosis.json`."""
         return {
             "current": [r.as_json() for r in self.current], "speed": [r.as_json() for r in self.speed],
             "angle": [asdict(o) for o in self.angle],
             "frequency": None if self.frequency is None else asdict(self.frequency),
         }  # fmt: skip
+
+    def told(self) -> str:
+        """Return where it lies as a sentence, `unknown.where`; '' where no region holds most of it."""
+        most = [max(regions, key=lambda x: x.share) for regions in (self.speed, self.current)]
+        told = [f"{tenths(x.share)} {x.region}{_range(x.low, x.high, x.unit)}" for x in most if x.share >= MOSTLY]
+        told += [f"{tenths(o.share)} of {o.of} order {o.order}" for o in self.angle]
+        if self.frequency is not None:
+            told.append(f"{tenths(self.frequency.share)} at a fixed {self.frequency.hz:.0f} Hz at locked rotor")
+        return f"Of what remains after the fit, {', '.join(told)}." if told else ""
+
+
+def _range(low: float, high: float | None, unit: str) -> str:
+    """Return the ends of a region in brackets."""
+    if high is None:
+        return f" (from {low:.3g} {unit} on)"
+    return f" (up to {high:.3g} {unit})" if low == 0.0 else f" ({low:.3g} to {high:.3g} {unit})"
 
 
 def remaining(point: Point) -> Remaining:

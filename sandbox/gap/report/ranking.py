@@ -53,8 +53,9 @@ class Ranking:
             ],
             "unknown": {
                 "probability": self.unknown,
-                "share": None if self.unexplained is None else asdict(self.unexplained),
-                "where": None if self.where is None else self.where.as_json(),
+                "share": asdict(Unexplained(0.0, None) if self.unexplained is None else self.unexplained),
+                "where": "" if self.where is None else self.where.told(),
+                "regions": None if self.where is None else self.where.as_json(),
                 "beside": None if self.open_part is None else self.open_part.as_json(),
             },
             "waterfall": [{"added": e, "J": j if math.isfinite(j) else None} for e, j in self.shares.waterfall],
@@ -160,8 +161,7 @@ def completed(d: Diagnosis, r: Ranking) -> Ranking:
             part = part.sized(e, j)
         if chance > LIKELY and e not in of:
             of[e] = sets.shares(j)[e]
-    found = replace(r.inclusion, chances=ordered(r.inclusion.chances, of))
-    return replace(r, inclusion=found, shares=replace(r.shares, of=of), parameters=sized, open_part=part, told=told)
+    return replace(r, shares=replace(r.shares, of=of), parameters=sized, open_part=part, told=told)
 
 
 def ordered(chances: Mapping[str, float], of: Mapping[str, Share]) -> dict[str, float]:

@@ -187,12 +187,12 @@ def test_regions_have_ends_in_amperes_and_rpm():
     assert [x.share for x in found.speed] == [0.25] * 4
     assert [(o.order, o.of, o.share) for o in found.angle] == [(5, "mechanical", 0.2), (6, "electrical", 0.11)]
     assert found.as_json()["frequency"] == {"hz": 173.0, "share": 0.11}
-    told = listed.remaining_sentence(found)
+    told = found.told()
     assert "11.0 % of electrical order 6" in told
     assert "173 Hz" in told
     assert "rpm" not in told  # no speed holds half of it
     mostly = open_part.regions(part(speeds={**own.speeds, "at high speed": 0.6}), point)
-    assert "60.0 % at high speed (from 1.24e+03 rpm on)" in listed.remaining_sentence(mostly)
+    assert "60.0 % at high speed (from 1.24e+03 rpm on)" in mostly.told()
 
 
 def table(a, x=(1.0, 0.0, 0.0)):
