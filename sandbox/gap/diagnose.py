@@ -233,7 +233,7 @@ def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit
     if normalised(near.normal, weights) <= NEAR:
         return near
     begun = with_values(start, own_values(whole.effects, whole.point.values))
-    other = attempted(begun, whole.effects, weights, smooth=True, workers=workers)
+    other = attempted(begun, whole.effects, weights, smooth=True, leader=near.objective, workers=workers)
     return near if other is None or near.objective <= other.objective else other
 
 

@@ -474,11 +474,16 @@ def test_a_first_part_without_a_step_is_not_done_twice(monkeypatch):
 def test_a_fit_without_held_out_recordings_counts_all_others(monkeypatch, level, other, best):
     """Three recordings, the second held out: all but its channels count; with none held out nothing is fitted again.
     Beyond three floors a fit from the nominal model, the effect's values alone kept, counts where its objective is
-    below that of the first (5)."""
-    asked = []
+    below that of the first (5), of which it knows: far behind that it ends soon."""
+    asked, leaders = [], []
 
     def told(name, size):
-        return lambda *given, **more: asked.append(given) or SimpleNamespace(name=name, objective=size, normal=None)
+        def fitted(*given, **more):
+            asked.append(given)
+            leaders.append(more.get("leader"))
+            return SimpleNamespace(name=name, objective=size, normal=None)
+
+        return fitted
 
     monkeypatch.setattr(diagnose, "fit", told("near", 5.0))
     monkeypatch.setattr(diagnose, "attempted", told("other", other))
@@ -491,6 +496,7 @@ def test_a_fit_without_held_out_recordings_counts_all_others(monkeypatch, level,
     assert asked == []
     assert diagnose._without(whole, nominal, (1,), 1).name == best
     assert asked[0][0] is end
+    assert leaders == [None, 5.0][: len(asked)]
     assert [(given[0].values) for given in asked[1:]] == [{"resistance": 1.0, "dead_time.time": 2e-6}] * (level > 3.0)
     for _, effects, weights in asked:
         assert effects == ("dead_time",)
