@@ -27,7 +27,7 @@ from sandbox.validation.baselines.answer import Answer, answer
 from sandbox.validation.baselines.refit import ROUNDS, UNFITTED, Refit
 from sandbox.validation.baselines.screening import Promise, count, owner, screened
 
-REFINED = 3  # effects that are fitted in full after a screening: slopes rank the true one among the first three
+REFINED = 3  # effects that are fitted in full after a screening, as `bic` does
 MOST = 3000  # simulations: a single effect takes some 500, the way up to six or seven effects all of them
 NEGLIGIBLE = 1400.0  # of BIC behind the best: weights below exp(-700) are none
 TOLD = 20.0  # of BIC behind the best up to which intervals are worked out: weights above 5e-5
