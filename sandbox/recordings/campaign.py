@@ -23,7 +23,8 @@ from model.inverter_table import with_points
 from model.names import check_file, check_name, fitting
 from model.parameters import ROTORS, Converter, Drive, Injection, Limits, Motor, build, finite, texts
 from sandbox.recordings.formats.log_table import first_beyond
-from sandbox.recordings.parquet import read_parquet, with_volts
+from sandbox.recordings.formats.parquet import read_parquet, with_volts
+from sandbox.recordings.nominal_motor import nominal_motor
 
 if TYPE_CHECKING:
     import pandas
@@ -53,9 +54,7 @@ EXAMPLE = Path(__file__).parent / "example"  # the sample campaign (experiments/
 LARGEST = 1e12  # of any recorded number, in its unit
 LINK = (0.1, 1e5)  # V, as in [drive]
 OF_RECORDING = ("file", "rotor", "injection_axis", "dc_bus_voltage")
-UNUSED_INERTIA = 1e-3  # kg m^2, of a campaign in which no rotor is free and none is stated
 NO_LIMITS = Limits()
-RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
 
 
 @dataclass(frozen=True)
@@ -247,7 +246,10 @@ def assemble(
     source: the file an error names; folder: in which a nominal model's [flux_map] names its file.
     """
     try:
-        own_name, (motor, from_data) = _name(data, name), _motor(data, recordings, folder)
+        own_name = _name(data, name)
+        stated = {"name": _name(data, "campaign"), **table_of(data, "motor")}
+        flux_map = table_of(data, "flux_map") if "flux_map" in data else None
+        motor, from_data = nominal_motor(stated, flux_map, recordings, folder)
         converter = converter_of(data, folder)
         injection = _injection(data, recordings, motor, converter)
         uncertainty, background = _numbers(data, "uncertainty"), _numbers(data, "background")
@@ -361,33 +363,6 @@ def _check_period(r: CampaignRecording, period: float) -> None:
             f"{r.file}: t steps by {step[k]:.6g} s from row {k} to {k + 1}, sampling_period is {period:.6g} s; "
             "samples must follow without gaps"
         )
-
-
-def _motor(data: Mapping[str, Any], recordings: Sequence[CampaignRecording], folder: Path) -> tuple[Motor, bool]:
-    """Return the nominal motor (a quartic's, or one with a flux map), missing rated values replaced by the largest
-    recorded ones."""
-    values = {"name": _name(data, "campaign"), **table_of(data, "motor")}
-    if "inertia" not in values and recordings and all(r.rotor != "free" for r in recordings):
-        values["inertia"] = UNUSED_INERTIA
-    missing = [k for k in RATED if k not in values]
-    if missing:
-        current = max((float(np.max(np.hypot(*r.current))) for r in recordings), default=0.0)
-        moving = [r for r in recordings if r.rotor != "locked"]
-        omega = max((float(np.ptp(r.theta) / np.ptp(r.t)) for r in moving), default=0.0)
-        stated = (values.get("pole_pairs"), values.get("magnet_flux"))
-        pairs, flux = (max(finite(x) or 0.0, 0.0) for x in stated)  # Motor says what is wrong
-        found = {
-            "rated_current": current or 1.0,
-            "rated_torque": 1.5 * pairs * flux * current or 1.0,
-            "rated_speed_rpm": omega * 30.0 / math.pi / (pairs or 1.0) or 1.0,
-        }
-        values = {**values, **{k: found[k] for k in missing}}
-    if "flux_map" in data:
-        from model.mapped import mapped_motor, stand_in
-
-        stand_in(values, table_of(data, "flux_map"))  # says what is wrong before a file is touched
-        return mapped_motor(values, table_of(data, "flux_map"), folder), bool(missing)
-    return build(Motor, values, "motor"), bool(missing)
 
 
 def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:

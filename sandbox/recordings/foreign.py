@@ -20,8 +20,8 @@ from sandbox.recordings.formats import hdf5, mcap_log, mdf4, tdms
 from sandbox.recordings.formats.log_table import Table
 from sandbox.recordings.formats.long_text import Layout, read_rows
 from sandbox.recordings.formats.matrices import matrices, numpy_arrays
+from sandbox.recordings.formats.parquet import check_table, read_parquet
 from sandbox.recordings.formats.preamble import scope_lines, separator_of, table_lines
-from sandbox.recordings.parquet import check_table, read_parquet
 
 Array = NDArray[np.float64]
 SUFFIXES = (".parquet", ".csv", ".txt", ".tsv", ".mat", ".npy", ".npz", ".mf4", ".tdms", ".mcap")

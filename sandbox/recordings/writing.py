@@ -14,7 +14,8 @@ from model.mapped import OF_MAP, MappedMotor, without_map
 from model.parameters import Motor
 from sandbox.output.files import aside_of
 from sandbox.output.toml import toml_text
-from sandbox.recordings.campaign import NO_LIMITS, OF_RECORDING, RATED, Campaign
+from sandbox.recordings.campaign import NO_LIMITS, OF_RECORDING, Campaign
+from sandbox.recordings.nominal_motor import RATED
 
 
 class StatedMap(NamedTuple):

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from sandbox.recordings.conventions import link_exponent, shifted, with_link
+from sandbox.recordings.formats.parquet import with_volts
 from sandbox.recordings.importing import read_recordings
-from sandbox.recordings.parquet import with_volts
 from sandbox.recordings.writing import write_campaign
 from tests.sandbox.validation.other_plant import Other
 from tests.sandbox.validation.test_other_plant import NOMINAL, N, missed, plant, recorded, waves

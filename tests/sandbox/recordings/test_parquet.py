@@ -5,7 +5,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from sandbox.recordings.parquet import read_parquet
+from sandbox.recordings.formats.parquet import read_parquet
 
 KINDS = (pa.timestamp("us"), pa.duration("us"), pa.time64("us"), pa.date32(), pa.int64(), pa.float64(), pa.bool_())
 

@@ -82,7 +82,7 @@ def test_flux_maps_are_not_believed_about_their_size(tmp_path):
 
 
 def test_a_parquet_table_says_how_long_it_is(tmp_path, monkeypatch):
-    monkeypatch.setattr("sandbox.recordings.parquet.MOST_VALUES", 1000)
+    monkeypatch.setattr("sandbox.recordings.formats.parquet.MOST_VALUES", 1000)
     path = tmp_path / "zeros.parquet"
     parquet.write_table(pa.table({"i_a": np.zeros(501), "i_b": np.zeros(501)}), path)
     _refused(path, "million values")
@@ -131,7 +131,7 @@ def test_a_parquet_table_is_read_by_pieces_as_in_one(tmp_path, monkeypatch):
     }  # fmt: skip
     path = tmp_path / "kinds.parquet"
     parquet.write_table(pa.table(columns), path, row_group_size=300)
-    monkeypatch.setattr("sandbox.recordings.parquet.ROWS", 128)
+    monkeypatch.setattr("sandbox.recordings.formats.parquet.ROWS", 128)
     found = read_table(path).columns
     assert list(found) == list(columns)
     for name in set(columns) - {"nothing"}:
