@@ -14,11 +14,11 @@ from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import of_effect, of_part
 from sandbox.gap.evidence.probes import Probe
-from sandbox.gap.search import parts
 from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.forward import Search, rms_of
 from sandbox.gap.search.judged import judge
-from sandbox.gap.search.parts import starts, with_parts
+from sandbox.gap.search.parts import adding as parts
+from sandbox.gap.search.parts.adding import starts, with_parts
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
@@ -106,6 +106,7 @@ def test_orders_are_looked_for_again_where_the_wider_search_names_a_harmonic(mon
     monkeypatch.setattr(diagnosing, "search", lambda *_, **__: named(few))
     monkeypatch.setattr(diagnosing, "widened", lambda *_, **__: named(wide))
     monkeypatch.setattr(diagnosing, "with_parts", looked)
+    monkeypatch.setattr(diagnosing, "without_idle", lambda found, *_, **__: found)
     assert diagnosing._searched(None, 1.0, {}, (), 1, print).judged[0].effects == wide
     assert asked == [few, wide][:calls]
 

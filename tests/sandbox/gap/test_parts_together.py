@@ -10,8 +10,8 @@ from model.effects import library
 from sandbox.gap.evidence.algebra import Prior
 from sandbox.gap.evidence.normal import Sums
 from sandbox.gap.evidence.priors import of_part
-from sandbox.gap.search import parts_together
-from sandbox.gap.search.parts_together import Screened, Start, greedy, joined, together
+from sandbox.gap.search.parts import together as parts_together
+from sandbox.gap.search.parts.together import Screened, Start, greedy, joined, together
 from sandbox.plant.sets import complete
 from tests.sandbox.gap.conftest import DRIVE
 

@@ -27,7 +27,7 @@ from sandbox.gap.evidence.spectrum import best_values
 from sandbox.gap.evidence.spike_slab import gains_of
 from sandbox.gap.search.forward import WORTH, Search, excess, rms_of
 from sandbox.gap.search.judged import Judged, judge
-from sandbox.gap.search.parts_together import Screened, Start, together
+from sandbox.gap.search.parts.together import Screened, Start, together
 from sandbox.gap.search.points import towards
 from sandbox.gap.search.posterior import ACCURATE
 from sandbox.gap.search.selection import CLOSES, DOUBTED, OPEN, PROMISED, SPENT

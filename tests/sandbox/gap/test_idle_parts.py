@@ -1,0 +1,58 @@
+"""Parts that do nothing any more are taken out, those that the recordings show stay."""
+
+import dataclasses
+
+from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.probes import Probe
+from sandbox.gap.search.estimates import estimates
+from sandbox.gap.search.forward import Search
+from sandbox.gap.search.judged import judge
+from sandbox.gap.search.parts.idle import idle, without_idle
+from sandbox.plant.sets import complete
+from sandbox.replay.replay import prepare
+from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
+
+FLUX = DRIVE.motor.magnet_flux
+SIXTH = {"flux_harmonics.psi_d6": 0.01 * FLUX, "flux_harmonics.psi_q6": 0.006 * FLUX}
+SECOND = {
+    "flux_harmonics.2.order": 18.0, "flux_harmonics.2.psi_d": 0.004 * FLUX, "flux_harmonics.2.psi_q": -0.003 * FLUX,
+}  # fmt: skip
+TURNING = (("slow", "driven", 40.0, 20.0), ("fast", "driven", 110.0, 20.0))
+KEY = ("flux_harmonics",)
+
+
+def searched(planted, begun):
+    """Return a search whose set was fitted from begun values, on a bench with planted ones; and the weights."""
+    prepared = prepare(small_campaign(planted, (CASES[0], *TURNING)))
+    weights, chosen = weights_of(len(prepared.recordings)), (Probe("flux_harmonics", {}),)
+    start = Point(prepared, complete(DRIVE.motor, DRIVE.converter))
+    there = fit(dataclasses.replace(start, values={**start.values, **begun}), KEY, weights)
+    named = judge(there, chosen, 0.01, weights, 1)
+    return Search(fit(start, (), weights), (named,), 0.0, frozenset({KEY}), chosen, 0.01), weights
+
+
+def test_a_part_that_the_bench_does_not_have_is_taken_out():
+    """Orders 6 and 18 are on the bench; orders 12 and 24, with which the fit began, are not.  The order that stays is
+    the third part, and parts 2 and 4 are free again."""
+    third = {name.replace(".2.", ".3."): x for name, x in SECOND.items()}
+    more = {f"flux_harmonics.{k}.{n}": x for k, order in ((2, 12.0), (4, 24.0)) for n, x in
+            (("order", order), ("psi_d", 1e-4 * FLUX), ("psi_q", 1e-4 * FLUX))}  # fmt: skip
+    found, weights = searched({**SIXTH, **SECOND}, {**third, **more})
+    assert idle(found.judged[0]) == (("flux_harmonics", 2), ("flux_harmonics", 4))
+    new = without_idle(found, 5.0, weights)
+    (best,) = new.judged
+    told = estimates(best)
+    assert {name for name in told if name.count(".") > 1} == {*third, "flux_harmonics.3.phase"}
+    assert told["flux_harmonics.3.order"].value == 18.0
+    assert new.further["flux_harmonics.2.psi_d"] == 0.0
+    assert new.further["flux_harmonics.3.psi_d"] == best.fit.point.values["flux_harmonics.3.psi_d"] != 0.0
+    assert best.log_evidence > found.judged[0].log_evidence
+    assert new.simulations > 0.0
+
+
+def test_parts_that_the_recordings_show_stay():
+    found, weights = searched({**SIXTH, **SECOND}, SECOND)
+    assert idle(found.judged[0]) == ()
+    assert without_idle(found, 5.0, weights) == found
