@@ -98,5 +98,5 @@ def _digits(x: float, width: float) -> str:
 
 
 def tenths(x: float) -> str:
-    """Return a share in percent, to a tenth of one."""
-    return "–" if not math.isfinite(x) else f"{100.0 * x:.1f} %"
+    """Return a share in percent, to a tenth of one; nothing has no sign."""
+    return "–" if not math.isfinite(x) else f"{round(100.0 * x, 1) + 0.0:.1f} %"

@@ -23,6 +23,7 @@ BESIDE = (
     "without it stands below, and as `parameters` in diagnosis.json."
 )
 MOST = 2  # parameters that stand in the list itself
+LESS = 0.1  # chance by which an effect has to be less probable than the set it is in, for a sentence about it
 HIDES = 0.02  # negative share from which an effect is said to hide others
 SHOWN = 0.01  # chance below which an effect is not listed
 LISTED, NAMED = 0.5, 3  # chance from which it is said what an effect is confused with; rivals that are named
@@ -82,7 +83,8 @@ def _moved(m: Moved) -> str:
     """Return a move of the mean error, and of its ripple in brackets."""
     if m.not_run:
         return "not run"
-    return f"{m.mean_deg:+.2f}° ({m.ripple_deg:+.2f}°)" if math.isfinite(m.mean_deg) else "lost"
+    mean, ripple = (round(x, 2) + 0.0 for x in (m.mean_deg, m.ripple_deg))  # nothing is +0.00
+    return f"{mean:+.2f}° ({ripple:+.2f}°)" if math.isfinite(mean) else "lost"
 
 
 def not_run_sentences(r: Ranking) -> Iterator[str]:
@@ -90,6 +92,20 @@ def not_run_sentences(r: Ranking) -> Iterator[str]:
     told = {(name, m.not_run): None for own in r.moved.values() for name, m in own.items() if m.not_run}
     for name, why in told:
         yield f"`{name}` was not run: {why}"
+
+
+def less_sure_sentence(a: Answers) -> str:
+    """Return which effects of the most probable set are less probable than it, and why; '' where none is."""
+    r, best = a.ranking, a.diagnosis.best
+    chances = {} if r is None else r.inclusion.chances
+    own = [e for e in best.effects if chances.get(e, 1.0) < best.probability - LESS]
+    if not own:
+        return ""
+    told = ", ".join(f"{words(e)} ({100.0 * chances[e]:.0f} %)" for e in own)
+    return (
+        "This list also counts sets that were not fitted, of which the equations say that they explain nearly as much. "
+        f"So these effects of the most probable set are less sure than the set itself: {told}."
+    )
 
 
 def hidden_sentence(r: Ranking) -> str:

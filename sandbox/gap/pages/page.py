@@ -49,6 +49,8 @@ def print_answers(a: Answers) -> None:
     print_prose(answers.remains_text(a), f"{'Left?':<10} ")
     rows = [[label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
     print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
+    if own := [] if a.ranking is None else listed.rows(a.ranking):
+        print_table("effects that may be there", ["effect", "probability", "share of the gap"], [r[:3] for r in own])
     if d.parameters[0]:
         heads = ["name", "value [95 % interval]", "nominal"]
         print_table("parameters", heads, _parameters(a, d.parameters[0]))
@@ -133,6 +135,8 @@ def _listed(a: Answers) -> Iterator[str]:
         return
     yield "<h2>All effects that may be there</h2>"
     yield table(["effect", "probability", "share of the gap [95 %]", "size [95 % interval]"], own)
+    if less_sure := listed.less_sure_sentence(a):
+        yield f"<p>{prose(less_sure)}</p>"
     if hidden := listed.hidden_sentence(r):
         yield f"<p>{prose(hidden)}</p>"
     if r.beside_unknown:

@@ -130,7 +130,8 @@ def where_text(a: Answers) -> str:
 
 def which_text(a: Answers) -> str:
     """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates."""
-    return which.which_text(a.diagnosis)
+    shares = {} if a.ranking is None else {e: s.value for e, s in a.ranking.shares.of.items()}
+    return which.which_text(a.diagnosis, shares)
 
 
 def far_text(a: Answers) -> str:

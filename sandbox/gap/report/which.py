@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.location.where import percent
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
-from sandbox.gap.words import capital, likely, names, percent_fine, sizes, words
+from sandbox.gap.words import capital, likely, names, percent_fine, sizes, tenths, words
 
 HALF = 0.5  # chance of `unknown` below which it is not what most probably is at work
+FEW = 3  # effects whose sizes a sentence holds; more stand in the list of effects alone
+SEEN = 0.005  # share of the gap from which the sentence gives it
 NEARLY_ALL = 0.99  # share of the gap: what closes so much leaves no room for "not in the library"
 BADGES = {
     "explained": "Explained",
@@ -38,14 +40,17 @@ def badge(d: Diagnosis) -> str:
     return "ambiguous" if _hardly_open(d) else UNKNOWN
 
 
-def which_text(d: Diagnosis) -> str:
-    """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates."""
+def which_text(d: Diagnosis, shares: Mapping[str, float] | None = None) -> str:
+    """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates.
+
+    shares: of the gap, by effect of the best hypothesis.
+    """
     hidden = d.out_of_sight
     text = "" if not hidden else f" No rotor turned freely: {', '.join(words(e) for e in hidden)} were no candidates."
-    return _which(d) + text
+    return _which(d, shares or {}) + text
 
 
-def _which(d: Diagnosis) -> str:
+def _which(d: Diagnosis, shares: Mapping[str, float]) -> str:
     best, named = d.best, verdict(d)
     if named == "no_gap":
         others = [h for h in d.ambiguity_set if _named(h) and UNKNOWN not in h.effects]
@@ -55,7 +60,19 @@ def _which(d: Diagnosis) -> str:
         return _outside(d)
     if named in (UNKNOWN, "ambiguous"):
         return f"These recordings cannot tell apart: {_listed(d.ambiguity_set, '; or ')}."
+    if len(best.effects) > FEW:
+        return f"{len(best.effects)} effects at once, {likely(best.probability)}. {_by_share(best.effects, shares)}"
     return f"{capital(names(best.effects))}, {likely(best.probability)}: {sizes(d.parameters[0])}."
+
+
+def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:
+    """Return many effects in one sentence, the largest share of the gap first, and where their sizes are."""
+    ranked = sorted(effects, key=lambda e: -shares.get(e, 0.0))
+    large = [f"{words(e)} ({tenths(shares[e])})" for e in ranked if abs(shares.get(e, 0.0)) >= SEEN]
+    small = [words(e) for e in ranked if abs(shares.get(e, 0.0)) < SEEN]
+    first = f"By their share of the gap: {', '.join(large)}" if large else ""
+    rest = f"{'with hardly any' if large else 'They are'}: {', '.join(small)}" if small else ""
+    return f"{'; '.join(x for x in (first, rest) if x)}. Their sizes stand below."
 
 
 def _outside(d: Diagnosis) -> str:

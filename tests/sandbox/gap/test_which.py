@@ -5,8 +5,11 @@ from types import SimpleNamespace
 import pytest
 
 from sandbox.gap.diagnose import Diagnosis
+from sandbox.gap.pages import listed
 from sandbox.gap.report import answers
+from sandbox.gap.report.position_moved import Moved
 from sandbox.gap.report.which import BADGES, badge, which_text
+from sandbox.gap.words import tenths
 
 
 def diagnosis(*told, closed=0.5):
@@ -76,3 +79,39 @@ def test_less_than_half_is_told_as_an_ambiguity():
         "These recordings cannot tell apart: something outside the library (40 %); or dead time (35 %); or no effect "
         "(25 %)."
     )
+
+
+MANY = ("current_filter", "dead_time", "device_drop", "stator_resistance")
+
+
+def test_many_effects_are_listed_by_their_share_and_not_by_sixteen_numbers():
+    shares = {"stator_resistance": 0.495, "dead_time": 0.281, "device_drop": 0.265, "current_filter": -0.041}
+    assert which_text(diagnosis((MANY, 0.964)), shares) == (
+        "4 effects at once, 96 % probable. By their share of the gap: stator resistance (49.5 %), dead time (28.1 %), "
+        "device drop (26.5 %), current filter (-4.1 %). Their sizes stand below."
+    )
+    assert "device drop (26.5 %); with hardly any: current filter. Their" in which_text(
+        diagnosis((MANY, 0.964)), {**shares, "current_filter": -0.0049}
+    )
+
+
+def test_many_effects_without_shares_are_all_named():
+    assert which_text(diagnosis((MANY, 0.97))) == (
+        "4 effects at once, 97 % probable. They are: current filter, dead time, device drop, stator resistance. Their "
+        "sizes stand below."
+    )
+
+
+@pytest.mark.parametrize(("chance", "said"), [(0.62, "skin effect (62 %)"), (0.87, "")])
+def test_an_effect_less_sure_than_its_set_is_explained(chance, said):
+    d = diagnosis((("dead_time", "skin_effect"), 0.96), (("dead_time",), 0.04))
+    inclusion = SimpleNamespace(chances={"dead_time": 1.0, "skin_effect": chance, "inertia": 0.02})
+    told = listed.less_sure_sentence(SimpleNamespace(diagnosis=d, ranking=SimpleNamespace(inclusion=inclusion)))
+    assert told.rpartition(": ")[2].rstrip(".") == said
+    assert listed.less_sure_sentence(SimpleNamespace(diagnosis=d, ranking=None)) == ""
+
+
+def test_nothing_has_no_sign():
+    """A share of -0.0002 is none to a tenth of a percent, and so is a move of -0.001 degrees to a hundredth."""
+    assert (tenths(-0.0002), tenths(-0.0007), tenths(0.0)) == ("0.0 %", "-0.1 %", "0.0 %")
+    assert listed._moved(Moved(-0.001, 0.004)) == "+0.00\u00b0 (+0.00\u00b0)"
