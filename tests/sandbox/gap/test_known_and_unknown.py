@@ -1,0 +1,80 @@
+"""A known part and an unknown part, the normal case on hardware: shares, sizes and chances of a whole diagnosis.
+
+The bench has dead time; a current that turns with twice the rotor's angle, no effect of the library, is added to its
+readings.
+"""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from model.effects import library
+from sandbox.gap.diagnose import diagnose
+from sandbox.gap.report.ranking import ranking
+from tests.sandbox.gap.conftest import CASES, DEAD_TIME, small_campaign
+
+ADDED = 0.05  # A: twelve noise floors
+LEFT = ("dead_time", "device_drop", "current_offset", "flux_harmonics", "stator_resistance", "saturation")
+
+
+def diagnosed(effects):
+    """Return the diagnosis of a bench with effects, and the stranger."""
+    campaign, recordings = small_campaign(effects, CASES[1::2]), []
+    for r in campaign.recordings:
+        theta = r.columns["theta"]
+        added = ADDED * np.exp(1j * theta) * np.cos(2.0 * theta)
+        phases = {
+            f"i_{x}": r.columns[f"i_{x}"] + (added * np.exp(-2j * np.pi * k / 3)).real for k, x in enumerate("abc")
+        }
+        recordings.append(dataclasses.replace(r, columns={**r.columns, **phases}))
+    own = dataclasses.replace(campaign, recordings=tuple(recordings))
+    return diagnose(own, exclude=[e for e in library.effect_names() if e not in LEFT], workers=1)
+
+
+@pytest.fixture(scope="module")
+def both():
+    """The diagnosis with both parts, and its list as JSON."""
+    d = diagnosed({"dead_time.time": DEAD_TIME})
+    return d, ranking(d, position=False)
+
+
+def test_the_known_part_is_named_and_its_size_is_not_bent(both):
+    """The true 2 us within the 95 % interval, widened by one half as only one is looked at."""
+    d, r = both
+    assert d.best.effects == ("dead_time", "unknown")
+    told = r.as_json()
+    first = told["effects"][0]
+    assert told["unknown"]["probability"] > 0.99
+    assert r.beside_unknown
+    assert (first["name"], first["probability"] > 0.9) == ("dead_time", True)
+    beside = first["beside_unknown"]["parameters"]["dead_time.time"]
+    assert r.sizes("dead_time")["dead_time.time"].value == beside["value"]
+    low, high = beside["ci95"]
+    assert abs(beside["value"] - DEAD_TIME) < 0.75 * (high - low)
+    assert high - low < 0.2 * DEAD_TIME
+
+
+def test_shares_are_those_of_the_bench_with_dead_time_alone_taken_out(both):
+    """Of the squared residual above the noise the stranger has what is left on a bench without dead time; issue 19 asks
+    for shares within 0.05."""
+    d, r = both
+    alone = diagnosed({})
+    truth = (alone.size.before**2 - 1.0) / (d.size.before**2 - 1.0)
+    share = r.as_json()["unknown"]["share"]
+    assert share["value"] == pytest.approx(truth, abs=0.05)
+    assert share["ci95"][0] < truth < share["ci95"][1]
+    assert r.shares.of["dead_time"].value == pytest.approx(1.0 - truth, abs=0.05)
+
+
+def test_a_rival_outside_the_best_set_has_a_size_and_is_said_to_be_alike(both):
+    """A device drop takes the voltage that dead time takes, u_dc t / T, in each leg against its current; a quarter of
+    that may be its on-resistance's, or of its other form near zero."""
+    d, r = both
+    rival = next(e for e in r.as_json()["effects"] if e["name"] == "device_drop")
+    assert 0.01 < rival["probability"] < 0.5
+    assert rival["share"] is None
+    assert "dead_time" in {x["name"] for x in rival["confused_with"]}
+    c = d.campaign.drive.converter
+    lost = c.dc_bus_voltage * DEAD_TIME / c.sampling_period
+    assert rival["parameters"]["device_drop.threshold"]["value"] == pytest.approx(lost, rel=0.25)
