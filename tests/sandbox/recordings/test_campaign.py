@@ -6,14 +6,11 @@ import numpy as np
 import pytest
 
 from model.drive_files import load_drive, load_limits
-from model.energy import flux_from_current
 from model.errors import BadInput
-from model.fluxmap import FluxMap, write_map
 from model.parameters import Limits
-from model.ratings import largest_torque
 from sandbox.cli import main
 from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording, read_campaign
-from sandbox.recordings.writing import StatedMap, write_campaign
+from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
 
 N = 40
@@ -48,23 +45,6 @@ def test_what_is_written_is_read_again(tmp_path):
     assert found.background == wanted.background
     for name, values in wanted.recordings[0].columns.items():
         np.testing.assert_array_equal(found["locked_d"].columns[name], values)
-
-
-def test_a_map_without_rated_values_gets_the_torque_of_its_own_magnet(tmp_path, monkeypatch):
-    """The map alone knows the flux: 3/2 p psi i of the quartic that it was computed from, and what
-    reluctance adds (`largest_torque`, see test_ratings); 2e-3 is what a spline of these cells leaves (test_mapped)."""
-    monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path / "cache"))
-    motor, i = load_drive("ipm_exchanged").motor, np.linspace(-3.2, 3.2, 17)
-    d, q = flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
-    write_map(tmp_path / "mine.csv", FluxMap("mine", i, i, d + motor.magnet_flux, q))
-    stated = StatedMap({"file": "mine.csv", "cells": [8, 6], "smooth": 1e-6}, (tmp_path / "mine.csv").read_bytes())
-    folder = write_campaign(tmp_path / "c", dataclasses.replace(_campaign(), rated_from_data=True), stated)
-    found = read_campaign(folder)
-    i_rated = max(np.max(np.hypot(*r.current)) for r in found.recordings)
-    wanted = largest_torque(dataclasses.replace(motor, rated_current=i_rated))
-    assert found.rated_from_data
-    assert found.drive.motor.rated_torque == pytest.approx(wanted, rel=2e-3)
-    assert wanted > 1.5 * motor.pole_pairs * motor.magnet_flux * i_rated
 
 
 def test_a_benchs_limits_are_read_and_written(tmp_path):

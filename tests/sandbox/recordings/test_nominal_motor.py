@@ -1,0 +1,34 @@
+"""Rated values that a campaign does not state: told from its recordings, the torque by what the motor gives."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from model.drive_files import load_drive
+from model.energy import flux_from_current
+from model.fluxmap import FluxMap, write_map
+from model.ratings import largest_torque
+from sandbox.recordings.campaign import REQUIRED, Campaign, CampaignRecording, read_campaign
+from sandbox.recordings.writing import StatedMap, write_campaign
+
+
+def test_a_map_without_rated_values_gets_the_torque_of_its_own_magnet(tmp_path, monkeypatch):
+    """The map alone knows the flux: 3/2 p psi i of the quartic that it was computed from, and what
+    reluctance adds (`largest_torque`, see test_ratings); 2e-3 is what a spline of these cells leaves (test_mapped)."""
+    monkeypatch.setenv("SENSORLESS_CACHE", str(tmp_path / "cache"))
+    motor, i = load_drive("ipm_exchanged").motor, np.linspace(-3.2, 3.2, 17)
+    d, q = flux_from_current(motor.energy, *np.meshgrid(i, i, indexing="ij"))
+    write_map(tmp_path / "mine.csv", FluxMap("mine", i, i, d + motor.magnet_flux, q))
+    stated = StatedMap({"file": "mine.csv", "cells": [8, 6], "smooth": 1e-6}, (tmp_path / "mine.csv").read_bytes())
+    columns = {"t": np.arange(2) * 250e-6, **dict.fromkeys(REQUIRED[1:], np.zeros(2)), "i_a": np.array([2.0, 0.0])}
+    run = CampaignRecording("run.parquet", "locked", "d", columns)
+    own = Campaign("bench", load_drive("ipm_exchanged"), (run,), {}, {}, True)
+    folder = write_campaign(tmp_path / "c", own, stated)
+    found = read_campaign(folder)
+    i_rated = 2.0 * 2.0 / 3.0  # of phase a alone, amplitude-invariant
+    assert found.drive.motor.rated_current == pytest.approx(i_rated)
+    wanted = largest_torque(dataclasses.replace(motor, rated_current=i_rated))
+    assert found.rated_from_data
+    assert found.drive.motor.rated_torque == pytest.approx(wanted, rel=2e-3)
+    assert wanted > 1.5 * motor.pole_pairs * motor.magnet_flux * i_rated
