@@ -35,7 +35,8 @@ def rows(r: Ranking) -> list[list[str]]:
     for effect, chance in ordered(r.inclusion.chances, r.shares.of).items():
         if chance >= SHOWN:
             share = r.shares.of.get(effect)
-            told = "–" if share is None else f"{tenths(share.value)} [{tenths(share.low)}, {tenths(share.high)}]"
+            told = "–" if share is None else tenths(share.value)
+            told += "" if share is None or share.ci95 is None else f" [{', '.join(map(tenths, share.ci95))}]"
             own = r.sizes(effect)
             size = ", ".join(f"{library.title(k)} {quantity(e)}" for k, e in own.items())
             size = size if len(own) <= MOST else f"{len(own)} numbers, below"

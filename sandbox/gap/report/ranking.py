@@ -81,7 +81,7 @@ class Ranking:
             if share is None
             else {
                 "value": share.value,
-                "ci95": [share.low, share.high],
+                "ci95": share.ci95,
                 "alone": share.alone,
             },
             "parameters": {k: parameter(e) for k, e in self.parameters.get(name, {}).items()},
@@ -129,11 +129,14 @@ def ranking(d: Diagnosis, workers: int = 1, *, position: bool = True) -> Ranking
             if e != UNKNOWN and e not in own:
                 own[e] = own_of(e, parameters)
     chance = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
-    left = None if verdict(d) == "no_gap" else d.remainder.share
+    left = None if verdict(d) == "no_gap" and chance < SLIGHT else d.remainder.share
     found = inclusion(d.hypotheses, d.temperature)
     part = open_part(d, workers) if chance >= SLIGHT else None
     if part is not None:
         found = found.mixed(part.inclusion, chance)
+    else:  # nothing says what stands beside it: where it is alone, no effect is there
+        alone = sum(h.probability for h in d.hypotheses if h.effects == (UNKNOWN,))
+        found = found.mixed(Inclusion({}, (), {(): 1.0}), alone)
     r = completed(d, Ranking(found, shares(d), own, chance, left, part))
     lies = left is not None and (left.value > 0.0 or chance >= SLIGHT)
     there = [e for e in r.parameters if found.chances[e] >= LIKELY]

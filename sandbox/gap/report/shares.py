@@ -29,7 +29,8 @@ from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
-from sandbox.gap.evidence.gap_size import rms
+from sandbox.gap.evidence.discrepancy import FLOOR
+from sandbox.gap.evidence.gap_size import UNDEFINED, rms
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
@@ -42,12 +43,18 @@ DRAWS = 400  # of the bootstrap
 
 
 class Share(NamedTuple):
-    """An effect's share of the reducible gap, its interval, and what the gap loses with this effect and no other."""
+    """An effect's share of the reducible gap, its interval (NaN where there is none), and what the gap loses with this
+    effect and no other."""
 
     value: float
     low: float
     high: float
     alone: float
+
+    @property
+    def ci95(self) -> list[float] | None:
+        """The interval, None where there is none."""
+        return [self.low, self.high] if math.isfinite(self.low) and math.isfinite(self.high) else None
 
 
 @dataclass(frozen=True)
@@ -73,11 +80,13 @@ def of_set(j: Judged, explained: float | None = None) -> dict[str, Share]:
     """Return the shares of a set's effects, at the sizes that they have in it.
 
     explained: share of the gap that the fit of the set explains, which shares sum to; None where the set was not fitted
-    (its equations are those of another one's point): what it explains is replayed, too.
+    (its equations are those of another one's point): what it explains is replayed, too.  One recording has no interval,
+    nor has a gap that so few recordings show that more than UNDEFINED of the draws have none.
     """
     named = j.effects
     nothing, full = _replayed(j, named), _left(j.fit.normal) if explained is not None else _replayed(j, ())
-    gap = nothing - _counts(j.fit.normal)
+    counts = _counts(j.fit.normal)
+    gap = nothing - counts
     alone = np.array([nothing - _replayed(j, [x for x in named if x != e]) for e in named])
     last = np.array([_replayed(j, [e]) - full for e in named])
     pick = np.random.default_rng(1).integers(full.size, size=(DRAWS, full.size))
@@ -85,6 +94,8 @@ def of_set(j: Judged, explained: float | None = None) -> dict[str, Share]:
         scale = 1.0 if explained is None else explained * gap.sum() / (nothing - full).sum()  # the gap as fitted
         drawn = scale * shared_out(alone[:, pick].sum(2), last[:, pick].sum(2), (nothing - full)[pick].sum(1))
         low, high = np.nanpercentile(drawn / gap[pick].sum(1), [2.5, 97.5], axis=1)
+        if full.size < 2 or np.mean(gap[pick].sum(1) <= FLOOR * counts[pick].sum(1)) > UNDEFINED:
+            low, high = np.full((2, len(named)), math.nan)
         value = scale * shared_out(alone.sum(1), last.sum(1), (nothing - full).sum()) / gap.sum()
         single = scale * alone.sum(1) / gap.sum()
     return {e: Share(*map(float, x)) for e, *x in zip(named, value, low, high, single, strict=True)}

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 
 from sandbox.gap.evidence.spike_slab import Table
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
-from sandbox.gap.search.subsets import Set, Subsets
+from sandbox.gap.search.subsets import Set, Subsets, possible
 
 APART = 0.2  # of the less probable of two effects: chance of both together, below which they stand for each other
 SURE = 0.9  # chance that one of a group is there: less, and they are no group but each a doubt of its own
@@ -59,9 +59,9 @@ def inclusion(hypotheses: Sequence[Hypothesis], temperature: float) -> Inclusion
     near.weigh(own)
     near.climb(own)
     for effect in best.judged.table.members:
-        if effect not in own:
+        if effect not in own and possible((*own, effect)):
             near.weigh((*own, effect))
-    told = {key: near.weigh(key) for key in fitted}
+    told = {key: near.weigh(key) for key in fitted if set(key) <= set(best.judged.table.members)}
     chances = fitted | {key: _beside(key, near.known, fitted, told, own) for key in near.known if key not in fitted}
     return summed(chances, best.judged.table.members)
 
@@ -71,9 +71,9 @@ def _beside(
 ) -> float:
     """Return the chance of a set by that of the fitted set next to it, at most that of the best one, `own`: a set that
     promised more was fitted.  known, told: log posterior by algebra, of all sets and of fitted ones."""
-    apart = {f: len(set(key) ^ set(f)) for f in fitted}
+    apart = {f: len(set(key) ^ set(f)) for f in told}
     least = min(apart.values())
-    nearest = max((f for f in fitted if apart[f] == least), key=lambda f: fitted[f])
+    nearest = max((f for f in told if apart[f] == least), key=lambda f: fitted[f])
     if fitted[nearest] == 0.0:
         return 0.0
     promised = math.log(fitted[nearest]) + known[key] - told[nearest]
@@ -85,8 +85,9 @@ def by_algebra(table: Table, effects: Sequence[str], temperature: float) -> Incl
     one effect more or fewer."""
     near = Subsets(table, temperature)
     top = near.climb(effects)[0]
-    for effect in table.members:
-        near.weigh(set(top) ^ {effect})
+    for other in (set(top) ^ {effect} for effect in table.members):
+        if possible(other):
+            near.weigh(other)
     most = max(near.known.values())
     return summed({key: math.exp(told - most) for key, told in near.known.items()}, table.members)
 
@@ -100,11 +101,13 @@ def summed(sets: Mapping[Set, float], names: Sequence[str] | Mapping[str, object
     for e in open_:
         if any(e in g for g, _ in groups):
             continue
-        both = {f: sum(p for s, p in sets.items() if e in s and f in s) / total for f in open_ if f != e}
-        alike = [f for f, p in both.items() if p < APART * min(chance[e], chance[f])]
-        group = (e, *alike)
+        group: tuple[str, ...] = (e,)
+        for f in open_:  # each stands for each other one: of {a} and {b, c} both b and c are rivals of a, no group
+            both = [sum(p for s, p in sets.items() if f in s and g in s) / total for g in group]
+            if f != e and all(p < APART * min(chance[f], chance[g]) for p, g in zip(both, group, strict=True)):
+                group = (*group, f)
         either = sum(p for s, p in sets.items() if set(group) & set(s)) / total
-        if alike and either > SURE and len(group) <= LARGEST:
+        if len(group) > 1 and either > SURE and len(group) <= LARGEST:
             groups.append((group, either))
     shares = {s: p / total for s, p in sets.items()}
     return Inclusion(dict(sorted(chance.items(), key=lambda x: -x[1])), tuple(groups), shares)

@@ -106,6 +106,52 @@ def test_a_group_has_at_most_four_effects(count, groups):
     assert len(inclusion.summed(sets, "abcde"[:count]).groups) == groups
 
 
+def test_one_against_two_together_is_no_group_of_three():
+    """Either a, or b and c: b and c do not stand for each other, each of them stands for a."""
+    found = inclusion.summed({("a",): 0.5, ("b", "c"): 0.5}, "abc")
+    assert found.groups == ((("a", "b"), 1.0), (("c", "a"), 1.0))
+
+
+def told_by(known, members):
+    """What stands for `Subsets`: log posteriors by set, -99 for all others."""
+
+    class Sets:
+        def __init__(self, *_):
+            self.known = {}
+
+        def weigh(self, effects):
+            key = tuple(sorted(effects))
+            assert set(key) <= set(members)
+            return self.known.setdefault(key, known.get(key, -99.0))
+
+        def climb(self, effects):
+            return effects, self.weigh(effects)
+
+    return Sets
+
+
+def test_what_is_never_claimed_together_has_no_chance_together(monkeypatch):
+    """Cross-saturation is a part of saturation: beside it, by algebra as good as without, it is no set at all."""
+    members = dict.fromkeys(("saturation", "cross_saturation", "inertia"), ())
+    known = {("saturation",): 0.0, ("cross_saturation", "saturation"): 0.0, ("inertia", "saturation"): -2.0}
+    monkeypatch.setattr(inclusion, "Subsets", told_by(known, members))
+    judged = SimpleNamespace(table=SimpleNamespace(members=members))
+    h = SimpleNamespace(effects=("saturation",), probability=1.0, judged=judged)
+    for found in (inclusion.inclusion([h], 1.0), inclusion.by_algebra(judged.table, ("saturation",), 1.0)):
+        assert found.chances["cross_saturation"] == 0.0
+        assert found.chances["inertia"] == pytest.approx(np.exp(-2.0) / (1.0 + np.exp(-2.0)))
+
+
+def test_a_fitted_set_whose_effects_the_best_point_does_not_know_keeps_its_chance(monkeypatch):
+    """A shaft can be begun at one point and no longer at another (its load would be lighter than it may be)."""
+    members = {"a": ()}
+    monkeypatch.setattr(inclusion, "Subsets", told_by({("a",): 0.0}, members))
+    judged = SimpleNamespace(table=SimpleNamespace(members=members))
+    told = [(("a",), 0.8), (("shaft_compliance",), 0.2)]
+    found = inclusion.inclusion([SimpleNamespace(effects=e, probability=p, judged=judged) for e, p in told], 1.0)
+    assert found.chances == pytest.approx({"a": 0.8})
+
+
 @pytest.mark.parametrize(
     ("none", "fitted_none", "b"),
     [(-0.5, 0.3, 0.3 * np.exp(-0.5)), (4.0, 0.0, 0.0), (-9.0, 0.3, 0.7)],

@@ -167,10 +167,25 @@ def test_which_effects_move_the_position_and_when_a_regression_is_made(monkeypat
     monkeypatch.setattr(ranking, "verdict", lambda d: "explained")
     monkeypatch.setattr(ranking, "completed", lambda d, r: r)
     monkeypatch.setattr(ranking, "moved", lambda drive, values: list(values))
-    d = diagnosis((("a",), 1.0 - unknown), (("unknown",), unknown))
+    d = diagnosis((("a",), 1.0 - unknown), (("a", "unknown"), unknown))
     d.parameters, d.temperature = [{}, {}], 1.0
     d.remainder, d.campaign = SimpleNamespace(share=None), SimpleNamespace(drive=None)
     assert (ranking.ranking(d).moved, len(calls)) == (moved, asked)
+
+
+def test_where_unknown_is_alone_no_effect_is_there(monkeypatch):
+    """Without a regression that says what stands beside it, `a` has the mass of the sets that hold it: 0.39 + 0.01."""
+    monkeypatch.setattr(ranking, "inclusion", lambda *_: summed({("a",): 1.0}, "a"))
+    monkeypatch.setattr(ranking, "open_part", lambda d, workers: None)
+    monkeypatch.setattr(ranking, "shares", lambda d: None)
+    monkeypatch.setattr(ranking, "verdict", lambda d: "unknown")
+    monkeypatch.setattr(ranking, "completed", lambda d, r: r)
+    d = diagnosis((("unknown",), 0.6), (("a", "unknown"), 0.39), (("a",), 0.01))
+    d.parameters, d.temperature = [{}, {}, {}], 1.0
+    d.remainder, d.campaign = SimpleNamespace(share=None), SimpleNamespace(drive=None)
+    found = ranking.ranking(d, position=False)
+    assert found.inclusion.chances == pytest.approx({"a": 0.4})
+    assert found.unknown == pytest.approx(0.99)
 
 
 @pytest.mark.parametrize(("turns", "suits"), [(1.9, False), (2.1, True)])
