@@ -30,7 +30,7 @@ AGAIN = 3.0  # times that the residual has to fall before effects' starts are lo
 PRICE = 5.0  # log evidence that one more effect costs, about: its prior and the width it gives up
 ALONE = 2  # effects that a rival with shapes to find may have to be fitted from ordinary deviations, too
 RIVALS, TURNS = 3, 2  # rivals fitted at a time; times that they are looked for
-HOPELESS = 15.0  # tempered log evidence behind which a fit is not weighed
+HOPELESS = 15.0  # tempered log evidence behind which a fit is not weighed, unless algebra holds it near (NEAR)
 LEAST, OPEN = 1, 0.2  # effects and chance of `unknown` from which a search goes on
 # Share of the gap that the few effects leave, below which more effects have to bring it: where the search of few ended
 # by itself, and where it stopped at MOST effects, so that more are likely.  Set on opened campaigns.
@@ -119,10 +119,11 @@ def widened(
     judged = {j.effects: j for j in found.judged} | {s.best.effects: judged_of(s, s.best)}
     top = judged[s.best.effects]
     for _ in range(TURNS if remainder(found.null, s.best).unknown < STRANGE else 0):
-        for key in [k for k in rivals(s, top) if k not in judged][:RIVALS]:
+        behind = rivals(s, top)
+        for key in [k for k in behind if k not in judged][:RIVALS]:
             s.best = top.fit
             other = from_starts(s, key, found.null)
-            if other is not None and told(s, other) > told(s, top.fit) - HOPELESS:
+            if other is not None and (behind[key] < NEAR or told(s, other) > told(s, top.fit) - HOPELESS):
                 judged[key] = judged_of(s, other)
         best = max(judged.values(), key=lambda j: j.tempered(s.temperature()) + log_prior(j.effects))
         if best is top:
@@ -194,10 +195,10 @@ def told(s: Selection, f: Fit) -> float:
     return -0.5 * f.objective / s.temperature() - PRICE * len(f.effects)
 
 
-def rivals(s: Selection, best: Judged) -> list[Key]:
-    """Return the sets near the best one by the equations at its point, the most probable first: any set a little
-    behind, and those that leave one effect out unless the recordings are clear about it; never one with more effects
-    of which the recordings say nothing."""
+def rivals(s: Selection, best: Judged) -> dict[Key, float]:
+    """Return the sets near the best one by the equations at its point, the most probable first, with the tempered log
+    evidence by which they are behind: any set a little behind, and those that leave one effect out unless the
+    recordings are clear about it; never one with more effects of which the recordings say nothing."""
     near = Subsets(best.table, s.temperature())
     level = near.weigh(best.effects)
     near.climb(best.effects)
@@ -207,7 +208,7 @@ def rivals(s: Selection, best: Judged) -> list[Key]:
     told = {k: x - log_prior(k) for k, x in near.known.items()}
     unseen = {k for k in told if set(k) > set(best.effects) and told[k] < told[best.effects] + WORTH}
     found = [k for k in near.known if near.known[k] > level - reach[k] and k != best.effects and k not in unseen]
-    return sorted(found, key=lambda k: -near.known[k])
+    return {k: level - near.known[k] for k in sorted(found, key=lambda k: -near.known[k])}
 
 
 def from_starts(s: Selection, key: Key, null: Fit) -> Fit | None:

@@ -91,7 +91,9 @@ def test_rivals_are_near_the_best_set(monkeypatch, told, expected):
     monkeypatch.setattr(selection, "Subsets", Sets)
     monkeypatch.setattr(selection, "log_prior", lambda effects: 0.0)
     s, best = selecting(fit_of(("a", "b"), 0.0)), SimpleNamespace(effects=("a", "b"), table=None)
-    assert ["".join(k) for k in selection.rivals(s, best)] == expected
+    found = selection.rivals(s, best)
+    assert ["".join(k) for k in found] == expected
+    assert [found[tuple(k)] for k in expected] == [-told[k] for k in expected]
 
 
 def test_two_sets_that_algebra_prefers_are_proposed(monkeypatch):
@@ -127,7 +129,7 @@ class Widening:
         self.asked = []
         self.fits = {tuple(e): fit_of(tuple(e), x) for e, x in (few, many)}
         self.few, self.many = self.fits.values()
-        self.rivals = []
+        self.rivals = {}
         monkeypatch.setattr(selection, "select", lambda s, *_: setattr(s, "best", self.many))
         monkeypatch.setattr(selection, "judged_of", lambda s, fit: self.judged(fit))
         monkeypatch.setattr(selection, "rivals", lambda s, top: self.rivals)
@@ -189,18 +191,20 @@ def test_more_effects_close_half_of_what_few_leave(monkeypatch, few, left, goes_
 
 def test_three_rivals_are_fitted_at_a_time(monkeypatch):
     wide = Widening(monkeypatch, ("a", 1000.0), ("ab", 0.0))
-    wide.rivals = [(e,) for e in "cdef"]
+    wide.rivals = {(e,): 9.0 for e in "cdef"}
     wide.fits |= {k: fit_of(k, 2.0) for k in wide.rivals}
     wide()
     assert wide.asked == [("c",), ("d",), ("e",)]
 
 
-@pytest.mark.parametrize(("behind", "judged"), [(14.9, True), (15.1, False)])
-def test_a_fit_fifteen_behind_is_not_weighed(monkeypatch, behind, judged):
-    """Two effects each, so that their price is the same; both are nearer to the floor than 1, where nothing is
-    tempered."""
+@pytest.mark.parametrize(
+    ("behind", "algebra", "judged"), [(14.9, 9.0, True), (15.1, 9.0, False), (15.1, 5.1, False), (15.1, 4.9, True)]
+)
+def test_a_fit_fifteen_behind_is_not_weighed(monkeypatch, behind, algebra, judged):
+    """Unless algebra, which knows traces of all other effects, holds its set no more than five behind.  Two effects
+    each, so that their price is the same; both are nearer to the floor than 1, where nothing is tempered."""
     wide = Widening(monkeypatch, ("a", 1000.0), ("ab", -40.0))
-    wide.rivals = [("c", "d")]
+    wide.rivals = {("c", "d"): algebra}
     wide.fits |= {("c", "d"): fit_of(("c", "d"), -40.0 + 2.0 * behind)}
     assert ("cd" in wide()) == judged
 
@@ -208,7 +212,7 @@ def test_a_fit_fifteen_behind_is_not_weighed(monkeypatch, behind, judged):
 def test_rivals_are_looked_for_twice(monkeypatch):
     """Each round finds a better one, from which the next round looks."""
     wide = Widening(monkeypatch, ("a", 1000.0), ("ab", 0.0))
-    monkeypatch.setattr(selection, "rivals", lambda s, top: [("c" * (len(wide.asked) + 1),)])
+    monkeypatch.setattr(selection, "rivals", lambda s, top: {("c" * (len(wide.asked) + 1),): 9.0})
     wide.fits |= {("c" * n,): fit_of(("c" * n,), -10.0 * n) for n in range(1, 5)}
     wide()
     assert len(wide.asked) == 2
