@@ -10,8 +10,7 @@ from model.effects import library
 from model.names import html_text
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import Decomposition, decompose
-from sandbox.gap.location.where import WHOSE, Part
-from sandbox.gap.pages import listed, signals
+from sandbox.gap.pages import charts, listed, signals
 from sandbox.gap.report import answers
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.diagnosis_json import closed_by
@@ -21,10 +20,10 @@ from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.gap.words import SIGNS, amperes, capital, label, names, quantity, words
 from sandbox.output.document import answer as answered
-from sandbox.output.document import bullets, figure, fold, pairs, prose, table, write_page
+from sandbox.output.document import bullets, figure, fold, prose, table, write_page
 from sandbox.output.files import version
 from sandbox.output.tables import print_prose, print_table
-from sandbox.output.vector import bars_svg, dots_svg, lines_svg
+from sandbox.output.vector import dots_svg, lines_svg
 from sandbox.recordings.campaign import Excerpts
 
 FEWEST = 0.001  # probability below which a hypothesis stays in the folded part
@@ -32,10 +31,6 @@ FLOOR = "Noise floor: rms of what the sensors' noise alone makes. A residual of 
 GAP = (
     "Gap closed: (before² − after²) / (before² − 1), with the residuals before and after in noise floors. The 1 is the "
     "noise, which no effect can close; before² − 1 is the reducible gap."
-)
-PARTS = (
-    "A subsystem's part is what is left where its effects alone are taken out again and all else is fitted. The "
-    "sentences above and the charts below are of these parts."
 )
 FLAT = 3.0  # log likelihood: a fall of less is none that decides
 
@@ -108,7 +103,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
         yield fold("Parts of long recordings that were used", table(columns, part_rows(d.campaign.excerpts, period)))
     if a.where:
         yield "<h2>Where it lies</h2>" + bullets(f.text for f in a.where)
-        yield from _parts(a.parts, part, rest)
+        yield from charts.of_parts(a.parts, part, rest)
     yield from signals.waves(a, part, before, after)
     yield "<h2>What remains</h2><p>" + prose(answers.remains_text(a)) + "</p>"
     notes = answers.caveats(a)
@@ -227,47 +222,6 @@ def part_rows(cut: Excerpts, period: float) -> list[list[str]]:
     return [
         [e.file, e.of, *(f"{period * row:.2f}" for row in (e.first, e.first + e.rows, e.of_rows))] for e in cut.parts
     ]
-
-
-def _parts(parts: Sequence[Part], before: Decomposition, rest: Decomposition) -> Iterator[str]:
-    """Yield charts of the parts that sentences speak of, the largest open; of the whole where none is spoken of."""
-    if len(parts) < 2:
-        yield from pairs(_shares(parts[0].left, rest, parts[0].subsystem) if parts else _shares(before, rest, None))
-        return
-    yield f'<p class="soft">{prose(PARTS)}</p>'
-    for k, p in enumerate(parts):
-        head = f"The {WHOSE[p.subsystem]} part, {100.0 * p.share:.0f} % of the gap"
-        charts = "".join(pairs(_shares(p.left, rest, p.subsystem)))
-        yield fold(head, charts) if k else f"<h3>{prose(head)}</h3>{charts}"
-
-
-def _shares(part: Decomposition, rest: Decomposition, subsystem: str | None) -> Iterator[str]:
-    """Yield the shares by direction, region and order that stand out, before and after; of sensors by what is constant
-    in each phase instead of by a voltage's direction."""
-    scale = rest.excess / part.excess
-    labels: list[str] = []
-    both: list[list[float]] = []
-    for of in (part, rest):
-        first = of.directions
-        if subsystem == "sensor":
-            first = {f"constant in phase {p}": share for p, share in of.readings.constant.items()}
-        groups = {**first, **of.speeds, **of.currents}
-        labels = list(groups)
-        both.append([100.0 * (scale if of is rest else 1.0) * x for x in groups.values()])
-    what = "Constant errors of the readings" if subsystem == "sensor" else "Direction of the missing voltage"
-    adds = "" if subsystem == "sensor" else " Directions of one frame add up to at most 100 %."
-    yield figure(
-        bars_svg(labels, {"before": both[0], "after": both[1]}, "share of the gap before (%)"),
-        f"{what}, speed, current.{adds}",
-    )
-    orders = sorted({abs(n) for n in part.electrical})
-    by_order = [[100.0 * sum(x.electrical.get(s, 0.0) for s in {n, -n}) for n in orders] for x in (part, rest)]
-    if max(by_order[0]) > 1.0:
-        yield figure(
-            bars_svg([str(n) for n in orders], {"before": by_order[0], "after": [scale * x for x in by_order[1]]},
-                     "share of the gap before (%)", ylabel="electrical order"),
-            "Electrical orders of the currents in the rotor's frame, turning recordings (0: turns with the rotor).",
-        )  # fmt: skip
 
 
 def _detail(a: Answers) -> Iterator[str]:

@@ -8,7 +8,7 @@ import pytest
 
 from sandbox.gap.evidence.discrepancy import Unexplained
 from sandbox.gap.evidence.gap_size import OfRecording
-from sandbox.gap.pages import listed, page, signals
+from sandbox.gap.pages import charts, listed, page, signals
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.shares import Share
 from sandbox.gap.search.estimates import Estimate
@@ -61,7 +61,7 @@ def hypotheses(*chances):
 def drawn(monkeypatch):
     """What is drawn: a list of (labels or panels, series, logarithmic axes)."""
     seen = []
-    monkeypatch.setattr(page, "bars_svg", lambda labels, series, xlabel, *, ylabel="": bars(labels, series, ""))
+    monkeypatch.setattr(charts, "bars_svg", lambda labels, series, xlabel, *, ylabel="": bars(labels, series, ""))
     monkeypatch.setattr(page, "dots_svg", lambda labels, series, xlabel: bars(labels, series, "x"))
 
     def bars(labels, series, log):
@@ -107,7 +107,7 @@ def test_six_hypotheses_are_printed(monkeypatch, capsys):
         size=SimpleNamespace(recordings=[("r", 2.0, 1.0, True)]), simulations=7, seconds=1.0,
     )  # fmt: skip
     monkeypatch.setattr(page, "_parameters", lambda a, own: list(own))
-    page.print_answers(SimpleNamespace(diagnosis=d, badge="explained"))
+    page.print_answers(SimpleNamespace(diagnosis=d, badge="explained", ranking=None))
     assert tables["hypotheses"] == [["inertia", "0.100", "–"]] * 6
     assert tables["parameters"] == ["a.b"]
     assert tables["residual over its noise floor (rms)"] == [["r (held out)", "2.00", "1.00"]]
@@ -155,20 +155,21 @@ def apart(**electrical):
 
 def test_charts_are_of_the_parts_that_sentences_speak_of(drawn):
     """Two subsystems: the sensors' chart has what is constant in a phase, the inverter's the voltage's direction."""
-    parts = [SimpleNamespace(subsystem="inverter", share=0.7, left=apart()),
-             SimpleNamespace(subsystem="sensor", share=0.3, left=apart())]  # fmt: skip
-    told = "".join(page._parts(parts, None, apart()))
+    parts = [SimpleNamespace(subsystem="inverter", share=0.7, left=apart(), of_readings=False),
+             SimpleNamespace(subsystem="sensor", share=0.3, left=apart(), of_readings=True)]  # fmt: skip
+    told = "".join(charts.of_parts(parts, None, apart()))
     assert told.index(" part, 70&nbsp;% of the gap") < told.index(" part, 30&nbsp;% of the gap")
     assert [x[0] for x in drawn] == [
         ["on the d axis", "at standstill"],
         ["constant in phase a", "constant in phase b", "constant in phase c", "at standstill"],
     ]
     assert drawn[1][1]["before"] == pytest.approx([25.0, 0.0, 0.0, 40.0])
+    assert told.count("Bars of speed and current are shares of squared residuals") == 2
     drawn.clear()
-    list(page._parts(parts[:1], None, apart()))  # one subsystem's: its own, not that of the whole
+    list(charts.of_parts(parts[:1], None, apart()))  # one subsystem's: its own, not that of the whole
     assert [x[0] for x in drawn] == [["on the d axis", "at standstill"]]
     drawn.clear()
-    list(page._parts([], apart(), apart()))  # none is spoken of: the whole
+    list(charts.of_parts([], apart(), apart()))  # none is spoken of: the whole
     assert [x[0] for x in drawn] == [["on the d axis", "at standstill"]]
 
 
@@ -177,7 +178,7 @@ def test_a_waterfall_is_drawn_for_one_effect_and_more(monkeypatch, drawn, count,
     steps = (("inertia", 2.0), ("iron_loss", 1.5))[:count]
     a = SimpleNamespace(
         ranking=ranking({"inertia": 1.0}, waterfall=steps), following=None,
-        diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0)),
+        diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0), best=SimpleNamespace(effects=(), probability=1.0)),
     )  # fmt: skip
     list(page._listed(a))
     assert len(drawn) == figures
@@ -201,7 +202,7 @@ def test_orders_are_drawn_where_one_holds_a_hundredth_of_the_gap(drawn, share, f
         excess=8.0, directions={"d": 0.5}, speeds={}, currents={}, electrical={0: 0.001, 2: share, -2: share}
     )
     rest = SimpleNamespace(excess=2.0, directions={"d": 0.4}, speeds={}, currents={}, electrical={2: 0.5})
-    list(page._shares(part, rest, "machine"))
+    list(charts.shares(part, rest))
     assert len(drawn) == figures
     assert drawn[0][1] == {"before": [50.0], "after": pytest.approx([10.0])}
     if figures > 1:

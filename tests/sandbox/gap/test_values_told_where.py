@@ -95,6 +95,27 @@ def test_amplitudes_within_one_and_a_half_are_alike(ratio, word):
     assert word in where._dependence(amplitude)
 
 
+@pytest.mark.parametrize(
+    ("others", "more"),
+    [
+        ([("machine", 0.199)], ""),
+        ([("machine", 0.45)], " A further 45 % of the gap points to the machine."),
+        (
+            [("machine", 0.25), ("sensor", 0.2)],
+            " A further 25 % of the gap points to the machine and 20 % to the sensors.",
+        ),
+    ],
+)
+def test_a_further_subsystem_is_named_from_a_fifth(monkeypatch, others, more):
+    """A detail of the first one, however large, is no further subsystem."""
+    monkeypatch.setattr(where, "verdict", lambda d: "explained")
+    found = [
+        where.Finding(name, "", "", None, share, name)
+        for name, share in [("inverter", 0.55), ("inverter", 0.5), *others]
+    ]
+    assert where.summary(None, found) == f"inverter{more}"
+
+
 @pytest.mark.parametrize(("turning", "order"), [(0.09, None), (0.11, 6)])
 def test_an_order_is_the_gap_s_where_it_has_most_of_a_tenth(turning, order):
     found = next(where.sentences("machine", 1.0, part(electrical={0: 0.0, 6: turning})))
@@ -120,7 +141,7 @@ def test_subsystems_below_a_fiftieth_are_not_spoken_of(monkeypatch):
         prepared=SimpleNamespace(recordings=(1, 2)), name=name, alone=alone))  # fmt: skip
     monkeypatch.setattr(where, "shown", lambda point: point)
     monkeypatch.setattr(where, "decompose", lambda point, shown: part())
-    assert [f.subsystem for f in where.where(None)] == ["machine", "sensor"]
+    assert [f.subsystem for f in where.where(diagnosis())] == ["machine", "sensor"]
 
 
 @pytest.mark.parametrize(("closable", "more"), [(4e-4, False), (6e-4, True)])
