@@ -60,10 +60,8 @@ class Finding:
 
 @dataclass(frozen=True)
 class Part:
-    """One subsystem's part of the gap: its share, and what is left without its effects, taken apart.
-
-    of_readings: it is told as errors of the measured currents, in A.
-    """
+    """One subsystem's part of the gap: its share, and what is left without its effects, taken apart; of_readings:
+    told as errors of the measured currents, in A."""
 
     subsystem: str
     share: float
@@ -98,12 +96,9 @@ def where(d: Diagnosis, found: Sequence[Part] | None = None) -> tuple[Finding, .
     """
     if verdict(d) == "no_gap":
         return possible(d, subsystems(d))
-    said = [f for p in (parts(d) if found is None else found) for f in _of_part(p)]
+    own = parts(d) if found is None else found
+    said = [f for p in own for f in sentences(p.subsystem, p.share, p.left, of_readings=p.of_readings)]
     return tuple(sorted(said, key=lambda f: -f.share))
-
-
-def _of_part(p: Part) -> Iterator[Finding]:
-    return sentences(p.subsystem, p.share, p.left, of_readings=p.of_readings)
 
 
 def possible(d: Diagnosis, shares: Mapping[str, float]) -> tuple[Finding, ...]:

@@ -11,14 +11,14 @@ from model.names import html_text
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import Decomposition, decompose
 from sandbox.gap.pages import charts, listed, signals
-from sandbox.gap.report import answers
+from sandbox.gap.report import answers, left
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.diagnosis_json import closed_by
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.which import BADGES
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.gap.words import SIGNS, amperes, capital, label, names, quantity, words
+from sandbox.gap.words import SIGNS, amperes, capital, label, names, percent_fine, quantity, words
 from sandbox.output.document import answer as answered
 from sandbox.output.document import bullets, figure, fold, prose, table, write_page
 from sandbox.output.files import version
@@ -41,7 +41,7 @@ def print_answers(a: Answers) -> None:
     print_prose(f"{d.campaign.name}: {BADGES[a.badge].lower()}")
     for head, text in _three(a):
         print_prose(text, f"{head:<10} ")
-    print_prose(answers.remains_text(a), f"{'Left?':<10} ")
+    print_prose(left.remains_text(a), f"{'Left?':<10} ")
     rows = [[label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
     print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
     if own := [] if a.ranking is None else listed.rows(a.ranking):
@@ -81,7 +81,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     for head, text in _three(a):
         yield answered(heads[head], text)
     yield "<h2>Hypotheses</h2>" + _hypotheses(a, [h for h in d.hypotheses if h.probability >= FEWEST])
-    told = ", or ".join(names(h.effects) for h in d.ambiguity_set)
+    told = ", or ".join(listed.short(h, d.hypotheses) for h in d.ambiguity_set)
     yield f'<p class="soft">With at least 95 % probability it is {prose(told)}.</p>'
     yield f'<p class="soft">{prose(f"{GAP} {FLOOR}")}</p>'
     yield from _listed(a)
@@ -89,7 +89,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
         yield from _why_alike(a.alike)
     for h, own in zip(d.hypotheses, d.parameters, strict=True):
         if own and h in d.ambiguity_set:
-            yield f"<h2>Parameters of {prose(names(h.effects))}</h2>"
+            yield f"<h2>Parameters of {prose(listed.short(h, d.hypotheses))}</h2>"
             rows = [[f"{capital(library.title(k))} `{k}`", *rest] for k, *rest in _parameters(a, own)]
             yield table(["parameter", "value [95 % interval]", "nominal"], rows)
     before, after = shown(d.before.point), shown(d.after.point)
@@ -105,7 +105,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
         yield "<h2>Where it lies</h2>" + bullets(f.text for f in a.where)
         yield from charts.of_parts(a.parts, part, rest)
     yield from signals.waves(a, part, before, after)
-    yield "<h2>What remains</h2><p>" + prose(answers.remains_text(a)) + "</p>"
+    yield "<h2>What remains</h2><p>" + prose(left.remains_text(a)) + "</p>"
     notes = answers.caveats(a)
     if notes:
         yield "<h2>Before you rely on it</h2>" + bullets(notes)
@@ -138,7 +138,8 @@ def _listed(a: Answers) -> Iterator[str]:
         yield f'<p class="soft">{prose(listed.BESIDE)}</p>'
     if lies := r.where.told() if r.where is not None else "":
         yield f"<p>{prose(lies)}</p>"
-    yield bullets([*listed.group_sentences(r, a.following), *listed.confused_sentences(r)])
+    neutral = library.neutral(a.diagnosis.campaign.drive.motor)
+    yield bullets([*listed.group_sentences(r, a.following), *listed.confused_sentences(r, neutral)])
     heads, moves = listed.position_rows(r)
     if moves:
         yield "<h3>What each does to the position estimate</h3>" + table(heads, moves)
@@ -147,8 +148,7 @@ def _listed(a: Answers) -> Iterator[str]:
     if len(labels) > 2:
         yield figure(
             dots_svg(labels, {"residual": levels}, "residual (noise floors)"),
-            "Residual on the recordings held out (or all) as effects are added one after the other, the largest first. "
-            "1 is noise alone.",
+            listed.waterfall_caption(a),
         )
 
 
@@ -186,7 +186,7 @@ def _way(x: Alike) -> str:
 
 
 def _share(x: float | None) -> str:
-    return "–" if x is None else f"{100.0 * x:.1f} %"
+    return "–" if x is None else percent_fine(x)
 
 
 def _parameters(a: Answers, own: Mapping[str, Estimate]) -> list[list[str]]:

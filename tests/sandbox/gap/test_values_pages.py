@@ -12,6 +12,7 @@ from sandbox.gap.pages import charts, listed, page, signals
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.shares import Share
 from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.words import interval
 from tests.sandbox.gap.conftest import DRIVE
 
 
@@ -39,7 +40,7 @@ def test_effects_are_listed_from_a_chance_of_one_in_a_hundred():
     assert listed.rows(ranking({"iron_loss": 0.5}, 0.009)) == [["iron loss", "50.0 %", "–", "–"]]
 
 
-@pytest.mark.parametrize(("count", "size"), [(1, "n0 1"), (2, "n0 1, n1 1"), (3, "3 numbers, below")])
+@pytest.mark.parametrize(("count", "size"), [(1, "n0 1"), (2, "n0 1, n1 1"), (3, "n0 1, ..., see below")])
 def test_two_parameters_stand_in_the_list(count, size):
     own = {f"inertia.n{k}": Estimate(1.0, 1.0, 1.0, "") for k in range(count)}
     told = listed.rows(ranking({"inertia": 1.0}, parameters={"inertia": own}))[0][3]
@@ -97,8 +98,9 @@ def test_a_probability_is_a_number_and_a_bar(monkeypatch):
 
 def test_six_hypotheses_are_printed(monkeypatch, capsys):
     tables = {}
-    for name in ("where_text", "which_text", "far_text", "next_text", "remains_text"):
+    for name in ("where_text", "which_text", "far_text", "next_text"):
         monkeypatch.setattr(page.answers, name, lambda a: "told")
+    monkeypatch.setattr(page.left, "remains_text", lambda a: "told")
     monkeypatch.setattr(page.answers, "caveats", lambda a: [])
     monkeypatch.setattr(page, "closed_by", lambda d, h: None)
     monkeypatch.setattr(page, "print_table", lambda title, heads, rows: tables.update({title: rows}))
@@ -173,14 +175,19 @@ def test_charts_are_of_the_parts_that_sentences_speak_of(drawn):
     assert [x[0] for x in drawn] == [["on the d axis", "at standstill"]]
 
 
-@pytest.mark.parametrize(("count", "figures"), [(0, 0), (1, 1), (2, 1)])
-def test_a_waterfall_is_drawn_for_one_effect_and_more(monkeypatch, drawn, count, figures):
+@pytest.mark.parametrize(("count", "figures", "held"), [(0, 0, (1,)), (1, 1, ()), (2, 1, (1,))])
+def test_a_waterfall_is_drawn_for_one_effect_and_more(monkeypatch, drawn, count, figures, held):
     steps = (("inertia", 2.0), ("iron_loss", 1.5))[:count]
     a = SimpleNamespace(
         ranking=ranking({"inertia": 1.0}, waterfall=steps), following=None,
-        diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0), best=SimpleNamespace(effects=(), probability=1.0)),
+        diagnosis=SimpleNamespace(
+            size=SimpleNamespace(before=5.0), best=SimpleNamespace(effects=(), probability=1.0), held_out=held,
+            campaign=SimpleNamespace(drive=DRIVE),
+        ),
     )  # fmt: skip
-    list(page._listed(a))
+    told = "".join(page._listed(a))
+    assert ("Residual on the recordings held out as" in told) == bool(held and count)
+    assert ("Residual on all recordings as" in told) == bool(not held and count)
     assert len(drawn) == figures
     assert [x[2] for x in drawn] == ["x"] * figures
 
@@ -278,14 +285,49 @@ def test_facts_of_effects_and_nominal_model_are_told():
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ((1.2, -0.2), "Iron loss hides a part of what other effects do: without it the gap would be larger"),
-        ((1.4, -0.2, -0.2), "Iron loss and PWM delay hide a part of what other effects do: without them"),
-        ((1.025, -0.025), "Iron loss hides a part of what other effects do"),  # two per cent are the bound
+        (
+            (1.2, -0.2),
+            "Iron loss partly cancels other effects: without it the gap would be larger, so its share is negative.",
+        ),
+        (
+            (1.4, -0.2, -0.2),
+            "Iron loss and PWM delay partly cancel other effects: without them the gap would be larger, so their "
+            "shares are negative.",
+        ),
+        ((1.025, -0.025), "Iron loss partly cancels other effects"),  # two per cent are the bound
         ((1.015, -0.015), ""),
     ],
 )
-def test_effects_that_hide_others_are_told(values, said):
+def test_effects_that_cancel_others_are_told(values, said):
     own = dict(zip(("inertia", "iron_loss", "pwm_delay"), (Share(x, x, x, x) for x in values), strict=False))
     found = listed.hidden_sentence(SimpleNamespace(shares=SimpleNamespace(of=own)))
     assert found.startswith(said)
     assert bool(found) == bool(said)
+
+
+def test_a_share_too_small_to_see_is_not_nought():
+    assert interval(0.0004, 0.0002, 0.00049) == "< 0.1 %"
+    assert interval(0.0, 0.0, 0.0) == "0.0 % [0.0 %, 0.0 %]"
+    assert interval(0.0004, -0.001, 0.002) == "0.0 % [-0.1 %, 0.2 %]"
+
+
+def test_a_table_says_more_than_all_but_a_thousandth_as_text_does():
+    assert (page._share(0.99996), page._share(1.2), page._share(None)) == ("more than 99.9 %", "more than 99.9 %", "–")
+
+
+@pytest.mark.parametrize(
+    ("effects", "said"),
+    [
+        (("a", "b", "c"), "a + b + c"),
+        (tuple("abcd"), "the 4 effects above"),
+        ((*"abcd", "unknown"), "the 4 effects above + unknown"),
+    ],
+)
+def test_more_than_three_effects_are_not_repeated(effects, said):
+    h, other = (SimpleNamespace(effects=e) for e in (effects, ("a",)))
+    assert listed.short(h, [h, other]) == said
+
+
+def test_two_sets_of_many_effects_are_told_apart_by_their_rows():
+    own = [SimpleNamespace(effects=e) for e in (tuple("abcd"), ("a",), tuple("abcde"))]
+    assert [listed.short(h, own) for h in own] == ["the 4 effects of row 1 above", "a", "the 5 effects of row 3 above"]
