@@ -76,6 +76,10 @@ class PhysicsError(RuntimeError):
         super().__init__(sentence(text))
 
 
+class Diverged(PhysicsError):
+    """A run broke off: its fluxes left the model's domain, or it is no longer finite.  So a rotor that is lost ends."""
+
+
 def unknown(kind: str, name: object, known: Iterable[str]) -> BadInput:
     """Return the error for an unknown name, with the nearest known one."""
     names = [n[:LONGEST_NAME] for n in sorted(known)]

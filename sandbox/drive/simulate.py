@@ -17,7 +17,7 @@ from estimators.contract import Belief, Estimator
 from estimators.startup import start_periods
 from model.effects.library import true_motor
 from model.energy import AnyEnergy, flux_from_current, torque
-from model.errors import BadInput, PhysicsError, unknown
+from model.errors import BadInput, Diverged, unknown
 from model.parameters import Drive
 from sandbox.drive import loop
 from sandbox.drive.closed import closed_bench, longest_step, looked_into, rotor_flux
@@ -258,14 +258,14 @@ def _flux(plant: str, bench: Any) -> tuple[float, float]:
     return rotor_flux(bench[0])
 
 
-def _failure(status: int, t: float, x: tuple[float, float], drive: Drive) -> PhysicsError:
+def _failure(status: int, t: float, x: tuple[float, float], drive: Drive) -> Diverged:
     if status == loop.OUTSIDE_DOMAIN:
-        return PhysicsError(
+        return Diverged(
             f"after {t:.4g} s the fluxes ({x[0]:.4g}, {x[1]:.4g}) Wb left the domain in which the energy of "
             f"'{drive.name}', with what effects add, is convex; lower the load or those effects, or use another "
             "parameter set (see `sensorless audit`)"
         )
-    return PhysicsError(
+    return Diverged(
         f"after {t:.4g} s the simulation of '{drive.name}' is no longer finite, in the plant or in the estimate; check "
         "the motor's values (SI units) and that sampling_period is short against L/R"
     )

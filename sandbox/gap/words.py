@@ -10,7 +10,7 @@ from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import Hypothesis
 
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
-PREFIXED = ("s", "A", "V", "Wb", "ohm", "N m", "rad", "Hz", "H", "1/H")
+PREFIXED = ("s", "A", "V", "Wb", "ohm", "N m", "rad", "Hz", "H")  # not 1/H: nobody reads m1/H
 SIGNS = {"ohm": "Ω", "N m": "N·m", "kg m^2": "kg·m²", "A/Wb^2": "A/Wb²", "A/Wb^3": "A/Wb³", "N m s/rad": "N·m·s/rad"}
 
 
@@ -46,6 +46,11 @@ def words(effect: str) -> str:
     return effect.replace("_", " ").replace("pwm", "PWM").replace("dc link", "DC link")
 
 
+def stopped(text: str) -> str:
+    """Return a sentence with its full stop."""
+    return text if text.endswith((".", "!", "?")) else f"{text}."
+
+
 def capital(text: str) -> str:
     """Return a text that begins a sentence."""
     return text[:1].upper() + text[1:]
@@ -54,6 +59,11 @@ def capital(text: str) -> str:
 def names(effects: Sequence[str]) -> str:
     """Return a hypothesis as words."""
     return " + ".join(words(e) for e in effects) if effects else "no effect"
+
+
+def listing(told: Sequence[str]) -> str:
+    """Return names as a sentence lists them: "a, b and c"."""
+    return " and ".join(x for x in (", ".join(told[:-1]), *told[-1:]) if x)
 
 
 def label(h: Hypothesis) -> str:
@@ -95,6 +105,12 @@ def _digits(x: float, width: float) -> str:
     fine = math.floor(math.log10(width)) - 1 if math.isfinite(width) and width > 0.0 else own - 2
     places = max(0, min(-fine, 2 - own + 4))
     return f"{x:.{places}f}" if -5 < own < 7 else f"{x:.4g}"
+
+
+def interval(value: float, low: float, high: float) -> str:
+    """Return a share with its interval, to a tenth of a percent; "< 0.1 %" where that leaves nothing of it to see."""
+    told = [tenths(x) for x in (value, low, high)]
+    return "< 0.1 %" if value and set(told) == {tenths(0.0)} else f"{told[0]} [{told[1]}, {told[2]}]"
 
 
 def tenths(x: float) -> str:

@@ -247,6 +247,10 @@ def _turned(factor: float, zero: float) -> Callable[[Columns], dict[str, Array]]
     return lambda c: {**c, "theta": factor * c["theta"] + zero * math.pi}
 
 
+class Unanswered(Finding):
+    """A recording that contradicts the nominal model by no mistake that is known: a diagnosis may explain it."""
+
+
 def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
     """Raise BadInput for the mistake that explains what recordings contradict; return what no mistake explains."""
     read = [(r, balance(r.columns, drive)) for r in recordings]
@@ -267,7 +271,7 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
         )
     off_axis(recordings, drive)
     return [
-        Finding(
+        Unanswered(
             r.file, "u_alpha", b.worst_row,
             f"{r.file}: row {b.worst_row} of column 'u_alpha': {percent(b.share)} of the commanded voltage is "
             f"unexplained by currents, angle and nominal model (at most {percent(UNDISTURBED)} is usual), and no "

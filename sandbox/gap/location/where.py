@@ -33,10 +33,12 @@ from sandbox.plant.sets import complete
 Array = NDArray[np.float64]
 LEAST = 0.02  # share below which a subsystem is not spoken of
 DETAIL = 0.1  # the same for a detail, of its subsystem's part
+MUCH = 0.2  # share from which a further subsystem stands in the first answer: below, the list of findings has it
 WORTH = 0.1  # probability below which a gap that cannot be told from none is not spoken of
 ALIKE = 1.5  # ratio of amplitudes within which they count as independent of speed or current
 NAMES = {"inverter": "inverter", "machine": "machine", "sensor": "sensors", "mechanics": "mechanics"}
 WHOSE = {"inverter": "inverter's", "machine": "machine's", "sensor": "sensors'", "mechanics": "mechanics'"}
+MEASURED = ("reading", "filter", "instant")  # ports between a current and its reading; an angle has others
 WHAT = {"motion": "motion of the free rotor", "position": "the encoder's angle at imposed speed"}
 ORDER_TEXT = {
     1: "stands still in the stator (order 1 of the rotor's frame)",
@@ -58,11 +60,13 @@ class Finding:
 
 @dataclass(frozen=True)
 class Part:
-    """One subsystem's part of the gap: its share, and what is left without its effects, taken apart."""
+    """One subsystem's part of the gap: its share, and what is left without its effects, taken apart; of_readings:
+    told as errors of the measured currents, in A."""
 
     subsystem: str
     share: float
     left: Decomposition
+    of_readings: bool = False
 
 
 def parts(d: Diagnosis) -> tuple[Part, ...]:
@@ -73,8 +77,16 @@ def parts(d: Diagnosis) -> tuple[Part, ...]:
     for name, share in subsystems(d).items():
         if share >= LEAST:
             point = without(d, name, alone=share > 1.0 - LEAST)
-            found.append(Part(name, share, decompose(point, shown(point))))
+            found.append(Part(name, share, decompose(point, shown(point)), name == "sensor" and of_readings(d)))
     return tuple(sorted(found, key=lambda p: -p.share))
+
+
+def of_readings(d: Diagnosis) -> bool:
+    """Return whether the sensors' part is errors of current readings: all sensors' effects of the most probable
+    hypothesis that has any act on them, or none is named (then readings whose sum is not zero show it: `outside`)."""
+    cards = [[library.load_effect(e) for e in h.effects if e != UNKNOWN] for h in d.hypotheses]
+    own = next((found for each in cards if (found := [c for c in each if c.subsystem == "sensor"])), [])
+    return all(at.port in MEASURED for card in own for at in card.at)
 
 
 def where(d: Diagnosis, found: Sequence[Part] | None = None) -> tuple[Finding, ...]:
@@ -84,7 +96,8 @@ def where(d: Diagnosis, found: Sequence[Part] | None = None) -> tuple[Finding, .
     """
     if verdict(d) == "no_gap":
         return possible(d, subsystems(d))
-    said = [f for p in (parts(d) if found is None else found) for f in sentences(p.subsystem, p.share, p.left)]
+    own = parts(d) if found is None else found
+    said = [f for p in own for f in sentences(p.subsystem, p.share, p.left, of_readings=p.of_readings)]
     return tuple(sorted(said, key=lambda f: -f.share))
 
 
@@ -102,13 +115,23 @@ def possible(d: Diagnosis, shares: Mapping[str, float]) -> tuple[Finding, ...]:
 
 
 def summary(d: Diagnosis, findings: Sequence[Finding]) -> str:
-    """Return one sentence: the first finding, or that nothing is wrong."""
+    """Return the first finding, and which other subsystems have MUCH of the gap; or that nothing is wrong."""
     if findings and verdict(d) != "no_gap":
-        return findings[0].text
+        return f"{findings[0].text} {_further(findings)}".rstrip()
     return (
         f"Nowhere: with ordinary deviations refitted, residuals stand at {d.size.before:.3g} times the noise floor on "
         "the recordings checked, and no effect of the library explains them better."
     )
+
+
+def _further(findings: Sequence[Finding]) -> str:
+    """Return which subsystems beside that of the first finding have MUCH of the gap; '' where none has."""
+    most: dict[str, float] = {}
+    for f in findings:  # the largest share first: a subsystem's first is its whole part
+        most.setdefault(f.subsystem, f.share)
+    others = [(NAMES[name], percent(share)) for name, share in list(most.items())[1:] if share >= MUCH]
+    told = [f"{share}{'' if k else ' of the gap points'} to the {name}" for k, (name, share) in enumerate(others)]
+    return f"A further {' and '.join(told)}." if told else ""
 
 
 def subsystems(d: Diagnosis) -> dict[str, float]:
@@ -196,13 +219,16 @@ def without(d: Diagnosis, subsystem: str, *, alone: bool) -> Point:
     return d.before.point
 
 
-def sentences(name: str, share: float, part: Decomposition) -> Iterator[Finding]:
-    """Yield what is to be said of one subsystem's part of the gap: what it is, then details."""
+def sentences(name: str, share: float, part: Decomposition, *, of_readings: bool = False) -> Iterator[Finding]:
+    """Yield what is to be said of one subsystem's part of the gap: what it is, then details.
+
+    of_readings: as errors of the measured currents; else as the voltage that would explain it.
+    """
     channel = max(part.channels, key=lambda c: part.channels[c])
     order = max(part.electrical, key=lambda n: part.electrical[n])
     region = max(part.speeds, key=lambda r: part.speeds[r])
     mostly = region if part.speeds[region] > 0.6 else "all speeds"
-    if channel == "currents" and name == "sensor":
+    if channel == "currents" and of_readings:
         what = told(part.readings) + _dependence(part.readings.amplitude)
     elif channel == "currents":
         direction, size = part.direction
@@ -225,7 +251,10 @@ def percent(share: float) -> str:
 
 
 def _dependence(amplitude: Array) -> str:
-    """Return how an amplitude (4, 4) depends on speed and current: a sentence more, or nothing if none can tell."""
+    """Return how an amplitude (4, 4) depends on speed and current: a sentence more, or nothing if none can tell.
+
+    It is an rms, without the region near zero current; the charts' shares of squares may go another way.
+    """
     out = []
     for table, of in ((amplitude, "speed"), (amplitude.T, "current")):
         seen = [row for row in table if np.isfinite(row).any()]
@@ -234,7 +263,8 @@ def _dependence(amplitude: Array) -> str:
             ratio = float(np.exp(np.mean(np.log(seen[-1][shared] / seen[0][shared]))))
             same = 1.0 / ALIKE < ratio < ALIKE
             out.append(f"{'does not depend on' if same else 'grows with' if ratio > 1.0 else 'falls with'} {of}")
-    return (f". It {' and '.join(out)}" if out else "").replace("on speed and does not depend on", "on speed or")
+    told = " and ".join(out).replace("on speed and does not depend on", "on speed or")
+    return f". Where currents are not near zero, its rms {told}" if told else ""
 
 
 def _details(name: str, share: float, part: Decomposition, channel: str, mostly: str) -> Iterator[Finding]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence, Sequence
 
 from model.effects import library
 from sandbox.gap.planning.next_recording import Next
@@ -11,12 +11,16 @@ from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.position_moved import Moved
 from sandbox.gap.report.ranking import Ranking, ordered, parted_by
 from sandbox.gap.report.told_apart import SURE, Confused
-from sandbox.gap.words import capital, names, quantity, tenths, words
+from sandbox.gap.report.which import FEW
+from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
+from sandbox.gap.words import capital, interval, listing, names, quantity, tenths, words
 
 POSITION_NOTE = (
     "Mean position error under rated load, in electrical degrees, that each effect alone adds in the closed loop: low "
     "speed with injection, half of rated speed (active_flux). In brackets: by how much its ripple (standard deviation) "
-    "grows. All believe the nominal model."
+    "grows. All three use the nominal motor values. qnull: null of an injected ripple; ekf: Kalman filter with a motor "
+    "model; active_flux: flux behind the voltages."
 )
 BESIDE = (
     "Sizes are those beside a free regression, so that what is outside the library does not bend them. What they are "
@@ -24,7 +28,7 @@ BESIDE = (
 )
 MOST = 2  # parameters that stand in the list itself
 LESS = 0.1  # chance by which an effect has to be less probable than the set it is in, for a sentence about it
-HIDES = 0.02  # negative share from which an effect is said to hide others
+HIDES = 0.02  # negative share from which an effect is said to cancel others
 SHOWN = 0.01  # chance below which an effect is not listed
 LISTED, NAMED = 0.5, 3  # chance from which it is said what an effect is confused with; rivals that are named
 
@@ -35,11 +39,9 @@ def rows(r: Ranking) -> list[list[str]]:
     for effect, chance in ordered(r.inclusion.chances, r.shares.of).items():
         if chance >= SHOWN:
             share = r.shares.of.get(effect)
-            told = "–" if share is None else tenths(share.value)
-            told += "" if share is None or share.ci95 is None else f" [{', '.join(map(tenths, share.ci95))}]"
-            own = r.sizes(effect)
-            size = ", ".join(f"{library.title(k)} {quantity(e)}" for k, e in own.items())
-            size = size if len(own) <= MOST else f"{len(own)} numbers, below"
+            told = "–" if share is None else _between(share.value, share.ci95)
+            own = [f"{library.title(k)} {quantity(e)}" for k, e in r.sizes(effect).items()]
+            size = ", ".join(own) if len(own) <= MOST else f"{own[0]}, ..., see below"
             out.append([words(effect), f"{100.0 * chance:.1f} %", told, size or "–"])
     if r.unknown >= SHOWN:
         out.append(["something outside the library", f"{100.0 * r.unknown:.1f} %", _unexplained(r), "–"])
@@ -49,18 +51,34 @@ def rows(r: Ranking) -> list[list[str]]:
 def _unexplained(r: Ranking) -> str:
     if r.unexplained is None:
         return "–"
-    told, ends = tenths(r.unexplained.value), r.unexplained.ci95
-    return told if ends is None else f"{told} [{tenths(ends[0])}, {tenths(ends[1])}]"
+    return _between(r.unexplained.value, r.unexplained.ci95)
 
 
-def confused_sentences(r: Ranking) -> Iterator[str]:
-    """Yield which likely effects cannot be told from which others on these recordings."""
+def _between(share: float, ends: Sequence[float] | None) -> str:
+    """Return a share with its interval, alone where there is none."""
+    return tenths(share) if ends is None else interval(share, *ends)
+
+
+def confused_sentences(r: Ranking, neutral: Mapping[str, float]) -> Iterator[str]:
+    """Yield which likely effects cannot be told from which others on these recordings; neutral: values of no effect."""
     for effect, telling in r.told.items():
         if telling is None or telling.tellable or r.inclusion.chances[effect] < LISTED:
             continue
         alike = [x for x in telling.confused_with if x.log_evidence < SURE][:NAMED]
         told = ", ".join(f"{_rival(x)} (cosine {x.cosine:.3f})" for x in alike)
-        yield f"{capital(words(effect))} cannot be told here from {told or 'no effect at all: it is too small'}."
+        if not told and _has_size(effect, r.sizes(effect), neutral):
+            yield f"{capital(words(effect))} may be no effect at all: the simulator's own error could imitate it."
+        else:
+            yield f"{capital(words(effect))} cannot be told here from {told or 'no effect at all: it is too small'}."
+
+
+def _has_size(effect: str, own: Mapping[str, Estimate], neutral: Mapping[str, float]) -> bool:
+    """Return whether the interval of one of the sizes that switch an effect on excludes that it is off.
+
+    It can exclude that where evidence does not: evidence counts the simulator's own error, intervals do not.
+    """
+    sizes = {name for part in library.load_effect(effect).switched_by for name in part}
+    return any(not e.low <= neutral.get(k, 0.0) <= e.high for k, e in own.items() if k in sizes)
 
 
 def _rival(x: Confused) -> str:
@@ -71,8 +89,10 @@ def position_rows(r: Ranking) -> tuple[list[str], list[list[str]]]:
     """Return heads and rows of how far each effect alone moves the position error of each estimator."""
     estimators = list(dict.fromkeys(name for own in r.moved.values() for name in own))
     out = []
-    for effect, own in r.moved.items():
-        cells = []
+    for effect in ordered(r.inclusion.chances, r.shares.of):  # as the list of effects has them
+        cells, own = [], r.moved.get(effect)
+        if own is None:
+            continue
         for name in estimators:
             m = own.get(name)
             cells.append("–" if m is None else _moved(m))
@@ -89,10 +109,15 @@ def _moved(m: Moved) -> str:
 
 
 def not_run_sentences(r: Ranking) -> Iterator[str]:
-    """Yield why an estimator was not run, once for each reason."""
-    told = {(name, m.not_run): None for own in r.moved.values() for name, m in own.items() if m.not_run}
-    for name, why in told:
-        yield f"`{name}` was not run: {why}"
+    """Yield why an estimator was not run, once for each reason; with which effects, where it ran with others."""
+    told: dict[tuple[str, str], list[str]] = {}
+    for effect, own in r.moved.items():
+        for name, m in own.items():
+            if m.not_run:
+                told.setdefault((name, m.not_run), []).append(words(effect))
+    for (name, why), effects in told.items():
+        ran = sum(name in own for own in r.moved.values())
+        yield f"`{name}` was not run{f' with {listing(effects)}' if len(effects) < ran else ''}: {why.rstrip('.')}."
 
 
 def less_sure_sentence(a: Answers) -> str:
@@ -110,15 +135,27 @@ def less_sure_sentence(a: Answers) -> str:
 
 
 def hidden_sentence(r: Ranking) -> str:
-    """Return which effects hide others, so that the gap would be larger without them; '' where none does."""
+    """Return which effects partly cancel others, so that the gap would be larger without them; '' where none does."""
     own = [e for e, share in r.shares.of.items() if share.value < -HIDES]
     if not own:
         return ""
-    told, verb, them = names(own).replace(" + ", " and "), *(("hides", "it") if len(own) == 1 else ("hide", "them"))
+    one = len(own) == 1
+    verb, them, theirs = ("cancels", "it", "its share is") if one else ("cancel", "them", "their shares are")
     return (
-        f"{capital(told)} {verb} a part of what other effects do: without {them} the gap would be larger, so the share "
-        "is negative."
+        f"{capital(listing([words(e) for e in own]))} partly {verb} other effects: without {them} the gap would be "
+        f"larger, so {theirs} negative."
     )
+
+
+def short(h: Hypothesis, all_of_them: Sequence[Hypothesis]) -> str:
+    """Return a hypothesis in a sentence below the table of all: many effects as their number and, where several have
+    many, the row."""
+    named = [e for e in h.effects if e != UNKNOWN]
+    if len(named) <= FEW:
+        return names(h.effects)
+    many = [k for k, x in enumerate(all_of_them, 1) if len(x.effects) > FEW]
+    row = f" of row {all_of_them.index(h) + 1}" if len(many) > 1 else ""
+    return f"the {len(named)} effects{row} above{' + unknown' if UNKNOWN in h.effects else ''}"
 
 
 def group_sentences(r: Ranking, following: Next | None = None) -> Iterator[str]:
@@ -132,9 +169,18 @@ def group_sentences(r: Ranking, following: Next | None = None) -> Iterator[str]:
 
 
 def waterfall(a: Answers) -> tuple[list[str], list[float]]:
-    """Return labels and normalised rms on the recordings held out: before, after each effect, and noise."""
+    """Return labels and normalised rms on the recordings held out (or all): before, after each effect, and noise."""
     r, size = a.ranking, a.diagnosis.size
     if r is None or not r.shares.waterfall:
         return [], []
     steps = [(f"+ {words(e)}", j) for e, j in r.shares.waterfall if math.isfinite(j)]
     return ["before", *(s for s, _ in steps), "noise"], [size.before, *(j for _, j in steps), 1.0]
+
+
+def waterfall_caption(a: Answers) -> str:
+    """Return what the waterfall shows, and on which recordings."""
+    on = "the recordings held out" if a.diagnosis.held_out else "all recordings"
+    return (
+        f"Residual on {on} as effects are added one after the other, the largest first. 1 is noise alone. A step may "
+        "go up where effects partly cancel each other. The scale is logarithmic."
+    )

@@ -10,21 +10,20 @@ from model.effects import library
 from model.names import html_text
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import Decomposition, decompose
-from sandbox.gap.location.where import WHOSE, Part
-from sandbox.gap.pages import listed, signals
-from sandbox.gap.report import answers
+from sandbox.gap.pages import charts, listed, signals
+from sandbox.gap.report import answers, left
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.diagnosis_json import closed_by
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.which import BADGES
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.gap.words import SIGNS, amperes, capital, label, names, quantity, words
+from sandbox.gap.words import SIGNS, amperes, capital, label, names, percent_fine, quantity, words
 from sandbox.output.document import answer as answered
-from sandbox.output.document import bullets, figure, fold, pairs, prose, table, write_page
+from sandbox.output.document import bullets, figure, fold, prose, table, write_page
 from sandbox.output.files import version
 from sandbox.output.tables import print_prose, print_table
-from sandbox.output.vector import bars_svg, dots_svg, lines_svg
+from sandbox.output.vector import dots_svg, lines_svg
 from sandbox.recordings.campaign import Excerpts
 
 FEWEST = 0.001  # probability below which a hypothesis stays in the folded part
@@ -32,10 +31,6 @@ FLOOR = "Noise floor: rms of what the sensors' noise alone makes. A residual of 
 GAP = (
     "Gap closed: (before² − after²) / (before² − 1), with the residuals before and after in noise floors. The 1 is the "
     "noise, which no effect can close; before² − 1 is the reducible gap."
-)
-PARTS = (
-    "A subsystem's part is what is left where its effects alone are taken out again and all else is fitted. The "
-    "sentences above and the charts below are of these parts."
 )
 FLAT = 3.0  # log likelihood: a fall of less is none that decides
 
@@ -46,7 +41,7 @@ def print_answers(a: Answers) -> None:
     print_prose(f"{d.campaign.name}: {BADGES[a.badge].lower()}")
     for head, text in _three(a):
         print_prose(text, f"{head:<10} ")
-    print_prose(answers.remains_text(a), f"{'Left?':<10} ")
+    print_prose(left.remains_text(a), f"{'Left?':<10} ")
     rows = [[label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
     print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
     if own := [] if a.ranking is None else listed.rows(a.ranking):
@@ -86,7 +81,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
     for head, text in _three(a):
         yield answered(heads[head], text)
     yield "<h2>Hypotheses</h2>" + _hypotheses(a, [h for h in d.hypotheses if h.probability >= FEWEST])
-    told = ", or ".join(names(h.effects) for h in d.ambiguity_set)
+    told = ", or ".join(listed.short(h, d.hypotheses) for h in d.ambiguity_set)
     yield f'<p class="soft">With at least 95 % probability it is {prose(told)}.</p>'
     yield f'<p class="soft">{prose(f"{GAP} {FLOOR}")}</p>'
     yield from _listed(a)
@@ -94,7 +89,7 @@ def _body(a: Answers, title: str) -> Iterator[str]:
         yield from _why_alike(a.alike)
     for h, own in zip(d.hypotheses, d.parameters, strict=True):
         if own and h in d.ambiguity_set:
-            yield f"<h2>Parameters of {prose(names(h.effects))}</h2>"
+            yield f"<h2>Parameters of {prose(listed.short(h, d.hypotheses))}</h2>"
             rows = [[f"{capital(library.title(k))} `{k}`", *rest] for k, *rest in _parameters(a, own)]
             yield table(["parameter", "value [95 % interval]", "nominal"], rows)
     before, after = shown(d.before.point), shown(d.after.point)
@@ -108,9 +103,9 @@ def _body(a: Answers, title: str) -> Iterator[str]:
         yield fold("Parts of long recordings that were used", table(columns, part_rows(d.campaign.excerpts, period)))
     if a.where:
         yield "<h2>Where it lies</h2>" + bullets(f.text for f in a.where)
-        yield from _parts(a.parts, part, rest)
+        yield from charts.of_parts(a.parts, part, rest)
     yield from signals.waves(a, part, before, after)
-    yield "<h2>What remains</h2><p>" + prose(answers.remains_text(a)) + "</p>"
+    yield "<h2>What remains</h2><p>" + prose(left.remains_text(a)) + "</p>"
     notes = answers.caveats(a)
     if notes:
         yield "<h2>Before you rely on it</h2>" + bullets(notes)
@@ -143,7 +138,8 @@ def _listed(a: Answers) -> Iterator[str]:
         yield f'<p class="soft">{prose(listed.BESIDE)}</p>'
     if lies := r.where.told() if r.where is not None else "":
         yield f"<p>{prose(lies)}</p>"
-    yield bullets([*listed.group_sentences(r, a.following), *listed.confused_sentences(r)])
+    neutral = library.neutral(a.diagnosis.campaign.drive.motor)
+    yield bullets([*listed.group_sentences(r, a.following), *listed.confused_sentences(r, neutral)])
     heads, moves = listed.position_rows(r)
     if moves:
         yield "<h3>What each does to the position estimate</h3>" + table(heads, moves)
@@ -152,8 +148,7 @@ def _listed(a: Answers) -> Iterator[str]:
     if len(labels) > 2:
         yield figure(
             dots_svg(labels, {"residual": levels}, "residual (noise floors)"),
-            "Residual on the recordings held out (or all) as effects are added one after the other, the largest first. "
-            "1 is noise alone.",
+            listed.waterfall_caption(a),
         )
 
 
@@ -191,7 +186,7 @@ def _way(x: Alike) -> str:
 
 
 def _share(x: float | None) -> str:
-    return "–" if x is None else f"{100.0 * x:.1f} %"
+    return "–" if x is None else percent_fine(x)
 
 
 def _parameters(a: Answers, own: Mapping[str, Estimate]) -> list[list[str]]:
@@ -227,47 +222,6 @@ def part_rows(cut: Excerpts, period: float) -> list[list[str]]:
     return [
         [e.file, e.of, *(f"{period * row:.2f}" for row in (e.first, e.first + e.rows, e.of_rows))] for e in cut.parts
     ]
-
-
-def _parts(parts: Sequence[Part], before: Decomposition, rest: Decomposition) -> Iterator[str]:
-    """Yield charts of the parts that sentences speak of, the largest open; of the whole where none is spoken of."""
-    if len(parts) < 2:
-        yield from pairs(_shares(parts[0].left, rest, parts[0].subsystem) if parts else _shares(before, rest, None))
-        return
-    yield f'<p class="soft">{prose(PARTS)}</p>'
-    for k, p in enumerate(parts):
-        head = f"The {WHOSE[p.subsystem]} part, {100.0 * p.share:.0f} % of the gap"
-        charts = "".join(pairs(_shares(p.left, rest, p.subsystem)))
-        yield fold(head, charts) if k else f"<h3>{prose(head)}</h3>{charts}"
-
-
-def _shares(part: Decomposition, rest: Decomposition, subsystem: str | None) -> Iterator[str]:
-    """Yield the shares by direction, region and order that stand out, before and after; of sensors by what is constant
-    in each phase instead of by a voltage's direction."""
-    scale = rest.excess / part.excess
-    labels: list[str] = []
-    both: list[list[float]] = []
-    for of in (part, rest):
-        first = of.directions
-        if subsystem == "sensor":
-            first = {f"constant in phase {p}": share for p, share in of.readings.constant.items()}
-        groups = {**first, **of.speeds, **of.currents}
-        labels = list(groups)
-        both.append([100.0 * (scale if of is rest else 1.0) * x for x in groups.values()])
-    what = "Constant errors of the readings" if subsystem == "sensor" else "Direction of the missing voltage"
-    adds = "" if subsystem == "sensor" else " Directions of one frame add up to at most 100 %."
-    yield figure(
-        bars_svg(labels, {"before": both[0], "after": both[1]}, "share of the gap before (%)"),
-        f"{what}, speed, current.{adds}",
-    )
-    orders = sorted({abs(n) for n in part.electrical})
-    by_order = [[100.0 * sum(x.electrical.get(s, 0.0) for s in {n, -n}) for n in orders] for x in (part, rest)]
-    if max(by_order[0]) > 1.0:
-        yield figure(
-            bars_svg([str(n) for n in orders], {"before": by_order[0], "after": [scale * x for x in by_order[1]]},
-                     "share of the gap before (%)", ylabel="electrical order"),
-            "Electrical orders of the currents in the rotor's frame, turning recordings (0: turns with the rotor).",
-        )  # fmt: skip
 
 
 def _detail(a: Answers) -> Iterator[str]:

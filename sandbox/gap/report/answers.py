@@ -22,26 +22,24 @@ from sandbox.gap.planning.next_recording import Next, recommend
 from sandbox.gap.report import which
 from sandbox.gap.report.bounds import sentence
 from sandbox.gap.report.distinguishability import Alike, alike
-from sandbox.gap.report.position import PositionError, position_error
+from sandbox.gap.report.position import PositionError, compared
 from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.gap.shortened import share, shortened
-from sandbox.gap.words import capital, likely, names, percent_fine, times, words
+from sandbox.gap.words import capital, likely, names, percent_fine, stopped, times, words
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
+from sandbox.recordings.mistakes import Unanswered
 from sandbox.replay.memory import USUAL
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
-HARDLY = 5e-4  # of what remains: less is nothing
+MET = 1.1  # times the floor: a recording that is met so well contradicts nothing any more
 FEW = 1.2  # times the floor on recordings held out that ordinary deviations explain when fitted to all
-TOLD = 0.15  # share of a regression below which a kind of functions is not spoken of
-ACTING = {"current": "a current", "voltage": "a voltage", "torque": "a torque", "encoder": "an error of the encoder"}
-HANGS = {"currents": "the currents", "angle": "the angle", "speed": "the speed"}
-ALIKE = 2.0  # variance of sums over that of white noise: less is not spoken of
 
 
 @dataclass(frozen=True)
 class Answers:
-    """A diagnosis with what a person asks of it; parts: the subsystems' parts of the gap that `where` speaks of."""
+    """A diagnosis with what a person asks of it; parts: the subsystems' parts of the gap that `where` speaks of;
+    no_position: why there is no position error."""
 
     diagnosis: Diagnosis
     where: tuple[Finding, ...]
@@ -52,6 +50,7 @@ class Answers:
     ranking: Ranking | None = None
     odd_phase: OddPhase | None = None
     parts: tuple[Part, ...] = ()
+    no_position: str = ""
 
     @property
     def verdict(self) -> str:
@@ -85,7 +84,7 @@ def answer(
     apart = parts(d)
     found = where(d, apart)
     report("position estimate")
-    position = position_error(d)
+    position = compared(d)
     report("what to record next")
     following = next_recording(d, workers)
     report("what remains")
@@ -93,7 +92,8 @@ def answer(
     report("all effects")
     listed = ranking(d, workers)
     odd = odd_phase(d.before.point, shown(d.before.point))
-    return Answers(d, found, position, following, left, alike(d), listed, odd, apart)
+    error, why = (None, position) if isinstance(position, str) else (position, "")
+    return Answers(d, found, error, following, left, alike(d), listed, odd, apart, why)
 
 
 def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
@@ -170,7 +170,7 @@ def _between(interval: tuple[float, float] | None) -> str:
     """Return an interval of shares in words."""
     if interval is None:
         return "the gap is too near the noise floor for an interval"
-    low, high = (percent_fine(x) for x in interval)
+    low, high = (percent_fine(min(x, 1.0)) for x in interval)  # no more than all of a gap closes
     return f"95 % interval: {low if low == high else f'{low} to {high}'}"
 
 
@@ -224,7 +224,7 @@ def next_text(a: Answers) -> str:
 def caveats(a: Answers) -> list[str]:
     """Return what a reader has to know before believing the rest, one sentence each; assumed values are last."""
     d = a.diagnosis
-    out = [f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}" for f in d.campaign.findings]
+    out = _findings(d)
     out += [d.caution] if d.caution else []
     out += [a.odd_phase.text] if a.odd_phase is not None and a.verdict == "no_gap" else []
     out += [text] if (text := sentence(d.at_bound)) else []
@@ -242,8 +242,8 @@ def caveats(a: Answers) -> list[str]:
         )
     elif a.verdict != "no_gap":
         out.append(
-            "Parameters and residuals before and after were fitted without the recordings held out; the choice among "
-            "hypotheses saw all recordings."
+            "Residuals before and after are of fits without the recordings held out. The listed values are fitted to "
+            "all recordings, and the choice among hypotheses saw them all."
         )
     if d.campaign.rated_from_data:
         out.append("Rated current, torque and speed are missing; the largest recorded ones stand in for them.")
@@ -264,13 +264,24 @@ def caveats(a: Answers) -> list[str]:
     if kinds == {"locked"}:
         out.append("The rotor never turned, so effects that need speed (flux, encoder, iron loss) can hardly be seen.")
     if a.position is None:
-        out.append("No turning recording has injection, so the position error cannot be compared.")
+        out.append(stopped(f"The position error cannot be compared: {a.no_position or 'it was not asked for'}"))
     if d.temperature > 2.0:
         out.append(
             f"When hypotheses were compared, the data got {d.temperature:,.3g} times less weight than independent "
             "samples have: neighbouring residuals are alike, and the simulator's own error grows with the gap."
         )
     return out + _of_the_model(d.campaign.drive.provenance)
+
+
+def _findings(d: Diagnosis) -> list[str]:
+    """Return what is suspicious in recordings; not that one contradicts the nominal model where its gap is closed."""
+    origin = {r.file: r.origin for r in d.campaign.recordings}
+    after: dict[str, float] = {}
+    for r in d.size.recordings:
+        file = origin.get(r.file, r.file)
+        after[file] = max(after.get(file, 0.0), r.after)
+    kept = [f for f in d.campaign.findings if not isinstance(f, Unanswered) or after.get(f.file, math.inf) >= MET]
+    return [stopped(f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}") for f in kept]
 
 
 def _of_the_model(told: Mapping[str, str]) -> list[str]:
@@ -282,55 +293,3 @@ def _of_the_model(told: Mapping[str, str]) -> list[str]:
         if assumed
         else []
     )
-
-
-def remains_text(a: Answers) -> str:
-    """Return what the best hypothesis leaves, whether it has structure, and how much of it could still be closed."""
-    r = a.diagnosis.remainder
-    before, after = (math.sqrt(max(0.0, 1.0 + x)) for x in (r.before, r.after))
-    size = f"After it residuals are {times(after)} the noise floor over all recordings (before: {before:.3g})"
-    if not a.diagnosis.best.effects:
-        size = f"Residuals are {times(before)} the noise floor over all recordings"
-    chance = which.chance_of_unknown(a.diagnosis)
-    said = (
-        f"{size}; that something outside the library is at work is {likely(chance)}.",
-        beside_text(a), regression_text(a), alike_text(a),
-    )  # fmt: skip
-    return " ".join(text for text in said if text)
-
-
-def regression_text(a: Answers) -> str:
-    """Return how much of what remains a free regression closes, and whether that is more than noise lets it."""
-    r = a.remains
-    if r is None:
-        return "How much a free regression could still close was not measured: no recording was held out."
-    on = "on the recordings held out, a free regression of it on currents, speed and angle"
-    if not r.structure or r.closable is None or r.closable < HARDLY:
-        return f"{capital(on)} closes nothing more."
-    of_gap = "" if r.of_gap is None or not a.diagnosis.best.effects else f", {percent_fine(r.of_gap)} of the gap before"
-    return f"{capital(on)} closes {percent_fine(min(r.closable, 1.0))} more{of_gap}: structure that no effect took up."
-
-
-def beside_text(a: Answers) -> str:
-    """Return what a free regression beside the effects takes up, and which effects it changes its mind about."""
-    own = None if a.ranking is None else a.ranking.open_part
-    if own is None:
-        return ""
-    described = [x for x in own.beside.described if x.share >= TOLD][:2]
-    acts = " and ".join(f"{ACTING[x.acts_as]} that depends on {HANGS[x.hangs_on]}" for x in described)
-    worth = own.beside.worth
-    told = "stands" if worth is None else f"predicts {percent_fine(worth)} of it on recordings left out"
-    text = f"A free regression fitted beside the effects {told}" + (f", mostly as {acts}." if acts else ".")
-    named = [e for e in a.diagnosis.best.effects if e != UNKNOWN]
-    gone = [e for e in named if own.chances[e] < 0.5]
-    new = [e for e, p in own.chances.items() if p >= 0.5 and e not in named]
-    text += f" Beside it these are no longer needed: {', '.join(words(e) for e in gone)}." if gone else ""
-    return text + (f" Beside it these come in: {', '.join(words(e) for e in new)}." if new else "")
-
-
-def alike_text(a: Answers) -> str:
-    """Return that residuals resemble their neighbours, where they do."""
-    r = a.remains
-    if r is None or r.alike < ALIKE:
-        return ""
-    return f"Over 50 ms residuals are alike (sums vary {r.alike:.2g} times as much as those of white noise)."

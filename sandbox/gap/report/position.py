@@ -57,13 +57,19 @@ class PositionError:
 
 
 def position_error(d: Diagnosis, estimator: str = ESTIMATOR, seed: int = 0) -> PositionError | None:
-    """Return the estimator's errors; None without a turning recording with injection, or where no estimator can be
+    """Return the estimator's errors; None where there are none (`compared` says why)."""
+    found = compared(d, estimator, seed)
+    return None if isinstance(found, str) else found
+
+
+def compared(d: Diagnosis, estimator: str = ESTIMATOR, seed: int = 0) -> PositionError | str:
+    """Return the estimator's errors, or why there are none: no turning recording has injection, or no estimator can be
     designed for the nominal model (no saliency, an injection that does not fit the sampling)."""
     prepared = d.start.prepared
     chosen = [k for k, r in enumerate(prepared.recordings) if _suits(d, k)]
     drive = d.campaign.drive
     if not chosen:
-        return None
+        return _none_suits(d)
     rng = np.random.default_rng(seed)
     try:
         recorded = [errors(drive, d.campaign[prepared.recordings[k].file], None, estimator) for k in chosen]
@@ -71,8 +77,8 @@ def position_error(d: Diagnosis, estimator: str = ESTIMATOR, seed: int = 0) -> P
             [errors(drive, d.campaign[prepared.recordings[k].file], i, estimator) for k, i in simulated(p, chosen, rng)]
             for p in (d.before.point, d.after.point)
         )
-    except (BadInput, PhysicsError):
-        return None
+    except (BadInput, PhysicsError) as error:
+        return f"the estimator '{estimator}' cannot run on these recordings: {error}"
     files = tuple(prepared.recordings[k].file for k in chosen)
     return PositionError(
         _rms_deg(recorded), _rms_deg(before), _rms_deg(after), _believing(d, files, estimator), estimator, files
@@ -81,8 +87,20 @@ def position_error(d: Diagnosis, estimator: str = ESTIMATOR, seed: int = 0) -> P
 
 def _suits(d: Diagnosis, k: int) -> bool:
     r = d.start.prepared.recordings[k]
-    axis = d.campaign[r.file].injection_axis
-    return r.rotor != "locked" and axis != "none" and float(np.ptp(r.motion.angle)) > TURNS * math.tau
+    return _injected(d, k) and float(np.ptp(r.motion.angle)) > TURNS * math.tau
+
+
+def _injected(d: Diagnosis, k: int) -> bool:
+    """Return whether a recording has injection and a rotor that is not locked."""
+    r = d.start.prepared.recordings[k]
+    return r.rotor != "locked" and d.campaign[r.file].injection_axis != "none"
+
+
+def _none_suits(d: Diagnosis) -> str:
+    """Return why no recording shows a position error."""
+    if any(_injected(d, k) for k in range(len(d.start.prepared.recordings))):
+        return f"no recording with injection turns by more than {TURNS:g} electrical turns"
+    return "no turning recording has injection"
 
 
 def _believing(d: Diagnosis, files: tuple[str, ...], estimator: str) -> float | None:

@@ -2,7 +2,7 @@
 
 One estimator of each family (sandbox/gap/README.md says which stands for which): the null of an injected ripple
 (`qnull`), a Kalman filter with a model of the motor (`ekf`), both at low speed where only injection sees the rotor, and
-the flux behind the voltages at speed (`active_flux`).  All believe the nominal model of the campaign, with rated
+the flux behind the voltages at speed (`active_flux`).  All use the nominal motor values of the campaign, with rated
 current, over one mechanical turn.  At low speed the rotor turns freely under the estimate; at speed it is driven, since
 near standstill that estimator sees nothing and could not start it.
 """
@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from estimators.registry import load_estimator
-from model.errors import BadInput, PhysicsError
+from model.errors import BadInput, Diverged, PhysicsError
 from model.parameters import Drive
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import Setup, run_once, set_up
@@ -52,6 +52,8 @@ def moved(drive: Drive, effects: Mapping[str, Mapping[str, float]]) -> dict[str,
         try:
             setup = _ready(drive, name)
             base = _error(setup, {})
+        except Diverged:
+            pass  # base stays None, as where the rotor is lost in a run that ends
         except (BadInput, PhysicsError) as error:
             why = f"it cannot run on this drive: {error}"
         for effect, values in effects.items():
@@ -67,13 +69,15 @@ def _not_run(why: str) -> Moved:
 
 
 def _moved(setup: Setup, values: Mapping[str, float], base: tuple[float, float]) -> Moved:
-    """Return what values do to mean and ripple (base: without them)."""
+    """Return what values do to mean and ripple (base: without them); a run that breaks off has lost the rotor."""
     try:
         found = _error(setup, values)
     except BadInput as error:  # none that a drive can have: an estimate at the end of its range
         return _not_run(f"no drive can have the effect at this size: {error}")
-    except PhysicsError:
+    except Diverged:
         found = None
+    except PhysicsError as error:  # said before the run: the drive then cannot do what is asked for
+        return _not_run(f"the drive cannot run so with the effect: {error}")
     return Moved(math.nan, math.nan) if found is None else Moved(found[0] - base[0], found[1] - base[1])
 
 

@@ -11,6 +11,7 @@ from sandbox.gap.words import capital, likely, names, percent_fine, sizes, tenth
 
 HALF = 0.5  # chance of `unknown` below which it is not what most probably is at work
 FEW = 3  # effects whose sizes a sentence holds; more stand in the list of effects alone
+OPEN = 0.05  # chance of `unknown` from which it is told beside "no gap": what a list that holds 95 % may leave out
 SEEN = 0.005  # share of the gap from which the sentence gives it
 NEARLY_ALL = 0.99  # share of the gap: what closes so much leaves no room for "not in the library"
 BADGES = {
@@ -55,7 +56,9 @@ def _which(d: Diagnosis, shares: Mapping[str, float]) -> str:
     if named == "no_gap":
         others = [h for h in d.ambiguity_set if _named(h) and UNKNOWN not in h.effects]
         text = f"None: ordinary deviations alone are {likely(best.probability)}."
-        return f"{text} Too slight to exclude: {_listed(others, ', ')}." if others else text
+        text += f" Too slight to exclude: {_listed(others, ', ')}." if others else ""
+        outside = chance_of_unknown(d)
+        return f"{text} Something outside the library is {likely(outside)}." if outside >= OPEN else text
     if named == UNKNOWN and chance_of_unknown(d) >= HALF:
         return _outside(d)
     if named in (UNKNOWN, "ambiguous"):

@@ -8,13 +8,22 @@ import pytest
 
 from model.drive_files import load_drive
 from model.effects.library import complete, true_motor
-from model.errors import BadInput
+from model.errors import BadInput, Diverged, PhysicsError
 from model.saliency import local_angle
+from sandbox.drive import simulate
 from sandbox.gap.pages.listed import not_run_sentences, position_rows
 from sandbox.gap.report import position_moved
 from sandbox.gap.report.position_moved import Moved, moved
 
 SATURATED = {"saturation.alpha_30": 8.0}
+
+
+def listing(moved, **shares):
+    """A ranking of these moves, all effects likely, with shares."""
+    of = {e: SimpleNamespace(value=x) for e, x in shares.items()}
+    return SimpleNamespace(
+        moved=moved, inclusion=SimpleNamespace(chances=dict.fromkeys(moved, 1.0)), shares=SimpleNamespace(of=of)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -86,12 +95,49 @@ def test_an_estimator_that_cannot_run_says_so(monkeypatch, fails, why):
     assert all(why in m.not_run for m in found.values())
     told = list(not_run_sentences(SimpleNamespace(moved={"inertia": found, "saturation": found})))
     assert len(told) == len(found)
-    assert position_rows(SimpleNamespace(moved={"inertia": found}))[1] == [["inertia", *["not run"] * len(found)]]
+    assert all(" was not run: " in t for t in told)
+    assert position_rows(listing({"inertia": found}))[1] == [["inertia", *["not run"] * len(found)]]
 
 
 def test_a_rotor_that_is_lost_is_said_to_be():
-    ranking = type("R", (), {"moved": {"dead_time": {"qnull": Moved(math.nan, math.nan), "ekf": Moved(1.234, 0.1)}}})
-    assert position_rows(ranking) == (["effect", "qnull", "ekf"], [["dead time", "lost", "+1.23° (+0.10°)"]])
+    ranking = {"dead_time": {"qnull": Moved(math.nan, math.nan), "ekf": Moved(1.234, 0.1)}}
+    assert position_rows(listing(ranking)) == (["effect", "qnull", "ekf"], [["dead time", "lost", "+1.23° (+0.10°)"]])
     assert Moved(math.nan, math.nan).as_json() == {
         "mean_deg": None, "ripple_deg": None, "lost": True, "not_run": None
     }  # fmt: skip
+
+
+def test_rows_stand_in_the_order_of_the_list():
+    own = {e: {"ekf": Moved(1.0, 0.0)} for e in ("dead_time", "inertia", "saturation")}
+    rows = position_rows(listing(own, dead_time=0.1, inertia=0.2, saturation=0.7))[1]
+    assert [r[0] for r in rows] == ["saturation", "inertia", "dead time"]
+
+
+@pytest.mark.parametrize(("error", "lost"), [(Diverged("not finite"), True), (PhysicsError("needs 900 V"), False)])
+def test_lost_is_said_only_where_a_run_breaks_off(monkeypatch, error, lost):
+    """What is refused before a run begins is no lost rotor; the page names the effect where the others were run."""
+
+    def run(setup, values):
+        if values:
+            raise error
+        return 0.0, 0.0
+
+    monkeypatch.setattr(position_moved, "_ready", lambda drive, name: None)
+    monkeypatch.setattr(position_moved, "_error", run)
+    own = moved(None, {"inertia": {"inertia.inertia": 1.0}, "saturation": {}})
+    assert own["saturation"]["ekf"] == Moved(0.0, 0.0)
+    told = own["inertia"]["ekf"].as_json()
+    assert told["lost"] == lost
+    assert bool(told["not_run"]) != lost
+    said = list(not_run_sentences(SimpleNamespace(moved=own)))
+    assert said == ([] if lost else [
+        f"`{name}` was not run with inertia: the drive cannot run so with the effect: needs 900 V."
+        for name in position_moved.ESTIMATORS
+    ])  # fmt: skip
+
+
+def test_a_run_that_breaks_off_is_told_by_its_own_error():
+    """Fluxes out of the domain in a run, as a rotor that is lost ends."""
+    raised = simulate._failure(simulate.loop.OUTSIDE_DOMAIN, 0.1, (1.0, 2.0), SimpleNamespace(name="x"))
+    assert isinstance(raised, Diverged)
+    assert isinstance(raised, PhysicsError)

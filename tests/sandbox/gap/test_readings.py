@@ -1,6 +1,7 @@
 """The sensors' part of a gap is told in amperes: a planted constant offset is constant, at every speed."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import decompose
 from sandbox.gap.location.readings import Readings, told
-from sandbox.gap.location.where import sentences
+from sandbox.gap.location.where import of_readings, sentences
 from sandbox.gap.words import amperes
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
@@ -43,12 +44,35 @@ def test_an_offset_is_constant_in_its_phase(part):
 
 
 def test_an_offset_is_told_without_a_trend(part):
-    said = next(sentences("sensor", 1.0, part)).text
+    said = next(sentences("sensor", 1.0, part, of_readings=True)).text
     assert "an error of the measured currents, 29 mA rms a phase" in said
     assert "+50 mA in a" in said
-    assert "does not depend on speed or current" in said
+    assert "Where currents are not near zero, its rms does not depend on speed or current." in said
     assert "voltage" not in said
     assert "grows" not in said
+
+
+def test_what_is_wrong_with_the_angle_is_told_as_a_voltage(part):
+    """Readings are right where the encoder is not: the same residual, of an angle that is off."""
+    said = next(sentences("sensor", 1.0, part)).text
+    assert "voltage" in said
+    assert "measured currents" not in said
+    assert said.endswith("This points to the sensors.")
+
+
+@pytest.mark.parametrize(
+    ("told", "expected"),
+    [
+        ([("current_offset",)], True),
+        ([("current_gain", "current_filter", "current_sampling", "inertia")], True),
+        ([("encoder_offset",)], False),
+        ([("encoder_eccentricity", "current_gain")], False),  # one of them is of the angle
+        ([("dead_time",), ("encoder_offset",), ("current_offset",)], False),  # the first that names any
+        ([("unknown",), ("dead_time",)], True),  # shown by readings whose sum is not zero
+    ],
+)
+def test_which_effects_act_on_current_readings(told, expected):
+    assert of_readings(SimpleNamespace(hypotheses=[SimpleNamespace(effects=e) for e in told])) == expected
 
 
 def test_an_error_that_is_not_constant_is_told_by_its_size():

@@ -257,7 +257,21 @@ def test_rivals_are_said_of_likely_effects_only():
     one, other = ("iron_loss", "effect", 0.99, 1.0), ("pwm_delay", "effect", 0.8, 9.0)
     rivals = (told_apart.Confused(*one), told_apart.Confused(*other))
     told = {"inertia": told_apart.Telling(False, rivals)}
-    assert list(listed.confused_sentences(listing(0.0, told=told))) == [
+    assert list(listed.confused_sentences(listing(0.0, told=told), {})) == [
         "Inertia cannot be told here from iron loss (cosine 0.990)."
     ]
-    assert not list(listed.confused_sentences(listing(0.0, told={"inertia": told_apart.Telling(True, rivals)})))
+    assert not list(listed.confused_sentences(listing(0.0, told={"inertia": told_apart.Telling(True, rivals)}), {}))
+
+
+@pytest.mark.parametrize(
+    ("low", "neutral", "said"),
+    [
+        (0.9, 0.5, "Inertia may be no effect at all: the simulator's own error could imitate it."),
+        (0.9, 1.0, "Inertia cannot be told here from no effect at all: it is too small."),
+    ],
+)
+def test_an_effect_whose_interval_excludes_none_is_not_called_too_small(low, neutral, said):
+    own = {"inertia": {"inertia.inertia": Estimate(1.0, low, 1.1, "kg m^2")}}
+    told = {"inertia": told_apart.Telling(False, ())}
+    r = Ranking(summed({("inertia",): 1.0}, ("inertia",)), Shares({}, ()), own, 0.0, None, told=told)
+    assert list(listed.confused_sentences(r, {"inertia.inertia": neutral})) == [said]

@@ -8,10 +8,11 @@ import pytest
 
 from sandbox.gap.evidence.discrepancy import Unexplained
 from sandbox.gap.evidence.gap_size import OfRecording
-from sandbox.gap.pages import listed, page, signals
+from sandbox.gap.pages import charts, listed, page, signals
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.shares import Share
 from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.words import interval
 from tests.sandbox.gap.conftest import DRIVE
 
 
@@ -39,7 +40,7 @@ def test_effects_are_listed_from_a_chance_of_one_in_a_hundred():
     assert listed.rows(ranking({"iron_loss": 0.5}, 0.009)) == [["iron loss", "50.0 %", "–", "–"]]
 
 
-@pytest.mark.parametrize(("count", "size"), [(1, "n0 1"), (2, "n0 1, n1 1"), (3, "3 numbers, below")])
+@pytest.mark.parametrize(("count", "size"), [(1, "n0 1"), (2, "n0 1, n1 1"), (3, "n0 1, ..., see below")])
 def test_two_parameters_stand_in_the_list(count, size):
     own = {f"inertia.n{k}": Estimate(1.0, 1.0, 1.0, "") for k in range(count)}
     told = listed.rows(ranking({"inertia": 1.0}, parameters={"inertia": own}))[0][3]
@@ -61,7 +62,7 @@ def hypotheses(*chances):
 def drawn(monkeypatch):
     """What is drawn: a list of (labels or panels, series, logarithmic axes)."""
     seen = []
-    monkeypatch.setattr(page, "bars_svg", lambda labels, series, xlabel, *, ylabel="": bars(labels, series, ""))
+    monkeypatch.setattr(charts, "bars_svg", lambda labels, series, xlabel, *, ylabel="": bars(labels, series, ""))
     monkeypatch.setattr(page, "dots_svg", lambda labels, series, xlabel: bars(labels, series, "x"))
 
     def bars(labels, series, log):
@@ -97,8 +98,9 @@ def test_a_probability_is_a_number_and_a_bar(monkeypatch):
 
 def test_six_hypotheses_are_printed(monkeypatch, capsys):
     tables = {}
-    for name in ("where_text", "which_text", "far_text", "next_text", "remains_text"):
+    for name in ("where_text", "which_text", "far_text", "next_text"):
         monkeypatch.setattr(page.answers, name, lambda a: "told")
+    monkeypatch.setattr(page.left, "remains_text", lambda a: "told")
     monkeypatch.setattr(page.answers, "caveats", lambda a: [])
     monkeypatch.setattr(page, "closed_by", lambda d, h: None)
     monkeypatch.setattr(page, "print_table", lambda title, heads, rows: tables.update({title: rows}))
@@ -107,7 +109,7 @@ def test_six_hypotheses_are_printed(monkeypatch, capsys):
         size=SimpleNamespace(recordings=[("r", 2.0, 1.0, True)]), simulations=7, seconds=1.0,
     )  # fmt: skip
     monkeypatch.setattr(page, "_parameters", lambda a, own: list(own))
-    page.print_answers(SimpleNamespace(diagnosis=d, badge="explained"))
+    page.print_answers(SimpleNamespace(diagnosis=d, badge="explained", ranking=None))
     assert tables["hypotheses"] == [["inertia", "0.100", "–"]] * 6
     assert tables["parameters"] == ["a.b"]
     assert tables["residual over its noise floor (rms)"] == [["r (held out)", "2.00", "1.00"]]
@@ -155,31 +157,37 @@ def apart(**electrical):
 
 def test_charts_are_of_the_parts_that_sentences_speak_of(drawn):
     """Two subsystems: the sensors' chart has what is constant in a phase, the inverter's the voltage's direction."""
-    parts = [SimpleNamespace(subsystem="inverter", share=0.7, left=apart()),
-             SimpleNamespace(subsystem="sensor", share=0.3, left=apart())]  # fmt: skip
-    told = "".join(page._parts(parts, None, apart()))
+    parts = [SimpleNamespace(subsystem="inverter", share=0.7, left=apart(), of_readings=False),
+             SimpleNamespace(subsystem="sensor", share=0.3, left=apart(), of_readings=True)]  # fmt: skip
+    told = "".join(charts.of_parts(parts, None, apart()))
     assert told.index(" part, 70&nbsp;% of the gap") < told.index(" part, 30&nbsp;% of the gap")
     assert [x[0] for x in drawn] == [
         ["on the d axis", "at standstill"],
         ["constant in phase a", "constant in phase b", "constant in phase c", "at standstill"],
     ]
     assert drawn[1][1]["before"] == pytest.approx([25.0, 0.0, 0.0, 40.0])
+    assert told.count("Bars of speed and current are shares of squared residuals") == 2
     drawn.clear()
-    list(page._parts(parts[:1], None, apart()))  # one subsystem's: its own, not that of the whole
+    list(charts.of_parts(parts[:1], None, apart()))  # one subsystem's: its own, not that of the whole
     assert [x[0] for x in drawn] == [["on the d axis", "at standstill"]]
     drawn.clear()
-    list(page._parts([], apart(), apart()))  # none is spoken of: the whole
+    list(charts.of_parts([], apart(), apart()))  # none is spoken of: the whole
     assert [x[0] for x in drawn] == [["on the d axis", "at standstill"]]
 
 
-@pytest.mark.parametrize(("count", "figures"), [(0, 0), (1, 1), (2, 1)])
-def test_a_waterfall_is_drawn_for_one_effect_and_more(monkeypatch, drawn, count, figures):
+@pytest.mark.parametrize(("count", "figures", "held"), [(0, 0, (1,)), (1, 1, ()), (2, 1, (1,))])
+def test_a_waterfall_is_drawn_for_one_effect_and_more(monkeypatch, drawn, count, figures, held):
     steps = (("inertia", 2.0), ("iron_loss", 1.5))[:count]
     a = SimpleNamespace(
         ranking=ranking({"inertia": 1.0}, waterfall=steps), following=None,
-        diagnosis=SimpleNamespace(size=SimpleNamespace(before=5.0)),
+        diagnosis=SimpleNamespace(
+            size=SimpleNamespace(before=5.0), best=SimpleNamespace(effects=(), probability=1.0), held_out=held,
+            campaign=SimpleNamespace(drive=DRIVE),
+        ),
     )  # fmt: skip
-    list(page._listed(a))
+    told = "".join(page._listed(a))
+    assert ("Residual on the recordings held out as" in told) == bool(held and count)
+    assert ("Residual on all recordings as" in told) == bool(not held and count)
     assert len(drawn) == figures
     assert [x[2] for x in drawn] == ["x"] * figures
 
@@ -201,7 +209,7 @@ def test_orders_are_drawn_where_one_holds_a_hundredth_of_the_gap(drawn, share, f
         excess=8.0, directions={"d": 0.5}, speeds={}, currents={}, electrical={0: 0.001, 2: share, -2: share}
     )
     rest = SimpleNamespace(excess=2.0, directions={"d": 0.4}, speeds={}, currents={}, electrical={2: 0.5})
-    list(page._shares(part, rest, "machine"))
+    list(charts.shares(part, rest))
     assert len(drawn) == figures
     assert drawn[0][1] == {"before": [50.0], "after": pytest.approx([10.0])}
     if figures > 1:
@@ -277,14 +285,49 @@ def test_facts_of_effects_and_nominal_model_are_told():
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ((1.2, -0.2), "Iron loss hides a part of what other effects do: without it the gap would be larger"),
-        ((1.4, -0.2, -0.2), "Iron loss and PWM delay hide a part of what other effects do: without them"),
-        ((1.025, -0.025), "Iron loss hides a part of what other effects do"),  # two per cent are the bound
+        (
+            (1.2, -0.2),
+            "Iron loss partly cancels other effects: without it the gap would be larger, so its share is negative.",
+        ),
+        (
+            (1.4, -0.2, -0.2),
+            "Iron loss and PWM delay partly cancel other effects: without them the gap would be larger, so their "
+            "shares are negative.",
+        ),
+        ((1.025, -0.025), "Iron loss partly cancels other effects"),  # two per cent are the bound
         ((1.015, -0.015), ""),
     ],
 )
-def test_effects_that_hide_others_are_told(values, said):
+def test_effects_that_cancel_others_are_told(values, said):
     own = dict(zip(("inertia", "iron_loss", "pwm_delay"), (Share(x, x, x, x) for x in values), strict=False))
     found = listed.hidden_sentence(SimpleNamespace(shares=SimpleNamespace(of=own)))
     assert found.startswith(said)
     assert bool(found) == bool(said)
+
+
+def test_a_share_too_small_to_see_is_not_nought():
+    assert interval(0.0004, 0.0002, 0.00049) == "< 0.1 %"
+    assert interval(0.0, 0.0, 0.0) == "0.0 % [0.0 %, 0.0 %]"
+    assert interval(0.0004, -0.001, 0.002) == "0.0 % [-0.1 %, 0.2 %]"
+
+
+def test_a_table_says_more_than_all_but_a_thousandth_as_text_does():
+    assert (page._share(0.99996), page._share(1.2), page._share(None)) == ("more than 99.9 %", "more than 99.9 %", "–")
+
+
+@pytest.mark.parametrize(
+    ("effects", "said"),
+    [
+        (("a", "b", "c"), "a + b + c"),
+        (tuple("abcd"), "the 4 effects above"),
+        ((*"abcd", "unknown"), "the 4 effects above + unknown"),
+    ],
+)
+def test_more_than_three_effects_are_not_repeated(effects, said):
+    h, other = (SimpleNamespace(effects=e) for e in (effects, ("a",)))
+    assert listed.short(h, [h, other]) == said
+
+
+def test_two_sets_of_many_effects_are_told_apart_by_their_rows():
+    own = [SimpleNamespace(effects=e) for e in (tuple("abcd"), ("a",), tuple("abcde"))]
+    assert [listed.short(h, own) for h in own] == ["the 4 effects of row 1 above", "a", "the 5 effects of row 3 above"]

@@ -12,7 +12,7 @@ from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.location import where
 from sandbox.gap.location.decompose import CURRENT_NAMES, DIRECTIONS, SPEED_NAMES, Decomposition
 from sandbox.gap.location.readings import Readings
-from sandbox.gap.report import answers, position, position_moved, ranking, shares
+from sandbox.gap.report import answers, left, position, position_moved, ranking, shares
 from sandbox.gap.search.inclusion import summed
 from sandbox.gap.words import PREFIXES
 
@@ -95,6 +95,27 @@ def test_amplitudes_within_one_and_a_half_are_alike(ratio, word):
     assert word in where._dependence(amplitude)
 
 
+@pytest.mark.parametrize(
+    ("others", "more"),
+    [
+        ([("machine", 0.199)], ""),
+        ([("machine", 0.45)], " A further 45 % of the gap points to the machine."),
+        (
+            [("machine", 0.25), ("sensor", 0.2)],
+            " A further 25 % of the gap points to the machine and 20 % to the sensors.",
+        ),
+    ],
+)
+def test_a_further_subsystem_is_named_from_a_fifth(monkeypatch, others, more):
+    """A detail of the first one, however large, is no further subsystem."""
+    monkeypatch.setattr(where, "verdict", lambda d: "explained")
+    found = [
+        where.Finding(name, "", "", None, share, name)
+        for name, share in [("inverter", 0.55), ("inverter", 0.5), *others]
+    ]
+    assert where.summary(None, found) == f"inverter{more}"
+
+
 @pytest.mark.parametrize(("turning", "order"), [(0.09, None), (0.11, 6)])
 def test_an_order_is_the_gap_s_where_it_has_most_of_a_tenth(turning, order):
     found = next(where.sentences("machine", 1.0, part(electrical={0: 0.0, 6: turning})))
@@ -120,14 +141,16 @@ def test_subsystems_below_a_fiftieth_are_not_spoken_of(monkeypatch):
         prepared=SimpleNamespace(recordings=(1, 2)), name=name, alone=alone))  # fmt: skip
     monkeypatch.setattr(where, "shown", lambda point: point)
     monkeypatch.setattr(where, "decompose", lambda point, shown: part())
-    assert [f.subsystem for f in where.where(None)] == ["machine", "sensor"]
+    assert [f.subsystem for f in where.where(diagnosis())] == ["machine", "sensor"]
 
 
 @pytest.mark.parametrize(("closable", "more"), [(4e-4, False), (6e-4, True)])
 def test_less_than_a_two_thousandth_is_nothing_more(closable, more):
     remains = SimpleNamespace(structure=True, closable=closable, of_gap=None)
-    text = answers.regression_text(SimpleNamespace(remains=remains, diagnosis=None))
-    assert ("structure that no effect took up" in text) == more
+    text = left.regression_text(SimpleNamespace(remains=remains, diagnosis=None))
+    assert text == "On the recordings held out, a general fit by currents, speed and angle " + (
+        "explains 0.1 % of what remains: structure that no effect took up." if more else "finds nothing more."
+    )
 
 
 @pytest.mark.parametrize(("share", "told"), [(0.14, False), (0.16, True)])
@@ -136,12 +159,12 @@ def test_a_kind_of_functions_is_spoken_of_from_a_seventh(share, told):
     open_part = SimpleNamespace(beside=SimpleNamespace(described=described, worth=0.5), chances={})
     none = SimpleNamespace(best=SimpleNamespace(effects=()))
     a = SimpleNamespace(ranking=SimpleNamespace(open_part=open_part), diagnosis=none)
-    assert ("a voltage that depends on the speed" in answers.beside_text(a)) == told
+    assert ("a voltage that depends on the speed" in left.beside_text(a)) == told
 
 
 @pytest.mark.parametrize(("alike", "told"), [(1.9, False), (2.1, True)])
 def test_residuals_are_alike_from_twice_white_noise(alike, told):
-    assert bool(answers.alike_text(SimpleNamespace(remains=SimpleNamespace(alike=alike)))) == told
+    assert bool(left.alike_text(SimpleNamespace(remains=SimpleNamespace(alike=alike)))) == told
 
 
 @pytest.mark.parametrize(("before", "few"), [(1.19, False), (1.21, True)])
@@ -194,6 +217,33 @@ def test_a_rotor_turns_from_two_electrical_turns_on(turns, suits):
     start, injected = SimpleNamespace(prepared=SimpleNamespace(recordings=[r])), SimpleNamespace(injection_axis="d")
     d = SimpleNamespace(start=start, campaign={"a": injected})
     assert position._suits(d, 0) == suits
+
+
+@pytest.mark.parametrize(
+    ("rotor", "axis", "turns", "why"),
+    [
+        ("driven", "none", 9.0, "no turning recording has injection"),
+        ("locked", "d", 0.0, "no turning recording has injection"),
+        ("free", "d", 1.9, "no recording with injection turns by more than 2 electrical turns"),
+        ("free", "d", 9.0, "the estimator 'ekf' cannot run on these recordings: no saliency"),
+    ],
+)
+def test_why_there_is_no_position_error(monkeypatch, rotor, axis, turns, why):
+    def refused(*_):
+        raise BadInput("no saliency")
+
+    monkeypatch.setattr(position, "errors", refused)
+    r = SimpleNamespace(file="a", rotor=rotor, motion=SimpleNamespace(angle=np.linspace(0.0, turns * math.tau, 9)))
+
+    class Injected(dict):
+        drive = None
+
+    d = SimpleNamespace(
+        start=SimpleNamespace(prepared=SimpleNamespace(recordings=[r])),
+        campaign=Injected(a=SimpleNamespace(injection_axis=axis)),
+    )
+    assert position.compared(d) == why
+    assert position.position_error(d) is None
 
 
 def test_position_is_judged_a_tenth_of_a_second_after_the_start(monkeypatch):

@@ -115,3 +115,10 @@ def test_nothing_has_no_sign():
     """A share of -0.0002 is none to a tenth of a percent, and so is a move of -0.001 degrees to a hundredth."""
     assert (tenths(-0.0002), tenths(-0.0007), tenths(0.0)) == ("0.0 %", "-0.1 %", "0.0 %")
     assert listed._moved(Moved(-0.001, 0.004)) == "+0.00\u00b0 (+0.00\u00b0)"
+
+
+@pytest.mark.parametrize(("unknown", "told"), [(0.48, True), (0.06, True), (0.04, False)])
+def test_no_gap_says_how_probable_something_else_is(unknown, told):
+    said = which_text(diagnosis(((), 1.0 - unknown), (U, unknown)))
+    assert said.startswith("None: ordinary deviations alone are")
+    assert (f"Something outside the library is {100 * unknown:.0f} % probable." in said) == told
