@@ -3,8 +3,9 @@
 Reads a finished check (`sensorless withheld make --kind many`, `score`).  Each of its drives is recorded again on the
 switched bench, with the same deviations, cycles and noise, with one effect taken out (its *last* place among all), and
 with all others taken out (its *first*); the gap is what ordinary deviations, refitted, leave above the noise floor.
-A stated share is the mean over all orders of adding, so it is compared with the mean of the two.  An effect that is not
-named has the stated share 0, one that is not there the true share 0.
+The goal is worded by the last place: that effect alone taken out (`rms_last`).  A stated share is the mean over all
+orders of adding, so it is compared with the mean of the two as well (`rms_true`).  An effect that is not named has the
+stated share 0, one that is not there the true share 0.  A share is negative where an effect hides others.
 
 Run: python -m experiments.shares_truth CHECK   (1 to 2 min a campaign; rows are kept in CHECK, a second call goes on)
 """
@@ -13,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -51,6 +53,11 @@ class Row(NamedTuple):
     def true(self) -> float:
         """The mean of the last and the first place."""
         return 0.5 * (self.last + self.first)
+
+    @property
+    def named(self) -> bool:
+        """The diagnosis states a share, of either sign."""
+        return (self.stated, self.low, self.high) != (0.0, 0.0, 0.0)
 
 
 def gap_of(campaign: Campaign) -> float:
@@ -107,14 +114,23 @@ def main() -> None:
     told(rows)
 
 
+def compared(rows: list[Row]) -> dict[str, Any]:
+    """Return how far stated shares are from true ones (rms over n effects), and how often intervals hold them.
+
+    rms_last: against the last place; rms_true: against the mean of last and first; in_interval: of shares that are
+    stated (n_stated), those whose interval holds that mean.
+    """
+    found: dict[str, Any] = {"campaigns": len({r.campaign for r in rows}), "n": len(rows)}
+    for name in ("last", "true", "first"):
+        found[f"rms_{name}"] = math.sqrt(np.mean([(r.stated - getattr(r, name)) ** 2 for r in rows]))
+    found["between_places"] = math.sqrt(np.mean([(r.last - r.first) ** 2 for r in rows]))
+    inside = [r.low <= r.true <= r.high for r in rows if r.named]
+    return {**found, "in_interval": float(np.mean(inside)) if inside else None, "n_stated": len(inside)}
+
+
 def told(rows: list[Row]) -> None:
     """Write results/shares_truth.json and .png."""
-    stated = np.array([r.stated for r in rows])
-    found: dict[str, Any] = {"campaigns": len({r.campaign for r in rows}), "effects": len(rows)}
-    for name in ("true", "last", "first"):
-        found[f"rms_{name}"] = float(np.sqrt(np.mean((stated - [getattr(r, name) for r in rows]) ** 2)))
-    found["between_places"] = float(np.sqrt(np.mean([(r.last - r.first) ** 2 for r in rows])))
-    found["in_interval"] = float(np.mean([r.low <= r.true <= r.high for r in rows if r.stated > 0.0]))
+    found, stated = compared(rows), np.array([r.stated for r in rows])
     figure, axes = new_figure()
     a = axes[0, 0]
     a.errorbar(
@@ -123,8 +139,12 @@ def told(rows: list[Row]) -> None:
     )  # fmt: skip
     a.plot([0.0, 1.0], [0.0, 1.0], color="0.4", linewidth=0.8)
     a.set(xlabel="share that vanishes with the effect (last to first place)", ylabel="stated share (95 % interval)")
+    a.set_title(
+        f"rms {found['rms_last']:.3f} of that effect alone taken out (last place),\n"
+        f"{found['rms_true']:.3f} of the mean of last and first place; n = {found['n']} effects", fontsize=8,
+    )  # fmt: skip
     save("shares_truth", {**found, "rows": [r._asdict() for r in rows]}, figure)
-    print({k: round(v, 3) for k, v in found.items()})
+    print({k: v if v is None else round(v, 3) for k, v in found.items()})
 
 
 if __name__ == "__main__":

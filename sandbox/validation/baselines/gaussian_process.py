@@ -4,22 +4,26 @@ The discrepancy's scales are learnt on the residual that ordinary deviations lea
 effect whose set has most evidence beside the process joins, one at a time, as long as evidence grows; each set's
 evidence is that of its own linearisation, with the amplitudes out of FACTORS that suit it best.  Every effect has the
 prior odds of one among all that the library has.  What the parameters leave, the process' part included, is `unknown`.
+
+Slopes of a set promise the evidence of its neighbours (an effect more, or less); what promises more is fitted, the best
+first, and counts with what its fit has.  So the set that is named has been fitted; neighbours that promise less are
+ranked behind it unfitted, without parameters.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from model.effects.library import effect_names
-from sandbox.gap.evidence.algebra import Algebra, prior_of
+from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.normal import Point, counted, normal
 from sandbox.gap.evidence.priors import Coordinate, ordinary, with_usual_sign
 from sandbox.gap.evidence.probes import Probe, probes
@@ -28,12 +32,20 @@ from sandbox.validation.baselines import discrepancy_process as gp
 from sandbox.validation.baselines import refit as fit
 from sandbox.validation.baselines.answer import Answer, answer
 from sandbox.validation.baselines.refit import UNFITTED, Estimates
-from sandbox.validation.baselines.screening import Columns, columns, held_but, owner
+from sandbox.validation.baselines.screening import (
+    Columns,
+    barred,
+    cleared,
+    columns,
+    held_but,
+    lesser,
+    names_of,
+    staying,
+)
 
 SAMPLED, TRIES = 4000, 100  # readings that scales are learnt from, and how often they are weighed: some seconds
 BEGIN = gp.Scales(1.0, 1.0, 0.5, 0.5, 0.7)  # a floor; half of rated current and top speed; a sixth of a turn
 FACTORS = (1.0, 0.3, 0.1, 0.03, 0.01)  # of the amplitudes: they fall as effects take over
-TRIED = 2  # effects that are fitted, should the first not keep what slopes promise
 ROUNDS, SHARES = 2, (1.0, 0.5, 0.25)  # of Gauss-Newton; of a step, tried in turn
 MOST = 3000  # simulations, as `stepwise`
 
@@ -70,12 +82,21 @@ class Stand(NamedTuple):
         return {c.label: c for c in self.columns.known}
 
 
-class Named(NamedTuple):
-    """A set with its log evidence and its parameters."""
+class Move(NamedTuple):
+    """A neighbouring set, the evidence that slopes promise, and where the fit of an effect that joins begins."""
 
     effects: tuple[str, ...]
-    evidence: float
-    own: Mapping[str, Any]
+    promised: float
+    probe: Probe | None = None
+
+
+@dataclass
+class Walk:
+    """Whether too much was simulated, and the sets fitted so far; None: it cannot be fitted."""
+
+    process: Process
+    tired: Callable[[], bool]
+    seen: dict[frozenset[str], Stand | None] = field(default_factory=dict)
 
 
 def by_gaussian_process(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
@@ -83,16 +104,41 @@ def by_gaussian_process(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     started, campaign, spent = time.perf_counter(), read_campaign(folder), list[float]()
     with counted(spent.append):
         null, raw = fit.nuisances(campaign)
-        process = process_of(null.point, exclude)
-        path = [stand(process, null.point, ())]
-        while sum(spent) < MOST and (found := grown(process, path[-1])) is not None:
-            path.append(found)
-    last = path[-1]
-    named = [*neighbours(last), *(Named(s.effects, s.evidence, {}) for s in path[:-1])]
-    most = max(s.evidence for s in named)
-    best = {frozenset(s.effects): s for s in sorted(named, key=lambda s: s.evidence)}  # of two of one set the better
-    ranked = [(s.effects, math.exp(max(s.evidence - most, -700.0)), s.own) for s in best.values()]
-    return answer(campaign, ranked[::-1], (raw, null.rms, left(last)), started, round(sum(spent)))
+        walk = Walk(process_of(null.point, exclude), lambda: sum(spent) > MOST)
+        best = walked(walk, stand(walk.process, null.point, ()))
+    return answer(campaign, ranked(walk, best), (raw, null.rms, left(best)), started, round(sum(spent)))
+
+
+def walked(walk: Walk, best: Stand) -> Stand:
+    """Return the set of most evidence of all that were fitted, from which no neighbour leads on."""
+    walk.seen[frozenset(best.effects)] = best
+    while (found := better(walk, best)) is not None:
+        best = found
+    return best
+
+
+def better(walk: Walk, here: Stand) -> Stand | None:
+    """Return a neighbour that has more evidence where it is fitted; None where none is left that promises it."""
+    for move in moves(walk.process, here):
+        if walk.tired() or move.promised <= here.evidence:
+            return None
+        key = frozenset(move.effects)
+        if key not in walk.seen:
+            walk.seen[key] = found = fitted(walk.process, here, move)
+            if found is not None and found.evidence > here.evidence:
+                return found
+    return None
+
+
+def ranked(walk: Walk, best: Stand) -> list[tuple[tuple[str, ...], float, Mapping[str, Any]]]:
+    """Return sets with their weights, the best first: those fitted with their parameters, and the best one's neighbours
+    that promise less.  What promises more and was not fitted in time is not ranked."""
+    known = sorted((s for s in walk.seen.values() if s is not None), key=lambda s: -s.evidence)
+    others = (m for m in moves(walk.process, best) if frozenset(m.effects) not in walk.seen)
+    told: list[tuple[tuple[str, ...], float, Mapping[str, Any]]]
+    told = [(s.effects, s.evidence, parameters(s)) for s in known]
+    told += [(m.effects, m.promised, {}) for m in others if m.promised <= best.evidence]
+    return [(e, math.exp(max(x - best.evidence, -700.0)), own) for e, x, own in sorted(told, key=lambda t: -t[1])]
 
 
 def process_of(point: Point, exclude: tuple[str, ...]) -> Process:
@@ -111,7 +157,7 @@ def odds(effects: Sequence[str]) -> float:
 
 def stand(process: Process, point: Point, effects: tuple[str, ...]) -> Stand:
     """Return a set linearised at a point, beside all that may join it."""
-    choices, _ = probes(point, (*process.exclude, *effects))
+    choices, _ = probes(point, (*process.exclude, *barred(effects)))
     cols = columns(point, fit.with_effects(point, effects), choices)
     found = process.beside(point, cols.every)
     prior = held_but(found.normal, {c.label: c for c in cols.known})
@@ -120,31 +166,48 @@ def stand(process: Process, point: Point, effects: tuple[str, ...]) -> Stand:
     return Stand(effects, point, cols, found, scales, value + odds(effects))
 
 
-def grown(process: Process, here: Stand) -> Stand | None:
-    """Return the set with one effect more that has more evidence where it is fitted; None where there is none."""
-    for probe, promised in joined(here)[:TRIED]:
-        if promised <= here.evidence:
-            return None
-        unbent = with_usual_sign(here.point.values, here.point.prepared.campaign.drive.motor)
-        begin, coordinates = fit.with_effect(replace(here.point, values=unbent), probe, here.effects)
-        with suppress(*UNFITTED):
-            point = moved(process, begin, coordinates, here.scales)
-            found = stand(process, point.resmoothed(), (*here.effects, probe.effect))
-            if found.evidence > here.evidence:
-                return found
+def fitted(process: Process, here: Stand, move: Move) -> Stand | None:
+    """Return a neighbour where it is fitted; None where it cannot be."""
+    with suppress(*UNFITTED):
+        if move.probe is None:
+            begin = cleared(here.point, here.effects, move.effects)
+            coordinates = fit.with_effects(begin, move.effects)
+        else:
+            unbent = with_usual_sign(here.point.values, here.point.prepared.campaign.drive.motor)
+            begin, coordinates = fit.with_effect(replace(here.point, values=unbent), move.probe, move.effects[:-1])
+        point = moved(process, begin, coordinates, here.scales)
+        return stand(process, point.resmoothed(), move.effects)
     return None
 
 
-def joined(here: Stand) -> list[tuple[Probe, float]]:
-    """Return by effect its best probe and the evidence that its joining promises, the best first."""
+def moves(process: Process, here: Stand) -> list[Move]:
+    """Return the neighbours of a set by the algebra of its own point, those that promise most first."""
+    return sorted([*joining(here), *leaving(process, here)], key=lambda m: -m.promised)
+
+
+def joining(here: Stand) -> list[Move]:
+    """Return the sets with one effect more, each by its best probe."""
     a, more = here.equations.marginal(here.scales)
-    best: dict[str, tuple[Probe, float]] = {}
+    best: dict[str, Move] = {}
     for probe, own in here.columns.own:
-        effects = (*here.effects, probe.effect)
+        effects = (*staying(here.effects, probe.effect), probe.effect)
         found = a.log_evidence(held_but(here.equations.normal, {**here.free, **own})) + more + odds(effects)
-        if probe.effect not in best or found > best[probe.effect][1]:
-            best[probe.effect] = probe, found
-    return sorted(best.values(), key=lambda x: -x[1])
+        if probe.effect not in best or found > best[probe.effect].promised:
+            best[probe.effect] = Move(effects, found, probe)
+    return list(best.values())
+
+
+def leaving(process: Process, here: Stand) -> list[Move]:
+    """Return the sets with one effect less, or with a part of it in its place."""
+    n = here.equations.normal
+    a, more = here.equations.marginal(here.scales)
+    out = []
+    for rest in lesser(here.effects, process.exclude):
+        lost = names_of(here.effects) - names_of(rest)
+        gone = {c.label: replace(c, deviation=0.0) for c in here.columns.known if c.names[0] in lost}
+        kept = {c.label: c for c in fit.with_effects(here.point, rest)}
+        out.append(Move(rest, a.log_evidence(held_but(n, {**gone, **kept})) + more + odds(rest)))
+    return out
 
 
 def moved(process: Process, point: Point, coordinates: Sequence[Coordinate], scales: gp.Scales) -> Point:
@@ -166,21 +229,9 @@ def moved(process: Process, point: Point, coordinates: Sequence[Coordinate], sca
     return point
 
 
-def neighbours(here: Stand) -> list[Named]:
-    """Return the set with its parameters, and those with one effect less or more, by the algebra of its own point."""
-    n = here.equations.normal
-    a, more = here.equations.marginal(here.scales)
-    out = [Named(here.effects, here.evidence, parameters(here, a))]
-    for effect in here.effects:
-        rest = tuple(e for e in here.effects if e != effect)
-        known = {c.label: c for c in fit.with_effects(here.point, rest)}
-        gone = {c.label: replace(c, deviation=0.0) for c in here.columns.known if c.effect == owner(effect)}
-        out.append(Named(rest, a.log_evidence(held_but(n, {**gone, **known})) + more + odds(rest), {}))
-    return [*out, *(Named((*here.effects, p.effect), promised, {}) for p, promised in joined(here))]
-
-
-def parameters(here: Stand, a: Algebra) -> dict[str, Any]:
+def parameters(here: Stand) -> dict[str, Any]:
     """Return the parameters of a set's effects with 95 % intervals."""
+    a, _ = here.equations.marginal(here.scales)
     prior = held_but(here.equations.normal, here.free)
     deviation = np.sqrt(np.diag(a.covariance(prior)))
     found = Estimates(here.equations.normal.coordinates, a.most_probable(prior).x, deviation)

@@ -17,7 +17,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from model.effects.library import moved, neutral
 from sandbox.gap.evidence.normal import Point, counted
 from sandbox.gap.evidence.priors import Coordinate, with_usual_sign
 from sandbox.gap.evidence.probes import Probe, probes
@@ -25,7 +24,7 @@ from sandbox.recordings.campaign import read_campaign
 from sandbox.validation.baselines import refit as fit
 from sandbox.validation.baselines.answer import Answer, answer
 from sandbox.validation.baselines.refit import ROUNDS, UNFITTED, Refit
-from sandbox.validation.baselines.screening import Promise, count, owner, screened
+from sandbox.validation.baselines.screening import Promise, barred, cleared, count, lesser, screened, staying
 
 REFINED = 3  # effects that are fitted in full after a screening, as `bic` does
 MOST = 3000  # simulations: a single effect takes some 500, the way up to six or seven effects all of them
@@ -87,18 +86,19 @@ def walked(walk: Walk, best: Visited) -> Visited:
 def grown(walk: Walk, best: Visited) -> Visited | None:
     """Return the best set with one effect more; None where slopes promise no gain.
 
-    A candidate that promises less than another has reached already is not fitted.
+    A candidate that promises less than another has reached already is not fitted.  One that contains an effect of the
+    set takes its place; one that is part of an effect of the set is none.
     """
     point, out = best.fit.point, None
-    choices, _ = probes(point, (*walk.exclude, *best.effects))
-    listed = screened(point, best.fit.normal.coordinates, choices)
+    choices, _ = probes(point, (*walk.exclude, *barred(best.effects)))
+    listed = screened(point, best.fit.normal.coordinates, choices, best.effects)
     own = best.criterion - best.fit.cost  # k log n of the set as it is
     unbent = replace(point, values=with_usual_sign(point.values, point.prepared.campaign.drive.motor))
     for promise in firsts(listed):
         if promise.criterion + own >= (best if out is None else out).criterion:
             break
-        probe = promise.probe
-        found = walk.tried((*best.effects, probe.effect), partial(visited, unbent, probe, best.effects))
+        probe, beside = promise.probe, staying(best.effects, promise.probe.effect)
+        found = walk.tried((*beside, probe.effect), partial(visited, unbent, probe, beside))
         if found is not None and (out is None or found.criterion < out.criterion):
             out = found
     return out
@@ -113,8 +113,8 @@ def firsts(listed: Sequence[Promise]) -> list[Promise]:
 
 
 def shrunk(walk: Walk, best: Visited) -> Visited | None:
-    """Return the best set with one effect less; None where there is none to drop."""
-    found = [walk.tried(set(best.effects) - {e}, partial(without, best, e)) for e in best.effects]
+    """Return the best set with one effect less, or with a part of it in its place; None where there is none to drop."""
+    found = [walk.tried(rest, partial(reduced, best, rest)) for rest in lesser(best.effects, walk.exclude)]
     return min((f for f in found if f is not None), key=lambda v: v.criterion, default=None)
 
 
@@ -124,18 +124,10 @@ def visited(point: Point, probe: Probe, beside: Sequence[str] = ()) -> Visited:
     return _fitted(begin, (*beside, probe.effect), coordinates)
 
 
-def without(whole: Visited, effect: str) -> Visited:
-    """Return the fit of a set without one of its effects, from where the set stood."""
-    left = tuple(e for e in whole.effects if e != effect)
-    point = whole.fit.point
-    usual, values = neutral(point.prepared.campaign.drive.motor), dict(point.values)
-    kept = {c.label for c in fit.with_effects(point, left) if c.effect in {owner(e) for e in left}}
-    for c in whole.fit.normal.coordinates:
-        if c.effect == owner(effect) and c.label not in kept:
-            for name in c.names:
-                values |= moved(name, usual[name])
-    begin = replace(point, values=values)
-    return _fitted(begin, left, fit.with_effects(begin, left))
+def reduced(whole: Visited, rest: tuple[str, ...]) -> Visited:
+    """Return the fit of what is left of a set, from where the set stood."""
+    begin = cleared(whole.fit.point, whole.effects, rest)
+    return _fitted(begin, rest, fit.with_effects(begin, rest))
 
 
 def _fitted(begin: Point, effects: tuple[str, ...], coordinates: Sequence[Coordinate]) -> Visited:

@@ -23,23 +23,30 @@ def of_many(judged: Sequence[Judgement]) -> dict[str, Figure]:
 
     included_f1: mean over campaigns of F1, an effect named where its chance is above NAMED; included_auroc: chance that
     an effect that is there has a larger one than an effect that is not, pooled; included_error: `calibration_error`.
+    A failed diagnosis counts as the worst it could have said: all that is there absent for sure, all else there.
     """
     many = [j for j in judged if len(j.effects) >= MANY]
     names = sorted({*effect_names(), *(e for j in many for e in j.effects)} - {UNKNOWN})
     if not many:
         return dict.fromkeys(("included_f1", "included_auroc", "included_error"), NOTHING)
-    rows = np.array([[*(j.chances.get(e, 0.0) for e in names), *(e in j.effects for e in names)] for j in many])
+    there = [[e in j.effects for e in names] for j in many]
+    stated = [[float(not x) for x in t] if j.failed else [j.chances.get(e, 0.0) for e in names]
+              for j, t in zip(many, there, strict=True)]  # fmt: skip
+    rows = np.concatenate([np.array(stated), np.array(there, dtype=float)], axis=1)
     return {
         "included_f1": mean_share([f1(*_apart(r[None])) for r in rows]),
         "included_auroc": widened(bootstrapped(rows, _of_each(lambda x: _area(*_apart(x)))), len(many)),
-        "included_error": bootstrapped(rows, _of_each(lambda x: calibration_error(*_apart(x)))),
+        "included_error": widened(bootstrapped(rows, _of_each(lambda x: calibration_error(*_apart(x)))), len(many)),
     }
 
 
 def calibration(judged: Sequence[Judgement]) -> Figure:
-    """Return the `calibration_error` of first hypotheses: the chance stated against the share that is right."""
-    known = [(j.top_probability, float(j.hit)) for j in judged if not j.failed]
-    return bootstrapped(known, _of_each(lambda x: calibration_error(x[:, 0], x[:, 1])))
+    """Return the `calibration_error` of first hypotheses: the chance stated against the share that is right.
+
+    A failed diagnosis counts as a name given for sure and wrong.
+    """
+    stated = [(1.0, 0.0) if j.failed else (j.top_probability, float(j.hit)) for j in judged]
+    return widened(bootstrapped(stated, _of_each(lambda x: calibration_error(x[:, 0], x[:, 1]))), len(stated))
 
 
 def calibration_error(chance: ArrayLike, there: ArrayLike) -> float:
@@ -57,7 +64,8 @@ def f1(chance: ArrayLike, there: ArrayLike) -> float:
 
 
 def coverage_by_effect(judged: Sequence[Judgement]) -> dict[str, Figure]:
-    """Return by effect the share of its true parameters that lie in their intervals, the least first."""
+    """Return by effect the share of its true parameters that lie in their intervals, the least first; a failed
+    diagnosis covers none."""
     counts: dict[str, list[bool]] = {}
     for j in judged:
         for effect, (hits, given) in j.parts_of.items():

@@ -8,6 +8,7 @@ is 0 where the truth is unknown, else 1.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -116,10 +117,12 @@ def judge(name: str, truth: Mapping[str, Any], diagnosis: Mapping[str, Any]) -> 
     beyond = (truth.get("outside_subsystem") or "machine") if UNKNOWN in true else None
     head = (name, truth["kind"], truth["family"], tuple(truth["effects"]), tuple(truth["sizes"]))
     if "failed" in diagnosis:
-        missed = (0, sum(estimated(n) for n in truth["parameters"]))
+        given = Counter(n.partition(".")[0] for n in truth["parameters"] if estimated(n))
+        missed, missed_of = (0, given.total()), {e: (0, n) for e, n in sorted(given.items())}
         unknown = 0.0 if UNKNOWN in true else 1.0
         return Judgement(*head, True, False, 0.0, 0.0, unknown, "failed", missed, None if not true else 0.0, False,
-                         False, 0, False if true else None, None, None, (), 0.0, outside=beyond)  # fmt: skip
+                         False, 0, False if true else None, None, None, (), 0.0, parts_of=missed_of,
+                         outside=beyond)  # fmt: skip
     hypotheses = [(frozenset(h["effects"]), float(h["probability"]), h) for h in diagnosis["hypotheses"]]
     top, top_probability, best = hypotheses[0]
     members = [frozenset(m) for m in diagnosis["ambiguity_set"]]

@@ -20,9 +20,9 @@ from tests.sandbox.validation.test_withheld_score import diagnosis_of, truth_of
 FOUR = ("dead_time", "device_drop", "inertia", "iron_loss")
 
 
-def judged(effects, chances):
+def judged(effects, chances, failed=False):
     """Return what of_many reads of a campaign."""
-    return SimpleNamespace(effects=tuple(effects), chances=chances)
+    return SimpleNamespace(effects=tuple(effects), chances=chances, failed=failed)
 
 
 def test_f1_counts_what_is_named_above_a_half():
@@ -79,10 +79,50 @@ def test_coverage_effect_by_effect():
     assert coverage_worst(own[1:]).value is None  # too few to be compared
 
 
+def test_a_failure_covers_none_of_its_parameters():
+    """Nine values inside and one of a failed diagnosis: 9 of 10."""
+    inside = truth_of(parameters={"dead_time.time": 2e-6})
+    own = [judge(f"w{k}", inside, diagnosis_of((["dead_time"], 0.9))) for k in range(9)]
+    assert coverage_worst(own).n == 0  # too few
+    own.append(judge("w9", inside, {"failed": "no"}))
+    assert own[-1].parts_of == {"dead_time": (0, 1)}
+    assert (coverage_worst(own).value, coverage_worst(own).n) == (0.9, 10)
+
+
 def test_first_hypotheses_are_right_as_often_as_they_say():
-    """Three times 0.9 and right, once 0.9 and wrong: (3.6 - 3) / 4; a failure states nothing."""
+    """Three times 0.9 and right, once 0.9 and wrong: (3.6 - 3) / 4."""
     answer = diagnosis_of((["dead_time"], 0.9), (["inertia"], 0.1))
     own = [judge("w", truth_of((e,)), answer) for e in ("dead_time", "dead_time", "dead_time", "inertia")]
-    own.append(judge("w", truth_of(), {"failed": "no"}))
     assert calibration(own).value == pytest.approx(0.15)
     assert calibration([]).n == 0
+
+
+def test_a_failure_is_a_name_given_for_sure_and_wrong():
+    """Four right at chance 1 and four failed: (8 - 4) / 8; four failed alone: 1."""
+    right = [judge("w", truth_of(), diagnosis_of((["dead_time"], 1.0)))] * 4
+    failed = [judge("w", truth_of(), {"failed": "no"})] * 4
+    assert calibration(right + failed).value == 0.5
+    assert (calibration(failed).value, calibration(failed).n) == (1.0, 4)
+
+
+def test_limits_leave_room_for_what_so_few_cases_did_not_show():
+    """Four right at chance 1: 0, and up to the share 1 - 0.05^(1/4) of others, which may be wrong altogether."""
+    right = [judge("w", truth_of(), diagnosis_of((["dead_time"], 1.0)))] * 4
+    found = calibration(right)
+    assert (found.value, found.low, found.n) == (0.0, 0.0, 4)
+    assert found.high == pytest.approx(1.0 - 0.05**0.25)
+    sure = [judged(FOUR, dict.fromkeys(FOUR, 1.0))] * 4
+    listed = of_many(sure)["included_error"]
+    assert (listed.value, listed.low, listed.n) == (0.0, 0.0, 4)
+    assert listed.high == pytest.approx(1.0 - 0.05**0.25)
+
+
+def test_a_failure_has_the_whole_list_wrong():
+    """Beside a campaign of which all is right: half of the error, of F1 and of the area.  Of the pairs of one
+    that is there and one that is not, a quarter is in order, and two quarters (both with 1, both with 0) tie."""
+    found = of_many([judged(FOUR, dict.fromkeys(FOUR, 1.0)), judged(FOUR, {}, failed=True)])
+    n = len(effect_names())
+    # chance 1: four there, n - 4 not; chance 0: n - 4 not there, four there
+    assert found["included_error"].value == pytest.approx(((n - 4) + 4) / (2 * n))
+    assert found["included_f1"].value == 0.5
+    assert found["included_auroc"].value == 0.5

@@ -51,7 +51,7 @@ def fitted(monkeypatch):
         out.append("".join(sorted(effects)))
         return told(effects)
 
-    def promises(point, known, choices):
+    def promises(point, known, choices, effects):
         return sorted((Promise(TABLE["".join(sorted(known + p.effect))], p) for p in choices), key=lambda p: p[0])
 
     monkeypatch.setattr(
@@ -60,7 +60,7 @@ def fitted(monkeypatch):
     monkeypatch.setattr(stepwise, "with_usual_sign", lambda values, motor: values)
     monkeypatch.setattr(stepwise, "screened", promises)
     monkeypatch.setattr(stepwise, "visited", lambda point, probe, beside=(): looked_up((*beside, probe.effect)))
-    monkeypatch.setattr(stepwise, "without", lambda whole, effect: looked_up(set(whole.effects) - {effect}))
+    monkeypatch.setattr(stepwise, "reduced", lambda whole, rest: looked_up(rest))
     return out
 
 
