@@ -62,6 +62,11 @@ def _which(d: Diagnosis, shares: Mapping[str, float]) -> str:
     if named == UNKNOWN and chance_of_unknown(d) >= HALF:
         return _outside(d)
     if named in (UNKNOWN, "ambiguous"):
+        sure = sorted(set.intersection(*(set(h.effects) for h in d.ambiguity_set)) - {UNKNOWN})
+        if len(sure) >= FEW:
+            return (
+                f"{len(sure)} effects for sure. {_by_share(sure, shares)} Not sure beside them: {_disputed(d, sure)}."
+            )
         return f"These recordings cannot tell apart: {_listed(d.ambiguity_set, '; or ')}."
     if len(best.effects) > FEW:
         return f"{len(best.effects)} effects at once, {likely(best.probability)}. {_by_share(best.effects, shares)}"
@@ -76,6 +81,15 @@ def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:
     first = f"By their share of the gap: {', '.join(large)}" if large else ""
     rest = f"{'with hardly any' if large else 'They are'}: {', '.join(small)}" if small else ""
     return f"{'; '.join(x for x in (first, rest) if x)}. Their sizes stand below."
+
+
+def _disputed(d: Diagnosis, sure: Sequence[str]) -> str:
+    """Return what only some of the likely hypotheses hold beside effects that all of them do, with its probability."""
+    held = {e for h in d.ambiguity_set for e in h.effects} - set(sure)
+    chances = {e: sum(h.probability for h in d.hypotheses if e in h.effects) for e in held}
+    ranked = sorted(held, key=lambda e: (-chances[e], e))
+    said = {e: "something outside the library" if e == UNKNOWN else words(e) for e in held}
+    return ", ".join(f"{said[e]} ({percent(chances[e])})" for e in ranked)
 
 
 def _outside(d: Diagnosis) -> str:

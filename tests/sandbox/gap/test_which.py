@@ -95,6 +95,17 @@ def test_many_effects_are_listed_by_their_share_and_not_by_sixteen_numbers():
     )
 
 
+def test_what_many_effects_have_in_common_is_sure():
+    """Three of four are in both sets; the fourth is there or not."""
+    shares = {"stator_resistance": 0.5, "dead_time": 0.3, "device_drop": 0.2}
+    rest = tuple(e for e in MANY if e != "current_filter")
+    told = ((MANY, 0.55), (rest, 0.41), ((*rest, "unknown"), 0.04))
+    assert which_text(diagnosis(*told), shares) == (
+        "3 effects for sure. By their share of the gap: stator resistance (50.0 %), dead time (30.0 %), device drop "
+        "(20.0 %). Their sizes stand below. Not sure beside them: current filter (55 %)."
+    )
+
+
 def test_many_effects_without_shares_are_all_named():
     assert which_text(diagnosis((MANY, 0.97))) == (
         "4 effects at once, 97 % probable. They are: current filter, dead time, device drop, stator resistance. Their "
