@@ -5,7 +5,7 @@ switched bench, with the same deviations, cycles and noise, with one effect take
 with all others taken out (its *first*); the gap is what ordinary deviations, refitted, leave above the noise floor.
 The goal is worded by the last place: that effect alone taken out (`rms_last`).  A stated share is the mean over all
 orders of adding, so it is compared with the mean of the two as well (`rms_true`).  An effect that is not named has the
-stated share 0, one that is not there the true share 0.  A share is negative where an effect hides others.
+stated share 0, one that is not there the true share 0.  A share is negative where an effect cancels others.
 
 Run: python -m experiments.shares_truth CHECK   (1 to 2 min a campaign; rows are kept in CHECK, a second call goes on)
 """
@@ -77,12 +77,13 @@ def rows_of(case: Case, seed: int, folder: Path) -> Iterator[Row]:
     nothing = gap_of(campaign_of(draw(case, seed, case.names)))
     for effect in sorted({*case.names, *stated}):
         share = stated.get(effect, {"value": 0.0, "ci95": [0.0, 0.0]})
+        low, high = share["ci95"] or (math.nan, math.nan)
         last = first = 0.0
         if effect in case.names:
             last = (whole - gap_of(campaign_of(draw(case, seed, (effect,))))) / whole
             others = tuple(n for n in case.names if n != effect)
             first = (gap_of(campaign_of(draw(case, seed, others))) - nothing) / whole
-        yield Row(case.name, effect, last, first, share["value"], *share["ci95"])
+        yield Row(case.name, effect, last, first, share["value"], low, high)
 
 
 def kept(path: Path) -> list[Row]:
@@ -124,7 +125,7 @@ def compared(rows: list[Row]) -> dict[str, Any]:
     for name in ("last", "true", "first"):
         found[f"rms_{name}"] = math.sqrt(np.mean([(r.stated - getattr(r, name)) ** 2 for r in rows]))
     found["between_places"] = math.sqrt(np.mean([(r.last - r.first) ** 2 for r in rows]))
-    inside = [r.low <= r.true <= r.high for r in rows if r.named]
+    inside = [r.low <= r.true <= r.high for r in rows if r.named and math.isfinite(r.low)]
     return {**found, "in_interval": float(np.mean(inside)) if inside else None, "n_stated": len(inside)}
 
 

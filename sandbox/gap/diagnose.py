@@ -68,6 +68,7 @@ class Diagnosis:
     out_of_sight: tuple[str, ...] = ()  # effects that are no candidates as no recording can show them
     noise: Noise | None = None  # stated, seen, used
     at_bound: tuple[Held, ...] = ()  # ordinary deviations of the best hypothesis that are as large as they may be
+    fitted: frozenset[tuple[str, ...]] = frozenset()  # all sets that were fitted
 
     @property
     def best(self) -> Hypothesis:
@@ -133,7 +134,7 @@ def _diagnosed(
     return Diagnosis(
         own, start, nominal, before, after, left, judged, hypotheses,
         tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,
-        0, 0.0, tuple(exclude), noise_caution(own), hidden, noise_of(own), tuple(held_ordinary(best)),
+        0, 0.0, tuple(exclude), noise_caution(own), hidden, noise_of(own), tuple(held_ordinary(best)), found.fitted,
     )  # fmt: skip
 
 
@@ -207,7 +208,7 @@ def _ranked(
     A slight effect that comes out first is fitted before it is believed.
     """
     judged = found.judged
-    others = slight(judged, found.fitted)
+    others = slight(judged, {j.effects for j in judged})
     while True:
         ranked, temperature = tempered([*judged, *others], raw)
         best = ranked[0][1]

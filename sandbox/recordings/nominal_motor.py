@@ -26,7 +26,7 @@ def nominal_motor(
     """Return the nominal motor (a quartic's, or one with a flux map), and whether rated values come from recordings.
 
     stated: its name and [motor]; flux_map: [flux_map], whose file lies in `folder` or in a data set.  A rated value
-    that is not stated is the largest recorded one; the torque is what that current gives.  BadInput for wrong values.
+    that is not stated is the largest recorded one; the torque is what rated current gives.  BadInput for wrong values.
     """
     values = dict(stated)
     if "inertia" not in values and recordings and all(r.rotor != "free" for r in recordings):
@@ -53,8 +53,9 @@ def _recorded(values: Mapping[str, Any], recordings: Sequence[CampaignRecording]
     omega = max((float(np.ptp(r.theta) / np.ptp(r.t)) for r in moving), default=0.0)
     stated = (values.get("pole_pairs"), values.get("magnet_flux"))
     pairs, flux = (max(finite(x) or 0.0, 0.0) for x in stated)  # Motor says what is wrong
+    rated = finite(values.get("rated_current")) or current
     return {
         "rated_current": current or 1.0,
-        "rated_torque": 1.5 * pairs * flux * current or 1.0,
+        "rated_torque": 1.5 * pairs * flux * rated or 1.0,
         "rated_speed_rpm": omega * 30.0 / math.pi / (pairs or 1.0) or 1.0,
     }

@@ -82,9 +82,10 @@ def parts(d: Diagnosis) -> tuple[Part, ...]:
 
 
 def of_readings(d: Diagnosis) -> bool:
-    """Return whether the sensors' part is errors of current readings: all sensors' effects of the most probable
-    hypothesis that has any act on them, or none is named (then readings whose sum is not zero show it: `outside`)."""
-    cards = [[library.load_effect(e) for e in h.effects if e != UNKNOWN] for h in d.hypotheses]
+    """Return whether the sensors' part is errors of current readings: all sensors' effects of the most probable of the
+    likely hypotheses that has any act on them, or none is named (then readings whose sum is not zero show it:
+    `outside`)."""
+    cards = [[library.load_effect(e) for e in h.effects if e != UNKNOWN] for h in d.ambiguity_set]
     own = next((found for each in cards if (found := [c for c in each if c.subsystem == "sensor"])), [])
     return all(at.port in MEASURED for card in own for at in card.at)
 

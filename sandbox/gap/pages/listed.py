@@ -128,6 +128,8 @@ def less_sure_sentence(a: Answers) -> str:
     if not own:
         return ""
     told = ", ".join(f"{words(e)} ({100.0 * chances[e]:.0f} %)" for e in own)
+    if r is not None and r.open_part is not None:
+        return f"Beside a free regression of what no effect explains, these effects of that set are less sure: {told}."
     return (
         "This list also counts sets that were not fitted, of which the equations say that they explain nearly as much. "
         f"So these effects of the most probable set are less sure than the set itself: {told}."

@@ -95,7 +95,7 @@ class Ranking:
 def beside_unknown(part: OpenPart, name: str) -> dict[str, Any]:
     """Return an effect's chance and parameters beside a free regression."""
     own = part.parameters.get(name, {})
-    return {"probability": part.chances[name], "parameters": {k: parameter(e) for k, e in own.items()}}
+    return {"probability": part.chances.get(name, 0.0), "parameters": {k: parameter(e) for k, e in own.items()}}
 
 
 def parameter(e: Estimate) -> dict[str, Any]:
@@ -130,7 +130,7 @@ def ranking(d: Diagnosis, workers: int = 1, *, position: bool = True) -> Ranking
                 own[e] = own_of(e, parameters)
     chance = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
     left = None if verdict(d) == "no_gap" and chance < SLIGHT else d.remainder.share
-    found = inclusion(d.hypotheses, d.temperature)
+    found = inclusion(d.hypotheses, d.temperature, d.fitted)
     part = open_part(d, workers) if chance >= SLIGHT else None
     if part is not None:
         found = found.mixed(part.inclusion, chance)
@@ -163,7 +163,8 @@ def completed(d: Diagnosis, r: Ranking) -> Ranking:
         if part is not None and e not in part.parameters:
             part = part.sized(e, j)
         if chance > LIKELY and e not in of:
-            of[e] = sets.shares(j)[e]
+            shared = sets.shares(j)
+            of |= {e: shared[e]} if e in shared else {}
     return replace(r, shares=replace(r.shares, of=of), parameters=sized, open_part=part, told=told)
 
 
@@ -198,7 +199,10 @@ class _Sets:
         return self.known[key]
 
     def shares(self, j: Judged) -> dict[str, Share]:
-        """Return the shares of a set's effects: at sizes that no unknown part bends, where one is likely."""
+        """Return the shares of a set's effects: at sizes that no unknown part bends, where one is likely.  None of a
+        set that was not fitted, with an effect that is there or not, nothing between (a shaft): no replay has it."""
+        if any(j.table.coordinates[k].form == "share" for e in j.effects for k in j.table.members[e]):
+            return {}
         if id(j) not in self.shared:
             self.shared[id(j)] = of_set(j if self.part is None else self.part.unbent(j))
         return self.shared[id(j)]

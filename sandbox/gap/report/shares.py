@@ -7,8 +7,9 @@ one and in pairs, and then this is the mean of two places, added first (`alone`)
 What three at once or the drive's nonlinearity add, 2 to 6 % of the gap in three campaigns of four to six effects, is
 shared out in proportion, so that shares sum to what is explained.  The interval is a bootstrap over recordings.
 
-An effect that hides others, so that the gap grows without it, has a negative share.  With sizes refitted for each set
-one of two correlated effects would stand in for the other, and get half of a gap that a bench without it still has
+An effect that partly cancels others, so that the gap grows without it, has a negative share.  With sizes refitted for
+each set one of two correlated effects would stand in for the other, and get half of a gap that a bench without it still
+has
 (`experiments.shares_truth`).
 
 Shares are of the fit to all recordings.  The waterfall is of the fit without those held out, on which it is told: the

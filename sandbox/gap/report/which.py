@@ -64,9 +64,8 @@ def _which(d: Diagnosis, shares: Mapping[str, float]) -> str:
     if named in (UNKNOWN, "ambiguous"):
         sure = sorted(set.intersection(*(set(h.effects) for h in d.ambiguity_set)) - {UNKNOWN})
         if len(sure) >= FEW:
-            return (
-                f"{len(sure)} effects for sure. {_by_share(sure, shares)} Not sure beside them: {_disputed(d, sure)}."
-            )
+            first = f"{len(sure)} effects are in every likely set. {_by_share(sure, shares)}"
+            return f"{first} Not sure beside them: {_disputed(d, sure)}."
         return f"These recordings cannot tell apart: {_listed(d.ambiguity_set, '; or ')}."
     if len(best.effects) > FEW:
         return f"{len(best.effects)} effects at once, {likely(best.probability)}. {_by_share(best.effects, shares)}"
@@ -77,7 +76,7 @@ def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:
     """Return many effects in one sentence, the largest share of the gap first, and where their sizes are."""
     ranked = sorted(effects, key=lambda e: -shares.get(e, 0.0))
     large = [f"{words(e)} ({tenths(shares[e])})" for e in ranked if abs(shares.get(e, 0.0)) >= SEEN]
-    small = [words(e) for e in ranked if abs(shares.get(e, 0.0)) < SEEN]
+    small = [words(e) for e in ranked if not abs(shares.get(e, 0.0)) >= SEEN]
     first = f"By their share of the gap: {', '.join(large)}" if large else ""
     rest = f"{'with hardly any' if large else 'They are'}: {', '.join(small)}" if small else ""
     return f"{'; '.join(x for x in (first, rest) if x)}. Their sizes stand below."

@@ -9,7 +9,7 @@ came near on the way.  Only this difference is told by algebra: what an effect i
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from sandbox.gap.evidence.spike_slab import Table
@@ -46,8 +46,11 @@ class Inclusion:
         return summed(sets, tuple(self.chances))
 
 
-def inclusion(hypotheses: Sequence[Hypothesis], temperature: float) -> Inclusion:
-    """Return the chances of all effects of the library that were candidates."""
+def inclusion(hypotheses: Sequence[Hypothesis], temperature: float, tried: Collection[Set] = frozenset()) -> Inclusion:
+    """Return the chances of all effects of the library that were candidates.
+
+    tried: all sets that were fitted; one that is no hypothesis fell too far behind to be weighed, and has no chance.
+    """
     fitted: dict[Set, float] = {}
     for h in hypotheses:
         if h.effects != (UNKNOWN,):
@@ -62,21 +65,26 @@ def inclusion(hypotheses: Sequence[Hypothesis], temperature: float) -> Inclusion
         if effect not in own and possible((*own, effect)):
             near.weigh((*own, effect))
     told = {key: near.weigh(key) for key in fitted if set(key) <= set(best.judged.table.members)}
-    chances = fitted | {key: _beside(key, near.known, fitted, told, own) for key in near.known if key not in fitted}
-    return summed(chances, best.judged.table.members)
+    untried = [key for key in near.known if key not in fitted and key not in tried]
+    chances = fitted | {key: _beside(key, near.known, fitted, told, own) for key in untried}
+    names = dict.fromkeys([*best.judged.table.members, *(e for key in fitted for e in key)])
+    return summed(chances, names)
 
 
 def _beside(
     key: Set, known: Mapping[Set, float], fitted: Mapping[Set, float], told: Mapping[Set, float], own: Set
 ) -> float:
-    """Return the chance of a set by that of the fitted set next to it, at most that of the best one, `own`: a set that
-    promised more was fitted.  known, told: log posterior by algebra, of all sets and of fitted ones."""
+    """Return the chance of a set by those of the fitted sets next to it: the least of what they promise, and at most
+    that of the best one, `own`, as a set that promised more was fitted.
+
+    known, told: log posterior by algebra, of all sets and of fitted ones.
+    """
     apart = {f: len(set(key) ^ set(f)) for f in told}
     least = min(apart.values())
-    nearest = max((f for f in told if apart[f] == least), key=lambda f: fitted[f])
-    if fitted[nearest] == 0.0:
+    nearest = [f for f in told if apart[f] == least]
+    if any(fitted[f] == 0.0 for f in nearest):
         return 0.0
-    promised = math.log(fitted[nearest]) + known[key] - told[nearest]
+    promised = min(math.log(fitted[f]) + known[key] - told[f] for f in nearest)
     return math.exp(min(math.log(fitted[own]), promised))
 
 

@@ -72,7 +72,7 @@ def test_what_is_wrong_with_the_angle_is_told_as_a_voltage(part):
     ],
 )
 def test_which_effects_act_on_current_readings(told, expected):
-    assert of_readings(SimpleNamespace(hypotheses=[SimpleNamespace(effects=e) for e in told])) == expected
+    assert of_readings(SimpleNamespace(ambiguity_set=[SimpleNamespace(effects=e) for e in told])) == expected
 
 
 def test_an_error_that_is_not_constant_is_told_by_its_size():

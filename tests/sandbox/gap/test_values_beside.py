@@ -149,7 +149,30 @@ def test_a_fitted_set_whose_effects_the_best_point_does_not_know_keeps_its_chanc
     judged = SimpleNamespace(table=SimpleNamespace(members=members))
     told = [(("a",), 0.8), (("shaft_compliance",), 0.2)]
     found = inclusion.inclusion([SimpleNamespace(effects=e, probability=p, judged=judged) for e, p in told], 1.0)
-    assert found.chances == pytest.approx({"a": 0.8})
+    assert found.chances == pytest.approx({"a": 0.8, "shaft_compliance": 0.2})
+
+
+def test_a_set_that_fell_behind_when_it_was_fitted_has_no_chance(monkeypatch):
+    """By algebra b is as good as a; it was fitted, and is no hypothesis."""
+    members = {"a": (), "b": ()}
+    monkeypatch.setattr(inclusion, "Subsets", told_by({("a",): 0.0, ("a", "b"): 0.0}, members))
+    judged = SimpleNamespace(table=SimpleNamespace(members=members))
+    h = [SimpleNamespace(effects=("a",), probability=1.0, judged=judged)]
+    assert inclusion.inclusion(h, 1.0).chances == pytest.approx({"a": 1.0, "b": 0.5})
+    assert inclusion.inclusion(h, 1.0, frozenset({("a", "b")})).chances == pytest.approx({"a": 1.0, "b": 0.0})
+
+
+def test_a_set_between_two_fitted_ones_is_no_more_than_either_lets_it(monkeypatch):
+    """By algebra a is 3 above none, and a with b 3 above b; the fit of a found nothing, so it does not beside b."""
+    members = {"a": (), "b": ()}
+    known = {(): 0.0, ("a",): 3.0, ("b",): -2.0, ("a", "b"): 1.0}
+    monkeypatch.setattr(inclusion, "Subsets", told_by(known, members))
+    judged = SimpleNamespace(table=SimpleNamespace(members=members))
+    told = [((), 0.89), (("b",), 0.1), (("a",), 0.01)]
+    h = [SimpleNamespace(effects=e, probability=p, judged=judged) for e, p in told]
+    monkeypatch.setattr(inclusion.Subsets, "climb", lambda self, own: self.weigh(("a", "b")))
+    both = 0.01 * np.exp(1.0 - 3.0)
+    assert inclusion.inclusion(h, 1.0).chances["a"] == pytest.approx((0.01 + both) / (1.0 + both))
 
 
 @pytest.mark.parametrize(

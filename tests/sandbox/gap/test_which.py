@@ -101,8 +101,8 @@ def test_what_many_effects_have_in_common_is_sure():
     rest = tuple(e for e in MANY if e != "current_filter")
     told = ((MANY, 0.55), (rest, 0.41), ((*rest, "unknown"), 0.04))
     assert which_text(diagnosis(*told), shares) == (
-        "3 effects for sure. By their share of the gap: stator resistance (50.0 %), dead time (30.0 %), device drop "
-        "(20.0 %). Their sizes stand below. Not sure beside them: current filter (55 %)."
+        "3 effects are in every likely set. By their share of the gap: stator resistance (50.0 %), dead time (30.0 %), "
+        "device drop (20.0 %). Their sizes stand below. Not sure beside them: current filter (55 %)."
     )
 
 
@@ -117,7 +117,9 @@ def test_many_effects_without_shares_are_all_named():
 def test_an_effect_less_sure_than_its_set_is_explained(chance, said):
     d = diagnosis((("dead_time", "skin_effect"), 0.96), (("dead_time",), 0.04))
     inclusion = SimpleNamespace(chances={"dead_time": 1.0, "skin_effect": chance, "inertia": 0.02})
-    told = listed.less_sure_sentence(SimpleNamespace(diagnosis=d, ranking=SimpleNamespace(inclusion=inclusion)))
+    told = listed.less_sure_sentence(
+        SimpleNamespace(diagnosis=d, ranking=SimpleNamespace(inclusion=inclusion, open_part=None))
+    )
     assert told.rpartition(": ")[2].rstrip(".") == said
     assert listed.less_sure_sentence(SimpleNamespace(diagnosis=d, ranking=None)) == ""
 

@@ -4,7 +4,7 @@ A search names an effect by its first part, or by none where only another order 
 order that a card scans is weighed by algebra beside the best set, the best one is fitted, and so on until no order is
 worth its place: a part has to bring what an effect has to, and as much more as so many orders were tried.
 
-An effect that is not in the set may have to begin with several orders at once (`parts_together`).
+An effect that is not in the set may have to begin with several orders at once (`parts/together.py`).
 """
 
 from __future__ import annotations

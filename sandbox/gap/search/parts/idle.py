@@ -16,6 +16,7 @@ from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.parts.adding import level
 from sandbox.gap.search.posterior import ACCURATE
+from sandbox.gap.search.selection import DOUBTED
 from sandbox.plant.sets import further_parts
 
 Parts = tuple[tuple[str, int], ...]  # effect, number of the part
@@ -26,37 +27,47 @@ def without_idle(
 ) -> Search:
     """Return a search whose best set has no further parts that it is more probable without.
 
-    Tried are parts whose every size may be zero by its interval: all of them at once, then each alone.  raw:
-    normalised rms of the nominal model.
+    Tried are parts whose every size may be zero by its interval: all of them at once, then each alone.  Sets near the
+    best one lose the same parts where they, too, are more probable so.  raw: normalised rms of the nominal model.
     """
     t = 1.0 + raw / ACCURATE
     first = best = max(found.judged, key=lambda j: level(j, t))
-    cost = 0.0
+    cost, taken = 0.0, set[tuple[str, int]]()
     for gone in _choices(idle(best)):
         if set(gone) & set(idle(best)):
             report("taking out parts that do nothing")
-            new = _without(best, gone, found, weights, workers)
-            cost += new.simulations + new.fit.simulations if new else 0.0
-            if new is not None and level(new, t) > level(best, t):
-                best = new
-    if best is first:
-        return replace(found, simulations=found.simulations + cost)
-    judged = tuple(best if j is first else j for j in found.judged)
-    further = {k: v for k, v in best.fit.point.values.items() if library.is_further(k)}
-    return replace(found, judged=judged, simulations=found.simulations + cost, further=further)
+            new, spent = _better(best, gone, found, t, weights, workers)
+            cost, taken = cost + spent, taken | (set() if new is best else set(gone))
+            best = new
+    judged = []
+    for j in found.judged:
+        near = j is not first and level(j, t) > level(first, t) - DOUBTED
+        own = tuple(sorted(taken & set(on(j)))) if near else ()
+        new, spent = _better(j, own, found, t, weights, workers) if own else (best if j is first else j, 0.0)
+        judged.append(new)
+        cost += spent
+    further = {k: v for k, v in best.fit.point.values.items() if library.is_further(k)} if taken else found.further
+    return replace(found, judged=tuple(judged), simulations=found.simulations + cost, further=further)
+
+
+def on(j: Judged) -> Parts:
+    """Return the further parts that a set has."""
+    point = j.fit.point
+    neutral = library.neutral(point.prepared.campaign.drive.motor)
+    cards = [card for card in map(library.load_effect, j.effects) if card.repeats > 1]
+    return tuple((card.name, k) for card in cards for k in further_parts(card, point.values, neutral))
 
 
 def idle(j: Judged) -> Parts:
     """Return the further parts of a set whose every size may be zero by its 95 % interval."""
-    drive, values = j.fit.point.prepared.campaign.drive, j.fit.point.values
-    found, neutral, out = estimates(j), library.neutral(drive.motor), []
-    for card in map(library.load_effect, j.effects):
-        for k in further_parts(card, values, neutral) if card.repeats > 1 else ():
-            part = card.part(k)
-            names = [card.public(k, n) for n in part.switches or tuple(p.name for p in part.parameters)]
-            sizes = [found[n] for n in names if n in found]
-            if sizes and all(s.low <= 0.0 <= s.high for s in sizes):
-                out.append((card.name, k))
+    found, out = estimates(j), []
+    for effect, k in on(j):
+        card = library.load_effect(effect)
+        part = card.part(k)
+        names = [card.public(k, n) for n in part.switches or tuple(p.name for p in part.parameters)]
+        sizes = [found[n] for n in names if n in found]
+        if sizes and all(s.low <= 0.0 <= s.high for s in sizes):
+            out.append((effect, k))
     return tuple(out)
 
 
@@ -65,6 +76,16 @@ def _choices(parts: Parts) -> Iterator[Parts]:
     if len(parts) > 1:
         yield parts
     yield from ((p,) for p in parts)
+
+
+def _better(
+    j: Judged, gone: Parts, found: Search, temperature: float, weights: Weights, workers: int
+) -> tuple[Judged, float]:
+    """Return a set, or the same without parts where it is more probable so; and simulations."""
+    new = _without(j, gone, found, weights, workers)
+    if new is None:
+        return j, 0.0
+    return (new if level(new, temperature) > level(j, temperature) else j), new.simulations + new.fit.simulations
 
 
 def _without(best: Judged, gone: Parts, found: Search, weights: Weights, workers: int) -> Judged | None:
