@@ -124,7 +124,8 @@ def test_an_order_is_the_gap_s_where_it_has_most_of_a_tenth(turning, order):
 
 def diagnosis(*told):
     """A diagnosis of these (effects, probability)."""
-    return SimpleNamespace(hypotheses=[SimpleNamespace(effects=e, probability=p) for e, p in told])
+    own = [SimpleNamespace(effects=e, probability=p) for e, p in told]
+    return SimpleNamespace(hypotheses=own, ambiguity_set=own, fitted=frozenset())
 
 
 @pytest.mark.parametrize(("chance", "told"), [(0.09, 0), (0.11, 2)])
