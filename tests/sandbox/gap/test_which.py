@@ -95,6 +95,19 @@ def test_many_effects_are_listed_by_their_share_and_not_by_sixteen_numbers():
     )
 
 
+def test_three_effects_are_told_with_their_numbers():
+    assert which_text(diagnosis((MANY[:3], 0.97))) == (
+        "Current filter + dead time + device drop, 97 % probable: no parameter."
+    )
+    two = which_text(diagnosis((MANY[:3], 0.6), (MANY[:2], 0.4)))
+    assert two.startswith("These recordings cannot tell apart: current filter + dead time + device drop (60 %); or")
+
+
+def test_half_a_percent_of_the_gap_is_told():
+    shares = {"stator_resistance": 0.5, "dead_time": 0.3, "device_drop": 0.194, "current_filter": 0.006}
+    assert "device drop (19.4 %), current filter (0.6 %). Their" in which_text(diagnosis((MANY, 0.97)), shares)
+
+
 def test_what_many_effects_have_in_common_is_sure():
     """Three of four are in both sets; the fourth is there or not."""
     shares = {"stator_resistance": 0.5, "dead_time": 0.3, "device_drop": 0.2}
@@ -113,7 +126,7 @@ def test_many_effects_without_shares_are_all_named():
     )
 
 
-@pytest.mark.parametrize(("chance", "said"), [(0.62, "skin effect (62 %)"), (0.87, "")])
+@pytest.mark.parametrize(("chance", "said"), [(0.62, "skin effect (62 %)"), (0.84, "skin effect (84 %)"), (0.87, "")])
 def test_an_effect_less_sure_than_its_set_is_explained(chance, said):
     d = diagnosis((("dead_time", "skin_effect"), 0.96), (("dead_time",), 0.04))
     inclusion = SimpleNamespace(chances={"dead_time": 1.0, "skin_effect": chance, "inertia": 0.02})
