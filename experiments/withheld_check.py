@@ -1,6 +1,6 @@
 """How good is the diagnosis on campaigns of the second simulator whose effect is withheld, beside simple methods?
 
-100 campaigns with scored cycles, 60 with four to ten effects at once, 48 with a cause outside the library each, 100
+100 campaigns with scored cycles, 60 with four to ten effects at once, 48 with a cause outside the library each, 300
 controls without a gap, 140 narrow campaigns where pairs of effects look alike, and 100 campaigns with the ladder's
 sizes in place of published ones (what it is worth that the prior knows them); single effects of the first 100 once more
 with the true one taken out of the library; the simple methods on them, too.
@@ -55,14 +55,14 @@ class Check(NamedTuple):
 CHECKS = {
     "mixed": Check(
         "Campaigns with one to three effects, none, or one outside",
-        "mixed", 100, 20261401, options=("--leave-out", "0.7", "--baselines"),
+        "mixed", 100, 20261501, options=("--leave-out", "0.7", "--baselines"),
     ),
     "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 140, 20261403),
-    "many": Check("Campaigns of four to ten effects at once", "many", 60, 20261271, options=("--baselines",)),
+    "many": Check("Campaigns of four to ten effects at once", "many", 60, 20261503, options=("--baselines",)),
     "outside": Check(
-        "Campaigns of one cause outside the library each", "outside", 48, 20261405, options=("--baselines",)
+        "Campaigns of one cause outside the library each", "outside", 48, 20261504, options=("--baselines",)
     ),
-    "controls": Check("Controls without a gap", "controls", 100, 20261402),
+    "controls": Check("Controls without a gap", "controls", 300, 20261502),
     "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 100, 20261224, "ladder"),
 }  # fmt: skip
 
