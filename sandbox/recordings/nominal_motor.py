@@ -53,7 +53,7 @@ def _recorded(values: Mapping[str, Any], recordings: Sequence[CampaignRecording]
     omega = max((float(np.ptp(r.theta) / np.ptp(r.t)) for r in moving), default=0.0)
     stated = (values.get("pole_pairs"), values.get("magnet_flux"))
     pairs, flux = (max(finite(x) or 0.0, 0.0) for x in stated)  # Motor says what is wrong
-    rated = finite(values.get("rated_current")) or current
+    rated = max(finite(values.get("rated_current")) or 0.0, 0.0) or current
     return {
         "rated_current": current or 1.0,
         "rated_torque": 1.5 * pairs * flux * rated or 1.0,

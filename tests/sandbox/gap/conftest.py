@@ -24,6 +24,13 @@ CASES = (
     ("driven_fast", "driven", 60.0, 25.0),
 )  # fmt: skip
 
+FLUX = DRIVE.motor.magnet_flux
+SIXTH = {"flux_harmonics.psi_d6": 0.01 * FLUX, "flux_harmonics.psi_q6": 0.006 * FLUX}
+FURTHER = {
+    "flux_harmonics.2.order": 18.0, "flux_harmonics.2.psi_d": 0.004 * FLUX, "flux_harmonics.2.psi_q": -0.003 * FLUX,
+}  # fmt: skip
+TURNING = (("slow", "driven", 40.0, 20.0), ("fast", "driven", 110.0, 20.0))
+
 
 def record(name, rotor, speed, size, effects, rng, n=1200):
     """Return one recording: a turning or swinging voltage, injection along d, counts and noise as the drive states."""
@@ -77,19 +84,23 @@ def quiet_answers(quiet_folder):
     return answer(read_campaign(quiet_folder))
 
 
-@pytest.fixture(scope="session")
-def with_a_stranger(small_answers):
-    """The campaign with dead time, to whose readings a current is added that turns with twice the rotor's angle, 0.05 A
-    (twelve noise floors): no effect of the library; the diagnosis' table at its own point."""
-    j = small_answers.diagnosis.best.judged
-    campaign = small_answers.diagnosis.campaign
+def with_added(campaign, size=0.05):
+    """Return a campaign to whose readings a current is added that turns with twice the rotor's angle, by default 0.05 A
+    (twelve noise floors): no effect of the library."""
     recordings = []
     for r in campaign.recordings:
         theta = r.columns["theta"]
-        added = 0.05 * np.exp(1j * theta) * np.cos(2.0 * theta)
+        added = size * np.exp(1j * theta) * np.cos(2.0 * theta)
         phases = {
             f"i_{x}": r.columns[f"i_{x}"] + (added * np.exp(-2j * np.pi * k / 3)).real for k, x in enumerate("abc")
         }
         recordings.append(dataclasses.replace(r, columns={**r.columns, **phases}))
-    prepared = prepare(dataclasses.replace(campaign, recordings=tuple(recordings)))
+    return dataclasses.replace(campaign, recordings=tuple(recordings))
+
+
+@pytest.fixture(scope="session")
+def with_a_stranger(small_answers):
+    """The campaign with dead time and a current that nobody listed; the diagnosis' table at its own point."""
+    j = small_answers.diagnosis.best.judged
+    prepared = prepare(with_added(small_answers.diagnosis.campaign))
     return j, dataclasses.replace(j.table, point=Point(prepared, j.table.point.values, j.table.point.turns))

@@ -12,14 +12,8 @@ from sandbox.gap.search.judged import judge
 from sandbox.gap.search.parts.idle import idle, without_idle
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
-from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
+from tests.sandbox.gap.conftest import CASES, DRIVE, FLUX, FURTHER, SIXTH, TURNING, small_campaign
 
-FLUX = DRIVE.motor.magnet_flux
-SIXTH = {"flux_harmonics.psi_d6": 0.01 * FLUX, "flux_harmonics.psi_q6": 0.006 * FLUX}
-SECOND = {
-    "flux_harmonics.2.order": 18.0, "flux_harmonics.2.psi_d": 0.004 * FLUX, "flux_harmonics.2.psi_q": -0.003 * FLUX,
-}  # fmt: skip
-TURNING = (("slow", "driven", 40.0, 20.0), ("fast", "driven", 110.0, 20.0))
 KEY = ("flux_harmonics",)
 
 
@@ -36,10 +30,10 @@ def searched(planted, begun):
 def test_a_part_that_the_bench_does_not_have_is_taken_out():
     """Orders 6 and 18 are on the bench; orders 12 and 24, with which the fit began, are not.  The order that stays is
     the third part, and parts 2 and 4 are free again."""
-    third = {name.replace(".2.", ".3."): x for name, x in SECOND.items()}
+    third = {name.replace(".2.", ".3."): x for name, x in FURTHER.items()}
     more = {f"flux_harmonics.{k}.{n}": x for k, order in ((2, 12.0), (4, 24.0)) for n, x in
             (("order", order), ("psi_d", 1e-4 * FLUX), ("psi_q", 1e-4 * FLUX))}  # fmt: skip
-    found, weights = searched({**SIXTH, **SECOND}, {**third, **more})
+    found, weights = searched({**SIXTH, **FURTHER}, {**third, **more})
     assert idle(found.judged[0]) == (("flux_harmonics", 2), ("flux_harmonics", 4))
     new = without_idle(found, 5.0, weights)
     (best,) = new.judged
@@ -53,6 +47,6 @@ def test_a_part_that_the_bench_does_not_have_is_taken_out():
 
 
 def test_parts_that_the_recordings_show_stay():
-    found, weights = searched({**SIXTH, **SECOND}, SECOND)
+    found, weights = searched({**SIXTH, **FURTHER}, FURTHER)
     assert idle(found.judged[0]) == ()
     assert without_idle(found, 5.0, weights) == found

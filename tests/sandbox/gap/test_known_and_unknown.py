@@ -4,31 +4,19 @@ The bench has dead time; a current that turns with twice the rotor's angle, no e
 readings.
 """
 
-import dataclasses
-
-import numpy as np
 import pytest
 
 from model.effects import library
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.report.ranking import ranking
-from tests.sandbox.gap.conftest import CASES, DEAD_TIME, small_campaign
+from tests.sandbox.gap.conftest import CASES, DEAD_TIME, small_campaign, with_added
 
-ADDED = 0.05  # A: twelve noise floors
 LEFT = ("dead_time", "device_drop", "current_offset", "flux_harmonics", "stator_resistance", "saturation")
 
 
 def diagnosed(effects):
     """Return the diagnosis of a bench with effects, and the stranger."""
-    campaign, recordings = small_campaign(effects, CASES[1::2]), []
-    for r in campaign.recordings:
-        theta = r.columns["theta"]
-        added = ADDED * np.exp(1j * theta) * np.cos(2.0 * theta)
-        phases = {
-            f"i_{x}": r.columns[f"i_{x}"] + (added * np.exp(-2j * np.pi * k / 3)).real for k, x in enumerate("abc")
-        }
-        recordings.append(dataclasses.replace(r, columns={**r.columns, **phases}))
-    own = dataclasses.replace(campaign, recordings=tuple(recordings))
+    own = with_added(small_campaign(effects, CASES[1::2]))
     return diagnose(own, exclude=[e for e in library.effect_names() if e not in LEFT], workers=1)
 
 

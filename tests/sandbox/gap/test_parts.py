@@ -21,14 +21,7 @@ from sandbox.gap.search.parts import adding as parts
 from sandbox.gap.search.parts.adding import starts, with_parts
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
-from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
-
-FLUX = DRIVE.motor.magnet_flux
-SIXTH = {"flux_harmonics.psi_d6": 0.01 * FLUX, "flux_harmonics.psi_q6": 0.006 * FLUX}
-FURTHER = {
-    "flux_harmonics.2.order": 18.0, "flux_harmonics.2.psi_d": 0.004 * FLUX, "flux_harmonics.2.psi_q": -0.003 * FLUX,
-}  # fmt: skip
-TURNING = (("slow", "driven", 40.0, 20.0), ("fast", "driven", 110.0, 20.0))
+from tests.sandbox.gap.conftest import CASES, DRIVE, FLUX, FURTHER, SIXTH, TURNING, small_campaign
 
 
 def searched(effects):
