@@ -38,12 +38,24 @@ class SplineEnergy(NamedTuple):
 
 
 @inlined
+def polynomial(p):
+    """Return a cell's polynomial as rows of numbers, c[a][b]: what a loop over lanes can hold, whatever it writes."""
+    return (
+        (p[0, 0], p[0, 1], p[0, 2], p[0, 3], p[0, 4]),
+        (p[1, 0], p[1, 1], p[1, 2], p[1, 3], p[1, 4]),
+        (p[2, 0], p[2, 1], p[2, 2], p[2, 3], p[2, 4]),
+        (p[3, 0], p[3, 1], p[3, 2], p[3, 3], p[3, 4]),
+        (p[4, 0], p[4, 1], p[4, 2], p[4, 3], p[4, 4]),
+    )
+
+
+@inlined
 def locate(m, d, q):
     """Return the polynomial at fluxes in Wb and the place in its cell (outside [0, 1] beyond the box alone)."""
     x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
     i = min(max(int(x), 0), m.cells.shape[0] - 1)
     j = min(max(int(y), 0), m.cells.shape[1] - 1)
-    return m.cells[i, j], x - i, y - j
+    return polynomial(m.cells[i, j]), x - i, y - j
 
 
 @kernel
@@ -55,36 +67,36 @@ def nearest(m, d, q):
 
 @inlined
 def values(c, y):
-    """Return the sums over b of c[a, b] y^b, a = 1 to 4."""
+    """Return the sums over b of c[a][b] y^b, a = 1 to 4."""
     yy = y * y  # pairwise sums: a third less latency than Horner's rule
-    r1 = (c[1, 0] + c[1, 1] * y) + yy * ((c[1, 2] + c[1, 3] * y) + c[1, 4] * yy)
-    r2 = (c[2, 0] + c[2, 1] * y) + yy * ((c[2, 2] + c[2, 3] * y) + c[2, 4] * yy)
-    r3 = (c[3, 0] + c[3, 1] * y) + yy * ((c[3, 2] + c[3, 3] * y) + c[3, 4] * yy)
-    r4 = (c[4, 0] + c[4, 1] * y) + yy * ((c[4, 2] + c[4, 3] * y) + c[4, 4] * yy)
+    r1 = (c[1][0] + c[1][1] * y) + yy * ((c[1][2] + c[1][3] * y) + c[1][4] * yy)
+    r2 = (c[2][0] + c[2][1] * y) + yy * ((c[2][2] + c[2][3] * y) + c[2][4] * yy)
+    r3 = (c[3][0] + c[3][1] * y) + yy * ((c[3][2] + c[3][3] * y) + c[3][4] * yy)
+    r4 = (c[4][0] + c[4][1] * y) + yy * ((c[4][2] + c[4][3] * y) + c[4][4] * yy)
     return r1, r2, r3, r4
 
 
 @inlined
 def slopes(c, y):
-    """Return the sums over b of b c[a, b] y^(b-1), a = 0 to 4."""
+    """Return the sums over b of b c[a][b] y^(b-1), a = 0 to 4."""
     y2, y3, y4 = 2.0 * y, 3.0 * y * y, 4.0 * y * (y * y)
-    g0 = (c[0, 1] + c[0, 2] * y2) + (c[0, 3] * y3 + c[0, 4] * y4)
-    g1 = (c[1, 1] + c[1, 2] * y2) + (c[1, 3] * y3 + c[1, 4] * y4)
-    g2 = (c[2, 1] + c[2, 2] * y2) + (c[2, 3] * y3 + c[2, 4] * y4)
-    g3 = (c[3, 1] + c[3, 2] * y2) + (c[3, 3] * y3 + c[3, 4] * y4)
-    g4 = (c[4, 1] + c[4, 2] * y2) + (c[4, 3] * y3 + c[4, 4] * y4)
+    g0 = (c[0][1] + c[0][2] * y2) + (c[0][3] * y3 + c[0][4] * y4)
+    g1 = (c[1][1] + c[1][2] * y2) + (c[1][3] * y3 + c[1][4] * y4)
+    g2 = (c[2][1] + c[2][2] * y2) + (c[2][3] * y3 + c[2][4] * y4)
+    g3 = (c[3][1] + c[3][2] * y2) + (c[3][3] * y3 + c[3][4] * y4)
+    g4 = (c[4][1] + c[4][2] * y2) + (c[4][3] * y3 + c[4][4] * y4)
     return g0, g1, g2, g3, g4
 
 
-@kernel
+@inlined
 def bends(c, y):
-    """Return the sums over b of b (b-1) c[a, b] y^(b-2), a = 0 to 4."""
+    """Return the sums over b of b (b-1) c[a][b] y^(b-2), a = 0 to 4."""
     y3, y4 = 6.0 * y, 12.0 * y * y
-    k0 = 2.0 * c[0, 2] + (c[0, 3] * y3 + c[0, 4] * y4)
-    k1 = 2.0 * c[1, 2] + (c[1, 3] * y3 + c[1, 4] * y4)
-    k2 = 2.0 * c[2, 2] + (c[2, 3] * y3 + c[2, 4] * y4)
-    k3 = 2.0 * c[3, 2] + (c[3, 3] * y3 + c[3, 4] * y4)
-    k4 = 2.0 * c[4, 2] + (c[4, 3] * y3 + c[4, 4] * y4)
+    k0 = 2.0 * c[0][2] + (c[0][3] * y3 + c[0][4] * y4)
+    k1 = 2.0 * c[1][2] + (c[1][3] * y3 + c[1][4] * y4)
+    k2 = 2.0 * c[2][2] + (c[2][3] * y3 + c[2][4] * y4)
+    k3 = 2.0 * c[3][2] + (c[3][3] * y3 + c[3][4] * y4)
+    k4 = 2.0 * c[4][2] + (c[4][3] * y3 + c[4][4] * y4)
     return k0, k1, k2, k3, k4
 
 
@@ -94,7 +106,7 @@ def currents(m, d, q):
     x, y = (d - m.low_d) * m.per_d, (q - m.low_q) * m.per_q
     if 0.0 <= x < m.cells.shape[0] and 0.0 <= y < m.cells.shape[1]:
         i, j = int(x), int(y)
-        return gradient(m, m.cells[i, j], x - i, y - j)
+        return gradient(m, polynomial(m.cells[i, j]), x - i, y - j)
     return continued(m, d, q)
 
 
@@ -130,6 +142,12 @@ def hessian(m, d, q):
 def hessian_inside(m, d, q):
     """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H at fluxes (Wb) inside the box."""
     c, x, y = locate(m, d, q)
+    return bending(m, c, x, y)
+
+
+@inlined
+def bending(m, c, x, y):
+    """Return Gamma_dd, Gamma_dq, Gamma_qq in 1/H of a cell's polynomial at a place in it."""
     _, r2, r3, r4 = values(c, y)
     _, g1, g2, g3, g4 = slopes(c, y)
     k0, k1, k2, k3, k4 = bends(c, y)
@@ -145,11 +163,8 @@ def energy(m, d, q):
     """Return H in J, up to the factor 3/2 of the transformation and a constant."""
     c, x, y = locate(m, d, q)
     h = 0.0
-    for a in range(DEGREE, -1, -1):
-        row = 0.0
-        for b in range(DEGREE, -1, -1):
-            row = row * y + c[a, b]
-        h = h * x + row
+    for row in (c[4], c[3], c[2], c[1], c[0]):
+        h = h * x + (row[0] + y * (row[1] + y * (row[2] + y * (row[3] + y * row[4]))))
     return h
 
 

@@ -25,6 +25,7 @@ from sandbox.gap.evidence.noise import Noise, floor_of, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.search.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.search.forward import Judged, Search, search
+from sandbox.gap.search.needless import with_fewer
 from sandbox.gap.search.parts.adding import in_parts, with_parts
 from sandbox.gap.search.parts.idle import without_idle
 from sandbox.gap.search.points import own_values, with_values
@@ -142,7 +143,7 @@ def _searched(
     start: Point, raw: float, weights: Weights, barred: Sequence[str], workers: int, report: Callable[[str], None]
 ) -> Search:
     """Return the search from a nominal point: few effects, their further parts, more effects, the parts of those, and
-    none that does nothing by then.
+    none of either that does nothing by then.
 
     raw: normalised rms of the nominal model; barred: effects that are no candidates.
     """
@@ -151,7 +152,8 @@ def _searched(
     wide = widened(few, raw, weights, exclude=barred, workers=workers, report=report)
     if set(in_parts(wide)) - set(in_parts(few)):
         wide = with_parts(wide, raw, weights, exclude=barred, workers=workers, report=report)
-    return without_idle(wide, raw, weights, workers=workers, report=report)
+    idle = without_idle(wide, raw, weights, workers=workers, report=report)
+    return with_fewer(idle, raw, weights, workers=workers, report=report)
 
 
 def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]:

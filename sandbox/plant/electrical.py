@@ -25,7 +25,7 @@ comes between, in a loop of its own (`additions`): what is neutral costs nothing
 from __future__ import annotations
 
 from model.compiled import inlined, kernel
-from model.spline import gradient, hessian
+from model.spline import bending, gradient, hessian, polynomial
 from sandbox.plant import ports
 
 THIRD, ROOT_THIRD, HALF_ROOT = 1.0 / 3.0, 0.5773502691896258, 0.8660254037844386
@@ -270,22 +270,38 @@ def dropped(w):
         w.drop_a[j], w.drop_b[j] = w.resistance[j] * w.i_a[j], w.resistance[j] * w.i_b[j]
 
 
-@kernel
-def mapped(w, m):
-    """Write i_d, i_q (A) at the fluxes z_d, z_q: those of the map and each lane's own addition to it.
+@inlined
+def shared_cell(w, m):
+    """Return the map's cell (i, k) at the fluxes z_d, z_q, and whether all lanes are in it.
 
-    Lanes are nearly alike, so they mostly share one cell of the map: its polynomial is then a vector loop.
+    Lanes are nearly alike, so they mostly are: the cell's polynomial is then a vector loop.
     """
-    n = w.psi_a.size
     x_0, y_0 = (w.z_d[0] - m.low_d) * m.per_d, (w.z_q[0] - m.low_q) * m.per_q
     inside = 0.0 <= x_0 < m.cells.shape[0] and 0.0 <= y_0 < m.cells.shape[1]
     i, k = (int(x_0), int(y_0)) if inside else (0, 0)
     off = 0.0
-    for j in range(n):
-        x, y = (w.z_d[j] - m.low_d) * m.per_d - i, (w.z_q[j] - m.low_q) * m.per_q - k
+    for j in range(w.psi_a.size):
+        x, y = place(w, j, m, i, k)
         off = max(off, max(abs(x - 0.5), abs(y - 0.5)))
-    if inside and off <= 0.5:
-        same_cell(w, m, m.cells[i, k], i, k)
+    return i, k, inside and off <= 0.5
+
+
+@inlined
+def place(w, j, m, i, k):
+    """Return where in cell (i, k) of the map, in cells, lane j's flux z_d, z_q lies."""
+    return (w.z_d[j] - m.low_d) * m.per_d - i, (w.z_q[j] - m.low_q) * m.per_q - k
+
+
+@kernel
+def mapped(w, m):
+    """Write i_d, i_q (A) at the fluxes z_d, z_q: those of the map and each lane's own addition to it."""
+    n = w.psi_a.size
+    i, k, alike = shared_cell(w, m)
+    if alike:
+        p = polynomial(m.cells[i, k])
+        for j in range(n):
+            x, y = place(w, j, m, i, k)
+            w.i_d[j], w.i_q[j] = gradient(m, p, x, y)
     else:
         for j in range(n):
             w.i_d[j], w.i_q[j] = ports.map_currents(m, w.z_d[j], w.z_q[j])
@@ -295,29 +311,43 @@ def mapped(w, m):
 
 
 @kernel
-def same_cell(w, m, p, i, k):
-    """Write the map's currents (A) of all lanes in cell (i, k), whose polynomial is p."""
-    for j in range(w.psi_a.size):
-        x, y = (w.z_d[j] - m.low_d) * m.per_d - i, (w.z_q[j] - m.low_q) * m.per_q - k
-        w.i_d[j], w.i_q[j] = gradient(m, p, x, y)
-
-
-@kernel
 def stiffen(w, flux_map, c_0, s_0):
     """Write the inverse incremental inductance (1/H), stationary frame, at the flux of a period's start."""
-    for j in range(w.psi_a.size):
-        c, s = facing(w, j, c_0, s_0)
-        d, q = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
-        dd = w.gamma_d[j] + d * (2.0 * w.cubic_d[j] + 3.0 * w.quartic_d[j] * d) + 2.0 * w.quartic_dq[j] * q * q
-        qq = w.gamma_q[j] + 2.0 * d * (w.cubic_q[j] + w.quartic_dq[j] * d) + 3.0 * w.quartic_q[j] * q * q
-        dq = 2.0 * q * (w.cubic_q[j] + 2.0 * w.quartic_dq[j] * d)
-        if flux_map is not None:
-            g_dd, g_dq, g_qq = hessian(flux_map, d, q)
-            dd, dq, qq = dd + g_dd, dq + g_dq, qq + g_qq
-        mean, half = 0.5 * (dd + qq), 0.5 * (dd - qq)
-        c_2, s_2 = c * c - s * s, 2.0 * c * s
-        across = half * c_2 - dq * s_2
-        w.stiff_aa[j], w.stiff_bb[j], w.stiff_ab[j] = mean + across, mean - across, half * s_2 + dq * c_2
+    n = w.psi_a.size
+    if flux_map is None:
+        for j in range(n):
+            c, s = facing(w, j, c_0, s_0)
+            d, q = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
+            stiff(w, j, c, s, d, q, (0.0, 0.0, 0.0))
+    else:
+        for j in range(n):
+            c, s = facing(w, j, c_0, s_0)
+            w.z_d[j], w.z_q[j] = seen(w, j, c, s, w.psi_a[j], w.psi_b[j])
+        i, k, alike = shared_cell(w, flux_map)
+        if alike:
+            p = polynomial(flux_map.cells[i, k])
+            for j in range(n):
+                x, y = place(w, j, flux_map, i, k)
+                c, s = facing(w, j, c_0, s_0)
+                stiff(w, j, c, s, w.z_d[j], w.z_q[j], bending(flux_map, p, x, y))
+        else:
+            for j in range(n):
+                c, s = facing(w, j, c_0, s_0)
+                stiff(w, j, c, s, w.z_d[j], w.z_q[j], hessian(flux_map, w.z_d[j], w.z_q[j]))
+
+
+@inlined
+def stiff(w, j, c, s, d, q, more):
+    """Write lane j's inverse incremental inductance (1/H) at a flux due to currents (Wb); more: dd, dq, qq of the map
+    beside those of the quartic, 1/H."""
+    dd = w.gamma_d[j] + d * (2.0 * w.cubic_d[j] + 3.0 * w.quartic_d[j] * d) + 2.0 * w.quartic_dq[j] * q * q
+    qq = w.gamma_q[j] + 2.0 * d * (w.cubic_q[j] + w.quartic_dq[j] * d) + 3.0 * w.quartic_q[j] * q * q
+    dq = 2.0 * q * (w.cubic_q[j] + 2.0 * w.quartic_dq[j] * d)
+    dd, dq, qq = dd + more[0], dq + more[1], qq + more[2]
+    mean, half = 0.5 * (dd + qq), 0.5 * (dd - qq)
+    c_2, s_2 = c * c - s * s, 2.0 * c * s
+    across = half * c_2 - dq * s_2
+    w.stiff_aa[j], w.stiff_bb[j], w.stiff_ab[j] = mean + across, mean - across, half * s_2 + dq * c_2
 
 
 @kernel

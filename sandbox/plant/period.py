@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
+from model.borrowed import borrowed
 from model.compiled import inlined, kernel
 from model.lanes import SHORT_TURN, turned, turned_a_little
 from sandbox.plant import additions as add
@@ -304,7 +305,7 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
     instants (s) at which the first lane's current is held besides, seen (m, 2); features with MOVED: the plant moves
     the rotor.
     """
-    period = timing.period
+    period, magnetics = timing.period, borrowed(flux_map)
     t, u_a, u_b, begun = 0.0, 0.0, 0.0, False
     c_0, s_0 = facing_at(course, 0.0)
     peeking = timing.first != 0.0 or timing.last != 0.0
@@ -321,9 +322,9 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 if t == 0.0 and g == 0 and features & add.DELAYED and not features & add.MOVED:
                     add.orient(w, 0.0, course.rate)
                 c, s = facing_at(course, t)
-                at_start(w, flux_map, features, c, s, t / period, course, span, x, y, side, real)
+                at_start(w, magnetics, features, c, s, t / period, course, span, x, y, side, real)
                 if t == 0.0 and g == 0:
-                    stiffen(w, flux_map, c, s)
+                    stiffen(w, magnetics, c, s)
                     if features & add.ENERGY and features & add.MOVED:
                         add.stiffen_further(w, c, s)
                     first_instant(w, features, timing, room)
@@ -362,14 +363,14 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 if features & add.FILTER:
                     lag_through(w, room, FILTER, w.filter_rate, timing.tardy, taken, t, span, x, y)
                 share, tardy = middle_of / period, timing.tardy > 0.0
-                in_middle(w, flux_map, features, c, s, share, course, span, long, u_a, u_b, x, y, tardy)
+                in_middle(w, magnetics, features, c, s, share, course, span, long, u_a, u_b, x, y, tardy)
             until = 2.0 * period if g == EDGES and whole else t + span
             if peeking and len(looks) == 0:
-                peek(w, flux_map, features, room, taken, course, t, span, until, u_a, u_b, x, y)
+                peek(w, magnetics, features, room, taken, course, t, span, until, u_a, u_b, x, y)
             for m in range(len(looks)):
                 if t <= looks[m] < until:
                     w.when[0] = looks[m]
-                    peek(w, flux_map, features, room, taken, course, t, span, until, u_a, u_b, x, y)
+                    peek(w, magnetics, features, room, taken, course, t, span, until, u_a, u_b, x, y)
                     seen[m, 0], seen[m, 1] = w.held_a[0], w.held_b[0]
             if features & add.MOVED:
                 course = moved(w, features, course, t, span)

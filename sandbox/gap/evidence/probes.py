@@ -9,12 +9,15 @@ from itertools import product
 import numpy as np
 
 from model.effects import library
+from model.effects.card import Parameter
 from model.errors import BadInput
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import Coordinate, of_effect
 from sandbox.gap.evidence.spectrum import best_values, link_lines
 from sandbox.plant.sets import complete
 from sandbox.replay.sensitivity import mechanical_only
+
+MULTIPLES = 21  # slots, less what they share with the poles: 21 of 10 pole pairs; most machines have 3 to 9
 
 
 @dataclass(frozen=True)
@@ -46,7 +49,7 @@ def probes(point: Point, exclude: Sequence[str] = ()) -> tuple[list[Probe], floa
             if p.scan and card.polar:
                 low, high, step = p.scan
                 pair = (f"{effect}.{card.polar[0]}", f"{effect}.{card.polar[1]}")
-                values = np.arange(low, high + 0.5 * step, step).tolist() if step else []
+                values = scanned(p, drive.motor.pole_pairs) if step else []
                 found = best_values(point, pair, name, values) if step else link_lines(point, low, high)
                 cost += 2 * len(values) * (free_share(point) if mechanical_only(name) else 1.0)
                 choices.append([(name, x) for x in found])
@@ -55,6 +58,16 @@ def probes(point: Point, exclude: Sequence[str] = ()) -> tuple[list[Probe], floa
                 choices.append([(name, s * size) for s in p.starts])
         out += [Probe(effect, dict(c)) for c in product(*choices) if possible(point, dict(c))]
     return out, cost
+
+
+def scanned(p: Parameter, pole_pairs: int) -> list[float]:
+    """Return the values of a parameter with a scan in steps that are tried: those of its card, and of an order that is
+    counted in pole pairs the multiples of the poles beyond, to MULTIPLES of them: torque of the slots has the least
+    common multiple of slots and poles (Zhu, Howe 2000)."""
+    low, high, step = p.scan or (1.0, 0.0, 1.0)
+    values = np.arange(low, high + 0.5 * step, step)
+    poles = 2.0 * pole_pairs * np.arange(1.0, MULTIPLES + 1.0) if p.relative_to == "pole pairs" else values[:0]
+    return [*values.tolist(), *poles[poles > high].tolist()]
 
 
 def possible(point: Point, start: Mapping[str, float]) -> bool:

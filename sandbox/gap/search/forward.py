@@ -7,6 +7,7 @@ The best are fitted; from the two best of them sets grow on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -44,7 +45,8 @@ class Search:
     """What a search found: ordinary deviations alone, judged sets, simulations it took.
 
     fitted: all sets that were fitted; chosen, share: probes and ordinary sizes of effects, as sets are judged with;
-    further: values of effects' further parts, where some were found (`search.parts`).
+    looked: normalised rms where starts of effects were last looked for; further: values of effects' further parts,
+    where some were found (`search.parts`).
     """
 
     null: Fit
@@ -53,6 +55,7 @@ class Search:
     fitted: frozenset[tuple[str, ...]]
     chosen: tuple[Probe, ...]
     share: float
+    looked: float = math.inf
     further: Mapping[str, float] = field(default_factory=dict)
 
     def judge_also(
@@ -77,7 +80,8 @@ class Search:
 @dataclass
 class Forward:
     """A search under way: ordinary deviations alone, fits by set, sets that grow on, probes, ordinary size of effects,
-    recordings that count, threads, effects left out, what stages are told to, simulations."""
+    recordings that count, threads, effects left out, what stages are told to, simulations, rms where starts were looked
+    for."""
 
     null: Fit
     fits: dict[Key, Fit]
@@ -89,6 +93,7 @@ class Forward:
     exclude: Sequence[str]
     report: Callable[[str], None]
     cost: float
+    looked: float = math.inf
 
     def budget(self) -> int:
         """Return the simulations after which sets grow no further."""
@@ -112,7 +117,7 @@ class Forward:
             again, spent = choose(at, self.exclude, self.weights, self.workers)
             kept = [p for p in self.chosen if p.effect in at.effects]
             self.chosen = kept + [p for p in again if p.effect not in at.effects]
-            self.cost += spent
+            self.cost, self.looked = self.cost + spent, rms_of(at)
         else:
             self.chosen = [replace(p, sized=None, gain=0.0) for p in self.chosen]
 
@@ -130,14 +135,14 @@ def search(
     null = fit(start, (), weights, workers=workers)
     chosen, cost = choose(null, exclude, weights, workers)
     share, cost = ordinary_share(rms_of(null)), cost + null.simulations
-    s = Forward(null, {(): null}, [null], chosen, share, weights, workers, exclude, report, cost)
+    s = Forward(null, {(): null}, [null], chosen, share, weights, workers, exclude, report, cost, rms_of(null))
     for depth in range(MOST):
         if not grown(s, depth):
             break
     report("weighing hypotheses")
     judged = weighed(s)
     cost = s.cost + sum(j.simulations for j in judged)
-    return Search(null, tuple(judged), cost, frozenset(s.fits), tuple(s.chosen), share)
+    return Search(null, tuple(judged), cost, frozenset(s.fits), tuple(s.chosen), share, s.looked)
 
 
 def grown(s: Forward, depth: int) -> bool:

@@ -26,7 +26,7 @@ from sandbox.gap.search.subsets import STILL, Subsets, log_prior
 
 PROMISED = 2  # sets fitted at a point that algebra holds more probable than the one there
 ROUNDS = 7  # points at which all effects' equations are taken
-AGAIN = 3.0  # times that the residual has to fall before effects' starts are looked for anew
+AGAIN = 2.0  # times that the residual beyond noise has to fall before effects' starts are looked for anew
 PRICE = 5.0  # log evidence that one more effect costs, about: its prior and the width it gives up
 ALONE = 2  # effects that a rival with shapes to find may have to be fitted from ordinary deviations, too
 RIVALS, TURNS = 3, 2  # rivals fitted at a time; times that they are looked for
@@ -69,7 +69,7 @@ class Selection:
     def look(self) -> bool:
         """Look for effects' starts where the residual has fallen since; return whether."""
         level = rms_of(self.best)
-        if level * AGAIN > self.looked or level < FAR:
+        if level < FAR or AGAIN**2 * (level**2 - 1.0) > self.looked**2 - 1.0:
             return False
         again, spent = choose(self.best, self.exclude, self.weights, self.workers)
         kept = [p for p in self.chosen if p.effect in self.best.effects]
@@ -107,11 +107,12 @@ def widened(
     fits = {j.effects: j.fit for j in found.judged}
     own = [replace(p, sized=None, gain=0.0) for p in found.chosen]
     s = Selection(few.fit, own, found.share, weights, workers, raw, found.simulations, fits, tuple(exclude))
+    s.looked = found.looked
+    here = s.table() if few.effects and s.look() else few.table
     open_ = remainder(found.null, few.fit).unknown >= OPEN
-    if len(few.effects) < LEAST or not (open_ or promising(s, few, found.fitted)):
-        return found
-    s.looked = rms_of(few.fit)
-    select(s, few.table, report)
+    if len(few.effects) < LEAST or not (open_ or promising(s, here, found.fitted)):
+        return replace(found, simulations=s.cost)
+    select(s, here, report)
     closes = CLOSES[len(few.effects) >= MOST]
     if s.best is few.fit or (rms_of(s.best) > FAR and excess(s.best) > closes * excess(few.fit)):
         return replace(found, simulations=s.cost)
@@ -133,13 +134,13 @@ def widened(
     return replace(found, judged=tuple(judged.values()), simulations=s.cost, fitted=fitted, chosen=chosen)
 
 
-def promising(s: Selection, few: Judged, fitted: Collection[Key]) -> bool:
+def promising(s: Selection, here: Table, fitted: Collection[Key]) -> bool:
     """Return whether algebra holds the few effects with more beside them, a set not fitted so far, more probable: what
     they leave may be small and still tell of one more."""
-    near = Subsets(few.table, s.temperature())
-    near.climb(few.effects)
-    level = near.weigh(few.effects)
-    return any(x > level + STILL and set(k) > set(few.effects) and k not in fitted for k, x in near.known.items())
+    near, few = Subsets(here, s.temperature()), s.best.effects
+    near.climb(few)
+    level = near.weigh(few)
+    return any(x > level + STILL and set(k) > set(few) and k not in fitted for k, x in near.known.items())
 
 
 def select(s: Selection, here: Table, report: Callable[[str], None] = lambda _: None) -> None:

@@ -10,13 +10,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_triangular
 
 from model.effects import library
-from sandbox.gap.evidence.algebra import Algebra
+from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.spike_slab import Table
 
 Array = NDArray[np.float64]
@@ -70,7 +71,7 @@ class Subsets:
         return self.known[key]
 
     def glance(self, sets: Sequence[Set]) -> Array:
-        """Return the log posterior of sets without bounds, sizes with their wide priors."""
+        """Return about the log posterior of sets: sizes with their wide priors, none beyond its bounds."""
         equations = self.table.equations.scaled(self.temperature)
         return np.array([self._glance(equations, s) for s in sets])
 
@@ -98,12 +99,26 @@ class Subsets:
         return [tuple(sorted(s)) for s in out if possible(s)]
 
     def _glance(self, equations: Algebra, effects: Set) -> float:
+        """Return what `glance` says of one set: an effect whose size would leave its bounds stays at the bound."""
         prior = self.table.prior(effects, alone=self.alone)
-        free = np.flatnonzero(prior.deviation > 0.0)
-        size, mean = prior.deviation[free], np.clip(prior.mean, prior.low, prior.high)
-        shift = mean - equations.x
-        pull = size * (equations.g - equations.a @ shift)[free]
-        factor = np.linalg.cholesky(size[:, None] * equations.a[np.ix_(free, free)] * size + np.eye(len(free)))
-        half = np.linalg.solve(factor, pull)
-        level = equations.rr - 2.0 * shift @ equations.g + shift @ equations.a @ shift
-        return float(0.5 * (half @ half - level) - np.sum(np.log(np.diag(factor)))) + log_prior(effects)
+        x, told = _unbounded(equations, prior)
+        claimed = [k for e in effects for k in self.table.members[e]]
+        out = [k for k in claimed if prior.deviation[k] > 0.0 and not prior.low[k] <= x[k] <= prior.high[k]]
+        if out:
+            mean, deviation = prior.mean.copy(), prior.deviation.copy()
+            mean[out], deviation[out] = np.clip(x, prior.low, prior.high)[out], 0.0
+            told = _unbounded(equations, replace(prior, mean=mean, deviation=deviation))[1]
+        return told + log_prior(effects)
+
+
+def _unbounded(equations: Algebra, prior: Prior) -> tuple[Array, float]:
+    """Return the most probable values (p,) without bounds, and the log evidence."""
+    free = np.flatnonzero(prior.deviation > 0.0)
+    size, x = prior.deviation[free], np.clip(prior.mean, prior.low, prior.high)
+    shift = x - equations.x
+    pull = size * (equations.g - equations.a @ shift)[free]
+    factor = np.linalg.cholesky(size[:, None] * equations.a[np.ix_(free, free)] * size + np.eye(len(free)))
+    half = solve_triangular(factor, pull, lower=True, check_finite=False)
+    level = equations.rr - 2.0 * shift @ equations.g + shift @ equations.a @ shift
+    x[free] += size * solve_triangular(factor, half, lower=True, trans=1, check_finite=False)
+    return x, float(0.5 * (half @ half - level) - np.sum(np.log(np.diag(factor))))

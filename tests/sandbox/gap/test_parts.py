@@ -7,13 +7,14 @@ from types import SimpleNamespace
 import pytest
 
 from model.effects import library
+from model.effects.card import Parameter
 from model.effects.inductance_harmonics import SIZES
 from sandbox.gap import diagnose as diagnosing
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import of_effect, of_part
-from sandbox.gap.evidence.probes import Probe
+from sandbox.gap.evidence.probes import Probe, scanned
 from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.forward import Search, rms_of
 from sandbox.gap.search.judged import judge
@@ -100,6 +101,7 @@ def test_orders_are_looked_for_again_where_the_wider_search_names_a_harmonic(mon
     monkeypatch.setattr(diagnosing, "widened", lambda *_, **__: named(wide))
     monkeypatch.setattr(diagnosing, "with_parts", looked)
     monkeypatch.setattr(diagnosing, "without_idle", lambda found, *_, **__: found)
+    monkeypatch.setattr(diagnosing, "with_fewer", lambda found, *_, **__: found)
     assert diagnosing._searched(None, 1.0, {}, (), 1, print).judged[0].effects == wide
     assert asked == [few, wide][:calls]
 
@@ -140,7 +142,7 @@ def test_every_order_is_tried_in_either_phase(monkeypatch):
                for s in found for c in s.coordinates)  # fmt: skip
     monkeypatch.setattr(parts, "best_values", lambda *x: [9.0])
     (cogging,), looked = starts(point, ["cogging_torque"])
-    assert looked == 72  # orders of a turn that the card scans, of which the best are handed over
+    assert looked == 72 + 15  # orders of a turn on the card, 84 to 252 of 12 poles; the best are handed over
     assert cogging.begun["cogging_torque.2.order_mech"] == 9.0
     assert starts(point, ["dead_time"]) == ([], 0)
     every = {f"flux_harmonics.{k}.psi_d": 1e-4 for k in range(2, 7)}
@@ -148,11 +150,16 @@ def test_every_order_is_tried_in_either_phase(monkeypatch):
 
 
 def test_a_scan_ends_where_its_card_says():
-    """Steps of a quarter from 1 to 2, the end among them and nothing beyond."""
-    card = SimpleNamespace(parameters=(SimpleNamespace(name="order", scan=(1.0, 2.0, 0.25)),), polar=None)
-    found, looked = parts._scanned(None, card, "mine.{}".format)
+    """Steps of a quarter from 1 to 2, the end among them and nothing beyond; an order of a turn goes on with multiples
+    of the poles."""
+    order = Parameter("order", "", 1.0, 1.0, 1e4, 1.0, scan=(1.0, 2.0, 0.25))
+    card = SimpleNamespace(parameters=(order,), polar=None)
+    point = Point(prepare(small_campaign({}, CASES[:1])), {})
+    found, looked = parts._scanned(point, card, "mine.{}".format)
     assert [x["mine.order"] for x in found] == [1.0, 1.25, 1.5, 1.75, 2.0]
     assert looked == 5
+    poles = scanned(dataclasses.replace(order, relative_to="pole pairs"), 7)
+    assert poles == [1.0, 1.25, 1.5, 1.75, 2.0, *(14.0 * k for k in range(1, 22))]
 
 
 def stand_in(effects, told, excess=0.0):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -59,6 +60,22 @@ def test_a_glance_ranks_as_hypotheses_are_weighed_but_for_sizes():
     every = [(*s, "a", "c", "f") for n in range(4) for s in itertools.combinations(("b", "d", "e"), n)]
     for s, told in zip(every, sets.glance(every), strict=True):
         assert -math.log(4.0) * len(s) - 0.1 < sets.weigh(s) - told < math.log(8.0) * len(s) + 0.1
+
+
+def test_a_size_that_bounds_forbid_hides_no_other_effect():
+    """Orthogonal effects of 400 readings; `b` would gain 0.5 x 400 x 30^2 = 180 000 if it might be negative, and every
+    set with it comes before `d`, which gains 0.5 x 400 x 0.36 = 72."""
+    rng = np.random.default_rng(0)
+    j = 20.0 * np.linalg.qr(rng.standard_normal((400, 6)))[0]
+    r = j @ np.array([3.0, -30.0, -2.0, 0.6, 0.0, 1.5])
+    t = linear_table(0)
+    low = np.where(np.arange(6) == 1, 0.0, -np.inf)
+    t = replace(t, equations=Algebra(j.T @ j, j.T @ r, float(r @ r), np.zeros(6)), wide=replace(t.wide, low=low))
+    sets = Subsets(t, 1.0)
+    assert sets.climb(("a", "c", "f"))[0] == ("a", "c", "d", "f")
+    with_, without = sets.glance([("a", "b", "c", "f"), ("a", "c", "f")])
+    assert with_ < without
+    assert sets.weigh("abcf") < sets.weigh("acf")
 
 
 def test_what_is_part_of_another_is_not_claimed_with_it():

@@ -206,17 +206,17 @@ def test_what_was_not_fitted_stands_to_what_was(monkeypatch, none, fitted_none, 
 
 
 def test_scans_reach_their_last_value(monkeypatch):
-    """Cogging is looked for at every whole order of a turn from 1 to 72: two parts each, in the third of the samples
-    in which the rotor is free.  Of what is found no size has been tried yet."""
+    """Cogging is looked for at every whole order of a turn from 1 to 72, then at multiples of twelve poles up to 252:
+    two parts each, in the third of the samples in which the rotor is free.  Of what is found no size has been tried."""
     seen = {}
     others = [e for e in library.effect_names() if e != "cogging_torque"]
     monkeypatch.setattr(probes, "best_values", lambda point, pair, name, values: seen.setdefault(name, values)[:1])
     own = [SimpleNamespace(rotor="free", samples=100), SimpleNamespace(rotor="locked", samples=200)]
     prepared = SimpleNamespace(campaign=SimpleNamespace(drive=DRIVE), recordings=own, samples=300)
     found, cost = probes.probes(SimpleNamespace(prepared=prepared, values=library.neutral(DRIVE.motor)), others)
-    assert cost == pytest.approx(2 * 72 / 3.0)
+    assert cost == pytest.approx(2 * (72 + 15) / 3.0)
     assert [(p.effect, p.sized, p.gain) for p in found] == [("cogging_torque", None, 0.0)]
-    assert seen == {"cogging_torque.order_mech": pytest.approx(list(range(1, 73)))}
+    assert seen == {"cogging_torque.order_mech": pytest.approx([*range(1, 73), *range(84, 253, 12)])}
 
 
 def test_damping_adds_to_the_diagonal():

@@ -26,9 +26,10 @@ def test_the_temperature_is_what_is_left_or_one_plus_a_tenth_of_the_raw_gap():
     assert selecting(at_rms(2.0), raw=40.0).temperature() == pytest.approx(5.0)
 
 
-@pytest.mark.parametrize(("rms", "asked"), [(3.1, False), (2.9, True), (1.019, False)])
-def test_starts_are_looked_for_where_the_residual_has_fallen_to_a_third(monkeypatch, rms, asked):
-    """From 9 floors; never nearer to the floor than two hundredths."""
+@pytest.mark.parametrize(("rms", "asked"), [(4.62, False), (4.54, True), (1.019, False)])
+def test_starts_are_looked_for_where_half_the_residual_beyond_noise_is_gone(monkeypatch, rms, asked):
+    """From 9 floors, 80 squares beyond noise: at sqrt(1 + 80/4) = 4.58; never nearer to the floor than two
+    hundredths."""
     monkeypatch.setattr(selection, "choose", lambda *_: ([Probe("b", {})], 7.0))
     s = selecting(at_rms(rms), looked=9.0)
     assert s.look() == asked
@@ -135,7 +136,7 @@ class Widening:
         monkeypatch.setattr(selection, "rivals", lambda s, top: self.rivals)
         monkeypatch.setattr(selection, "from_starts", lambda s, key, null: self.asked.append(key) or self.fits[key])
         monkeypatch.setattr(selection, "log_prior", lambda effects: 0.0)
-        monkeypatch.setattr(selection, "promising", lambda s, few, fitted: promising)
+        monkeypatch.setattr(selection, "promising", lambda s, here, fitted: promising)
         monkeypatch.setattr(selection, "remainder", lambda null, fit: SimpleNamespace(unknown=unknown))
 
     @staticmethod
@@ -146,7 +147,7 @@ class Widening:
 
     def __call__(self):
         """Return the sets that are judged in the end."""
-        found = Search(None, (self.judged(self.few),), 0.0, frozenset(), (), 0.01)
+        found = Search(None, (self.judged(self.few),), 0.0, frozenset(), (), 0.01, looked=1.0)
         return ["".join(j.effects) for j in selection.widened(found, 0.0, {}).judged]
 
 
@@ -172,8 +173,7 @@ def test_a_search_goes_on_where_more_effects_promise_more(monkeypatch):
 def test_more_effects_beside_the_few_promise_more(monkeypatch, told, fitted, expected):
     monkeypatch.setattr(Sets, "told", {"a": 0.0, **told}, raising=False)
     monkeypatch.setattr(selection, "Subsets", Sets)
-    few = SimpleNamespace(effects=("a",), table=None)
-    assert selection.promising(selecting(fit_of(("a",), 0.0)), few, {tuple(fitted)}) == expected
+    assert selection.promising(selecting(fit_of(("a",), 0.0)), None, {tuple(fitted)}) == expected
 
 
 def test_without_an_effect_nothing_goes_on(monkeypatch):

@@ -15,14 +15,13 @@ from dataclasses import replace
 from functools import partial
 from itertools import product
 
-import numpy as np
-
 from model.effects import library
 from model.effects.card import Part
 from sandbox.gap.evidence.discrepancy import remainder
 from sandbox.gap.evidence.fit import Weights, attempted
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import of_part
+from sandbox.gap.evidence.probes import scanned
 from sandbox.gap.evidence.spectrum import best_values
 from sandbox.gap.evidence.spike_slab import gains_of
 from sandbox.gap.search.forward import WORTH, Search, excess, rms_of
@@ -195,8 +194,7 @@ def _scanned(point: Point, part: Part, public: Callable[[str], str]) -> tuple[li
     choices, looked = [], 1
     for p in part.parameters:
         if p.scan and p.scan[2]:
-            low, high, step = p.scan
-            values = np.arange(low, high + 0.5 * step, step).tolist()
+            values = scanned(p, point.prepared.campaign.drive.motor.pole_pairs)
             looked *= len(values)
             if part.polar:
                 values = best_values(point, (public(part.polar[0]), public(part.polar[1])), public(p.name), values)
