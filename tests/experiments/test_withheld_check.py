@@ -175,19 +175,20 @@ def test_shares_are_compared_with_the_effect_alone_taken_out_and_with_the_mean_o
     """Three effects by hand: stated 0.5 (last 0.3, first 0.5), a negative one -0.1 (-0.2, -0.2), one not named (0.2,
     0.0).  Last: 0.2, 0.1, 0.2 off; mean of places: 0.1, 0.1, 0.1.  Of two stated intervals the negative one misses."""
     rows = [
-        shares_truth.Row("w000", "dead_time", 0.3, 0.5, 0.5, 0.4, 0.6),
-        shares_truth.Row("w000", "dc_link_error", -0.2, -0.2, -0.1, -0.15, -0.05),
-        shares_truth.Row("w001", "inertia", 0.2, 0.0, 0.0, 0.0, 0.0),
+        shares_truth.Row("w000", "dead_time", 0.3, 0.5, 0.5, 0.4, 0.6, 0.36),
+        shares_truth.Row("w000", "dc_link_error", -0.2, -0.2, -0.1, -0.15, -0.05, -0.2),
+        shares_truth.Row("w001", "inertia", 0.2, 0.0, 0.0, 0.0, 0.0, 0.0),
     ]
     found = shares_truth.compared(rows)
     assert found["rms_last"] == pytest.approx(math.sqrt((0.04 + 0.01 + 0.04) / 3.0))
     assert found["rms_true"] == pytest.approx(0.1)
+    assert found["rms_alone"] == pytest.approx(math.sqrt((0.06**2 + 0.04) / 3.0))  # 0.36 for 0.3, exact, 0 for 0.2
     assert (found["campaigns"], found["n"], found["in_interval"], found["n_stated"]) == (2, 3, 0.5, 2)
     assert shares_truth.compared(rows[2:])["in_interval"] is None
     monkeypatch.setattr(drawing, "RESULTS", tmp_path)
     shares_truth.told(rows)
     kept = json.loads((tmp_path / "shares_truth.json").read_text())
-    assert {"rms_last", "rms_true", "n"} <= set(kept)
+    assert {"rms_alone", "rms_last", "rms_true", "n"} <= set(kept)
     assert (tmp_path / "shares_truth.png").is_file()
 
 
