@@ -2,7 +2,7 @@
 
 Numba counts who holds an array, and every call that hands one on counts twice, by an atomic addition of some 20 clock
 cycles: a third of the time of a replay on a flux map, whose cells go through some 15 calls a period.  A borrowed array
-has no count; who borrows it must not keep it longer than the call it was handed to.
+has no count; who borrows it must neither keep nor return it: it lives as long as the call that borrowed it.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import Any
 
 from numba import types
 from numba.core import cgutils
+from numba.core.errors import TypingError
 from numba.extending import intrinsic, overload
 
 
@@ -30,6 +31,9 @@ def _typed(value):
 @intrinsic
 def _uncounted(typing: Any, value: Any) -> Any:
     """Return a tuple with the counts of its arrays left out."""
+
+    if not all(isinstance(kind, types.Array | types.Number | types.Boolean) for kind in value.types):
+        raise TypingError(f"{value} holds more than arrays and numbers; borrow a tuple of these")
 
     def write(context: Any, builder: Any, signature: Any, args: Any) -> Any:
         """Write the same tuple, its arrays held by nobody."""

@@ -37,7 +37,8 @@ class Parameter:
     How a diagnosis fits it: `fit` is "linear", "log", "reciprocal" (the coordinate in which readings are close to
     linear) or "fixed" (kept neutral); `spread` the prior's standard deviation in that coordinate where the typical size
     does not say it; `starts` values to begin from, in units of the typical size; `scan` (first, last, step) in the
-    parameter's unit, step 0: as fine as the recordings resolve.
+    parameter's unit, step 0: as fine as the recordings resolve; `scan_poles`: beyond it, so many multiples of the
+    number of poles, as often as the torque of slots may repeat.
 
     What else a diagnosis has to know: `change`, a change to take differences over where the typical size is none (in
     units of `relative_to`); `secant`, the least share of the typical size that a difference from an infinite neutral
@@ -63,6 +64,7 @@ class Parameter:
     spread: float = 0.0
     starts: tuple[float, ...] = (1.0,)
     scan: tuple[float, float, float] | None = None
+    scan_poles: int = 0
     change: float = 0.0
     secant: float = 0.0
     resolved_by: str = ""

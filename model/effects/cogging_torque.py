@@ -37,6 +37,7 @@ CARD = Effect(
             "pole pairs",
             fit="fixed",
             scan=(1.0, 72.0, 1.0),
+            scan_poles=21,  # slots / gcd(slots, poles): 21 of 21 slots and 20 poles; most machines have 3 to 9
             resolved_by="turns",
             title="order of cogging",
         ),

@@ -142,8 +142,8 @@ def _diagnosed(
 def _searched(
     start: Point, raw: float, weights: Weights, barred: Sequence[str], workers: int, report: Callable[[str], None]
 ) -> Search:
-    """Return the search from a nominal point: few effects, their further parts, more effects, the parts of those, and
-    none of either that does nothing by then.
+    """Return the search from a nominal point: few effects, their further parts, more effects, the parts of those; no
+    part and no effect that does nothing by then.
 
     raw: normalised rms of the nominal model; barred: effects that are no candidates.
     """

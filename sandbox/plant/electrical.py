@@ -288,7 +288,7 @@ def shared_cell(w, m):
 
 @inlined
 def place(w, j, m, i, k):
-    """Return where in cell (i, k) of the map, in cells, lane j's flux z_d, z_q lies."""
+    """Return how far, in cells, lane j's flux z_d, z_q lies from the corner of cell (i, k) of the map."""
     return (w.z_d[j] - m.low_d) * m.per_d - i, (w.z_q[j] - m.low_q) * m.per_q - k
 
 
@@ -312,7 +312,10 @@ def mapped(w, m):
 
 @kernel
 def stiffen(w, flux_map, c_0, s_0):
-    """Write the inverse incremental inductance (1/H), stationary frame, at the flux of a period's start."""
+    """Write the inverse incremental inductance (1/H), stationary frame, at the flux of a period's start.
+
+    On a flux map z_d, z_q are overwritten by that flux.
+    """
     n = w.psi_a.size
     if flux_map is None:
         for j in range(n):

@@ -17,8 +17,6 @@ from sandbox.gap.evidence.spectrum import best_values, link_lines
 from sandbox.plant.sets import complete
 from sandbox.replay.sensitivity import mechanical_only
 
-MULTIPLES = 21  # slots, less what they share with the poles: 21 of 10 pole pairs; most machines have 3 to 9
-
 
 @dataclass(frozen=True)
 class Probe:
@@ -61,12 +59,11 @@ def probes(point: Point, exclude: Sequence[str] = ()) -> tuple[list[Probe], floa
 
 
 def scanned(p: Parameter, pole_pairs: int) -> list[float]:
-    """Return the values of a parameter with a scan in steps that are tried: those of its card, and of an order that is
-    counted in pole pairs the multiples of the poles beyond, to MULTIPLES of them: torque of the slots has the least
-    common multiple of slots and poles (Zhu, Howe 2000)."""
+    """Return the values of a parameter with a scan in steps that are tried; beyond the last, multiples of the number of
+    poles where its card says so: the torque of slots has the least common multiple of slots and poles (Zhu, Howe)."""
     low, high, step = p.scan or (1.0, 0.0, 1.0)
     values = np.arange(low, high + 0.5 * step, step)
-    poles = 2.0 * pole_pairs * np.arange(1.0, MULTIPLES + 1.0) if p.relative_to == "pole pairs" else values[:0]
+    poles = 2.0 * pole_pairs * np.arange(1.0, p.scan_poles + 1.0)
     return [*values.tolist(), *poles[poles > high].tolist()]
 
 

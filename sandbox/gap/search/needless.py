@@ -2,12 +2,12 @@
 
 An effect is added where it explains most of what the set of that time leaves.  Once more effects stand beside it, it
 may explain nothing any more.  The rivals that algebra holds best at the set's point may all lack an effect that is
-needed, where a trace seems to stand for it; a set without what does nothing is then not among those that are fitted.
+needed, where algebra takes a trace of that effect for enough; then no rival lacks only what does nothing.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 
 from sandbox.gap.evidence.fit import Weights, attempted
@@ -25,27 +25,38 @@ SIZES = ("linear", "reciprocal", "cosine", "sine")  # forms of coordinates that 
 def with_fewer(
     found: Search, raw: float, weights: Weights, *, workers: int = 1, report: Callable[[str], None] = lambda _: None
 ) -> Search:
-    """Return a search whose best set is weighed without the effects that do nothing in it, too: without all of them,
-    and, where that is less probable, without each.  raw: normalised rms of the nominal model."""
-    t = 1.0 + raw / ACCURATE
-    best = max(found.judged, key=lambda j: level(j, t))
-    nothing, more = needless(best), list[Judged]()
-    for gone in (nothing, *((e,) for e in nothing)):
-        key = tuple(e for e in best.effects if e not in gone)
-        if not gone or key in found.fitted or key in {j.effects for j in more}:
-            continue
-        report(f"fitting without {' + '.join(gone)}")
-        new = _fewer(best, key, found, weights, workers)
-        more += [] if new is None else [new]
-        if new is not None and level(new, t) > level(best, t):
+    """Return a search whose best set is weighed without the effects that do nothing in it, too.
+
+    Without all of them; where that is less probable, without each.  Begun again from the new best set, as long as there
+    is one.  raw: normalised rms of the nominal model.
+    """
+    t, sets, spent = 1.0 + raw / ACCURATE, {j.effects: j for j in found.judged}, 0.0
+    while True:
+        best = max(sets.values(), key=lambda j: level(j, t))
+        nothing = needless(best)
+        for keys in ([_without(best, nothing)], [_without(best, (e,)) for e in nothing]):
+            new = [k for k in dict.fromkeys(keys) if k not in sets]
+            for key in new:
+                report(f"fitting {' + '.join(key) or 'ordinary deviations'}")
+                own = _fewer(best, key, found, weights, workers)
+                spent += 0.0 if own is None else own.simulations + own.fit.simulations
+                sets |= {} if own is None else {key: own}
+            if any(k in sets and level(sets[k], t) > level(best, t) for k in keys):
+                break
+        if max(sets.values(), key=lambda j: level(j, t)) is best:
             break
-    cost = found.simulations + sum(j.simulations + j.fit.simulations for j in more)
-    fitted = found.fitted | {j.effects for j in more}
-    return replace(found, judged=(*found.judged, *more), simulations=cost, fitted=fitted)
+    fitted = found.fitted | set(sets)
+    return replace(found, judged=tuple(sets.values()), simulations=found.simulations + spent, fitted=fitted)
+
+
+def _without(j: Judged, gone: Collection[str]) -> tuple[str, ...]:
+    """Return the effects of a set that are not gone."""
+    return tuple(e for e in j.effects if e not in gone)
 
 
 def needless(j: Judged) -> tuple[str, ...]:
-    """Return the effects of a set, of two or more, whose every size may be nothing by its 95 % interval."""
+    """Return the effects of a set, of two or more, whose every size may be nothing by its 95 % interval; never one that
+    has shapes only, as a shaft."""
     s, point = spread(j), j.fit.point
     place, drive, out = s.place, point.prepared.campaign.drive, []
     for effect in j.effects if len(j.effects) > 1 else ():
@@ -58,6 +69,6 @@ def needless(j: Judged) -> tuple[str, ...]:
 
 def _fewer(best: Judged, key: tuple[str, ...], found: Search, weights: Weights, workers: int) -> Judged | None:
     """Return a smaller set, fitted from the best one's values and weighed; None where no drive can have it."""
-    at = towards(best.fit, key, found.chosen)
-    fit = attempted(at, key, weights, leader=best.fit.objective, workers=workers)
+    at, leader = towards(best.fit, key, found.chosen), best.fit.objective
+    fit = attempted(at, key, weights, leader=leader, workers=workers) if key else found.null
     return None if fit is None else judge(fit, found.chosen, found.share, weights, workers)

@@ -17,8 +17,10 @@ def towards(best: Fit, key: Sequence[str], chosen: Sequence[Probe]) -> Point:
     campaign = best.point.prepared.campaign
     neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
     gone = tuple(f"{e}." for e in best.effects if e not in key)
-    own = [k for k in neutral if k.startswith(gone) and k not in kept]
-    off = {k: neutral[k] for k in own if k not in library.shared()}
+    first = library.same_numbers()
+    used = kept | {first.get(k, k) for k in neutral if k.partition(".")[0] in key}
+    owns = {first.get(k, k) for k in neutral if k.startswith(gone)} - used
+    off = {k: x for own in owns for k, x in library.moved(own, neutral[own]).items()}
     start = replace(best.point, values={**best.point.values, **off})
     return starting(start, [e for e in key if e not in best.effects], chosen)
 

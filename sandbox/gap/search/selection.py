@@ -108,16 +108,17 @@ def widened(
     own = [replace(p, sized=None, gain=0.0) for p in found.chosen]
     s = Selection(few.fit, own, found.share, weights, workers, raw, found.simulations, fits, tuple(exclude))
     s.looked = found.looked
-    here = s.table() if few.effects and s.look() else few.table
+    if few.effects and s.look():
+        few = judged_of(s, few.fit)
     open_ = remainder(found.null, few.fit).unknown >= OPEN
-    if len(few.effects) < LEAST or not (open_ or promising(s, here, found.fitted)):
+    if len(few.effects) < LEAST or not (open_ or promising(s, few.table, found.fitted)):
         return replace(found, simulations=s.cost)
-    select(s, here, report)
+    select(s, few.table, report)
     closes = CLOSES[len(few.effects) >= MOST]
     if s.best is few.fit or (rms_of(s.best) > FAR and excess(s.best) > closes * excess(few.fit)):
         return replace(found, simulations=s.cost)
     report("weighing hypotheses")
-    judged = {j.effects: j for j in found.judged} | {s.best.effects: judged_of(s, s.best)}
+    judged = {j.effects: j for j in (*found.judged, few)} | {s.best.effects: judged_of(s, s.best)}
     top = judged[s.best.effects]
     for _ in range(TURNS if remainder(found.null, s.best).unknown < STRANGE else 0):
         behind = rivals(s, top)
@@ -130,8 +131,10 @@ def widened(
         if best is top:
             break
         top = best
-    fitted, chosen = found.fitted | set(s.fits), tuple(s.chosen)
-    return replace(found, judged=tuple(judged.values()), simulations=s.cost, fitted=fitted, chosen=chosen)
+    return replace(
+        found, judged=tuple(judged.values()), simulations=s.cost, fitted=found.fitted | set(s.fits),
+        chosen=tuple(s.chosen), looked=s.looked,
+    )  # fmt: skip
 
 
 def promising(s: Selection, here: Table, fitted: Collection[Key]) -> bool:

@@ -71,7 +71,7 @@ class Subsets:
         return self.known[key]
 
     def glance(self, sets: Sequence[Set]) -> Array:
-        """Return about the log posterior of sets: sizes with their wide priors, none beyond its bounds."""
+        """Return the log posterior of sets, sizes with their wide priors, traces of other effects without bounds."""
         equations = self.table.equations.scaled(self.temperature)
         return np.array([self._glance(equations, s) for s in sets])
 
@@ -99,15 +99,14 @@ class Subsets:
         return [tuple(sorted(s)) for s in out if possible(s)]
 
     def _glance(self, equations: Algebra, effects: Set) -> float:
-        """Return what `glance` says of one set: an effect whose size would leave its bounds stays at the bound."""
+        """Return what `glance` says of one set: bounds of its own effects count where a size would leave them."""
         prior = self.table.prior(effects, alone=self.alone)
         x, told = _unbounded(equations, prior)
-        claimed = [k for e in effects for k in self.table.members[e]]
-        out = [k for k in claimed if prior.deviation[k] > 0.0 and not prior.low[k] <= x[k] <= prior.high[k]]
-        if out:
-            mean, deviation = prior.mean.copy(), prior.deviation.copy()
-            mean[out], deviation[out] = np.clip(x, prior.low, prior.high)[out], 0.0
-            told = _unbounded(equations, replace(prior, mean=mean, deviation=deviation))[1]
+        claimed = np.zeros(len(x), dtype=bool)
+        claimed[[k for e in effects for k in self.table.members[e]]] = True
+        if np.any(claimed & (prior.deviation > 0.0) & ((x < prior.low) | (x > prior.high))):
+            low, high = np.where(claimed, prior.low, -np.inf), np.where(claimed, prior.high, np.inf)
+            told = equations.log_evidence(replace(prior, low=low, high=high))
         return told + log_prior(effects)
 
 

@@ -1,12 +1,17 @@
 """A set is weighed without the effects that do nothing in it."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.probes import Probe
+from sandbox.gap.search import needless as needless_
 from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import judge
 from sandbox.gap.search.needless import needless, with_fewer
+from sandbox.gap.search.points import towards
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
@@ -14,14 +19,14 @@ from tests.sandbox.gap.conftest import CASES, DRIVE, small_campaign
 PLANTED = {"dead_time.time": 1.0e-6}
 
 
-def searched(key, fitted=()):
+def searched(key):
     """Return a search whose only set was fitted to a bench with a dead time; and the weights."""
     prepared = prepare(small_campaign(PLANTED, CASES[:2]))
     weights = weights_of(len(prepared.recordings))
     chosen = tuple(Probe(e, {}) for e in ("current_gain", "dead_time", "stator_resistance"))
     there = fit(Point(prepared, complete(DRIVE.motor, DRIVE.converter)), key, weights)
     named = judge(there, chosen, 0.01, weights, 1)
-    return Search(there, (named,), 0.0, frozenset({key, *fitted}), chosen, 0.01), weights
+    return Search(there, (named,), 0.0, frozenset({key}), chosen, 0.01), weights
 
 
 def test_two_effects_that_do_nothing_are_left_out_together():
@@ -35,10 +40,38 @@ def test_two_effects_that_do_nothing_are_left_out_together():
     assert new.simulations > 0.0
 
 
-def test_what_was_fitted_is_not_fitted_again():
-    found, weights = searched(("dead_time", "stator_resistance"), fitted=[("dead_time",)])
-    assert needless(found.judged[0]) == ("stator_resistance",)
-    assert with_fewer(found, 5.0, weights) == found
+def test_needless_effects_are_taken_out_one_by_one_where_all_are_too_many(monkeypatch):
+    """Without both the set is told to be less probable, without either more.  The better of the two is gone on from,
+    where one effect may be nothing again; the set without it was weighed before."""
+    told = {"abc": 0.0, "a": -5.0, "ab": 1.0, "ac": 2.0}
+    nothing = {"abc": ("b", "c"), "ac": ("c",)}
+    asked = []
+
+    def set_of(key):
+        """A weighed set by its effects."""
+        return SimpleNamespace(effects=tuple(key), fit=SimpleNamespace(simulations=1.0), simulations=2.0)
+
+    monkeypatch.setattr(needless_, "level", lambda j, t: told["".join(j.effects)])
+    monkeypatch.setattr(needless_, "needless", lambda j: nothing["".join(j.effects)])
+    monkeypatch.setattr(needless_, "_fewer", lambda best, key, *_: asked.append("".join(key)) or set_of(key))
+    found = with_fewer(Search(None, (set_of("abc"),), 0.0, frozenset(), (), 0.01), 5.0, {})
+    assert asked == ["a", "ac", "ab"]
+    assert ["".join(j.effects) for j in found.judged] == ["abc", "a", "ac", "ab"]
+    assert found.simulations == 9.0
+
+
+def test_a_set_without_a_saturation_has_none():
+    """A motor with no alphas: they are no ordinary deviations, and have no coordinate where no effect claims them."""
+    motor = replace(DRIVE.motor, alpha_12=0.0, alpha_22=0.0, alpha_30=0.0, alpha_40=0.0, alpha_04=0.0)
+    drive = replace(DRIVE, motor=motor)
+    prepared = SimpleNamespace(campaign=replace(small_campaign({}, CASES[:1]), drive=drive))
+    values = complete(motor, drive.converter, {"saturation.alpha_12": 7.0, "dead_time.time": 1e-6})
+    at = SimpleNamespace(effects=("dead_time", "saturation"), point=Point(prepared, values))
+    without = towards(at, ("dead_time",), ()).values
+    assert without["saturation.alpha_12"] == without["cross_saturation.alpha_12"] == 0.0
+    assert without["dead_time.time"] == 1e-6
+    still = towards(at, ("cross_saturation", "dead_time"), ()).values
+    assert still["saturation.alpha_12"] == still["cross_saturation.alpha_12"] == 7.0
 
 
 def test_an_effect_that_is_there_stays():

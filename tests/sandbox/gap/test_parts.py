@@ -158,7 +158,7 @@ def test_a_scan_ends_where_its_card_says():
     found, looked = parts._scanned(point, card, "mine.{}".format)
     assert [x["mine.order"] for x in found] == [1.0, 1.25, 1.5, 1.75, 2.0]
     assert looked == 5
-    poles = scanned(dataclasses.replace(order, relative_to="pole pairs"), 7)
+    poles = scanned(dataclasses.replace(order, scan_poles=21), 7)
     assert poles == [1.0, 1.25, 1.5, 1.75, 2.0, *(14.0 * k for k in range(1, 22))]
 
 

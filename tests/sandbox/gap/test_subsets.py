@@ -78,6 +78,22 @@ def test_a_size_that_bounds_forbid_hides_no_other_effect():
     assert sets.weigh("abcf") < sets.weigh("acf")
 
 
+def test_a_glance_frees_what_need_not_stay_at_its_bound():
+    """Two effects alike to 0.99, least squares at (6, -5), both between 0 and 4: held at (4, 0) the second would hide
+    what both reach, (1.05, 0).  Traces aside the glance is the log evidence of `algebra`."""
+    t, two = linear_table(0), np.arange(6) < 2
+    a = 1e4 * (np.eye(6) + 0.99 * (~np.eye(6, dtype=bool) & two & two[:, None]))
+    at = np.array([6.0, -5.0, 0.0, 0.0, 0.0, 0.0])
+    low, high = np.where(two, 0.0, -np.inf), np.where(two, 4.0, np.inf)
+    equations = Algebra(a, a @ at, float(at @ a @ at), np.zeros(6))
+    t = replace(t, equations=equations, wide=replace(t.wide, low=low, high=high))
+    (told,) = Subsets(t, 1.0).glance([("a", "b")])
+    prior = t.prior(("a", "b"))
+    assert equations.most_probable(prior).x[:2] == pytest.approx([1.05, 0.0], abs=2e-4)
+    assert told == pytest.approx(equations.log_evidence(prior) + log_prior(("a", "b")))
+    assert told > -3000.0  # at (4, 0): -46 000
+
+
 def test_what_is_part_of_another_is_not_claimed_with_it():
     assert not possible(("saturation", "cross_saturation"))
     assert possible(("saturation", "dead_time"))

@@ -161,6 +161,15 @@ def test_a_search_goes_on_where_more_effects_promise_more(monkeypatch):
     assert Widening(monkeypatch, ("a", 10.0), ("ab", -20.0), unknown=0.0, promising=True)() == ["a", "ab"]
 
 
+def test_the_few_are_weighed_anew_where_starts_were_looked_for(monkeypatch):
+    """Before anything is promised: with the equations of the new starts."""
+    widening, weighed = Widening(monkeypatch, ("a", 1000.0), ("ab", 10.0)), []
+    monkeypatch.setattr(selection, "judged_of", lambda s, fit: weighed.append(fit.effects) or widening.judged(fit))
+    monkeypatch.setattr(Selection, "look", lambda self: True)
+    assert widening() == ["a", "ab"]
+    assert weighed == [("a",), ("a", "b")]
+
+
 @pytest.mark.parametrize(
     ("told", "fitted", "expected"),
     [
