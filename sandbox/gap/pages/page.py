@@ -192,7 +192,7 @@ def _share(x: float | None) -> str:
 def _parameters(a: Answers, own: Mapping[str, Estimate]) -> list[list[str]]:
     """Return rows of name, value with interval, and what the nominal model has."""
     neutral = library.neutral(a.diagnosis.campaign.drive.motor)
-    nominal = {k: replace(e, value=neutral[k], low=neutral[k], high=neutral[k]) for k, e in own.items()}
+    nominal = {k: replace(e, value=neutral[k], low=neutral[k], high=neutral[k], at_bound=False) for k, e in own.items()}
     return [[k, quantity(e), quantity(nominal[k])] for k, e in own.items()]
 
 

@@ -331,3 +331,10 @@ def test_more_than_three_effects_are_not_repeated(effects, said):
 def test_two_sets_of_many_effects_are_told_apart_by_their_rows():
     own = [SimpleNamespace(effects=e) for e in (tuple("abcd"), ("a",), tuple("abcde"))]
     assert [listed.short(h, own) for h in own] == ["the 4 effects of row 1 above", "a", "the 5 effects of row 3 above"]
+
+
+def test_a_value_at_its_bound_has_a_nominal_one_that_is_at_none():
+    a = SimpleNamespace(diagnosis=SimpleNamespace(campaign=SimpleNamespace(drive=DRIVE)))
+    ((name, told, nominal),) = page._parameters(a, {"dc_link_error.sag": Estimate(0.0, 0.0, 0.1, "ohm", True)})
+    assert (name, nominal) == ("dc_link_error.sag", "0 Ω")
+    assert told.endswith("(at the bound of the search)")
