@@ -68,6 +68,8 @@ def inclusion(hypotheses: Sequence[Hypothesis], temperature: float, tried: Colle
     untried = [key for key in near.known if key not in fitted and key not in tried]
     chances = fitted | {key: _beside(key, near.known, fitted, told, own) for key in untried}
     names = dict.fromkeys([*best.judged.table.members, *(e for key in fitted for e in key)])
+    if not any(chances.values()):  # something outside the library alone is certain to the last digit
+        return Inclusion(dict.fromkeys(names, 0.0), (), {(): 1.0})
     return summed(chances, names)
 
 
@@ -82,7 +84,7 @@ def _beside(
     apart = {f: len(set(key) ^ set(f)) for f in told}
     least = min(apart.values())
     nearest = [f for f in told if apart[f] == least]
-    if any(fitted[f] == 0.0 for f in nearest):
+    if any(fitted[f] == 0.0 for f in (own, *nearest)):
         return 0.0
     promised = min(math.log(fitted[f]) + known[key] - told[f] for f in nearest)
     return math.exp(min(math.log(fitted[own]), promised))

@@ -152,6 +152,20 @@ def test_a_fitted_set_whose_effects_the_best_point_does_not_know_keeps_its_chanc
     assert found.chances == pytest.approx({"a": 0.8, "shaft_compliance": 0.2})
 
 
+@pytest.mark.parametrize("of_b", [0.0, 0.1])
+def test_where_something_outside_is_certain_to_the_last_digit_nothing_has_a_chance(monkeypatch, of_b):
+    """1 - P(unknown) rounds to nothing: no set is left to share out, or one that is not the best of them."""
+    members = {"a": (), "b": ()}
+    monkeypatch.setattr(inclusion, "Subsets", told_by({("a",): 0.0, ("a", "b"): 0.0}, members))
+    judged = SimpleNamespace(table=SimpleNamespace(members=members))
+    told = [(("unknown",), 1.0 - of_b), (("a",), 0.0), (("b",), of_b)]
+    h = [SimpleNamespace(effects=e, probability=p, judged=judged) for e, p in told]
+    found = inclusion.inclusion(h, 1.0)
+    assert found.chances == {"a": 0.0, "b": float(of_b > 0.0)}
+    assert found.groups == ()
+    assert found.mixed(inclusion.Inclusion({}, (), {(): 1.0}), 1.0).chances == {"a": 0.0, "b": 0.0}
+
+
 def test_a_set_that_fell_behind_when_it_was_fitted_has_no_chance(monkeypatch):
     """By algebra b is as good as a; it was fitted, and is no hypothesis."""
     members = {"a": (), "b": ()}
