@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from dataclasses import replace
 
+from model.errors import BadInput
 from sandbox.gap.evidence.fit import Weights, attempted
 from sandbox.gap.evidence.priors import of_effect
 from sandbox.gap.search.estimates import spread
@@ -71,4 +72,7 @@ def _fewer(best: Judged, key: tuple[str, ...], found: Search, weights: Weights, 
     """Return a smaller set, fitted from the best one's values and weighed; None where no drive can have it."""
     at, leader = towards(best.fit, key, found.chosen), best.fit.objective
     fit = attempted(at, key, weights, leader=leader, workers=workers) if key else found.null
-    return None if fit is None else judge(fit, found.chosen, found.share, weights, workers)
+    try:
+        return None if fit is None else judge(fit, found.chosen, found.share, weights, workers)
+    except BadInput:  # beside its point some effect leaves a drive that none can be
+        return None

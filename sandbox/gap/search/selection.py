@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from model.errors import BadInput
@@ -109,7 +110,8 @@ def widened(
     s = Selection(few.fit, own, found.share, weights, workers, raw, found.simulations, fits, tuple(exclude))
     s.looked = found.looked
     if few.effects and s.look():
-        few = judged_of(s, few.fit)
+        with suppress(BadInput):  # at a new start some effect leaves a drive that none can be
+            few = judged_of(s, few.fit)
     open_ = remainder(found.null, few.fit).unknown >= OPEN
     if len(few.effects) < LEAST or not (open_ or promising(s, few.table, found.fitted)):
         return replace(found, simulations=s.cost)
@@ -118,15 +120,19 @@ def widened(
     if s.best is few.fit or (rms_of(s.best) > FAR and excess(s.best) > closes * excess(few.fit)):
         return replace(found, simulations=s.cost)
     report("weighing hypotheses")
-    judged = {j.effects: j for j in (*found.judged, few)} | {s.best.effects: judged_of(s, s.best)}
-    top = judged[s.best.effects]
+    try:
+        top = judged_of(s, s.best)
+    except BadInput:
+        return replace(found, simulations=s.cost)
+    judged = {j.effects: j for j in (*found.judged, few)} | {top.effects: top}
     for _ in range(TURNS if remainder(found.null, s.best).unknown < STRANGE else 0):
         behind = rivals(s, top)
         for key in [k for k in behind if k not in judged][:RIVALS]:
             s.best = top.fit
             other = from_starts(s, key, found.null)
             if other is not None and (behind[key] < NEAR or told(s, other) > told(s, top.fit) - HOPELESS):
-                judged[key] = judged_of(s, other)
+                with suppress(BadInput):  # beside its point some effect leaves a drive that none can be
+                    judged[key] = judged_of(s, other)
         best = max(judged.values(), key=lambda j: j.tempered(s.temperature()) + log_prior(j.effects))
         if best is top:
             break
@@ -147,12 +153,19 @@ def promising(s: Selection, here: Table, fitted: Collection[Key]) -> bool:
 
 
 def select(s: Selection, here: Table, report: Callable[[str], None] = lambda _: None) -> None:
-    """Move a search to the best set it finds; here: the equations of all effects at its start."""
-    limit = s.cost + SPENT
+    """Move a search to the best set it finds; here: the equations of all effects at its start.
+
+    A point beside which some effect leaves a drive that none can be (no flux for a current) is gone back from.
+    """
+    limit, before = s.cost + SPENT, s.best
     for turn in range(ROUNDS):
         if s.cost > limit:
             return
-        at, moved = here if not turn else s.table(), False
+        try:
+            at, moved, before = here if not turn else s.table(), False, s.best
+        except BadInput:
+            s.best = before
+            return
         for key in proposals(s, at):
             report(f"fitting {' + '.join(key)}")
             found = s.fitted(key)

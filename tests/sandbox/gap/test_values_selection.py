@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from model.errors import BadInput
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.search import selection
 from sandbox.gap.search.forward import Search
@@ -62,6 +63,23 @@ def test_seven_points_are_looked_at_or_nine_hundred_simulations(monkeypatch, cos
     monkeypatch.setattr(selection, "proposals", lambda s, at: ["abcdefghijkl"[: len(s.best.effects) + 1]])
     selection.select(s, None)
     assert len(seen) == rounds
+
+
+def test_a_point_beside_which_no_drive_can_be_is_gone_back_from(monkeypatch):
+    """The third set is the best fit, and has no equations of all effects."""
+
+    def table(self):
+        """Refuse the third set."""
+        if len(self.best.effects) == 3:
+            raise BadInput("no flux of this motor gives the first reading")
+
+    s = selecting(fit_of(("a",), 0.0))
+    monkeypatch.setattr(Selection, "fitted", lambda self, key: fit_of(key, -100.0 * len(key)))
+    monkeypatch.setattr(Selection, "table", table)
+    monkeypatch.setattr(Selection, "look", lambda self: False)
+    monkeypatch.setattr(selection, "proposals", lambda s, at: ["abcdefghijkl"[: len(s.best.effects) + 1]])
+    selection.select(s, None)
+    assert "".join(s.best.effects) == "ab"
 
 
 class Sets:
@@ -159,6 +177,19 @@ def test_a_search_goes_on_from_a_fifth_of_unknown(monkeypatch, unknown, expected
 def test_a_search_goes_on_where_more_effects_promise_more(monkeypatch):
     """Also where nothing outside the library is likely."""
     assert Widening(monkeypatch, ("a", 10.0), ("ab", -20.0), unknown=0.0, promising=True)() == ["a", "ab"]
+
+
+def test_a_best_set_that_cannot_be_weighed_is_left(monkeypatch):
+    """Also where the few cannot be weighed with new starts: what was judged before stays."""
+
+    def refused(s, fit):
+        """Refuse every point."""
+        raise BadInput("no flux of this motor gives the first reading")
+
+    widening = Widening(monkeypatch, ("a", 1000.0), ("ab", 10.0))
+    monkeypatch.setattr(selection, "judged_of", refused)
+    monkeypatch.setattr(Selection, "look", lambda self: True)
+    assert widening() == ["a"]
 
 
 def test_the_few_are_weighed_anew_where_starts_were_looked_for(monkeypatch):
