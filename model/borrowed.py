@@ -30,8 +30,7 @@ def _typed(value):
 
 @intrinsic
 def _uncounted(typing: Any, value: Any) -> Any:
-    """Return a tuple with the counts of its arrays left out."""
-
+    """Return a tuple with the counts of its arrays left out; TypingError where it holds more."""
     if not all(isinstance(kind, types.Array | types.Number | types.Boolean) for kind in value.types):
         raise TypingError(f"{value} holds more than arrays and numbers; borrow a tuple of these")
 
