@@ -25,11 +25,11 @@ from experiments.constants import campaigns_of, truths_of
 from model.effects import library
 from sandbox.gap.diagnose import out_of_sight
 from sandbox.gap.evidence.algebra import Prior
-from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.fit import fit, rms_of
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spike_slab import LARGEST, SMALL, Table, is_shape, ordinary_share, table
-from sandbox.gap.search.forward import choose, rms_of
+from sandbox.gap.search.forward import choose
 from sandbox.output.files import write_json
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign

@@ -134,6 +134,23 @@ def normalised(n: Normal, weights: Weights) -> float:
     return math.sqrt(sum(float(s.rr.sum()) for s in own) / sum(float(s.n.sum()) for s in own))
 
 
+def excess(f: Fit) -> float:
+    """Return the objective above what noise alone makes of it, at least its standard deviation."""
+    count = float(sum(s.n.sum() for s in f.normal.segments))
+    return float(max(f.objective - count, np.sqrt(2.0 * count)))
+
+
+def rms_of(f: Fit) -> float:
+    """Return the normalised rms of a fit over all segments."""
+    return float(np.sqrt(sum(s.rr.sum() for s in f.normal.segments) / sum(s.n.sum() for s in f.normal.segments)))
+
+
+def excess_of(n: Normal, weights: Weights) -> float:
+    """Return the squared residual above what noise alone makes of it, over the recordings that count."""
+    own = [s for s in n.segments if weights.get((s.recording, s.channel), 0.0)]
+    return float(sum(s.rr.sum() - s.n.sum() for s in own))
+
+
 class Task(NamedTuple):
     """What is fitted: where it begins, effects, recordings that count, the best rival's objective, threads."""
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.evidence.fit import Fit, Weights, attempted, fit
+from sandbox.gap.evidence.fit import Fit, Weights, attempted, excess, fit, rms_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.probes import Probe, probe_coordinates, probes
 from sandbox.gap.evidence.spike_slab import gains_of, ordinary_share, table
@@ -207,17 +207,6 @@ def _settles(new: Sequence[Fit], null: Fit, promised: float) -> bool:
     least = min(new, key=lambda f: f.objective)
     gained = 0.5 * (null.objective - least.objective)
     return excess(least) < SETTLES * excess(null) and promised < gained - CLOSE
-
-
-def excess(f: Fit) -> float:
-    """Return the objective above what noise alone makes of it, at least its standard deviation."""
-    count = float(sum(s.n.sum() for s in f.normal.segments))
-    return float(max(f.objective - count, np.sqrt(2.0 * count)))
-
-
-def rms_of(f: Fit) -> float:
-    """Return the normalised rms of a fit over all segments."""
-    return float(np.sqrt(sum(s.rr.sum() for s in f.normal.segments) / sum(s.n.sum() for s in f.normal.segments)))
 
 
 def choose(found: Fit, exclude: Sequence[str], weights: Weights, workers: int) -> tuple[list[Probe], float]:

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sandbox.gap.evidence.algebra import Algebra, Prior
-from sandbox.gap.evidence.fit import Fit, Weights
+from sandbox.gap.evidence.fit import Fit, Weights, excess_of
 from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, settled, table
+
+# Share of the residual beyond noise (at least one standard deviation of noise's own square) that slopes may promise and
+# no step reach: where they promise more they are taken anew, up to so many times.
+LEFT, TAKEN = 0.02, 3
 
 
 @dataclass(frozen=True)
@@ -44,9 +49,23 @@ class Judged:
 
 
 def judge(found: Fit, chosen: Sequence[Probe], share: float, weights: Weights, workers: int) -> Judged:
-    """Return a fit weighed with all effects beside it, at the point to which their ordinary sizes move it."""
-    first = table(found.point, chosen, found.effects, share, weights, workers)
-    prior = first.prior(found.effects)
-    last, unmet, cost = settled(first, prior, weights, workers)
+    """Return a fit weighed with all effects beside it, at the point to which their ordinary sizes move it.
+
+    Slopes are taken anew on the way there where they promise much of what the fit leaves and no step reaches it.
+    """
+    at, cost = found.point, 0.0
+    for _ in range(TAKEN):
+        first = table(at, chosen, found.effects, share, weights, workers)
+        prior = first.prior(found.effects)
+        last, unmet, spent = settled(first, prior, weights, workers)
+        at, cost = last.point, cost + first.normal.simulations + spent
+        if unmet <= LEFT * _beyond_noise(last.normal, weights):
+            break
     log_evidence = last.log_evidence(found.effects) - 0.5 * unmet
-    return Judged(found, last, prior, log_evidence, unmet, cost + first.normal.simulations)
+    return Judged(found, last, prior, log_evidence, unmet, cost)
+
+
+def _beyond_noise(n: Normal, weights: Weights) -> float:
+    """Return the squared residual beyond noise, at least one standard deviation of what noise alone makes of it."""
+    count = sum(float(s.n.sum()) for s in n.segments)
+    return max(excess_of(n, weights), math.sqrt(2.0 * count))

@@ -14,11 +14,11 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from model.errors import BadInput
-from sandbox.gap.evidence.discrepancy import remainder
-from sandbox.gap.evidence.fit import Fit, Weights, attempted, fit
+from sandbox.gap.evidence.discrepancy import FLOOR, remainder
+from sandbox.gap.evidence.fit import Fit, Weights, attempted, excess, fit, rms_of
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, table
-from sandbox.gap.search.forward import FAR, WORTH, Search, choose, excess, rms_of
+from sandbox.gap.search.forward import FAR, WORTH, Search, choose
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.neighbours import MOST
 from sandbox.gap.search.points import starting, towards, unbent
@@ -37,7 +37,8 @@ LEAST, OPEN = 1, 0.2  # effects and chance of `unknown` from which a search goes
 # by itself, and where it stopped at MOST effects, so that more are likely.  Set on opened campaigns.
 CLOSES = (0.5, 0.8)
 STRANGE = 0.9  # chance of `unknown` from which on rivals are not fitted: `stranger` says what stands beside it
-SPENT = 900  # simulations after which no further point is looked at
+# Simulations after which no further point is looked at, counted anew where the residual beyond noise has halved.
+SPENT = 900
 NEAR, DOUBTED = 5.0, 30.0  # tempered log evidence behind the best: of any set, of one with an effect left out
 Key = tuple[str, ...]
 
@@ -68,9 +69,10 @@ class Selection:
         return own
 
     def look(self) -> bool:
-        """Look for effects' starts where the residual has fallen since; return whether."""
+        """Look for effects' starts where the residual has fallen since and is more than the simulator is known to miss
+        of any bench; return whether."""
         level = rms_of(self.best)
-        if level < FAR or AGAIN**2 * (level**2 - 1.0) > self.looked**2 - 1.0:
+        if level**2 - 1.0 < FLOOR or AGAIN**2 * (level**2 - 1.0) > self.looked**2 - 1.0:
             return False
         again, spent = choose(self.best, self.exclude, self.weights, self.workers)
         kept = [p for p in self.chosen if p.effect in self.best.effects]
@@ -157,7 +159,7 @@ def select(s: Selection, here: Table, report: Callable[[str], None] = lambda _: 
 
     A point beside which some effect leaves a drive that none can be (no flux for a current) is gone back from.
     """
-    limit, before = s.cost + SPENT, s.best
+    limit, before, level = s.cost + SPENT, s.best, excess(s.best)
     for turn in range(ROUNDS):
         if s.cost > limit:
             return
@@ -172,6 +174,8 @@ def select(s: Selection, here: Table, report: Callable[[str], None] = lambda _: 
             if found is not None and better(s, found):
                 s.best, moved = found, True
                 break
+        if AGAIN * excess(s.best) < level:
+            limit, level = s.cost + SPENT, excess(s.best)
         looked = s.look()
         if not moved and not looked:
             return

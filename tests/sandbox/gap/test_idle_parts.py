@@ -2,6 +2,7 @@
 
 import dataclasses
 
+from model.effects import library
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
@@ -9,7 +10,7 @@ from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import judge
-from sandbox.gap.search.parts.idle import idle, without_idle
+from sandbox.gap.search.parts.idle import alike, idle, without_idle, without_part
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.conftest import CASES, DRIVE, FLUX, FURTHER, SIXTH, TURNING, small_campaign
@@ -50,3 +51,31 @@ def test_parts_that_the_recordings_show_stay():
     found, weights = searched({**SIXTH, **FURTHER}, FURTHER)
     assert idle(found.judged[0]) == ()
     assert without_idle(found, 5.0, weights) == found
+
+
+COGGING = library.load_effect("cogging_torque")
+NAMES = ("amplitude", "phase", "order_mech")
+
+
+def at_orders(*orders):
+    """Return a point whose cogging has such orders, the first in the first place; amplitudes are their places."""
+    point = Point(prepare(small_campaign({}, CASES[:1])), complete(DRIVE.motor, DRIVE.converter))
+    parts = [dict(zip(NAMES, (1e-3 * k, 0.2, order), strict=True)) for k, order in enumerate(orders, 1)]
+    own = {COGGING.public(k, n): x for k, part in enumerate(parts, 1) for n, x in part.items()}
+    return dataclasses.replace(point, values={**point.values, **own})
+
+
+def test_a_further_part_takes_the_place_of_a_first_one_that_does_nothing():
+    """Of cogging, whose parts have the same parameters; a harmonic's first part is of the sixth order and stays."""
+    assert alike(COGGING)
+    assert not alike(library.load_effect("flux_harmonics"))
+    new = without_part(at_orders(168.0, 108.0, 24.0), COGGING, 1)
+    neutral = library.neutral(DRIVE.motor)
+    assert [new.values[COGGING.public(1, n)] for n in NAMES] == [2e-3, 0.2, 108.0]
+    assert [new.values[COGGING.public(2, n)] for n in NAMES] == [neutral[COGGING.public(2, n)] for n in NAMES]
+    assert [new.values[COGGING.public(3, n)] for n in NAMES] == [3e-3, 0.2, 24.0]
+
+
+def test_the_only_part_stays():
+    alone = at_orders(168.0)
+    assert without_part(alone, COGGING, 1) is alone

@@ -10,13 +10,13 @@ from model.effects import library
 from model.effects.card import Parameter
 from model.effects.inductance_harmonics import SIZES
 from sandbox.gap import diagnose as diagnosing
-from sandbox.gap.evidence.fit import fit
+from sandbox.gap.evidence.fit import fit, rms_of
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import of_effect, of_part
 from sandbox.gap.evidence.probes import Probe, scanned
 from sandbox.gap.search.estimates import estimates
-from sandbox.gap.search.forward import Search, rms_of
+from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import judge
 from sandbox.gap.search.parts import adding as parts
 from sandbox.gap.search.parts.adding import starts, with_parts

@@ -27,10 +27,10 @@ def test_the_temperature_is_what_is_left_or_one_plus_a_tenth_of_the_raw_gap():
     assert selecting(at_rms(2.0), raw=40.0).temperature() == pytest.approx(5.0)
 
 
-@pytest.mark.parametrize(("rms", "asked"), [(4.62, False), (4.54, True), (1.019, False)])
+@pytest.mark.parametrize(("rms", "asked"), [(4.62, False), (4.54, True), (1.0061, True), (1.0058, False)])
 def test_starts_are_looked_for_where_half_the_residual_beyond_noise_is_gone(monkeypatch, rms, asked):
-    """From 9 floors, 80 squares beyond noise: at sqrt(1 + 80/4) = 4.58; never nearer to the floor than two
-    hundredths."""
+    """From 9 floors, 80 squares beyond noise: at sqrt(1 + 80/4) = 4.58; never where no more is left than what the
+    simulator misses of a bench without a gap, sqrt(1.012) = 1.00598."""
     monkeypatch.setattr(selection, "choose", lambda *_: ([Probe("b", {})], 7.0))
     s = selecting(at_rms(rms), looked=9.0)
     assert s.look() == asked
@@ -58,6 +58,27 @@ def test_seven_points_are_looked_at_or_nine_hundred_simulations(monkeypatch, cos
         return fit_of(key, -100.0 * len(key))
 
     monkeypatch.setattr(Selection, "fitted", fitted)
+    monkeypatch.setattr(Selection, "table", lambda self: None)
+    monkeypatch.setattr(Selection, "look", lambda self: False)
+    monkeypatch.setattr(selection, "proposals", lambda s, at: ["abcdefghijkl"[: len(s.best.effects) + 1]])
+    selection.select(s, None)
+    assert len(seen) == rounds
+
+
+@pytest.mark.parametrize(("left", "rounds"), [(0.49, 7), (0.51, 6)])
+def test_the_simulations_are_counted_anew_where_the_residual_beyond_noise_has_halved(monkeypatch, left, rounds):
+    """At 300 simulations a round, from an excess of 1e9: at 0.49 a round every round begins a new 900; at 0.51 every
+    second one does until the fourth, and the sixth is the last that begins within 900 of it where no more falls."""
+    seen = []
+    s = selecting(fit_of((), 1e9))
+
+    def fitted(self, key):
+        seen.append(key)
+        self.cost += 300.0
+        return fit_of(key, 1e9 * (left ** len(key) if left < 0.5 or len(key) < 3 else left**2))
+
+    monkeypatch.setattr(Selection, "fitted", fitted)
+    monkeypatch.setattr(selection, "better", lambda s, f: True)
     monkeypatch.setattr(Selection, "table", lambda self: None)
     monkeypatch.setattr(Selection, "look", lambda self: False)
     monkeypatch.setattr(selection, "proposals", lambda s, at: ["abcdefghijkl"[: len(s.best.effects) + 1]])

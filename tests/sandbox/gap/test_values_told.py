@@ -137,11 +137,12 @@ def test_five_of_a_neighbourhood_are_weighed():
 def test_what_slopes_still_promise_counts_against_a_set(monkeypatch):
     """Half of what the objective could still fall by; where data counts four times less, that counts less, too."""
     t = SimpleNamespace(log_evidence=lambda effects, temperature=1.0: 7.0, prior=lambda effects: None)
-    t.normal = SimpleNamespace(simulations=3.0)
+    t.normal, t.point = SimpleNamespace(simulations=3.0, segments=()), None
     fit = SimpleNamespace(effects=("a",), point=None)
     assert Judged(fit, t, None, 0.0, 2.0, 0.0).tempered(4.0) == pytest.approx(7.0 - 0.25)
     monkeypatch.setattr(judging, "table", lambda *given: t)
     monkeypatch.setattr(judging, "settled", lambda *given: (t, 2.0, 5.0))
+    monkeypatch.setattr(judging, "excess_of", lambda *given: 200.0)
     found = judging.judge(fit, (), 0.0, {}, 1)
     assert (found.log_evidence, found.simulations) == (pytest.approx(6.0), 8.0)
     none = SimpleNamespace(table=t, unmet=2.0)

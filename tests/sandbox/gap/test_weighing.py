@@ -16,6 +16,7 @@ from sandbox.gap.evidence.normal import equations_of
 from sandbox.gap.evidence.priors import ordinary, seen
 from sandbox.gap.evidence.probes import probes_at_typical
 from sandbox.gap.evidence.spike_slab import Table, ordinary_share
+from sandbox.gap.search import judged
 from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.posterior import tempered
@@ -74,6 +75,27 @@ def test_a_table_takes_eight_steps_towards_what_promises_half(monkeypatch, promi
     point.moved = lambda coordinates, x: point
     found = spike_slab.settled(Table(point, n, e, None, None, {}, np.array([True])), None, None, 1)
     assert found[1:] == pytest.approx((left, steps))
+
+
+@pytest.mark.parametrize(("left", "taken"), [((21.0, 21.0, 9.0, 0.0), 3), ((21.0, 0.0), 2), ((19.0,), 1)])
+def test_slopes_are_taken_anew_where_they_promise_a_fiftieth_of_what_is_left(monkeypatch, left, taken):
+    """Where the last ones led, three times at the most; what they still promise counts against the set, and all
+    simulations count.  left: of the objective, by round, of 1000 beyond noise."""
+    told, at = iter(left), []
+
+    def made(point, *_):
+        at.append(point)
+        n = SimpleNamespace(simulations=20.0, segments=())
+        return SimpleNamespace(point=point + 1, normal=n, prior=lambda effects: None, log_evidence=lambda effects: 7.0)
+
+    monkeypatch.setattr(judged, "table", made)
+    monkeypatch.setattr(judged, "settled", lambda first, *_: (first, next(told), 4.0))
+    monkeypatch.setattr(judged, "excess_of", lambda n, weights: 1000.0)
+    found = judge(SimpleNamespace(point=0, effects=("a",)), (), 0.01, {}, 1)
+    assert at == list(range(taken))
+    assert found.unmet == left[taken - 1]
+    assert found.log_evidence == 7.0 - 0.5 * left[taken - 1]
+    assert found.simulations == taken * 24.0
 
 
 def test_what_priors_tell_apart_no_temperature_takes_away():

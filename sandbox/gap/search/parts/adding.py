@@ -18,13 +18,13 @@ from itertools import product
 from model.effects import library
 from model.effects.card import Part
 from sandbox.gap.evidence.discrepancy import remainder
-from sandbox.gap.evidence.fit import Weights, attempted
+from sandbox.gap.evidence.fit import Weights, attempted, excess, rms_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import of_part
 from sandbox.gap.evidence.probes import scanned
 from sandbox.gap.evidence.spectrum import best_values
 from sandbox.gap.evidence.spike_slab import gains_of
-from sandbox.gap.search.forward import WORTH, Search, excess, rms_of
+from sandbox.gap.search.forward import WORTH, Search
 from sandbox.gap.search.judged import Judged, judge
 from sandbox.gap.search.parts.together import Screened, Start, together
 from sandbox.gap.search.points import towards

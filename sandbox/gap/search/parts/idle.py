@@ -10,7 +10,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 from model.effects import library
+from model.effects.card import Effect
 from sandbox.gap.evidence.fit import Weights, attempted
+from sandbox.gap.evidence.normal import Point
 from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import Judged, judge
@@ -22,10 +24,25 @@ from sandbox.plant.sets import further_parts
 Parts = tuple[tuple[str, int], ...]  # effect, number of the part
 
 
+def on(j: Judged) -> Parts:
+    """Return the parts that a set may lose: further ones, and a first one whose place one of these takes."""
+    point, out = j.fit.point, list[tuple[str, int]]()
+    neutral = library.neutral(point.prepared.campaign.drive.motor)
+    for card in map(library.load_effect, j.effects):
+        there = further_parts(card, point.values, neutral) if card.repeats > 1 else []
+        out += [(card.name, k) for k in ([1, *there] if there and alike(card) else there)]
+    return tuple(out)
+
+
+def alike(card: Effect) -> bool:
+    """Return whether further parts of an effect have the parameters of the first."""
+    return [p.name for p in card.part(2).parameters] == [p.name for p in card.parameters]
+
+
 def without_idle(
     found: Search, raw: float, weights: Weights, *, workers: int = 1, report: Callable[[str], None] = lambda _: None
 ) -> Search:
-    """Return a search whose best set has no further parts that it is more probable without.
+    """Return a search whose best set has no parts that it is more probable without; never an effect without a part.
 
     Tried are parts whose every size may be zero by its interval: all of them at once, then each alone.  Sets near the
     best one lose the same parts where they, too, are more probable so.  raw: normalised rms of the nominal model.
@@ -50,16 +67,8 @@ def without_idle(
     return replace(found, judged=tuple(judged), simulations=found.simulations + cost, further=further)
 
 
-def on(j: Judged) -> Parts:
-    """Return the further parts that a set has."""
-    point = j.fit.point
-    neutral = library.neutral(point.prepared.campaign.drive.motor)
-    cards = [card for card in map(library.load_effect, j.effects) if card.repeats > 1]
-    return tuple((card.name, k) for card in cards for k in further_parts(card, point.values, neutral))
-
-
 def idle(j: Judged) -> Parts:
-    """Return the further parts of a set whose every size may be zero by its 95 % interval."""
+    """Return the parts of a set that it may lose and whose every size may be zero by its 95 % interval."""
     found, out = estimates(j), []
     for effect, k in on(j):
         card = library.load_effect(effect)
@@ -90,11 +99,21 @@ def _better(
 
 def _without(best: Judged, gone: Parts, found: Search, weights: Weights, workers: int) -> Judged | None:
     """Return a set with parts neutral, fitted and weighed; None where no drive can have it."""
-    point = best.fit.point
-    neutral = library.neutral(point.prepared.campaign.drive.motor)
-    named = {
-        card.public(k, p.name) for e, k in gone for card in [library.load_effect(e)] for p in card.part(k).parameters
-    }
-    at = replace(point, values={n: neutral[n] if n in named else x for n, x in point.values.items()})
+    at = best.fit.point
+    for effect, k in sorted(gone, reverse=True):  # the first part last: the others have made room by then
+        at = without_part(at, library.load_effect(effect), k)
     fitted = attempted(at, best.effects, weights, leader=best.fit.objective, workers=workers)
     return None if fitted is None else judge(fitted, found.chosen, found.share, weights, workers)
+
+
+def without_part(point: Point, card: Effect, k: int) -> Point:
+    """Return a point with a part neutral; in the place of the first one the next that is there, if there is one."""
+    neutral = library.neutral(point.prepared.campaign.drive.motor)
+    values, others = dict(point.values), further_parts(card, point.values, neutral)
+    if k == 1:
+        if not others:
+            return point
+        k = others[0]
+        values |= {card.public(1, p.name): values[card.public(k, p.name)] for p in card.parameters}
+    values |= {card.public(k, p.name): neutral[card.public(k, p.name)] for p in card.part(k).parameters}
+    return replace(point, values=values)

@@ -12,7 +12,7 @@ import numpy as np
 
 from model.effects import library
 from sandbox.gap.evidence.algebra import Prior, algebra
-from sandbox.gap.evidence.fit import Weights
+from sandbox.gap.evidence.fit import Weights, excess_of
 from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.search.judged import Judged
@@ -98,9 +98,3 @@ def joined(starts: Sequence[Start]) -> Start:
     first = starts[0]
     begun = {n: x for k, s in enumerate(starts) for n, x in s.at_place(first.place + k).items()}
     return Start(first.effect, begun, (), first.place, len(starts))
-
-
-def excess_of(n: Normal, weights: Weights) -> float:
-    """Return the squared residual above what noise alone makes of it, over the recordings that count."""
-    own = [s for s in n.segments if weights.get((s.recording, s.channel), 0.0)]
-    return float(sum(s.rr.sum() - s.n.sum() for s in own))
