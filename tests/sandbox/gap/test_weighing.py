@@ -77,7 +77,7 @@ def test_a_table_takes_eight_steps_towards_what_promises_half(monkeypatch, promi
     assert found[1:] == pytest.approx((left, steps))
 
 
-@pytest.mark.parametrize(("left", "taken"), [((21.0, 21.0, 9.0, 0.0), 3), ((21.0, 0.0), 2), ((19.0,), 1)])
+@pytest.mark.parametrize(("left", "taken"), [((21.0, 21.0, 21.0, 0.0), 3), ((21.0, 0.0), 2), ((19.0,), 1)])
 def test_slopes_are_taken_anew_where_they_promise_a_fiftieth_of_what_is_left(monkeypatch, left, taken):
     """Where the last ones led, three times at the most; what they still promise counts against the set, and all
     simulations count.  left: of the objective, by round, of 1000 beyond noise."""
