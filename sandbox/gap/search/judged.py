@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.fit import Fit, Weights, excess_of
 from sandbox.gap.evidence.normal import Normal
@@ -13,7 +14,7 @@ from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, settled, table
 
 # Share of the residual beyond noise (at least one standard deviation of noise's own square) that slopes may promise and
-# no step reach: where they promise more they are taken anew, up to so many times.
+# no step reach: where they promise more they are taken anew, so many times in all.
 LEFT, TAKEN = 0.02, 3
 
 
@@ -53,14 +54,18 @@ def judge(found: Fit, chosen: Sequence[Probe], share: float, weights: Weights, w
 
     Slopes are taken anew on the way there where they promise much of what the fit leaves and no step reaches it.
     """
-    at, cost = found.point, 0.0
-    for _ in range(TAKEN):
-        first = table(at, chosen, found.effects, share, weights, workers)
-        prior = first.prior(found.effects)
-        last, unmet, spent = settled(first, prior, weights, workers)
-        at, cost = last.point, cost + first.normal.simulations + spent
-        if unmet <= LEFT * _beyond_noise(last.normal, weights):
+    first = table(found.point, chosen, found.effects, share, weights, workers)
+    last, unmet, cost = settled(first, prior := first.prior(found.effects), weights, workers)
+    cost += first.normal.simulations
+    for _ in range(TAKEN - 1):
+        if unmet <= LEFT * _beyond_noise(last.normal, weights) or last.point is first.point:
             break
+        try:
+            first = table(last.point, chosen, found.effects, share, weights, workers)
+        except BadInput:  # beside the settled point some effect leaves a drive that none can be
+            break
+        last, unmet, spent = settled(first, prior := first.prior(found.effects), weights, workers)
+        cost += first.normal.simulations + spent
     log_evidence = last.log_evidence(found.effects) - 0.5 * unmet
     return Judged(found, last, prior, log_evidence, unmet, cost)
 

@@ -37,7 +37,8 @@ LEAST, OPEN = 1, 0.2  # effects and chance of `unknown` from which a search goes
 # by itself, and where it stopped at MOST effects, so that more are likely.  Set on opened campaigns.
 CLOSES = (0.5, 0.8)
 STRANGE = 0.9  # chance of `unknown` from which on rivals are not fitted: `stranger` says what stands beside it
-# Simulations after which no further point is looked at, counted anew where the residual beyond noise has halved.
+# Simulations after which no further point is looked at, counted anew where the squared residual beyond noise has fallen
+# by AGAIN.
 SPENT = 900
 NEAR, DOUBTED = 5.0, 30.0  # tempered log evidence behind the best: of any set, of one with an effect left out
 Key = tuple[str, ...]

@@ -1,6 +1,9 @@
 """Parts that do nothing any more are taken out, those that the recordings show stay."""
 
 import dataclasses
+from types import SimpleNamespace
+
+import pytest
 
 from model.effects import library
 from sandbox.gap.evidence.fit import fit
@@ -10,7 +13,8 @@ from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import judge
-from sandbox.gap.search.parts.idle import alike, idle, without_idle, without_part
+from sandbox.gap.search.parts import idle as parts_idle
+from sandbox.gap.search.parts.idle import alike, idle, standing, without_idle, without_part
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.conftest import CASES, DRIVE, FLUX, FURTHER, SIXTH, TURNING, small_campaign
@@ -79,3 +83,52 @@ def test_a_further_part_takes_the_place_of_a_first_one_that_does_nothing():
 def test_the_only_part_stays():
     alone = at_orders(168.0)
     assert without_part(alone, COGGING, 1) is alone
+
+
+def test_probes_start_where_the_part_that_took_the_place_stands():
+    chosen = (Probe("cogging_torque", {"cogging_torque.order_mech": 168.0}), Probe("inertia", {}))
+    new = without_part(at_orders(168.0, 108.0), COGGING, 1)
+    moved = standing(chosen, new, {("cogging_torque", 1)})
+    assert [p.start for p in moved] == [{"cogging_torque.order_mech": 108.0}, {}]
+    assert standing(chosen, new, {("cogging_torque", 2)}) == chosen
+
+
+class Orders:
+    """Sets of cogging whose parts are told, as a number of parts with how probable each set is."""
+
+    def __init__(self, monkeypatch, told, does_nothing):
+        """told: log posterior by the parts that are there; does_nothing: which of them may be zero."""
+        self.told = told
+        monkeypatch.setattr(parts_idle, "level", lambda j, t: told[j.parts])
+        monkeypatch.setattr(parts_idle, "on", lambda j: tuple(("c", k) for k, _ in enumerate(j.parts, 1)))
+        monkeypatch.setattr(
+            parts_idle, "idle", lambda j: tuple(("c", k) for k, p in enumerate(j.parts, 1) if p in does_nothing)
+        )
+        monkeypatch.setattr(parts_idle, "_better", self.better)
+
+    def better(self, j, gone, found, t, weights, workers):
+        """Return the set without the parts in these places, where it is told and more probable."""
+        rest = "".join(p for k, p in enumerate(j.parts, 1) if ("c", k) not in gone)
+        return (SimpleNamespace(parts=rest) if self.told.get(rest, -9.0) > self.told[j.parts] else j), 1.0
+
+
+@pytest.mark.parametrize(
+    ("told", "does_nothing", "expected"),
+    [
+        ({"ab": 0.0, "a": 1.0, "b": 5.0}, "ab", "b"),  # each may be zero beside the other; the better one stays
+        ({"abc": 0.0, "c": 2.0, "bc": 9.0}, "ab", "c"),  # both at once, where the set is more probable so
+        ({"abc": 0.0, "c": -1.0, "bc": 3.0, "ac": 1.0}, "ab", "bc"),  # else one of them
+        ({"abcd": 0.0, "cd": -1.0, "bcd": 3.0, "acd": 1.0}, "ab", "bcd"),  # the next, now in its place, is tried again
+        ({"ab": 0.0, "b": -1.0}, "a", "ab"),
+    ],
+)
+def test_which_parts_that_do_nothing_are_taken_out(monkeypatch, told, does_nothing, expected):
+    Orders(monkeypatch, told, does_nothing)
+    best = SimpleNamespace(parts=max(told, key=len))
+    while True:
+        new, gone, _ = parts_idle._fewer(best, None, 1.0, {}, 1)
+        if new is best:
+            break
+        best = new
+    assert best.parts == expected
+    assert gone == ()

@@ -67,8 +67,8 @@ def test_seven_points_are_looked_at_or_nine_hundred_simulations(monkeypatch, cos
 
 @pytest.mark.parametrize(("left", "rounds"), [(0.49, 7), (0.51, 6)])
 def test_the_simulations_are_counted_anew_where_the_residual_beyond_noise_has_halved(monkeypatch, left, rounds):
-    """At 300 simulations a round, from an excess of 1e9: at 0.49 a round every round begins a new 900; at 0.51 every
-    second one does until the fourth, and the sixth is the last that begins within 900 of it where no more falls."""
+    """At 300 simulations a round, from an excess of 1e9: at 0.49 a round every round begins a new 900; at 0.51 the
+    second one does, no more falls after it, and the sixth is the last that begins within 900 of it."""
     seen = []
     s = selecting(fit_of((), 1e9))
 

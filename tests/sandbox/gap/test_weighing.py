@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
+from model.errors import BadInput
 from sandbox.gap.evidence import spike_slab
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.fit import fit
@@ -86,16 +87,44 @@ def test_slopes_are_taken_anew_where_they_promise_a_fiftieth_of_what_is_left(mon
     def made(point, *_):
         at.append(point)
         n = SimpleNamespace(simulations=20.0, segments=())
-        return SimpleNamespace(point=point + 1, normal=n, prior=lambda effects: None, log_evidence=lambda effects: 7.0)
+        return SimpleNamespace(point=point, normal=n, prior=lambda effects: None, log_evidence=lambda effects: 7.0)
 
     monkeypatch.setattr(judged, "table", made)
-    monkeypatch.setattr(judged, "settled", lambda first, *_: (first, next(told), 4.0))
+
+    def settle(first, *_):
+        """Move on by one point."""
+        return SimpleNamespace(**{**vars(first), "point": first.point + 1}), next(told), 4.0
+
+    monkeypatch.setattr(judged, "settled", settle)
     monkeypatch.setattr(judged, "excess_of", lambda n, weights: 1000.0)
     found = judge(SimpleNamespace(point=0, effects=("a",)), (), 0.01, {}, 1)
     assert at == list(range(taken))
     assert found.unmet == left[taken - 1]
     assert found.log_evidence == 7.0 - 0.5 * left[taken - 1]
     assert found.simulations == taken * 24.0
+
+
+@pytest.mark.parametrize("refused", [True, False])
+def test_slopes_are_not_taken_anew_where_no_step_was_made_or_no_drive_can_be(monkeypatch, refused):
+    """Then the first ones count; refused: the settled point has no equations of all effects."""
+    calls = []
+
+    def made(point, *_):
+        calls.append(point)
+        if point:
+            raise BadInput("no flux of this motor gives the first reading")
+        n = SimpleNamespace(simulations=20.0, segments=())
+        return SimpleNamespace(point=point, normal=n, prior=lambda effects: None, log_evidence=lambda effects: 7.0)
+
+    def settle(first, *_):
+        """Move on by one point where it will be refused, not at all else."""
+        return (SimpleNamespace(**{**vars(first), "point": 1}) if refused else first), 500.0, 4.0
+
+    monkeypatch.setattr(judged, "table", made)
+    monkeypatch.setattr(judged, "settled", settle)
+    monkeypatch.setattr(judged, "excess_of", lambda n, weights: 1000.0)
+    found = judge(SimpleNamespace(point=0, effects=("a",)), (), 0.01, {}, 1)
+    assert (found.unmet, found.simulations, calls) == (500.0, 24.0, [0, 1] if refused else [0])
 
 
 def test_what_priors_tell_apart_no_temperature_takes_away():

@@ -6,13 +6,14 @@ explain nothing any more, and a page would list its values, all of which may be 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 
 from model.effects import library
 from model.effects.card import Effect
 from sandbox.gap.evidence.fit import Weights, attempted
 from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.search.estimates import estimates
 from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import Judged, judge
@@ -44,18 +45,20 @@ def without_idle(
 ) -> Search:
     """Return a search whose best set has no parts that it is more probable without; never an effect without a part.
 
-    Tried are parts whose every size may be zero by its interval: all of them at once, then each alone.  Sets near the
-    best one lose the same parts where they, too, are more probable so.  raw: normalised rms of the nominal model.
+    Tried are parts whose every size may be zero by its interval: all of them at once, then each alone, and so on from
+    the better set.  Sets near the best one lose the same parts where they, too, are more probable so.  raw: normalised
+    rms of the nominal model.
     """
     t = 1.0 + raw / ACCURATE
     first = best = max(found.judged, key=lambda j: level(j, t))
     cost, taken = 0.0, set[tuple[str, int]]()
-    for gone in _choices(idle(best)):
-        if set(gone) & set(idle(best)):
-            report("taking out parts that do nothing")
-            new, spent = _better(best, gone, found, t, weights, workers)
-            cost, taken = cost + spent, taken | (set() if new is best else set(gone))
-            best = new
+    while idle(best):
+        report("taking out parts that do nothing")
+        new, gone, spent = _fewer(best, found, t, weights, workers)
+        cost, taken = cost + spent, taken | set(gone)
+        if new is best:
+            break
+        best = new
     judged = []
     for j in found.judged:
         near = j is not first and level(j, t) > level(first, t) - DOUBTED
@@ -64,7 +67,10 @@ def without_idle(
         judged.append(new)
         cost += spent
     further = {k: v for k, v in best.fit.point.values.items() if library.is_further(k)} if taken else found.further
-    return replace(found, judged=tuple(judged), simulations=found.simulations + cost, further=further)
+    return replace(
+        found, judged=tuple(judged), simulations=found.simulations + cost, further=further,
+        chosen=standing(found.chosen, best.fit.point, taken),
+    )  # fmt: skip
 
 
 def idle(j: Judged) -> Parts:
@@ -80,11 +86,26 @@ def idle(j: Judged) -> Parts:
     return tuple(out)
 
 
-def _choices(parts: Parts) -> Iterator[Parts]:
-    """Give what to take out: all parts at once, then each alone."""
-    if len(parts) > 1:
-        yield parts
-    yield from ((p,) for p in parts)
+def _fewer(
+    best: Judged, found: Search, temperature: float, weights: Weights, workers: int
+) -> tuple[Judged, Parts, float]:
+    """Return a set without all its parts that do nothing, where it is less probable so without one of them, where that
+    is less probable, too, the set itself; what was taken out, and simulations.
+
+    Where nothing of an effect would be left, no more than one of its parts is taken out at a time.
+    """
+    parts, cost = idle(best), 0.0
+    there = set(on(best))
+    left = {e for e, k in there if k == 1} <= {e for e, _ in there - set(parts)}
+    for choices in ([parts] if len(parts) > 1 and left else [], [(p,) for p in parts]):
+        told: list[tuple[Judged, Parts]] = [(best, ())]
+        for gone in choices:
+            new, spent = _better(best, gone, found, temperature, weights, workers)
+            cost, told = cost + spent, [*told, (new, () if new is best else gone)]
+        new, gone = max(told, key=lambda x: level(x[0], temperature))
+        if new is not best:
+            return new, gone, cost
+    return best, (), cost
 
 
 def _better(
@@ -103,7 +124,14 @@ def _without(best: Judged, gone: Parts, found: Search, weights: Weights, workers
     for effect, k in sorted(gone, reverse=True):  # the first part last: the others have made room by then
         at = without_part(at, library.load_effect(effect), k)
     fitted = attempted(at, best.effects, weights, leader=best.fit.objective, workers=workers)
-    return None if fitted is None else judge(fitted, found.chosen, found.share, weights, workers)
+    chosen = standing(found.chosen, at, gone)
+    return None if fitted is None else judge(fitted, chosen, found.share, weights, workers)
+
+
+def standing(chosen: Sequence[Probe], point: Point, gone: Iterable[tuple[str, int]]) -> tuple[Probe, ...]:
+    """Return probes with the starts of effects whose first part is gone at what took its place."""
+    first = {effect for effect, k in gone if k == 1}
+    return tuple(replace(p, start={n: point.values[n] for n in p.start}) if p.effect in first else p for p in chosen)
 
 
 def without_part(point: Point, card: Effect, k: int) -> Point:
