@@ -94,7 +94,7 @@ def test_probes_start_where_the_part_that_took_the_place_stands():
 
 
 class Orders:
-    """Sets of cogging whose parts are told, as a number of parts with how probable each set is."""
+    """Sets of one effect, a letter a part: how probable each is, and which parts may be zero, is told."""
 
     def __init__(self, monkeypatch, told, does_nothing):
         """told: log posterior by the parts that are there; does_nothing: which of them may be zero."""
