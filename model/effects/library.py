@@ -97,6 +97,17 @@ def shared() -> frozenset[str]:
     return frozenset((*same_numbers(), *same_numbers().values()))
 
 
+def holders(effect: str) -> tuple[str, ...]:
+    """Return the other effects that have all numbers of an effect among their own, so that they can stand for it."""
+    first = same_numbers()
+
+    def numbers(e: str) -> set[str]:
+        """Return the parameters of an effect, each by its first name."""
+        return {first.get(name, name) for name in parameters() if name.partition(".")[0] == e}
+
+    return tuple(e for e in effect_names() if e != effect and numbers(e) >= numbers(effect))
+
+
 def moved(name: str, to: float) -> dict[str, float]:
     """Return what moving a parameter changes: itself and its doubles."""
     return {name: to, **{double: to for double, own in same_numbers().items() if own == name}}

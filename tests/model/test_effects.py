@@ -48,6 +48,12 @@ def test_all_canonical_effects_are_there():
     assert set(library.effect_names()) == set(CANONICAL)
 
 
+def test_an_effect_with_all_numbers_of_another_can_stand_for_it():
+    """By the cards: only `saturation` has every coefficient of its cross part; the cross part lacks alpha_30, ..."""
+    assert library.holders("cross_saturation") == ("saturation",)
+    assert not any(library.holders(e) for e in library.effect_names() if e != "cross_saturation")
+
+
 def test_a_moved_double_is_asked_for_the_limits_of_both():
     """cross_saturation.alpha_12 is saturation.alpha_12; what stands under two names is told."""
     assert library.shared() == {f"{e}.alpha_{n}" for e in ("saturation", "cross_saturation") for n in ("12", "22")}

@@ -10,11 +10,12 @@ from __future__ import annotations
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+from model.effects import library
 from model.errors import BadInput
 from model.given import MOST_JSON, given_bytes
 from sandbox.engine.processes import Cluster
@@ -88,7 +89,7 @@ def score(
     truth = content["campaigns"]
     _complete(folder, truth)
     single = [n for n in names if truth[n]["kind"] == "one" and truth[n]["sizes"][0] >= LEAST_LEFT_OUT]
-    without = {n: tuple(truth[n]["effects"]) for n in single[: round(leave_out * len(single))]}
+    without = {n: taken_out(truth[n]["effects"]) for n in single[: round(leave_out * len(single))]}
     found = {n: read_report(reports, n) for n in names}
     asked = {n: entry for n, d in found.items() if "failed" not in d and (entry := recommended(d)) is not None}
     if not finished:
@@ -99,6 +100,12 @@ def score(
     if not allow_mixed:
         one_code(rows, f"'{reports}'")
     return scored(rows)
+
+
+def taken_out(effects: Sequence[str]) -> tuple[str, ...]:
+    """Return true effects with those that have all of their numbers among their own: with one of these in the library,
+    the cause would still be there under another name."""
+    return (*effects, *(h for e in effects for h in library.holders(e)))
 
 
 def _rows(method: str, part: str, reports: Path, names: Iterable[str], truth: Mapping[str, Any]) -> list[Row]:

@@ -11,7 +11,7 @@ import pytest
 from model.errors import BadInput
 from sandbox.engine.processes import spread
 from sandbox.validation.scoring import running
-from sandbox.validation.scoring.blind import read_report, score
+from sandbox.validation.scoring.blind import read_report, score, taken_out
 from sandbox.validation.scoring.check_figure import withheld_figure
 from sandbox.validation.scoring.judge import alike, chances, closed, covered, f1, judge, located
 from sandbox.validation.scoring.limits import area, auroc, mean, mean_share, quantile, ratio, share
@@ -181,6 +181,11 @@ def test_what_is_said_where_the_true_effect_was_left_out():
     assert f["leave_out_unknown"].value == pytest.approx(3 / 7)
     assert f["leave_out_confident_wrong"].value == pytest.approx(3 / 7)
     assert f["leave_out_twin"].value == pytest.approx(1 / 7)
+
+
+def test_the_cause_is_taken_out_by_every_name():
+    assert taken_out(["cross_saturation", "dead_time"]) == ("cross_saturation", "dead_time", "saturation")
+    assert taken_out(["saturation"]) == ("saturation",)
 
 
 def test_what_the_library_does_not_hold_is_unknown_also_beside_a_name():
