@@ -39,7 +39,7 @@ from sandbox.replay.memory import USUAL, spare
 from sandbox.replay.replay import prepare
 
 CREDIBLE = 0.95
-NINE_IN_TEN = 2000  # simulations within which 93 % of the diagnoses of the blind checks ended (sandbox/gap/README.md)
+NINE_IN_TEN = 2000  # simulations within which nine in ten diagnoses of a mixed check end: what a progress bar expects
 
 
 @dataclass(frozen=True)

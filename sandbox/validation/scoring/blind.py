@@ -2,7 +2,7 @@
 
 `diagnose(folder, exclude)` is any function that answers with an object whose `json` is the diagnosis of
 `diagnosis.json`; the baselines are such functions, too.  It is given a campaign's folder and never the seal.  Reports
-and seal become rows (`rows.py`), figures come from the rows alone (`scores.py`).
+and seal become rows (`rows.py`), figures come from the rows alone (`tables_of_rows.py`).
 """
 
 from __future__ import annotations
