@@ -82,12 +82,18 @@ def parts(d: Diagnosis) -> tuple[Part, ...]:
 
 
 def of_readings(d: Diagnosis) -> bool:
-    """Return whether the sensors' part is errors of current readings: all sensors' effects of the most probable of the
-    likely hypotheses that has any act on them, or none is named (then readings whose sum is not zero show it:
-    `outside`)."""
-    cards = [[library.load_effect(e) for e in h.effects if e != UNKNOWN] for h in d.ambiguity_set]
-    own = next((found for each in cards if (found := [c for c in each if c.subsystem == "sensor"])), [])
-    return all(at.port in MEASURED for card in own for at in card.at)
+    """Return whether the sensors' part is errors of current readings: sensors' effects of the most probable
+    of the likely hypotheses that has any act on them, or lose more than those of the angle where both are there; also
+    where none is named (then readings whose sum is not zero show it: `outside`)."""
+    for h in d.ambiguity_set:
+        cards = [c for c in map(library.load_effect, sorted({*h.effects} - {UNKNOWN})) if c.subsystem == "sensor"]
+        of_currents = [c.name for c in cards if all(at.port in MEASURED for at in c.at)]
+        others = [c.name for c in cards if c.name not in of_currents]
+        if of_currents and others:
+            return _lost(h.judged, of_currents) > _lost(h.judged, others)
+        if cards:
+            return not others
+    return True
 
 
 def where(d: Diagnosis, found: Sequence[Part] | None = None) -> tuple[Finding, ...]:
@@ -168,11 +174,15 @@ def _losses(j: Judged, effects: Sequence[str]) -> dict[str, float]:
         groups.setdefault(library.load_effect(effect).subsystem, []).append(effect)
     if len(groups) <= 1:
         return dict.fromkeys(groups, 1.0)
-    best = j.equations.most_probable(held_at_neutral(j, [])).objective
-    left = {name: j.equations.most_probable(held_at_neutral(j, own)).objective for name, own in groups.items()}
-    lost = {name: max(0.0, x - best) for name, x in left.items()}
+    lost = {name: _lost(j, own) for name, own in groups.items()}
     total = sum(lost.values())
     return {name: x / total if total else 1.0 / len(lost) for name, x in lost.items()}
+
+
+def _lost(j: Judged, effects: Sequence[str]) -> float:
+    """Return what the objective loses without some effects, all else refitted."""
+    best, left = (j.equations.most_probable(held_at_neutral(j, own)).objective for own in ((), effects))
+    return max(0.0, left - best)
 
 
 def held_at_neutral(j: Judged, effects: Sequence[str]) -> Prior:

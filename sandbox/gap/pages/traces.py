@@ -85,7 +85,7 @@ def _steps(labels: Sequence[str], levels: Sequence[float]) -> dict[str, Array]:
 def _recording(
     k: int, period: float, shown: dict[str, tuple[Inputs, Prediction, Residual]]
 ) -> Iterator[tuple[str, Plot]]:
-    """Yield currents in the rotor's frame, residuals over the floor, motion or angle, of one recording."""
+    """Yield currents and their residuals in the rotor's frame, motion or angle over its floor, of one recording."""
     r = shown["after"][0]
     few = slice(None, None, -(-r.samples // MOST))
     t: Array = period * np.arange(r.first, r.first + r.samples, dtype=np.float64)[few]
@@ -96,12 +96,9 @@ def _recording(
     colours = [RECORDED, BEFORE, AFTER]
     yield "current_d", Plot("Current i_d (A)", t, {n: _real(z) for n, z in currents.items()}, colours)
     yield "current_q", Plot("Current i_q (A)", t, {n: _imaginary(z) for n, z in currents.items()}, colours)
-    rest = {name: _complex(x.current[few, :, 0]) * turned for name, (_, _, x) in shown.items()}
-    yield "residual_d", Plot("Residual of i_d (noise floors)", t, {n: _real(z) for n, z in rest.items()}, colours[1:])
-    yield (
-        "residual_q",
-        Plot("Residual of i_q (noise floors)", t, {n: _imaginary(z) for n, z in rest.items()}, colours[1:]),
-    )
+    rest = {name: currents["recorded"] - currents[f"simulated {name}"] for name in shown}
+    yield "residual_d", Plot("Residual of i_d (A)", t, {n: _real(z) for n, z in rest.items()}, colours[1:])
+    yield "residual_q", Plot("Residual of i_q (A)", t, {n: _imaginary(z) for n, z in rest.items()}, colours[1:])
     yield "spectrum", _spectrum(period, {name: x.current[:, :, 0] for name, (_, _, x) in shown.items()})
     for field, title in (("motion", "Innovation of the rotor's motion"), ("angle", "Residual of the encoder's angle")):
         own = {name: getattr(x, field) for name, (_, _, x) in shown.items()}

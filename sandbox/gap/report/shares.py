@@ -1,11 +1,12 @@
 """How much of the gap each effect explains, and how the gap shrinks as they are added one after the other.
 
 An effect is added at the size that it has in the best hypothesis, and replayed; meanwhile only ordinary deviations
-follow, by algebra.  What it then explains depends on which effects are there already: its share is the mean over all
-orders of adding (Shapley, Contributions to the Theory of Games II (1953) 307).  Squared residuals hold effects one by
-one and in pairs, and then this is the mean of two places, added first (`alone`) and added last: two replays an effect.
-What three at once or the drive's nonlinearity add, 2 to 6 % of the gap in three campaigns of four to six effects, is
-shared out in proportion, so that shares sum to what is explained.  The interval is a bootstrap over recordings.
+follow, by algebra, about the size of an effect that is one of them, too (a resistance 12 % off may still deviate).
+What it then explains depends on which effects are there already: its share is the mean over all orders of adding
+(Shapley, Contributions to the Theory of Games II (1953) 307).  Squared residuals hold effects one by one and in pairs,
+and then this is the mean of two places, added first (`alone`) and added last: two replays an effect.  What three at
+once or the drive's nonlinearity add, 2 to 6 % of the gap in three campaigns of four to six effects, is shared out in
+proportion, so that shares sum to what is explained.  The interval is a bootstrap over recordings.
 
 An effect that partly cancels others, so that the gap grows without it, has a negative share.  With sizes refitted for
 each set one of two correlated effects would stand in for the other, and get half of a gap that a bench without it still
@@ -117,11 +118,15 @@ def _values(j: Judged, gone: Sequence[str]) -> Array:
 
 def only_ordinary(j: Judged, gone: Sequence[str], best: Array) -> Prior:
     """Return the prior under which ordinary deviations alone are free: effects that are `gone` held at neutral, the
-    others of the hypothesis at `best` (p,)."""
-    prior = held_at_neutral(j, gone)
+    others of the hypothesis at `best` (p,); those that are ordinary deviations, too, deviate as much from there, as on
+    a drive that has them at this size."""
+    prior, narrow = held_at_neutral(j, gone), j.table.narrow
     missing = {k for e in gone for k in j.table.members[e]}
     held = [k for e in j.effects if e not in gone for k in j.table.members[e] if k not in missing]
-    prior.mean[held], prior.deviation[held] = best[held], 0.0
+    moved = best[held] - narrow.mean[held]
+    prior.mean[held] = best[held]
+    prior.deviation[held] = np.where(j.table.of_effects[held], 0.0, narrow.deviation[held])
+    prior.low[held], prior.high[held] = narrow.low[held] + moved, narrow.high[held] + moved
     return prior
 
 
@@ -175,7 +180,8 @@ def _waterfall(d: Diagnosis, ranked: Sequence[str]) -> list[tuple[str, float]]:
 
 def with_part(d: Diagnosis, gone: Sequence[str]) -> Point:
     """Return the point at which effects are missing of the fit without the recordings held out: the others' sizes are
-    that fit's, ordinary deviations follow by its equations, which have not seen those recordings either."""
+    that fit's, about which those that are ordinary deviations, too, may deviate; ordinary deviations follow by its
+    equations, which have not seen those recordings either."""
     n, campaign, values = d.after.normal, d.campaign, d.after.point.values
     usual = {c.label: c for c in ordinary(campaign)}
     own = {e: of_effect(e, campaign.drive, values) for e in d.after.effects}
@@ -185,8 +191,10 @@ def with_part(d: Diagnosis, gone: Sequence[str]) -> Point:
     for c, x in zip(n.coordinates, n.x, strict=True):
         if c.label in missing:
             chosen.append(usual.get(c.label, replace(missing[c.label], deviation=0.0)))
+        elif c.label in claimed:
+            chosen.append(replace(usual.get(c.label, replace(c, deviation=0.0)), mean=float(x)))
         else:
-            chosen.append(replace(c, mean=float(x), deviation=0.0) if c.label in claimed else c)
+            chosen.append(c)
     weights = weights_of(len(d.start.prepared.recordings), d.held_out)
     x = algebra(n, weights).most_probable(prior_of(chosen)).x
     shapes = [e for e in gone if all(c.form == "log" for c in own[e])]

@@ -29,8 +29,8 @@ def chance_of_unknown(d: Diagnosis) -> float:
 
 
 def badge(d: Diagnosis) -> str:
-    """Return a key of BADGES: the verdict, but "unknown" only where nothing is named, it has at least HALF of the
-    probability, and less than NEARLY_ALL of the gap is closed."""
+    """Return a key of BADGES: the verdict, but "unknown" only where no likely hypothesis names an effect, it has at least
+    HALF of the probability, and less than NEARLY_ALL of the gap is closed."""
     named = verdict(d)
     if named != UNKNOWN:
         return named
@@ -38,7 +38,7 @@ def badge(d: Diagnosis) -> str:
         return "ambiguous"
     if _named(d.best):
         return "explained_in_part"
-    return "ambiguous" if _hardly_open(d) else UNKNOWN
+    return "ambiguous" if _hardly_open(d) or _others(d) else UNKNOWN
 
 
 def which_text(d: Diagnosis, shares: Mapping[str, float] | None = None) -> str:
@@ -101,10 +101,15 @@ def _outside(d: Diagnosis) -> str:
     if _hardly_open(d):
         closed = percent_fine(d.size.closed or 0.0)
         outside += f", although with {names(d.best.judged.effects)} {closed} of the gap closes"
-    others = [h for h in d.ambiguity_set if h.effects != (UNKNOWN,)]
+    others = _others(d)
     if not others:
         return f"{'None for sure' if _hardly_open(d) else 'None in the library'}: {outside}."
     return f"None for sure: {outside}. Perhaps {_listed(others, '; or ')}."
+
+
+def _others(d: Diagnosis) -> list[Hypothesis]:
+    """Return the likely hypotheses beside that nothing but the unknown is at work."""
+    return [h for h in d.ambiguity_set if h.effects != (UNKNOWN,)]
 
 
 def _hardly_open(d: Diagnosis) -> bool:

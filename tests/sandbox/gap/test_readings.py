@@ -8,6 +8,7 @@ import pytest
 
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.location import where
 from sandbox.gap.location.decompose import decompose
 from sandbox.gap.location.readings import Readings, told
 from sandbox.gap.location.where import of_readings, sentences
@@ -66,13 +67,21 @@ def test_what_is_wrong_with_the_angle_is_told_as_a_voltage(part):
         ([("current_offset",)], True),
         ([("current_gain", "current_filter", "current_sampling", "inertia")], True),
         ([("encoder_offset",)], False),
-        ([("encoder_eccentricity", "current_gain")], False),  # one of them is of the angle
         ([("dead_time",), ("encoder_offset",), ("current_offset",)], False),  # the first that names any
         ([("unknown",), ("dead_time",)], True),  # shown by readings whose sum is not zero
     ],
 )
 def test_which_effects_act_on_current_readings(told, expected):
     assert of_readings(SimpleNamespace(ambiguity_set=[SimpleNamespace(effects=e) for e in told])) == expected
+
+
+@pytest.mark.parametrize(("offset", "disc"), [(9.0, 4.0), (4.0, 9.0)])
+def test_of_both_kinds_the_one_that_explains_more_is_told(monkeypatch, offset, disc):
+    """A constant offset beside an eccentric disc is told as a current where it is the larger part of the two."""
+    lost = {("current_offset",): offset, ("encoder_eccentricity",): disc}
+    monkeypatch.setattr(where, "_lost", lambda judged, effects: lost[tuple(effects)])
+    h = SimpleNamespace(effects=("current_offset", "dead_time", "encoder_eccentricity", "unknown"), judged=None)
+    assert of_readings(SimpleNamespace(ambiguity_set=[h])) == (offset > disc)
 
 
 def test_an_error_that_is_not_constant_is_told_by_its_size():

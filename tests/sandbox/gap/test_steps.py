@@ -406,14 +406,20 @@ def test_what_three_at_once_add_is_shared_out():
 
 
 def test_only_ordinary_deviations_follow_where_effects_are_missing(monkeypatch):
-    """`u` is gone and held at neutral (0), `v` at its best value, what is ordinary (the third) stays free."""
-    none, wide = np.zeros(3), np.full(3, np.inf)
-    held = Prior(none, np.array([0.0, 3.0, 0.1]), -wide, wide)
+    """`u` is gone and held at neutral (0), `v` at its best value, what is ordinary (the third) stays free.  `w` is an
+    ordinary deviation, too: at its best value 7 it deviates as about its mean of 1, by 0.2 and at most by 0.8."""
+    none, wide = np.array([0.0, 0.0, 0.0, 1.0]), np.full(4, np.inf)
+    held = Prior(none, np.array([0.0, 3.0, 0.1, 2.0]), -wide, wide)
     monkeypatch.setattr(sharing, "held_at_neutral", lambda j, gone: held)
-    j = SimpleNamespace(effects=("u", "v"), table=SimpleNamespace(members={"u": (0,), "v": (1,)}))
-    prior = sharing.only_ordinary(j, ["u"], np.array([5.0, -2.0, 0.3]))
-    assert prior.mean.tolist() == [0.0, -2.0, 0.0]
-    assert prior.deviation.tolist() == [0.0, 0.0, 0.1]
+    narrow = Prior(none, np.array([0.01, 0.03, 0.1, 0.2]), none - 0.8, none + 0.8)
+    members, of_effects = {"u": (0,), "v": (1,), "w": (3,)}, np.array([True, True, False, False])
+    table = SimpleNamespace(members=members, narrow=narrow, of_effects=of_effects)
+    prior = sharing.only_ordinary(
+        SimpleNamespace(effects=("u", "v", "w"), table=table), ["u"], np.array([5, -2, 0.3, 7])
+    )
+    assert prior.mean.tolist() == [0.0, -2.0, 0.0, 7.0]
+    assert prior.deviation.tolist() == [0.0, 0.0, 0.1, 0.2]
+    assert (prior.low[3], prior.high[3]) == pytest.approx((6.2, 7.8))
 
 
 @pytest.mark.parametrize("rotor", ["driven", "free"])

@@ -28,7 +28,7 @@ def test_a_bar_is_as_wide_as_two_are_apart(monkeypatch, f, width):
 
 @pytest.mark.parametrize(("samples", "step"), [(400_000, 1), (500_000, 2), (800_000, 2), (800_004, 3)])
 def test_a_trace_holds_400000_samples_of_a_recording(monkeypatch, samples, step):
-    """2 A along d and a residual of three floors along q, on a rotor that stands at 0.4, ... rad."""
+    """2 A recorded along d where 1 A along q is simulated, on a rotor that stands at 0.4, ... rad."""
     monkeypatch.setattr(traces, "_spectrum", lambda *_: None)
     angle = 0.4 + 0.1 * np.arange(12)
 
@@ -47,8 +47,8 @@ def test_a_trace_holds_400000_samples_of_a_recording(monkeypatch, samples, step)
     assert found["current_d"].lines["recorded"] == pytest.approx(np.full(few, 2.0))
     assert found["current_q"].lines["recorded"] == pytest.approx(np.zeros(few), abs=1e-12)
     assert found["current_q"].lines["simulated before"] == pytest.approx(np.ones(few))
-    assert found["residual_q"].lines["after"] == pytest.approx(np.full(few, 3.0))
-    assert found["residual_d"].lines["after"] == pytest.approx(np.zeros(few), abs=1e-12)
+    assert found["residual_q"].lines["after"] == pytest.approx(np.full(few, -1.0))
+    assert found["residual_d"].lines["after"] == pytest.approx(np.full(few, 2.0))
     assert found["motion"].lines["after"].tolist() == [1.0] * few
     assert "angle" not in found
     assert [len(found[x].colours) for x in ("current_d", "residual_d", "residual_q", "motion")] == [3, 2, 2, 2]
