@@ -29,8 +29,8 @@ def chance_of_unknown(d: Diagnosis) -> float:
 
 
 def badge(d: Diagnosis) -> str:
-    """Return a key of BADGES: the verdict, but "unknown" only where no likely hypothesis names an effect, it has at least
-    HALF of the probability, and less than NEARLY_ALL of the gap is closed."""
+    """Return a key of BADGES: the verdict, but "unknown" only where no likely hypothesis names an effect, it has
+    at least HALF of the probability, and less than NEARLY_ALL of the gap is closed."""
     named = verdict(d)
     if named != UNKNOWN:
         return named
