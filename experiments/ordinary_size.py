@@ -6,8 +6,12 @@ that resembles an effect.  This script measures it on campaigns whose truth is k
 ordinary deviations are fitted, then every other effect is freed on its own, one at a time.  What it comes out at,
 beyond what the noise of the readings explains, is the error, as a share of its wide prior.
 
+Each folder stands for a plant of its own structure: `practice/` for an independent bench, what `withheld make` wrote
+for the switched bench, `experiments.reference_campaigns` for a reference with events and for the own plant at a finer
+step, `experiments.other_simulator` for motulator.
+
 Run: python -m experiments.ordinary_size FOLDER [FOLDER ...] [--count N]
-(FOLDER: practice campaigns with truths beside them, or what `withheld make` wrote, its seal opened; half a minute each)
+(FOLDER: campaigns with truths beside them, or what `withheld make` wrote, its seal opened; half a minute each)
 """
 
 from __future__ import annotations
@@ -108,12 +112,16 @@ def main() -> None:
     for folder in options.folders:
         truths = truths_of(folder)
         for path in [p for p in campaigns_of(folder) if p.name in truths][: options.count]:
-            rows += traces(path, truths[path.name], values_of(folder, path.name))
+            own = traces(path, truths[path.name], values_of(folder, path.name))
+            rows += [{"plant": folder.name, **row} for row in own]
             print(path.name, len(rows), flush=True)
-    told = summary(rows)
+    told = {"all": summary(rows)} | {
+        f.name: summary([r for r in rows if r["plant"] == f.name]) for f in options.folders
+    }
     write_json(RESULTS, "ordinary_size", {"small": SMALL, "largest": LARGEST, "summary": told, "coordinates": rows})
-    for line in told:
-        print({k: round(v, 4) if np.isfinite(v) else v for k, v in line.items()})
+    for plant, lines in told.items():
+        for line in lines:
+            print(plant, {k: round(v, 4) if np.isfinite(v) else v for k, v in line.items()})
 
 
 if __name__ == "__main__":

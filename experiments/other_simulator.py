@@ -19,12 +19,19 @@ from typing import Any
 import numpy as np
 
 from model.parameters import Converter, Drive, Injection, Motor
+from sandbox.output.toml import toml_text
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
 
 PAIRS, R, L_D, L_Q, MAGNET, INERTIA, LINK = 3, 3.6, 0.036, 0.051, 0.545, 0.015, 540.0
 RATED, TORQUE, SPEED_RPM, COUNTS, NOISE, STEP = 4.3 * math.sqrt(2.0), 14.0, 1500.0, 4096, 0.012, 0.01
 INJECTED, BAND = 80.0, 2.0 * math.pi * 120.0  # V; rad/s of the current control
+CARRIER, LOAD_INERTIA, DAMPING = 250e-6, 0.6 * INERTIA, 0.02
+
+
+def stiffness(hz: float) -> float:
+    """Return a shaft's stiffness (N m/rad) by the frequency at which its two masses swing."""
+    return (INERTIA - LOAD_INERTIA) * LOAD_INERTIA / INERTIA * (2.0 * math.pi * hz) ** 2
 
 
 @dataclass(frozen=True)
@@ -39,6 +46,18 @@ class Case:
     levels: int = 2**20  # of the PWM's counter
     shaft_hz: float = 0.0
     says: dict[str, Any] = field(default_factory=dict)
+
+    def truth(self) -> dict[str, dict[str, float]]:
+        """Return the effects of the library that are put in, with their parameters."""
+        out = {}
+        if self.dead_time:
+            out["dead_time"] = {"time": self.dead_time}
+        if self.delay:
+            out["pwm_delay"] = {"delay": 0.5 * self.delay * CARRIER}
+        if self.shaft_hz:
+            shaft = {"load_inertia": LOAD_INERTIA, "stiffness": stiffness(self.shaft_hz), "damping_ratio": DAMPING}
+            out["shaft_compliance"] = shaft
+        return out
 
 
 CASES = {
@@ -155,10 +174,10 @@ def recorded(run: Run, case: Case, seed: int) -> CampaignRecording:
         shaft = model.ExternalRotorSpeed()
         shaft.set_external_rotor_speed(run.turning)
     elif case.shaft_hz:
-        j_l = 0.6 * INERTIA
-        j = (INERTIA - j_l) * j_l / INERTIA
-        stiff = j * (2.0 * math.pi * case.shaft_hz) ** 2
-        shaft = model.TwoMassMechanicalSystem(INERTIA - j_l, j_l, stiff, 2.0 * 0.02 * math.sqrt(stiff * j))
+        j = (INERTIA - LOAD_INERTIA) * LOAD_INERTIA / INERTIA
+        stiff = stiffness(case.shaft_hz)
+        damping = 2.0 * DAMPING * math.sqrt(stiff * j)
+        shaft = model.TwoMassMechanicalSystem(INERTIA - LOAD_INERTIA, LOAD_INERTIA, stiff, damping)
     else:
         shaft = model.MechanicalSystem(INERTIA)
     if run.rotor == "free":
@@ -202,9 +221,13 @@ def campaign_of(name: str, seed: int = 1) -> Campaign:
 
 
 def main(folder: str, *names: str) -> None:
-    """Record the campaigns named (all by default) below a folder."""
+    """Record the campaigns named (all by default) below a folder, their truths beside them."""
     for name in names or CASES:
         print(write_campaign(Path(folder) / name, campaign_of(name)), flush=True)
+        truth = CASES[name].truth()
+        tables: list[tuple[str, Any]] = [("", {"effects": list(truth)})]
+        tables += [(f"[{effect}]", own) for effect, own in truth.items()]
+        (Path(folder) / f"{name}.truth.toml").write_text(toml_text(tables), encoding="utf-8")
 
 
 if __name__ == "__main__":

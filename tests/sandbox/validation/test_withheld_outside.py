@@ -103,6 +103,15 @@ def test_kinds_draw_from_their_own_causes(monkeypatch):
     assert {c.outside for c in cases(60, 1, "outside", "scored")} == set(EVERY)
 
 
+def test_many_are_four_to_ten_in_turn_and_none_contains_another():
+    """Issue 19: `--kind many` draws 4 to 10 effects.  70 campaigns hold each number ten times."""
+    found = [c.names for c in cases(70, 3, "many", "scored", table="published")]
+    assert sorted(len(names) for names in found) == sorted(10 * list(range(4, 11)))
+    assert all(len(set(names)) == len(names) for names in found)
+    assert not any({"saturation", "cross_saturation"} <= set(names) for names in found)
+    assert {e for names in found for e in names} == set(effect_names())
+
+
 def test_an_effect_beside_a_cause_is_sealed_with_it():
     """Sizes in the order of `effects`; the effect has a place in its published range, the cause none."""
     case = Case(0, "outside", "ipm", "scored", ("dead_time",), (0.5, 2.0), "load_lag", table="published")
