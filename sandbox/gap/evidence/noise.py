@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from model.errors import BadInput
+from sandbox.gap.evidence.two_sensors import two_sensors
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import noise_floor
 
@@ -46,7 +47,7 @@ def floor_of(campaign: Campaign, stated: float) -> float:
     """Return the noise floor (A rms) that the stated one and the one seen agree on: both vote.
 
     Where they differ by what the seen one errs (VOTE) the stated one stands; the further they part, the more the seen
-    one counts.  Beyond PLAUSIBLE, as `noise_caution` says, or with two sensors, the stated one stands alone.
+    one counts.  Beyond PLAUSIBLE, as `noise_caution` says, or where none is seen, the stated one stands alone.
     """
     return voted(stated, _quarter(campaign))
 
@@ -68,9 +69,12 @@ def voted(stated: float, shown: float | None) -> float:
 
 
 def _quarter(campaign: Campaign) -> float | None:
-    """Return one sensor's noise (A rms) as the quieter quarter of blocks shows it, known to VOTE; None as `seen`."""
+    """Return one sensor's noise (A rms) as the quieter quarter of blocks shows it, known to VOTE; of two sensors by
+    `two_sensors`; None where neither can be seen."""
     found = _of_blocks(campaign, 25.0)
-    return None if found is None else found / QUARTER
+    if found is None:
+        return None if counted(campaign) else two_sensors(campaign)
+    return found / QUARTER
 
 
 def _of_blocks(campaign: Campaign, percentile: float) -> float | None:
@@ -111,8 +115,8 @@ def noise_caution(campaign: Campaign) -> str:
     if all(np.ptp(c) == 0.0 for r in campaign.recordings for c in (r.i_a, r.i_b, r.i_c)):
         raise BadInput("no current of any recording ever changes; record the three current sensors with the drive on")
     own, quiet = noise_of(campaign), seen(campaign)
-    if own.seen is None or quiet is None:
-        return ""
+    if quiet is None:
+        return parting(own)
     if own.stated > TOO_LARGE * quiet and counted(campaign):
         resolution = campaign.drive.converter.current_resolution
         return (
