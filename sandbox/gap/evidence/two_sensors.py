@@ -2,8 +2,9 @@
 
 The third reading is made of the other two, so their sum shows nothing.  At a locked rotor a phase's second difference
 follows the last LAGS changes of the commanded voltage, nearly linearly over BLOCK samples: that part is fitted and
-taken off, and what white noise of variance s^2 leaves has the mean square 6 s^2.  Dead time, saturation and counts of the PWM
-leave more in some blocks than in others, so blocks have to scatter as those of white noise do; else nothing is said.
+taken off, and what white noise of variance s^2 leaves has the mean square 6 s^2.  Dead time, saturation and counts of
+the PWM leave more in some blocks than in others, so blocks have to scatter as those of white noise do; else nothing is
+said.
 
 Of 102 opened campaigns with three sensors, whose sum shows the noise as well, 53 say it: 0.8 % too large in the mean,
 1.2 % of scatter, 4.9 % at most.  The others, most with less than 4 mA of noise, say nothing.
