@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.signal import lfilter
+from scipy.stats import chi2
 
 from model.errors import BadInput, PhysicsError
 from sandbox.cli import main
@@ -189,10 +190,22 @@ def test_two_sensors_show_their_noise_where_only_noise_is_left(noise, kinks, tol
     assert found == (pytest.approx(0.005, rel=0.015) if told else None)
 
 
+@pytest.mark.parametrize(("wider", "told"), [(-0.1, True), (0.0, True), (0.01, True), (0.017, False), (0.05, False)])
+def test_two_sensors_say_nothing_where_blocks_scatter_more_than_noise(monkeypatch, wider, told):
+    """Quartiles of the root of chi-squared (51 degrees of freedom, scipy) are 0.9275 and 1.0609; of 400 blocks their
+    ratio may be 0.31 / 20 = 1.55 % larger."""
+    low, high = np.sqrt(chi2.ppf([0.25, 0.75], 51) / 51) * (0.005, 0.005 * (1.0 + wider))
+    squares = np.repeat([low**2, high**2], 200)
+    monkeypatch.setattr("sandbox.gap.evidence.two_sensors._blocks", lambda r: squares)
+    found = two_sensors(SimpleNamespace(recordings=[SimpleNamespace(rotor="locked")]))
+    assert found == (pytest.approx(0.005, rel=1e-3) if told else None)
+
+
 def test_few_readings_of_two_sensors_say_nothing():
-    """19 blocks of each phase are 38, two short of FEWEST; a rotor that turns tells nothing either."""
-    assert two_sensors(locked(np.zeros(1_990), np.zeros(1_990), 0.005)) is None
-    turning = locked(np.zeros(3_980), np.zeros(3_980), 0.005)
+    """A second difference and four changes of the voltage before it span 6 readings: 2005 make 20 blocks of each phase,
+    40 in all (FEWEST); one fewer makes 38.  A rotor that turns tells nothing either."""
+    assert two_sensors(locked(np.zeros(2_004), np.zeros(2_004), 0.005)) is None
+    turning = locked(np.zeros(2_005), np.zeros(2_005), 0.005)
     assert two_sensors(turning) == pytest.approx(0.005, rel=0.05)
     turning.recordings = [dataclasses.replace(r, rotor="driven") for r in turning.recordings]
     assert two_sensors(turning) is None
