@@ -13,6 +13,7 @@ from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare
 from sandbox.validation.switched.advance import replay as switched
 from sandbox.validation.switched.bench_numbers import bench, quiet
+from sandbox.validation.switched.unlisted import unlisted
 
 DRIVE = load_drive("ipm_exchanged")
 DRIVE = dataclasses.replace(
@@ -32,8 +33,9 @@ FURTHER = {
 TURNING = (("slow", "driven", 40.0, 20.0), ("fast", "driven", 110.0, 20.0))
 
 
-def record(name, rotor, speed, size, effects, rng, n=1200):
-    """Return one recording: a turning or swinging voltage, injection along d, counts and noise as the drive states."""
+def record(name, rotor, speed, size, effects, rng, n=1200, outside=None):
+    """Return one recording: a turning or swinging voltage, injection along d, counts and noise as the drive states;
+    outside: what the bench has that no library holds (`switched.unlisted`)."""
     c, pairs = DRIVE.converter, DRIVE.motor.pole_pairs
     period, k = c.sampling_period, np.arange(n)
     theta, middle = (0.3 + pairs * speed * period * (k + x) for x in (0.0, 0.5))
@@ -42,7 +44,8 @@ def record(name, rotor, speed, size, effects, rng, n=1200):
     u = (size * swing * np.exp(1j * k / 160) + back) * np.exp(1j * middle)
     u += DRIVE.injection.amplitude * np.where(k % 8 < 4, 1, -1) * np.exp(1j * middle)
     more = {"theta": theta, "speed": speed} if rotor == "driven" else {"theta": 0.3, "speed": 0.0}
-    r = switched(quiet(bench(DRIVE.motor, c, effects)), rotor, u.real, u.imag, c.dc_bus_voltage, **more)
+    own = unlisted(quiet(bench(DRIVE.motor, c, effects)), outside or {})
+    r = switched(own, rotor, u.real, u.imag, c.dc_bus_voltage, **more)
     count = 2 * np.pi * pairs / c.encoder_counts
     columns = {"t": k * period, "u_alpha": u.real, "u_beta": u.imag, "u_dc": np.full(n, c.dc_bus_voltage)}
     columns["theta"] = count * np.floor(r["theta"] / count + 0.5)
@@ -52,10 +55,10 @@ def record(name, rotor, speed, size, effects, rng, n=1200):
     return CampaignRecording(f"{name}.parquet", rotor, "d", columns)
 
 
-def small_campaign(effects, cases=CASES, seed=5):
+def small_campaign(effects, cases=CASES, seed=5, outside=None):
     """Return a campaign of the switched bench with noise."""
     rng = np.random.default_rng(seed)
-    recordings = tuple(record(*case, effects, rng) for case in cases)
+    recordings = tuple(record(*case, effects, rng, outside=outside) for case in cases)
     return Campaign("small", DRIVE, recordings, {}, {}, False)
 
 

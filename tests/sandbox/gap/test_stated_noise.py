@@ -9,12 +9,14 @@ from model.effects import library
 from sandbox.gap.diagnose import diagnose, verdict
 from sandbox.gap.evidence import noise
 from sandbox.gap.evidence.noise import Noise, noise_of, parting
+from sandbox.gap.evidence.priors import ordinary
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.output.files import plain
 from sandbox.recordings.campaign import read_campaign
 from tests.schemas import misfits
 
 CANDIDATES = {"dead_time", "stator_resistance", "encoder_offset"}
+SMALL = {"current_offset", "dead_time", "stator_resistance"}
 
 
 def test_a_fifth_of_stated_noise_changes_no_answer(small_folder):
@@ -36,6 +38,26 @@ def test_a_fifth_of_stated_noise_changes_no_answer(small_folder):
         own = c["gap"]["noise"]
         assert own["stated"] == pytest.approx(share * noise_of(campaign).stated)
         assert (own["used"], c["gap"]["floor"]) == (pytest.approx(own["seen"]), 1.0)
+
+
+@pytest.mark.parametrize("share", [0.8, 0.975, 1.0, 1.2])
+def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
+    """Every effect of the library a candidate: without a gap none is found, nor `unknown` (0.05 is what a list that
+    holds 95 % may leave out); an offset of one phase, ten times what is usual, is found by each."""
+    quiet = read_campaign(quiet_folder)
+    found = diagnose(misstated(quiet, share), workers=1)
+    assert verdict(found) == "no_gap"
+    assert unknown_of(found) < 0.05
+    offset = 10.0 * next(c.deviation for c in ordinary(quiet) if c.names[0].startswith("current_offset."))
+    moved = dataclasses.replace(
+        quiet,
+        recordings=tuple(
+            dataclasses.replace(r, columns={**r.columns, "i_b": r.i_b + offset}) for r in quiet.recordings
+        ),
+    )
+    told = diagnose(misstated(moved, share), exclude=sorted(set(library.effect_names()) - SMALL), workers=1)
+    assert told.best.effects == ("current_offset",)
+    assert unknown_of(told) < 0.05
 
 
 @pytest.mark.parametrize(
