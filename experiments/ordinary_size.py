@@ -94,7 +94,8 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
             share, noise = np.array([r["share"] for r in own]), np.array([r["deviation"] for r in own])
             beyond = np.sqrt(np.maximum(share**2 - noise**2, 0.0))
             out.append({
-                "from": low, "to": high, "coordinates": len(own), "campaigns": len({r["campaign"] for r in own}),
+                "from": low, "to": high, "coordinates": len(own),
+                "campaigns": len({(r.get("plant"), r["campaign"]) for r in own}),
                 "rms": float(np.sqrt(max(np.mean(share**2 - noise**2), 0.0))), "half_below": float(np.median(beyond)),
                 "nine_of_ten_below": float(np.quantile(beyond, 0.9)),
                 "assumed": float(np.mean([ordinary_share(r["rms"]) for r in own])),
@@ -108,6 +109,10 @@ def main() -> None:
     parser.add_argument("folders", type=Path, nargs="+")
     parser.add_argument("--count", type=int, default=20, help="campaigns of each folder (20)")
     options = parser.parse_args()
+    if len({f.name for f in options.folders}) < len(options.folders):
+        parser.error(
+            "two folders have the same name, by which their plants are told apart; link one under another name"
+        )
     rows: list[dict[str, Any]] = []
     for folder in options.folders:
         truths = truths_of(folder)

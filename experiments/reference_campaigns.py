@@ -106,12 +106,12 @@ def read(d: Drive, readings: Array, rng: np.random.Generator) -> dict[str, Array
 def main(folder: str) -> None:
     """Record a campaign without effects and one with each of EFFECTS at its typical size, on both plants."""
     d = drive()
-    for plant, effect in product((fine, events), ("none", *EFFECTS)):
+    for turn, (plant, effect) in enumerate(product((fine, events), ("none", *EFFECTS))):
         place = Path(folder) / plant.__name__
         if (place / f"{effect}.truth.toml").is_file():  # of a call that was interrupted
             continue
         values = library.typical(effect, d.motor, d.converter) if effect in EFFECTS else {}
-        rng, runs = np.random.default_rng(SEED), []
+        rng, runs = np.random.default_rng([SEED, turn]), []
         for run in RUNS:
             r = commanded(d, run)
             runs.append(replace(r, columns={**r.columns, **read(d, plant(d, run, r, values), rng)}))

@@ -54,7 +54,7 @@ def add_withheld(commands: Any, parser_class: Any, positive: Number, seed: Numbe
     c.set_defaults(run=run_score)
     c.add_argument("folder", type=Path, metavar="DIR", help="folder that `withheld make` wrote")
     c.add_argument("--limit", type=positive, help="only the first so many campaigns (all)")
-    text = "diagnose this share of the single effects once more, with the true effect excluded"
+    text = "diagnose this share of the single effects once more, the true effect (and what holds all of it) excluded"
     c.add_argument("--leave-out", type=float, default=0.0, metavar="SHARE", help=text)
     c.add_argument("--baselines", action="store_true", help="score the simple methods on the same campaigns, too")
     either = c.add_mutually_exclusive_group()

@@ -82,9 +82,12 @@ def parts(d: Diagnosis) -> tuple[Part, ...]:
 
 
 def of_readings(d: Diagnosis) -> bool:
-    """Return whether the sensors' part is errors of current readings: sensors' effects of the most probable
-    of the likely hypotheses that has any act on them, or lose more than those of the angle where both are there; also
-    where none is named (then readings whose sum is not zero show it: `outside`)."""
+    """Return whether the sensors' part is told as errors of current readings.
+
+    The most probable of the likely hypotheses that names sensors' effects decides: all of them act on current readings,
+    or the loss of those costs more than the loss of the others.  It is so, too, where none is named: then readings
+    whose sum is not zero show it (`outside`).
+    """
     for h in d.ambiguity_set:
         cards = [c for c in map(library.load_effect, sorted({*h.effects} - {UNKNOWN})) if c.subsystem == "sensor"]
         of_currents = [c.name for c in cards if all(at.port in MEASURED for at in c.at)]

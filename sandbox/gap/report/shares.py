@@ -1,7 +1,8 @@
 """How much of the gap each effect explains, and how the gap shrinks as they are added one after the other.
 
 An effect is added at the size that it has in the best hypothesis, and replayed; meanwhile only ordinary deviations
-follow, by algebra, about the size of an effect that is one of them, too (a resistance 12 % off may still deviate).
+follow, by algebra.  Those that are effects, too, may still deviate from the effect's size: a resistance 12 % off is
+known no better than a right one.
 What it then explains depends on which effects are there already: its share is the mean over all orders of adding
 (Shapley, Contributions to the Theory of Games II (1953) 307).  Squared residuals hold effects one by one and in pairs,
 and then this is the mean of two places, added first (`alone`) and added last: two replays an effect.  What three at
@@ -118,8 +119,7 @@ def _values(j: Judged, gone: Sequence[str]) -> Array:
 
 def only_ordinary(j: Judged, gone: Sequence[str], best: Array) -> Prior:
     """Return the prior under which ordinary deviations alone are free: effects that are `gone` held at neutral, the
-    others of the hypothesis at `best` (p,); those that are ordinary deviations, too, deviate as much from there, as on
-    a drive that has them at this size."""
+    others of the hypothesis at `best` (p,).  Where one is an ordinary deviation, too, it deviates from there."""
     prior, narrow = held_at_neutral(j, gone), j.table.narrow
     missing = {k for e in gone for k in j.table.members[e]}
     held = [k for e in j.effects if e not in gone for k in j.table.members[e] if k not in missing]
@@ -180,8 +180,8 @@ def _waterfall(d: Diagnosis, ranked: Sequence[str]) -> list[tuple[str, float]]:
 
 def with_part(d: Diagnosis, gone: Sequence[str]) -> Point:
     """Return the point at which effects are missing of the fit without the recordings held out: the others' sizes are
-    that fit's, about which those that are ordinary deviations, too, may deviate; ordinary deviations follow by its
-    equations, which have not seen those recordings either."""
+    that fit's.  Ordinary deviations follow by its equations, which have not seen those recordings either; where one is
+    an effect, too, it deviates from that effect's size."""
     n, campaign, values = d.after.normal, d.campaign, d.after.point.values
     usual = {c.label: c for c in ordinary(campaign)}
     own = {e: of_effect(e, campaign.drive, values) for e in d.after.effects}

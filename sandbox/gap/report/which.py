@@ -38,7 +38,8 @@ def badge(d: Diagnosis) -> str:
         return "ambiguous"
     if _named(d.best):
         return "explained_in_part"
-    return "ambiguous" if _hardly_open(d) or _others(d) else UNKNOWN
+    perhaps = any(_named(h) for h in d.ambiguity_set)
+    return "ambiguous" if _hardly_open(d) or perhaps else UNKNOWN
 
 
 def which_text(d: Diagnosis, shares: Mapping[str, float] | None = None) -> str:
@@ -101,15 +102,10 @@ def _outside(d: Diagnosis) -> str:
     if _hardly_open(d):
         closed = percent_fine(d.size.closed or 0.0)
         outside += f", although with {names(d.best.judged.effects)} {closed} of the gap closes"
-    others = _others(d)
+    others = [h for h in d.ambiguity_set if h.effects != (UNKNOWN,)]
     if not others:
         return f"{'None for sure' if _hardly_open(d) else 'None in the library'}: {outside}."
     return f"None for sure: {outside}. Perhaps {_listed(others, '; or ')}."
-
-
-def _others(d: Diagnosis) -> list[Hypothesis]:
-    """Return the likely hypotheses beside that nothing but the unknown is at work."""
-    return [h for h in d.ambiguity_set if h.effects != (UNKNOWN,)]
 
 
 def _hardly_open(d: Diagnosis) -> bool:

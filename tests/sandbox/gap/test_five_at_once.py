@@ -43,8 +43,8 @@ def test_all_five_are_named_and_no_other(found):
 
 
 def test_their_sizes_are_those_of_the_bench(found):
-    """Within the 95 % intervals; of eight that are looked at together, widened by 1.4 (0.05 / 8 to either side).  The
-    offset of the other phase, which the effect has too, is zero."""
+    """Within the 95 % intervals; of eight that are looked at together, widened by 1.4 (0.05 / 16 to either side).
+    The offset of the other phase, which the effect has too, is zero."""
     told = found[0].parameters[0]
     assert set(told) == {*TRUE, "current_offset.offset_a"}
     for name, x in told.items():

@@ -34,6 +34,7 @@ U, A, AU = ("unknown",), ("dead_time",), ("dead_time", "unknown")
         ([(U, 0.45), (A, 0.30), ((), 0.25)], 0.5, "ambiguous"),  # less than half: not "not in the library"
         ([(U, 0.40), (AU, 0.15), (A, 0.45)], 0.5, "ambiguous"),  # the most probable is A alone
         ([(U, 0.46), (AU, 0.10), (A, 0.44)], 0.98, "ambiguous"),  # 0.56 in all, but A may be there
+        ([(U, 0.90), ((), 0.10)], 0.5, "unknown"),  # no likely hypothesis names an effect
         ([(U, 0.97)], 0.991, "ambiguous"),  # hardly anything is left
         ([(U, 0.97)], 0.989, "unknown"),
         ([(AU, 0.9), (A, 0.1)], 0.999, "explained_in_part"),
