@@ -10,7 +10,7 @@ from experiments.other_simulator import CASES, INERTIA, LOAD_INERTIA
 @pytest.mark.parametrize("run", [rc.RUNS[0], rc.RUNS[3]], ids=["locked", "driven"])
 def test_events_and_fine_steps_read_the_same(monkeypatch, run):
     """40 samples of the reference, which shares no code with the plant, without effects: within three thousandths of
-    the current, a count of the encoder (2.3 mrad electrical), which the replay has to read and the reference need not."""
+    the current: a count of the encoder, 2.3 mrad electrical, which the replay reads and the reference does not."""
     monkeypatch.setattr(rc, "SAMPLES", 40)
     d = rc.drive()
     r = rc.commanded(d, run)
