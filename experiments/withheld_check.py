@@ -1,7 +1,7 @@
 """How good is the diagnosis on campaigns of the second simulator whose effect is withheld, beside simple methods?
 
 100 campaigns with scored cycles, 60 with four to ten effects at once, 48 with a cause outside the library each, 300
-controls without a gap, 140 narrow campaigns where pairs of effects look alike, and 100 campaigns with the ladder's
+controls without a gap, 60 narrow campaigns where pairs of effects look alike, and 100 campaigns with the ladder's
 sizes in place of published ones (what it is worth that the prior knows them); single effects of the first 100 once more
 with the true one taken out of the library; the simple methods on them, too.
 Everything is made and diagnosed in WORK and goes on where it was interrupted.  Kept in results/withheld/: a row a
@@ -55,14 +55,14 @@ class Check(NamedTuple):
 CHECKS = {
     "mixed": Check(
         "Campaigns with one to three effects, none, or one outside",
-        "mixed", 100, 20261601, options=("--leave-out", "0.7", "--baselines"),
+        "mixed", 100, 20261801, options=("--leave-out", "0.7", "--baselines"),
     ),
-    "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 140, 20261605),
-    "many": Check("Campaigns of four to ten effects at once", "many", 60, 20261603, options=("--baselines",)),
+    "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 60, 20261805),
+    "many": Check("Campaigns of four to ten effects at once", "many", 60, 20261803, options=("--baselines",)),
     "outside": Check(
-        "Campaigns of one cause outside the library each", "outside", 48, 20261604, options=("--baselines",)
+        "Campaigns of one cause outside the library each", "outside", 48, 20261804, options=("--baselines",)
     ),
-    "controls": Check("Controls without a gap", "controls", 300, 20261602),
+    "controls": Check("Controls without a gap", "controls", 300, 20261802),
     "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 100, 20261224, "ladder"),
 }  # fmt: skip
 
