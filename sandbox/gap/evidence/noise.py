@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from model.errors import BadInput
-from sandbox.gap.evidence.two_sensors import two_sensors
+from sandbox.gap.two_sensors import two_sensors
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import noise_floor
 

@@ -14,7 +14,7 @@ from model.errors import BadInput, PhysicsError
 from sandbox.cli import main
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.evidence.noise import floor_of, noise_caution, noise_of, seen
-from sandbox.gap.evidence.two_sensors import two_sensors
+from sandbox.gap.two_sensors import two_sensors
 from sandbox.recordings.campaign import CampaignRecording, read_campaign
 from sandbox.replay.inputs import noise_floor
 
@@ -217,7 +217,7 @@ def test_two_sensors_say_nothing_where_blocks_scatter_more_than_noise(monkeypatc
     ratio may be 0.31 / 20 = 1.55 % larger."""
     low, high = np.sqrt(chi2.ppf([0.25, 0.75], 51) / 51) * (0.005, 0.005 * (1.0 + wider))
     squares = [low**2, high**2] * 200
-    monkeypatch.setattr("sandbox.gap.evidence.two_sensors._blocks", lambda r: squares)
+    monkeypatch.setattr("sandbox.gap.two_sensors._blocks", lambda r: squares)
     found = two_sensors(SimpleNamespace(recordings=[SimpleNamespace(rotor="locked")]))
     assert found == (pytest.approx(0.005, rel=1e-3) if told else None)
 
