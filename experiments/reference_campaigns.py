@@ -5,12 +5,12 @@ step, its lags are integrated with the fluxes, and the encoder cuts counts off i
 FOLDER/fine: the same commands and encoder on the plant of the replay itself, eight steps a period.
 Voltages are commanded in open loop; the rotor is locked or driven.
 
-Run: python -m experiments.reference_campaigns FOLDER   (a minute a campaign; truths are written beside)
+Run: python -m experiments.reference_campaigns FOLDER   (ten seconds a campaign; truths are written beside)
 """
 
 from __future__ import annotations
 
-import sys
+import argparse
 from collections.abc import Mapping
 from dataclasses import replace
 from itertools import product
@@ -123,4 +123,6 @@ def main(folder: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1])
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", help="where both plants' campaigns go")
+    main(parser.parse_args().folder)

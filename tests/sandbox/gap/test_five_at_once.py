@@ -55,7 +55,9 @@ def test_what_goes_with_an_effect_alone_is_what_goes_on_the_bench(found):
     """`share.alone` beside a bench recorded without the effect (`experiments.shares_truth`); issue 19 asks for 0.05.
 
     The resistance counts as what goes beyond its ordinary deviation, which imitates a part of the dead time with it and
-    without it.
+    without it.  It does not hold for every set: with a resistance 25 % off the two are 0.053 apart, and with a gain of
+    1.04 in one phase in the offset's place 0.24 (0.055 stated, -0.183 on the bench), as these recordings do not tell a
+    common scale of the gains from inductances and resistance.
     """
     told = {e["name"]: e["share"]["alone"] for e in found[1].as_json()["effects"] if e["share"] is not None}
     whole = gap_of(recorded())
