@@ -107,7 +107,7 @@ def refined(reading: Reading, corners: Array) -> Ramps:
     fitted, step = _linear(reading, corners)
     for _ in range(ITERATIONS if len(corners) else 0):
         for halving in range(HALVINGS):
-            trial = _inside(reading, fitted.corners + 0.5**halving * step)
+            trial = inside(reading.tau, fitted.corners + 0.5**halving * step)
             closer, onward = _linear(reading, trial)
             if closer.squares < fitted.squares:
                 break
@@ -141,9 +141,9 @@ def _linear(reading: Reading, corners: Array) -> tuple[Ramps, Array]:
     return fitted, np.divide(moved, steps, out=np.zeros_like(moved), where=np.abs(steps) > 0.0)
 
 
-def _inside(reading: Reading, corners: Array) -> Array:
-    """Return the corners in order, a few samples from the ends and from each other."""
-    least = APART / len(reading.tau)
+def inside(tau: Array, corners: Array) -> Array:
+    """Return the corners in order, a few samples from the ends and from each other; tau: (n,) times."""
+    least = APART / len(tau)
     kept = np.sort(np.clip(corners, least, 1.0 - least))
     for k in range(1, len(kept)):
         kept[k] = max(kept[k], kept[k - 1] + least)

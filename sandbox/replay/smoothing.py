@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from model.compiled import kernel
 from sandbox.replay.ramps import ramps_of
+from sandbox.replay.rounded import within_counts
 
 Array = NDArray[np.float64]
 UNEXPLAINED = tuple(10.0**k for k in range(9))  # (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second
@@ -67,12 +68,12 @@ def driven_motion(theta: Array, pole_pairs: float, period: float, count: float) 
     """Return the motion of a rotor at imposed speed: straight ramps, as few corners as the reading's counts allow.
 
     An eccentric encoder's sine, once a mechanical turn, is fitted beside and left out of the motion (where the rotor
-    turns more than once).  period: s; count: rad, electrical.  Where few corners will not do, a smooth motion without
-    torque.
+    turns more than once).  No reading is farther than half a count off, where such ramps are (`rounded`).  period: s;
+    count: rad, electrical.  Where few corners will not do, a smooth motion without torque.
     """
     if np.ptp(theta) == 0.0:
         return locked_motion(theta)
-    ramps = ramps_of(theta, pole_pairs, count)
+    ramps = within_counts(theta, ramps_of(theta, pole_pairs, count), pole_pairs, count)
     if math.sqrt(ramps.squares / len(theta)) <= LARGEST_MISS * max(count, 1e-6) / math.sqrt(12.0):
         return Motion(ramps.angle, ramps.speed / period, not ramps.sine.any())
     still = np.zeros_like(theta)

@@ -37,7 +37,10 @@ BUDGET, FURTHER = 1350, 1700  # simulations after which sets grow no further; wh
 PROMISING = 0.2  # of the excess over noise: a set that leaves less has explained most
 LAST = 1500  # simulations after which no effect is exchanged
 NEAR = 10.0  # times the best set's excess over noise, up to which another set grows on, too
-SETTLES = 0.01  # share of the excess: a set that leaves less ends the fitting of sets that promise less
+SETTLES = 0.01  # share of the excess: a set that leaves less ends the fitting of sets that promise less ...
+# ... than this share of what was promised of it.  Far from the floor promises err by a third; a dead time promises 0.98
+# of what a device drop does.
+ALIKE = 0.5
 
 
 @dataclass(frozen=True)
@@ -155,8 +158,9 @@ def grown(s: Forward, depth: int) -> bool:
     ranked = [*both, *(r for r in ranked if r[0] not in {key for key, *_ in both})]
     s.cost += spent
     new: list[Fit] = []
+    told = {key: promised for key, _, _, promised in ranked}
     for key, parent, begin, promised in ranked[: FITTED[depth]]:
-        if new and (s.cost > budget or _settles(new, s.null, promised)):
+        if new and (s.cost > budget or _settles(new, s.null, promised, told)):
             break
         found = s.fitted(key, parent, begin)
         new += [] if found is None else [found]
@@ -202,11 +206,16 @@ def _both_best(fits: Mapping[Key, Fit], null: Fit) -> list[tuple[Key, Fit, Set, 
     return [(key, first, own, 0.5 * (null.objective - second.objective))]
 
 
-def _settles(new: Sequence[Fit], null: Fit, promised: float) -> bool:
-    """Return whether a fit explains nearly all, more than slopes promise of the next."""
+def _settles(new: Sequence[Fit], null: Fit, promised: float, told: Mapping[Key, float]) -> bool:
+    """Return whether a fit explains nearly all, and more than the next set promises: less than it gained, and much less
+    than had been promised of it; of effects that look alike each one explains nearly all.
+
+    told: what was promised of each set.
+    """
     least = min(new, key=lambda f: f.objective)
     gained = 0.5 * (null.objective - least.objective)
-    return excess(least) < SETTLES * excess(null) and promised < gained - CLOSE
+    behind = promised < min(gained - CLOSE, ALIKE * told[least.effects])
+    return excess(least) < SETTLES * excess(null) and behind
 
 
 def choose(found: Fit, exclude: Sequence[str], weights: Weights, workers: int) -> tuple[list[Probe], float]:

@@ -7,6 +7,7 @@ import pytest
 
 from sandbox.replay import ramps
 from sandbox.replay.ramps import ramps_of
+from sandbox.replay.rounded import HALF, within_counts
 from sandbox.replay.smoothing import driven_motion
 
 PERIOD, COUNT, PAIRS, N = 250e-6, 2.0 * math.pi * 2.0 / 4096.0, 2, 2400
@@ -38,6 +39,31 @@ def test_a_steady_speed_has_no_corner_even_where_counts_beat_with_the_sampling()
     for per_sample in (0.2501, 1.0003, 4.577):
         ramps = ramps_of(counted(0.1 + COUNT * per_sample * np.arange(8000)), PAIRS, COUNT)
         assert len(ramps.corners) == 0
+
+
+@pytest.mark.parametrize("per_sample", [(13.0, -19.5), (-14.5, 21.75), (6.0, 6.25)])
+def test_counts_that_beat_with_the_sampling_bound_the_motion(per_sample):
+    """Steady speeds of simple fractions of counts a sample: their errors of rounding repeat, and least squares leave
+    readings more than half a count off.  The planted motion is within the counts by construction; the centre of all
+    that are lies nearer to it, and the steady speed drifts by far less than a count in the 523 samples it lasts.
+    """
+    first, last = (x * COUNT / PERIOD for x in per_sample)
+    angle, _ = planted([0, 585, 1108, 1810, N], [0.0, first, first, last, last])
+    read = counted(angle)
+    rough = ramps_of(read, PAIRS, COUNT)
+    fine = within_counts(read, rough, PAIRS, COUNT)
+    assert np.abs(read - rough.angle - rough.sine).max() > 0.5 * COUNT
+    assert np.abs(read - fine.angle - fine.sine).max() <= HALF * COUNT
+    assert np.sqrt(np.mean((fine.angle - angle) ** 2)) < 0.5 * np.sqrt(np.mean((rough.angle - angle) ** 2))
+    assert fine.speed[700:1000] / COUNT == pytest.approx(per_sample[0], abs=0.1 / 523)
+
+
+def test_readings_that_hold_more_than_rounding_keep_least_squares():
+    """Noise of a count beside it: no ramps are within half a count of all readings."""
+    angle, _ = planted([0, 650, 1130, N], [0.0, 37.4, 37.4, -56.2])
+    read = counted(angle + COUNT * np.random.default_rng(5).standard_normal(N))
+    rough = ramps_of(read, PAIRS, COUNT)
+    assert within_counts(read, rough, PAIRS, COUNT) is rough
 
 
 def test_an_eccentric_encoder_is_left_out_of_the_motion():
