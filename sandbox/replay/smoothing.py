@@ -1,13 +1,8 @@
 """The rotor's motion behind an encoder's counts, as a replay needs it at every sample.
 
 A locked rotor stands.  A driven one moves at constant speed or along straight ramps (`ramps`).  A free one follows its
-torque: angle, speed and an unexplained acceleration are smoothed over the whole recording,
-
-    d theta = omega dt,   d omega = (a + b) dt + white noise of the torque,   d b = white noise of strength q,
-
-a the acceleration by measured currents, load and friction; the encoder reads theta within its counts.  What a torque
-model leaves unexplained is not known beforehand: q is the one under which the readings are most likely.  Kalman
-filter and the smoother of Bierman (Automatica 9 (1973) 503), which inverts no covariance.
+torque (`free_rotor`); what a torque model leaves unexplained is not known beforehand: its strength q is the one under
+which the readings are most likely.
 """
 
 from __future__ import annotations
@@ -19,22 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
+from sandbox.replay.free_rotor import STEP, Told, filtered, within_readings
 from sandbox.replay.ramps import ramps_of
 from sandbox.replay.rounded import within_counts
 
 Array = NDArray[np.float64]
 UNEXPLAINED = tuple(10.0**k for k in range(9))  # (rad/s^2)^2/s electrical; 1e6: 1000 rad/s^2 gathered in a second
-CONSTANT = 1e3  # rad/s^2 electrical: standard deviation of what is unexplained from the first sample on
-ANYWHERE = 100.0  # variance of the first angle in variances of a reading
 LARGEST_MISS = (
     1.25  # of a count over sqrt(12): a driven rotor's motion is known better than that, or it does not move along ramps
 )
 
 
-# a step of the filter: predicted state (angle, speed, constant acceleration), its covariance, the innovation and its
-# variance
-STATES, COVARIANCES, INNOVATION = ("x_0", "x_1", "x_2"), ("p_00", "p_01", "p_02", "p_11", "p_12", "p_22"), ("y", "s")
-STEP = np.dtype([(name, np.float64) for name in (*STATES, *COVARIANCES, *INNOVATION)], align=True)
 GAINS = np.dtype([(name, np.float64) for name in ("angle", "speed", "scale")], align=True)
 
 
@@ -86,71 +76,13 @@ def free_motion(theta: Array, acceleration: Array, period: float, count: float, 
     theta: (n,) rad; acceleration: (n,) rad/s^2 electrical, mean over the interval from each sample on, by torque less
     load and friction; period: s; count: rad, electrical; noise: (n,) standard deviation of that acceleration.
     """
+    base = np.asarray(theta - theta[0])
     variance = max(count, 1e-9) ** 2 / 12.0
-    start = (count / period) ** 2
-    base, white = np.asarray(theta - theta[0]), np.asarray(noise) ** 2
-    told = [filtered(base, acceleration, white, period, variance, start, q, np.empty(0, STEP)) for q in UNEXPLAINED]
-    work = np.empty(len(theta), STEP)
-    filtered(base, acceleration, white, period, variance, start, UNEXPLAINED[int(np.argmax(told))], work)
-    smoothed(work, period, variance)
+    told = Told(np.asarray(acceleration), np.asarray(noise) ** 2, period, 0.0, variance, (count / period) ** 2)
+    alike = np.full(len(base), variance)
+    likely = [filtered(base, alike, told, q, np.empty(0, STEP)) for q in UNEXPLAINED]
+    work = within_readings(base, count, told, UNEXPLAINED[int(np.argmax(likely))])
     return Motion(theta[0] + work["x_0"], work["x_1"].copy())
-
-
-@kernel
-def filtered(read, acceleration, white, period, variance, start, q, work):
-    """Return the log likelihood of the readings (n,); work (n,) of STEP, or empty, is filled.
-
-    white: (n,) variance of the acceleration's white part; variance: of a reading; start: of the first speed.
-    """
-    n, t = len(read), period
-    x_0, x_1, x_2 = read[0], 0.0, 0.0
-    p_00, p_01, p_02, p_11, p_12, p_22 = ANYWHERE * variance, 0.0, 0.0, start, 0.0, CONSTANT**2
-    total = 0.0
-    for k in range(n):
-        if k:
-            a = acceleration[k - 1] + x_2
-            x_0 += t * (x_1 + 0.5 * t * a)
-            x_1 += t * a
-            h, w = 0.5 * t * t, white[k - 1] * t * t
-            a_00 = p_00 + t * p_01 + h * p_02  # rows of F P
-            a_01, a_02 = p_01 + t * p_11 + h * p_12, p_02 + t * p_12 + h * p_22
-            a_11, a_12 = p_11 + t * p_12, p_12 + t * p_22
-            p_00 = a_00 + t * a_01 + h * a_02 + 0.25 * t * t * w
-            p_01 = a_01 + t * a_02 + 0.5 * t * w
-            p_02 = a_02
-            p_11 = a_11 + t * a_12 + w
-            p_12 = a_12
-            p_22 += q * t
-        s, y = p_00 + variance, read[k] - x_0
-        total -= 0.5 * (y * y / s + math.log(s))
-        if len(work):
-            step = work[k]
-            step.x_0, step.x_1, step.x_2 = x_0, x_1, x_2
-            step.p_00, step.p_01, step.p_02 = p_00, p_01, p_02
-            step.p_11, step.p_12, step.p_22 = p_11, p_12, p_22
-            step.y, step.s = y, s
-        g_0, g_1, g_2 = p_00 / s, p_01 / s, p_02 / s
-        x_0, x_1, x_2 = x_0 + g_0 * y, x_1 + g_1 * y, x_2 + g_2 * y
-        p_11, p_12, p_22 = p_11 - g_1 * p_01, p_12 - g_1 * p_02, p_22 - g_2 * p_02
-        p_01, p_02 = p_01 * variance / s, p_02 * variance / s
-        p_00 = p_00 * variance / s
-    return total
-
-
-@kernel
-def smoothed(work, period, variance):
-    """Replace the predicted states in `work` (n,) of STEP by smoothed ones: adjoint r, x = x_predicted + P r."""
-    r_0 = r_1 = r_2 = 0.0
-    for k in range(len(work) - 1, -1, -1):
-        step = work[k]
-        p_00, p_01, p_02 = step.p_00, step.p_01, step.p_02
-        p_11, p_12, p_22 = step.p_11, step.p_12, step.p_22
-        y, s = step.y, step.s
-        r_0 = y / s + variance / s * r_0 - (p_01 * r_1 + p_02 * r_2) / s  # (I - K H)' r + H' y / s
-        step.x_0 += p_00 * r_0 + p_01 * r_1 + p_02 * r_2
-        step.x_1 += p_01 * r_0 + p_11 * r_1 + p_12 * r_2
-        step.x_2 += p_02 * r_0 + p_12 * r_1 + p_22 * r_2
-        r_0, r_1, r_2 = r_0, r_1 + period * r_0, r_2 + period * (r_1 + 0.5 * period * r_0)
 
 
 @kernel

@@ -2,9 +2,22 @@
 
 import numpy as np
 import pytest
+from scipy.stats import truncnorm
 
+from sandbox.replay.free_rotor import (
+    ANYWHERE,
+    CONSTANT,
+    STATES,
+    STEP,
+    Told,
+    between,
+    filtered,
+    kernel,
+    smoothed,
+    within_readings,
+)
 from sandbox.replay.replay import prepare
-from sandbox.replay.smoothing import ANYWHERE, CONSTANT, STATES, STEP, filtered, free_motion, smoothed
+from sandbox.replay.smoothing import free_motion
 from tests.sandbox.replay.test_replay import DRIVE, campaign
 
 COUNT = 2.0 * np.pi * 2 / 4096
@@ -19,9 +32,9 @@ def test_the_smoother_solves_the_least_squares_problem_it_stands_for():
     n, period, variance, start, q = 40, 1e-3, 1e-6, 4.0, 1e3
     read = np.cumsum(rng.normal(size=n)) * 1e-3
     acceleration, noise = 50.0 * rng.normal(size=n), rng.uniform(1.0, 5.0, n)
-    work = np.empty(n, STEP)
-    filtered(read, acceleration, noise**2, period, variance, start, q, work)
-    smoothed(work, period, variance)
+    work, spread, alike = np.empty(n, STEP), np.empty(n), np.full(n, variance)
+    filtered(read, alike, Told(acceleration, noise**2, period, read[0], variance, start), q, work)
+    smoothed(work, alike, period, spread)
 
     unit, rows, right = np.eye(3 * n), [], []
 
@@ -43,16 +56,19 @@ def test_the_smoother_solves_the_least_squares_problem_it_stands_for():
     x = np.linalg.lstsq(np.array(rows), np.array(right), rcond=None)[0].reshape(n, 3)
     for j in range(3):
         assert np.max(np.abs(work[STATES[j]] - x[:, j])) < 1e-6 * np.max(np.abs(x[:, j]))
+    inverse = np.linalg.inv(np.linalg.qr(np.array(rows), mode="r"))
+    assert spread == pytest.approx(np.sum(inverse**2, axis=1)[::3], rel=1e-4)
 
 
 def test_likelihood_is_that_of_the_readings_distribution():
     """Two readings, by hand: the second is the first, moved by what speed and acceleration at the start allow."""
     period, variance, start, q = 1e-2, 1e-4, 2.0, 0.0
     read = np.array([0.0, 0.05])
-    told = filtered(read, np.zeros(2), np.zeros(2), period, variance, start, q, np.empty(0, STEP))
+    known = Told(np.zeros(2), np.zeros(2), period, 0.0, variance, start)
+    told = filtered(read, np.full(2, variance), known, q, np.empty(0, STEP))
     first = -0.5 * np.log((ANYWHERE + 1.0) * variance)
-    known = variance * ANYWHERE / (ANYWHERE + 1.0)  # of the first angle, once read
-    second = known + period**2 * start + (0.5 * period**2 * CONSTANT) ** 2 + variance
+    first_known = variance * ANYWHERE / (ANYWHERE + 1.0)  # of the first angle, once read
+    second = first_known + period**2 * start + (0.5 * period**2 * CONSTANT) ** 2 + variance
     assert told == pytest.approx(first - 0.5 * (0.05**2 / second + np.log(second)), rel=1e-12)
 
 
@@ -94,3 +110,54 @@ def test_a_step_of_load_acts_from_the_sample_it_is_asked_at():
     differences = (theta[k - 2] - 8.0 * theta[k - 1] + 8.0 * theta[k + 1] - theta[k + 2]) / (12.0 * period)
     change = motor.pole_pairs * 0.2 / motor.inertia * period
     assert np.max(np.abs(told.motion.speed[k] - differences)) < 0.02 * change
+
+
+@kernel
+def mean_and_variance(low, high):
+    return between(low, high)
+
+
+@pytest.mark.parametrize(
+    ("low", "high"),
+    [
+        (-1.0, 2.0),
+        (0.5, 0.8),
+        (-0.3, -0.2),
+        (4.9, 5.3),
+        (5.1, 5.3),
+        (6.0, 60.0),
+        (-40.0, -9.0),
+        (3.0, 3.001),
+        (30.0, 30.02),
+        (30.0, 90.0),
+    ],
+)
+def test_a_normal_distribution_between_bounds_has_the_moments_of_scipys(low, high):
+    """Beyond 25 deviations x it counts as exponential: scale wrong by 2/x^2, variance by 5/x^2 (the tail's asymptotic
+    series); between bounds closer than 1e-3 it is flat, which moves the mean by less than a twelfth of that."""
+    mean, variance = mean_and_variance(low, high)
+    exact = truncnorm(low, high)
+    near = low if low > 0.0 else high if high < 0.0 else 0.0
+    far = 2.0 / 625.0 if abs(near) > 25.0 else 1e-4
+    assert mean - near == pytest.approx(exact.mean() - near, rel=far, abs=1e-7)
+    assert variance == pytest.approx(exact.var(), rel=2.5 * far)
+
+
+@pytest.mark.parametrize("per_sample", [0.137, 1.003, 2.71])
+def test_errors_of_rounding_that_repeat_do_not_bend_a_motion(per_sample):
+    """A speed of few counts a sample that dips by a tenth for 30 ms, its torque told with noise: readings lie within
+    half a count of the motion, which is nearer to the planted one than where errors of rounding count as noise."""
+    n, period = 4000, 2.5e-4
+    t = period * np.arange(n)
+    speed = per_sample * COUNT / period * (1.0 - 0.1 * np.exp(-0.5 * ((t - 0.5) / 0.03) ** 2))
+    theta = 0.37 * COUNT + np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]))]) * period
+    read, told = COUNT * np.round(theta / COUNT), np.append(np.diff(speed), 0.0) / period
+    noise = 0.01 * np.abs(told).max()
+    told += noise * np.random.default_rng(3).standard_normal(n)
+    known = Told(told, np.full(n, noise**2), period, read[0], COUNT**2 / 12.0, (COUNT / period) ** 2)
+    work, alike = np.empty(n, STEP), np.full(n, known.variance)
+    filtered(read, alike, known, 1.0, work)
+    smoothed(work, alike, period, np.empty(n))
+    angle = within_readings(read, COUNT, known, 1.0)["x_0"]
+    assert np.abs(angle - read).max() < 0.51 * COUNT
+    assert np.sqrt(np.mean((angle - theta) ** 2)) < 0.7 * np.sqrt(np.mean((work["x_0"] - theta) ** 2))
