@@ -62,10 +62,11 @@ def growing(monkeypatch):
     monkeypatch.setattr(Forward, "look", lambda self, at: None)
     told = {}
 
-    def grow(s, depth, *new, promised=50.0):
-        """new: the fits of the candidates, in their order."""
+    def grow(s, depth, *new, promised=(50.0,)):
+        """new: the fits of the candidates, in their order; promised: of each, the last one of all others."""
         told.update({f.effects: f for f in new})
-        found = [(f.effects, s.parents[0], {}, promised) for f in new]
+        promises = (*promised, *[promised[-1]] * len(new))
+        found = [(f.effects, s.parents[0], {}, p) for f, p in zip(new, promises, strict=False)]
         monkeypatch.setattr(forward, "_candidates", lambda s: (found, 0.0))
         return forward.grown(s, depth)
 
@@ -96,9 +97,16 @@ def test_sets_within_ten_times_the_least_excess_grow_on_two_at_most(growing, sec
     assert "".join(p.effects[0] for p in s.parents) == parents
 
 
-@pytest.mark.parametrize(("left", "promised", "fitted"), [(990.0, 0.0, 1), (1010.0, 0.0, 2), (990.0, 1e5, 2)])
+@pytest.mark.parametrize(
+    ("left", "promised", "fitted"),
+    [
+        (990.0, (50.0, 0.0), 1), (1010.0, (50.0, 0.0), 2), (990.0, (1e6, 1e5), 2),
+        (990.0, (100.0, 49.0), 1), (990.0, (100.0, 51.0), 2),
+    ],
+)  # fmt: skip
 def test_a_fit_that_leaves_less_than_a_hundredth_ends_the_fitting(growing, left, promised, fitted):
-    """But not of a set that promises more than the fit has gained, 49500 of log evidence."""
+    """But not of a set that promises more than the fit has gained, 49500 of log evidence, nor of one that promises half
+    of what this one did: dead time and device drop look alike, and each leaves little of the other."""
     s = under_way(fit_of((), 1e5))
     growing(s, 0, fit_of(("a",), left), fit_of(("b",), 5e4), promised=promised)
     assert len(s.fits) == 1 + fitted
