@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Set
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +27,7 @@ HALF = 0.5 * (1.0 + 1e-3)  # count; a thousandth for what corners that still mov
 MOVES = 8  # of the corners: Newton's steps, each a linear program
 CLOSER = 0.5  # of the largest error: a step that leaves more leads nowhere, Newton's are much better
 FARTHEST = 0.05  # of the recording that a corner moves at most in a step
+BLOCKS = 10_000  # of a long recording, of which the linear program takes two readings each
 STEPS, HALVINGS = 30, 20  # to the centre, and how often a step that leaves the bounds is halved
 GAINED = 1e-3  # of the sum of logarithms: a step that gains less ends it; 1 is e times as large a product
 
@@ -80,7 +82,9 @@ def nearest(read: Counts, corners: Array, still: Set[int]) -> Pieces | None:
     at, largest = Pieces(corners, frozenset(still), np.asarray(x)), math.inf
     reach = np.append(np.full(len(x), math.inf), np.full(len(corners), FARTHEST))
     for _ in range(MOVES):
-        step = least_largest(slopes(read, at), errors(read, at), reach)
+        e = errors(read, at)
+        rows = extremes(e)
+        step = least_largest(slopes(read, at)[rows], e[rows], reach)
         if step is None:
             return None
         at = stepped(read, at, step)
@@ -155,6 +159,15 @@ def columns(read: Counts, corners: Array, still: Set[int]) -> tuple[Array, Array
 def between(x: Array) -> Array:
     """Return (n, pieces) what each piece adds, of what runs on behind its begin."""
     return x - np.column_stack([x[:, 1:], np.zeros(len(x))])
+
+
+def extremes(e: Array) -> NDArray[np.intp]:
+    """Return the places of the largest and the least of errors (n,) in each of BLOCKS blocks, or all: in a block the
+    unknowns move all errors alike."""
+    if len(e) <= 2 * BLOCKS:
+        return np.arange(len(e))
+    begins = np.linspace(0, len(e), BLOCKS + 1).astype(int)
+    return np.array([k + f(e[k:m]) for k, m in pairwise(begins) for f in (np.argmax, np.argmin)])
 
 
 def least_largest(a: Array, b: Array, reach: Array) -> Array | None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from sandbox.replay import ramps
+from sandbox.replay import ramps, rounded
 from sandbox.replay.ramps import ramps_of
 from sandbox.replay.rounded import HALF, within_counts
 from sandbox.replay.smoothing import driven_motion
@@ -100,3 +100,14 @@ def test_places_tried_a_few_at_a_time_are_the_same_places(monkeypatch):
     apart = ramps_of(read, PAIRS, COUNT)
     assert len(together.corners) == 2
     assert np.array_equal(together.angle, apart.angle)
+
+
+def test_a_long_recording_takes_the_readings_that_bound_most(monkeypatch):
+    """Two of each 12 readings: the same motion to a hundredth of a count."""
+    first, last = (x * COUNT / PERIOD for x in (13.0, -19.5))
+    read = counted(planted([0, 585, 1108, 1810, N], [0.0, first, first, last, last])[0])
+    rough = ramps_of(read, PAIRS, COUNT)
+    whole = within_counts(read, rough, PAIRS, COUNT)
+    monkeypatch.setattr(rounded, "BLOCKS", N // 12)
+    part = within_counts(read, rough, PAIRS, COUNT)
+    assert np.abs(part.angle - whole.angle).max() < 0.01 * COUNT
