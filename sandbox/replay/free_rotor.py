@@ -4,13 +4,14 @@ Angle, speed and an unexplained acceleration,
 
     d theta = omega dt,   d omega = (a + b) dt + white noise of the torque,   d b = white noise of strength q,
 
-a the acceleration by measured currents, load and friction.  Smoother of Bierman (Automatica 9 (1973) 503), which
+a the acceleration by measured currents, load and friction.  Smoother of Bierman (Int. J. Control 18 (1973) 65), which
 inverts no covariance.
 
 A reading does not scatter about the angle like noise: it says that the angle lies within half a count, and nothing
 more.  Where a rotor turns by less than a few counts a sample, errors of rounding repeat, and a filter that takes them
 for noise follows them.  So each reading is replaced by the normal distribution that does to the angle, as all others
 tell it, what the bounds do: the same mean and variance afterwards (expectation propagation: Minka, UAI 2001, 362).
+Bounds are as soft as an encoder is noisy: by what readings scatter more than rounding would, and a little at least.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs, savgol_filter
 
 from model.compiled import inlined, kernel
 
@@ -30,10 +32,14 @@ SWEEPS = 12  # over all readings
 DAMPED = 0.7  # share of a change that is made: whole ones swing
 SETTLED = 0.01  # count, rms, that a sweep moves the angle
 ROUNDED = 0.9  # mean of e^(2 pi i reading/count): 1 of rounded readings; below it they scatter by 0.07 counts and more
+SOFT = 0.05  # count: deviation of the noise that an encoder has at least, which keeps bounds from contradicting
+AROUND = 11  # samples: so few take a parabola
+STRAY = 1.0  # count: a reading farther from it is a fault of its own and says nothing
+FAULTY = 0.01  # share of such readings from which on rounding explains none of them
 FLAT = 1e-6  # of a reading's precision: what others tell less precisely than that is nothing
 LEAST = 1e-9  # of the predicted variance: what rounding leaves of a smaller one
 TAIL = 25.0  # deviations beyond which a normal distribution falls exponentially, to 1 in 600
-NARROW = 1e-3  # deviations, or of what it falls by: between bounds so close it is flat
+NARROW = 0.02  # deviations, or of what it falls by: between bounds so close it is a straight line
 ROOT_2, ROOT_2_PI = math.sqrt(2.0), math.sqrt(2.0 * math.pi)
 
 # a step of the filter: predicted state (angle, speed, constant acceleration), its covariance, the innovation and its
@@ -53,6 +59,16 @@ class Told(NamedTuple):
     angle: float
     variance: float
     start: float
+
+
+class Bounds(NamedTuple):
+    """What readings (n,), rad, bound: `half` a count beside each but those that are `stray` (n,), and the deviation of
+    an encoder's noise, rad."""
+
+    read: Array
+    stray: NDArray[np.bool_]
+    half: float
+    noise: float
 
 
 @kernel
@@ -131,11 +147,11 @@ def smoothed(work, variance, period, spread):
 
 
 @inlined
-def between(low, high):
+def cut_normal(low, high):
     """Return mean and variance of a standard normal distribution between two bounds, low < high."""
-    width, rate = high - low, max(low, -high)
+    width, middle, rate = high - low, 0.5 * (low + high), max(low, -high)
     if width * max(1.0, rate) < NARROW:
-        return 0.5 * (low + high), width * width / 12.0
+        return middle - middle * width * width / 12.0, width * width / 12.0
     if rate > TAIL:  # it falls exponentially from the nearer bound
         gone = math.expm1(min(rate * width, 700.0))
         away = 1.0 / rate - width / gone
@@ -149,27 +165,42 @@ def between(low, high):
 
 
 @kernel
-def replace_readings(read, half, work, spread, seen, variance):
-    """Move the normal distributions (seen, variance: (n,)) that stand for readings within `half` to what the bounds do
-    to smoothed angles (work, spread)."""
+def replace_readings(bounds, work, spread, seen, variance):
+    """Move the normal distributions that stand for readings (seen: (n,), rad above the reading; variance: (n,)) to what
+    bounds do to smoothed angles (work, spread)."""
+    half, noise = bounds.half, bounds.noise * bounds.noise
     flat = FLAT / (half * half)
-    for k in range(len(read)):
+    for k in range(len(seen)):
+        if bounds.stray[k]:
+            seen[k], variance[k] = 0.0, 1.0 / flat
+            continue
         own, precision = 1.0 / variance[k], 1.0 / spread[k]
         others = precision - own  # as all other readings tell the angle
-        mean = (work[k].x_0 * precision - seen[k] * own) / others if others > flat else read[k]
-        others = max(others, flat)
-        sd = 1.0 / math.sqrt(others)
-        z, v = between((read[k] - half - mean) / sd, (read[k] + half - mean) / sd)
-        new = max(others * (1.0 / v - 1.0), flat)
-        at = (mean + sd * z) * others / v - mean * others
+        told = others > flat
+        mean = ((work[k].x_0 - bounds.read[k]) * precision - seen[k] * own) / others if told else 0.0
+        before = 1.0 / (1.0 / (others if told else flat) + noise)  # as they tell the angle that is rounded
+        sd = 1.0 / math.sqrt(before)
+        z, v = cut_normal((-half - mean) / sd, (half - mean) / sd)
+        new, at = before * (1.0 / v - 1.0), (mean + sd * z) * before / v - mean * before
+        if new > flat:
+            new, at = new / (1.0 + new * noise), at / (1.0 + new * noise)
+        else:
+            new, at = flat, 0.0
         kept = (1.0 - DAMPED) * own
         variance[k] = 1.0 / (kept + DAMPED * new)
         seen[k] = variance[k] * (kept * seen[k] + DAMPED * at)
 
 
-def rounded(read: Array, count: float) -> bool:
-    """Return whether readings (n,), rad, are a count, rad, apart, or several."""
-    return count > 0.0 and bool(abs(np.mean(np.exp(2j * math.pi / count * read))) > ROUNDED)
+def on_counts(read: Array, count: float) -> Array | None:
+    """Return readings (n,), rad, exactly a count, rad, apart or several (a log may have few digits); None where they
+    are not rounded to it."""
+    if not 0.0 < count < math.inf:
+        return None
+    mean = complex(np.mean(np.exp(2j * math.pi / count * read)))
+    if not abs(mean) > ROUNDED:
+        return None
+    first = math.atan2(mean.imag, mean.real) / (2.0 * math.pi) * count
+    return np.asarray(first + count * np.round((read - first) / count))
 
 
 def within_readings(read: Array, count: float, told: Told, q: float) -> NDArray[np.void]:
@@ -177,18 +208,32 @@ def within_readings(read: Array, count: float, told: Told, q: float) -> NDArray[
 
     Readings that are not (a log that interpolates them), and those whose bounds lead to nothing finite, count as noisy.
     """
-    work, spread = np.empty(len(read), STEP), np.empty(len(read))
-    seen, variance = np.array(read), np.full(len(read), told.variance)
-    filtered(seen, variance, told, q, work)
+    work, spread, variance = np.empty(len(read), STEP), np.empty(len(read)), np.full(len(read), told.variance)
+    filtered(read, variance, told, q, work)
     smoothed(work, variance, told.period, spread)
-    best, before = work.copy(), work["x_0"].copy()
-    for _ in range(SWEEPS if rounded(read, count) else 0):
-        replace_readings(read, 0.5 * count, work, spread, seen, variance)
-        filtered(seen, variance, told, q, work)
+    rounded, best = on_counts(read, count), work.copy()
+    if rounded is None:
+        return best
+    bounds, seen, before = bounds_of(rounded, count), np.zeros(len(read)), best["x_0"].copy()
+    for _ in range(SWEEPS if np.mean(bounds.stray) < FAULTY else 0):
+        replace_readings(bounds, work, spread, seen, variance)
+        filtered(rounded + seen, variance, told, q, work)
         smoothed(work, variance, told.period, spread)
-        if not (np.isfinite(work["x_0"]).all() and np.isfinite(spread).all() and (spread > 0.0).all()):
+        if not (np.isfinite(work["x_0"]).all() and np.isfinite(spread).all()):
             return best
         if np.sqrt(np.mean((work["x_0"] - before) ** 2)) < SETTLED * count:
             break
         before[:] = work["x_0"]
     return work
+
+
+def bounds_of(read: Array, count: float) -> Bounds:
+    """Return what readings (n,) bound, by how they scatter about a parabola through their neighbours: a motion that no
+    torque is needed for."""
+    stray, more = np.zeros(len(read), dtype=bool), 0.0
+    if len(read) > AROUND:
+        away = (read - savgol_filter(read, AROUND, 2)) / count
+        stray = np.abs(away) > STRAY
+        own = 1.0 - savgol_coeffs(AROUND, 2)[AROUND // 2]  # of a reading's variance that its parabola leaves
+        more = float(np.mean(away[~stray] ** 2)) / own - 1.0 / 12.0 if not stray.all() else 0.0
+    return Bounds(read, stray, 0.5 * count, count * math.sqrt(SOFT**2 + max(0.0, more)))

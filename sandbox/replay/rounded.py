@@ -20,14 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
 
+from sandbox.replay.free_rotor import on_counts
 from sandbox.replay.ramps import Ramps, inside
 
 Array = NDArray[np.float64]
 HALF = 0.5 * (1.0 + 1e-3)  # count; a thousandth for what corners that still move leave
 MOVES = 8  # of the corners: Newton's steps, each a linear program
-CLOSER = 0.5  # of the largest error: a step that leaves more leads nowhere, Newton's are much better
+CLOSER = 0.5  # of what the largest error lies beyond HALF: a step that leaves more leads nowhere, Newton's are better
 FARTHEST = 0.05  # of the recording that a corner moves at most in a step
-BLOCKS = 10_000  # of a long recording, of which the linear program takes two readings each
+BLOCKS = 2000  # of a long recording, of which the linear program takes two readings each
 STEPS, HALVINGS = 30, 20  # to the centre, and how often a step that leaves the bounds is halved
 GAINED = 1e-3  # of the sum of logarithms: a step that gains less ends it; 1 is e times as large a product
 
@@ -53,13 +54,14 @@ class Counts(NamedTuple):
 
 def within_counts(theta: Array, found: Ramps, pole_pairs: float, count: float) -> Ramps:
     """Return ramps within half a count of every reading, near those of least squares; these where they are so already,
-    or where no ramps with such corners are (the readings hold more than rounding).
+    or where no ramps with such corners are (the readings hold more than rounding, or are not rounded).
 
     theta: (n,) rad electrical, equally spaced in time; count: rad, electrical.
     """
-    n = len(theta)
-    if not count > 0.0 or np.abs(theta - found.angle - found.sine).max() <= HALF * count:
+    n, exact = len(theta), on_counts(theta, count)
+    if exact is None or np.abs(exact - found.angle - found.sine).max() <= HALF * count:
         return found
+    theta = exact
     mechanical = (theta - found.sine) / pole_pairs
     sine = np.column_stack([np.sin(mechanical), np.cos(mechanical)]) if found.sine.any() else np.empty((n, 0))
     read = Counts(np.arange(n) / n, theta, sine, count)
@@ -91,7 +93,7 @@ def nearest(read: Counts, corners: Array, still: Set[int]) -> Pieces | None:
         before, largest = largest, float(np.abs(errors(read, at)).max())
         if largest <= HALF:
             return at
-        if largest > CLOSER * before:
+        if largest - HALF > CLOSER * (before - HALF):
             return None
     return None
 

@@ -9,13 +9,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput, PhysicsError
 from sandbox.gap.evidence.fit import Fit, Weights, attempted, excess, fit, rms_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.probes import Probe, probe_coordinates, probes
@@ -127,12 +125,8 @@ class Forward:
             self.chosen = [replace(p, sized=None, gain=0.0) for p in self.chosen]
 
     def judged(self, fits: Sequence[Fit]) -> list[Judged]:
-        """Return fits weighed, but those beside which some effect leaves a drive that none can be."""
-        out = list[Judged]()
-        for f in fits:
-            with suppress(BadInput):
-                out.append(judge(f, self.chosen, self.share, self.weights, self.workers))
-        return out
+        """Return fits weighed."""
+        return [judge(f, self.chosen, self.share, self.weights, self.workers) for f in fits]
 
 
 def search(
@@ -183,15 +177,10 @@ def grown(s: Forward, depth: int) -> bool:
 
 
 def weighed(s: Forward) -> list[Judged]:
-    """Return the sets that stand a chance, and those near the best of them, weighed; PhysicsError where none can be."""
+    """Return the sets that stand a chance, and those near the best of them, weighed."""
     leader = min(f.objective for f in s.fits.values())
     gate = leader + 2.0 * BEHIND + RIVAL * max(0.0, s.null.objective - leader)
     judged = s.judged(sorted((f for f in s.fits.values() if f.objective <= gate), key=lambda f: f.objective)[:JUDGED])
-    if not judged:
-        raise PhysicsError(
-            "near every fit some effect of ordinary size leaves a drive that none can be (no flux for a current, say); "
-            "check [motor] with `sensorless audit`, or leave effects out with --exclude"
-        )
     tried: set[tuple[Key, Key]] = set()
     for turn in range(MOST - 1):
         exchange = EXCHANGED if s.cost + sum(j.simulations for j in judged) < LAST else 0
