@@ -14,7 +14,7 @@ from sandbox.gap.report.told_apart import SURE, Confused
 from sandbox.gap.report.which import FEW
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
-from sandbox.gap.words import capital, interval, listing, names, quantity, tenths, words
+from sandbox.gap.words import capital, interval, label, listing, names, quantity, tenths, words
 
 POSITION_NOTE = (
     "Mean position error under rated load, in electrical degrees, that each effect alone adds in the closed loop: low "
@@ -158,6 +158,15 @@ def short(h: Hypothesis, all_of_them: Sequence[Hypothesis]) -> str:
     many = [k for k, x in enumerate(all_of_them, 1) if len(x.effects) > FEW]
     row = f" of row {all_of_them.index(h) + 1}" if len(many) > 1 else ""
     return f"the {len(named)} effects{row} above{' + unknown' if UNKNOWN in h.effects else ''}"
+
+
+def beside_first(h: Hypothesis, first: Hypothesis) -> str:
+    """Return a hypothesis for the table of all: one of many effects by what it has more and fewer than the first."""
+    more, fewer = ([e for e in x.effects if e not in y.effects] for x, y in ((h, first), (first, h)))
+    if not more + fewer or len(more + fewer) > FEW or min(len(h.effects), len(first.effects)) <= FEW:
+        return label(h)
+    told = [f"{word} {listing([words(e) for e in own])}" for word, own in (("with", more), ("without", fewer)) if own]
+    return f"as row 1, {', '.join(told)}"
 
 
 def group_sentences(r: Ranking, following: Next | None = None) -> Iterator[str]:

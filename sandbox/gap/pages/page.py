@@ -18,7 +18,7 @@ from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.which import BADGES
 from sandbox.gap.search.estimates import Estimate
 from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.gap.words import SIGNS, amperes, capital, label, names, percent_fine, quantity, words
+from sandbox.gap.words import SIGNS, amperes, capital, names, percent_fine, quantity, words
 from sandbox.output.document import answer as answered
 from sandbox.output.document import bullets, figure, fold, prose, table, write_page
 from sandbox.output.files import version
@@ -42,7 +42,7 @@ def print_answers(a: Answers) -> None:
     for head, text in _three(a):
         print_prose(text, f"{head:<10} ")
     print_prose(left.remains_text(a), f"{'Left?':<10} ")
-    rows = [[label(h), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
+    rows = [[listed.beside_first(h, d.best), f"{h.probability:.3f}", _share(closed_by(d, h))] for h in d.hypotheses[:6]]
     print_table("hypotheses", ["effects", "probability", "gap closed"], rows)
     if own := [] if a.ranking is None else listed.rows(a.ranking):
         print_table("effects that may be there", ["effect", "probability", "share of the gap"], [r[:3] for r in own])
@@ -114,7 +114,8 @@ def _body(a: Answers, title: str) -> Iterator[str]:
 
 def _hypotheses(a: Answers, chosen: Sequence) -> str:
     rows = [
-        f"<tr><td>{prose(label(h))}<div class='bar' style='width:{100.0 * h.probability:.1f}%'></div></td>"
+        f"<tr><td>{prose(listed.beside_first(h, a.diagnosis.best))}"
+        f"<div class='bar' style='width:{100.0 * h.probability:.1f}%'></div></td>"
         f"<td class='n'>{100.0 * h.probability:.1f} %</td><td class='n'>{_share(closed_by(a.diagnosis, h))}</td></tr>"
         for h in chosen
     ]

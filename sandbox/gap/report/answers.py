@@ -130,8 +130,10 @@ def where_text(a: Answers) -> str:
 
 def which_text(a: Answers) -> str:
     """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates."""
-    shares = {} if a.ranking is None else {e: s.value for e, s in a.ranking.shares.of.items()}
-    return which.which_text(a.diagnosis, shares)
+    if a.ranking is None:
+        return which.which_text(a.diagnosis)
+    shares = {e: s.value for e, s in a.ranking.shares.of.items()}
+    return which.which_text(a.diagnosis, shares, a.ranking.inclusion.chances)
 
 
 def far_text(a: Answers) -> str:

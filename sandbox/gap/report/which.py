@@ -42,17 +42,19 @@ def badge(d: Diagnosis) -> str:
     return "ambiguous" if _hardly_open(d) or perhaps else UNKNOWN
 
 
-def which_text(d: Diagnosis, shares: Mapping[str, float] | None = None) -> str:
+def which_text(
+    d: Diagnosis, shares: Mapping[str, float] | None = None, chances: Mapping[str, float] | None = None
+) -> str:
     """Return which effect causes it, or that none does, or that it cannot be told; and which were no candidates.
 
-    shares: of the gap, by effect of the best hypothesis.
+    shares: of the gap, by effect of the best hypothesis; chances: of effects, as the list of all of them has them.
     """
     hidden = d.out_of_sight
     text = "" if not hidden else f" No rotor turned freely: {', '.join(words(e) for e in hidden)} were no candidates."
-    return _which(d, shares or {}) + text
+    return _which(d, shares or {}, chances or {}) + text
 
 
-def _which(d: Diagnosis, shares: Mapping[str, float]) -> str:
+def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, float]) -> str:
     best, named = d.best, verdict(d)
     if named == "no_gap":
         others = [h for h in d.ambiguity_set if _named(h) and UNKNOWN not in h.effects]
@@ -66,7 +68,7 @@ def _which(d: Diagnosis, shares: Mapping[str, float]) -> str:
         sure = sorted(set.intersection(*(set(h.effects) for h in d.ambiguity_set)) - {UNKNOWN})
         if len(sure) >= FEW:
             first = f"{len(sure)} effects are in every likely set. {_by_share(sure, shares)}"
-            return f"{first} Not sure beside them: {_disputed(d, sure)}."
+            return f"{first} Not sure beside them: {_disputed(d, sure, chances)}."
         return f"These recordings cannot tell apart: {_listed(d.ambiguity_set, '; or ')}."
     if len(best.effects) > FEW:
         return f"{len(best.effects)} effects at once, {likely(best.probability)}. {_by_share(best.effects, shares)}"
@@ -83,10 +85,11 @@ def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:
     return f"{'; '.join(x for x in (first, rest) if x)}. Their sizes stand below."
 
 
-def _disputed(d: Diagnosis, sure: Sequence[str]) -> str:
-    """Return what only some of the likely hypotheses hold beside effects that all of them do, with its probability."""
+def _disputed(d: Diagnosis, sure: Sequence[str], told: Mapping[str, float]) -> str:
+    """Return what only some of the likely hypotheses hold beside effects that all of them do, with its chance: the one
+    that was told, or else the sum over hypotheses."""
     held = {e for h in d.ambiguity_set for e in h.effects} - set(sure)
-    chances = {e: sum(h.probability for h in d.hypotheses if e in h.effects) for e in held}
+    chances = {e: told.get(e, sum(h.probability for h in d.hypotheses if e in h.effects)) for e in held}
     ranked = sorted(held, key=lambda e: (-chances[e], e))
     said = {e: "something outside the library" if e == UNKNOWN else words(e) for e in held}
     return ", ".join(f"{said[e]} ({percent(chances[e])})" for e in ranked)

@@ -90,7 +90,8 @@ def test_hypotheses_below_one_in_a_thousand_are_folded(monkeypatch):
 
 def test_a_probability_is_a_number_and_a_bar(monkeypatch):
     monkeypatch.setattr(page, "closed_by", lambda d, h: 0.25)
-    told = page._hypotheses(SimpleNamespace(diagnosis=None), hypotheses(0.9))
+    own = hypotheses(0.9)
+    told = page._hypotheses(SimpleNamespace(diagnosis=SimpleNamespace(best=own[0])), own)
     assert "width:90.0%" in told
     assert ">90.0 %<" in told
     assert ">25.0 %<" in told
@@ -105,7 +106,7 @@ def test_six_hypotheses_are_printed(monkeypatch, capsys):
     monkeypatch.setattr(page, "closed_by", lambda d, h: None)
     monkeypatch.setattr(page, "print_table", lambda title, heads, rows: tables.update({title: rows}))
     d = SimpleNamespace(
-        campaign=SimpleNamespace(name="x"), hypotheses=hypotheses(*[0.1] * 9), parameters=[{"a.b": None}, {}],
+        campaign=SimpleNamespace(name="x"), hypotheses=(own := hypotheses(*[0.1] * 9)), best=own[0], parameters=[{"a.b": None}, {}],
         size=SimpleNamespace(recordings=[("r", 2.0, 1.0, True)]), simulations=7, seconds=1.0,
     )  # fmt: skip
     monkeypatch.setattr(page, "_parameters", lambda a, own: list(own))

@@ -122,6 +122,20 @@ def test_what_many_effects_have_in_common_is_sure():
     )
 
 
+def test_chances_in_the_sentence_are_those_of_the_list():
+    """Beside a free regression an effect may be less sure than the hypotheses that hold it."""
+    rest = tuple(e for e in MANY if e != "current_filter")
+    said = which_text(diagnosis((MANY, 0.55), (rest, 0.41), ((*rest, "unknown"), 0.04)), {}, {"current_filter": 0.3})
+    assert "Not sure beside them: current filter (30 %)." in said
+
+
+def test_rows_of_many_effects_are_told_by_their_difference_from_the_first():
+    first, rest, few = (SimpleNamespace(effects=e) for e in (MANY, (*MANY[1:], "inertia", "unknown"), MANY[:3]))
+    assert listed.beside_first(rest, first) == "as row 1, with inertia and unknown, without current filter"
+    assert listed.beside_first(first, first) == "current filter + dead time + device drop + stator resistance"
+    assert listed.beside_first(few, first) == "current filter + dead time + device drop"
+
+
 def test_many_effects_without_shares_are_all_named():
     assert which_text(diagnosis((MANY, 0.97))) == (
         "4 effects at once, 97 % probable. They are: current filter, dead time, device drop, stator resistance. Their "
