@@ -106,7 +106,8 @@ def test_six_hypotheses_are_printed(monkeypatch, capsys):
     monkeypatch.setattr(page, "closed_by", lambda d, h: None)
     monkeypatch.setattr(page, "print_table", lambda title, heads, rows: tables.update({title: rows}))
     d = SimpleNamespace(
-        campaign=SimpleNamespace(name="x"), hypotheses=(own := hypotheses(*[0.1] * 9)), best=own[0], parameters=[{"a.b": None}, {}],
+        campaign=SimpleNamespace(name="x"), hypotheses=(own := hypotheses(*[0.1] * 9)), best=own[0],
+        parameters=[{"a.b": None}, {}],
         size=SimpleNamespace(recordings=[("r", 2.0, 1.0, True)]), simulations=7, seconds=1.0,
     )  # fmt: skip
     monkeypatch.setattr(page, "_parameters", lambda a, own: list(own))
