@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import cho_factor, cho_solve
 
+from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.normal import Normal, normal, simulated
 from sandbox.gap.evidence.regression import RIDGE, Part, component, in_rotor_frame, scalars, unscaled
@@ -115,9 +116,13 @@ class Joint:
 def beside(table: Table, prior: Prior, *, workers: int = 1) -> Beside | None:
     """Return a regression beside the effects of a table under a prior.
 
-    None where it predicts nothing of recordings left out, or where there are fewer than two of them.
+    None where it predicts nothing of recordings left out, where there are fewer than two of them, or where a slope is
+    taken beyond what a drive can be (no flux for a current).
     """
-    n = normal(table.point, [c for c in table.coordinates if c.form != "turn"], workers=workers)
+    try:
+        n = normal(table.point, [c for c in table.coordinates if c.form != "turn"], workers=workers)
+    except BadInput:
+        return None
     excess = sum(float(s.rr.sum() - s.n.sum()) for s in n.segments)
     joint = joined(n, table, prior)
     if joint is None or excess <= 0.0:

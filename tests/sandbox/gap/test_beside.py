@@ -1,10 +1,12 @@
 """A regression beside the effects: its algebra against dense least squares, and a current nobody listed."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from model.errors import BadInput
 from sandbox.gap.evidence.beside import Joint, beside, integrated_out
 from sandbox.gap.evidence.normal import Normal, Segment
 from sandbox.gap.search.inclusion import by_algebra
@@ -34,6 +36,16 @@ def test_integrating_a_regression_out_leaves_its_ridge_estimate():
     assert np.linalg.solve(left.a, left.g) == pytest.approx(told[:p], rel=1e-10)
     rest = target - stacked @ told
     assert left.rr - told[:p] @ left.g == pytest.approx(rest @ rest, rel=1e-10)
+
+
+def test_slopes_beyond_what_a_drive_can_be_leave_no_regression(monkeypatch):
+    """Seen on a campaign of three effects: a step of a slope led to a motor that has no flux for the first reading."""
+
+    def refused(*_, **__):
+        raise BadInput("no flux of this motor gives the first reading")
+
+    monkeypatch.setattr("sandbox.gap.evidence.beside.normal", refused)
+    assert beside(SimpleNamespace(point=None, coordinates=()), None) is None
 
 
 def test_a_stranger_is_described_and_does_not_bend_what_is_known(with_a_stranger):
