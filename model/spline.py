@@ -193,4 +193,4 @@ def flux_newton(m, i_d, i_q, d, q):
         else:
             return d, q, OUTSIDE if left > STALLED * size else SOLVED
         d, q, left = x, y, new
-    return d, q, OUTSIDE
+    return d, q, OUTSIDE if left > STALLED * size else SOLVED

@@ -28,7 +28,7 @@ ENERGY_ROWS = (
     ("quartic_q", 4),
 )  # fmt: skip
 NEWTON_STEPS = 60
-CURRENT_TOLERANCE = 1e-11  # of the current: where rounding may end the search for its flux
+CURRENT_TOLERANCE = 1e-11  # of 1 A and the current's size: below it rounding may end the search for its flux
 
 
 @dataclass(frozen=True)
@@ -210,9 +210,10 @@ def flux_beside(w, flux_map, j, c, s, i_d, i_q, d, q):
     """Solve for the flux (Wb) of a current (A) with all that effects add, by Newton's method from (d, q), steps halved
     until less is left; slopes are central differences, exact for currents of second degree.
 
-    Returns d, q, status; it ends where rounding keeps a step from getting nearer.
+    Returns d, q, status; it ends where rounding keeps a step from getting nearer, or lets it by less than half.
     """
     x, y = missed(w, flux_map, j, c, s, i_d, i_q, d, q)
+    small = CURRENT_TOLERANCE * (1.0 + math.hypot(i_d, i_q))
     for _ in range(NEWTON_STEPS):
         h = 1e-5 * (abs(d) + abs(q)) + 1e-9
         over = 0.5 / h
@@ -231,8 +232,10 @@ def flux_beside(w, flux_map, j, c, s, i_d, i_q, d, q):
                 break
             t *= 0.5
         if not math.hypot(x, y) < left:
-            return d, q, SOLVED if left <= CURRENT_TOLERANCE * math.hypot(i_d, i_q) else OUTSIDE
+            return d, q, SOLVED if left <= small else OUTSIDE
         d, q = d + t * step_d, q + t * step_q
+        if left <= small and math.hypot(x, y) > 0.5 * left:
+            return d, q, SOLVED
     return d, q, OUTSIDE
 
 

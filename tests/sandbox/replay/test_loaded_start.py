@@ -60,3 +60,16 @@ def test_a_current_without_flux_is_refused():
     part = dataclasses.replace(whole, read=read).cut(k, k + 40)
     with pytest.raises(BadInput, match="no flux of this motor gives the first reading of 40 A"):
         replay(dataclasses.replace(prepared, recordings=(part,)), [effects])
+
+
+@pytest.mark.parametrize("amperes", [0.0, 4e-3, 0.016, 0.4])
+def test_rounding_keeps_no_small_current_from_its_flux(amperes):
+    """Where rounding lets steps get nearer by a trifle again and again, the search ended without a flux: in 23 of 2000
+    starts of a campaign whose currents begin at 0.016 A.  It holds in the first reading to the solver's 1e-11 A."""
+    prepared = prepare(Campaign("own", MAPPED, (record({}, "driven", 100.0),), {}, {}, False), SCALES, steps=1)
+    whole = prepared.recordings[0]
+    read = amperes * np.array([np.cos(1.0 + x) for x in (0.0, -2.0 * np.pi / 3.0, 2.0 * np.pi / 3.0)])
+    told = dataclasses.replace(whole, read=np.tile(read, (whole.samples, 1))).cut(FIRST, LAST)
+    sets = [{"inductance.scale_d": 0.9 + 1e-3 * k, "inductance.scale_q": 1.0 + 1e-4 * k} for k in range(200)]
+    (shown,) = replay(dataclasses.replace(prepared, recordings=(told,)), sets).currents
+    assert np.abs(shown[0] - read[:, None]).max() < 2e-11
