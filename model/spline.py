@@ -191,6 +191,6 @@ def flux_newton(m, i_d, i_q, d, q):
                 break
             t *= 0.5
         else:
-            return d, q, OUTSIDE if left > STALLED * size else SOLVED
+            return d, q, SOLVED if left <= STALLED * size else OUTSIDE
         d, q, left = x, y, new
-    return d, q, OUTSIDE if left > STALLED * size else SOLVED
+    return d, q, SOLVED if left <= STALLED * size else OUTSIDE

@@ -17,7 +17,7 @@ import numpy as np
 
 from model.effects import library
 from model.errors import PhysicsError
-from sandbox.gap.evidence.discrepancy import Remainder, remainder, unlogged_counts
+from sandbox.gap.evidence.discrepancy import Remainder, allowed, remainder, unlogged_counts
 from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
@@ -176,10 +176,11 @@ def _beside_unknown(
 ) -> tuple[tuple[Hypothesis, ...], Remainder]:
     """Return all hypotheses, `unknown` beside what may stand beside it; and what the first of them leaves."""
     best = ranked[0][1]
-    unlogged = unlogged_counts(best.fit.point.prepared)
-    rest = remainder(found.null, best.fit, unlogged)
+    prepared = best.fit.point.prepared
+    least = allowed(best.fit.normal, noise_of(prepared.campaign), unlogged_counts(prepared))
+    rest = remainder(found.null, best.fit, least)
     stays = beside_unknown(found, best, rest.unknown, temperature, weights, workers)
-    other = rest if stays is best else replace(remainder(found.null, stays.fit, unlogged), unknown=rest.unknown)
+    other = rest if stays is best else replace(remainder(found.null, stays.fit, least), unknown=rest.unknown)
     hypotheses = tuple(with_unknown(ranked, rest.unknown, other.explained, stays))
     return hypotheses, rest if hypotheses[0].judged is best else other
 

@@ -210,7 +210,8 @@ def flux_beside(w, flux_map, j, c, s, i_d, i_q, d, q):
     """Solve for the flux (Wb) of a current (A) with all that effects add, by Newton's method from (d, q), steps halved
     until less is left; slopes are central differences, exact for currents of second degree.
 
-    Returns d, q, status; it ends where rounding keeps a step from getting nearer, or lets it by less than half.
+    Returns d, q, status; it ends where rounding keeps a step from getting nearer, or by more than half once what is
+    left is small.
     """
     x, y = missed(w, flux_map, j, c, s, i_d, i_q, d, q)
     small = CURRENT_TOLERANCE * (1.0 + math.hypot(i_d, i_q))
@@ -236,7 +237,7 @@ def flux_beside(w, flux_map, j, c, s, i_d, i_q, d, q):
         d, q = d + t * step_d, q + t * step_q
         if left <= small and math.hypot(x, y) > 0.5 * left:
             return d, q, SOLVED
-    return d, q, OUTSIDE
+    return d, q, SOLVED if math.hypot(x, y) <= small else OUTSIDE
 
 
 @kernel

@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from model.effects import library
 from model.errors import BadInput, PhysicsError
 from sandbox.gap.diagnose import CREDIBLE
-from sandbox.gap.evidence.discrepancy import FLOOR, SHARE
 from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.planning.menu import Entry, recording_of, settings, shaft, usual_seconds
 from sandbox.gap.planning.within import allowed
@@ -37,6 +36,9 @@ from sandbox.replay.replay import Prepared, prepare, replay
 Array = NDArray[np.float64]
 Rivals = Sequence[tuple[float, Judged]]
 LEAST_POWER, SURE = 0.5, 0.95
+# What a simulator may miss of a recording that is not there yet: of its readings' squares, and of the gap that effects
+# make in it.  More than fits leave (`evidence.discrepancy`), as nothing was fitted to it.
+FLOOR, SHARE = 0.012, 3e-4
 LEANS = 0.3  # correlation of what a simulator misses with the difference of two hypotheses; a choice, not measured
 LONGER = (2.0, 4.0)  # times a menu's duration that a recording may take, where its own does not do
 RIVALS, CLOSER = 4, 3  # hypotheses looked at; entries that all of them are tried on

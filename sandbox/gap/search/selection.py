@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from model.errors import BadInput
-from sandbox.gap.evidence.discrepancy import FLOOR, remainder
+from sandbox.gap.evidence.discrepancy import allowed, remainder
 from sandbox.gap.evidence.fit import Fit, Weights, attempted, excess, fit, rms_of
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, table
@@ -73,7 +73,7 @@ class Selection:
         """Look for effects' starts where the residual has fallen since and is more than the simulator is known to miss
         of any bench; return whether."""
         level = rms_of(self.best)
-        if level**2 - 1.0 < FLOOR or AGAIN**2 * (level**2 - 1.0) > self.looked**2 - 1.0:
+        if level**2 - 1.0 < allowed(self.best.normal) or AGAIN**2 * (level**2 - 1.0) > self.looked**2 - 1.0:
             return False
         again, spent = choose(self.best, self.exclude, self.weights, self.workers)
         kept = [p for p in self.chosen if p.effect in self.best.effects]

@@ -140,7 +140,7 @@ class Has:
     effects = ()
 
     def __init__(self, square):
-        segment = SimpleNamespace(recording=0, rr=np.array([square]), n=np.array([1.0]))
+        segment = SimpleNamespace(recording=0, rr=np.array([1e6 * square]), n=np.array([1e6]))
         self.normal = SimpleNamespace(segments=(segment,))
 
 

@@ -31,35 +31,34 @@ def blocks(*squares, count=1000.0):
 
 
 def test_what_the_simulator_misses_is_no_unknown_part():
-    """A gap of 1 (J^2 = 2) of which 0.2 are left: 0.2 less 0.012 less 0.0003 of the gap.  All blocks are alike, so the
+    """A gap of 1 (J^2 = 2) of which 0.2 are left: 0.2 less 0.012 less 3e-5 of the gap.  All blocks are alike, so the
     interval has no width."""
-    found = unexplained(blocks(*[2.0] * 40), blocks(*[1.2] * 40))
-    assert found.value == pytest.approx(0.2 - 0.012 - 0.0003, abs=1e-12)
+    found = unexplained(blocks(*[2.0] * 40), blocks(*[1.2] * 40), 0.012)
+    assert found.value == pytest.approx(0.2 - 0.012 - 3e-5, abs=1e-12)
     assert found.ci95 == pytest.approx((found.value, found.value))
-    assert unexplained(blocks(*[2.0] * 40), blocks(*[1.2] * 40), 0.05).value == pytest.approx(found.value - 0.05)
 
 
 def test_two_sizes_of_noise_are_no_share():
     """J^2 - 1 of 0.008 before and 0.006 after are both less than what the simulator misses: no gap, no share (it was
     0.75); a gap of 0.1 that is closed to 0.006 has nothing unexplained; where more is left than there was, all."""
-    assert unexplained(blocks(*[1.008] * 40), blocks(*[1.006] * 40)) is None
-    assert unexplained(blocks(*[1.1] * 40), blocks(*[1.006] * 40)).value == 0.0
-    assert unexplained(blocks(*[1.1] * 40), blocks(*[1.2] * 40)).value == 1.0
+    assert unexplained(blocks(*[1.008] * 40), blocks(*[1.006] * 40), 0.012) is None
+    assert unexplained(blocks(*[1.1] * 40), blocks(*[1.006] * 40), 0.012).value == 0.0
+    assert unexplained(blocks(*[1.1] * 40), blocks(*[1.2] * 40), 0.012).value == 1.0
 
 
 def test_the_interval_of_the_share_is_that_of_its_blocks():
     """400 blocks of a gap of 1, half of them left whole and half closed: the share left is 1/2 with a binomial's
     deviation, 1/2/sqrt(400) = 0.025; a bootstrap of 400 draws tells 1.96 of it to some 6 %, thrice that allowed."""
     after = [2.0, 1.0] * 200
-    found = unexplained(blocks(*[2.0] * 400), blocks(*after))
-    assert found.value == pytest.approx(0.5 - 0.0123)
+    found = unexplained(blocks(*[2.0] * 400), blocks(*after), 0.012)
+    assert found.value == pytest.approx(0.5 - 0.01203)
     assert np.array(found.ci95) - found.value == pytest.approx([-0.049, 0.049], rel=0.2)
 
 
 def test_a_gap_that_a_few_blocks_make_has_a_share_without_interval():
     """One block of forty makes the gap: a draw misses it with (39/40)^40 = 0.36 > 0.05."""
-    found = unexplained(blocks(41.0, *[1.0] * 39), blocks(21.0, *[1.0] * 39))
-    assert found.value == pytest.approx(0.5 - 0.0123)
+    found = unexplained(blocks(41.0, *[1.0] * 39), blocks(21.0, *[1.0] * 39), 0.012)
+    assert found.value == pytest.approx(0.5 - 0.01203)
     assert found.ci95 is None
 
 

@@ -8,6 +8,7 @@ import pytest
 
 from sandbox.gap.evidence import discrepancy
 from sandbox.gap.evidence.inverter_or_machine import _before, _short
+from sandbox.gap.evidence.noise import Noise
 from sandbox.gap.location import outside
 from sandbox.gap.search import judged as judging
 from sandbox.gap.search import selection, unfitted
@@ -48,24 +49,56 @@ def test_unknown_beside_and_instead():
 
 
 def fitted(squares, effects=()):
-    """Return what is read of a fit: mean squares over the floor of one recording."""
-    segment = SimpleNamespace(recording=0, rr=np.array([100.0 * squares]), n=np.array([100.0]))
+    """Return what is read of a fit: mean squares over the floor of one recording of 20000 readings."""
+    segment = SimpleNamespace(recording=0, channel="current", rr=np.array([2e4 * squares]), n=np.array([2e4]))
     return SimpleNamespace(normal=SimpleNamespace(segments=(segment,)), effects=effects)
 
 
 def test_unknown_by_hand(monkeypatch):
-    """Excess 9 before: the simulator misses 0.012 + 3e-4 x 9 = 0.0147 of it; three times that after a fit.
-    Odds exp(-3.3) x 3^4, and 0.002 that one effect imitates it, times how much likelier deviations of 0 and 2 get if
-    one was drawn four times as wide: the mean of 1/4 and exp(2 x 15/16)/4."""
+    """Excess 9 before: the simulator may miss 0.008 and noise's own square sqrt(2/20000) = 0.01 in quadrature,
+    0.012806, and 3e-5 x 9 = 0.00027; three times that after a fit.  Odds exp(-3.3) x 3^4, and 0.002 that one effect
+    imitates it, times how much likelier deviations of 0 and 2 get if one was drawn four times as wide: the mean of 1/4
+    and exp(2 x 15/16)/4."""
+    both = math.hypot(0.008, 0.01) + 0.00027
     monkeypatch.setattr(discrepancy, "stray", lambda fit: {"x": (None, 0.0), "y": (None, 2.0)})
     stretched = (1.0 + math.exp(2.0 * 15.0 / 16.0)) / 8.0
     for effects, imitated in (((), 0.0), (("a",), 0.002), (("a", "b"), 0.005), (tuple("abcd"), 0.1)):
-        found = discrepancy.remainder(fitted(10.0), fitted(1.0 + 3.0 * 0.0147, effects))
+        found = discrepancy.remainder(fitted(10.0), fitted(1.0 + 3.0 * both, effects))
         odds = math.exp(-3.3) * 81.0 + imitated * stretched
         assert found.unknown == pytest.approx(odds / (1.0 + odds))
-        assert found.explained == pytest.approx(1.0 - 0.0441 / 9.0)
-    beside = discrepancy.remainder(fitted(10.0), fitted(1.0441), unlogged=0.0147)  # twice what may be missed
+        assert found.explained == pytest.approx(1.0 - 3.0 * both / 9.0)
+    beside = discrepancy.remainder(fitted(10.0), fitted(1.0 + 3.0 * both), 2.0 * both - 0.00027)
     assert beside.unknown == pytest.approx(1.0 / (1.0 + math.exp(3.3) / 1.5**4))
+
+
+@pytest.mark.parametrize(
+    ("shown", "left"),
+    [
+        ((50.0, 75.0, 800.0), 0.5), ((100.0, 900.0, 800.0), 1.0), ((0.0, 900.0, 0.0), 0.0), ((-50.0, 0.0, 900.0), 0.0),
+        ((0.0, 900.0, 900.0), 1.0),
+    ],
+)  # fmt: skip
+def test_rounding_shows_in_most_recordings(shown, left):
+    """Rounding would leave 100, 150 and 100 squares in three recordings, nothing in a fourth.  The factor that half of
+    the weight leaves (the weighted median of 1/2, 1/2 and 8 is 1/2) is what counts, at most 1."""
+    parts = [
+        SimpleNamespace(recording=k, channel="current", rr=np.array([1e3 + x]), n=np.array([1e3]))
+        for k, x in enumerate((*shown, 700.0))
+    ]
+    motion = SimpleNamespace(recording=1, channel="motion", rr=np.array([9e3]), n=np.array([1e3]))
+    whole = SimpleNamespace(segments=(*parts, motion))
+    assert discrepancy.rounded(whole, np.array([100.0, 150.0, 100.0, 0.0])) == pytest.approx(left * 350.0 / 5e3)
+    assert discrepancy.rounded(whole, np.zeros(4)) == 0.0
+
+
+def test_the_floor_is_known_to_what_its_votes_differ_by():
+    """20000 readings: 0.008, 0.01 and 2 log(1.01) in quadrature; a stated noise that stands alone, since the readings
+    show half of it, is taken at its word; where nothing is seen, the first two."""
+    n = fitted(1.0).normal
+    both = math.hypot(0.008, 0.01)
+    assert discrepancy.allowed(n) == discrepancy.allowed(n, Noise(1.0, None, 1.0)) == pytest.approx(both)
+    assert discrepancy.allowed(n, Noise(1.03, 1.0, 1.01)) == pytest.approx(math.hypot(both, 2.0 * math.log(1.01)))
+    assert discrepancy.allowed(n, Noise(1.0, 0.5, 1.0)) == pytest.approx(both)
 
 
 def test_machine_or_inverter_by_hand():
@@ -199,7 +232,9 @@ def test_the_two_effects_that_explain_most_alone_are_tried_together():
 def test_rivals_are_fitted_below_nine_tenths_of_unknown(monkeypatch, unknown, looked_for):
     """A search of one effect goes on from its point (`unknown` 0.5 there) to a set of two, at which `unknown` has the
     chance that is given."""
-    one, two = (SimpleNamespace(effects=e, objective=0.0) for e in (("inertia",), ("dead_time", "inertia")))
+    one, two = (
+        SimpleNamespace(effects=e, objective=0.0, normal=None) for e in (("inertia",), ("dead_time", "inertia"))
+    )
     judged = {
         f.effects: SimpleNamespace(
             effects=f.effects, fit=f, table=None, log_evidence=99.0 * k, tempered=lambda t, k=k: 99.0 * k
@@ -208,6 +243,7 @@ def test_rivals_are_fitted_below_nine_tenths_of_unknown(monkeypatch, unknown, lo
     }
     asked = []
     monkeypatch.setattr(selection, "rms_of", lambda fit: 1.0)
+    monkeypatch.setattr(selection, "allowed", lambda normal: 1.0)
     monkeypatch.setattr(selection, "select", lambda s, *rest: setattr(s, "best", two))
     monkeypatch.setattr(selection, "judged_of", lambda s, fit: judged[fit.effects])
     monkeypatch.setattr(selection, "rivals", lambda s, best: asked.append(best.effects) or [])
