@@ -55,14 +55,14 @@ class Check(NamedTuple):
 CHECKS = {
     "mixed": Check(
         "Campaigns with one to three effects, none, or one outside",
-        "mixed", 100, 20261901, options=("--leave-out", "0.7", "--baselines"),
+        "mixed", 100, 20262001, options=("--leave-out", "0.7", "--baselines"),
     ),
-    "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 60, 20261905),
-    "many": Check("Campaigns of four to ten effects at once", "many", 60, 20261903, options=("--baselines",)),
+    "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 60, 20262005),
+    "many": Check("Campaigns of four to ten effects at once", "many", 60, 20262003, options=("--baselines",)),
     "outside": Check(
-        "Campaigns of one cause outside the library each", "outside", 48, 20261904, options=("--baselines",)
+        "Campaigns of one cause outside the library each", "outside", 48, 20262004, options=("--baselines",)
     ),
-    "controls": Check("Controls without a gap", "controls", 300, 20261902),
+    "controls": Check("Controls without a gap", "controls", 300, 20262002),
     "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 100, 20261224, "ladder"),
 }  # fmt: skip
 
