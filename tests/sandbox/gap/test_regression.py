@@ -149,12 +149,12 @@ def test_response_of_a_linear_motor_is_the_textbooks():
 
 
 def test_white_noise_leaves_nothing(quiet):
-    """10 seeds of white noise: at a level of 1 % two or more alarms have a chance of 0.4 % (binomial)."""
+    """5 seeds of white noise: at a level of 1 % two or more alarms have a chance of 0.1 % (binomial)."""
     point, currents = quiet
     parts = regressors(point, currents)
     samples, columns = 4 * sum(len(currents[k]) for k in HELD), parts[0].x.shape[2]
     alarms, taken, alike = 0, [], []
-    for seed in range(10):
+    for seed in range(5):
         rng = np.random.default_rng(seed)
         noise = [
             Residual(r.file, r.rotor, rng.standard_normal((r.samples, 3, 1)), None, rng.standard_normal((r.samples, 1)))
@@ -167,7 +167,7 @@ def test_white_noise_leaves_nothing(quiet):
     print(alarms, max(taken), np.mean(alike))
     assert alarms <= 1
     assert max(taken) < columns / samples  # less than fitting the noise held out itself would give
-    assert np.mean(alike) == pytest.approx(1.0, abs=0.13)  # some 100 block sums a seed: 3 sqrt(2 / 100 / 10) = 0.13
+    assert np.mean(alike) == pytest.approx(1.0, abs=0.19)  # some 100 block sums a seed: 3 sqrt(2 / 100 / 5) = 0.19
 
 
 def test_nothing_held_out_is_no_bound(quiet):
