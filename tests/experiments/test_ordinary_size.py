@@ -1,9 +1,11 @@
 """The simulator's error told in effects: what is beyond the noise, by the size of the gap; seals and truths."""
 
+import json
+
 import pytest
 
-from experiments.ordinary_size import summary, values_of
-from sandbox.gap.evidence.spike_slab import ordinary_share
+from experiments.ordinary_size import RESULTS, summary, values_of
+from sandbox.gap.evidence.spike_slab import LARGEST, SMALL, ordinary_share
 
 
 def row(share, deviation, rms=1.0, campaign="a"):
@@ -29,3 +31,13 @@ def test_values_of_a_truth_beside_its_campaign(tmp_path):
     text = 'effects = ["dead_time"]\n[dead_time]\ntime = 1e-6\n[true_motor]\nR = 1.0\n'
     (tmp_path / "p01.truth.toml").write_text(text)
     assert values_of(tmp_path, "p01") == {"dead_time.time": 1e-6}
+
+
+def test_the_simulators_error_as_measured_is_within_what_is_assumed():
+    """On each of the five plants and at each size of the gap, rms of all effects (`experiments.ordinary_size`)."""
+    kept = json.loads((RESULTS / "ordinary_size.json").read_text())
+    assert (kept["small"], kept["largest"]) == (SMALL, LARGEST)
+    rows = [(plant, row) for plant, own in kept["summary"].items() for row in own]
+    assert len(kept["summary"]) >= 6  # five plants, and all of them together
+    for plant, row in rows:
+        assert row["rms"] <= row["assumed"], (plant, row)

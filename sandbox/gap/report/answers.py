@@ -227,7 +227,7 @@ def caveats(a: Answers) -> list[str]:
     """Return what a reader has to know before believing the rest, one sentence each; assumed values are last."""
     d = a.diagnosis
     out = _findings(d)
-    out += [d.caution] if d.caution else []
+    out += _of_noise(d)
     out += [a.odd_phase.text] if a.odd_phase is not None and a.verdict == "no_gap" else []
     out += [text] if (text := sentence(d.at_bound)) else []
     if d.excluded:
@@ -284,6 +284,17 @@ def _findings(d: Diagnosis) -> list[str]:
         after[file] = max(after.get(file, 0.0), r.after)
     kept = [f for f in d.campaign.findings if not isinstance(f, Unanswered) or after.get(f.file, math.inf) >= MET]
     return [stopped(f.text if f.text.startswith(f.file) else f"{f.file}: {f.text}") for f in kept]
+
+
+def _of_noise(d: Diagnosis) -> list[str]:
+    """Return what there is to say of the sensors' noise; that only the file knows it, where `unknown` hangs on it."""
+    out = [d.caution] if d.caution else []
+    if d.noise is not None and d.noise.seen is None and which.chance_of_unknown(d) >= which.OPEN:
+        out.append(
+            f"The readings do not show the sensors' own noise, so the stated {d.noise.stated:.3g} A counts alone. If "
+            "it is stated a few per cent too small, something outside the library looks more probable than it is."
+        )
+    return out
 
 
 def _of_the_model(told: Mapping[str, str]) -> list[str]:

@@ -96,12 +96,19 @@ def of_set(j: Judged, explained: float | None = None) -> dict[str, Share]:
     with np.errstate(invalid="ignore", divide="ignore"):
         scale = 1.0 if explained is None else explained * gap.sum() / (nothing - full).sum()  # the gap as fitted
         drawn = scale * shared_out(alone[:, pick].sum(2), last[:, pick].sum(2), (nothing - full)[pick].sum(1))
-        low, high = np.nanpercentile(drawn / gap[pick].sum(1), [2.5, 97.5], axis=1)
+        low, high = interval_of(drawn / gap[pick].sum(1))
         if full.size < 2 or np.mean(gap[pick].sum(1) <= FLOOR * counts[pick].sum(1)) > UNDEFINED:
             low, high = np.full((2, len(named)), math.nan)
         value = scale * shared_out(alone.sum(1), last.sum(1), (nothing - full).sum()) / gap.sum()
         single = scale * alone.sum(1) / gap.sum()
     return {e: Share(*map(float, x)) for e, *x in zip(named, value, low, high, single, strict=True)}
+
+
+def interval_of(drawn: Array) -> Array:
+    """Return the ends (2, n) of 95 % intervals of draws (n, draws); NaN for what no draw has a share of."""
+    out, known = np.full((2, len(drawn)), math.nan), ~np.isnan(drawn).all(1)
+    out[:, known] = np.nanpercentile(drawn[known], [2.5, 97.5], axis=1)
+    return out
 
 
 def shared_out(first: Array, last: Array, whole: Array) -> Array:

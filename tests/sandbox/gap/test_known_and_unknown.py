@@ -61,6 +61,17 @@ def test_shares_are_those_of_the_bench_with_dead_time_alone_taken_out(both):
     assert r.shares.of["dead_time"].value == pytest.approx(1.0 - truth, abs=0.05)
 
 
+def test_where_the_unknown_part_lies_is_told(both):
+    """The stranger turns with twice the electrical angle in the rotor's frame, both senses alike; the sentence and the
+    figures say so, and the regression finds a current that depends on the angle."""
+    told = both[1].as_json()["unknown"]
+    order = told["regions"]["angle"][0]
+    assert (order["order"], order["of"]) == (2, "electrical")
+    assert "of electrical order 2" in told["where"]
+    first = told["beside"]["consists_of"][0]
+    assert (first["acts_as"], "angle" in first["hangs_on"]) == ("current", True)
+
+
 RATED = DRIVE.motor.rated_current
 OUTSIDE = {
     "cores of the sensors remember": {"remanence": 0.1, "remanence_radius": 0.15 * RATED},

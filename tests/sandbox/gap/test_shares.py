@@ -43,6 +43,13 @@ def test_few_recordings_with_the_gap_give_no_interval(monkeypatch, count, showin
     assert (found["a"].ci95 is not None) == there
 
 
+def test_effects_that_take_nothing_off_have_no_interval_and_no_warning(monkeypatch, recwarn):
+    """No draw has a share of nothing: numpy's "All-NaN slice" once reached the terminal."""
+    found = set_of(monkeypatch, np.zeros(6), np.zeros(6))
+    assert found["a"].ci95 is None
+    assert not recwarn.list
+
+
 def test_a_share_without_interval_stands_alone_in_the_list():
     r = SimpleNamespace(
         inclusion=SimpleNamespace(chances={"dead_time": 1.0}), sizes=lambda e: {}, unknown=0.0,

@@ -10,6 +10,7 @@ from sandbox.gap.diagnose import diagnose, verdict
 from sandbox.gap.evidence import noise
 from sandbox.gap.evidence.noise import Noise, noise_of, parting
 from sandbox.gap.evidence.priors import ordinary
+from sandbox.gap.report.answers import caveats
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.output.files import plain
 from sandbox.recordings.campaign import read_campaign
@@ -85,3 +86,14 @@ def test_counts_that_hide_noise_are_not_said_to_be_overruled(small_folder, monke
     told = noise.noise_caution(coarse)
     assert f"in units of {noise_of(coarse).used:.3g} A" in told
     assert "follows" not in told
+
+
+@pytest.mark.parametrize(("seen", "chance", "told"), [(None, 0.2, True), (None, 0.01, False), (0.004, 0.2, False)])
+def test_noise_that_only_the_file_knows_is_told_where_unknown_hangs_on_it(small_answers, seen, chance, told):
+    """Issue 19: 2.5 % less stated noise moved `unknown` from 0.002 to 0.446 without a caution."""
+    d = small_answers.diagnosis
+    more = dataclasses.replace(d.best, effects=(*d.best.effects, "unknown"), probability=chance)
+    hypotheses = (dataclasses.replace(d.best, probability=1.0 - chance), more)
+    found = dataclasses.replace(d, hypotheses=hypotheses, noise=Noise(0.004, seen, 0.004))
+    text = " ".join(caveats(dataclasses.replace(small_answers, diagnosis=found)))
+    assert ("so the stated 0.004 A counts alone" in text) == told
