@@ -17,7 +17,7 @@ import numpy as np
 
 from model.effects import library
 from model.errors import PhysicsError
-from sandbox.gap.evidence.discrepancy import Remainder, allowed, remainder, unlogged_counts
+from sandbox.gap.evidence.discrepancy import Remainder
 from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
@@ -26,7 +26,7 @@ from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.search.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.search.forward import Judged, Search, search
 from sandbox.gap.search.needless import with_fewer
-from sandbox.gap.search.parts.adding import in_parts, with_parts
+from sandbox.gap.search.parts.adding import in_parts, level, with_parts
 from sandbox.gap.search.parts.idle import without_idle
 from sandbox.gap.search.points import own_values, with_values
 from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
@@ -39,6 +39,7 @@ from sandbox.replay.memory import USUAL, spare
 from sandbox.replay.replay import prepare
 
 CREDIBLE = 0.95
+TURNS = 2  # times that all sets are ranked again as one that was to stand beside `unknown` proved the best
 NINE_IN_TEN = 2000  # simulations within which nine in ten diagnoses of a mixed check end: what a progress bar expects
 
 
@@ -126,8 +127,7 @@ def _diagnosed(
     found = _searched(start, raw, everything, barred, workers, report)
     found = _with_rivals(found, [s for s in rivals if not set(s) & set(hidden)], everything, workers)
     report("measuring the gap")
-    judged, ranked, temperature = _ranked(found, raw, everything, workers)
-    hypotheses, rest = _beside_unknown(found, ranked, temperature, everything, workers)
+    judged, hypotheses, temperature, rest = _weighed(found, raw, everything, workers)
     best = hypotheses[0].judged
     before = _without(found.null, start, left, workers)
     after = _without(best.fit, start, left, workers) if best.effects else before
@@ -171,18 +171,27 @@ def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]
     return start, nominal
 
 
-def _beside_unknown(
-    found: Search, ranked: Sequence[tuple[float, Judged]], temperature: float, weights: Weights, workers: int
-) -> tuple[tuple[Hypothesis, ...], Remainder]:
-    """Return all hypotheses, `unknown` beside what may stand beside it; and what the first of them leaves."""
-    best = ranked[0][1]
-    prepared = best.fit.point.prepared
-    least = allowed(best.fit.normal, noise_of(prepared.campaign), unlogged_counts(prepared))
-    rest = remainder(found.null, best.fit, least)
-    stays = beside_unknown(found, best, rest.unknown, temperature, weights, workers)
-    other = rest if stays is best else replace(remainder(found.null, stays.fit, least), unknown=rest.unknown)
+def _weighed(
+    found: Search, raw: float, weights: Weights, workers: int
+) -> tuple[tuple[Judged, ...], tuple[Hypothesis, ...], float, Remainder]:
+    """Return what was judged, all hypotheses, `unknown` beside what may stand beside it; the temperature, and what the
+    first hypothesis leaves.
+
+    What stands beside `unknown` is fitted anew.  Where it is more probable than the best set so far, that one had ended
+    in a poor minimum: all are ranked again, and what is left is asked of the new one.
+    """
+    for turn in range(TURNS + 1):
+        judged, ranked, temperature = _ranked(found, raw, weights, workers)
+        best = ranked[0][1]
+        rest = found.remainder(best.fit)
+        stays = beside_unknown(found, best, rest.unknown, temperature, weights, workers)
+        if turn == TURNS or level(stays, temperature) <= level(best, temperature):
+            break
+        others = (j for j in judged if j.effects != stays.effects)
+        found = replace(found, judged=(*others, stays), fitted=found.fitted | {stays.effects})
+    other = rest if stays is best else replace(found.remainder(stays.fit), unknown=rest.unknown)
     hypotheses = tuple(with_unknown(ranked, rest.unknown, other.explained, stays))
-    return hypotheses, rest if hypotheses[0].judged is best else other
+    return judged, hypotheses, temperature, rest if hypotheses[0].judged is best else other
 
 
 def out_of_sight(campaign: Campaign) -> tuple[str, ...]:

@@ -40,6 +40,11 @@ td.file {{ overflow-wrap: anywhere; }} .wide td:first-child {{ min-width: 8rem; 
 td.good, td.bad, td.none {{ padding: .3rem .5rem; border: 2px solid var(--paper); white-space: nowrap; }}
 td.good {{ background: var(--good); }} td.bad {{ background: var(--bad); }} td.none {{ background: var(--none); }}
 td small {{ display: block; color: var(--soft); }}
+@media screen and (max-width: 40rem) {{ .stacked tr {{ display: grid; grid-template-columns: 1fr auto; padding: .3rem 0;
+  border-bottom: 1px solid var(--line); }} .stacked td {{ border: 0; padding: 0; }} .stacked tr:first-child,
+  .stacked td:nth-child(n+3):not([data-head]) {{ display: none; }} .stacked td:nth-child(n+3) {{ grid-column: 1 / -1;
+  text-align: left; white-space: normal; }} .stacked td:nth-child(n+3)::before {{ content: attr(data-head) ": ";
+  color: var(--soft); }} }}
 .marks td:first-child, .marks th:first-child {{ position: sticky; left: 0; background: var(--paper);
   white-space: nowrap; }} .marks th {{ padding-left: .5rem; white-space: nowrap; }}
 .bar {{ background: var(--bar); height: .55rem; border-radius: .2rem; min-width: 1px; }}
@@ -123,18 +128,22 @@ def bullets(texts: Iterable[str]) -> str:
     return f"<ul>{items}</ul>" if items else ""
 
 
-def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Return a table; the first column is text, the others numbers where there are more than two; long ones wrap."""
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]], stacked: bool = False) -> str:
+    """Return a table; the first column is text, the others numbers where there are more than two; long ones wrap.
+
+    stacked: where the screen is narrow, a row's third cell and the further ones stand below its first two, each behind
+    its column's head; those that hold nothing ("–") are left out there.
+    """
     kind = " class='n'" if len(heads) > 2 else ""
     wraps = " class='n long'" if len(heads) > 2 else " class='long'"
     head = "".join(f"<th{kind if k else ''}>{prose(h)}</th>" for k, h in enumerate(heads))
-    body = "".join(
-        "<tr>"
-        + "".join(f"<td{'' if not k else wraps if len(x) > LONG else kind}>{prose(x)}</td>" for k, x in enumerate(row))
-        + "</tr>"
-        for row in rows
-    )
-    return f"<div class='wide'><table><tr>{head}</tr>{body}</table></div>"
+
+    def cell(k: int, x: str) -> str:
+        told = f' data-head="{html_text(heads[k])}"' if stacked and x != "–" else ""
+        return f"<td{'' if not k else wraps if len(x) > LONG else kind}{told}>{prose(x)}</td>"
+
+    body = "".join(f"<tr>{''.join(cell(k, x) for k, x in enumerate(row))}</tr>" for row in rows)
+    return f"<div class='wide{' stacked' if stacked else ''}'><table><tr>{head}</tr>{body}</table></div>"
 
 
 def verdicts(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -103,27 +103,38 @@ class Algebra:
 
         A size that can only be positive has half a Gaussian as its prior: where the most probable value lies at the
         bound the posterior is its tail, where it is free the part beyond the bound is missing.  The same tail where any
-        other value is held at a bound.
+        other value is held at a bound.  The free values follow each held one along its tail; of several held ones each
+        has its own.
         """
         x, free, objective = self.most_probable(prior)
         if not math.isfinite(objective):
             return -math.inf
-        m = self.a[np.ix_(free, free)] + np.diag(prior.deviation[free] ** -2)
-        _, log_det = np.linalg.slogdet(m)
-        out = -0.5 * objective - 0.5 * log_det - np.sum(np.log(prior.deviation[free]))
-        halved = (prior.deviation > 0.0) & ((prior.low == prior.mean) | (prior.high == prior.mean))
-        inner = halved & free
+        moves = prior.deviation > 0.0
+        halved = moves & ((prior.low == prior.mean) | (prior.high == prior.mean))
+        inner, outer = halved & free, moves & ~free
+        sd = prior.deviation[free]
+        factor = cho_factor(sd[:, None] * self.a[np.ix_(free, free)] * sd + np.eye(len(sd)), check_finite=False)
+        out = -0.5 * objective - np.sum(np.log(np.diag(factor[0])))
         if inner.any():
-            spread = np.sqrt(np.diag(np.linalg.inv(m))[inner[free]])
-            out += np.sum(np.log(2.0) + log_ndtr(np.abs(x - prior.mean)[inner] / spread))
-        outer = (prior.deviation > 0.0) & ~free
+            spread = sd * np.sqrt(np.diag(cho_solve(factor, np.eye(len(sd)), check_finite=False)))
+            out += np.sum(np.log(2.0) + log_ndtr(np.abs(x - prior.mean)[inner] / spread[inner[free]]))
         if outer.any():
-            sd, away = prior.deviation[outer], (x - prior.mean)[outer]
-            slope = np.abs((self.g - self.a @ (x - self.x))[outer] - away * sd**-2)
-            curve = np.diag(self.a)[outer] + sd**-2
+            slope, curve = self._pushed(x, free, np.flatnonzero(outer), prior)
             half = np.where(halved[outer], 1.0, 0.5)  # a whole Gaussian has half its weight on either side
-            out += np.sum(np.log(half * erfcx(slope / np.sqrt(2.0 * curve)) / (sd * np.sqrt(curve))))
+            out += np.sum(
+                np.log(half * erfcx(slope / np.sqrt(2.0 * curve)) / (prior.deviation[outer] * np.sqrt(curve)))
+            )
         return float(out)
+
+    def _pushed(self, x: Array, free: NDArray[np.bool_], held: NDArray[np.int64], prior: Prior) -> tuple[Array, Array]:
+        """Return how hard values held at bounds are pushed there (h,), and the curvature that each sees (h,) while the
+        free ones follow and the other held ones stay."""
+        sd, own = prior.deviation[held], prior.deviation[free]
+        slope = np.abs((self.g - self.a @ (x - self.x))[held] - (x - prior.mean)[held] * sd**-2)
+        across = own[:, None] * self.a[np.ix_(free, held)]
+        scaled = own[:, None] * self.a[np.ix_(free, free)] * own + np.eye(len(own))
+        follows = cho_solve(cho_factor(scaled, check_finite=False), across, check_finite=False)
+        return slope, np.diag(self.a)[held] + sd**-2 - np.sum(across * follows, axis=0)
 
     def covariance(self, prior: Prior) -> Array:
         """Return the covariance (p, p) of all coordinates under a prior; zero where held."""
@@ -140,15 +151,10 @@ class Algebra:
         where free.
         """
         x, free, _ = self.most_probable(prior)
-        out = np.zeros_like(x)
-        own = np.ix_(free, free)
-        m = self.a[own] + np.diag(prior.deviation[free] ** -2)
-        for k in np.flatnonzero((prior.deviation > 0.0) & ~free):
-            across = self.a[k, free]
-            curve = self.a[k, k] + prior.deviation[k] ** -2 - across @ np.linalg.solve(m, across)
-            slope = abs((self.g - self.a @ (x - self.x))[k] - (x - prior.mean)[k] * prior.deviation[k] ** -2)
-            beyond = slope / np.sqrt(curve)
-            out[k] = (-ndtri_exp(math.log(share) + log_ndtr(-beyond)) - beyond) / np.sqrt(curve)
+        out, held = np.zeros_like(x), np.flatnonzero((prior.deviation > 0.0) & ~free)
+        slope, curve = self._pushed(x, free, held, prior)
+        beyond = slope / np.sqrt(curve)
+        out[held] = (-ndtri_exp(math.log(share) + log_ndtr(-beyond)) - beyond) / np.sqrt(curve)
         return out
 
 

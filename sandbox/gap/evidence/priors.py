@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 from model.effects import library
 from model.effects.card import Effect, Ordinary, Part, scales
+from model.errors import BadInput
 from model.parameters import Drive, Motor
 from sandbox.plant.sets import BENCH, further_parts, soft_current
 from sandbox.recordings.campaign import Campaign
@@ -22,6 +23,7 @@ Set = Mapping[str, float]
 WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
 FARTHEST = 4.0  # standard deviations that an effect may move before its bounds widen
 REACHED = 0.99  # of them: a value there is at its bound
+BELOW = 1.0 - 1e-6  # of a limit that a value must stay below: what a fit may reach
 ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
 SOFT_SPREAD = 1.5  # standard deviation of the logarithm of the width in which a current's sign goes through zero
 
@@ -41,6 +43,7 @@ class Coordinate:
     names: tuple[str, ...]
     along: tuple[tuple[str, float], ...] = ()
     within: float = math.inf  # deviations from the mean beyond which it is no longer ordinary
+    most: float = math.inf  # beyond which no drive can have it (a limit of the effect's card)
 
     @property
     def effect(self) -> str:
@@ -86,7 +89,8 @@ class Coordinate:
     def bounds(self) -> tuple[float, float]:
         """Return the lowest and highest value of the coordinate (signs included)."""
         low, high = self._own_bounds()
-        return max(low, self.mean - self.within * self.deviation), min(high, self.mean + self.within * self.deviation)
+        reach = self.within * self.deviation
+        return max(low, self.mean - reach), min(high, self.mean + reach, self.most)
 
     def _own_bounds(self) -> tuple[float, float]:
         if self.form == "reciprocal":
@@ -199,7 +203,23 @@ def of_part(card: Effect, k: int, drive: Drive, start: Set, at: Set | None = Non
         else:
             own, away = p.same_as or name, p.reach_for(drive.motor, drive.converter)
             out.append(Coordinate(own, neutral, WIDE * away, "linear", (own,)))
-    return [replace(c, within=reach(c, at or start)) for c in out]
+    most = limited(card, drive, start)
+    return [replace(c, within=reach(c, at or start), most=_most(c, most)) for c in out]
+
+
+def limited(card: Effect, drive: Drive, values: Set) -> dict[str, float]:
+    """Return the limits of a card that are of a parameter itself, by public name; none of sums and of products."""
+    try:
+        asked = list(card.limits(values, drive.motor, drive.converter)) if card.limits else []
+    except BadInput:  # the values have none, as a shaft without a load
+        return {}
+    return {x.name: x.bound for x in asked if not x.simulated and x.size == values.get(x.name)}
+
+
+def _most(c: Coordinate, limits: Mapping[str, float]) -> float:
+    """Return how far a coordinate may go for the limit of its parameter."""
+    inside = BELOW * limits.get(c.names[0], math.inf)
+    return inside if c.form == "linear" else math.log(inside) if c.form == "log" else math.inf
 
 
 def reach(c: Coordinate, values: Set) -> float:

@@ -109,15 +109,19 @@ def _moved(m: Moved) -> str:
 
 
 def not_run_sentences(r: Ranking) -> Iterator[str]:
-    """Yield why an estimator was not run, once for each reason; with which effects, where it ran with others."""
-    told: dict[tuple[str, str], list[str]] = {}
-    for effect, own in r.moved.items():
-        for name, m in own.items():
-            if m.not_run:
-                told.setdefault((name, m.not_run), []).append(words(effect))
-    for (name, why), effects in told.items():
+    """Yield which estimators were not run, once for each reason; with which effects, where they ran with others."""
+    told: dict[tuple[str, tuple[str, ...]], list[str]] = {}
+    for name in dict.fromkeys(n for own in r.moved.values() for n in own):
+        reasons: dict[str, list[str]] = {}
+        for effect, own in r.moved.items():
+            if name in own and own[name].not_run:
+                reasons.setdefault(own[name].not_run, []).append(words(effect))
         ran = sum(name in own for own in r.moved.values())
-        yield f"`{name}` was not run{f' with {listing(effects)}' if len(effects) < ran else ''}: {why.rstrip('.')}."
+        for why, effects in reasons.items():
+            told.setdefault((why, tuple(effects) if len(effects) < ran else ()), []).append(f"`{name}`")
+    for (why, those), estimators in told.items():
+        with_ = f" with {listing(those)}" if those else ""
+        yield f"{listing(estimators)} {'was' if len(estimators) == 1 else 'were'} not run{with_}: {why.rstrip('.')}."
 
 
 def less_sure_sentence(a: Answers) -> str:

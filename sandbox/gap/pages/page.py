@@ -130,7 +130,7 @@ def _listed(a: Answers) -> Iterator[str]:
     if r is None or not own:
         return
     yield "<h2>All effects that may be there</h2>"
-    yield table(["effect", "probability", "share of the gap [95 %]", "size [95 % interval]"], own)
+    yield table(["effect", "probability", "share of the gap [95 %]", "size [95 % interval]"], own, stacked=True)
     if less_sure := listed.less_sure_sentence(a):
         yield f"<p>{prose(less_sure)}</p>"
     if hidden := listed.hidden_sentence(r):

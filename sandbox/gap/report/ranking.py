@@ -27,7 +27,7 @@ LIKELY = 0.5  # chance from which an effect counts as there
 
 @dataclass(frozen=True)
 class Ranking:
-    """Chances of all effects, those that are there by their shares, the others by chance; shares, and the waterfall of
+    """Chances of all effects, the likeliest first; shares, and the waterfall of
     the best hypothesis; parameters of each effect that may be there, in a set that holds it; chance of `unknown`; the
     share of the gap that nothing in the library explains (None: no gap) and where that lies (None: nothing is left);
     what a free regression beside the effects says (None where `unknown` is unlikely, or the regression predicts
@@ -121,8 +121,7 @@ def planned(following: Next) -> str:
 
 
 def ranking(d: Diagnosis, workers: int = 1, *, position: bool = True) -> Ranking:
-    """Return the whole list of a diagnosis.  Where `unknown` is likely, an effect's chance is that beside a free
-    regression, as often as `unknown` is.  position: whether closed loops say what effects do to it."""
+    """Return the whole list of a diagnosis; position: whether closed loops say what effects do to it."""
     own: dict[str, dict[str, Estimate]] = {}
     for h, parameters in zip(d.hypotheses, d.parameters, strict=True):
         for e in h.effects:
@@ -130,19 +129,27 @@ def ranking(d: Diagnosis, workers: int = 1, *, position: bool = True) -> Ranking
                 own[e] = own_of(e, parameters)
     chance = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects)
     left = None if verdict(d) == "no_gap" and chance < SLIGHT else d.remainder.share
-    found = inclusion(d.hypotheses, d.temperature, d.fitted)
     part = open_part(d, workers) if chance >= SLIGHT else None
-    if part is not None:
-        found = found.mixed(part.inclusion, chance)
-    else:  # nothing says what stands beside it: where it is alone, no effect is there
-        alone = sum(h.probability for h in d.hypotheses if h.effects == (UNKNOWN,))
-        found = found.mixed(Inclusion({}, (), {(): 1.0}), alone)
+    found = included(d, part)
     r = completed(d, Ranking(found, shares(d), own, chance, left, part))
     lies = left is not None and (left.value > 0.0 or chance >= SLIGHT)
     there = [e for e in r.parameters if found.chances[e] >= LIKELY]
     values = {e: {k: x.value for k, x in r.sizes(e).items()} for e in there}
     at = remaining(d.after.point) if lies else None
     return replace(r, where=at, moved=moved(d.campaign.drive, values) if position else {})
+
+
+def included(d: Diagnosis, part: OpenPart | None) -> Inclusion:
+    """Return the chances of all effects: those of the sets without `unknown`, those beside the free regression as often
+    as `unknown` stands beside effects, none as often as it stands alone."""
+    alone = sum(h.probability for h in d.hypotheses if h.effects == (UNKNOWN,))
+    if part is None:
+        found = inclusion(d.hypotheses, d.temperature, d.fitted)
+    else:
+        without = [h for h in d.hypotheses if UNKNOWN not in h.effects]
+        both = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects) - alone
+        found = inclusion(without, d.temperature, d.fitted).mixed(part.inclusion, both / (1.0 - alone or 1.0))
+    return found.mixed(Inclusion({}, (), {(): 1.0}), alone)
 
 
 def completed(d: Diagnosis, r: Ranking) -> Ranking:

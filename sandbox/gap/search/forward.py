@@ -14,7 +14,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from sandbox.gap.evidence.discrepancy import Remainder, allowed, remainder, unlogged_counts
 from sandbox.gap.evidence.fit import Fit, Weights, attempted, excess, fit, rms_of
+from sandbox.gap.evidence.noise import Noise, noise_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.probes import Probe, probe_coordinates, probes
 from sandbox.gap.evidence.spike_slab import gains_of, ordinary_share, table
@@ -49,7 +51,8 @@ class Search:
 
     fitted: all sets that were fitted; chosen, share: probes and ordinary sizes of effects, as sets are judged with;
     looked: normalised rms where starts of effects were last looked for; further: values of effects' further parts,
-    where some were found (`search.parts`).
+    where some were found (`search.parts`); noise: stated, seen and used; unlogged: squares that rounding of duties may
+    leave, by recording (`discrepancy.unlogged_counts`).
     """
 
     null: Fit
@@ -60,6 +63,12 @@ class Search:
     share: float
     looked: float = math.inf
     further: Mapping[str, float] = field(default_factory=dict)
+    noise: Noise | None = None
+    unlogged: Array | None = None
+
+    def remainder(self, after: Fit) -> Remainder:
+        """Return what a fit leaves of the gap."""
+        return remainder(self.null, after, allowed(after.normal, self.noise, self.unlogged))
 
     def judge_also(
         self, effects: tuple[str, ...], weights: Weights, workers: int, near: Fit | None = None
@@ -145,7 +154,10 @@ def search(
     report("weighing hypotheses")
     judged = weighed(s)
     cost = s.cost + sum(j.simulations for j in judged)
-    return Search(null, tuple(judged), cost, frozenset(s.fits), tuple(s.chosen), share, s.looked)
+    return Search(
+        null, tuple(judged), cost, frozenset(s.fits), tuple(s.chosen), share, s.looked,
+        noise=noise_of(start.prepared.campaign), unlogged=unlogged_counts(start.prepared),
+    )  # fmt: skip
 
 
 def grown(s: Forward, depth: int) -> bool:

@@ -91,15 +91,19 @@ def _beside(
 
 
 def by_algebra(table: Table, effects: Sequence[str], temperature: float) -> Inclusion:
-    """Return the chances by the equations of one point alone: of the sets found from `effects` on, and all sets with
-    one effect more or fewer."""
-    near = Subsets(table, temperature)
-    top = near.climb(effects)[0]
-    for other in (set(top) ^ {effect} for effect in table.members):
+    """Return the chances by the equations of one point alone: of a set of effects that was fitted there, and of all
+    sets with one of them left out or exchanged.
+
+    No set counts more than the fitted one.  None with one effect more counts: beside a free regression that is an
+    effect which no fit has tried, and one that a cause outside the library may imitate.
+    """
+    near, own = Subsets(table, temperature), tuple(sorted(effects))
+    top = near.weigh(own)
+    rests = [set(own) - {gone} for gone in own]
+    for other in (*rests, *(rest | {e} for rest in rests for e in table.members if e not in own)):
         if possible(other):
             near.weigh(other)
-    most = max(near.known.values())
-    return summed({key: math.exp(told - most) for key, told in near.known.items()}, table.members)
+    return summed({key: math.exp(min(0.0, told - top)) for key, told in near.known.items()}, table.members)
 
 
 def summed(sets: Mapping[Set, float], names: Sequence[str] | Mapping[str, object]) -> Inclusion:

@@ -14,7 +14,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
 from model.errors import BadInput
-from sandbox.gap.evidence.discrepancy import allowed, remainder
+from sandbox.gap.evidence.discrepancy import allowed
 from sandbox.gap.evidence.fit import Fit, Weights, attempted, excess, fit, rms_of
 from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.evidence.spike_slab import Table, table
@@ -115,7 +115,7 @@ def widened(
     if few.effects and s.look():
         with suppress(BadInput):  # at a new start some effect leaves a drive that none can be
             few = judged_of(s, few.fit)
-    open_ = remainder(found.null, few.fit).unknown >= OPEN
+    open_ = found.remainder(few.fit).unknown >= OPEN
     if len(few.effects) < LEAST or not (open_ or promising(s, few.table, found.fitted)):
         return replace(found, simulations=s.cost)
     select(s, few.table, report)
@@ -128,7 +128,7 @@ def widened(
     except BadInput:
         return replace(found, simulations=s.cost)
     judged = {j.effects: j for j in (*found.judged, few)} | {top.effects: top}
-    for _ in range(TURNS if remainder(found.null, s.best).unknown < STRANGE else 0):
+    for _ in range(TURNS if found.remainder(s.best).unknown < STRANGE else 0):
         behind = rivals(s, top)
         for key in [k for k in behind if k not in judged][:RIVALS]:
             s.best = top.fit

@@ -20,6 +20,7 @@ from sandbox.gap.report.bounds import at_bound, sentence
 from sandbox.gap.search import estimates as estimating
 from sandbox.gap.search.estimates import Estimate, Held, Spread, _of_part, estimates_beside, held_ordinary
 from sandbox.output.refitted import Refitted
+from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.segments import Segment
@@ -55,6 +56,24 @@ def test_a_ripple_beyond_its_first_bound_is_found(tmp_path):
     assert found["dc_link_ripple.amplitude"] == pytest.approx(size, rel=0.01)
     (cosine,) = [c for c in of_effect("dc_link_ripple", DRIVE, begun.values, found) if c.form == "cosine"]
     assert cosine.bounds()[1] > size
+
+
+def test_a_size_is_searched_below_what_no_drive_can_have():
+    """A link sags by less than a fifth at rated current (its card).  The search goes to 4 x 1.5 typical sizes, 0.12 of
+    it; where a fit is there the bound widens to 0.24, and the card's counts.  A load's inertia, of which the logarithm
+    is fitted, stays below the whole; downwards it goes as far as ever."""
+    whole = complete(DRIVE.motor, DRIVE.converter)
+    limit = 0.2 * DRIVE.converter.dc_bus_voltage / DRIVE.motor.rated_current
+    there = {**whole, "dc_link_error.sag": 0.6 * limit}
+    (sag,) = [c for c in of_effect("dc_link_error", DRIVE, whole, there) if c.names[0] == "dc_link_error.sag"]
+    assert sag.within * sag.deviation > 1.1 * limit
+    assert sag.bounds()[1] == pytest.approx(limit, rel=1e-5)
+    assert sag.bounds()[1] < limit
+    inertia = whole["inertia.inertia"]
+    begun = {**whole, "shaft_compliance.load_inertia": 0.5 * inertia, "shaft_compliance.stiffness": 100.0}
+    (load,) = [c for c in of_effect("shaft_compliance", DRIVE, begun) if c.names[0].endswith("load_inertia")]
+    assert math.exp(load.bounds()[1]) == pytest.approx(inertia, rel=1e-5)
+    assert load.bounds()[0] == load.mean - load.within * load.deviation
 
 
 @pytest.mark.parametrize(("free", "told"), [((True, True), False), ((False, True), True), ((True, False), True)])

@@ -75,6 +75,30 @@ def test_evidence_of_a_deviation_held_at_four_sigma_is_its_integral(pull):
     assert own.log_evidence(prior) == pytest.approx(math.log(whole), abs=1e-5)
 
 
+@pytest.mark.parametrize("pull", [0.0, -0.5, -4.0])
+@pytest.mark.parametrize("alike", [0.0, 0.9, -0.998])
+def test_evidence_of_a_size_at_its_bound_beside_one_that_follows_is_the_integral(alike, pull):
+    """A size that can only be positive, held at 0, beside a free coordinate with almost the same trace: the double
+    integral, the free one's by the Gaussian formula, the other's numerically.  Laplace is exact but for the tail's
+    prior, so both agree to rounding."""
+    a, sd = 9.0 * np.array([[1.0, alike], [alike, 1.0]]), np.array([0.7, 1.1])
+    inner = np.array([pull, 0.0])
+    own = Algebra(a, inner + np.array([alike * 2.0, 2.0]), 5.0, np.zeros(2))  # the free one pulls, too
+    prior = Prior(np.zeros(2), sd, np.array([0.0, -np.inf]), np.full(2, np.inf))
+    m = a[1, 1] + sd[1] ** -2
+
+    def density(x):
+        """The free coordinate integrated out: with b = g - a x it is exp(b^2/2m)/(sd sqrt m)."""
+        b = own.g[1] - a[0, 1] * x
+        level = 5.0 - 2.0 * own.g[0] * x + a[0, 0] * x * x + (x / sd[0]) ** 2
+        return (
+            2.0 / (sd[0] * math.sqrt(2.0 * math.pi)) * math.exp(-0.5 * level + 0.5 * b * b / m) / (sd[1] * math.sqrt(m))
+        )
+
+    expected = math.log(quad(density, 0.0, 20.0, limit=200)[0])
+    assert own.log_evidence(prior) == pytest.approx(expected, abs=1e-6)
+
+
 def test_evidence_of_several_free_coordinates_is_the_gaussian_integral():
     """log N(y; 0, J P J' + 1) of data y = J x + noise: the marginal likelihood written in the data's own space."""
     rng = np.random.default_rng(1)

@@ -264,16 +264,13 @@ def test_which_effects_have_a_shape():
 
 
 @pytest.mark.parametrize(("unknown", "rotor"), [(0.0, "driven"), (1.0, "driven"), (1.0, "free"), (1.0, "locked")])
-def test_another_part_is_looked_for_of_named_effects_and_beside_a_rest_of_others_that_can_have_one(
-    monkeypatch, unknown, rotor
-):
+def test_another_part_is_looked_for_of_named_effects_and_beside_a_rest_of_others_that_can_have_one(unknown, rotor):
     further = {e for e in library.effect_names() if library.load_effect(e).further}
     assert "flux_harmonics" in further
-    monkeypatch.setattr(parts, "remainder", lambda null, fit: SimpleNamespace(unknown=unknown))
     recordings = (SimpleNamespace(rotor="locked"), SimpleNamespace(rotor=rotor))
     fit = SimpleNamespace(point=SimpleNamespace(prepared=SimpleNamespace(recordings=recordings)))
     best = SimpleNamespace(effects=("dead_time", "flux_harmonics"), fit=fit)
     barred = sorted(further - {"flux_harmonics"})[0]
-    found = parts.candidates(best, SimpleNamespace(null=None), (barred,))
+    found = parts.candidates(best, SimpleNamespace(remainder=lambda fit: SimpleNamespace(unknown=unknown)), (barred,))
     others = further - {"flux_harmonics", barred}
     assert set(found) == {"dead_time", "flux_harmonics"} | (others if unknown and rotor != "locked" else set())

@@ -5,7 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
+from sandbox.gap import diagnose
 from sandbox.gap.evidence.beside import beside
+from sandbox.gap.evidence.discrepancy import Remainder
 from sandbox.gap.evidence.fit import fit
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
@@ -79,3 +81,29 @@ def test_what_stays_is_not_dismissed_for_the_minimum_it_ends_in_alone():
 def logged_early(columns):
     """Return columns of a recording whose voltages stand one row earlier."""
     return {k: x[1:] if k in ("u_alpha", "u_beta") else x[:-1] for k, x in columns.items()}
+
+
+@pytest.mark.parametrize(("worth", "first", "left"), [(9.0, ("a",), 0.0), (-9.0, ("unknown",), 0.9)])
+def test_what_proves_the_best_is_asked_anew_what_it_leaves(monkeypatch, worth, first, left):
+    """A set of two leaves much, so that `unknown` has 0.9; of it one effect is believed, fitted again.  Where that fit
+    is by far the most probable set, the first had ended in a poor minimum: nothing is left then, and `unknown` has
+    nothing.  Else `unknown` keeps what the better fit says, though the other leaves more."""
+
+    def judged(effects, level):
+        own = SimpleNamespace(effects=effects)
+        return SimpleNamespace(effects=effects, fit=own, level=level, log_evidence=level, tempered=lambda t: level)
+
+    two, alone = judged(("a", "b"), 0.0), judged(("a",), worth)
+    unknown = {("a", "b"): 0.9, ("a",): 0.0 if worth > 0.0 else 0.99}
+    monkeypatch.setattr(Search, "remainder", lambda found, fit: Remainder(9.0, 0.0, 0.2, unknown[fit.effects]))
+    monkeypatch.setattr(diagnose, "level", lambda j, temperature: j.level)
+    monkeypatch.setattr(
+        diagnose, "_ranked",
+        lambda found, *_: (found.judged, [(1.0, max(found.judged, key=lambda j: j.level))], 1.0),
+    )  # fmt: skip
+    monkeypatch.setattr(diagnose, "beside_unknown", lambda found, best, unknown, *_: alone if unknown > 0.5 else best)
+    found = Search(None, (two,), 0.0, frozenset(), (), 0.01)
+    all_judged, hypotheses, _, rest = diagnose._weighed(found, 1.0, {}, 1)
+    assert hypotheses[0].effects == first
+    assert rest.unknown == left
+    assert (alone in all_judged) == (worth > 0.0)

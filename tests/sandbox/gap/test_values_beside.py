@@ -137,9 +137,21 @@ def test_what_is_never_claimed_together_has_no_chance_together(monkeypatch):
     monkeypatch.setattr(inclusion, "Subsets", told_by(known, members))
     judged = SimpleNamespace(table=SimpleNamespace(members=members))
     h = SimpleNamespace(effects=("saturation",), probability=1.0, judged=judged)
-    for found in (inclusion.inclusion([h], 1.0), inclusion.by_algebra(judged.table, ("saturation",), 1.0)):
-        assert found.chances["cross_saturation"] == 0.0
-        assert found.chances["inertia"] == pytest.approx(np.exp(-2.0) / (1.0 + np.exp(-2.0)))
+    found = inclusion.inclusion([h], 1.0)
+    assert found.chances["cross_saturation"] == 0.0
+    assert found.chances["inertia"] == pytest.approx(np.exp(-2.0) / (1.0 + np.exp(-2.0)))
+
+
+def test_beside_a_regression_effects_are_exchanged_and_none_is_added(monkeypatch):
+    """By algebra a with c is far above the fitted a with b, and so are all three: the first counts as much as what was
+    fitted, the second not at all, however much it promises."""
+    members = dict.fromkeys("abc", ())
+    known = {("a", "b"): 0.0, ("a", "c"): 7.0, ("a", "b", "c"): 50.0, ("a",): -1.0}
+    monkeypatch.setattr(inclusion, "Subsets", told_by(known, members))
+    found = inclusion.by_algebra(SimpleNamespace(members=members), ("b", "a"), 1.0)
+    total = 2.0 + np.exp(-1.0)
+    assert found.chances == pytest.approx({"a": 1.0, "b": 1.0 / total, "c": 1.0 / total})
+    assert inclusion.by_algebra(SimpleNamespace(members=members), (), 1.0).chances == dict.fromkeys("abc", 0.0)
 
 
 def test_a_fitted_set_whose_effects_the_best_point_does_not_know_keeps_its_chance(monkeypatch):

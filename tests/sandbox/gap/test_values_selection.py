@@ -176,7 +176,7 @@ class Widening:
         monkeypatch.setattr(selection, "from_starts", lambda s, key, null: self.asked.append(key) or self.fits[key])
         monkeypatch.setattr(selection, "log_prior", lambda effects: 0.0)
         monkeypatch.setattr(selection, "promising", lambda s, here, fitted: promising)
-        monkeypatch.setattr(selection, "remainder", lambda null, fit: SimpleNamespace(unknown=unknown))
+        monkeypatch.setattr(Search, "remainder", lambda found, fit: SimpleNamespace(unknown=unknown))
 
     @staticmethod
     def judged(fit):

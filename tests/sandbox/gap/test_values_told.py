@@ -247,9 +247,7 @@ def test_rivals_are_fitted_below_nine_tenths_of_unknown(monkeypatch, unknown, lo
     monkeypatch.setattr(selection, "select", lambda s, *rest: setattr(s, "best", two))
     monkeypatch.setattr(selection, "judged_of", lambda s, fit: judged[fit.effects])
     monkeypatch.setattr(selection, "rivals", lambda s, best: asked.append(best.effects) or [])
-    monkeypatch.setattr(
-        selection, "remainder", lambda null, fit: SimpleNamespace(unknown=0.5 if fit is one else unknown)
-    )
+    monkeypatch.setattr(Search, "remainder", lambda found, fit: SimpleNamespace(unknown=0.5 if fit is one else unknown))
     found = selection.widened(Search(None, (judged[one.effects],), 0.0, frozenset(), (), 0.01, looked=1.0), 40.0, {})
     assert asked == ([two.effects] if looked_for else [])
     assert [j.effects for j in found.judged] == [one.effects, two.effects]

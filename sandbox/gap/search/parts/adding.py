@@ -17,7 +17,6 @@ from itertools import product
 
 from model.effects import library
 from model.effects.card import Part
-from sandbox.gap.evidence.discrepancy import remainder
 from sandbox.gap.evidence.fit import Weights, attempted, excess, rms_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import of_part
@@ -127,7 +126,7 @@ def candidates(best: Judged, found: Search, exclude: Sequence[str]) -> list[str]
     The latter only where a rotor turns: at one that stands every order is a constant and looks like a saturation.
     """
     turns = any(r.rotor != "locked" for r in best.fit.point.prepared.recordings)
-    if not turns or remainder(found.null, best.fit).unknown < OPEN:
+    if not turns or found.remainder(best.fit).unknown < OPEN:
         return list(best.effects)
     others = [
         e for e in library.effect_names() if e not in {*best.effects, *exclude} and library.load_effect(e).further
