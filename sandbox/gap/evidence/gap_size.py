@@ -18,6 +18,7 @@ from sandbox.gap.evidence.normal import Normal
 
 Array = NDArray[np.float64]
 DRAWS = 400
+FEWEST = 8  # blocks of time: of 8 a bootstrap is 0.78 as wide as Student's interval, of 4 half as wide
 UNDEFINED = 0.05  # of the draws, without a gap to close: more, and there is no interval
 
 
@@ -44,9 +45,11 @@ class Size:
 
 
 def squares(n: Normal, recordings: Sequence[int]) -> tuple[Array, Array]:
-    """Return sums of squares and counts (b,) of all blocks of the recordings."""
-    own = [s for s in n.segments if s.recording in recordings]
-    return np.concatenate([s.rr for s in own]), np.concatenate([s.n for s in own])
+    """Return sums of squares and counts (b,) of all blocks of time; channels read at one time scatter together."""
+    own = [[s for s in n.segments if s.recording == k] for k in recordings]
+    rr = [np.sum([s.rr for s in x], axis=0) for x in own if x]
+    count = [np.sum([s.n for s in x], axis=0) for x in own if x]
+    return np.concatenate(rr), np.concatenate(count)
 
 
 def rms(n: Normal, recordings: Sequence[int]) -> float:
@@ -63,8 +66,9 @@ def share_closed(before: float, after: float) -> float:
 def size_of(raw: Normal, before: Fit, after: Fit, held_out: Sequence[int], files: Sequence[str], seed: int = 0) -> Size:
     """Return how large the gap is; without recordings held out, on all.
 
-    The interval is a bootstrap over blocks.  Draws without a gap (rms at most 1) have no share; where these are more
-    than UNDEFINED of all there is no interval, since the rest would tell one given that there is a gap.
+    The interval is a bootstrap over blocks of time, where there are FEWEST.  Draws without a gap (rms at most 1) have
+    no share; where these are more than UNDEFINED of all there is no interval, since the rest would tell one given that
+    there is a gap.
     """
     chosen = list(held_out) or list(range(len(files)))
     j0, j1 = rms(before.normal, chosen), rms(after.normal, chosen)
@@ -79,7 +83,7 @@ def size_of(raw: Normal, before: Fit, after: Fit, held_out: Sequence[int], files
         total = n[pick].sum(1)
         excess = a[pick].sum(1) / total - 1.0
         drawn = (a[pick] - b[pick]).sum(1) / total / np.where(excess > 0.0, excess, np.nan)
-        if np.mean(excess <= 0.0) <= UNDEFINED:
+        if len(n) >= FEWEST and np.mean(excess <= 0.0) <= UNDEFINED:
             low, high = np.nanpercentile(drawn, [2.5, 97.5])
             interval = (float(low), float(high))
     return Size(rms(raw, chosen), j0, j1, closed, interval, each)

@@ -22,6 +22,11 @@ POSITION_NOTE = (
     "grows. All three use the nominal motor values. qnull: null of an injected ripple; ekf: Kalman filter with a motor "
     "model; active_flux: flux behind the voltages."
 )
+LIST_NOTE = (
+    "Probabilities here also count sets of effects that were only estimated, so they can differ from those of the "
+    "hypotheses. The interval of a share says how much it differs from recording to recording; how uncertain the size "
+    "is does not widen it."
+)
 BESIDE = (
     "Sizes are those beside a free regression, so that what is outside the library does not bend them. What they are "
     "without it stands below, and as `parameters` in diagnosis.json."

@@ -135,8 +135,8 @@ def _listed(a: Answers) -> Iterator[str]:
         yield f"<p>{prose(less_sure)}</p>"
     if hidden := listed.hidden_sentence(r):
         yield f"<p>{prose(hidden)}</p>"
-    if r.beside_unknown:
-        yield f'<p class="soft">{prose(listed.BESIDE)}</p>'
+    notes = [listed.LIST_NOTE, *([listed.BESIDE] if r.beside_unknown else [])]
+    yield f'<p class="soft">{prose(" ".join(notes))}</p>'
     if lies := r.where.told() if r.where is not None else "":
         yield f"<p>{prose(lies)}</p>"
     neutral = library.neutral(a.diagnosis.campaign.drive.motor)

@@ -171,7 +171,7 @@ def far_text(a: Answers) -> str:
 def _between(interval: tuple[float, float] | None) -> str:
     """Return an interval of shares in words."""
     if interval is None:
-        return "the gap is too near the noise floor for an interval"
+        return "no interval: the gap is too near the noise floor, or the recordings are too short"
     low, high = (percent_fine(min(x, 1.0)) for x in interval)  # no more than all of a gap closes
     return f"95 % interval: {low if low == high else f'{low} to {high}'}"
 

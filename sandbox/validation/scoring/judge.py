@@ -83,6 +83,10 @@ class Judgement:
         """The first hypothesis names an effect of the library that is not there."""
         return bool({*self.top} - {*self.effects, UNKNOWN})
 
+    def listed(self, least: float) -> frozenset[str]:
+        """Return the effects with a chance above `least` that are not there: false names of the whole list."""
+        return frozenset(e for e, chance in self.chances.items() if chance > least) - {*self.effects}
+
     @property
     def twin(self) -> bool:
         """The first hypothesis is the twin of the true effect."""

@@ -55,12 +55,38 @@ def test_farther_off_the_interval_holds_the_share(deviations):
         assert (low, high) == pytest.approx((0.5 / 1.0196, 0.5 / 0.9804), rel=0.003)
 
 
+def twice(one):
+    """Return a fit whose second channel was read at the same times and scatters as the first."""
+    segments = one.normal.segments * 2
+    return SimpleNamespace(normal=SimpleNamespace(segments=segments), effects=one.effects)
+
+
+def test_channels_of_one_time_are_no_more_blocks():
+    """A channel that repeats another tells nothing new: the share and its interval are those of one channel."""
+    scatter = 1.0 + SCATTER * np.random.default_rng(1).standard_normal(BLOCKS)
+    before, after = fit_with(1.0 + scatter), fit_with(1.0 + 0.3 * scatter**2, ("x",))
+    one, two = (size_of(b.normal, b, a, [0], ["a"]) for b, a in ((before, after), (twice(before), twice(after))))
+    assert two == one
+    assert one.closed_ci95 is not None
+
+
+@pytest.mark.parametrize("blocks", [7, 8])
+def test_few_blocks_of_time_have_no_interval(blocks):
+    """Of one recording with two channels; a bootstrap over b values is sqrt((b-1)/b) 1.96 / t(b-1) as wide as it
+    should be: over 7 0.74, over 8 0.78."""
+    scatter = np.linspace(0.9, 1.1, blocks)
+    before, after = twice(fit_with(2.0 * scatter)), twice(fit_with(1.1 * scatter, ("x",)))
+    s = size_of(before.normal, before, after, [0], ["a"])
+    assert s.closed == pytest.approx(0.9)
+    assert (s.closed_ci95 is None) == (blocks < 8)
+
+
 def test_a_missing_interval_is_said():
     s = Size(2.0, 1.01, 1.0, 0.9, None, ())
     near = SimpleNamespace(diagnosis=SimpleNamespace(size=s, held_out=(0,)), verdict="explained", position=None)
     text = far_text(near)
     assert "90.0 % of the reducible gap closes" in text
-    assert "too near the noise floor for an interval" in text
+    assert "no interval: the gap is too near the noise floor" in text
 
 
 def test_a_recording_held_out_leaves_nothing_in_the_fit_to_the_others(small_folder):

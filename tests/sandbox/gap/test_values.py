@@ -18,6 +18,7 @@ from sandbox.gap.evidence.normal import Normal, block_length, turns
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.evidence.spike_slab import Table, ordinary_share
 from sandbox.gap.search.estimates import estimates
+from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.segments import Segment, blocks
 
@@ -93,6 +94,20 @@ def test_bounds_by_hand():
     c = Coordinate("x", 1.0, 0.5, "linear", ("bench.x",), within=4.0)
     assert c.bounds() == (-1.0, 3.0)
     assert Coordinate("x", 1.0, 0.5, "reciprocal", ("bench.x",), within=4.0).bounds() == (0.0, 3.0)
+
+
+def test_a_value_comes_within_a_millionth_of_what_no_drive_can_have():
+    """A delay has to stay below six periods of 125 us (0.75 ms): of the range that a delay of 0.6 ms asks for, the part
+    above is cut off, however wide the prior is; a drive with what is left can be simulated."""
+    drive = load_drive("ipm_exchanged")
+    values = complete(drive.motor, drive.converter)
+    (delay,) = priors.of_effect("pwm_delay", drive, values, {**values, "pwm_delay.delay": 6e-4})
+    assert delay.mean + delay.within * delay.deviation > 7.5e-4
+    highest = delay.bounds()[1]
+    assert highest == pytest.approx(7.5e-4 * (1.0 - 1e-6), rel=1e-9)
+    complete(drive.motor, drive.converter, {"pwm_delay.delay": highest})
+    with pytest.raises(BadInput, match="delay"):
+        complete(drive.motor, drive.converter, {"pwm_delay.delay": 7.5e-4})
 
 
 def test_how_far_a_search_goes():

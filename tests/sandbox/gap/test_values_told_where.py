@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
+from sandbox.gap import diagnose
 from sandbox.gap.diagnose import Diagnosis
+from sandbox.gap.evidence.discrepancy import Remainder
 from sandbox.gap.location import where
 from sandbox.gap.location.decompose import CURRENT_NAMES, DIRECTIONS, SPEED_NAMES, Decomposition
 from sandbox.gap.location.readings import Readings
 from sandbox.gap.report import answers, left, position, position_moved, ranking, shares
+from sandbox.gap.search.forward import Search
 from sandbox.gap.search.inclusion import summed
 from sandbox.gap.words import PREFIXES
 
@@ -317,3 +320,23 @@ def test_a_waterfall_has_a_step_for_every_effect(monkeypatch):
     assert [e for e, _ in found] == ["a", "b", "c"]
     assert [x for _, x in found] == pytest.approx([2.0, math.nan, 1.01], nan_ok=True)
     assert gone == [("b", "c"), ("c",)]
+
+
+def test_all_sets_are_ranked_three_times_at_most(monkeypatch):
+    """Every set that is fitted beside `unknown` proves better than all before: the third is not ranked again."""
+    ranked = []
+
+    def of_level(level):
+        return SimpleNamespace(effects=(f"e{level}",), fit=SimpleNamespace(effects=()), level=level)
+
+    def ranking(found, *_):
+        ranked.append(len(found.judged))
+        return found.judged, [(1.0, max(found.judged, key=lambda j: j.level))], 1.0
+
+    monkeypatch.setattr(Search, "remainder", lambda found, fit: Remainder(9.0, 0.0, 0.2, 0.9))
+    monkeypatch.setattr(diagnose, "level", lambda j, temperature: j.level)
+    monkeypatch.setattr(diagnose, "_ranked", ranking)
+    monkeypatch.setattr(diagnose, "beside_unknown", lambda found, best, *_: of_level(best.level + 1))
+    monkeypatch.setattr(diagnose, "with_unknown", lambda ranked, *_: [SimpleNamespace(judged=ranked[0][1])])
+    diagnose._weighed(Search(None, (of_level(0),), 0.0, frozenset(), (), 0.01), 1.0, {}, 1)
+    assert ranked == [1, 2, 3]

@@ -102,6 +102,21 @@ def test_names_beside_unknown_are_counted():
     assert figures(judged)["outside_blamed"].value == pytest.approx(1 / 3)
 
 
+def test_false_names_of_the_whole_list_are_counted():
+    """Three answers say `unknown` alone; the list of the second has an absent effect above one half all the same, that
+    of the third the one that is there.  A failed diagnosis counts as a false name."""
+    true = truth_of(("dead_time", "unknown"), "outside", (1.0, 2.0))
+    lists = [{"dead_time": 0.2, "iron_loss": 0.5}, {"iron_loss": 0.97}, {"dead_time": 0.9}]
+    answers = [
+        {**diagnosis_of((["unknown"], 1.0)), "effects": [{"name": e, "probability": p} for e, p in own.items()]}
+        for own in lists
+    ]
+    judged = [judge(f"w{k}", true, a) for k, a in enumerate([*answers, {"failed": "no"}])]
+    assert [sorted(j.listed(0.5)) for j in judged] == [[], ["iron_loss"], [], []]
+    assert figures(judged)["outside_listed"].value == 0.5
+    assert [f["leave_out_listed_wrong"].value for f in (left_out(judged), left_out(judged[:1]))] == [0.25, 0.0]
+
+
 def test_an_effect_that_is_there_beside_unknown_is_no_false_name():
     """With dead time there: alone or beside unknown no false name, iron loss one; without it, one."""
     both = truth_of(("dead_time", "unknown"), "outside", (1.0, 2.0)) | {"outside_subsystem": "mechanics"}
@@ -181,6 +196,7 @@ def test_what_is_said_where_the_true_effect_was_left_out():
     assert f["leave_out_unknown"].value == pytest.approx(3 / 7)
     assert f["leave_out_confident_wrong"].value == pytest.approx(3 / 7)
     assert f["leave_out_twin"].value == pytest.approx(1 / 7)
+    assert f["leave_out_listed_wrong"].value == pytest.approx(2 / 7)  # the iron loss and the drop
 
 
 def test_the_cause_is_taken_out_by_every_name():
