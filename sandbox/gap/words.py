@@ -36,9 +36,7 @@ def amperes(x: float, *, sign: bool = False) -> str:
 
 def percent_fine(x: float) -> str:
     """Return a share with enough digits near one."""
-    if not math.isfinite(x):
-        return "–"
-    return f"{100.0 * x:.1f} %" if x < 0.9995 else "more than 99.9 %"
+    return tenths(x) if x < 0.9995 else "more than 99.9 %"
 
 
 def words(effect: str) -> str:

@@ -179,8 +179,11 @@ def _publish(waiting: Path, full: Path, command: str) -> None:
             return
     full.mkdir(parents=True, exist_ok=True)
     check_free(full, [new.name for new in waiting.iterdir()])
-    for old in full.glob(f"{command}.*"):
-        if old.suffix in KINDS and old.is_file() and not (waiting / old.name).exists():
+    earlier = [old for old in full.glob(f"{command}.*") if old.suffix in KINDS]
+    if (full / f"{command}.json").is_file():
+        earlier += [full / name for name in BESIDE.get(command, ())]
+    for old in earlier:
+        if old.is_file() and not (waiting / old.name).exists():
             old.unlink()
     for new in sorted(waiting.iterdir(), key=lambda path: path.suffix == ".json"):
         new.replace(full / new.name)

@@ -37,15 +37,19 @@ UNITS = {
     "load_torque": "N m", "temperature": "degC", "torque": "N m", "theta_hat": "rad",
 }  # fmt: skip
 AXES = ("d", "q", "none")
-STATED = {  # standard deviations that a campaign may state
-    "uncertainty": (
-        "resistance", "magnet_flux", "inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22",
-        "alpha_04", "inertia", "viscous_friction",
-    ),
-    "background": (
-        "current_gain", "current_offset", "encoder_offset", "dead_time", "load_torque_gain", "load_torque_offset",
-    ),
+RELATIVE = (1e-9, 100.0)  # deviations in shares: a narrower one is no longer told from none by rounding
+MACHINE = (
+    "resistance", "magnet_flux", "inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22",
+    "alpha_04", "inertia", "viscous_friction",
+)  # fmt: skip
+STATED = {  # standard deviations that a campaign may state: least and largest but 0, which is none
+    "uncertainty": dict.fromkeys(MACHINE, RELATIVE),
+    "background": {
+        "current_gain": RELATIVE, "current_offset": (1e-9, 1e4), "encoder_offset": (1e-9, math.pi),
+        "dead_time": (1e-15, 1e-3), "load_torque_gain": RELATIVE, "load_torque_offset": (1e-9, 1e6),
+    },
 }  # fmt: skip
+OWN_UNITS = {"current_offset": " A", "encoder_offset": " rad", "dead_time": " s", "load_torque_offset": " N m"}
 TABLES = (
     "campaign", "drive", "motor", "flux_map", "uncertainty", "background", "injection", "provenance", "recording",
     "log", "limits",
@@ -370,6 +374,10 @@ def _numbers(data: Mapping[str, Any], table: str) -> dict[str, float]:
     for key, value in values.items():
         if key not in STATED[table]:
             raise unknown(f"key in [{table}]", key, STATED[table])
-        if (finite(value) or 0.0) < 0.0 or finite(value) is None:
-            raise BadInput(f"[{table}] {key} = {brief(value)} is no standard deviation; give a finite number >= 0")
+        number, (least, largest) = finite(value), STATED[table][key]
+        if number is None or not (number == 0.0 or least <= number <= largest):
+            raise BadInput(
+                f"[{table}] {key} = {brief(value)} is no standard deviation; give one from {least:g} to {largest:.4g}"
+                f"{OWN_UNITS.get(key, '')}, or 0"
+            )
     return {k: float(v) for k, v in values.items()}

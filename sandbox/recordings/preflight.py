@@ -35,6 +35,7 @@ FALLS = 8.0  # times that undoing a factor must lessen what is unexplained
 TURNING = 0.03  # of the link: a voltage whose direction is no noise
 LOAD_TURNS = 1.2  # turns by which a load that changes its sign, and back, may move the voltage against the magnet
 TURNS = 5.0  # electrical turns that tell how fast voltage and angle turn
+SHORTEST = 16  # rows of a stretch that turns: two periods at eight samples each
 OFF_PACE = 0.02  # relative, of how fast they turn
 COARSER = 2.0  # times the stated step
 COLUMN = re.compile(r"column '(\w+)'")
@@ -256,11 +257,11 @@ def _after(told: Sequence[tuple[CampaignRecording, float]], drive: Drive, names:
 def pace(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
     """Return a finding where the voltage turns faster or slower than the angle: pole pairs, or a gear in between."""
     for r in recordings:
-        if r.rotor == "locked" or np.max(np.abs(np.diff(r.theta))) > 1.0:
+        if r.rotor == "locked" or r.t.size < SHORTEST or np.max(np.abs(np.diff(r.theta))) > 1.0:
             continue
         smooth = np.convolve(r.u_alpha + 1j * r.u_beta, np.ones(4) / 4.0, "same")
         begin, end = _longest(np.abs(smooth) > TURNING * r.u_dc)
-        if end - begin < 16:
+        if end - begin < SHORTEST:
             continue
         turned = float(r.theta[end - 1] - r.theta[begin]) / math.tau
         phase = np.unwrap(np.angle(smooth[begin:end]))

@@ -100,7 +100,7 @@ def voltages(r: Inputs, read: Array) -> Iterator[Complex]:
 
 def _before(x: NDArray, periods: int) -> NDArray:
     """Return a signal some periods earlier, zero before it began."""
-    return np.concatenate([np.zeros(periods, x.dtype), x[: len(x) - periods]])
+    return np.concatenate([np.zeros(periods, x.dtype), x])[: len(x)]
 
 
 def _short(x: Array, width: float) -> Array:

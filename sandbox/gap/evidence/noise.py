@@ -131,13 +131,17 @@ def noise_caution(campaign: Campaign) -> str:
     return parting(own)
 
 
+def far_apart(own: Noise) -> bool:
+    """Return whether stated noise and the one that readings show cannot both be right: PLAUSIBLE times and more."""
+    return own.seen is not None and abs(math.log(own.seen / own.stated)) > math.log(PLAUSIBLE)
+
+
 def parting(own: Noise) -> str:
     """Return a sentence on a stated noise that is overruled by the one seen, or stands against it; else ""."""
     if own.seen is None:
         return ""
     overruled = abs(math.log(own.used / own.seen)) < abs(math.log(own.used / own.stated))
-    against = own.used == own.stated and abs(math.log(own.seen / own.stated)) > math.log(PLAUSIBLE)
-    if not overruled and not against:
+    if not overruled and not far_apart(own):
         return ""
     said = (
         f"[drive] current_noise and current_resolution state {own.stated:.4g} A of noise, the current readings scatter "

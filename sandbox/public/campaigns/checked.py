@@ -21,7 +21,7 @@ from sandbox.public.result import Result
 from sandbox.recordings import importing, motion_log
 from sandbox.recordings.campaign import NO_LIMITS, Campaign, Finding
 from sandbox.recordings.importing import how_to_map
-from sandbox.recordings.preflight import NOTE, REFUSED, Noticed, noticed
+from sandbox.recordings.preflight import NOTE, REFUSED, SUSPICIOUS, Noticed, noticed
 
 if TYPE_CHECKING:
     from sandbox.gap.planning.bench_plan import Plan
@@ -148,6 +148,8 @@ def check(
     if read is None:
         return CheckResult(name, tuple(found), None, why, _draft(campaign, columns))
     found += noticed(read)
+    if not any(n.level == REFUSED for n in found):
+        found += _of_noise(read)
     if columns is None and preset is None and not isinstance(campaign, Campaign):
         found = [replace(n, finding=replace(n.finding, text=how_to_map(n.finding.text))) for n in found]
     if any(n.level == REFUSED for n in found) or not effects:
@@ -159,6 +161,17 @@ def check(
     except BadInput as error:
         found.append(Noticed(REFUSED, Finding(read.name, "", None, str(error))))
         return CheckResult(read.name, tuple(found), None, str(error))
+
+
+def _of_noise(campaign: Campaign) -> list[Noticed]:
+    """Return what is said where the stated noise of the current sensors is far from what their readings show."""
+    from sandbox.gap.evidence.noise import far_apart, noise_caution, noise_of
+
+    try:
+        text = noise_caution(campaign)
+    except BadInput as error:
+        return [Noticed(REFUSED, Finding(campaign.name, "", None, str(error)))]
+    return [Noticed(SUSPICIOUS, Finding(campaign.name, "", None, text))] if far_apart(noise_of(campaign)) else []
 
 
 @dataclass(frozen=True, repr=False)

@@ -11,6 +11,7 @@ from typing import Any
 from model.errors import BadInput, brief
 from model.parameters import finite
 
+VERDICTS = ("explained", "ambiguous", "unknown", "no_gap")  # as schemas/diagnosis.json has them
 LONGEST = 60.0  # s of a recommended recording
 MOST = 1000  # hypotheses, effects or places of one report
 
@@ -22,7 +23,8 @@ def check_report(content: Any, name: str) -> dict[str, Any]:
         raise BadInput(f"it is of campaign {brief(report['campaign'])}")
     if "failed" in report:
         return report
-    _text(report, "verdict")
+    if _there(report, "verdict") not in VERDICTS:
+        raise BadInput(f"verdict is {brief(report['verdict'])}; it has to be one of {', '.join(VERDICTS)}")
     gap = _table(_there(report, "gap"), "gap")
     _number(_there(gap, "before"), "gap.before")
     for key in ("raw", "after", "closed"):

@@ -342,6 +342,19 @@ def test_stale_files_go_and_strangers_stay(short, tmp_path):
     ]
 
 
+def test_what_an_earlier_call_wrote_under_names_of_its_own_goes(tmp_path):
+    """An earlier diagnosis left a motor; the new one writes none.  Without an earlier one it is somebody else's."""
+    for earlier, left in ((True, {"diagnosis.json"}), (False, {"diagnosis.json", "motor.toml"})):
+        out = tmp_path / str(earlier)
+        out.mkdir()
+        (out / "motor.toml").write_text("old")
+        if earlier:
+            (out / "diagnosis.json").write_text("{}")
+        with results(out, "diagnosis") as folder:
+            (folder / "diagnosis.json").write_text("{}")
+        assert {p.name for p in out.iterdir()} == left
+
+
 def test_names_with_markup_are_names(short, tmp_path, capsys):
     motor = motor_file(tmp_path, 'name = "ipm_exchanged"', 'name = "[bold] $_{$ <b>"')
     call = [

@@ -124,6 +124,8 @@ def test_a_gap_in_time_names_its_row(tmp_path):
         ("[background]", "[backgrund]", "unknown table 'backgrund'; did you mean 'background'"),
         ("current_gain = 0.002", "current_gain = -1", "current_gain = -1 is no standard deviation"),
         ("current_gain = 0.002", "current_gain = inf", "current_gain = inf is no standard deviation"),
+        ("current_gain = 0.002", "current_gain = 1e-160", "give one from 1e-09 to 100, or 0"),
+        ("current_gain = 0.002", "encoder_offset = 4.0", "encoder_offset = 4.0 is .* give one from 1e-09 to 3.142 rad"),
         ('rotor = "locked"', 'rotor = ["locked"]', r"rotor = \['locked'\] in \[\[recording\]\] is not a text"),
     ],
 )

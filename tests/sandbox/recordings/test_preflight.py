@@ -14,7 +14,7 @@ from sandbox import check
 from sandbox.cli import main
 from sandbox.recordings.campaign import EXAMPLE, read_campaign
 from sandbox.recordings.mistakes import PHASES, percent
-from sandbox.recordings.preflight import REFUSED, noticed, quantum
+from sandbox.recordings.preflight import REFUSED, noticed, pace, quantum
 from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder
 
@@ -180,6 +180,29 @@ def test_the_step_of_readings():
     x = rng.standard_normal(4000)
     assert quantum(0.05 * np.round(x / 0.05)) == pytest.approx(0.05)
     assert quantum(x) is None
+
+
+def test_noise_far_from_what_readings_show_is_suspicious():
+    """The sensors have 1.9 and 0.55 times what is stated: the limit of what both may be is 1.5, and none is refused, as
+    no reading is quieter than half of what is stated."""
+    drive = bench().drive
+
+    def stated(times):
+        own = {k: times * getattr(drive.converter, k) for k in ("current_noise", "current_resolution")}
+        converter = dataclasses.replace(drive.converter, **own)
+        own_bench = dataclasses.replace(bench(), drive=dataclasses.replace(drive, converter=converter))
+        return [n for n in check(own_bench, effects=False).noticed if "A of noise" in n.finding.text]
+
+    assert stated(1.1) == []
+    for found in (stated(1.0 / 1.9), stated(1.0 / 0.55)):
+        assert [n.level for n in found] == ["suspicious"]
+        assert "too far apart for both to be right" in found[0].finding.text
+
+
+def test_a_recording_of_three_rows_turns_too_little_to_tell():
+    """Fewer rows than the four over which the voltage is smoothed."""
+    short = all_of(lambda r: {n: x[:3] for n, x in r.columns.items()})(bench())
+    assert pace(short, bench().drive) == []
 
 
 def test_the_command_lists_what_it_found(tmp_path, capsys):

@@ -470,6 +470,7 @@ def test_the_page_of_several_effects_only_has_no_confusion(check, tmp_path):
         {"next_recording": {"entry": "x", "seconds": "long"}}, {"next_recording": {"entry": "x"}},
         {"next_recording": {"entry": 5, "seconds": 1.0}}, {"next_recording": {"power": 7}},
         {"next_recording": {"power": "high"}}, {"ambiguity_set": None}, {"gap": None}, {"verdict": None},
+        {"verdict": "none"},
         {"cost": None}, {"where": [{}]}, {"hypotheses": [{"effects": ["dead_time"], "probability": 5.0}]},
     ],
 )  # fmt: skip
