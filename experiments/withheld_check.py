@@ -1,6 +1,6 @@
 """How good is the diagnosis on campaigns of the second simulator whose effect is withheld, beside simple methods?
 
-60 campaigns with scored cycles, 30 with four to ten effects at once, 40 with a cause outside the library each, 200
+60 campaigns with scored cycles, 30 with four to ten effects at once, 40 with a cause outside the library each, 300
 controls without a gap, 20 narrow campaigns where pairs of effects look alike, and 100 campaigns with the ladder's
 sizes in place of published ones (what it is worth that the prior knows them); single effects of the first 60 once more
 with the true one taken out of the library; the simple methods on them, too.
@@ -62,7 +62,7 @@ CHECKS = {
     "outside": Check(
         "Campaigns of one cause outside the library each", "outside", 40, 20262104, options=("--baselines",)
     ),
-    "controls": Check("Controls without a gap", "controls", 200, 20262102),
+    "controls": Check("Controls without a gap", "controls", 300, 20262102),
     "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 100, 20261224, "ladder"),
 }  # fmt: skip
 
