@@ -50,6 +50,8 @@ def figures(
     asked = asked or {}
     settled = {j.name: j.settled for j in followed}
     tried = [n for n in ambiguous if n in settled or n not in asked]  # the others are not recorded yet
+    if asked and not settled:  # nothing is recorded yet, so nothing is known of what recordings settle
+        tried = []
     shrunk = [j.closed for j in judged if j.closed is not None]
     of_list = [j.closed for j in judged if j.closed is not None and len(j.effects) >= MANY]
     times = [j.seconds for j in judged if j.seconds is not None]

@@ -175,6 +175,7 @@ def test_who_asks_for_nothing_resolves_nothing():
     assert (f["resolved"].value, f["resolved"].n) == (0.5, 2)
     assert (f["recommended"].value, f["recommended"].n) == (0.75, 4)
     assert (f["resolved_of_all"].value, f["resolved_of_all"].n) == (pytest.approx(1 / 3), 3)
+    assert figures(judged, {"a": 0.9})["resolved_of_all"].n == 0  # as with --finished: nothing was recorded
     silent = figures(judged)
     assert (silent["recommended"].value, silent["resolved_of_all"].value, silent["resolved"].n) == (0.0, 0.0, 0)
 
