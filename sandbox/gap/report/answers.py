@@ -124,6 +124,11 @@ def linear(campaign: Campaign) -> Campaign:
 
 def where_text(a: Answers) -> str:
     """Return where the gap lies, in one sentence; one more where a single phase misses more than the others."""
+    if (every := _unforetold(a)) is not None:
+        return (
+            f"Nowhere that these recordings show: fitted to all of them, ordinary deviations leave {times(every)} the "
+            "noise floor."
+        )
     text = summary(a.diagnosis, a.where)
     return text if a.odd_phase is None or a.verdict == "no_gap" else f"{text} {a.odd_phase.text}"
 
@@ -147,8 +152,7 @@ def far_text(a: Answers) -> str:
     )
     if a.verdict == "no_gap":
         text = f"There is nothing to close: residuals are {times(s.before)} the noise floor {on}."
-        if s.before > FEW:
-            every = math.sqrt(max(0.0, 1.0 + d.remainder.before))
+        if (every := _unforetold(a)) is not None:
             text = (
                 f"Fitted to all recordings ordinary deviations leave {times(every)} the noise floor, but "
                 f"{times(s.before)} {on}: too few recordings to predict one from the others."
@@ -166,6 +170,15 @@ def far_text(a: Answers) -> str:
             "gap is what squared residuals have above the noise."
         )
     return f"{capital(text)} {position_text(a)}".strip()
+
+
+def _unforetold(a: Answers) -> float | None:
+    """Return what ordinary deviations fitted to all recordings leave (times the noise floor), where they explain all
+    recordings but do not foretell those held out; None elsewhere."""
+    d = a.diagnosis
+    if a.verdict != "no_gap" or d.size.before <= FEW:
+        return None
+    return math.sqrt(max(0.0, 1.0 + d.remainder.before))
 
 
 def _between(interval: tuple[float, float] | None) -> str:
@@ -201,6 +214,11 @@ def next_text(a: Answers) -> str:
         told, chance = "; ".join(names(s) for s in a.following.separates), likely(a.following.power)
         text = f"Record: {a.following.description}, for {a.following.seconds:g} s."
         return f"{text} That it leaves only the true one of these is {chance}: {told}."
+    if _unforetold(a) is not None:
+        return (
+            "Record more operating points (`sensorless plan` says which): these recordings do not foretell each other, "
+            "so a small effect could pass for an ordinary deviation."
+        )
     if a.verdict == "no_gap":
         return (
             "Nothing is needed, as far as these recordings see: the nominal model explains them once what "

@@ -31,7 +31,7 @@ from sandbox.gap.location.where import subsystems
 from sandbox.gap.pages.page import write_report
 from sandbox.gap.planning.menu import menu, settings
 from sandbox.gap.planning.next_recording import Next
-from sandbox.gap.report.answers import answer, caveats, far_text, linear, next_text, which_text
+from sandbox.gap.report.answers import answer, caveats, far_text, linear, next_text, where_text, which_text
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.gap.report.position import carrier_at, errors
 from sandbox.gap.search.estimates import Estimate
@@ -197,6 +197,9 @@ def test_few_recordings_that_do_not_foretell_each_other_are_no_closed_matter(qui
     assert "2.05 times" in far_text(apart)
     assert "too few recordings" in far_text(apart)
     assert "nothing to close" not in far_text(apart)
+    assert where_text(apart).startswith("Nowhere that these recordings show: fitted to all of them")
+    assert "2.05" not in where_text(apart)
+    assert next_text(apart).startswith("Record more operating points")
 
 
 def test_position_error_follows_the_diagnosis(small_answers):
