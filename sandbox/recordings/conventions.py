@@ -145,8 +145,8 @@ def shifted(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Findi
     when = "one sample later than" if rows > 0 else "one sample before"
     more = f" (and in {len(told[rows]) - 1} other recordings)" if len(told[rows]) > 1 else ""
     text = (
-        f"{file}: column 'u_alpha': commands act {when} the row in which they stand: {100.0 * before:.2g} % of the "
-        f"voltage is unexplained, shifted by a row {100.0 * after:.2g} %{more}; if the log is shifted, move u_alpha, "
+        f"{file}: column 'u_alpha': commands act {when} the row in which they stand: {100.0 * before:.3g} % of the "
+        f"voltage is unexplained, shifted by a row {100.0 * after:.3g} %{more}; if the log is shifted, move u_alpha, "
         f"u_beta {'down' if rows > 0 else 'up'} by one row (a drive that is late itself shows as pwm_delay)"
     )
     return [Finding(file, "u_alpha", None, text)]

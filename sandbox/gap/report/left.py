@@ -69,4 +69,4 @@ def alike_text(a: Answers) -> str:
     r = a.remains
     if r is None or r.alike < ALIKE:
         return ""
-    return f"Over 50 ms residuals are alike (sums vary {r.alike:.2g} times as much as those of white noise)."
+    return f"Over 50 ms residuals are alike (sums vary {times(r.alike)} as much as those of white noise)."
