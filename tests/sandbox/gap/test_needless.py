@@ -10,7 +10,7 @@ from sandbox.gap.evidence.probes import Probe
 from sandbox.gap.search import needless as needless_
 from sandbox.gap.search.forward import Search
 from sandbox.gap.search.judged import judge
-from sandbox.gap.search.needless import needless, with_fewer
+from sandbox.gap.search.needless import doubted, needless, with_fewer
 from sandbox.gap.search.points import towards
 from sandbox.plant.sets import complete
 from sandbox.replay.replay import prepare
@@ -53,6 +53,8 @@ def test_needless_effects_are_taken_out_one_by_one_where_all_are_too_many(monkey
 
     monkeypatch.setattr(needless_, "level", lambda j, t: told["".join(j.effects)])
     monkeypatch.setattr(needless_, "needless", lambda j: nothing["".join(j.effects)])
+    monkeypatch.setattr(needless_, "doubted", lambda j, t: ())
+    monkeypatch.setattr(Search, "remainder", lambda self, fit: SimpleNamespace(unknown=0.0))
     monkeypatch.setattr(needless_, "_fewer", lambda best, key, *_: asked.append("".join(key)) or set_of(key))
     found = with_fewer(Search(None, (set_of("abc"),), 0.0, frozenset(), (), 0.01), 5.0, {})
     assert asked == ["a", "ac", "ab"]
@@ -79,3 +81,38 @@ def test_an_effect_that_is_there_stays():
     found, weights = searched(("dead_time",))
     assert needless(found.judged[0]) == ()
     assert with_fewer(found, 5.0, weights) == found
+
+
+def test_an_effect_in_doubt_is_one_that_the_equations_hardly_need():
+    """The bench has a dead time alone: the other two of three are in doubt, the dead time is not."""
+    found, _ = searched(("current_gain", "dead_time", "stator_resistance"))
+    assert doubted(found.judged[0], 1.5) == ("current_gain", "stator_resistance")
+    alone, _ = searched(("dead_time",))
+    assert doubted(alone.judged[0], 1.5) == ()
+
+
+def test_an_effect_that_was_needed_is_not_asked_for_again(monkeypatch):
+    """All three are in doubt by algebra.  Without "a" the set is far worse, without "b" better: "a" is not asked for
+    beside "c" alone, as it was needed beside more."""
+    told = {"abc": 0.0, "bc": -100.0, "ac": 1.0, "ab": -1.0, "a": 0.5, "c": -100.0}
+    asked = []
+
+    def set_of(key):
+        """A weighed set by its effects."""
+        return SimpleNamespace(effects=tuple(key), fit=SimpleNamespace(simulations=1.0), simulations=2.0)
+
+    monkeypatch.setattr(needless_, "level", lambda j, t: told["".join(j.effects)])
+    monkeypatch.setattr(needless_, "needless", lambda j: ())
+    monkeypatch.setattr(needless_, "doubted", lambda j, t: j.effects)
+    monkeypatch.setattr(needless_, "_fewer", lambda best, key, *_: asked.append("".join(key)) or set_of(key))
+    monkeypatch.setattr(Search, "remainder", lambda self, fit: SimpleNamespace(unknown=0.0))
+    with_fewer(Search(None, (set_of("abc"),), 0.0, frozenset(), (), 0.01), 5.0, {})
+    assert asked == ["bc", "ac", "ab", "a"]
+
+
+def test_no_effect_is_doubted_beside_something_outside_the_library(monkeypatch):
+    """Where the set leaves what only something outside the library explains, `stranger` says what stands beside it."""
+    found, weights = searched(("current_gain", "dead_time", "stator_resistance"))
+    monkeypatch.setattr(needless_, "needless", lambda j: ())
+    monkeypatch.setattr(Search, "remainder", lambda self, fit: SimpleNamespace(unknown=0.95))
+    assert with_fewer(found, 5.0, weights).judged == found.judged
