@@ -146,7 +146,7 @@ def recompute(results: Path = RESULTS) -> list[str]:
             lines += [*wins_table(rows), ""]
     if {"mixed", "further"} <= set(found):
         lines += [
-            "## Both of these together",
+            "## Both checks of one to three effects together",
             "",
             *table(together(found["mixed"].rows, found["further"].rows), GOALS),
             "",

@@ -44,6 +44,7 @@ BESIDE = {  # files that commands write under names of their own
     "identify": ("motor.toml", "effects.toml"),
     "check": ("columns.toml",),
 }
+CORRECTED = ("columns.toml",)  # drafts that a user goes on with: they stay where no new one is written
 
 
 def rounded(value: Any, digits: int) -> Any:
@@ -181,12 +182,18 @@ def _publish(waiting: Path, full: Path, command: str) -> None:
     check_free(full, [new.name for new in waiting.iterdir()])
     earlier = [old for old in full.glob(f"{command}.*") if old.suffix in KINDS]
     if (full / f"{command}.json").is_file():
-        earlier += [full / name for name in BESIDE.get(command, ())]
+        earlier += [full / name for name in BESIDE.get(command, ()) if not _of_others(full, name, command)]
     for old in earlier:
         if old.is_file() and not (waiting / old.name).exists():
             old.unlink()
     for new in sorted(waiting.iterdir(), key=lambda path: path.suffix == ".json"):
         new.replace(full / new.name)
+
+
+def _of_others(folder: Path, name: str, command: str) -> bool:
+    """Return whether a file may be a user's, or of another command that has results in the folder."""
+    others = [c for c, names in BESIDE.items() if name in names and c != command]
+    return name in CORRECTED or any((folder / f"{c}.json").is_file() for c in others)
 
 
 def discard(out: Path) -> None:

@@ -74,7 +74,7 @@ def test_two_mixed_checks_are_told_together(results):
     for suffix in ("rows.jsonl", "truth.json"):
         (results / f"further.{suffix}").write_bytes((results / f"mixed.{suffix}").read_bytes())
     assert recompute(results) == ["mixed", "further"]
-    _, _, both = (results / "README.md").read_text().partition("## Both of these together")
+    _, _, both = (results / "README.md").read_text().partition("## Both checks of one to three effects together")
     top = by_method([*twelve()])[0].figures["top1"]
     assert f"| top1 |  | {top.value:.3g} [" in both
     assert f"n = {2 * top.n} |" in both

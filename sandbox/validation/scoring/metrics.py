@@ -126,7 +126,7 @@ def left_out(judged: Sequence[Judgement]) -> dict[str, Figure]:
         "leave_out_unknown": share(held_open),
         "leave_out_twin": share([j.twin and j.confident for j in judged]),
         "leave_out_confident_wrong": share([j.confident and j.unknown <= DOUBT for j in judged]),
-        "leave_out_listed_wrong": share([bool(j.listed(SETTLED)) for j in judged]),
+        "leave_out_listed_wrong": share([j.failed or bool(j.listed(SETTLED)) for j in judged]),
         "leave_out_subsystem": share([bool(j.subsystem) for j in judged if j.subsystem is not None]),
     }
 

@@ -355,6 +355,18 @@ def test_what_an_earlier_call_wrote_under_names_of_its_own_goes(tmp_path):
         assert {p.name for p in out.iterdir()} == left
 
 
+def test_what_a_user_corrects_and_what_another_command_wrote_stays(tmp_path):
+    """A second check drafts no columns: the corrected draft stays.  Nor does a diagnosis without a motor take the motor
+    that an identification left in the same folder."""
+    for name in ("check.json", "columns.toml", "identify.json", "motor.toml", "diagnosis.json"):
+        (tmp_path / name).write_text("{}")
+    for command in ("check", "diagnosis"):
+        with results(tmp_path, command) as folder:
+            (folder / f"{command}.json").write_text("{}")
+    left = {"check.json", "columns.toml", "identify.json", "motor.toml", "diagnosis.json"}
+    assert {p.name for p in tmp_path.iterdir()} == left
+
+
 def test_names_with_markup_are_names(short, tmp_path, capsys):
     motor = motor_file(tmp_path, 'name = "ipm_exchanged"', 'name = "[bold] $_{$ <b>"')
     call = [
