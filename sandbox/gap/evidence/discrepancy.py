@@ -30,7 +30,8 @@ Array = NDArray[np.float64]
 # SHARE).
 FLOOR = 0.008
 SHARE = 3e-5  # of the gap before: what it misses of an effect it knows
-IMITATED = (0.0, 0.002, 0.005, 0.1)  # odds that so many named effects only imitate what is missing; more than three count as three
+# Odds that so many named effects only imitate what is missing; more than three count as three.
+IMITATED = (0.0, 0.002, 0.005, 0.1)
 COUNTS = 4096  # of half a PWM period: usual, and seldom logged
 STRETCH = 4.0  # standard deviations of a deviation that imitation stretches
 # Logistic against the logarithm of the remainder over what it misses: constant and slope, from the practice recordings
