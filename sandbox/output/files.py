@@ -44,7 +44,8 @@ BESIDE = {  # files that commands write under names of their own
     "identify": ("motor.toml", "effects.toml"),
     "check": ("columns.toml",),
 }
-CORRECTED = ("columns.toml",)  # drafts that a user goes on with: they stay where no new one is written
+# Drafts that a user goes on with: they stay where no new one is written, and beside one that differs.
+CORRECTED = {"columns.toml": "columns.earlier.toml"}
 
 
 def rounded(value: Any, digits: int) -> Any:
@@ -186,6 +187,10 @@ def _publish(waiting: Path, full: Path, command: str) -> None:
     for old in earlier:
         if old.is_file() and not (waiting / old.name).exists():
             old.unlink()
+    for name, kept in CORRECTED.items():
+        old, new = full / name, waiting / name
+        if old.is_file() and new.is_file() and old.read_bytes() != new.read_bytes():
+            old.replace(full / kept)
     for new in sorted(waiting.iterdir(), key=lambda path: path.suffix == ".json"):
         new.replace(full / new.name)
 

@@ -351,6 +351,7 @@ def print_check(found: CheckResult) -> None:
         print_prose(found.why)
         if found.draft:
             print_prose(f"a draft of a column map, from the tables' own columns: {drafting.NAME} among the results")
+            print_prose("(one of an earlier call that differs is kept as columns.earlier.toml)")
         return
     v = found.visible
     rows = [[e, f"{z:.3g}", v.words(e)] for e, z in v.sizes.items()]

@@ -367,6 +367,16 @@ def test_what_a_user_corrects_and_what_another_command_wrote_stays(tmp_path):
     assert {p.name for p in tmp_path.iterdir()} == left
 
 
+def test_a_corrected_draft_is_kept_beside_a_new_one(tmp_path):
+    """The second call drafts anew: what the user had corrected has another name; a third, alike, moves nothing."""
+    (tmp_path / "columns.toml").write_text("corrected")
+    for _ in range(2):
+        with results(tmp_path, "check") as folder:
+            (folder / "columns.toml").write_text("draft")
+        assert (tmp_path / "columns.earlier.toml").read_text() == "corrected"
+        assert (tmp_path / "columns.toml").read_text() == "draft"
+
+
 def test_names_with_markup_are_names(short, tmp_path, capsys):
     motor = motor_file(tmp_path, 'name = "ipm_exchanged"', 'name = "[bold] $_{$ <b>"')
     call = [
