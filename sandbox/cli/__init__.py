@@ -63,20 +63,29 @@ class Ended(KeyboardInterrupt):
 
 @contextmanager
 def _ended_politely() -> Iterator[None]:
-    """Raise Ended on SIGTERM, where this is the main thread."""
+    """Raise KeyboardInterrupt on the first Ctrl-C and Ended on the first SIGTERM, where this is the main thread.
 
-    def end(*_: object) -> None:
-        """Raise Ended."""
-        raise Ended
-
+    Whatever comes after it is ignored, so that a second Ctrl-C does not stop the clearing up.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, end)
+    heard = [n for n in (signal.SIGINT, signal.SIGTERM) if signal.getsignal(n) is not signal.SIG_IGN]
+
+    def end(number: int, *_: object) -> None:
+        """Raise what the signal stands for, and ignore further ones."""
+        for other in heard:
+            signal.signal(other, signal.SIG_IGN)
+        raise Ended if number == signal.SIGTERM else KeyboardInterrupt
+
+    before = {n: signal.signal(n, end) for n in heard}
     try:
         yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
+    except KeyboardInterrupt:
+        raise  # still ignoring: the process ends
+    else:
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def attempt(options: argparse.Namespace) -> int:

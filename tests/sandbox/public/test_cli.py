@@ -273,7 +273,10 @@ def test_a_command_has_one_thread_of_blas(module, own, said):
 
 @pytest.mark.parametrize(("sent", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_interrupt_leaves_nothing_half_written(sent, code, tmp_path):
-    """Ctrl-C or SIGTERM as soon as the first file of the results is written aside: the process sends it itself."""
+    """Ctrl-C or SIGTERM as soon as the first file of the results is written aside: the process sends it itself.
+
+    While this is cleared away both come once more.
+    """
     root, out = Path(__file__).resolve().parents[3], tmp_path / "new" / "out"
     script = (
         "import os, runpy, sys, time\n"
@@ -284,6 +287,12 @@ def test_interrupt_leaves_nothing_half_written(sent, code, tmp_path):
         f"    if {str(tmp_path)!r} in str(path):\n"
         f"        print(path, flush=True); os.kill(os.getpid(), {int(sent)}); time.sleep(600)\n"
         "Path.write_bytes = stopped\n"
+        "import sandbox.cli\n"
+        "clear = sandbox.cli.discard\n"
+        "def impatient(folder):\n"
+        f"    os.kill(os.getpid(), {int(signal.SIGINT)}); os.kill(os.getpid(), {int(signal.SIGTERM)})\n"
+        "    clear(folder)\n"
+        "sandbox.cli.discard = impatient\n"
         f"sys.argv = ['sensorless', 'audit', 'ipm', '--out', {str(out)!r}]\n"
         "runpy.run_module('sandbox.cli', run_name='__main__')\n"
     )
