@@ -26,6 +26,7 @@ from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.search.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.search.forward import Judged, Search, search
 from sandbox.gap.search.needless import with_fewer
+from sandbox.gap.search.one_for_several import with_one_for_several
 from sandbox.gap.search.parts.adding import in_parts, level, with_parts
 from sandbox.gap.search.parts.idle import without_idle
 from sandbox.gap.search.points import own_values, with_values
@@ -142,8 +143,8 @@ def _diagnosed(
 def _searched(
     start: Point, raw: float, weights: Weights, barred: Sequence[str], workers: int, report: Callable[[str], None]
 ) -> Search:
-    """Return the search from a nominal point: few effects, their further parts, more effects, the parts of those; no
-    part and no effect that does nothing by then.
+    """Return the search from a nominal point: few effects, their further parts, more effects, the parts of those; one
+    effect in the place of several; no part and no effect that does nothing by then.
 
     raw: normalised rms of the nominal model; barred: effects that are no candidates.
     """
@@ -153,7 +154,8 @@ def _searched(
     if set(in_parts(wide)) - set(in_parts(few)):
         wide = with_parts(wide, raw, weights, exclude=barred, workers=workers, report=report)
     idle = without_idle(wide, raw, weights, workers=workers, report=report)
-    return with_fewer(idle, raw, weights, workers=workers, report=report)
+    one = with_one_for_several(idle, raw, weights, workers=workers, report=report)
+    return with_fewer(one, raw, weights, workers=workers, report=report)
 
 
 def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]:

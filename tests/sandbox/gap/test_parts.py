@@ -101,6 +101,7 @@ def test_orders_are_looked_for_again_where_the_wider_search_names_a_harmonic(mon
     monkeypatch.setattr(diagnosing, "widened", lambda *_, **__: named(wide))
     monkeypatch.setattr(diagnosing, "with_parts", looked)
     monkeypatch.setattr(diagnosing, "without_idle", lambda found, *_, **__: found)
+    monkeypatch.setattr(diagnosing, "with_one_for_several", lambda found, *_, **__: found)
     monkeypatch.setattr(diagnosing, "with_fewer", lambda found, *_, **__: found)
     assert diagnosing._searched(None, 1.0, {}, (), 1, print).judged[0].effects == wide
     assert asked == [few, wide][:calls]
