@@ -29,6 +29,7 @@ def _confusion(axes: Any, matrix: Mapping[str, Any]) -> None:
     axes.set_title("confusion (campaigns with one effect or none of the library)", fontweight="bold")
     counts = matrix["counts"]
     if not counts:
+        _nothing(axes)
         return
     axes.imshow([[x / max(1, sum(row)) for x in row] for row in counts], cmap="Blues", vmin=0.0, vmax=1.3)
     for y, row in enumerate(counts):
@@ -55,16 +56,27 @@ def _reliability(axes: Any, bins: Sequence[Mapping[str, Any]]) -> None:
     axes.set_title("reliability (number: campaigns)", fontweight="bold")
 
 
+def _nothing(axes: Any) -> None:
+    """Say that no campaign belongs into a panel."""
+    axes.text(
+        0.5, 0.5, "no such campaign in this check", ha="center", va="center", color="0.4", transform=axes.transAxes
+    )
+    axes.set_axis_off()
+
+
 def _floor(axes: Any, floor: Mapping[str, Mapping[str, Any]]) -> None:
     """Draw by effect the smallest size found (dot) and the largest missed (cross), in multiples of the medium size."""
+    axes.set_title("● smallest size found   × largest missed", fontweight="bold", color="0.2")
     for k, entry in enumerate(floor.values()):
         for key, marker, belief in (("found", "o", "saturated"), ("missed", "x", "linear")):
             if entry[key] is not None:
                 axes.plot(k, entry[key], marker, color=colour_of(belief), markersize=7)
+    if not floor:
+        _nothing(axes)
+        return
     axes.set_yscale("log", base=2)
     axes.set_xticks(range(len(floor)), list(floor), rotation=90, fontsize=8)
     axes.set_ylabel("size / medium")
-    axes.set_title("● smallest size found   × largest missed", fontweight="bold", color="0.2")
     axes.grid(axis="y", color="0.9", linewidth=0.6)
 
 
