@@ -139,6 +139,7 @@ def table(heads: Sequence[str], rows: Iterable[Sequence[str]], stacked: bool = F
     head = "".join(f"<th{kind if k else ''}>{prose(h)}</th>" for k, h in enumerate(heads))
 
     def cell(k: int, x: str) -> str:
+        """Return the k-th cell of a row."""
         told = f' data-head="{html_text(heads[k])}"' if stacked and x != "–" else ""
         return f"<td{'' if not k else wraps if len(x) > LONG else kind}{told}>{prose(x)}</td>"
 

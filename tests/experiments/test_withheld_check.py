@@ -10,7 +10,7 @@ from experiments import drawing, shares_truth, withheld_check
 from experiments.withheld_check import CHECKS, OWN, RESULTS, keep, recompute
 from model.errors import BadInput
 from sandbox.validation.scoring.metrics import by_subsystem
-from sandbox.validation.scoring.rows import write_rows
+from sandbox.validation.scoring.rows import read_rows, write_rows
 from sandbox.validation.scoring.tables_of_rows import by_method
 from tests.sandbox.validation.test_withheld_rows import twelve
 
@@ -205,6 +205,13 @@ def test_what_is_committed_follows_from_the_rows_that_are_committed(tmp_path):
     for path in (p for p in tmp_path.glob("*.json") if not p.name.endswith(".truth.json")):
         found, told = (json.loads((place / path.name).read_text()) for place in (tmp_path, RESULTS))
         assert_alike(found | {"version": None}, told | {"version": None}, path.stem)
+
+
+def test_at_least_300_campaigns_are_diagnosed():
+    """As the goals ask for, 300 of them controls; each once, by the project's own method."""
+    blind = {p.name: [r for r in read_rows(p) if (r.method, r.part) == (OWN, "blind")] for p in RESULTS.glob("*.jsonl")}
+    assert len(blind["controls.rows.jsonl"]) >= 300
+    assert sum(len(rows) for name, rows in blind.items() if not name.startswith("ladder")) >= 300
 
 
 def assert_alike(found, told, where):

@@ -12,7 +12,7 @@ from model.drive_files import load_limits
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of, table_of, write_table
-from sandbox.output.files import results, write_json
+from sandbox.output.files import CORRECTED, results, write_json
 from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.calls import told
 from sandbox.public.campaigns import drafting
@@ -351,7 +351,7 @@ def print_check(found: CheckResult) -> None:
         print_prose(found.why)
         if found.draft:
             print_prose(f"a draft of a column map, from the tables' own columns: {drafting.NAME} among the results")
-            print_prose("(one of an earlier call that differs is kept as columns.earlier.toml)")
+            print_prose(f"(one of an earlier call that differs is kept as {CORRECTED[drafting.NAME]})")
         return
     v = found.visible
     rows = [[e, f"{z:.3g}", v.words(e)] for e, z in v.sizes.items()]
