@@ -183,8 +183,8 @@ def test_the_step_of_readings():
 
 
 def test_noise_far_from_what_readings_show_is_suspicious():
-    """The sensors have 1.9 and 0.55 times what is stated: the limit of what both may be is 1.5, and none is refused, as
-    no reading is quieter than half of what is stated."""
+    """The sensors have 1.9 and 0.55 times what is stated: the limit of what both may be is 1.5.  Four times
+    their noise is refused, as no quiet block shows half of it."""
     drive = bench().drive
 
     def stated(times):
@@ -197,6 +197,9 @@ def test_noise_far_from_what_readings_show_is_suspicious():
     for found in (stated(1.0 / 1.9), stated(1.0 / 0.55)):
         assert [n.level for n in found] == ["suspicious"]
         assert "too far apart for both to be right" in found[0].finding.text
+    refused = stated(4.0)  # beyond twice what they show nothing could be seen
+    assert [n.level for n in refused] == ["refused"]
+    assert "nothing could be seen below the stated noise" in refused[0].finding.text
 
 
 def test_a_recording_of_three_rows_turns_too_little_to_tell():
