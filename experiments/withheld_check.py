@@ -25,9 +25,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from model.errors import BadInput
 from sandbox.cli.withholding import ROWS
 from sandbox.output.files import write_json
+from sandbox.output.tables import many
+from sandbox.validation.scoring.chances import calibration_error
 from sandbox.validation.scoring.check_figure import withheld_figure
 from sandbox.validation.scoring.judge import label_of
 from sandbox.validation.scoring.metrics import GOALS, by_subsystem
@@ -39,6 +43,7 @@ from sandbox.validation.withheld.make import SEAL
 RESULTS = Path(__file__).parent / "results" / "withheld"
 OWN = "diagnosis"  # the project's own method
 BASELINES = "baselines"  # after a check's name: file of all methods' figures
+DRAWS = 2000  # of what would be right if chances held: the 95th percentile scatters by some 2 % of itself
 
 
 class Check(NamedTuple):
@@ -55,14 +60,14 @@ class Check(NamedTuple):
 CHECKS = {
     "mixed": Check(
         "Campaigns with one to three effects, none, or one outside",
-        "mixed", 100, 20262701, options=("--leave-out", "1", "--baselines"),
+        "mixed", 100, 20262801, options=("--leave-out", "1", "--baselines"),
     ),
-    "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 20, 20262705),
-    "many": Check("Campaigns of four to ten effects at once", "many", 30, 20262703, options=("--baselines",)),
+    "pairs": Check("Narrow campaigns: pairs that look alike", "pairs", 20, 20262805),
+    "many": Check("Campaigns of four to ten effects at once", "many", 30, 20262803, options=("--baselines",)),
     "outside": Check(
-        "Campaigns of one cause outside the library each", "outside", 40, 20262704, options=("--baselines",)
+        "Campaigns of one cause outside the library each", "outside", 40, 20262804, options=("--baselines",)
     ),
-    "controls": Check("Controls without a gap", "controls", 300, 20262702),
+    "controls": Check("Controls without a gap", "controls", 300, 20262802),
     "ladder": Check("The same with the ladder's sizes and deviations as stated", "mixed", 100, 20261224, "ladder"),
 }  # fmt: skip
 
@@ -137,6 +142,7 @@ def recompute(results: Path = RESULTS) -> list[str]:
         own, others = [r for r in rows if r.method == OWN], {r.method for r in rows} - {OWN}
         content = contents[name] = page(name, own, results)
         lines += [f"## {CHECKS[name].title}", "", told, "", *table(content, GOALS), "", *details(content)]
+        lines += if_chances_held(own)
         if others:
             both = f"{name}_{BASELINES}"
             contents[both] = page(both, rows, results)
@@ -230,6 +236,21 @@ def details(method: dict[str, Any]) -> list[str]:
         told = "; ".join(" ".join(x).replace("_", " ") for x in method[key])
         lines += [f"{text}: {told}.", ""] if told else []
     return lines
+
+
+def if_chances_held(rows: Sequence[Row]) -> list[str]:
+    """Return the calibration error of single effects that would be seen if every stated chance held exactly.
+
+    So few campaigns show an error by luck alone; what is beyond the second figure is more than luck.
+    """
+    stated = np.array([j.top_probability for j in scored(rows).judged if j.kind == "one" and not j.failed])
+    if not stated.size:
+        return []
+    rng = np.random.default_rng(0)
+    drawn = [calibration_error(stated, rng.random(stated.size) < stated) for _ in range(DRAWS)]
+    median, most = np.percentile(drawn, [50.0, 95.0])
+    told = f"calibration_one of {many(stated.size, 'campaign')} would be {median:.2f} (median)"
+    return [f"If every stated chance held exactly, {told}, {most:.2f} or less in 95 % of draws.", ""]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

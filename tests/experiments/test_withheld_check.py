@@ -3,11 +3,12 @@
 import hashlib
 import json
 import math
+from types import SimpleNamespace
 
 import pytest
 
 from experiments import drawing, shares_truth, withheld_check
-from experiments.withheld_check import CHECKS, OWN, RESULTS, keep, recompute
+from experiments.withheld_check import CHECKS, OWN, RESULTS, if_chances_held, keep, recompute
 from model.errors import BadInput
 from sandbox.validation.scoring.metrics import by_subsystem
 from sandbox.validation.scoring.rows import read_rows, write_rows
@@ -53,6 +54,23 @@ def test_all_published_files_follow_from_rows_and_seal(results):
     before = {p.name: p.read_bytes() for p in results.iterdir() if p.suffix != ".png"}
     recompute(results)
     assert {p.name: p.read_bytes() for p in results.iterdir() if p.suffix != ".png"} == before
+
+
+@pytest.mark.parametrize(
+    ("stated", "told"),
+    [
+        ([0.75], "of 1 campaign would be 0.25 (median), 0.75 or less"),  # right in three of four draws
+        ([1.0] * 4, "of 4 campaigns would be 0.00 (median), 0.00 or less"),
+        # both right, one, none: 0.1, 0.4, 0.9 in 0.81, 0.18, 0.01 of draws
+        ([0.9, 0.9], "of 2 campaigns would be 0.10 (median), 0.40 or less"),
+    ],
+)
+def test_few_campaigns_show_an_error_of_chances_by_luck(monkeypatch, stated, told):
+    one = [SimpleNamespace(kind="one", failed=False, top_probability=p) for p in stated]
+    several = SimpleNamespace(kind="several", failed=False, top_probability=0.1)
+    failed = SimpleNamespace(kind="one", failed=True, top_probability=0.0)
+    monkeypatch.setattr(withheld_check, "scored", lambda rows: SimpleNamespace(judged=[*one, several, failed]))
+    assert told in if_chances_held([])[0]
 
 
 def test_the_page_names_campaigns_where_a_simple_method_is_better(results):
