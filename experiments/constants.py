@@ -36,9 +36,9 @@ from sandbox.gap.location.where import where
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.output.files import plain, rounded
 from sandbox.recordings.campaign import read_campaign
-from sandbox.validation.scoring.rows import DIGITS
-from sandbox.validation.scoring.running import ROOT, code_digest
-from sandbox.validation.withheld.make import CAMPAIGNS, SEAL
+from sandbox.withheld.making.make import CAMPAIGNS, SEAL
+from sandbox.withheld.scoring.rows import DIGITS
+from sandbox.withheld.scoring.running import ROOT, code_digest
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 LIST = Path(__file__).with_suffix(".toml")

@@ -20,8 +20,8 @@ from model.drive_files import load_drive
 from sandbox.drive.record import UNCERTAINTY, background_of
 from sandbox.recordings.campaign import EXAMPLE, Campaign, CampaignRecording
 from sandbox.recordings.writing import write_campaign
-from sandbox.validation.switched.advance import replay
-from sandbox.validation.switched.bench_numbers import bench, quiet
+from sandbox.switched.advance import replay
+from sandbox.switched.bench_numbers import bench, quiet
 
 HOT, DEAD_TIME = 1.15, 2e-6
 SAMPLES = 1200

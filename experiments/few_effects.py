@@ -22,7 +22,7 @@ def left_out() -> list[str]:
 
 def few(folder: Path, exclude: Sequence[str] = ()) -> Any:
     """Diagnose a campaign as `withheld score` does, with few effects."""
-    from sandbox.validation.scoring import blind
+    from sandbox.withheld.scoring import blind
 
     return getattr(blind, "whole", blind.standard)(folder, (*exclude, *left_out()))
 
@@ -30,7 +30,7 @@ def few(folder: Path, exclude: Sequence[str] = ()) -> Any:
 def scoring(run: Callable[[Any], None], options: Any) -> None:
     """Run `withheld score` with diagnoses of few effects; imported here, where a signal is heard."""
     from experiments.few_effects import few
-    from sandbox.validation.scoring import blind
+    from sandbox.withheld.scoring import blind
 
     blind.whole, blind.standard = blind.standard, few  # type: ignore[attr-defined]
     run(options)

@@ -38,7 +38,7 @@ from sandbox.output.files import write_json
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
 from sandbox.replay.replay import prepare
-from sandbox.validation.withheld.make import SEAL
+from sandbox.withheld.making.make import SEAL
 
 RESULTS = Path(__file__).parent / "results" / "diagnosis"
 KNOWN = 0.5  # of the ordinary size: coordinates that noise alone leaves less known say nothing of it

@@ -17,9 +17,9 @@ from typing import Any
 from experiments.drawing import RESULTS
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.writing import write_campaign
-from sandbox.validation.withheld.case_list import Case
-from sandbox.validation.withheld.draw import draw
-from sandbox.validation.withheld.make import campaign_of
+from sandbox.withheld.making.case_list import Case
+from sandbox.withheld.making.draw import draw
+from sandbox.withheld.making.make import campaign_of
 
 FILE = Path(__file__).parent / "my_effects.py"
 SEED = 20261122

@@ -34,8 +34,8 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.inputs import Inputs, course_of, with_columns
 from sandbox.replay.replay import Prepared, prepare, replay, with_steps
 from sandbox.replay.smoothing import Motion
-from sandbox.validation.switched.advance import replay as switched
-from sandbox.validation.switched.bench_numbers import bench, quiet
+from sandbox.switched.advance import replay as switched
+from sandbox.switched.bench_numbers import bench, quiet
 
 MOTORS = ("ipm", "ipm_exchanged", "brusa_hsm1")
 CASES = (("locked", 0.0), ("driven", 120.0), ("driven", 600.0), ("free", 0.0))  # rad/s electrical

@@ -19,9 +19,9 @@ from experiments.drawing import RESULTS
 from model.effects.library import load_effect
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.recordings.campaign import Campaign
-from sandbox.validation.withheld.case_list import Case
-from sandbox.validation.withheld.draw import Drawn, draw
-from sandbox.validation.withheld.make import campaign_of
+from sandbox.withheld.making.case_list import Case
+from sandbox.withheld.making.draw import Drawn, draw
+from sandbox.withheld.making.make import campaign_of
 
 SEED = 777
 FLUX = {  # of the magnet flux

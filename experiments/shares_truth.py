@@ -32,10 +32,10 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.replay.replay import prepare
-from sandbox.validation.scoring.blind import opened
-from sandbox.validation.withheld.case_list import Case, Maps, cases
-from sandbox.validation.withheld.draw import draw
-from sandbox.validation.withheld.make import campaign_of
+from sandbox.withheld.making.case_list import Case, Maps, cases
+from sandbox.withheld.making.draw import draw
+from sandbox.withheld.making.make import campaign_of
+from sandbox.withheld.scoring.blind import opened
 
 ROWS = "shares.rows.jsonl"
 

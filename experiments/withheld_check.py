@@ -31,14 +31,14 @@ from model.errors import BadInput
 from sandbox.cli.withholding import ROWS
 from sandbox.output.files import write_json
 from sandbox.output.tables import many
-from sandbox.validation.scoring.chances import calibration_error
-from sandbox.validation.scoring.check_figure import withheld_figure
-from sandbox.validation.scoring.judge import label_of
-from sandbox.validation.scoring.metrics import GOALS, by_subsystem
-from sandbox.validation.scoring.rows import BLIND, Row, check_seal, one_code, read_rows
-from sandbox.validation.scoring.tables_of_rows import by_method, content_of, scored
-from sandbox.validation.scoring.wins import split
-from sandbox.validation.withheld.make import SEAL
+from sandbox.withheld.making.make import SEAL
+from sandbox.withheld.scoring.chances import calibration_error
+from sandbox.withheld.scoring.check_figure import withheld_figure
+from sandbox.withheld.scoring.judge import label_of
+from sandbox.withheld.scoring.metrics import GOALS, by_subsystem
+from sandbox.withheld.scoring.rows import BLIND, Row, check_seal, one_code, read_rows
+from sandbox.withheld.scoring.tables_of_rows import by_method, content_of, scored
+from sandbox.withheld.scoring.wins import split
 
 RESULTS = Path(__file__).parent / "results" / "withheld"
 OWN = "diagnosis"  # the project's own method
@@ -167,7 +167,7 @@ def head(found: Sequence[str], date: str) -> list[str]:
     return [
         f"Made {date} by `python -m experiments.withheld_check`, from `*.rows.jsonl` (a row",
         "a diagnosis) and `*.truth.json` (the opened seals) alone; limits are one-sided 95 %. What each metric",
-        "counts is said in [the check's README](../../../sandbox/validation/withheld/README.md). Confusion,",
+        "counts is said in [the check's README](../../../sandbox/withheld/README.md). Confusion,",
         f"reliability and detection floors: {', '.join(f'[{n}.png]({n}.png)' for n in found)}.",
         "",
         *([f"Not run: {'; '.join(left)}.", ""] if left else []),

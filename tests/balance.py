@@ -7,10 +7,10 @@ from pathlib import Path
 
 LONG = (  # files that take long, many for kernels that no other file needs: in turn to the workers, first
     "plant/test_against_reference", "plant/test_own_effects", "gap/test_map_nominal", "plant/test_both_plants",
-    "public/test_cli", "gap/test_answers", "public/test_runs", "validation/test_withheld_running",
-    "validation/test_withheld_make", "validation/test_withheld_published", "plant/test_mapped_drive",
+    "public/test_cli", "gap/test_answers", "public/test_runs", "withheld/test_withheld_running",
+    "withheld/test_withheld_make", "withheld/test_withheld_published", "plant/test_mapped_drive",
     "evaluation/test_protocol", "estimators/test_families", "sweep/test_sweep", "gap/test_real",
-    "validation/test_switched_recordings", "validation/test_withheld_baselines", "tests/test_docs",
+    "switched/test_switched_recordings", "withheld/test_withheld_baselines", "tests/test_docs",
 )  # fmt: skip
 
 

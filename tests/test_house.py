@@ -169,8 +169,6 @@ def test_the_diagnosis_names_no_effect():
     names = "|".join(effect_names())
     quoted = re.compile(rf"(?:cross_)?(?:{names})(?:\.\w*)?")
     for path in sorted(p for room in ("gap", "replay", "motion") for p in (ROOT / "sandbox" / room).rglob("*.py")):
-        if "withheld" in path.parts:  # draws effects and knows them by their names
-            continue
         if path.name == "torques.py":  # the table of what an effect is in the shaft's equation
             continue
         tree = ast.parse(path.read_text())
@@ -199,5 +197,5 @@ def test_the_plant_names_no_effect():
 
 def test_rooms_of_the_diagnosis_stay_small():
     for room in (ROOT / "sandbox" / "gap").rglob("*"):
-        if room.is_dir() and "withheld" not in room.parts:
+        if room.is_dir():
             assert len(list(room.glob("*.py"))) <= 15, room

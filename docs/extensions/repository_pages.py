@@ -41,7 +41,7 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "results/made/constants_apart": "experiments/results/diagnosis/constants_apart.md",
     "results/made/experiments": "experiments/README.md",
     "explanation/made/diagnosis_in_detail": "sandbox/gap/README.md",
-    "explanation/made/withheld_check": "sandbox/validation/withheld/README.md",
+    "explanation/made/withheld_check": "sandbox/withheld/README.md",
 }
 TITLES = {  # of files that begin without one
     "results/made/main_job_ipm": "Position error: ipm",

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from sandbox import diagnose
 from sandbox.output.files import rounded
-from sandbox.validation.withheld.make import make
+from sandbox.withheld.making.make import make
 
 HERE = Path(__file__).resolve().parent
 SEED, COUNT, WHICH = 7, 2, "w001"

@@ -75,9 +75,9 @@ def _common(command: Any, positive: Number) -> None:
 
 def run_make(options: argparse.Namespace) -> None:
     """Make a check; the seal's hash is printed before anything is recorded."""
-    from sandbox.validation.withheld.make import make
-    from sandbox.validation.withheld.map_motors import SHARE, map_families, no_maps
-    from sandbox.validation.withheld.mapped_drive import missing
+    from sandbox.withheld.making.make import make
+    from sandbox.withheld.making.map_motors import SHARE, map_families, no_maps
+    from sandbox.withheld.making.mapped_drive import missing
 
     maps = options.maps
     if maps is None:  # the usual share, where it can be had
@@ -104,12 +104,12 @@ def run_make(options: argparse.Namespace) -> None:
 
 def run_score(options: argparse.Namespace) -> None:
     """Score a check; write its rows, the figures that follow from them and their page into its folder."""
-    from sandbox.validation.baselines.methods import BASELINES
-    from sandbox.validation.scoring.blind import score, standard
-    from sandbox.validation.scoring.check_figure import withheld_figure
-    from sandbox.validation.scoring.rows import write_rows
-    from sandbox.validation.scoring.tables_of_rows import content_of, table
-    from sandbox.validation.withheld.make import HASH, SEAL
+    from sandbox.withheld.baselines.methods import BASELINES
+    from sandbox.withheld.making.make import HASH, SEAL
+    from sandbox.withheld.scoring.blind import score, standard
+    from sandbox.withheld.scoring.check_figure import withheld_figure
+    from sandbox.withheld.scoring.rows import write_rows
+    from sandbox.withheld.scoring.tables_of_rows import content_of, table
 
     methods: dict[str, Any] = {"diagnosis": standard, **(BASELINES if options.baselines else {})}
     scored = []

@@ -220,9 +220,9 @@ def _switched(
 ) -> tuple[Any, ...]:  # fmt: skip
     """Return the loop's kernel, the bench's state, the bench and the nominal link voltage; inside as `exact_bench`."""
     from sandbox.drive import switched_loop as switched
-    from sandbox.validation.switched import advance as bench_of
-    from sandbox.validation.switched.bench_numbers import bench
-    from sandbox.validation.switched.inverter import READINGS
+    from sandbox.switched import advance as bench_of
+    from sandbox.switched.bench_numbers import bench
+    from sandbox.switched.inverter import READINGS
 
     if truth is not None:
         raise BadInput("the switched plant takes no other magnetic model; give effects such as saturation.alpha_30")
@@ -252,7 +252,7 @@ def rig_of(drive: Drive, scenario: Scenario, closed: bool, n: int, stride: int, 
 def _flux(plant: str, bench: Any) -> tuple[float, float]:
     """Return phi_d, phi_q (Wb) of either plant's state."""
     if plant == SWITCHED:
-        from sandbox.validation.switched.advance import rotor_flux as of_switched
+        from sandbox.switched.advance import rotor_flux as of_switched
 
         return of_switched(bench[1], bench[0])
     return rotor_flux(bench[0])

@@ -49,9 +49,9 @@ from sandbox.drive.loop import (
     sample_of,
 )
 from sandbox.drive.sensing import read_link
-from sandbox.validation.switched.advance import measure, sensor
-from sandbox.validation.switched.bench_numbers import Bench
-from sandbox.validation.switched.inverter import (
+from sandbox.switched.advance import measure, sensor
+from sandbox.switched.bench_numbers import Bench
+from sandbox.switched.inverter import (
     I_ALPHA,
     I_BETA,
     PSI_ALPHA,
@@ -63,7 +63,7 @@ from sandbox.validation.switched.inverter import (
     advance,
     duties,
 )
-from sandbox.validation.switched.phase_machine import least_stiffness, phase_currents
+from sandbox.switched.phase_machine import least_stiffness, phase_currents
 
 OFF = Bench._field_defaults.values()  # no map, no lists
 PLAIN = Bench._make([*(len(Bench._fields) - len(OFF)) * (0.0,), *OFF])

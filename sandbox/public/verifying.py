@@ -220,9 +220,9 @@ def _check_inputs(stated: Mapping[str, Any], found: Mapping[str, str]) -> None:
 
 def _scored(folder: Path, inputs: Mapping[str, Any]) -> Any:
     """Return the figures that follow from a check's rows; nothing is diagnosed again."""
-    from sandbox.validation.scoring.blind import opened
-    from sandbox.validation.scoring.rows import check_seal, read_rows
-    from sandbox.validation.scoring.tables_of_rows import by_method, content_of
+    from sandbox.withheld.scoring.blind import opened
+    from sandbox.withheld.scoring.rows import check_seal, read_rows
+    from sandbox.withheld.scoring.tables_of_rows import by_method, content_of
 
     _check_inputs(inputs, {name: digest_of(folder / name) for name in inputs if (folder / name).is_file()})
     rows = read_rows(folder / ROWS)

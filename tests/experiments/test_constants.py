@@ -33,7 +33,7 @@ from model.errors import BadInput
 from sandbox.gap.evidence import priors
 from sandbox.gap.search import multistart, posterior
 from sandbox.recordings.writing import write_campaign
-from sandbox.validation.scoring.running import code_digest
+from sandbox.withheld.scoring.running import code_digest
 from tests.data import recordings_folder
 from tests.sandbox.gap.conftest import CASES, small_campaign
 

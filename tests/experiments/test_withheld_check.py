@@ -10,10 +10,10 @@ import pytest
 from experiments import drawing, shares_truth, withheld_check
 from experiments.withheld_check import CHECKS, OWN, RESULTS, if_chances_held, keep, recompute
 from model.errors import BadInput
-from sandbox.validation.scoring.metrics import by_subsystem
-from sandbox.validation.scoring.rows import read_rows, write_rows
-from sandbox.validation.scoring.tables_of_rows import by_method
-from tests.sandbox.validation.test_withheld_rows import twelve
+from sandbox.withheld.scoring.metrics import by_subsystem
+from sandbox.withheld.scoring.rows import read_rows, write_rows
+from sandbox.withheld.scoring.tables_of_rows import by_method
+from tests.sandbox.withheld.test_withheld_rows import twelve
 
 SEALED = {"kind": "mixed", "seed": 3, "style": "scored", "sizes": "published"}
 

@@ -23,9 +23,9 @@ PHYSICS = (  # replaced where the command line is tried: what stands before them
     "sandbox.evaluation.compare.compare", "sandbox.evaluation.compare.single", "model.saliency.audit",
     "sandbox.evaluation.maps.maps", "sandbox.evaluation.bench.bench",
     "sandbox.evaluation.protocol.run_unit", "sandbox.recordings.identify.identify", "sandbox.gap.report.answers.answer",
-    "sandbox.validation.withheld.make.make", "sandbox.replay.replay.prepare", "sandbox.gap.planning.bench_plan.plan",
+    "sandbox.withheld.making.make.make", "sandbox.replay.replay.prepare", "sandbox.gap.planning.bench_plan.plan",
     "sandbox.gap.planning.visible.visible",
-    "sandbox.validation.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case", "sandbox.sweep.store.begin",
+    "sandbox.withheld.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case", "sandbox.sweep.store.begin",
     "sandbox.public.exporting.exported", "sandbox.public.verifying._again",
 )  # fmt: skip
 

@@ -28,8 +28,8 @@ from sandbox.sweep import store
 from sandbox.sweep.blocks import crashed, tasks_of
 from sandbox.sweep.plan import read_sweep
 from sandbox.sweep.sweep import check_size
-from sandbox.validation.scoring.blind import score
-from sandbox.validation.scoring.tables_of_rows import Scores, table
+from sandbox.withheld.scoring.blind import score
+from sandbox.withheld.scoring.tables_of_rows import Scores, table
 from tests.fuzz.arrays import damaged_arrays
 from tests.fuzz.doors import Door
 from tests.fuzz.kept import KEPT_DOORS

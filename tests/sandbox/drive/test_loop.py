@@ -15,8 +15,8 @@ from model.frames import phases, rotate
 from sandbox.drive.design import design
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import LONGEST, simulate
-from sandbox.validation.switched.advance import replay
-from sandbox.validation.switched.bench_numbers import bench, quiet
+from sandbox.switched.advance import replay
+from sandbox.switched.bench_numbers import bench, quiet
 
 DRIVE = load_drive("ipm_exchanged")
 QUIET = dataclasses.replace(

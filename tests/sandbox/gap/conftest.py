@@ -11,9 +11,9 @@ from sandbox.gap.report.answers import answer
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare
-from sandbox.validation.switched.advance import replay as switched
-from sandbox.validation.switched.bench_numbers import bench, quiet
-from sandbox.validation.switched.unlisted import unlisted
+from sandbox.switched.advance import replay as switched
+from sandbox.switched.bench_numbers import bench, quiet
+from sandbox.switched.unlisted import unlisted
 
 DRIVE = load_drive("ipm_exchanged")
 DRIVE = dataclasses.replace(

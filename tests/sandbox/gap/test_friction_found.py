@@ -10,8 +10,8 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import prepare
-from sandbox.validation.switched.advance import replay as switched
-from sandbox.validation.switched.bench_numbers import bench, quiet
+from sandbox.switched.advance import replay as switched
+from sandbox.switched.bench_numbers import bench, quiet
 from tests.sandbox.replay.test_replay import DRIVE
 
 FASTEST, SAMPLES = 40.0, 6000  # rad/s, mechanical: eight times the hump's 5 rad/s

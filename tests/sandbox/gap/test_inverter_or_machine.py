@@ -11,9 +11,9 @@ from sandbox.gap.location.outside import inverters
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import prepare
-from sandbox.validation.switched.advance import replay as switched
-from sandbox.validation.switched.bench_numbers import bench, quiet
-from sandbox.validation.switched.unlisted import unlisted
+from sandbox.switched.advance import replay as switched
+from sandbox.switched.bench_numbers import bench, quiet
+from sandbox.switched.unlisted import unlisted
 
 DRIVE = load_drive("ipm")
 PERIOD, LINK, N = DRIVE.converter.sampling_period, DRIVE.converter.dc_bus_voltage, 1200

@@ -23,7 +23,7 @@ from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare
 from tests.sandbox.gap.test_evidence import start
 from tests.sandbox.recordings.test_conventions import noisy
-from tests.sandbox.validation.test_other_plant import missed, plant, recorded
+from tests.sandbox.switched.test_other_plant import missed, plant, recorded
 
 USUAL = 120e-6  # s: four prior deviations of 1.5 typical sizes of 0.08 periods of 250 us, where a search ended before
 

@@ -13,7 +13,7 @@ from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.search import posterior
 from sandbox.gap.search.posterior import log_prior, misfit, tempered
-from sandbox.validation.scoring.judge import located
+from sandbox.withheld.scoring.judge import located
 
 
 def test_the_prior_over_sets_by_value():

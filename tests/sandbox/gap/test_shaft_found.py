@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 from sandbox.gap.diagnose import diagnose
-from sandbox.validation.withheld.case_list import Case
-from sandbox.validation.withheld.draw import draw
-from sandbox.validation.withheld.make import campaign_of
+from sandbox.withheld.making.case_list import Case
+from sandbox.withheld.making.draw import draw
+from sandbox.withheld.making.make import campaign_of
 
 
 def test_a_shaft_is_named_without_something_unknown():

@@ -23,7 +23,7 @@ ELSEWHERE = {  # files whose command takes long: checked where a test has run it
     "check": "",  # where `check`, `plan` and `verify` are tested: tests/sandbox/recordings, tests/sandbox/public
     "plan": "",
     "verify": "",
-    "withheld": "",  # tests/sandbox/validation/test_withheld_commands.py
+    "withheld": "",  # tests/sandbox/withheld/test_withheld_commands.py
 }
 SWEEP = {
     "run": {"estimator": "qnull", "seed": 1},

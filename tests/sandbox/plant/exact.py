@@ -7,8 +7,8 @@ from sandbox.drive.loop import INSTANT, LINK, MEMORY, SPAN, U_ALPHA, U_BETA, Rig
 from sandbox.drive.sensing import encoder, gather, looked_at, read_phases
 from sandbox.plant.period import STILL
 from sandbox.plant.sets import complete, features_of
-from sandbox.validation.switched.advance import replay
-from sandbox.validation.switched.bench_numbers import bench, quiet
+from sandbox.switched.advance import replay
+from sandbox.switched.bench_numbers import bench, quiet
 from tests.sandbox.plant.effect_motors import CONVERTER, LINEAR, U, vector
 
 

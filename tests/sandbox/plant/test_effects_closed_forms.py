@@ -10,7 +10,7 @@ from sandbox.drive.sensing import encoder, read_current
 from sandbox.plant import additions as add
 from tests.sandbox.plant.effect_motors import LINEAR, NO_MAGNET, TS, L, R, U, signs
 from tests.sandbox.plant.exact import Exact, exact, switched
-from tests.sandbox.validation.test_switched_effects import pulsed
+from tests.sandbox.switched.test_switched_effects import pulsed
 
 SALIENT = dataclasses.replace(NO_MAGNET, inductance_d=0.09, inductance_q=0.03)
 A = np.exp(2j * np.pi / 3)

@@ -16,10 +16,10 @@ from sandbox.cli import main
 from sandbox.drive.control import ENCODER_BANDWIDTH, speed_from
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
-from sandbox.validation.switched.advance import start
-from sandbox.validation.switched.bench_numbers import bench, quiet
-from sandbox.validation.switched.inverter import I_ALPHA, SKIN_ALPHA, integrate
-from sandbox.validation.switched.machine_state import LOCKED
+from sandbox.switched.advance import start
+from sandbox.switched.bench_numbers import bench, quiet
+from sandbox.switched.inverter import I_ALPHA, SKIN_ALPHA, integrate
+from sandbox.switched.machine_state import LOCKED
 from tests.sandbox.plant.effect_motors import CONVERTER, NO_MAGNET, TS, L, R, U
 from tests.sandbox.plant.exact import exact, switched
 

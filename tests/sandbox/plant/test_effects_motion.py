@@ -9,8 +9,8 @@ from scipy.integrate import solve_ivp
 
 from model.effects.coulomb_friction import drag
 from model.energy import energy
-from sandbox.validation.switched.advance import replay
-from sandbox.validation.switched.bench_numbers import bench, quiet
+from sandbox.switched.advance import replay
+from sandbox.switched.bench_numbers import bench, quiet
 from tests.sandbox.plant.effect_motors import CONVERTER, IPM, LINEAR, NO_MAGNET, TS
 from tests.sandbox.plant.exact import Exact
 from tests.sandbox.plant.test_effects_closed_forms import iron

@@ -14,9 +14,9 @@ from sandbox.drive.inside import inside_of, shift_pulses
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.drive.switched_loop import gather
-from sandbox.validation.switched.advance import MODES, start
-from sandbox.validation.switched.bench_numbers import bench, quiet
-from sandbox.validation.switched.inverter import READINGS, SHIFT, SPEED, advance
+from sandbox.switched.advance import MODES, start
+from sandbox.switched.bench_numbers import bench, quiet
+from sandbox.switched.inverter import READINGS, SHIFT, SPEED, advance
 from tests.sandbox.plant.exact import Exact
 
 LARGEST = 2e-5  # of rated current, rms: what issue 15 asks of the plant against the bench

@@ -9,8 +9,8 @@ import pytest
 
 from sandbox.replay.inputs import duties
 from sandbox.replay.replay import replay
-from sandbox.validation.switched.advance import replay as switched
-from sandbox.validation.switched.bench_numbers import bench, quiet
+from sandbox.switched.advance import replay as switched
+from sandbox.switched.bench_numbers import bench, quiet
 from tests.sandbox.plant.told import DRIVE, SPEED, apart, finer, told, turning
 
 PERIOD, LINK, RATED = DRIVE.converter.sampling_period, DRIVE.converter.dc_bus_voltage, DRIVE.motor.rated_current

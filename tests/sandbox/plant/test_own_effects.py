@@ -26,7 +26,7 @@ from model.errors import BadInput
 from sandbox.drive.closed import longest_step
 from sandbox.plant import additions as add
 from sandbox.plant import sets
-from sandbox.validation.switched import inverter
+from sandbox.switched import inverter
 
 ROOT = Path(__file__).parents[3]
 EXAMPLE = ROOT / "experiments" / "my_effects.py"
@@ -83,8 +83,8 @@ from model.drive_files import load_drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.plant.sets import batch_of, complete
 from sandbox.replay.replay import prepare, replay
-from sandbox.validation.switched.bench_numbers import bench, quiet
-from sandbox.validation.switched.advance import replay as switched
+from sandbox.switched.bench_numbers import bench, quiet
+from sandbox.switched.advance import replay as switched
 drive = load_drive("ipm")
 n, h, k = 1600, drive.converter.sampling_period, {fan}
 b = quiet(bench(drive.motor, drive.converter))._replace(fan=k)

@@ -11,9 +11,9 @@ from sandbox.plant import mechanics
 from sandbox.plant.batch import blank
 from sandbox.replay.inputs import duties
 from sandbox.replay.replay import replay
-from sandbox.validation.switched.advance import replay as switched
-from sandbox.validation.switched.bench_numbers import bench, quiet
-from sandbox.validation.switched.unlisted import with_sign
+from sandbox.switched.advance import replay as switched
+from sandbox.switched.bench_numbers import bench, quiet
+from sandbox.switched.unlisted import with_sign
 from tests.sandbox.plant.told import DRIVE, apart, finer, told, turning
 
 PERIOD, LINK, RATED = DRIVE.converter.sampling_period, DRIVE.converter.dc_bus_voltage, DRIVE.motor.rated_current

@@ -28,8 +28,8 @@ from sandbox.public import verifying
 from sandbox.public.result import keep_other
 from sandbox.sweep import store
 from sandbox.sweep.plan import _found
-from sandbox.validation.scoring.documents import check_report
-from sandbox.validation.scoring.rows import read_rows
+from sandbox.withheld.scoring.documents import check_report
+from sandbox.withheld.scoring.rows import read_rows
 
 
 def test_an_entry_in_another_s_place_is_made_anew(tmp_path, capsys):

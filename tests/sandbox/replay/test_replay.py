@@ -21,8 +21,8 @@ from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
 from sandbox.replay.replay import halving_error, plan, prepare, replay, residuals, run_block, with_steps
 from sandbox.replay.sensitivity import all_parameters, sensitivities
-from sandbox.validation.switched.advance import replay as switched
-from sandbox.validation.switched.bench_numbers import bench, quiet
+from sandbox.switched.advance import replay as switched
+from sandbox.switched.bench_numbers import bench, quiet
 from tests.data import recordings_folder
 
 DRIVE = load_drive("ipm")

@@ -8,8 +8,8 @@ import pytest
 from model.drive_files import load_drive
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import prepare, replay
-from sandbox.validation.switched.advance import replay as switched
-from sandbox.validation.switched.bench_numbers import bench, quiet
+from sandbox.switched.advance import replay as switched
+from sandbox.switched.bench_numbers import bench, quiet
 
 DRIVE = load_drive("ipm")
 SPEED = 100.0  # rad/s mechanical

@@ -1,0 +1,256 @@
+"""The switched bench's numbers in compiled form, from a motor, a converter and effects by their public names.
+
+Names, bounds and neutral values are the effect library's (`model.effects.library`); the equations are not: this
+bench shares none with the plant.  Giving a neutral value builds the very same `Bench`, so nothing
+changes by a bit.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from model.effects.library import check_inside, complete
+from model.parameters import Converter, Motor
+from sandbox.switched.flux_map import FluxMap, flux_map_of
+from sandbox.switched.harmonics import (
+    CoggingHarmonic,
+    FluxHarmonic,
+    Harmonics,
+    InductanceHarmonic,
+    harmonics,
+)
+from sandbox.switched.leg import LINEAR, leg_table
+
+SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within +-1.5 % (effect library, dead_time)
+INDUCTANCES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
+SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
+STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
+STEPS_WITH_CORNERS = 16.0  # a current that reaches a corner of its sign and turns back inside a step is not seen
+
+
+class Bench(NamedTuple):
+    """All numbers of one switched bench as the kernels read them (SI, electrical angles)."""
+
+    pole_pairs: float
+    resistance: float
+    magnet_flux: float
+    psi_d6: float
+    psi_q6: float
+    g_0: float  # energy as a harmonic series of the flux vector, see machine.py
+    g_2: float
+    gamma_6: float
+    c_1: float
+    c_3: float
+    q_0: float
+    q_2: float
+    q_4: float
+    core_conductance: float
+    core_time: float
+    skin_resistance: float
+    skin_time: float
+    delta_a: float
+    delta_b: float
+    period: float
+    soft_current: float
+    dead_time: float
+    threshold: float
+    on_resistance: float
+    link_voltage: float
+    sag: float
+    ripple_amplitude: float
+    ripple_rate: float
+    ripple_phase: float
+    pwm_delay: float
+    gain_a: float
+    gain_b: float
+    gain_c: float
+    offset_a: float
+    offset_b: float
+    filter_time: float
+    sampling_delay: float
+    jitter: float
+    common_offset: float  # in all three readings alike
+    noise: float
+    resolution: float
+    encoder_step: float
+    encoder_offset: float
+    eccentricity: float
+    eccentricity_phase: float
+    coulomb: float
+    coulomb_width: float
+    stribeck: float
+    stribeck_speed: float
+    viscous: float
+    cogging: float
+    cogging_order: float
+    cogging_phase: float
+    inertia: float  # on the motor's side of the shaft
+    load_inertia: float  # 0: rigid shaft
+    stiffness: float
+    damping: float
+    step: float  # longest integration step, s
+    audit: float  # other than 0: sum up energies (all effects but hysteresis and shorted turns)
+    # The rest stands in no library and is off by default; `unlisted` has units and bounds.
+    grip: float = 0.0  # magnetic hysteresis, and its radius in Wb
+    grip_radius: float = 0.0
+    short_conductance: float = 0.0  # turns of phase a short-circuited, and the time constant of their loop
+    short_time: float = 0.0
+    knee: float = 0.0  # saturation with a knee, beyond a flux of knee_flux
+    knee_flux: float = 0.0
+    curvature: float = 0.0  # of current sensors
+    fan: float = 0.0  # load torque by the square of the load's speed
+    resolver: float = 0.0  # error of second order of the angle's reading
+    resolver_phase: float = 0.0
+    least_pulse: float = 0.0  # shorter pulses are dropped
+    least_vector: float = 0.0  # legs whose edges would follow each other faster switch together
+    link_rate: float = 0.0  # resonance of the link
+    link_impedance: float = 0.0
+    link_damping: float = 0.0
+    one_sided: float = 0.0  # devices that lose more for currents out of the leg
+    channel_lag: float = 0.0  # s, by which each phase's current is read after the one before it
+    remanence: float = 0.0  # of current sensors' cores: a play, its share of the current, and its radius in A
+    remanence_radius: float = 0.0
+    crank: float = 0.0  # kg m^2, by which the load's inertia swings twice a turn
+    crank_phase: float = 0.0
+    lobe: float = 0.0  # N m, of a load out of true, once in so many turns
+    lobe_turns: float = 0.0
+    lobe_phase: float = 0.0
+    load_lag: float = 0.0  # s, by which a load machine's torque lags what it is told
+    sign_shape: float = LINEAR  # how the sign of a current goes through zero, soft_current its half-width
+    zone_width: float = 0.0  # A, of the sign by which edges are late: half-width of its own, and share of a tanh in it
+    zone_tanh: float = 0.0
+    leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
+    harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
+    flux_map: FluxMap | None = None  # in place of the harmonic series of the energy, which is 0 then
+
+
+def bench(motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None) -> Bench:
+    """Return the compiled bench of a motor, a converter and effects such as {"dead_time.time": 2e-6}.
+
+    A motor with a flux map (`model.mapped`) keeps its map: effects on its magnetics are out of bounds.
+    BadInput names an unknown parameter (with the nearest), a value out of bounds, or effects that contradict
+    each other.
+    """
+    return _compile(motor, converter, complete(motor, converter, effects))
+
+
+def quiet(b: Bench) -> Bench:
+    """Return the same bench without noise, jitter and quantisation, as a prediction needs it."""
+    return b._replace(noise=0.0, jitter=0.0, resolution=0.0, encoder_step=0.0)
+
+
+def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Bench:
+    counts = converter.encoder_counts
+    m_load = v["shaft_compliance.load_inertia"] if math.isfinite(v["shaft_compliance.stiffness"]) else 0.0
+    m_motor = v["inertia.inertia"] - m_load  # total inertia unchanged
+    stiffness = v["shaft_compliance.stiffness"] if m_load else 0.0
+    reduced = m_motor * m_load / (m_motor + m_load)
+    check_inside(motor, converter, v)
+    period = converter.sampling_period
+    flux_map = flux_map_of(motor.energy)
+    values: dict[str, Any] = {
+        **(_energy(motor, v) if flux_map is None else dict.fromkeys(SERIES, 0.0)),
+        "pole_pairs": float(motor.pole_pairs),
+        "resistance": v["stator_resistance.resistance"],
+        "magnet_flux": v["magnet_flux.magnet_flux"],
+        "psi_d6": v["flux_harmonics.psi_d6"],
+        "psi_q6": v["flux_harmonics.psi_q6"],
+        "gamma_6": v["inductance_harmonics.gamma_6"],
+        "core_conductance": 1.0 / v["iron_loss.core_resistance"],
+        "core_time": v["iron_loss.time_constant"],
+        "skin_resistance": v["skin_effect.resistance"],
+        "skin_time": v["skin_effect.time_constant"],
+        "period": period,
+        "soft_current": SOFT_SIGN * motor.rated_current,
+        "dead_time": v["dead_time.time"],
+        "zone_width": v["dead_time.zone_width"],
+        "zone_tanh": v["dead_time.zone_shape"],
+        "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
+        "sag": v["dc_link_error.sag"],
+        "ripple_amplitude": v["dc_link_ripple.amplitude"],
+        "ripple_rate": math.tau * v["dc_link_ripple.frequency"],
+        "ripple_phase": v["dc_link_ripple.phase"],
+        "pwm_delay": v["pwm_delay.delay"],
+        "filter_time": v["current_filter.time_constant"],
+        "sampling_delay": v["current_sampling.delay"],
+        "jitter": v["current_sampling.jitter"],
+        "noise": converter.current_noise,
+        "resolution": converter.current_resolution,
+        "encoder_step": math.tau * motor.pole_pairs / counts if counts else 0.0,
+        "encoder_offset": v["encoder_offset.offset"],
+        "eccentricity": motor.pole_pairs * v["encoder_eccentricity.amplitude_mech"],
+        "eccentricity_phase": v["encoder_eccentricity.phase"],
+        "coulomb": v["coulomb_friction.torque"],
+        "coulomb_width": v["coulomb_friction.width"],
+        "stribeck": v["coulomb_friction.stribeck_torque"],
+        "stribeck_speed": v["coulomb_friction.stribeck_speed"],
+        "viscous": v["viscous_friction.coefficient"],
+        "cogging": v["cogging_torque.amplitude"],
+        "cogging_order": v["cogging_torque.order_mech"],
+        "cogging_phase": v["cogging_torque.phase"],
+        "inertia": m_motor,
+        "load_inertia": m_load,
+        "stiffness": stiffness,
+        "damping": 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(stiffness * reduced),
+        "audit": 0.0,
+        "common_offset": 0.0,
+    }
+    same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")
+    values |= {key: v[name] for name in v for effect, _, key in [name.partition(".")] if effect in same_name}
+    rate = math.sqrt(stiffness / reduced) if m_load else 0.0
+    table = leg_table(*zip(*converter.inverter_table, strict=True)) if converter.inverter_table else None
+    step = _longest_step(period, v, rate, m_motor)
+    step = step if table is None else min(step, period / STEPS_WITH_CORNERS)
+    return Bench(**values, step=step, leg_table=table, harmonics=_orders(motor, v), flux_map=flux_map)
+
+
+def _orders(motor: Motor, v: Mapping[str, float]) -> Harmonics | None:
+    """Return the library's further orders as lists; None where there are none."""
+
+    def given(effect: str, *sizes: str) -> list[dict[str, float]]:
+        """Return the parameters of an effect's further parts that have a size."""
+        found = [{n.split(".")[2]: x for n, x in v.items() if n.startswith(f"{effect}.{k}.")} for k in range(2, 10)]
+        return [f for f in found if any(f.get(s) for s in sizes)]
+
+    flux = [FluxHarmonic(**f) for f in given("flux_harmonics", "psi_d", "psi_q")]
+    inductance = [InductanceHarmonic(**f) for f in given("inductance_harmonics", *INDUCTANCES)]
+    cogging = [
+        CoggingHarmonic(f["order_mech"], f["amplitude"], f["phase"]) for f in given("cogging_torque", "amplitude")
+    ]
+    return harmonics(motor, flux, inductance, cogging) if flux or inductance or cogging else None
+
+
+def _energy(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
+    """Coefficients of the energy as a harmonic series of the flux vector: sums and differences of the paper's."""
+    gamma_d = 1.0 / (v["inductance.scale_d"] * motor.inductance_d)
+    gamma_q = 1.0 / (v["inductance.scale_q"] * motor.inductance_q)
+    a_30, a_12, a_40, a_22, a_04 = (v[f"saturation.alpha_{n}"] for n in ("30", "12", "40", "22", "04"))
+    return {
+        "g_0": 0.5 * (gamma_d + gamma_q),
+        "g_2": 0.5 * (gamma_d - gamma_q),
+        "c_1": 0.25 * (3.0 * a_30 + a_12),
+        "c_3": 0.25 * (a_30 - a_12),
+        "q_0": 0.125 * (3.0 * a_40 + a_22 + 3.0 * a_04),
+        "q_2": 0.5 * (a_40 - a_04),
+        "q_4": 0.125 * (a_40 - a_22 + a_04),
+    }
+
+
+def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float, inertia: float) -> float:
+    """A quarter of the period, less where an effect has a shorter time constant (Runge-Kutta must resolve it).
+
+    inertia: on the motor's side, which dry friction brings to rest within its width.
+    """
+    step = period / STEPS_A_PERIOD
+    if v["device_drop.threshold"] > 0.0:
+        step = period / STEPS_WITH_CORNERS
+    if math.isfinite(v["iron_loss.core_resistance"]):
+        step = min(step, 0.25 * v["iron_loss.time_constant"])
+    if v["skin_effect.resistance"] > 0.0:
+        step = min(step, 0.5 * v["skin_effect.time_constant"])
+    dry = v["coulomb_friction.torque"] + v["coulomb_friction.stribeck_torque"]
+    if dry > 0.0:
+        step = min(step, 1.0 / (dry / (v["coulomb_friction.width"] * inertia)))
+    return min(step, 0.2 / shaft_rate) if shaft_rate > 0.0 else step

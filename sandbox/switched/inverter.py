@@ -1,0 +1,372 @@
+"""The inverter leg by leg: centred pulses with exact edge times, dead time by the current's sign at the edge.
+
+State is one float array (names below); `advance` moves it by one PWM period without allocating.  Between edges
+the machine is integrated by the classic Runge-Kutta method.  A commanded edge is *taken* when its time comes (the
+current's sign there fixes how late it acts) and *acts* at that later time; a pulse that ends before it begins
+vanishes.  A late edge may act in the following period.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from model.compiled import inlined, kernel
+from sandbox.switched.leg import HARD, TANH, edge_sign, given, reached, table_corner
+from sandbox.switched.link import link_step, settled_link, stage
+from sandbox.switched.load_side import acting_load
+from sandbox.switched.machine_state import Driving, Moving, ahead, mean_rate
+from sandbox.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
+from sandbox.switched.readers import channels
+from sandbox.switched.short_pulses import kept, together
+
+PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
+THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s mechanical; rad mechanical
+FILTER_ALPHA, FILTER_BETA, I_ALPHA, I_BETA = range(10, 14)  # lagged and true terminal current, A
+TIME = 14  # s, start of the coming period
+OFFSET, SAMPLE_ALPHA, SAMPLE_BETA = 15, 16, 17  # instant of the next sample less t_k, and the sample if before t_k
+INPUT, LOSS, OUTPUT = 18, 19, 20  # audited energies, J
+LAST_DUTY, LEVEL, WANTED, CARRIED = (
+    21,
+    24,
+    27,
+    30,
+)  # three legs each: duty, level that acts, level commanded, late edges
+HELD_ALPHA, HELD_BETA, LOOP = 33, 34, 35  # flux that hysteresis holds, current of short-circuited turns
+EDGES = 36  # three legs of ROOM edge times relative to t_k
+ROOM = 8
+SUNK = EDGES + 3 * ROOM  # V, by which the link sags in this period
+DEVICES, COMMANDED = SUNK + 1, SUNK + 2  # audited, too: lost in the devices, from the link without dead time (J)
+SHIFT, LAST_SHIFT = SUNK + 3, SUNK + 6  # three legs each: s by which this period's pulse is late, and the last one's
+LINK_DIP, LINK_FEED = SUNK + 9, SUNK + 10  # V: the link's resonance, see `link`
+READINGS = SUNK + 11  # number of readings inside a period, then the current vector of each (see `reading_due`)
+MOST_READINGS = 32
+EARLY = READINGS + 1 + 2 * MOST_READINGS  # current vectors of phases b and c, where read before t_k after a's
+CORES, LOAD = EARLY + 4, EARLY + 7  # A, what three sensors' cores hold; N m, the load torque that acts
+SIZE = LOAD + 1
+NEVER = np.inf
+NEAR = 1e-3  # of a step: a corner as near to either end is met as well as it can be
+TIE = 1e-13  # s: closer events are one
+
+
+@kernel
+def lag(b, f, start, middle, end, h):
+    """Return the first-order lag f after h (s), its input the parabola through three values.
+
+    Exact for any time constant; where the step is short against it, by Simpson's rule (the exact form cancels).
+    """
+    x = h / b.filter_time
+    decay = math.exp(-x)
+    if x < 0.1:
+        return f * decay + x / 6.0 * (start * decay + 4.0 * middle * math.exp(-0.5 * x) + end)
+    bend = 2.0 * (start - 2.0 * middle + end) / (x * x)  # input = start + slope s + bend s^2, s = t / time constant
+    slope = (4.0 * middle - 3.0 * start - end) / x
+    a = start - slope + 2.0 * bend  # the particular solution at s = 0
+    return a + (slope - 2.0 * bend) * x + bend * x * x + (f - a) * decay
+
+
+@inlined
+def corner(b, before, after):
+    """Return the share of a step at which the first leg's current reaches a corner of what it loses; 1: none does."""
+    share, w = 1.0, 0.0 if b.sign_shape == HARD else b.soft_current
+    p_a, p_b, p_c = phase_currents(before)
+    q_a, q_b, q_c = phase_currents(after)
+    for p, q in ((p_a, q_a), (p_b, q_b), (p_c, q_c)):
+        if b.threshold != 0.0 and b.sign_shape != TANH:
+            share = min(share, reached(p, q, -w), reached(p, q, w))
+        share = min(share, table_corner(b.leg_table, p, q))
+    return share
+
+
+@kernel
+def integrate(state, b, mode, legs, begin, end, tau, acc):
+    """Advance machine and current filter from begin to end (s after t_k) with the legs as they are.
+
+    Runge-Kutta steps end where what a leg loses has a corner (sign of its current, points of its table): going over one
+    is of first order.  A step that met one is taken again, up to there.  See `steps`.
+    """
+    if (b.threshold == 0.0 or b.sign_shape == TANH) and not given(b.leg_table):
+        steps(state, b, mode, legs, begin, end, tau, acc)
+        return
+    kept, t = state[len(state) - SIZE :], begin
+    while end - t > TIE:
+        before, until = complex(state[I_ALPHA], state[I_BETA]), min(t + link_step(b), end)
+        for k in range(SIZE):
+            kept[k] = state[k]
+        steps(state, b, mode, legs, t, until, tau, acc)
+        share = corner(b, before, complex(state[I_ALPHA], state[I_BETA]))
+        if NEAR < share < 1.0 - NEAR:
+            for k in range(SIZE):
+                state[k] = kept[k]
+            until = t + share * (until - t)
+            steps(state, b, mode, legs, t, until, tau, acc)
+        t = until
+
+
+@kernel
+def steps(state, b, mode, legs, begin, end, tau, acc):
+    """Advance machine and current filter from begin to end (s after t_k) with the legs as they are.
+
+    legs: vector of the legs' levels; tau: load torque, N m; acc: imposed acceleration, rad/s^2.
+    """
+    count = math.ceil((end - begin - TIE) / link_step(b))
+    if count < 1:
+        return
+    h = (end - begin) / count
+    k, sixth = 0.5 * h, (end - begin) / count / 6.0
+    x, f = moving(state), complex(state[FILTER_ALPHA], state[FILTER_BETA])
+    held = complex(state[HELD_ALPHA], state[HELD_BETA])
+    t = state[TIME] + begin
+    sunk, link = state[SUNK], complex(state[LINK_DIP], state[LINK_FEED])
+    by = Driving(legs, sunk + link.real, tau, held, mode, acc)
+    r1, i1 = slopes(b, t, by, x)
+    for _ in range(count):
+        x2, link2 = ahead(x, k, r1), stage(b, legs, i1, link, link, k)
+        by2 = Driving(legs, sunk + link2.real, tau, held, mode, acc)
+        r2, i2 = slopes(b, t + k, by2, x2)
+        x3, link3 = ahead(x, k, r2), stage(b, legs, i2, link2, link, k)
+        by3 = Driving(legs, sunk + link3.real, tau, held, mode, acc)
+        r3, i3 = slopes(b, t + k, by3, x3)
+        x4, link4 = ahead(x, h, r3), stage(b, legs, i3, link3, link, h)
+        by4 = Driving(legs, sunk + link4.real, tau, held, mode, acc)
+        r4, i4 = slopes(b, t + h, by4, x4)
+        if b.audit != 0.0:
+            audit(state, b, t, by, sixth, x)
+            audit(state, b, t + k, by2, 2.0 * sixth, x2)
+            audit(state, b, t + k, by3, 2.0 * sixth, x3)
+            audit(state, b, t + h, by4, sixth, x4)
+        x = ahead(x, sixth, mean_rate(r1, r2, r3, r4))
+        link = settled_link(b, legs, i4, link, (link2, link3, link4), h)
+        if b.grip != 0.0:
+            held = x.psi - pull(b, x.psi, held)
+        t += h
+        before = i1
+        by = Driving(legs, sunk + link.real, tau, held, mode, acc)
+        r1, i1 = slopes(b, t, by, x)
+        if b.filter_time > 0.0:
+            f = lag(b, f, before, 0.5 * (i2 + i3), i1, h)
+    keep_moving(state, x)
+    state[FILTER_ALPHA], state[FILTER_BETA] = f.real, f.imag
+    state[HELD_ALPHA], state[HELD_BETA] = held.real, held.imag
+    state[I_ALPHA], state[I_BETA] = i1.real, i1.imag
+    state[LINK_DIP], state[LINK_FEED] = link.real, link.imag
+
+
+@inlined
+def moving(state):
+    """Return what the machine remembers."""
+    return Moving(
+        complex(state[PSI_ALPHA], state[PSI_BETA]), complex(state[CORE_ALPHA], state[CORE_BETA]),
+        complex(state[SKIN_ALPHA], state[SKIN_BETA]), state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST],
+        state[LOOP],
+    )  # fmt: skip
+
+
+@inlined
+def keep_moving(state, x):
+    """Write it."""
+    state[PSI_ALPHA], state[PSI_BETA] = x.psi.real, x.psi.imag
+    state[CORE_ALPHA], state[CORE_BETA] = x.core.real, x.core.imag
+    state[SKIN_ALPHA], state[SKIN_BETA] = x.skin.real, x.skin.imag
+    state[THETA], state[SPEED], state[LOAD_SPEED], state[TWIST] = x.theta, x.speed, x.load_speed, x.twist
+    state[LOOP] = x.loop
+
+
+@kernel
+def audit(state, b, t, by, weight, x):
+    """Add the powers at one Runge-Kutta stage to the audited energies."""
+    p = powers(b, t, by, vector(state[WANTED], state[WANTED + 1], state[WANTED + 2]), x)
+    state[INPUT] += weight * p.supply
+    state[LOSS] += weight * p.loss
+    state[OUTPUT] += weight * p.output
+    state[DEVICES] += weight * p.devices
+    state[COMMANDED] += weight * p.commanded
+
+
+@kernel
+def duties(u_alpha, u_beta, u_dc):
+    """Return the legs' duties D = 1/2 + (v_leg + v_0)/u_dc, v_0 = -(max + min)/2, limited to what a leg can do."""
+    side = 0.5 * math.sqrt(3.0) * u_beta
+    v_a, v_b, v_c = u_alpha, -0.5 * u_alpha + side, -0.5 * u_alpha - side
+    v_0 = -0.5 * (max(v_a, v_b, v_c) + min(v_a, v_b, v_c))
+    d_a, d_b, d_c = 0.5 + (v_a + v_0) / u_dc, 0.5 + (v_b + v_0) / u_dc, 0.5 + (v_c + v_0) / u_dc
+    return min(max(d_a, 0.0), 1.0), min(max(d_b, 0.0), 1.0), min(max(d_c, 0.0), 1.0)
+
+
+@kernel
+def pulse(b, duty, shift):
+    """Return a leg's commanded rising and falling edge (s after the start of its period); NEVER without a pulse.
+
+    shift: s by which it is late, as far as it stays within its period.
+    """
+    if duty <= 0.0:
+        return NEVER, NEVER
+    late = b.pwm_delay + within(0.5 * (1.0 - duty) * b.period, shift)
+    return 0.5 * (1.0 - duty) * b.period + late, 0.5 * (1.0 + duty) * b.period + late
+
+
+@kernel
+def within(room, shift):
+    """Return a pulse's shift (s), limited to the room on either side of it."""
+    return min(max(shift, -room), room)
+
+
+@kernel
+def append(state, leg, n, edge):
+    """Add a commanded edge to a leg's list, cancelling it with a last commanded one at the same instant."""
+    base = EDGES + ROOM * leg
+    if n > int(state[CARRIED + leg]) and abs(state[base + n - 1] - edge) < TIE:
+        return n - 1
+    state[base + n] = edge
+    return n + 1
+
+
+@kernel
+def schedule(state, b, leg, duty):
+    """Write a leg's commanded edges of the coming period, delayed ones of the last pulse first; return their number."""
+    n = int(state[CARRIED + leg])
+    rise, fall = pulse(b, state[LAST_DUTY + leg], state[LAST_SHIFT + leg])
+    if rise != NEVER and rise - b.period >= 0.0:
+        n = append(state, leg, n, rise - b.period)
+    if fall != NEVER and fall - b.period >= 0.0:
+        n = append(state, leg, n, fall - b.period)
+    rise, fall = pulse(b, duty, state[SHIFT + leg])
+    if rise < b.period:
+        n = append(state, leg, n, rise)
+    if fall < b.period:
+        n = append(state, leg, n, fall)
+    state[LAST_DUTY + leg], state[LAST_SHIFT + leg] = duty, state[SHIFT + leg]
+    return n
+
+
+@kernel
+def settle(state, b, leg, acted, taken, n, t, current):
+    """Take and let act every edge of a leg that is due at t; return the new acted, taken, n.
+
+    Edges [acted, taken) of the list are late ones that have not acted yet, [taken, n) not yet commanded.
+    """
+    base = EDGES + ROOM * leg
+    while True:
+        if acted < taken and state[base + acted] <= t + TIE:
+            state[LEVEL + leg] = 1.0 - state[LEVEL + leg]
+            acted += 1
+        elif taken < n and state[base + taken] <= t + TIE:
+            rising = state[WANTED + leg] == 0.0
+            state[WANTED + leg] = 1.0 - state[WANTED + leg]
+            if b.dead_time != 0.0:
+                sign = edge_sign(b, current)
+                late = b.dead_time * (sign if rising else -sign)
+                state[base + taken] += 0.5 * (abs(b.dead_time) + late)
+            if acted < taken and state[base + taken] <= state[base + taken - 1]:  # the pulse vanishes
+                for j in range(taken + 1, n):
+                    state[base + j - 2] = state[base + j]
+                n -= 2
+                taken -= 1
+            else:
+                taken += 1
+        else:
+            return acted, taken, n
+
+
+@kernel
+def due(state, leg, acted, taken, n):
+    """Return the time of a leg's next event."""
+    base = EDGES + ROOM * leg
+    late = state[base + acted] if acted < taken else NEVER
+    return min(late, state[base + taken] if taken < n else NEVER)
+
+
+@kernel
+def carry(state, b, leg, acted, taken):
+    """Keep a leg's late edges that act after the period; return their number."""
+    base = EDGES + ROOM * leg
+    for j in range(acted, taken):
+        state[base + j - acted] = state[base + j] - b.period
+    state[CARRIED + leg] = taken - acted
+
+
+@kernel
+def switch_vector(state):
+    """Return the vector of the legs' levels (0/1): zero in both zero vectors."""
+    a, b, c = state[LEVEL], state[LEVEL + 1], state[LEVEL + 2]
+    return (2.0 / 3.0) * (a + b * A + c * A.conjugate())
+
+
+@kernel
+def reading_due(state, b, j):
+    """Return when (s after t_k) the j-th reading inside the period is taken; NEVER after the last."""
+    n = state[READINGS]
+    return min(max((j + 0.5) * b.period / n + b.sampling_delay, 0.0), b.period) if j < n else NEVER
+
+
+@kernel
+def early_due(state, b, j):
+    """Return when (s after t_k) the j-th channel is read for t_k+1 if that is before it; NEVER for others."""
+    at = state[OFFSET] + j * b.channel_lag
+    return b.period + at if j < channels(b) and at < 0.0 else NEVER
+
+
+@kernel
+def early_slot(j):
+    """Return where the j-th channel's early sample is kept."""
+    return SAMPLE_ALPHA if j == 0 else EARLY + 2 * (j - 1)
+
+
+@kernel
+def hold(state, b, first):
+    """Write the current vector that a sensor sees now to two slots."""
+    state[first], state[first + 1] = state[I_ALPHA], state[I_BETA]
+    if b.filter_time > 0.0:
+        state[first], state[first + 1] = state[FILTER_ALPHA], state[FILTER_BETA]
+
+
+@kernel
+def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end):
+    """Switch and integrate from t_k to t_k + end; edges beyond stay undone (see `advance`, `simulate.measure`)."""
+    d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
+    d_a, d_b, d_c = together(b, kept(b, d_a), kept(b, d_b), kept(b, d_c))
+    pattern = b.pwm_delay if b.sag != 0.0 else NEVER  # from then on these duties draw from the link
+    t_a, t_b, t_c = int(state[CARRIED]), int(state[CARRIED + 1]), int(state[CARRIED + 2])
+    n_a, n_b, n_c = schedule(state, b, 0, d_a), schedule(state, b, 1, d_b), schedule(state, b, 2, d_c)
+    a_a = a_b = a_c = 0
+    early_j, early = 0, early_due(state, b, 0)
+    j, inside = 0, reading_due(state, b, 0)
+    load_torque = acting_load(b, state[LOAD], load_torque)
+    t = 0.0
+    while True:
+        i_a, i_b, i_c = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+        if t >= pattern - TIE:
+            state[SUNK], pattern = b.sag * (d_a * i_a + d_b * i_b + d_c * i_c), NEVER
+        a_a, t_a, n_a = settle(state, b, 0, a_a, t_a, n_a, t, i_a)
+        a_b, t_b, n_b = settle(state, b, 1, a_b, t_b, n_b, t, i_b)
+        a_c, t_c, n_c = settle(state, b, 2, a_c, t_c, n_c, t, i_c)
+        while t >= early:
+            hold(state, b, early_slot(early_j))
+            early_j += 1
+            early = early_due(state, b, early_j)
+        while t >= inside:
+            hold(state, b, READINGS + 1 + 2 * j)
+            j += 1
+            inside = reading_due(state, b, j)
+        if t >= end:
+            break
+        until = min(due(state, 0, a_a, t_a, n_a), due(state, 1, a_b, t_b, n_b), due(state, 2, a_c, t_c, n_c))
+        until = min(until, early, inside, pattern, end)
+        integrate(state, b, mode, switch_vector(state), t, until, load_torque, acceleration)
+        t = until
+    carry(state, b, 0, a_a, t_a)
+    carry(state, b, 1, a_b, t_b)
+    carry(state, b, 2, a_c, t_c)
+
+
+@kernel
+def advance(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration):
+    """Advance the bench by one PWM period in place, from t_k to t_k+1.
+
+    u_alpha, u_beta: commanded voltage (V); u_dc: link voltage as read (V), by which the controller divides;
+    load_torque: N m (FREE); acceleration: mechanical rad/s^2 (DRIVEN).  mode: LOCKED, DRIVEN or FREE.
+    """
+    travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, b.period)
+    state[TIME] += b.period
+    state[LOAD] = acting_load(b, state[LOAD], load_torque)

@@ -1,1 +1,0 @@
-"""What checks the sandbox from outside: the switched bench, and the check on withheld effects."""

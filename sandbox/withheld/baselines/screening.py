@@ -1,0 +1,122 @@
+"""Which effects a fit's own slopes promise most of: the screening that the simple methods share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+from model.effects.library import load_effect, moved, neutral
+from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
+from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.priors import Coordinate
+from sandbox.gap.evidence.probes import Probe, probe_coordinates
+from sandbox.gap.search.subsets import contained
+from sandbox.withheld.baselines.refit import readings
+
+
+class Columns(NamedTuple):
+    """What a screening linearises: the fit's own coordinates, and by probe what it adds, under names of their own."""
+
+    known: Sequence[Coordinate]
+    own: Sequence[tuple[Probe, Mapping[str, Coordinate]]]
+
+    @property
+    def every(self) -> list[Coordinate]:
+        """All of them once, the fit's own first."""
+        out = {c.label: c for c in self.known}
+        for _, more in self.own:
+            out = {**more, **out}
+        return list(out.values())
+
+
+class Promise(NamedTuple):
+    """What one step beside a fit would reach: Schwarz' criterion of the effect's set, and where the effect begins."""
+
+    criterion: float
+    probe: Probe
+
+
+def columns(point: Point, known: Sequence[Coordinate], probes: Sequence[Probe]) -> Columns:
+    """Return what to linearise for probes beside a fit's own coordinates.
+
+    Probes with companions (a time constant, an order) have columns of their own each; others share the coordinate of
+    their name, which may be an ordinary deviation.
+    """
+    own = [
+        (probe, {c.label: c for c in probe_coordinates(point, probe, f" #{k}" if probe.start else "")})
+        for k, probe in enumerate(probes)
+    ]
+    return Columns([c for c in known if c.form != "turn"], own)
+
+
+def held_but(n: Normal, free: Mapping[str, Coordinate]) -> Prior:
+    """Return the priors under which coordinates of some labels move, and all turns; the others stay where they are."""
+    chosen = [free.get(c.label, c) for c in n.coordinates]
+    loose = [c.label in free or c.form == "turn" for c in chosen]
+    held = [replace(c, mean=float(x), deviation=0.0) for c, x in zip(chosen, n.x, strict=True)]
+    return prior_of([c if f else h for c, f, h in zip(chosen, loose, held, strict=True)])
+
+
+def screened(
+    point: Point, known: Sequence[Coordinate], probes: Sequence[Probe], effects: Sequence[str] = ()
+) -> list[Promise]:
+    """Return probes by the criterion that one step from a point promises, the best first.
+
+    known: the coordinates that move in any case, whose number counts for no effect here; effects: those that the point
+    has, whose coordinates are counted elsewhere and so not once more for a probe that shares them.
+    """
+    cols = columns(point, known, probes)
+    n = normal(point, cols.every)
+    a, size = algebra(n), math.log(readings(n))
+    free, counted = {c.label: c for c in cols.known}, names_of(effects)
+    out = []
+    for probe, more in cols.own:
+        reached = a.most_probable(held_but(n, {**free, **more})).objective
+        new = sum(c.names[0] not in counted for c in more.values())
+        out.append(Promise(reached + new * size, probe))
+    return sorted(out, key=lambda p: p.criterion)
+
+
+def count(effects: Sequence[str], coordinates: Sequence[Coordinate]) -> int:
+    """Return how many coordinates are the effects' own, the cross part under saturation's names."""
+    names = names_of(effects)
+    return sum(c.names[0] in names for c in coordinates)
+
+
+def names_of(effects: Sequence[str]) -> set[str]:
+    """Return the parameters of effects, the cross part's under saturation's names."""
+    return {f"{owner(e)}.{p.name}" for e in effects for p in load_effect(e).parameters}
+
+
+def owner(effect: str) -> str:
+    """Return under whose names an effect's parameters stand."""
+    return "saturation" if effect == "cross_saturation" else effect
+
+
+def barred(effects: Sequence[str]) -> tuple[str, ...]:
+    """Return the effects that cannot join a set: its own, and those that are a part of one of them."""
+    return (*effects, *(part for e in effects for part in sorted(contained(e))))
+
+
+def staying(effects: Sequence[str], effect: str) -> tuple[str, ...]:
+    """Return the effects of a set that stay when one joins: it takes the place of those that are a part of it."""
+    return tuple(e for e in effects if e not in contained(effect))
+
+
+def lesser(effects: Sequence[str], exclude: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return the sets with one effect less, or with a part of it in its place unless that is excluded."""
+    out = []
+    for gone in effects:
+        rest = tuple(e for e in effects if e != gone)
+        out += [rest, *((*rest, part) for part in sorted(contained(gone)) if part not in exclude)]
+    return out
+
+
+def cleared(point: Point, effects: Sequence[str], left: Sequence[str]) -> Point:
+    """Return a point of a set of effects with neutral values for all that those left do not have."""
+    usual, values = neutral(point.prepared.campaign.drive.motor), dict(point.values)
+    for name in names_of(effects) - names_of(left):
+        values |= moved(name, usual[name])
+    return replace(point, values=values)

@@ -1,0 +1,259 @@
+"""A baseline without replay: voltage and torque residuals of the nominal model regressed on signature functions.
+
+Voltage left over in each period, from currents as read and the encoder's angle: u - R i - (psi_k+1 - psi_k)/T_s, with
+psi the nominal flux of those currents, in means over BIN samples (which average injection out); each effect has one
+or more columns (its first-order voltage).  Ordinary
+deviations are columns with priors.  The effect whose columns take most of the weighted squares wins.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import kernel
+from model.effects.library import effect_names
+from model.energy import flux_newton
+from model.parameters import Motor
+from sandbox.gap.evidence.priors import ordinary as stated
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
+from sandbox.replay.inputs import noise_floor
+from sandbox.replay.replay import prepare
+from sandbox.withheld.baselines.answer import Answer, answer
+from sandbox.withheld.baselines.refit import inverse_root
+
+Complex = NDArray[np.complex128]
+Columns = dict[str, list[Complex]]  # by parameter or effect: first-order voltages, whitened with the residual
+SHARE = 1e-3  # relative step of the flux' derivatives
+RIPPLES = (100.0, 300.0)  # Hz
+LAG = 4e-3  # s, smooths torques
+BIN = 16  # samples a mean is taken over: differences of noisy currents cancel inside, or they would pose as effects
+
+
+@kernel
+def fluxes(m, i_d, i_q):
+    """Return the fluxes phi_d + j phi_q (n,) of currents (A) by the nominal energy."""
+    out = np.empty(len(i_d), dtype=np.complex128)
+    d = q = 0.0
+    for k in range(len(i_d)):
+        d, q, _ = flux_newton(m, i_d[k], i_q[k], d, q)
+        out[k] = complex(d, q)
+    return out
+
+
+def sign_vector(phases: NDArray[np.float64], soft: float) -> Complex:
+    """Return the vector of the three currents' signs, linear within `soft` (A)."""
+    s = np.clip(phases / soft, -1.0, 1.0)
+    return np.asarray((2.0 * s[:, 0] - s[:, 1] - s[:, 2]) / 3.0 + 1j * (s[:, 1] - s[:, 2]) / math.sqrt(3.0))
+
+
+def columns_of(campaign: Campaign, r: CampaignRecording, theta: NDArray[np.float64]) -> tuple[Complex, Columns]:
+    """Return the residual voltage (n - 1,) of a recording and all first-order voltages (V per unit)."""
+    motor, converter = campaign.drive.motor, campaign.drive.converter
+    period, u, t = converter.sampling_period, r.u_alpha + 1j * r.u_beta, r.t
+    i_alpha, i_beta = r.current
+    i, turn, p = i_alpha + 1j * i_beta, np.exp(1j * theta), motor.pole_pairs
+    omega = np.gradient(theta, period)
+
+    def flux(m: Motor, current: Complex, angle: Complex) -> Complex:
+        """Return a motor's flux linkage (Wb, stationary) at currents (A) and angles (unit phasors)."""
+        local = current / angle
+        return np.asarray((fluxes(m.energy, local.real.copy(), local.imag.copy()) + m.magnet_flux) * angle)
+
+    def slope(psi: Complex) -> Complex:
+        """Return the voltage (V) that a flux linkage takes between samples."""
+        return np.asarray(np.diff(psi) / period)
+
+    def middle(x: Any) -> Any:
+        """Return means of neighbours."""
+        return 0.5 * (x[1:] + x[:-1])
+
+    def by(field: str) -> Complex:
+        """Return how that voltage answers to a motor's value."""
+        h = SHARE * max(abs(getattr(motor, field)), 1e-9)
+        values: Any = {field: getattr(motor, field) + h}
+        return slope((flux(replace(motor, **values), i, turn) - psi) / h)
+
+    def read_as(change: Any) -> Complex:
+        """Voltage seen where the true current is larger by `change` (V)."""
+        return slope(flux(motor, i + SHARE * change, turn) - psi) / SHARE + motor.resistance * middle(change)
+
+    psi = flux(motor, i, turn)
+    residual = u[:-1] - motor.resistance * middle(i) - slope(psi)
+    phases = np.stack([r.i_a, r.i_b, r.i_c], axis=1)
+    late = (flux(motor, i, turn * np.exp(1j * SHARE)) - psi) / SHARE
+    di = np.gradient(i, period)
+    axis = np.exp(2j * np.pi / 3.0)
+    out: Columns = {
+        "stator_resistance": [middle(i)],
+        "magnet_flux": [slope(turn)],
+        "inductance": [by("inductance_d") * motor.inductance_d, by("inductance_q") * motor.inductance_q],
+        "saturation": [by(f"alpha_{n}") for n in ("30", "12", "40", "22", "04")],
+        "cross_saturation": [by("alpha_12"), by("alpha_22")],
+        "flux_harmonics": [slope(turn * np.cos(6 * theta)), slope(1j * turn * np.sin(6 * theta))],
+        "inductance_harmonics": [slope(np.exp(6j * theta) * np.conj(psi - motor.magnet_flux * turn) * turn)],
+        "iron_loss": [read_as(np.gradient(psi, period))],
+        "skin_effect": [middle(i - smoothed(i, 2e-4 / period))],
+        "winding_asymmetry": [middle(r.i_a + 0j) * 2 / 3, middle(r.i_b * axis) * 2 / 3],
+        "dead_time": [middle(sign_vector(phases, 0.015 * motor.rated_current)) / period * converter.dc_bus_voltage],
+        "device_drop": [middle(sign_vector(phases, 0.015 * motor.rated_current)), middle(i)],
+        "dc_link_error": [-u[:-1]],
+        "dc_link_ripple": [u[:-1] * f(math.tau * h * t[:-1]) for h in RIPPLES for f in (np.sin, np.cos)],
+        "pwm_delay": [u[:-1] - np.concatenate([[0.0], u[:-2]])],
+        "current_gain": [-read_as(r.i_a * 2 / 3 + 0j), -read_as(r.i_b * axis * 2 / 3)],
+        "current_offset": [-read_as(np.ones(len(t)) + 0j), -read_as(1j * np.ones(len(t)))],
+        "current_filter": [read_as(di)],
+        "current_sampling": [-read_as(np.concatenate([[0.0], np.diff(i)]) / period)],
+        "encoder_offset": [-slope(late)],
+        "encoder_eccentricity": [-slope(late * np.sin(theta / p)), -slope(late * np.cos(theta / p))],
+    }
+    if r.rotor == "free":
+        out |= mechanical(campaign, r, theta, omega, psi, i)
+    return residual, out
+
+
+def smoothed(x: Complex, samples: float) -> Complex:
+    """Return x behind a first-order lag of so many samples."""
+    from scipy.signal import lfilter
+
+    decay = math.exp(-1.0 / samples)
+    return np.asarray(lfilter([1.0 - decay], [1.0, -decay], x))
+
+
+def mechanical(campaign: Campaign, r: CampaignRecording, theta, omega, psi: Complex, i: Complex) -> Columns:
+    """Return mechanical torques (N m) on their own block: under "" the residual, then each effect's."""
+    motor, period = campaign.drive.motor, campaign.drive.converter.sampling_period
+    p, load = motor.pole_pairs, np.asarray(r.columns.get("load_torque", np.zeros(len(theta))))
+    torque = 1.5 * p * np.imag(np.conj(psi) * i)
+    speed = omega / p
+    lag = LAG / period
+
+    def slow(x) -> Complex:
+        """Return what a lag lets through."""
+        return smoothed(np.asarray(x, dtype=complex), lag)[:-1]
+
+    return {
+        "": [slow(torque - load - motor.viscous_friction * speed - motor.inertia * np.gradient(speed, period))],
+        "coulomb_friction": [slow(np.tanh(speed / 2.0))],
+        "viscous_friction": [slow(speed)],
+        "inertia": [slow(np.gradient(speed, period))],
+        "cogging_torque": [slow(-f(k * theta)) for k in (4, 6, 12) for f in (np.sin, np.cos)],
+        "shaft_compliance": [slow(np.gradient(np.gradient(torque - load, period), period))],
+    }
+
+
+def by_voltage(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
+    """Answer by the effect whose columns explain most of what ordinary deviations leave."""
+    started, campaign = time.perf_counter(), read_campaign(folder)
+    prepared = prepare(campaign, steps=1)
+    blocks: list[tuple[Complex, Columns, float, float | None]] = []
+    for r, inputs in zip(campaign.recordings, prepared.recordings, strict=True):
+        residual, columns = columns_of(campaign, r, inputs.motion.angle)
+        torque = columns.pop("", None)
+        if torque is not None:
+            names = ("coulomb_friction", "viscous_friction", "inertia", "cogging_torque", "shaft_compliance")
+            alone = 0.5 * campaign.drive.converter.sampling_period / LAG  # smoothed samples are not independent
+            blocks.append((torque[0], {k: columns.pop(k) for k in names}, alone, None))
+        mean = {k: [binned(c) for c in own] for k, own in columns.items()}
+        blocks.append((binned(residual), mean, 1.0, voltage_noise(campaign)))
+    gram, places = normal_matrix(blocks)
+    ordinary, weight = background(campaign, places)
+    count = sum(share * len(y) for y, _, share, _ in blocks)
+    base = left_over(gram, ordinary, weight)
+    costs = {}
+    for effect in effect_names():
+        if effect not in exclude and effect in places:
+            own = places[effect]
+            free = np.where(np.isin(np.arange(len(weight)), own), 0.0, weight)
+            used = sorted({*ordinary, *own})
+            costs[effect] = left_over(gram, used, free) + len(own) * math.log(count)
+    best = min(costs.values())
+    before, after = math.sqrt(base / count), math.sqrt(best / count)
+    ranked: list[Any] = [((e,), math.exp(-0.5 * min(c - best, 1400.0)), {}) for e, c in sorted(costs.items())]
+    ranked.append(((), math.exp(-0.5 * min(max(base - best, 0.0), 1400.0)), {}))
+    return answer(campaign, ranked, (math.sqrt(gram[0, 0] / count), before, min(after, before)), started, 0)
+
+
+def binned(x: Complex) -> Complex:
+    """Return means over BIN samples, the rest left away."""
+    n = len(x) // BIN
+    return np.asarray(x[: n * BIN].reshape(n, BIN).mean(axis=1))
+
+
+def voltage_noise(campaign: Campaign) -> float:
+    """Return the mean square (V^2) that the sensors' noise leaves in a residual voltage: that of flux differences."""
+    motor, converter = campaign.drive.motor, campaign.drive.converter
+    vector = 4.0 / 3.0 * noise_floor(converter) ** 2
+    inductance = 0.5 * (motor.inductance_d**2 + motor.inductance_q**2)
+    return 2.0 * vector * inductance / (BIN * converter.sampling_period) ** 2
+
+
+def normal_matrix(
+    blocks: list[tuple[Complex, Columns, float, float | None]],
+) -> tuple[NDArray[np.float64], dict[str, list[int]]]:
+    """Return the Gram matrix of residual (place 0) and all columns; places by name.
+
+    A block is (residual, columns, share of independent samples, its noise squared); without noise given, over the
+    scatter that all its columns together leave.
+    """
+    places: dict[str, list[int]] = {}
+    n = 1
+    for _, columns, *_ in blocks:
+        for name, own in columns.items():
+            if name not in places:
+                places[name] = list(range(n, n + len(own)))
+                n += len(own)
+    gram = np.zeros((n, n))
+    for y, columns, share, variance in blocks:
+        table = np.zeros((n, len(y)), dtype=complex)
+        table[0] = y
+        for name, own in columns.items():
+            table[places[name]] = np.array(own)
+        own_gram = (np.conj(table) @ table.T).real
+        if variance is None:
+            every = [p for name in columns for p in places[name]]
+            variance = left_over(own_gram, every, np.zeros(n)) / len(y)
+        gram += own_gram * share / variance
+    return gram, places
+
+
+def background(campaign: Campaign, places: dict[str, list[int]]) -> tuple[list[int], NDArray[np.float64]]:
+    """Return the places of the ordinary deviations and their prior weights, at all places."""
+    sd = {c.names[0]: c.deviation for c in stated(campaign)}
+    weight = np.zeros(1 + max(max(p) for p in places.values()))
+    motor = campaign.drive.motor
+    sizes = {
+        "stator_resistance": [sd["stator_resistance.resistance"]],
+        "magnet_flux": [sd["magnet_flux.magnet_flux"]],
+        "inductance": [sd["inductance.scale_d"], sd["inductance.scale_q"]],
+        "saturation": [sd.get(f"saturation.alpha_{n}", 1e-9) for n in ("30", "12", "40", "22", "04")],
+        "current_gain": 2 * [1.5 * sd["current_gain.gain_a"]],
+        "current_offset": 2 * [sd["current_offset.offset_a"] + 0.1 * noise_floor(campaign.drive.converter)],
+        "encoder_offset": [sd["encoder_offset.offset"]],
+        "dead_time": [sd["dead_time.time"]],
+        "inertia": [sd["inertia.inertia"]],
+        "viscous_friction": [sd.get("viscous_friction.coefficient", 0.15 * motor.viscous_friction + 1e-9)],
+    }
+    ordinary = []
+    for name, own in sizes.items():
+        if name not in places:  # no rotor was free
+            continue
+        for place, size in zip(places[name], own, strict=True):
+            weight[place] = 1.0 / size**2
+            ordinary.append(place)
+    return ordinary, weight
+
+
+def left_over(gram: NDArray[np.float64], used: list[int], weight: NDArray[np.float64]) -> float:
+    """Return the squares that a ridge regression on some places leaves, prior terms included."""
+    a = gram[np.ix_(used, used)] + np.diag(weight[used])
+    b = gram[used, 0]
+    scale = inverse_root(np.diag(a))
+    x = np.linalg.lstsq(a * np.outer(scale, scale), scale * b, rcond=1e-10)[0]
+    return float(gram[0, 0] - b @ (scale * x))

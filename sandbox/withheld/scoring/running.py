@@ -1,0 +1,139 @@
+"""Diagnosing the campaigns of a check, one report each: goes on after an interruption, whatever fails is a miss.
+
+Every report says by `code` which version of the code made it, by `made` when, and by `cpu_seconds` what it took
+(a recommended recording made for it included), whatever else ran on the machine.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+from sandbox.engine.processes import Cluster, spread
+from sandbox.output.files import json_bytes, plain, write_whole
+from sandbox.withheld.making.draw import Drawn
+from sandbox.withheld.making.make import CAMPAIGNS
+from sandbox.withheld.scoring.recommended import drawn_again, grow
+
+ROOT = Path(__file__).parents[3]
+Diagnose = Callable[[Path, tuple[str, ...]], Any]
+CODE = (  # what a diagnosis depends on, and what records where a recommended recording is made
+    "model", "estimators", "sandbox/plant", "sandbox/recordings", "sandbox/replay", "sandbox/drive", "sandbox/gap",
+    "sandbox/switched", "sandbox/withheld", "sandbox/engine", "sandbox/output/files.py", "sandbox/output/columns.py",
+    "sandbox/output/provenance.py", "sandbox/output/toml.py", "sandbox/evaluation/score.py", "sandbox/shadowing.py",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check's folder, what diagnoses its campaigns, on how many processes or which cluster; told the share done.
+
+    A cluster's workers read and write the same folder, at the same place.
+    """
+
+    folder: Path
+    diagnose: Diagnose
+    jobs: int = 1
+    cluster: Cluster | None = None
+    progress: Callable[[float], None] | None = None
+
+
+def run_all(check: Check, work: Mapping[str, tuple[str, ...]], reports: Path) -> None:
+    """Diagnose campaigns, each with effects excluded, that have no report yet; every finished one is kept."""
+    _spread(check, [_Task(check.folder / CAMPAIGNS / n, x, reports) for n, x in work.items()])
+
+
+def follow_all(check: Check, asked: Mapping[str, tuple[str, float]], content: Mapping[str, Any], reports: Path) -> None:
+    """Make the recording asked for (entry, seconds) of each campaign that has no report here yet, and diagnose it with
+    the rest."""
+    left = [n for n in asked if not reported(reports, n) or _of_another(reports / f"{n}.json", asked[n])]
+    for name in left:
+        (reports / f"{name}.json").unlink(missing_ok=True)
+    campaigns = check.folder / CAMPAIGNS
+    _spread(check, [_Task(campaigns / n, (), reports, asked[n], drawn_again(content, n)) for n in left])
+
+
+def reported(reports: Path, name: str) -> bool:
+    """Tell whether a campaign has a report; one that says why diagnosing failed is worth another try."""
+    path = reports / f"{name}.json"
+    return path.exists() and (not path.is_file() or b'"failed":' not in path.read_bytes())
+
+
+def _of_another(report: Path, entry: tuple[str, float]) -> bool:
+    """Tell whether another recording was made for a report; a damaged one is kept, to be named where it is judged."""
+    try:
+        return bool(json.loads(report.read_text(encoding="utf-8")).get("recorded") != list(entry))
+    except (ValueError, AttributeError, OSError, RecursionError):
+        return False
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One campaign to diagnose: its folder, effects excluded, where reports go, the recording to make before."""
+
+    campaign: Path
+    exclude: tuple[str, ...]
+    reports: Path
+    entry: tuple[str, float] | None = None
+    drawn: Drawn | None = None
+
+    @property
+    def name(self) -> str:
+        """The campaign's name."""
+        return self.campaign.name
+
+
+def _spread(check: Check, tasks: Sequence[_Task]) -> None:
+    left = [t for t in tasks if not reported(t.reports, t.name)]
+    for done, _ in enumerate(spread(partial(_one, check.diagnose), left, check.jobs, _lost, check.cluster), 1):
+        if check.progress is not None:
+            check.progress(done / len(left))
+
+
+def _one(diagnose: Diagnose, task: _Task) -> None:
+    """Diagnose one campaign; whatever goes wrong is written down as a miss, not raised."""
+    started = time.process_time()
+    code_digest()  # now, not when it is done: files may change in the meantime, what runs does not
+    try:
+        folder = task.campaign
+        if task.entry is not None and task.drawn is not None:
+            folder = grow(folder, task.reports / CAMPAIGNS / task.name, task.entry, task.drawn)
+        content = plain(diagnose(folder, task.exclude).json)
+    except Exception as error:  # a failing campaign is a result
+        content = {"campaign": task.name, "failed": f"{type(error).__name__}: {error}"}
+    _write(task, {**content, "cpu_seconds": time.process_time() - started})
+
+
+def _lost(task: _Task) -> None:
+    _write(task, {"campaign": task.name, "failed": "the process that diagnosed it died"})
+
+
+def _write(task: _Task, content: dict[str, Any]) -> None:
+    task.reports.mkdir(parents=True, exist_ok=True)
+    more = {} if task.entry is None else {"recorded": list(task.entry)}
+    now = datetime.now(UTC).isoformat(timespec="seconds")
+    text = json_bytes({**content, **more, "code": code_digest(), "made": now})
+    write_whole(task.reports / f"{task.name}.json", text)
+
+
+@cache
+def code_digest() -> str:
+    """Return a short hash of the code that diagnoses, which tells reports of one version from those of another."""
+    found = hashlib.sha256()
+    for path in code_files():
+        found.update(f"{path.relative_to(ROOT).as_posix()}\n{path.stat().st_size}\n".encode() + path.read_bytes())
+    return found.hexdigest()[:12]
+
+
+def code_files() -> list[Path]:
+    """Return the files that CODE names, drives (toml) included."""
+    parts = [ROOT / part for part in CODE]
+    inside = [p for part in parts for suffix in ("py", "toml") for p in part.rglob(f"*.{suffix}")]
+    return sorted({*inside, *(part for part in parts if part.is_file())})
