@@ -32,8 +32,8 @@ from model.parameters import Drive
 from sandbox.drive.design import belief_of
 from sandbox.drive.scenario import load_scenario
 from sandbox.drive.simulate import simulate
+from sandbox.evaluation.pages.protocol_cells import cell
 from sandbox.evaluation.protocol import TESTS, Row, protocol
-from sandbox.evaluation.protocol_cells import cell
 from sandbox.evaluation.protocol_names import MOTORS
 from sandbox.evaluation.protocol_tests import GOAL_LOAD, Point, static_map
 from sandbox.evaluation.step_cost import step_ns

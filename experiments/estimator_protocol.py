@@ -20,13 +20,13 @@ from textwrap import fill
 from experiments.drawing import RESULTS, save
 from sandbox.cli.sweeping import on_dask
 from sandbox.evaluation.bench import peer
+from sandbox.evaluation.pages.protocol_cells import reading, table, tables
+from sandbox.evaluation.pages.protocol_figure import protocol_figure
 from sandbox.evaluation.protocol import Protocol, Row, Unit, forget, protocol
-from sandbox.evaluation.protocol_cells import reading, table, tables
 from sandbox.evaluation.protocol_names import LINES
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.output.columns import write_table
 from sandbox.output.files import output_folder, version
-from sandbox.output.plots import protocol_figure
 from sandbox.public.protocols import ProtocolResult
 
 ANCHORS = Path("../shared/anchors")

@@ -11,9 +11,9 @@ from pathlib import Path
 from model.drive_files import load_drive
 from sandbox.drive.scenario import load_scenario
 from sandbox.evaluation.compare import compare
+from sandbox.evaluation.pages.compare_figure import comparison_figure
+from sandbox.evaluation.pages.compare_tables import comparison_markdown
 from sandbox.output.files import write_json
-from sandbox.output.plots import comparison_figure
-from sandbox.output.tables import comparison_markdown
 from sandbox.public.printed import print_comparison
 
 RESULTS = Path(__file__).parent / "results"

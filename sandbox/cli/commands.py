@@ -127,7 +127,8 @@ def run_protocol(options: argparse.Namespace) -> None:
             names_of(options.motors, () if options.motors else usual_motors()), names_of(options.tests, LINES),
             seed=options.seed, jobs=options.jobs, keep=folder, cluster=options.dask, progress=progress,
         )  # fmt: skip
-    from sandbox.evaluation.protocol import show, with_motulator  # compiles
+    from sandbox.evaluation.pages.protocol_cells import show  # compiles
+    from sandbox.evaluation.protocol import with_motulator
 
     if options.peer:
         result = ProtocolResult(with_motulator(result.protocol, options.anchors, options.peer_python), call=result.call)

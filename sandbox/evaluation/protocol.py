@@ -9,7 +9,6 @@ which drive it is of: half a line, or one of a motor file that was changed meanw
 from __future__ import annotations
 
 import json
-import re
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -26,9 +25,8 @@ from model.parameters import Drive
 from model.sources import ROOT, source_key
 from sandbox.engine.processes import Cluster, spread
 from sandbox.evaluation.compare import distinct
-from sandbox.evaluation.protocol_cells import MARKS, reading, table
 from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
-from sandbox.evaluation.protocol_names import ESTIMATORS, usual_motors
+from sandbox.evaluation.protocol_names import BELIEFS, ESTIMATORS, usual_motors
 from sandbox.evaluation.protocol_tests import (
     Outcome,
     Point,
@@ -42,7 +40,6 @@ from sandbox.evaluation.protocol_tests import (
     static_map,
 )  # fmt: skip
 from sandbox.output.files import plain
-from sandbox.output.tables import BELIEFS, print_prose, print_table
 
 Test = Callable[[Drive, AnyEstimator, str, int], Outcome]
 TESTS: dict[str, Test] = {
@@ -307,13 +304,3 @@ def with_motulator(result: Protocol, anchors: Path, python: str) -> Protocol:
     from sandbox.evaluation.bench import peer
 
     return result.beside(*peer(anchors, python, "lin", 4.0))
-
-
-def show(result: Protocol) -> None:
-    """Print a table per motor, how to read it, and the cost."""
-    for motor in dict.fromkeys(row.unit.motor for row in result.rows):
-        heads, lines = table(result, motor)
-        lines = [[re.sub(f" ([{''.join(MARKS)}]) ", r" \1\n", text) for text in line] for line in lines]
-        print_table(f"{motor}: worst mean ° (worst 95 %)", heads, lines)
-    print_prose(reading(result))
-    print_prose(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from model.datasets import locate
 
+BELIEFS = ("saturated", "linear")  # in the order of reading
 ESTIMATORS = (
     "qnull", "inversion", "rotating", "table", "arbitrary", "pwm_ripple", "fluxdemod", "pll3", "mechanical", "monitor",
     "active_flux", "hybrid", "ekf", "ukf",

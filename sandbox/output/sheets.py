@@ -12,6 +12,8 @@ Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 Strips = tuple[Sequence[Array], Colour, Sequence[str]]  # lines (n, 2), their colour, a label each or none
 GREY: Colour = (170, 170, 170)
+# Readable on white paper and on the viewer's dark ground, and apart for colour-blind eyes.
+COLOURS: dict[str, Colour] = {"saturated": (46, 134, 222), "linear": (222, 98, 16)}
 
 
 @dataclass(frozen=True)

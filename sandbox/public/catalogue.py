@@ -246,8 +246,8 @@ def _estimator_card(name: str) -> str:
     """Return an estimator's card; the cost of a step is measured here and now."""
     from estimators.registry import load_estimator
     from model.drive_files import load_drive
+    from sandbox.evaluation.protocol_names import BELIEFS
     from sandbox.evaluation.step_cost import cost
-    from sandbox.output.tables import BELIEFS
 
     e, motor = load_estimator(name), "ipm_exchanged"
     prices = [f"{belief} {cost(load_drive(motor), name, belief, 0)['step_ns']:.0f}" for belief in BELIEFS]

@@ -67,7 +67,7 @@ class AuditResult(Result):
 
         ax: two axes of your own to draw in; see `Result.plot`.
         """
-        from sandbox.output.plots import audit_figure
+        from sandbox.evaluation.pages.plane_figures import audit_figure
 
         return audit_figure(self.drive, self.audit, path, ax=ax)
 
@@ -103,7 +103,7 @@ class MapsResult(Result):
 
         ax: six axes of your own to draw in, two rows of three; see `Result.plot`.
         """
-        from sandbox.output.plots import maps_figure
+        from sandbox.evaluation.pages.plane_figures import maps_figure
 
         return maps_figure(self.maps, path, ax=ax)
 

@@ -9,17 +9,10 @@ import numpy as np
 
 from model.errors import PhysicsError
 from model.ratings import cautions
-from sandbox.output.plots import NO_THEORY
-from sandbox.output.tables import (
-    BELIEFS,
-    THEORY,
-    comparison_tables,
-    number_text,
-    print_prose,
-    print_table,
-    rpm_text,
-    theory_of,
-)
+from sandbox.evaluation.pages.compare_figure import NO_THEORY
+from sandbox.evaluation.pages.compare_tables import THEORY, comparison_tables, number_text, rpm_text, theory_of
+from sandbox.evaluation.protocol_names import BELIEFS
+from sandbox.output.tables import print_prose, print_table
 
 KALMAN = ("ekf", "ukf", "ekf_filterpy", "ukf_filterpy")
 TYPE_3 = ("pll3", "pwm_ripple", "mechanical")

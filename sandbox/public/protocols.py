@@ -65,14 +65,14 @@ class ProtocolResult(Result):
 
         ax: axes of your own to draw in, one for each motor; see `Result.plot`.
         """
-        from sandbox.evaluation.protocol_cells import reading, tables
-        from sandbox.output.plots import protocol_figure
+        from sandbox.evaluation.pages.protocol_cells import reading, tables
+        from sandbox.evaluation.pages.protocol_figure import protocol_figure
 
         return protocol_figure(tables(self.protocol), reading(self.protocol), path, ax=ax)
 
     def to_html(self, path: str | Path) -> Path:
         """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""
-        from sandbox.evaluation.protocol_page import write_protocol
+        from sandbox.evaluation.pages.protocol_page import write_protocol
 
         write_protocol(Path(path), self.protocol)
         return Path(path)

@@ -124,8 +124,8 @@ class SimulationResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write the run as a trace (`.rrd`); return its path."""
-        from sandbox.evaluation.compare_sheets import sheets
-        from sandbox.output.trace import write_trace
+        from sandbox.evaluation.pages.compare_sheets import sheets
+        from sandbox.evaluation.pages.compare_trace import write_trace
 
         write_trace(Path(path), self.comparison, sheets(self.comparison))
         return Path(path)
@@ -141,7 +141,7 @@ class SimulationResult(Result):
 
     def to_html(self, path: str | Path) -> Path:
         """Write the run as one page with its figures inside (`.html`): errors, currents, fluxes, spectra; return it."""
-        from sandbox.evaluation.compare_page import write_run
+        from sandbox.evaluation.pages.compare_page import write_run
 
         write_run(Path(path), self.comparison)
         return Path(path)
@@ -184,21 +184,21 @@ class ComparisonResult(Result):
 
         ax: axes of your own to draw in, a row with the estimate in control and one with the encoder; see `Result.plot`.
         """
-        from sandbox.output.plots import comparison_figure
+        from sandbox.evaluation.pages.compare_figure import comparison_figure
 
         return comparison_figure(self.comparison, path, ax=ax)
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write all runs as one trace (`.rrd`); return its path."""
-        from sandbox.evaluation.compare_sheets import sheets
-        from sandbox.output.trace import write_trace
+        from sandbox.evaluation.pages.compare_sheets import sheets
+        from sandbox.evaluation.pages.compare_trace import write_trace
 
         write_trace(Path(path), self.comparison, sheets(self.comparison))
         return Path(path)
 
     def to_html(self, path: str | Path) -> Path:
         """Write one page with its figures inside (`.html`), which estimator to take answered first; return its path."""
-        from sandbox.evaluation.compare_page import write_comparison
+        from sandbox.evaluation.pages.compare_page import write_comparison
 
         known = None if self.tolerances is None else self.tolerances.for_page()
         write_comparison(Path(path), self.comparison, known)

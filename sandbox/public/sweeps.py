@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     import pyarrow
 
     from sandbox.engine.processes import Cluster
-    from sandbox.evaluation.compare_page import Known
+    from sandbox.evaluation.pages.compare_page import Known
     from sandbox.output.plots import AnyAxes, Figure
     from sandbox.sweep.plan import Sweep
     from sandbox.sweep.summary import Group
@@ -149,7 +149,7 @@ class ToleranceResult(Result):
 
     def for_page(self) -> Known:
         """Return table and drawing as the page of a comparison shows them."""
-        from sandbox.evaluation.compare_page import Known
+        from sandbox.evaluation.pages.compare_page import Known
         from sandbox.output.plots import svg_text
         from sandbox.sweep.tolerances import lines
 

@@ -24,7 +24,7 @@ from model.names import check_file, check_name, fitting
 from model.parameters import ROTORS, Converter, Drive, Injection, Limits, Motor, build, finite, texts
 from sandbox.recordings.formats.log_table import first_beyond
 from sandbox.recordings.formats.parquet import read_parquet, with_volts
-from sandbox.recordings.nominal_motor import nominal_motor
+from sandbox.recordings.nominal_motor import Reached, nominal_motor
 
 if TYPE_CHECKING:
     import pandas
@@ -253,7 +253,7 @@ def assemble(
         own_name = _name(data, name)
         stated = {"name": _name(data, "campaign"), **table_of(data, "motor")}
         flux_map = table_of(data, "flux_map") if "flux_map" in data else None
-        motor, from_data = nominal_motor(stated, flux_map, recordings, folder)
+        motor, from_data = nominal_motor(stated, flux_map, _reached(recordings), folder)
         converter = converter_of(data, folder)
         injection = _injection(data, recordings, motor, converter)
         uncertainty, background = _numbers(data, "uncertainty"), _numbers(data, "background")
@@ -269,6 +269,16 @@ def assemble(
         own_name, Drive(motor, converter, injection, provenance), recordings,
         uncertainty, background, from_data, limits=limits,
     )  # fmt: skip
+
+
+def _reached(recordings: Sequence[CampaignRecording]) -> Reached | None:
+    """Return how far recordings go, None where there are none."""
+    if not recordings:
+        return None
+    current = max(float(np.max(np.hypot(*r.current))) for r in recordings)
+    moving = [r for r in recordings if r.rotor != "locked"]
+    speed = max((float(np.ptp(r.theta) / (np.ptp(r.t) or math.inf)) for r in moving), default=0.0)
+    return Reached(current, speed, any(r.rotor == "free" for r in recordings))
 
 
 def _injection(

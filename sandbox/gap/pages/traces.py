@@ -15,7 +15,8 @@ from sandbox.gap.report import answers
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.words import amperes
 from sandbox.output import looks
-from sandbox.output.trace import COLOURS, GREY, Plot, write_series
+from sandbox.output.sheets import COLOURS, GREY, Plot
+from sandbox.output.trace import write_series
 from sandbox.replay.inputs import LEGS, Inputs
 from sandbox.replay.replay import Prediction, Residual, replay, residuals
 

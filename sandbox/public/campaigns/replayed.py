@@ -78,7 +78,8 @@ class ReplayResult(Result):
 
     def to_rerun(self, path: str | Path) -> Path:
         """Write measured and simulated currents as a trace (`.rrd`), a tab a recording; return its path."""
-        from sandbox.output.trace import COLOURS, GREY, Plot, write_series
+        from sandbox.output.sheets import COLOURS, GREY, Plot
+        from sandbox.output.trace import write_series
 
         tabs = {}
         for inputs, predicted in zip(self.prepared.recordings, self.prediction.currents, strict=True):

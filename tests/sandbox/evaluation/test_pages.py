@@ -9,15 +9,16 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from sandbox.evaluation import choice, compare_page, protocol_page
+from sandbox.evaluation import choice
 from sandbox.evaluation.compare import Comparison
-from sandbox.evaluation.compare_sheets import sheets
+from sandbox.evaluation.pages import compare_page, protocol_page
+from sandbox.evaluation.pages.compare_sheets import sheets
+from sandbox.evaluation.pages.compare_trace import write_trace
+from sandbox.evaluation.pages.protocol_cells import cell, reading
 from sandbox.evaluation.protocol import Protocol, Unit
 from sandbox.evaluation.protocol import Row as Finished
-from sandbox.evaluation.protocol_cells import cell, reading
 from sandbox.evaluation.protocol_tests import Outcome
 from sandbox.evaluation.score import ErrorDeg, Row
-from sandbox.output.trace import write_trace
 from sandbox.public.protocols import ProtocolResult
 from sandbox.public.runs import ComparisonResult
 from sandbox.public.sweeps import ToleranceResult

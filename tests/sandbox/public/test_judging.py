@@ -17,7 +17,7 @@ def test_protocol_takes_objects_and_shows_goals(own_file, tmp_path, capsys):
     result = sandbox.protocol([own_file], [drive], ["load_step"], keep=tmp_path)
     assert [(r.unit.estimator, r.unit.motor) for r in result.protocol.rows] == [("mine", "ipm_exchanged")] * 2
     assert not list(tmp_path.glob(".protocol-*"))  # of objects and files nothing waits for another call
-    import_module("sandbox.evaluation.protocol").show(result.protocol)
+    import_module("sandbox.evaluation.pages.protocol_cells").show(result.protocol)
     said = capsys.readouterr().out
     assert "≤ 1 (3)°" in said
     assert "✓ as theory" not in " ".join(said.split())
@@ -35,7 +35,9 @@ def test_protocol_takes_objects_and_shows_goals(own_file, tmp_path, capsys):
 
 def test_goal_beside_every_verdict_and_a_tick_only_for_what_is_good():
     """Issue 17: 12.9° and "51 % at the wrong pole" were green.  Goals: 1 (3)°, stated with the protocol's tests."""
-    p, t, cells = (import_module(f"sandbox.evaluation.protocol{part}") for part in ("", "_tests", "_cells"))
+    p, t, cells = (
+        import_module(f"sandbox.evaluation.{m}") for m in ("protocol", "protocol_tests", "pages.protocol_cells")
+    )
 
     def said(test, belief, passed, **metrics):
         return cells.cell(p.Row(p.Unit("m", test, "e", belief), t.Outcome((), metrics, passed), 0.0))

@@ -61,7 +61,7 @@ def test_show_with_a_display_opens_page_and_trace(run, tmp_path, monkeypatch):
 
 def test_tables_fit_eighty_columns(small_comparison, capsys):
     """Folded, every cell kept; the columns that tell rows apart stand in each part."""
-    from sandbox.output.tables import comparison_tables
+    from sandbox.evaluation.pages.compare_tables import comparison_tables
     from sandbox.public.printed import print_comparison
 
     print_comparison(small_comparison)
@@ -85,7 +85,7 @@ def test_columns_that_belong_together_are_not_parted():
 
 
 def test_a_column_of_theory_is_there_where_theory_predicts_something(small_comparison, tmp_path, capsys):
-    from sandbox.evaluation.compare_page import write_run
+    from sandbox.evaluation.pages.compare_page import write_run
     from sandbox.public.printed import print_comparison, print_run
 
     def said(c):

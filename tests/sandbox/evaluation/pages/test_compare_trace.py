@@ -11,8 +11,9 @@ import pytest
 
 from model.errors import BadInput
 from sandbox import view
+from sandbox.evaluation.pages import compare_trace
+from sandbox.evaluation.pages.compare_tables import comparison_text
 from sandbox.output import trace
-from sandbox.output.tables import comparison_text
 
 SAMPLES = 800
 RATE = 4000.0
@@ -90,7 +91,7 @@ def _comparison(samples=SAMPLES):
 def written(tmp_path_factory):
     comparison = _comparison()
     path = tmp_path_factory.mktemp("trace") / "comparison.rrd"
-    trace.write_trace(path, comparison)
+    compare_trace.write_trace(path, comparison)
     return comparison, path
 
 
@@ -108,16 +109,16 @@ def test_error_and_angles_are_the_recorded_samples(written):
 def test_currents_are_means_without_the_injected_ripple(written):
     comparison, path = written
     _, current = trace.read_trace(path)[f"{comparison.runs[0].name}/current_q"]
-    assert current.shape == (SAMPLES // trace.SLOW, 1)
+    assert current.shape == (SAMPLES // compare_trace.SLOW, 1)
     np.testing.assert_allclose(current, 1.2, atol=1e-12)
 
 
 def test_slow_channels_are_recorded_samples(written):
     comparison, path = written
     found, run = trace.read_trace(path), comparison.runs[1]
-    np.testing.assert_array_equal(found[f"{run.name}/ripple_q"][1][:, 0], run.recording.ripple_q[:: trace.SLOW])
-    np.testing.assert_array_equal(found[f"{run.name}/speed"][1][:, 1], run.recording.omega_hat[:: trace.SLOW])
-    np.testing.assert_array_equal(found["scenario/load"][1][:, 0], 100.0 * run.recording.load[:: trace.SLOW])
+    np.testing.assert_array_equal(found[f"{run.name}/ripple_q"][1][:, 0], run.recording.ripple_q[:: compare_trace.SLOW])
+    np.testing.assert_array_equal(found[f"{run.name}/speed"][1][:, 1], run.recording.omega_hat[:: compare_trace.SLOW])
+    np.testing.assert_array_equal(found["scenario/load"][1][:, 0], 100.0 * run.recording.load[:: compare_trace.SLOW])
 
 
 def test_prediction_is_there_only_where_theory_is(written):
@@ -138,7 +139,7 @@ def test_a_property_may_change_its_type_between_traces(tmp_path):
     comparison = _comparison(samples=64)
     for seed in (7, "none", 2.5):
         comparison.properties = {"seed": seed}
-        trace.write_trace(tmp_path / "comparison.rrd", comparison)
+        compare_trace.write_trace(tmp_path / "comparison.rrd", comparison)
         assert trace.read_properties(tmp_path / "comparison.rrd")["seed"] == str(seed)
 
 
@@ -156,7 +157,7 @@ def test_summary_holds_the_table_and_how_much_was_kept():
 
 def test_a_real_comparison_survives_the_round_trip(small_comparison, tmp_path):
     """The numbers of the run are found again in the file: mean error of each row from the trace alone."""
-    trace.write_trace(tmp_path / "real.rrd", small_comparison)
+    compare_trace.write_trace(tmp_path / "real.rrd", small_comparison)
     found = trace.read_trace(tmp_path / "real.rrd")
     for run in small_comparison.runs:
         t, error = found[f"{run.name}/error"]
@@ -166,9 +167,9 @@ def test_a_real_comparison_survives_the_round_trip(small_comparison, tmp_path):
 
 
 def test_long_runs_are_thinned_and_say_so(tmp_path, monkeypatch):
-    monkeypatch.setattr(trace, "FULL_RATE_SAMPLES", SAMPLES * 3 // 2)
+    monkeypatch.setattr(compare_trace, "FULL_RATE_SAMPLES", SAMPLES * 3 // 2)
     comparison, path = _comparison(), tmp_path / "long.rrd"
-    trace.write_trace(path, comparison)
+    compare_trace.write_trace(path, comparison)
     run = comparison.runs[0]
     found = trace.read_trace(path)[f"{run.name}/error"][1]
     np.testing.assert_array_equal(found[:, 0], np.rad2deg(run.recording.error)[::3])
@@ -178,7 +179,7 @@ def test_long_runs_are_thinned_and_say_so(tmp_path, monkeypatch):
 def test_chunks_are_joined_in_order(tmp_path, monkeypatch):
     monkeypatch.setattr(trace, "CHUNK", 100)
     comparison = _comparison()
-    trace.write_trace(tmp_path / "chunks.rrd", comparison)
+    compare_trace.write_trace(tmp_path / "chunks.rrd", comparison)
     error = trace.read_trace(tmp_path / "chunks.rrd")["qnull/closed/saturated/error"][1]
     np.testing.assert_array_equal(error[:, 0], np.rad2deg(comparison.runs[0].recording.error))
 
@@ -189,7 +190,7 @@ def test_a_failed_write_leaves_the_old_file_alone(tmp_path):
     broken = _comparison(samples=64)
     broken.runs[-1].recording.theta_hat = np.zeros(3)
     with pytest.raises(ValueError, match="dimensions"):
-        trace.write_trace(path, broken)
+        compare_trace.write_trace(path, broken)
     assert path.read_bytes() == b"old"
     assert list(tmp_path.iterdir()) == [path]
 
@@ -198,7 +199,7 @@ def test_a_full_disk_raises_what_it_is(tmp_path, monkeypatch):
     """rerun's own writer of files says it in a log and then raises something else."""
     monkeypatch.setattr(Path, "write_bytes", lambda *_: (_ for _ in ()).throw(OSError(errno.ENOSPC, "full")))
     with pytest.raises(OSError, match="full"):
-        trace.write_trace(tmp_path / "comparison.rrd", _comparison(samples=64))
+        compare_trace.write_trace(tmp_path / "comparison.rrd", _comparison(samples=64))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -206,7 +207,7 @@ def test_no_runs_is_an_error(tmp_path):
     comparison = _comparison(samples=64)
     comparison.runs = ()
     with pytest.raises(ValueError, match="at least one run"):
-        trace.write_trace(tmp_path / "none.rrd", comparison)
+        compare_trace.write_trace(tmp_path / "none.rrd", comparison)
 
 
 def test_view_names_what_is_missing(tmp_path):

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sandbox.evaluation.choice import MANY, either, few
+from sandbox.evaluation.pages.protocol_cells import BAD, CHECKS, GOOD, HOLDS, reading, table, tables
 from sandbox.evaluation.protocol import PEER, SHARED, TESTS, Protocol, Row
-from sandbox.evaluation.protocol_cells import BAD, CHECKS, GOOD, HOLDS, reading, table, tables
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
 from sandbox.output.document import answer, bullets, figure, fold, pairs, prose, verdicts, write_page
 from sandbox.output.vector import SERIES, bars_svg, dots_svg

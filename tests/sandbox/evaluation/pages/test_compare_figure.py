@@ -1,6 +1,5 @@
 """The comparison figure shows each mean, bar, theory line and lost lock, and is written whole."""
 
-import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 from model.errors import BadInput
-from sandbox.output import document, plots, vector
+from sandbox.evaluation.pages import compare_figure
 from sandbox.output.files import write_whole
 
 LOADS = (0.0, 0.5, 1.0, 1.8)
@@ -50,14 +49,14 @@ def _comparison(**changes):
 
 def _panel(runs):
     axes = Figure().subplots()
-    plots.draw_panel(axes, runs, plots.by_load(runs))
+    compare_figure.draw_panel(axes, runs, compare_figure.by_load(runs))
     return axes
 
 
 @pytest.mark.parametrize(("suffix", "magic"), [(".png", b"\x89PNG"), (".svg", b"<?xml")])
 def test_figure_is_written_whole(tmp_path, suffix, magic):
     path = tmp_path / f"comparison{suffix}"
-    plots.comparison_figure(_comparison(), path)
+    compare_figure.comparison_figure(_comparison(), path)
     assert path.read_bytes().startswith(magic)
     assert list(tmp_path.iterdir()) == [path]
 
@@ -101,68 +100,34 @@ def test_all_lost_and_missing_errors_can_be_drawn(tmp_path):
         for row in run.rows:
             row.error_deg = none
     comparison.runs = comparison.runs[:-2]
-    plots.comparison_figure(comparison, tmp_path / "lost.png")
+    compare_figure.comparison_figure(comparison, tmp_path / "lost.png")
     assert (tmp_path / "lost.png").stat().st_size > 10_000
 
 
 def test_unknown_suffix_and_no_runs_are_errors(tmp_path):
     with pytest.raises(BadInput, match=r"cannot draw to 'figure.doc': use a name that ends in \.png, \.svg or \.pdf"):
-        plots.comparison_figure(_comparison(), tmp_path / "figure.doc")
+        compare_figure.comparison_figure(_comparison(), tmp_path / "figure.doc")
     with pytest.raises(BadInput, match=r"cannot write '.*none.figure.png': there is no folder '.*none'; make it"):
-        plots.comparison_figure(_comparison(), tmp_path / "none" / "figure.png")
+        compare_figure.comparison_figure(_comparison(), tmp_path / "none" / "figure.png")
     with pytest.raises(BadInput, match="there is no folder"):
         write_whole(tmp_path / "none" / "page.html", b"")
     assert not list(tmp_path.iterdir())
     empty = _comparison()
     empty.runs = ()
     with pytest.raises(ValueError, match="at least one run"):
-        plots.comparison_figure(empty, tmp_path / "figure.png")
+        compare_figure.comparison_figure(empty, tmp_path / "figure.png")
     assert not list(tmp_path.iterdir())
-
-
-def test_figures_of_a_report_need_one_font_only(caplog, monkeypatch, request):
-    """A machine without the fonts of powers and Greek letters gets the same figures, and no warning about fonts."""
-    from matplotlib import font_manager
-
-    manager = font_manager.fontManager
-    monkeypatch.setattr(manager, "ttflist", [f for f in manager.ttflist if f.fname.endswith("DejaVuSans.ttf")])
-    manager._findfont_cached.cache_clear()
-    request.addfinalizer(manager._findfont_cached.cache_clear)
-    svg = vector.dots_svg(["run_a ●", "b"], {"before": [20.0, 3.0], "after": [1.0, 1.1]}, "residual")
-    wide = vector.dots_svg(["a"], {"before": [2e4]}, "residual")
-    bars = vector.bars_svg(["0", "6"], {"before": [20.0, 3.0]}, "share", ylabel="order")
-    lines = vector.lines_svg([("i_a", {"before": ([0.0, 1.0], [2.0, 1.0])})], "t (s)")
-    assert all(s.startswith("<svg") for s in (svg, wide, bars, lines))
-    assert not caplog.records
 
 
 def test_a_narrow_figure_says_its_reading_whole():
     """One column of panels is narrower than the sentence below it."""
     comparison = _comparison()
     comparison.runs = [run for run in comparison.runs if run.estimator == "qnull"]
-    figure = plots.comparison_figure(comparison)
+    figure = compare_figure.comparison_figure(comparison)
     figure.draw_without_rendering()
     said = figure.get_supxlabel()
-    assert " ".join(said.split()) == " ".join(plots.READING.split())
+    assert " ".join(said.split()) == " ".join(compare_figure.READING.split())
     (text,) = (t for t in figure.findobj(Text) if t.get_text() == said)
     extent = text.get_window_extent()
     assert extent.x0 >= 0.0
     assert extent.x1 <= figure.bbox.x1
-
-
-def test_prose_shows_calls_as_code_and_stays_text():
-    assert document.prose("see `list` of <b> 5 %") == "see <code>list</code> of &lt;b&gt; 5&nbsp;%"
-
-
-def test_a_line_on_another_leaves_it_in_sight():
-    """Drawn first is wider than drawn last, so it looks out on both sides; elsewhere all lines are thin."""
-    same = {"linear": ([0.0, 1.0], [2.0, 1.0]), "saturated": ([0.0, 1.0], [2.0, 1.0])}
-    colours = ["#de6210", "#2e86de"]
-
-    def drawn(**how):
-        svg = vector.lines_svg([("i_q (A)", same)], "time (s)", colours=colours, **how)
-        return {c: {float(w) for w in re.findall(f"stroke: {c}; stroke-width: ([0-9.]+)", svg)} for c in colours}
-
-    alike, usual = drawn(alike=True), drawn()
-    assert min(alike["#de6210"]) >= max(alike["#2e86de"]) + 1.0
-    assert usual["#2e86de"] == usual["#de6210"]

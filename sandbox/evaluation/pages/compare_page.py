@@ -12,12 +12,14 @@ from model.effects.library import parameters
 from model.ratings import cautions
 from sandbox.evaluation.choice import Standing, best, far_off, gained, standings, theory_held, which
 from sandbox.evaluation.compare import Comparison, Run
-from sandbox.evaluation.compare_sheets import most_current, over_angle, spectra, working
+from sandbox.evaluation.pages import planes
+from sandbox.evaluation.pages.compare_figure import reading
+from sandbox.evaluation.pages.compare_sheets import most_current, over_angle, spectra, working
+from sandbox.evaluation.pages.compare_tables import comparison_tables
+from sandbox.evaluation.pages.loci import angle_svg, estimator_svg, hodograph_svg, loci_svg
 from sandbox.output import looks
 from sandbox.output.document import answer, figure, fold, pairs, prose, table, write_page
-from sandbox.output.loci import angle_svg, estimator_svg, hodograph_svg, loci_svg
-from sandbox.output.plots import colour_of, reading
-from sandbox.output.tables import comparison_tables
+from sandbox.output.plots import colour_of
 from sandbox.output.vector import lines_svg
 from sandbox.plant.sets import BENCH
 
@@ -186,8 +188,8 @@ def _line(run: Run, name: str) -> tuple[list[float], list[float]]:
 
 def _planes(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
     """Yield the paths of currents and fluxes."""
-    paths = {name: looks.currents(c.drive, working(run)) for name, run in kept.items()}
-    plane = looks.plane(c.drive, most_current(c, paths.values()))
+    paths = {name: planes.currents(c.drive, working(run)) for name, run in kept.items()}
+    plane = planes.plane(c.drive, most_current(c, paths.values()))
     if plane is not None:
         yield figure(
             loci_svg(plane, paths, c.drive.motor.rated_current),
@@ -196,7 +198,7 @@ def _planes(c: Comparison, kept: dict[str, Run]) -> Iterator[str]:
         )
     yield figure(
         hodograph_svg(
-            {n: looks.hodograph(c.drive, working(run), [row.t_end for row in run.rows]) for n, run in kept.items()},
+            {n: planes.hodograph(c.drive, working(run), [row.t_end for row in run.rows]) for n, run in kept.items()},
             c.drive.motor.magnet_flux,
         ),
         "Hodograph: the flux linkage in the stator's frame, by the nominal model at these currents; dotted: the magnet "

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.output.looks import Plane, over_angle
-from sandbox.output.plots import by_load, colour_of, draw_panel, page, svg_text
+from sandbox.evaluation.pages.compare_figure import by_load, draw_panel
+from sandbox.evaluation.pages.planes import Plane
+from sandbox.output.looks import over_angle
+from sandbox.output.plots import colour_of, page, svg_text
 from sandbox.output.vector import PHONE, named, widths
 
 if TYPE_CHECKING:

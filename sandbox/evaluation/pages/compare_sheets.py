@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from sandbox.drive.recording import Recording
 from sandbox.evaluation.compare import Comparison, Run
+from sandbox.evaluation.pages import planes
+from sandbox.evaluation.pages.loci import contours
 from sandbox.output import looks
-from sandbox.output.loci import contours
-from sandbox.output.sheets import GREY, Plot, Sheet, upright
-from sandbox.output.trace import COLOURS
+from sandbox.output.sheets import COLOURS, GREY, Plot, Sheet, upright
 
 Array = NDArray[np.float64]
 GREEN = (42, 157, 92)
@@ -67,8 +67,8 @@ def sheets(c: Comparison) -> dict[str, dict[str, Plot | Sheet]]:
     for run in c.runs:
         if run.closed_loop == closed:
             groups.setdefault(run.estimator, []).append(run)
-    ways = {run.name: looks.currents(c.drive, working(run)) for runs in groups.values() for run in runs}
-    plane = looks.plane(c.drive, most_current(c, ways.values()))
+    ways = {run.name: planes.currents(c.drive, working(run)) for runs in groups.values() for run in runs}
+    plane = planes.plane(c.drive, most_current(c, ways.values()))
     lines = [] if plane is None else contours(plane)
     return {name: _tab(c, runs, ways, lines) for name, runs in groups.items()}
 
@@ -117,7 +117,7 @@ def _bars(title: str, x: Array, values: Mapping[str, Array]) -> Plot:
 
 
 def _fluxes(c: Comparison, run: Run) -> tuple[Array, Array]:
-    return looks.hodograph(c.drive, working(run), [row.t_end for row in run.rows])
+    return planes.hodograph(c.drive, working(run), [row.t_end for row in run.rows])
 
 
 def _circle(radius: float) -> Array:

@@ -7,12 +7,11 @@ small error while the speed asked for was not reached in time.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import re
 
+from sandbox.evaluation.protocol import Protocol, Row
 from sandbox.evaluation.protocol_tests import MEAN_GOAL, P95_GOAL, POLARITY_GOAL, THEORY_GOAL
-
-if TYPE_CHECKING:
-    from sandbox.evaluation.protocol import Protocol, Row
+from sandbox.output.tables import print_prose, print_table
 
 MARKS = GOOD, BAD, HOLDS = "✓", "✗", "○"
 GOAL = f"≤ {MEAN_GOAL:g} ({P95_GOAL:g})°"  # mean and 95th percentile of the error
@@ -126,3 +125,13 @@ def cell(row: Row | None) -> str:
     if mean is None:
         return f"lost{mark}"
     return f"{abs(mean):.2f} ({m['p95_deg']:.1f}){lost}{mark}"
+
+
+def show(result: Protocol) -> None:
+    """Print a table per motor, how to read it, and the cost."""
+    for motor in dict.fromkeys(row.unit.motor for row in result.rows):
+        heads, lines = table(result, motor)
+        lines = [[re.sub(f" ([{''.join(MARKS)}]) ", r" \1\n", text) for text in line] for line in lines]
+        print_table(f"{motor}: worst mean ° (worst 95 %)", heads, lines)
+    print_prose(reading(result))
+    print_prose(f"{sum(row.cpu_seconds for row in result.rows):.0f} s of CPU")
