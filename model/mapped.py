@@ -19,15 +19,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from model.arrays import MOST_BYTES
-from model.compiled import cache_home
 from model.datasets import dataset, fetch
 from model.energy import AnyEnergy
 from model.errors import BadInput, PhysicsError, brief, unknown
 from model.fluxmap import FluxMap, check_axis, check_physical
 from model.given import given_bytes
-from model.kept import note_damage
-from model.kept import read as read_kept
-from model.kept import write as write_kept
+from model.kernels.folders import cache_home
+from model.kernels.kept import note_damage
+from model.kernels.kept import read as read_kept
+from model.kernels.kept import write as write_kept
 from model.map_points import Quality, check_angle, fit_points, quality, read_points
 from model.names import check_file
 from model.parameters import Motor, build

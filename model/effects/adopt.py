@@ -16,13 +16,13 @@ from typing import Any
 
 from numba.core import types
 
-from model.compiled import depend_on
 from model.drive_files import load_drive
 from model.effects import library
 from model.effects.card import PORTS, REPEATED, At, Effect, Parameter, Part
 from model.effects.own import EQUATIONS, FILES, PLANT, VARIABLE
 from model.errors import BadInput, brief, raised
 from model.given import given_bytes
+from model.kernels.folders import depend_on
 from model.parameters import Drive
 
 MOST_BYTES = 1_000_000  # of a file of effects

@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 
 from model.effects.card import Effect
-from model.sources import ROOT
+from model.kernels.sources import ROOT
 
 VARIABLE = "SENSORLESS_EFFECTS_FROM"  # by which processes started from this one are told
 PLANT = "sandbox.plant.electrical"  # the first of the plant's kernels

@@ -22,12 +22,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from estimators.contract import Belief, Tuning
-from model.compiled import cache_home
 from model.energy import AnyEnergy, flux_newton, hessian, min_eigenvalue
 from model.errors import BadInput
-from model.kept import note_damage
-from model.kept import read as read_kept
-from model.kept import write as write_kept
+from model.kernels.folders import cache_home
+from model.kernels.kept import note_damage
+from model.kernels.kept import read as read_kept
+from model.kernels.kept import write as write_kept
 from model.parameters import OVERLOAD, Drive
 from model.saliency import tracking_sign
 from sandbox.drive.control import Control

@@ -20,9 +20,9 @@ from typing import Any
 from estimators.registry import MODULES, AnyEstimator, load_estimator
 from model.drive_files import fetched, load_drive
 from model.errors import BadInput, PhysicsError, unknown
-from model.kept import digest
+from model.kernels.kept import digest
+from model.kernels.sources import ROOT, source_key
 from model.parameters import Drive
-from model.sources import ROOT, source_key
 from sandbox.engine.processes import Cluster, spread
 from sandbox.evaluation.compare import distinct
 from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer

@@ -13,7 +13,7 @@ from importlib.metadata import version as installed
 from pathlib import Path
 from typing import Any
 
-from model.sources import ROOMS, ROOT
+from model.kernels.sources import ROOMS, ROOT
 
 PACKAGE = "sensorless-sandbox"
 LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "control", "filterpy", "matplotlib", "pyarrow", "rerun-sdk")

@@ -11,10 +11,10 @@ import sys
 from collections.abc import Iterable
 from pathlib import Path
 
-from model.compiled import kernel_folder
 from model.effects import own
 from model.effects.card import PORTS, REPEATED, At, Effect, Port
 from model.effects.library import effect_names, load_effect
+from model.kernels.folders import kernel_folder
 
 HEAD = '''"""Where effects enter the plant: what their equations add at each port, for lane j of a batch.
 

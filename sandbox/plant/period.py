@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from model.borrowed import borrowed
 from model.compiled import inlined, kernel
+from model.kernels.borrowed import borrowed
 from model.lanes import SHORT_TURN, turned, turned_a_little
 from sandbox.plant import additions as add
 from sandbox.plant import lags, losses, ports

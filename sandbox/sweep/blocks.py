@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from model.effects import own
 from model.errors import BadInput
-from model.sources import source_key
+from model.kernels.sources import source_key
 from sandbox.sweep.keys import keys
 from sandbox.sweep.plan import Sweep, again, label
 

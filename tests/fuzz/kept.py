@@ -19,11 +19,11 @@ from unittest import mock
 import numpy as np
 
 import sandbox
-from model import kept
 from model.drive_files import load_drive
 from model.energy import flux_from_current
 from model.errors import PhysicsError
 from model.fluxmap import FluxMap, write_map
+from model.kernels import kept
 from sandbox.drive.design import design
 from sandbox.output.files import write_json
 from sandbox.output.provenance import made_by

@@ -9,7 +9,7 @@ from model.drive_files import load_drive, mapped_names
 from model.energy import flux_from_current, inductances
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, write_map
-from model.kept import note, read, write
+from model.kernels.kept import note, read, write
 
 TEXT = """
 [motor]

@@ -15,7 +15,6 @@ from types import SimpleNamespace
 import pytest
 
 import sandbox.plant.electrical as electrical  # from here on an effect comes too late
-from model import compiled
 from model.compiled import inlined
 from model.drive_files import load_drive
 from model.effects import adopt, library, own
@@ -23,6 +22,7 @@ from model.effects.card import At, Effect, Limit, Parameter
 from model.effects.library import load_effect
 from model.effects.own import EQUATIONS
 from model.errors import BadInput
+from model.kernels import folders
 from sandbox.drive.closed import longest_step
 from sandbox.plant import additions as add
 from sandbox.plant import sets
@@ -159,12 +159,12 @@ def test_lags_delays_and_a_second_mass_of_ones_own(tmp_path):
 
 def test_kernels_that_hold_no_effect_are_not_compiled_again(monkeypatch):
     """The plant imports the ports, the switched bench shares no code with it."""
-    monkeypatch.setattr(compiled, "_folder", lambda key: key)
-    monkeypatch.setattr(compiled, "_MORE", [])
-    plant, bench = (compiled._folder_of(f.py_func) for f in (electrical.begin, inverter.settle))
-    monkeypatch.setattr(compiled, "_MORE", [("mine", EQUATIONS)])
-    assert compiled._folder_of(electrical.begin.py_func) == f"{plant}-mine"
-    assert compiled._folder_of(inverter.settle.py_func) == bench
+    monkeypatch.setattr(folders, "_folder", lambda key: key)
+    monkeypatch.setattr(folders, "_MORE", [])
+    plant, bench = (folders.folder_of(f.py_func) for f in (electrical.begin, inverter.settle))
+    monkeypatch.setattr(folders, "_MORE", [("mine", EQUATIONS)])
+    assert folders.folder_of(electrical.begin.py_func) == f"{plant}-mine"
+    assert folders.folder_of(inverter.settle.py_func) == bench
 
 
 def test_an_equation_that_the_file_does_not_name_is_refused():

@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from estimators.contract import Estimator
-from model import kept
-from model.compiling import Watch
 from model.drive_files import load_drive
 from model.effects import adopt, library
 from model.errors import BadInput, raised
 from model.given import LONGEST, read_toml
+from model.kernels import kept
+from model.kernels.notice import Watch
 from sandbox import audit, maps, verify
 from sandbox.cli import main
 from sandbox.drive import design

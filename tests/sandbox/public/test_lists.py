@@ -9,9 +9,9 @@ from types import SimpleNamespace
 import pytest
 
 import sandbox
-from model import compiling
-from model.compiling import Watch
 from model.drive_files import load_drive
+from model.kernels import notice
+from model.kernels.notice import Watch
 from sandbox.cli import main
 from tests.sandbox.public.naming import of, python
 
@@ -85,8 +85,8 @@ def test_compiling_is_said_once_it_has_taken_two_seconds(known, expected, tmp_pa
     if known is not None:
         watch.path.write_text(json.dumps({watch.call: known}))
     clock = iter([0.0, 1.0, 1.0, 1.5, 2.5, 4.0])
-    monkeypatch.setattr(compiling.time, "perf_counter", lambda: next(clock))
-    monkeypatch.setattr(compiling.atexit, "register", lambda _: None)
+    monkeypatch.setattr(notice.time, "perf_counter", lambda: next(clock))
+    monkeypatch.setattr(notice.atexit, "register", lambda _: None)
     compiled = SimpleNamespace(data={"dispatcher": SimpleNamespace(py_func=load_drive)})
     said = []
     for happens in (watch.on_start, watch.on_end, watch.on_start, watch.on_start, watch.on_start):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from model import kept
+from model.kernels import kept
 
 ROOT = Path(__file__).resolve().parents[2]
 CODE = """

@@ -18,7 +18,7 @@ from typing import Any
 
 from numba.core import event
 
-from model.sources import ROOMS
+from model.kernels.sources import ROOMS
 
 USUAL = 30.0  # s on a machine where nothing has been compiled yet
 SHORT = 2.0  # s: less is not worth a word

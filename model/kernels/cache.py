@@ -17,9 +17,9 @@ from typing import Any
 from numba.core.caching import Cache
 from numba.core.serialize import dumps
 
-from model.callees import rebuilt
-from model.kept import digest, note_damage, write, write_plain
-from model.kept import read as read_kept
+from model.kernels.callees import rebuilt
+from model.kernels.kept import digest, note_damage, write, write_plain
+from model.kernels.kept import read as read_kept
 
 DIGITS = 32  # of the SHA-256 in a file's name
 

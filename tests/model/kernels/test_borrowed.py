@@ -12,8 +12,8 @@ from numba.core import cgutils
 from numba.core.errors import TypingError
 from numba.extending import intrinsic
 
-from model.borrowed import borrowed
 from model.compiled import kernel
+from model.kernels.borrowed import borrowed
 
 
 class Cells(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -13,7 +14,7 @@ from numba import types
 
 from model.compiled import compiled_as, kernel
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def answer(folder: Path, callee: str, cache: Path) -> str:
@@ -21,8 +22,8 @@ def answer(folder: Path, callee: str, cache: Path) -> str:
     room = folder / "model"
     room.mkdir(parents=True, exist_ok=True)
     (room / "__init__.py").write_text("")
-    for name in ("callees.py", "compiled.py", "compiling.py", "kernel_cache.py", "kept.py", "sources.py"):
-        (room / name).write_text((ROOT / "model" / name).read_text())
+    shutil.copy(ROOT / "model" / "compiled.py", room)
+    shutil.copytree(ROOT / "model" / "kernels", room / "kernels", dirs_exist_ok=True)
     (room / "callee.py").write_text(f"from model.compiled import kernel\n\n\n@kernel\ndef f(x):\n    return {callee}\n")
     caller = """
         from model.callee import f
