@@ -26,8 +26,14 @@ def orient(w, share, speed):
     share: of the period, at which the deviation is taken between the samples; speed: rad/s electrical.
     """
     for j in range(w.psi_a.size):
-        d = w.deviation[j]
-        w.off_s[j], w.off_c[j] = sine_cosine(w.offset[j] + d + share * (w.next_deviation[j] - d) - speed * w.delay[j])
+        orient_lane(w, j, share, speed)
+
+
+@inlined
+def orient_lane(w, j, share, speed):
+    """Do so for lane j."""
+    d = w.deviation[j]
+    w.off_s[j], w.off_c[j] = sine_cosine(w.offset[j] + d + share * (w.next_deviation[j] - d) - speed * w.delay[j])
 
 
 @kernel

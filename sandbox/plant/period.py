@@ -332,6 +332,9 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
             u_a, u_b = u_a + x, u_b + y
             taken = g - 1 if side != 0.0 else -1
+            if features & add.LINK:
+                early = clock + t + 0.5 * (1.0 - GAUSS) * span
+                add.supply(w, early, early + GAUSS * span)
             lossy = timing.tardy > 0.0 and (
                 enter(w, room, taken, t, span, timing.tardy)
                 if taken >= 0
@@ -351,9 +354,6 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 if features & add.SIGN:
                     add.late_by_sign(w, edge[0], edge[1], edge[2], edge[3], features & add.ZONE != 0)
             else:
-                middle_of = t + 0.5 * span
-                if features & add.LINK:
-                    add.supply(w, clock + middle_of - 0.5 * GAUSS * span, clock + middle_of + 0.5 * GAUSS * span)
                 if features & add.LAGS or looking:
                     lags.face(w, c * c_0 + s * s_0, s * c_0 - c * s_0)
                 if features & add.IRON:
@@ -362,15 +362,15 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                     lag_through(w, room, SKIN, w.skin_rate, timing.tardy, taken, t, span, x, y)
                 if features & add.FILTER:
                     lag_through(w, room, FILTER, w.filter_rate, timing.tardy, taken, t, span, x, y)
-                share, tardy = middle_of / period, timing.tardy > 0.0
+                share, tardy = (t + 0.5 * span) / period, timing.tardy > 0.0
                 in_middle(w, magnetics, features, c, s, share, course, span, long, u_a, u_b, x, y, tardy)
             until = 2.0 * period if g == EDGES and whole else t + span
             if peeking and len(looks) == 0:
-                peek(w, magnetics, features, room, taken, course, t, span, until, u_a, u_b, x, y)
+                peek(w, magnetics, features, room, taken, course, t, span, until, u_a, u_b, x, y, period)
             for m in range(len(looks)):
                 if t <= looks[m] < until:
                     w.when[0] = looks[m]
-                    peek(w, magnetics, features, room, taken, course, t, span, until, u_a, u_b, x, y)
+                    peek(w, magnetics, features, room, taken, course, t, span, until, u_a, u_b, x, y, period)
                     seen[m, 0], seen[m, 1] = w.held_a[0], w.held_b[0]
             if features & add.MOVED:
                 course = moved(w, features, course, t, span)

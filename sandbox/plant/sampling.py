@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from model.compiled import inlined, kernel
-from model.lanes import lag_moments, lag_weights, turned
+from model.lanes import lag_moments, turned
 from sandbox.plant import additions as add
 from sandbox.plant import ports
 from sandbox.plant.edges import EDGES
 from sandbox.plant.electrical import HALF_ROOT, quartic
-from sandbox.plant.lags import answer, stiff
+from sandbox.plant.lags import answer, bend, stiff
 
 SHORTEST = 1e-14  # s: edges at one instant; 400 V for so long are 4e-12 V s
 
@@ -24,24 +24,22 @@ def sooner(late, h, inverse):
 
 @inlined
 def kinks(w, j, room, but, t, h, steps, gone, x, y):
-    """Return of lane j, h (s) into the segment that began at t, what a lag answers to the kinks of late edges (Wb), and
-    the kinks half-way there (Wb); steps: h over the lag's time constant; gone: one minus its decay.  See `lags`."""
+    """Return of lane j, h (s) into the segment that began at t, what a lag answers to the kinks of late edges (Wb);
+    steps: h over the lag's time constant; gone: one minus its decay.  See `lags`."""
     inverse, v = 1.0 / max(h, SHORTEST), w.link[j] * h
-    late = min(w.late[j], h) * inverse
-    told, half = v * answer(late, steps, gone), v * (min(0.5, late) - 0.5 * late)
-    a, b, p, q = -told * x, -told * y, -half * x, -half * y
+    told = v * answer(min(w.late[j], h) * inverse, steps, gone)
+    a, b = -told * x, -told * y
     for m in range(EDGES + 3):
         if m != but and room.until[m] > t:
-            late = min(max(room.acts[m, j] - t, 0.0), h) * inverse
-            told, half = v * answer(late, steps, gone), v * (min(0.5, late) - 0.5 * late)
+            told = v * answer(min(max(room.acts[m, j] - t, 0.0), h) * inverse, steps, gone)
             a, b = a - told * room.change_x[m], b - told * room.change_y[m]
-            p, q = p - half * room.change_x[m], q - half * room.change_y[m]
-    return a, b, p, q
+    return a, b
 
 
 @inlined
 def glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y):
-    """Return lane j's terminal current (A) h (s) into the segment that began at t; see `sandbox.plant.electrical`.
+    """Return lane j's terminal current (A) h (s) into the segment that began at t, and of it the iron-loss current; see
+    `sandbox.plant.electrical`.
 
     but: the edge just taken, whose lateness is the lane's own; what others that wait take until then comes off.
     """
@@ -80,16 +78,31 @@ def glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y):
             i_d, i_q = i_d + e_d, i_q + e_q
     i_a, i_b = c * i_d - s * i_q, s * i_d + c * i_q
     if features & add.IRON:
-        gone, first, _ = lag_moments(h * w.core_rate[j])
-        k_a, k_b, _, _ = kinks(w, j, room, but, t, h, h * w.core_rate[j], gone, x, y)
-        g = w.core_g[j] * w.core_rate[j]
-        i_a += g * (a - ((1.0 - gone) * w.eddy_a[j] + (gone - first) * w.psi_a[j] + first * a + k_a))
-        i_b += g * (b - ((1.0 - gone) * w.eddy_b[j] + (gone - first) * w.psi_b[j] + first * b + k_b))
-    return i_a, i_b
+        gone, first, second = lag_moments(h * w.core_rate[j])
+        k_a, k_b = kinks(w, j, room, but, t, h, h * w.core_rate[j], gone, x, y)
+        g, bent = w.core_g[j] * w.core_rate[j], h * n * (first - second)  # the flux bends as the drop grows, evenly
+        y_a = (gone - first) * w.psi_a[j] + first * a + bent * (w.fall_a[j] - w.drop_a[j])
+        y_b = (gone - first) * w.psi_b[j] + first * b + bent * (w.fall_b[j] - w.drop_b[j])
+        c_a = g * (a - ((1.0 - gone) * w.eddy_a[j] + y_a + k_a))
+        c_b = g * (b - ((1.0 - gone) * w.eddy_b[j] + y_b + k_b))
+        return i_a + c_a, i_b + c_b, c_a, c_b
+    return i_a, i_b, 0.0, 0.0
+
+
+@inlined
+def curving(w, j, span, e_a, e_b, c_a, c_b):
+    """Return by how much the middle of the current's parabola over a segment (s), kinks apart, lies beside the line
+    from its start to its end (e; c: iron-loss current there), A: the one that `lags.behind` moves a filter by."""
+    p, q = bend(w, j, 0.5 * span)
+    k_a, k_b = stiff(w, j, 2.0 * p, 2.0 * q)
+    g = w.core_g[j] * w.core_rate[j]
+    m_a = w.j_a[j] + 0.5 * w.core_a[j] - 0.25 * (w.begun_a[j] + c_a) - k_a - g * p  # see `lags.close_iron`
+    m_b = w.j_b[j] + 0.5 * w.core_b[j] - 0.25 * (w.begun_b[j] + c_b) - k_b - g * q
+    return m_a - 0.5 * (w.i_a[j] + e_a), m_b - 0.5 * (w.i_b[j] + e_b)
 
 
 @kernel
-def peek(w, flux_map, features, room, but, course, t, span, until, u_a, u_b, x, y):
+def peek(w, flux_map, features, room, but, course, t, span, until, u_a, u_b, x, y, period):
     """Hold the current (behind the filter) of every lane whose reading `when` falls between t and until (s)."""
     n = w.psi_a.size
     hit = False
@@ -102,15 +115,20 @@ def peek(w, flux_map, features, room, but, course, t, span, until, u_a, u_b, x, 
     for j in range(n):
         inside = (w.when[j] >= t) & (w.when[j] < until)
         h = min(max(w.when[j] - t, 0.0), span)
-        i_a, i_b = glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y)
+        if features & add.WOBBLE:
+            add.orient_lane(w, j, (t + h) / period, course.rate)
+        i_a, i_b, _, _ = glimpse(w, j, flux_map, features, room, but, course, t, h, u_a, u_b, x, y)
         if features & add.FILTER:
-            m_a, m_b = glimpse(w, j, flux_map, features, room, but, course, t, 0.5 * h, u_a, u_b, x, y)
+            if features & add.WOBBLE:
+                add.orient_lane(w, j, (t + span) / period, course.rate)
+            e_a, e_b, c_a, c_b = glimpse(w, j, flux_map, features, room, but, course, t, span, u_a, u_b, x, y)
+            m_a, m_b = curving(w, j, span, e_a, e_b, c_a, c_b)
             gone, first, second = lag_moments(h * w.filter_rate[j])
-            w_0, w_m, w_1 = lag_weights(gone, first, second)
-            k_a, k_b, p, q = kinks(w, j, room, but, t, h, h * w.filter_rate[j], gone, x, y)
-            k_a, k_b = stiff(w, j, k_a - w_m * p, k_b - w_m * q)
-            i_a = (1.0 - gone) * w.filter_a[j] + w_0 * w.i_a[j] + w_m * m_a + w_1 * i_a + k_a
-            i_b = (1.0 - gone) * w.filter_b[j] + w_0 * w.i_b[j] + w_m * m_b + w_1 * i_b + k_b
+            bent, n = first - second, 2.0 * h * w.span_inv[j]
+            k_a, k_b = kinks(w, j, room, but, t, h, h * w.filter_rate[j], gone, x, y)
+            k_a, k_b = stiff(w, j, k_a, k_b)
+            i_a = (1.0 - gone) * w.filter_a[j] + (gone - first) * w.i_a[j] + first * i_a + bent * n * n * m_a + k_a
+            i_b = (1.0 - gone) * w.filter_b[j] + (gone - first) * w.i_b[j] + first * i_b + bent * n * n * m_b + k_b
         w.held_a[j] = i_a if inside else w.held_a[j]
         w.held_b[j] = i_b if inside else w.held_b[j]
 
