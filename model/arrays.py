@@ -1,4 +1,4 @@
-"""Arrays of numbers from .npz, .mat and .csv files of others: nothing in them is run, nothing too large is read.
+"""Arrays of numbers from .npz, .mat, texts and workbooks of others: nothing in them is run, nothing too large is read.
 
 Pickled objects, texts and structures are passed over.  Sizes are read from the headers before any data are.
 """
@@ -16,11 +16,21 @@ from typing import IO, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from model.errors import BadInput
+from model.errors import BadInput, unknown
 from model.given import check_given
 from model.matfile import read_mat
+from model.tables import Table
+from model.text_table import read_text
+from model.units import KNOWN, UNITS
+from model.workbook import read_workbook
 
-MOST_BYTES = {".npz": 256_000_000, ".mat": 64_000_000, ".csv": 32_000_000}  # of a file; of an .npz only part is read
+TEXTS = (".csv", ".txt", ".tsv", ".dat")
+MOST_BYTES = {  # of a file; of an .npz only part is read
+    ".npz": 256_000_000,
+    ".mat": 64_000_000,
+    ".xlsx": 32_000_000,
+    **dict.fromkeys(TEXTS, 32_000_000),
+}
 MAGIC = 8  # bytes with which NumPy's format begins, its version among them
 NUMBERS = "fiuc"  # kinds of NumPy arrays that are read
 
@@ -53,11 +63,11 @@ def read_arrays(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays,
 
     Raises BadInput for a file that is absent, too large, damaged or of another kind.
     """
-    readers = {".npz": _npz, ".mat": _mat, ".csv": _csv}
+    readers = {".npz": _npz, ".mat": _mat, **dict.fromkeys((*TEXTS, ".xlsx"), _text)}
     if path.suffix.lower() not in readers:
-        raise BadInput(f"map '{path.name}': suffix '{path.suffix}' is not known; use .npz, .mat or .csv")
-    if not check_given(path, MOST_BYTES[path.suffix.lower()], "give a flux map (.npz, .mat or .csv) alone in it"):
-        raise BadInput(f"{path.name} is empty; give a flux map (.npz, .mat or .csv)")
+        raise BadInput(f"map '{path.name}': suffix '{path.suffix}' is not known; use .npz, .mat, .csv or .xlsx")
+    if not check_given(path, MOST_BYTES[path.suffix.lower()], "give a flux map (.npz, .mat, .csv, .xlsx) alone"):
+        raise BadInput(f"{path.name} is empty; give a flux map (.npz, .mat, .csv or .xlsx)")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # of a table's odd lines: what is missing is named below
@@ -122,13 +132,27 @@ def _mat(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[s
     return {name: a for name, a in chosen.items() if a.ndim <= 2}, sorted(found)
 
 
-def _csv(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[str]]:
-    lines = [line for line in path.read_bytes().splitlines() if line.strip()]
-    if len(lines) > most:
-        raise BadInput(f"{path.name}: {len(lines)} rows; at most {most} are read, keep every second line")
-    columns = max((line.count(b",") + 1 for line in lines[:2]), default=0)
-    if columns > MOST_COLUMNS:
-        raise BadInput(f"{path.name}: {columns} columns; at most {MOST_COLUMNS} are read, keep those of the map")
-    table = np.genfromtxt(path, delimiter=",", names=True, encoding="utf-8-sig")
-    names = table.dtype.names or ()
-    return {n: np.asarray(table[n]) for n in names if n in wanted}, sorted(names)
+def _text(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[str]]:
+    """Return columns of a text or a workbook, those with a unit in ours."""
+    reading = read_workbook if path.suffix.lower() == ".xlsx" else read_text
+    table = reading(path, most * MOST_COLUMNS)
+    if len(table.columns) > MOST_COLUMNS:
+        raise BadInput(
+            f"{path.name}: {len(table.columns)} columns; at most {MOST_COLUMNS} are read, keep those of the map"
+        )
+    own = {name: table.columns[key] for name in wanted if (key := table.key(name)) is not None}
+    rows = max((len(x) for x in own.values()), default=0)
+    if rows > most:
+        raise BadInput(f"{path.name}: {rows} rows; at most {most} are read, keep every second line")
+    return {name: _in_ours(path.name, name, x, table) for name, x in own.items()}, sorted(table.names)
+
+
+def _in_ours(file: str, name: str, values: NDArray[Any], table: Table) -> NDArray[Any]:
+    """Return a column in our unit; BadInput where the file states one that is not known."""
+    unit = table.units.get(table.key(name) or name)
+    if unit is None:
+        return values
+    found = next((units[unit] for units in UNITS.values() if unit in units), None)
+    if found is None:
+        raise BadInput(f"{file}: {unknown(f'unit of column {name}', unit, KNOWN)}")
+    return values * found[0] + found[1]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -18,22 +18,12 @@ from numpy.typing import NDArray
 from model.errors import BadInput, brief, unknown
 from model.frames import phases
 from model.parameters import finite
+from model.tables import Table
+from model.units import KNOWN, UNITS
 from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Finding, table_of
-from sandbox.recordings.formats.log_table import MOST_VALUES, Table, first_beyond
+from sandbox.recordings.formats.log_table import MOST_VALUES, first_beyond
 
 Array = NDArray[np.float64]
-UNITS: dict[str, dict[str, tuple[float, float]]] = {  # factor and offset to the contract's unit
-    "time": {"s": (1, 0), "ms": (1e-3, 0), "us": (1e-6, 0), "µs": (1e-6, 0), "μs": (1e-6, 0), "ns": (1e-9, 0)},
-    "voltage": {"V": (1, 0), "mV": (1e-3, 0), "kV": (1e3, 0)},
-    "current": {"A": (1, 0), "mA": (1e-3, 0), "kA": (1e3, 0)},
-    "angle": {
-        "rad": (1, 0), "deg": (math.pi / 180, 0), "°": (math.pi / 180, 0), "degrees": (math.pi / 180, 0),
-        "rev": (2 * math.pi, 0),
-    },
-    "duty": {"1": (1, 0), "%": (0.01, 0), "-": (1, 0)},
-    "torque": {"N m": (1, 0), "Nm": (1, 0), "mNm": (1e-3, 0), "mN m": (1e-3, 0), "kNm": (1e3, 0)},
-    "temperature": {"°C": (1, 0), "degC": (1, 0), "C": (1, 0), "K": (1, -273.15)},
-}  # fmt: skip
 KINDS = {
     "time": ("t",),
     "voltage": ("u_alpha", "u_beta", "u_a", "u_b", "u_c", "u_d", "u_q", "u_dc"),
@@ -50,6 +40,9 @@ LARGEST = 1e18  # of any cell, nanoseconds included
 MOST_ROWS = MOST_VALUES // len(REQUIRED)  # of a recording: a log of few columns becomes all that are needed
 SMALLEST = 1e-12  # size of a factor between units; its inverse is the largest
 PORT = re.compile(r'"|/"?(?:Out|In)\d+"?$')  # what a path of Simulink has beside a signal's name
+BRACKET = re.compile(r"[\[(][^\[\]()]*[\])]\s*$")
+LETTERS = ("A", "B", "C")  # units, and names of phases
+MOST_LISTED = 12  # columns named where one is missing
 WRAP = 1.01  # turns within which a wrapped angle stays
 
 
@@ -70,10 +63,11 @@ class Column:
     value: float | None = None
     others: tuple[str, ...] = ()
 
-    def found_in(self, names: Collection[str]) -> str | None:
+    def found_in(self, table: Table) -> str | None:
         """Return the name under which a table has the column, None where it may be absent and is."""
         if not self.others:
-            return self.column
+            return table.key(self.column) or self.column
+        names = table.columns
         for wanted in self.others:
             ends = [n for n in names if PORT.sub("", f"/{n}").endswith((f".{wanted}", f"/{wanted}", f"\\{wanted}"))]
             if len(ends) == 1 or wanted in ends:
@@ -172,7 +166,7 @@ def measured(
     mapped = available(table, columns)
     for name in KIND:
         entry = mapped.get(name)
-        if entry is None and name in table.columns:
+        if entry is None and (name in table.columns or name in table.also):
             entry = Column(name, name)
         if entry is not None:
             found[name] = _values(file, table, entry, length, pole_pairs, notes)
@@ -181,13 +175,13 @@ def measured(
 
 def available(table: Table, columns: Mapping[str, Column]) -> dict[str, Column]:
     """Return the map with names as a table has them, without what it need not have and has not."""
-    found = {name: (c, c.column if c.value is not None else c.found_in(table.columns)) for name, c in columns.items()}
+    found = {name: (c, c.column if c.value is not None else c.found_in(table)) for name, c in columns.items()}
     return {name: replace(c, column=own) for name, (c, own) in found.items() if own is not None}
 
 
 def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
     """Tell whether a table holds anything of which commanded voltages can be made."""
-    names = {*available(table, columns), *table.columns}
+    names = {*available(table, columns), *table.names}
     return any(names.issuperset(kind) for kind in VOLTAGES)
 
 
@@ -195,14 +189,15 @@ def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: flo
     """Return one column in the contract's unit: unwrapped, times unit, scale and pole pairs, plus offset."""
     if entry.value is not None:
         return np.full(length, entry.value)
-    if entry.column not in table.columns:
-        raise BadInput(f"{file}: {unknown('column', entry.column, table.columns)} (for '{entry.name}')")
-    raw = table.columns[entry.column]
-    _refuse_gaps(file, table, entry.column, raw)
-    stated = table.units.get(entry.column)
+    key = key_of(file, table, entry)
+    raw = table.columns[key]
+    _refuse_gaps(file, table, key, raw)
+    stated = table.units.get(key)
     where = f"{file}: column '{entry.column}'"
     if stated is not None and stated not in UNITS[KIND[entry.name]] and entry.unit is None:
-        _factor(entry.name, stated, where)
+        if not (BRACKET.search(entry.column) and (stated not in KNOWN or stated in LETTERS)):
+            _factor(entry.name, stated, where)
+        stated = None  # the map spells the bracket: it belongs to the name
     if (
         entry.unit
         and stated in UNITS[KIND[entry.name]]
@@ -212,7 +207,7 @@ def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: flo
     unit = entry.unit or stated
     factor, shift = _factor(entry.name, unit, where) if unit else (1.0, 0.0)
     if KIND[entry.name] == "angle":
-        raw = unwrapped(file, entry.column, raw, 2.0 * math.pi / abs(factor * entry.scale), notes)
+        raw = unwrapped(file, key, raw, 2.0 * math.pi / abs(factor * entry.scale), notes)
         factor *= pole_pairs if entry.mechanical else 1.0
     if (factor, shift, entry.scale, entry.offset) == (1.0, 0.0, 1.0, 0.0):
         return raw
@@ -221,6 +216,28 @@ def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: flo
     out *= entry.scale
     out += entry.offset
     return out
+
+
+def key_of(file: str, table: Table, entry: Column) -> str:
+    """Return a table's own name for a column; BadInput where it has none, or two."""
+    try:
+        key = table.key(entry.column)
+    except BadInput as error:
+        raise BadInput(f"{file}: {error}") from None
+    if key is not None:
+        return key
+    near = [n for n in table.names if _plain(n) == _plain(entry.column)]
+    listed = ", ".join(list(table.columns)[:MOST_LISTED])
+    hint = f"is it '{near[0]}'? the file" if near else "it"
+    less = " or leave it out: two currents are enough" if entry.name in ("i_a", "i_b", "i_c") else ""
+    raise BadInput(
+        f"{file}: no column '{entry.column}' (for '{entry.name}'); {hint} holds {listed}: correct the name in "
+        f"[columns]{less}"
+    )
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s_]", "", name).casefold()
 
 
 def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:

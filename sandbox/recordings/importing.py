@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput, brief, unknown
 from model.given import read_toml
 from model.parameters import Converter, finite
+from model.tables import Table
 from sandbox.recordings.campaign import (
     ROTORS,
     Campaign,
@@ -31,7 +32,6 @@ from sandbox.recordings.campaign import (
 from sandbox.recordings.column_map import KIND, Column, contract, parse_columns
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.foreign import read_table
-from sandbox.recordings.formats.log_table import Table
 from sandbox.recordings.formats.parquet import INDEX
 from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
 from sandbox.recordings.plausibility import check

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from model.errors import BadInput, shown
+from model.tables import Table
 from sandbox.recordings.foreign import SUFFIXES, read_table
-from sandbox.recordings.formats.log_table import Table
 
 NAME = "columns.toml"
 MOST_TABLES, MOST_COLUMNS = 24, 40

@@ -1,4 +1,4 @@
-"""What every reader of a log returns: columns of floats, and what the file says about them."""
+"""What readers of logs share: how much is read, matrices as columns, signals on one raster."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import contextlib
 import logging
 import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,17 +14,6 @@ from model.errors import BadInput
 
 Array = NDArray[np.float64]
 MOST_VALUES = 100_000_000  # of one file, all columns together: 10 minutes of 16 columns at 10 kHz, 0.8 GB
-
-
-@dataclass(frozen=True)
-class Table:
-    """Columns by name, the units that the file itself states, what stood in cells that are no number, and notes (column
-    and sentence) on what was changed on the way."""
-
-    columns: Mapping[str, Array]
-    units: Mapping[str, str]
-    odd: Mapping[tuple[str, int], str]
-    notes: tuple[tuple[str, str], ...] = ()
 
 
 def missing(file: str, package: str, extra: str, what: str) -> BadInput:

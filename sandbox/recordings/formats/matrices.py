@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from model.arrays import npy_header, npy_values
 from model.errors import BadInput, unknown
-from sandbox.recordings.formats.log_table import MOST_VALUES, Table, split_matrix, too_many
+from model.tables import Table
+from sandbox.recordings.formats.log_table import MOST_VALUES, split_matrix, too_many
 
 
 def matrices(file: str, arrays: Mapping[str, NDArray[Any]], names: Mapping[str, Sequence[str]]) -> Table:

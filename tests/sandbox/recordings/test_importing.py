@@ -213,7 +213,7 @@ COLUMNS_WRONG = [
     ('[columns]\ni_a = {column = "i_a", scale = nan}', "scale = nan is no finite number"),
     ('[columns]\ni_a = {column = "i_a", mechanical = true}', "mechanical = true is for theta"),
     ('[columns]\nu_dc = {column = "u_dc", value = 400}', "both column and value"),
-    ('[columns]\ni_a = "I_a"', "run.csv: unknown column 'I_a'; did you mean 'i_a'.*\\(for 'i_a'\\)"),
+    ('[columns]\ni_a = "I_a"', "run.csv: no column 'I_a' \\(for 'i_a'\\); is it 'i_a'"),
     ("[colums]", "unknown table 'colums'"),
 ]
 
@@ -284,7 +284,8 @@ def test_files_that_are_something_else_are_refused(tmp_path):
         ("run.mat", b"MATLAB 7.3 MAT-file, Platform: GLNXA64", "MAT (version )?7.3"),
         ("run.mat", b"nothing of the kind" * 20, "not a MAT file"),
         ("run.parquet", b"nothing", "not a Parquet table.*; export it again, or as CSV"),
-        ("run.xlsx", b"PK", "format '.xlsx' is not read; export as one of"),
+        ("run.xlsx", b"PK", "run.xlsx: cannot be read as a workbook .*; save the sheet as CSV"),
+        ("run.ods", b"PK", "format '.ods' is not read; export as one of"),
         ("run.csv", b"\n\n", "no line of data"),
     ]:
         (tmp_path / name).write_bytes(content)

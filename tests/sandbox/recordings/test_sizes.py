@@ -12,6 +12,7 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
+from model import text_lines, text_table
 from model.arrays import read_arrays
 from model.drive_files import load_drive
 from model.errors import BadInput
@@ -169,36 +170,33 @@ TEXTS = {
 
 
 @pytest.mark.parametrize("kind", TEXTS)
-def test_a_long_text_is_read_as_a_short_one(tmp_path, monkeypatch, kind):
+def test_a_text_is_read_in_pieces_as_at_once(tmp_path, monkeypatch, kind):
     path = tmp_path / "log.csv"
     path.write_bytes(TEXTS[kind].encode())
-    short = read_table(path)
-    monkeypatch.setattr(foreign, "LONG", 300)
-    monkeypatch.setattr(foreign, "_by_cells", None)  # rows are read by the other way
-    long = read_table(path)
-    assert dict(long.units) == dict(short.units)
-    assert list(long.columns) == list(short.columns) == ["t", "i_a", "u_dc"]
-    for name in long.columns:
-        assert np.array_equal(long.columns[name], short.columns[name], equal_nan=True)
+    at_once = read_table(path)
+    monkeypatch.setattr(text_lines, "CHUNK", 37)
+    monkeypatch.setattr(text_table, "BLOCK", 200)
+    found = read_table(path)
+    assert dict(found.units) == dict(at_once.units)
+    assert list(found.columns) == list(at_once.columns) == ["t", "i_a", "u_dc"]
+    for name in found.columns:
+        assert len(found.columns[name]) == 40
+        assert np.array_equal(found.columns[name], at_once.columns[name], equal_nan=True)
 
 
-def test_a_long_text_with_words_in_it_is_read_cell_by_cell_or_refused(tmp_path, monkeypatch):
+def test_a_word_in_a_text_is_told_by_column_and_row(tmp_path, monkeypatch):
     path = tmp_path / "log.csv"
     path.write_text(TEXTS["plain"] + "4.0,lost,7.0\n")
-    monkeypatch.setattr(foreign, "LONG", 300)
     assert read_table(path).odd == {("i_a", 40): "lost"}
-    monkeypatch.setattr(foreign, "LARGEST_TEXT", 500)
-    _refused(path, "rows that are not all numbers")
-    monkeypatch.setattr("sandbox.recordings.formats.long_text.MOST_VALUES", 60)
+    monkeypatch.setattr(foreign, "MOST_VALUES", 60)
     path.write_text(TEXTS["plain"])
     _refused(path, "million values")
 
 
-def test_a_column_without_a_name_is_not_dropped(tmp_path, monkeypatch):
+def test_a_column_without_a_name_is_not_dropped(tmp_path):
     """A separator at the end of each line makes an empty cell; a number in it is a row that is too long."""
     path = tmp_path / "log.csv"
     path.write_text(TEXTS["separators at the end"] + "1.0,2.0,3.0,7.0\n")
-    monkeypatch.setattr(foreign, "LONG", 300)
     with pytest.raises(BadInput, match="row 40 has 4 cells, the header has 3"):
         read_table(path)
 
