@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from model.tables import Table
+from model.table import Table
 from model.text_lines import HEAD, Layout, cells, encoding_of, layout, number, pieces
 
 if TYPE_CHECKING:
@@ -63,9 +63,11 @@ class _Bytes(io.RawIOBase):
         self.left = b""
 
     def readable(self) -> bool:
+        """Say so to io's buffers."""
         return True
 
     def readinto(self, buffer: Any) -> int:
+        """Fill a buffer; returns how many bytes it holds, 0 at the end."""
         while not self.left:
             text = next(self.texts, None)
             if text is None:

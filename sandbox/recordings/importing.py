@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput, brief, unknown
 from model.given import read_toml
 from model.parameters import Converter, finite
-from model.tables import Table
+from model.table import Table
 from sandbox.recordings.campaign import (
     ROTORS,
     Campaign,

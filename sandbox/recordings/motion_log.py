@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput, brief
 from model.names import fitting
 from model.parameters import finite
-from model.tables import Table
+from model.table import Table
 from sandbox.recordings.campaign import Campaign, Finding, table_of
 from sandbox.recordings.column_map import has_voltages, measured, phase_currents
 from sandbox.recordings.importing import Source

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from model.arrays import npy_header, npy_values
 from model.errors import BadInput, unknown
-from model.tables import Table
+from model.table import Table
 from sandbox.recordings.formats.log_table import MOST_VALUES, split_matrix, too_many
 
 
