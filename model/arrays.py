@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput, unknown
 from model.given import check_given
 from model.matfile import read_mat
-from model.table import Table
+from model.number_table import Table
 from model.text_table import read_text
 from model.units import KNOWN, UNITS
 from model.workbook import read_workbook

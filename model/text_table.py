@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from model.table import Table
+from model.number_table import Table
 from model.text_lines import HEAD, Layout, cells, encoding_of, layout, number, pieces
 
 if TYPE_CHECKING:

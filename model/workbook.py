@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from model.errors import BadInput
-from model.table import Table
+from model.number_table import Table
 from model.text_table import read_lines
 
 MOST_UNPACKED = 1_000_000_000  # bytes of a workbook's parts; it is read by rows, and not held

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput, brief, unknown
 from model.frames import phases
+from model.number_table import Table
 from model.parameters import finite
-from model.table import Table
 from model.units import KNOWN, UNITS
 from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Finding, table_of
 from sandbox.recordings.formats.log_table import MOST_VALUES, first_beyond

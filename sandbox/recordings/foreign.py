@@ -11,7 +11,7 @@ from pathlib import Path
 
 from model.errors import BadInput
 from model.matfile import read_mat
-from model.table import Table
+from model.number_table import Table
 from model.text_table import read_text
 from model.workbook import read_workbook
 from sandbox.recordings.formats import hdf5, mcap_log, mdf4, tdms

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput, brief, unknown
 from model.given import read_toml
+from model.number_table import Table
 from model.parameters import Converter, finite
-from model.table import Table
 from sandbox.recordings.campaign import (
     ROTORS,
     Campaign,

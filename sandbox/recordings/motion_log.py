@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput, brief
 from model.names import fitting
+from model.number_table import Table
 from model.parameters import finite
-from model.table import Table
 from sandbox.recordings.campaign import Campaign, Finding, table_of
 from sandbox.recordings.column_map import has_voltages, measured, phase_currents
 from sandbox.recordings.importing import Source

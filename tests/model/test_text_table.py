@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from model.table import Table
+from model.number_table import Table
 from model.text_table import read_lines, read_text
 from model.workbook import read_workbook
 

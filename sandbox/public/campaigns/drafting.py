@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from model.errors import BadInput, shown
-from model.table import Table
+from model.number_table import Table
 from sandbox.recordings.foreign import SUFFIXES, read_table
 
 NAME = "columns.toml"

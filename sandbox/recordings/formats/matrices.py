@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from model.arrays import npy_header, npy_values
 from model.errors import BadInput, unknown
-from model.table import Table
+from model.number_table import Table
 from sandbox.recordings.formats.log_table import MOST_VALUES, split_matrix, too_many
 
 

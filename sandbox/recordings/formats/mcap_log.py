@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from model.errors import BadInput, unknown
-from model.table import Table
+from model.number_table import Table
 from sandbox.recordings.formats.log_table import MOST_VALUES, missing, on_one_raster, too_many
 
 DEEPEST = 5  # objects in objects

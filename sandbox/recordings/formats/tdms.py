@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from model.errors import BadInput, unknown
-from model.table import Table
+from model.number_table import Table
 from sandbox.recordings.formats.log_table import MOST_VALUES, missing, on_one_raster, silent, too_many
 
 
