@@ -68,12 +68,14 @@ def loaded_inductance(d: Design) -> tuple[float, float]:
 def control(b: Bench, axis: int) -> Control:
     """The drive's controller, tuned on nominal values; it goes slower under injection, whose ripple it averages out."""
     d, drive = b.design, b.design.drive
+    bandwidth = (0.015 if axis else 0.1) / drive.period
+    steepest = d.torque / (d.nominal["inertia"] * 0.8 * drive.speed)  # a load step moves the speed by 0.3 of its rating
     return Control(
         inductance=loaded_inductance(d),
         resistance=d.nominal["resistance"],
         magnet=d.nominal["magnet_flux"],
-        bandwidth=(0.015 if axis else 0.1) / drive.period,
-        speed_bandwidth=25.0,
+        bandwidth=bandwidth,
+        speed_bandwidth=float(np.clip(steepest, 25.0, min(120.0, 0.3 * bandwidth))),
         torque_constant=d.torque / drive.current,
         inertia=d.nominal["inertia"],
         limit=1.5 * drive.current,
@@ -222,7 +224,14 @@ def campaign_text(name: str, d: Design, plans: list[cycles.Plan]) -> str:
         _table("flux_map", {"file": "flux_map.csv"}) if d.map is not None else "",
         _table("uncertainty", dict(uncertain)),
         _table("background", dict(d.background)),
-        _table("injection", {"waveform": "square", "frequency": 1 / (INJECTION_PERIOD * drive.period), "amplitude": injection_amplitude(d)}),
+        _table(
+            "injection",
+            {
+                "waveform": "square",
+                "frequency": 1 / (INJECTION_PERIOD * drive.period),
+                "amplitude": injection_amplitude(d),
+            },
+        ),
     ]
     axis = ("none", "d", "q")
     for p in plans:
@@ -234,4 +243,6 @@ def campaign_text(name: str, d: Design, plans: list[cycles.Plan]) -> str:
 def injection_amplitude(d: Design) -> float:
     """Amplitude (V) of the injection: a tenth of rated current as ripple, at most 12 % of the link."""
     drive = d.drive
-    return min(0.1 * drive.current * 4 * d.nominal["inductance_d"] / (INJECTION_PERIOD * drive.period), 0.12 * drive.link)
+    return min(
+        0.1 * drive.current * 4 * d.nominal["inductance_d"] / (INJECTION_PERIOD * drive.period), 0.12 * drive.link
+    )

@@ -13,6 +13,9 @@ from .types import CURRENT, DRIVEN, FREE, LOCKED, SPEED, VOLTAGE
 ROTORS = {LOCKED: "locked", DRIVEN: "driven", FREE: "free"}
 
 
+EDGE = 60  # samples of a change of level, so that a loop with two samples of delay follows without overshoot
+
+
 class Plan(NamedTuple):
     """A recording before it is run: references over `n` samples at the period of the drive."""
 
@@ -27,8 +30,13 @@ class Plan(NamedTuple):
 
 
 def stairs(n: int, levels: list[float]) -> np.ndarray:
-    """n samples divided evenly among levels."""
-    return np.asarray(levels, float)[np.minimum(np.arange(n) * len(levels) // n, len(levels) - 1)]
+    """n samples divided evenly among levels; from one to the next in EDGE samples."""
+    k = np.arange(n)
+    at = np.minimum(k * len(levels) // n, len(levels) - 1)
+    before = np.maximum(at - 1, 0)
+    share = np.minimum((k - at * n / len(levels)) / EDGE, 1.0)
+    v = np.asarray(levels, float)
+    return v[before] + np.maximum(share, 0.0) * (v[at] - v[before])
 
 
 def ramp(n: int, points: list[float]) -> np.ndarray:
@@ -62,11 +70,11 @@ def _locked(s: Scale, n: int, rng: np.random.Generator) -> list[Plan]:
     for k in range(24):
         at = slice(k * hold, k * hold + hold)
         a = rng.choice([0.0, 0.7, -0.7]) if k % 3 else 0.0
-        b = rng.uniform(-1.1, 1.1)
+        b = rng.uniform(-1.1, 1.1) if k else 0.0
         pulses_d[at], pulses_q[at] = a * s.resistance * i, b * s.resistance * i
         kick = slice(k * hold, k * hold + 4)
-        pulses_d[kick] += np.sign(a) * s.pulse
-        pulses_q[kick] += np.sign(b) * s.pulse
+        pulses_d[kick] += np.sign(pulses_d[k * hold] - pulses_d[k * hold - 1]) * s.pulse
+        pulses_q[kick] += np.sign(pulses_q[k * hold] - pulses_q[k * hold - 1]) * s.pulse
     slow = 0.09 * i
     cross_d = np.concatenate([ramp(n // 2, [0, slow, -slow, slow, 0]), np.zeros(n - n // 2)])
     cross_q = np.concatenate([np.zeros(n // 2), ramp(n - n // 2, [0, slow, -slow, slow, -slow])])

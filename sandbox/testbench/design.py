@@ -13,8 +13,17 @@ from .types import Inverter, Losses, Magnetics, Mechanics, Sensors
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 UNCERTAINTY = {
-    "resistance": 0.01, "magnet_flux": 0.01, "inductance_d": 0.015, "inductance_q": 0.015, "alpha_30": 0.03,
-    "alpha_12": 0.04, "alpha_40": 0.04, "alpha_22": 0.05, "alpha_04": 0.04, "inertia": 0.03, "viscous_friction": 0.15,
+    "resistance": 0.01,
+    "magnet_flux": 0.01,
+    "inductance_d": 0.015,
+    "inductance_q": 0.015,
+    "alpha_30": 0.03,
+    "alpha_12": 0.04,
+    "alpha_40": 0.04,
+    "alpha_22": 0.05,
+    "alpha_04": 0.04,
+    "inertia": 0.03,
+    "viscous_friction": 0.15,
 }
 
 
@@ -57,13 +66,18 @@ def nominal_design(drive: Drive, folder: Path | None) -> Design:
     l_d, l_q, magnet = *drive.inductance, drive.magnet
     if drive.map:
         if folder is None:
-            raise FileNotFoundError(f"drive '{drive.name}' needs the published map {drive.map}: give the folder of maps")
+            raise FileNotFoundError(
+                f"drive '{drive.name}' needs the published map {drive.map}: give the folder of maps"
+            )
         flux_map = maps.crop(maps.read_map(folder, drive.map), 2.1 * drive.current)
         psi_d, _, jac = maps.flux(flux_map, np.array(0.0), np.array(0.0))
         l_d, l_q, magnet = float(jac[0, 0]), float(jac[1, 1]), float(psi_d)
     values = {
-        "pole_pairs": float(drive.pole_pairs), "resistance": drive.resistance, "magnet_flux": magnet,
-        "inductance_d": l_d, "inductance_q": l_q,
+        "pole_pairs": float(drive.pole_pairs),
+        "resistance": drive.resistance,
+        "magnet_flux": magnet,
+        "inductance_d": l_d,
+        "inductance_q": l_q,
     }
     if not drive.map:
         values |= dict(zip(ALPHAS, alphas(drive).tolist(), strict=True))
@@ -72,8 +86,12 @@ def nominal_design(drive: Drive, folder: Path | None) -> Design:
     values["viscous_friction"] = float(f"{0.01 * d.torque / drive.speed:.3g}")
     d.true = dict(values)
     d.background = {
-        "current_gain": 0.0015, "current_offset": 0.0008 * drive.current, "encoder_offset": 0.002,
-        "dead_time": 3.2e-4 * drive.period, "load_torque_gain": 0.01, "load_torque_offset": 0.0015 * d.torque,
+        "current_gain": 0.0015,
+        "current_offset": 0.0008 * drive.current,
+        "encoder_offset": 0.002,
+        "dead_time": 3.2e-4 * drive.period,
+        "load_torque_gain": 0.01,
+        "load_torque_offset": 0.0015 * d.torque,
     }
     _neutral_parts(d)
     return d
@@ -83,23 +101,50 @@ def _neutral_parts(d: Design) -> None:
     i, zeros = d.drive.current, np.zeros
     d.mag = {"power": zeros(7), "harmonics": zeros((0, 5)), "saliency": zeros(3)}
     d.loss = {
-        "added": zeros(3), "contact": np.array([0.0, 0.0, 1.0]), "skin": np.tile([0.0, 1.0], (4, 1)),
-        "eddy": np.tile([0.0, 1.0], (3, 1)), "excess": 0.0, "hysteresis": zeros(2), "drift": 0.0,
+        "added": zeros(3),
+        "contact": np.array([0.0, 0.0, 1.0]),
+        "skin": np.tile([0.0, 1.0], (4, 1)),
+        "eddy": np.tile([0.0, 1.0], (3, 1)),
+        "excess": 0.0,
+        "hysteresis": zeros(2),
+        "drift": 0.0,
     }
     d.inv = {
-        "dead_time_ideal": 0.0, "zone": 0.015 * i, "dead_time": 0.0, "capacitance": 1.0, "drop_ideal": zeros(2),
-        "switch": np.array([0.0, i, 0.0]), "diode": np.array([0.0, i, 0.0]), "delay": zeros(3),
-        "counts": round(d.drive.counter * d.drive.period / 2), "link_gain": 0.0, "ripple": zeros(3),
+        "dead_time_ideal": 0.0,
+        "zone": 0.015 * i,
+        "dead_time": 0.0,
+        "capacitance": 1.0,
+        "drop_ideal": zeros(2),
+        "switch": np.array([0.0, i, 0.0]),
+        "diode": np.array([0.0, i, 0.0]),
+        "delay": zeros(3),
+        "counts": round(d.drive.counter * d.drive.period / 2),
+        "link_gain": 0.0,
+        "ripple": zeros(3),
         "source": np.array([0.0, 0.01, 1e-3, 1e-3, 0.0, 50.0]),
     }
     d.mech = {
-        "load_inertia": 0.0, "shaft": zeros(3), "coulomb": np.array([0.0, 2.0]), "lugre": zeros(5),
-        "cogging": zeros((0, 3)), "fan": 0.0, "periodic": np.array([0.0, 1.0, 0.0]),
+        "load_inertia": 0.0,
+        "shaft": zeros(3),
+        "coulomb": np.array([0.0, 2.0]),
+        "lugre": zeros(5),
+        "cogging": zeros((0, 3)),
+        "fan": 0.0,
+        "periodic": np.array([0.0, 1.0, 0.0]),
     }
     d.sens = {
-        "gain": np.ones(3), "cubic": 0.0, "offset": zeros(3), "offset_drift": zeros(3), "filter": zeros(3) + 1.0,
-        "delay": zeros(3), "hysteresis": 0.0, "clip": 0.0, "angle_offset": 0.0, "angle_latency": 0.0,
-        "eccentricity": zeros(4), "slip": 0.0,
+        "gain": np.ones(3),
+        "cubic": 0.0,
+        "offset": zeros(3),
+        "offset_drift": zeros(3),
+        "filter": zeros(3) + 1.0,
+        "delay": zeros(3),
+        "hysteresis": 0.0,
+        "clip": 0.0,
+        "angle_offset": 0.0,
+        "angle_latency": 0.0,
+        "eccentricity": zeros(4),
+        "slip": 0.0,
     }
     d.sens["filter"][0] = 0.0
 
@@ -116,7 +161,7 @@ def _rows(x: np.ndarray, n: int) -> tuple:
 
 def magnetics(d: Design) -> Magnetics:
     """The true magnetic model of a design."""
-    t, n = d.true, d.nominal
+    t = d.true
     m = neutral()._replace(
         magnet=float(t["magnet_flux"]),
         power=fixed(d.mag["power"]),

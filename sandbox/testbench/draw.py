@@ -95,7 +95,7 @@ def _normal(rng: np.random.Generator, sigma: float) -> float:
 
 
 def _deviate(d: Design, truth: Truth, rng: np.random.Generator) -> None:
-    """Ordinary deviations of the size that [uncertainty] and [background] state, and what is ordinary of the recordings."""
+    """Deviations of the size that [uncertainty] and [background] state, and what is ordinary of the recordings."""
     for key, sigma in UNCERTAINTY.items():
         if key in d.true and not (d.map is not None and key in ALPHAS):
             d.true[key] = d.nominal[key] * (1 + _normal(rng, sigma))
@@ -109,8 +109,10 @@ def _deviate(d: Design, truth: Truth, rng: np.random.Generator) -> None:
     d.sens["angle_offset"] = _normal(rng, b["encoder_offset"])
     d.inv["dead_time_ideal"] = _normal(rng, b["dead_time"])
     truth.background = {
-        "current_gain": gains.tolist(), "current_offset": d.sens["offset"].tolist(),
-        "encoder_offset": d.sens["angle_offset"], "dead_time": d.inv["dead_time_ideal"],
+        "current_gain": gains.tolist(),
+        "current_offset": d.sens["offset"].tolist(),
+        "encoder_offset": d.sens["angle_offset"],
+        "dead_time": d.inv["dead_time_ideal"],
         "load_torque_offset": _normal(rng, b["load_torque_offset"]),
     }
     truth.ordinary = {

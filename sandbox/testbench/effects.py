@@ -1,4 +1,4 @@
-"""Causes that are put into a bench: those that the library names, in its form or in another one, and those it does not name.
+"""Causes that are put into a bench: those the library names, in its form or in another one, and those outside it.
 
 Each function takes the design, a signed size (1: medium), whether the form is the bench's own, and a generator; it
 changes the design and returns the library's parameters where they compare, and one sentence about the form.
@@ -104,7 +104,9 @@ def iron_loss(d: Design, size: float, own: bool, rng: np.random.Generator) -> Re
     d.loss["excess"] = 0.25 * i / np.sqrt(e)
     r = 0.15 * psi
     d.loss["hysteresis"] = np.array([0.25 * i / r, r])
-    text = "Bertotti: eddy currents in three modes of a lamination, excess loss by the root, hysteresis by a play operator"
+    text = (
+        "Bertotti: eddy currents in three modes of a lamination, excess loss by the root, hysteresis by a play operator"
+    )
     return {"core_resistance": e / i}, text
 
 
@@ -131,7 +133,10 @@ def winding_asymmetry(d: Design, size: float, own: bool, rng: np.random.Generato
         return {"delta_a": float(a), "delta_b": float(b)}, LIBRARY_FORM
     cold = 0.05 * size * r
     d.loss["contact"] = np.array([cold, 0.6 / d.drive.current**2, 0.3])
-    return {"delta_a": cold, "delta_b": 0.0}, "a loose terminal in phase a that heats with the square of its current (0.3 s)"
+    return {
+        "delta_a": cold,
+        "delta_b": 0.0,
+    }, "a loose terminal in phase a that heats with the square of its current (0.3 s)"
 
 
 def dead_time(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
@@ -142,7 +147,9 @@ def dead_time(d: Design, size: float, own: bool, rng: np.random.Generator) -> Re
     share = rng.uniform(0.03, 0.12)
     d.inv["dead_time"] = time
     d.inv["capacitance"] = share * d.drive.current * time / d.drive.link
-    return {"time": time}, f"switches, diodes and capacitance: the leg just slews over in the dead time at {share:.3f} of rated current"
+    return {
+        "time": time
+    }, f"switches, diodes and capacitance: the leg just slews over in the dead time at {share:.3f} of rated current"
 
 
 def device_drop(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
@@ -155,7 +162,10 @@ def device_drop(d: Design, size: float, own: bool, rng: np.random.Generator) -> 
     k = rng.uniform(0.1, 0.3)
     d.inv["switch"] = np.array([v * (1 + k), knee, r * (1 - k)])
     d.inv["diode"] = np.array([v * (1 - k), 0.6 * knee, r * (1 + k)])
-    return {"threshold": v, "on_resistance": r}, f"switch and diode apart, with a knee at {knee / d.drive.current:.3f} of rated current"
+    return {
+        "threshold": v,
+        "on_resistance": r,
+    }, f"switch and diode apart, with a knee at {knee / d.drive.current:.3f} of rated current"
 
 
 def dc_link_error(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
@@ -191,7 +201,10 @@ def dc_link_ripple(d: Design, size: float, own: bool, rng: np.random.Generator) 
     w = 12 * np.pi * line
     through = abs(1 / (1 - w * w * s[2] * s[3] + 1j * w * s[1] * s[3]))
     amplitude = float(2 / 35 * 3 / np.pi * d.drive.link * 2.5 * size * through)
-    return {"amplitude": amplitude, "frequency": 6 * line}, "six-pulse rectifier, choke and capacitor: orders 6, 12, ... and the load's own sag"
+    return {
+        "amplitude": amplitude,
+        "frequency": 6 * line,
+    }, "six-pulse rectifier, choke and capacitor: orders 6, 12, ... and the load's own sag"
 
 
 def pwm_delay(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
@@ -208,7 +221,10 @@ def current_gain(d: Design, size: float, own: bool, rng: np.random.Generator) ->
     d.sens["gain"] = d.sens["gain"] * np.array([a, b, 1.0])
     if own:
         d.sens["cubic"] = -0.03 * size
-        return {"gain_a": float(a), "gain_b": float(b)}, "all three sensors also bend: a cubic of 3 % at 2.5 times rated current"
+        return {
+            "gain_a": float(a),
+            "gain_b": float(b),
+        }, "all three sensors also bend: a cubic of 3 % at 2.5 times rated current"
     return {"gain_a": float(a), "gain_b": float(b)}, LIBRARY_FORM
 
 
@@ -229,7 +245,9 @@ def current_filter(d: Design, size: float, own: bool, rng: np.random.Generator) 
         return {"time_constant": tau}, LIBRARY_FORM
     damping = float(rng.uniform(0.6, 0.9))
     d.sens["filter"] = np.array([2.0, tau / (2 * damping), damping])
-    return {"time_constant": tau}, f"second order, damping {damping:.2f}; the time constant is its delay at low frequency"
+    return {
+        "time_constant": tau
+    }, f"second order, damping {damping:.2f}; the time constant is its delay at low frequency"
 
 
 def current_sampling(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
@@ -308,10 +326,32 @@ def shaft_compliance(d: Design, size: float, own: bool, rng: np.random.Generator
 LIBRARY: dict[str, Cause] = {
     f.__name__: f
     for f in (
-        stator_resistance, magnet_flux, inductance, saturation, cross_saturation, flux_harmonics, inductance_harmonics,
-        iron_loss, skin_effect, winding_asymmetry, dead_time, device_drop, dc_link_error, dc_link_ripple, pwm_delay,
-        current_gain, current_offset, current_filter, current_sampling, encoder_offset, encoder_eccentricity,
-        coulomb_friction, viscous_friction, cogging_torque, inertia, shaft_compliance,
+        stator_resistance,
+        magnet_flux,
+        inductance,
+        saturation,
+        cross_saturation,
+        flux_harmonics,
+        inductance_harmonics,
+        iron_loss,
+        skin_effect,
+        winding_asymmetry,
+        dead_time,
+        device_drop,
+        dc_link_error,
+        dc_link_ripple,
+        pwm_delay,
+        current_gain,
+        current_offset,
+        current_filter,
+        current_sampling,
+        encoder_offset,
+        encoder_eccentricity,
+        coulomb_friction,
+        viscous_friction,
+        cogging_torque,
+        inertia,
+        shaft_compliance,
     )
 }
 ONLY_LIBRARY_FORM = ("magnet_flux", "inductance", "viscous_friction", "inertia")
@@ -354,5 +394,13 @@ def rough_counter(d: Design, size: float, own: bool, rng: np.random.Generator) -
 
 OUTSIDE: dict[str, Cause] = {
     f.__name__: f
-    for f in (fan, temperature_drift, sensor_hysteresis, sensor_saturation, slipping_encoder, periodic_load, rough_counter)
+    for f in (
+        fan,
+        temperature_drift,
+        sensor_hysteresis,
+        sensor_saturation,
+        slipping_encoder,
+        periodic_load,
+        rough_counter,
+    )
 }

@@ -18,7 +18,8 @@ FINITE_ELEMENT_HARMONICS = np.array(
 def dowell(ratio: np.ndarray, layers: int) -> np.ndarray:
     """R_ac/R_dc of a winding of `layers` layers whose conductors are `ratio` skin depths high.
 
-    Dowell, Proc. IEE 113(8), 1966: x [(sinh 2x + sin 2x)/(cosh 2x - cos 2x) + 2 (m^2 - 1)/3 (sinh x - sin x)/(cosh x + cos x)].
+    Dowell, Proc. IEE 113(8), 1966:
+    x [(sinh 2x + sin 2x)/(cosh 2x - cos 2x) + 2 (m^2 - 1)/3 (sinh x - sin x)/(cosh x + cos x)].
     """
     x = np.asarray(ratio, float)
     own = (np.sinh(2 * x) + np.sin(2 * x)) / (np.cosh(2 * x) - np.cos(2 * x))
@@ -58,7 +59,7 @@ def lamination(conductance: float, tau: float) -> np.ndarray:
 
 
 def coloured(rng: np.random.Generator, n: int, columns: int, sigma: float, colour: float) -> np.ndarray:
-    """(n, columns) noise of standard deviation sigma: white, and a first-order part with the pole `colour`, half of the power each."""
+    """(n, columns) noise of standard deviation sigma: half its power white, half of first order (pole `colour`)."""
     white = rng.standard_normal((n, columns))
     if colour == 0.0:
         return sigma * white

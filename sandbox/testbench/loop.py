@@ -9,11 +9,10 @@ from .plant import (
     ROOT3,
     advance,
     currents,
-    link_voltage,
     rk4,
     switch,
 )
-from .types import CURRENT, DRIVEN, FLOATING, HIGH, LOCKED, LOW, SPEED, VOLTAGE, World
+from .types import DRIVEN, FLOATING, HIGH, LOCKED, LOW, SPEED, VOLTAGE, World
 
 QUEUE = 12  # pending events of a leg
 
@@ -44,7 +43,7 @@ def pop(times, kinds, count, x):
 
 @njit(cache=True)
 def modulate(inv, start, u_alpha, u_beta, link_read, times, kinds, count):
-    """Edges of one period: centred pulses, D = 1/2 + (v + v_0)/u_dc with the min-max zero sequence, rounded to counter steps."""
+    """Edges of one period: centred pulses, D = 1/2 + (v + v_0)/u_dc, v_0 by min and max, rounded to counter steps."""
     v = (u_alpha, -0.5 * u_alpha + 0.5 * ROOT3 * u_beta, -0.5 * u_alpha - 0.5 * ROOT3 * u_beta)
     zero = -0.5 * (max(v[0], v[1], v[2]) + min(v[0], v[1], v[2]))
     early = max(0.0, -inv.dead_time_ideal)  # an over-compensated edge is decided this much before
@@ -183,7 +182,10 @@ def command(ctl, course, inv, memo, k, i_abc, theta, link_read, ring):
 
 @njit(cache=True)
 def run(mag, loss, inv, mech, sens, ctl, course, y, step, out):
-    """Run a recording from state y; `out` (n, 12): u_alpha, u_beta, i_a, i_b, i_c, theta, u_dc, load, then the truth: i_alpha, i_beta, speed, torque."""
+    """Run a recording from state y.
+
+    `out` (n, 12): u_alpha, u_beta, i_a, i_b, i_c, theta, u_dc, load; then the truth: i_alpha, i_beta, speed, torque.
+    """
     ts = inv.period
     n_total = course.reference_d.size
     times = np.zeros((3, QUEUE))
@@ -254,5 +256,3 @@ def run(mag, loss, inv, mech, sens, ctl, course, y, step, out):
                 return k
         u_alpha, u_beta = command(ctl, course, inv, memo, k, i_abc, theta, link_read, ring)
     return n_total
-
-

@@ -27,8 +27,8 @@ def lookup(m, psi_d, psi_q):
     n, k = m.table_d.shape
     x = (psi_d - m.grid[0]) / m.grid[2]
     y = (psi_q - m.grid[1]) / m.grid[3]
-    i = min(max(int(math.floor(x)), 1), n - 3)
-    j = min(max(int(math.floor(y)), 1), k - 3)
+    i = min(max(math.floor(x), 1), n - 3)
+    j = min(max(math.floor(y), 1), k - 3)
     a0, a1, a2, a3 = _keys(x - i)
     b0, b1, b2, b3 = _keys(y - j)
     i_d, i_q = 0.0, 0.0
@@ -59,7 +59,10 @@ def _power(w, f_d, f_q):
 
 @njit(cache=True)
 def _saliency(g, theta, f_d, f_q):
-    """Added currents and -dH/dtheta of H = 1/2 sum_k gamma_k [cos k theta (f_d^2 - f_q^2) + 2 sin k theta f_d f_q] / (1 + f^2/f_s^2)."""
+    """Added currents and -dH/dtheta of harmonics of the saliency.
+
+    H = 1/2 sum_k gamma_k [cos k theta (f_d^2 - f_q^2) + 2 sin k theta f_d f_q] / (1 + f^2/f_s^2), k = 6, 12.
+    """
     s = 1.0 / (1.0 + g[2] * (f_d * f_d + f_q * f_q))
     i_d, i_q, pull = 0.0, 0.0, 0.0
     for n in range(2):

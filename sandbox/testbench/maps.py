@@ -18,8 +18,8 @@ class FluxMap(NamedTuple):
 
 
 def maps_folder(folder: str | os.PathLike | None = None) -> Path | None:
-    """Folder of the published maps: given, from TESTBENCH_MAPS, or `shared/realdata` beside the repository; None where there is none."""
-    places = [folder] if folder is not None else [os.environ.get("TESTBENCH_MAPS")]
+    """Folder of the published maps: given, from TESTBENCH_MAPS, or `shared/realdata` beside the repository; or None."""
+    places: list[str | os.PathLike | None] = [folder] if folder is not None else [os.environ.get("TESTBENCH_MAPS")]
     places += [p / "shared" / "realdata" for p in Path(__file__).resolve().parents]
     for p in places:
         if p and (Path(p) / "brusa_hsm1").is_dir():
@@ -79,7 +79,7 @@ def crop(m: FluxMap, reach: float) -> FluxMap:
 
 
 def resample(m: FluxMap, n: int, shift: float, reach: float) -> FluxMap:
-    """The map at other points: an n x n grid within `reach` (A) whose points lie `shift` of a step beside those of round numbers."""
+    """The map at other points: n x n within `reach` (A), moved by `shift` of a step."""
     d, q = splines(m)
     step = 2 * reach / (n - 1)
     axis = -reach + (np.arange(n) + shift) * step
@@ -97,9 +97,7 @@ def flux(m: FluxMap, i_d: np.ndarray, i_q: np.ndarray) -> tuple[np.ndarray, np.n
     """psi_d, psi_q and Jacobian (2, 2, ...) at currents; outside the rectangle it goes on along its slope."""
     d, q = splines(m)
     c_d, c_q = np.clip(i_d, m.i_d[0], m.i_d[-1]), np.clip(i_q, m.i_q[0], m.i_q[-1])
-    jac = np.array(
-        [[d.ev(c_d, c_q, 1, 0), d.ev(c_d, c_q, 0, 1)], [q.ev(c_d, c_q, 1, 0), q.ev(c_d, c_q, 0, 1)]]
-    )
+    jac = np.array([[d.ev(c_d, c_q, 1, 0), d.ev(c_d, c_q, 0, 1)], [q.ev(c_d, c_q, 1, 0), q.ev(c_d, c_q, 0, 1)]])
     e_d, e_q = i_d - c_d, i_q - c_q
     psi_d = d.ev(c_d, c_q) + jac[0, 0] * e_d + jac[0, 1] * e_q
     psi_q = q.ev(c_d, c_q) + jac[1, 0] * e_d + jac[1, 1] * e_q
@@ -115,7 +113,9 @@ def invert(m: FluxMap, n: int = 61) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     axis_d = np.linspace(m.psi_d.min() - margin_d, m.psi_d.max() + margin_d, n)
     axis_q = np.linspace(m.psi_q.min() - margin_q, m.psi_q.max() + margin_q, n)
     want_d, want_q = np.meshgrid(axis_d, axis_q, indexing="ij")
-    near = np.argmin((m.psi_d.ravel() - want_d.ravel()[:, None]) ** 2 + (m.psi_q.ravel() - want_q.ravel()[:, None]) ** 2, 1)
+    near = np.argmin(
+        (m.psi_d.ravel() - want_d.ravel()[:, None]) ** 2 + (m.psi_q.ravel() - want_q.ravel()[:, None]) ** 2, 1
+    )
     a, b = np.meshgrid(m.i_d, m.i_q, indexing="ij")
     i_d, i_q = a.ravel()[near].reshape(n, n), b.ravel()[near].reshape(n, n)
     scale = max(np.ptp(m.i_d), np.ptp(m.i_q))

@@ -8,11 +8,10 @@ play operators are updated exactly between the steps (`memory`: bristle, play al
 
 import math
 
-import numpy as np
 from numba import njit
 
 from .magnetics import field
-from .types import DRIVEN, FLOATING, HIGH, LOCKED, LOW
+from .types import DRIVEN, FLOATING, HIGH, LOCKED
 
 STATES = 30
 FEW = 11  # states of a bench without filter, core loss, skin effect and hot contact
@@ -86,9 +85,7 @@ def link_voltage(inv, t, y):
     """True link voltage (V)."""
     if inv.source[0] > 0.0:
         return y[6]
-    return inv.link * (1.0 + inv.link_gain) + inv.ripple[0] * math.sin(
-        2 * math.pi * inv.ripple[1] * t + inv.ripple[2]
-    )
+    return inv.link * (1.0 + inv.link_gain) + inv.ripple[0] * math.sin(2 * math.pi * inv.ripple[1] * t + inv.ripple[2])
 
 
 @njit(cache=True)
@@ -350,7 +347,7 @@ def _locate(x, t, y, h, trial, work, legs, mag, loss, inv, mech, sens, world, me
 
 @njit(cache=True)
 def switch(x, on, t, y, legs, mag, loss, inv, memory):
-    """A gate signal of leg x: `on` HIGH or LOW closes a switch, FLOATING opens both and lets current or diode decide."""
+    """A gate signal of leg x: `on` HIGH or LOW closes a switch, FLOATING opens both: current and diodes decide."""
     if on != FLOATING:
         legs[0, x] = on
         legs[1, x] = 0
@@ -363,5 +360,3 @@ def switch(x, on, t, y, legs, mag, loss, inv, memory):
         legs[1, x] = 1 if i < 0.0 else 0
     else:
         legs[1, x] = -1 if i > 0.0 else 0
-
-

@@ -1,6 +1,7 @@
 """Containers that the compiled bench reads: one NamedTuple of floats and arrays for each part of the drive.
 
-Small fixed sets are tuples: the compiler keeps them out of the heap.  All angles electrical unless a name says `mech`; currents positive into the motor; units SI.
+Small fixed sets are tuples: the compiler keeps them out of the heap.  All angles electrical unless a name says
+`mech`; currents positive into the motor; units SI.
 """
 
 from typing import NamedTuple
