@@ -8,7 +8,7 @@ from importlib import metadata
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE / "extensions"), str(HERE.parent)]
+sys.path[:0] = [str(HERE / "extensions"), str(HERE / "drawings"), str(HERE.parent)]
 
 project = "sensorless-sandbox"
 author = copyright = "The sensorless-sandbox authors"
@@ -24,8 +24,10 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "mathml",  # this one and the next are files of docs/extensions
     "generated",
+    "inline_figures",
+    "wide_tables",
 ]
-exclude_patterns = ["_build", "extensions", "tutorials/*", "README.md"]
+exclude_patterns = ["_build", "extensions", "drawings", "tutorials/*", "README.md"]
 smartquotes = False  # options begin with two dashes
 default_role = "literal"
 highlight_language = "text"  # of a block that names none
@@ -52,7 +54,7 @@ sphinx_gallery_conf = {
     "write_computation_times": False,
     "capture_repr": ("__repr__",),
     "ignore_repr_types": ".*",  # only what is printed
-    "image_scrapers": ("matplotlib", "returned_figures.scraper"),
+    "image_scrapers": ("returned_figures.scraper",),
     "nested_sections": False,
 }
 

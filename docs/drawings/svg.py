@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 
-INK, GREY, BLUE, RED, GREEN = "#222222", "#999999", "#1f5fa8", "#c0392b", "#2e7d4f"
+from experiments.screens import STYLE
+
+INK, GREY, BLUE, RED, GREEN = "currentColor", "#8a8f98", "#3b82c4", "#d9503f", "#2f9a5f"  # seen on light and on dark
 Point = tuple[float, float]
 
 
@@ -38,8 +40,8 @@ def arc(centre: Point, radius: float, begin: float, end: float, colour: str = IN
     )
 
 
-def whole(width: int, height: int, parts: list[str]) -> str:
-    """Return a drawing on white."""
-    size = f'viewBox="0 0 {width} {height}" width="{width}"'
-    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="sans-serif">'
-    return "\n".join([head, '<rect width="100%" height="100%" fill="white"/>', *parts, "</svg>"]) + "\n"
+def whole(width: float, height: float, parts: list[str]) -> str:
+    """Return a drawing whose ink is the page's, or follows the reader's system where it stands alone."""
+    size = f'viewBox="0 0 {width:g} {height:g}" width="{width:g}"'
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" {size} font-family="system-ui, sans-serif">'
+    return "\n".join([head, STYLE, *parts, "</svg>"]) + "\n"

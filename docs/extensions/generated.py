@@ -9,6 +9,7 @@ from typing import Any
 import api_pages
 import card_pages
 import command_pages
+import drive
 import field_pages
 import goal_table
 import repository_pages
@@ -37,6 +38,8 @@ def write(app: Sphinx) -> None:
     made = Path(app.srcdir) / "reference" / "made"
     for name, page in PAGES.items():
         put(made / name, page())
+    for name, text in drive.drawings().items():
+        put(made / name, text)
     for name in repository_pages.PAGES:
         put(Path(app.srcdir) / f"{name}.md", repository_pages.page(name))
     put(Path(app.srcdir) / "results" / "made" / "goals.txt", goal_table.goals())  # included by a page

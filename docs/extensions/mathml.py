@@ -16,9 +16,22 @@ def inline(writer: Any, node: nodes.Element) -> None:
 
 
 def block(writer: Any, node: nodes.Element) -> None:
-    """Write an equation on a line of its own."""
-    writer.body.append(f'<div class="math">{convert(node.astext(), display="block")}</div>')
+    """Write an equation on a line of its own; where it does not fit, it is broken at wide spaces."""
+    drawn = "".join(convert(piece, display="block") for piece in pieces(node.astext()))
+    writer.body.append(f'<div class="math">{drawn}</div>')
     raise nodes.SkipNode
+
+
+def pieces(latex: str) -> list[str]:
+    """Return the parts between `\\qquad`s that stand outside of braces and environments."""
+    out = [""]
+    for part in latex.split(r"\qquad"):
+        out[-1] += part
+        if out[-1].count("{") == out[-1].count("}") and out[-1].count(r"\begin") == out[-1].count(r"\end"):
+            out.append("")
+        else:
+            out[-1] += r"\qquad"
+    return [part for part in out if part.strip()]
 
 
 def setup(app: Sphinx) -> dict[str, Any]:

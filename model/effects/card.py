@@ -216,6 +216,8 @@ class Limit(NamedTuple):
 class Effect:
     """One effect; equation and source as text, signature as axis, order and region of the residual it leaves.
 
+    formulas: the equation as LaTeX, a display each, for pages.
+
     at: its equations at ports of the plant; an effect of the library whose parameters replace or scale values of the
     motor (`of_motor`, `scales`) needs none.  switches: the effect is off while these parameters are neutral (default:
     all of its parameters).
@@ -252,6 +254,7 @@ class Effect:
     longest: Callable[[Mapping[str, float], Motor, float], float] | None = None
     repeats: int = 1
     further: Part | None = None
+    formulas: tuple[str, ...] = ()
 
     def part(self, k: int) -> Part:
         """Return the k-th part (1 ... repeats)."""

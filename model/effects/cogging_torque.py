@@ -21,6 +21,7 @@ CARD = Effect(
     equation=(
         "torque A sin(n theta_mech + phase), from the potential A/n cos(n theta_mech + phase); further orders add up"
     ),
+    formulas=(r"T \;\text{+=}\; \sum_n A_n \sin(n\,\theta_\text{mech} + \varphi_n)",),
     source=(
         "Zhu, Howe, Influence of design parameters on cogging torque in permanent magnet machines, IEEE "
         "Trans. Energy Conversion 15 (2000) 407"

@@ -41,6 +41,7 @@ CARD = Effect(
     summary="dry friction, with Stribeck's hump",
     subsystem="mechanics",
     equation=("torque [T_c + T_s exp(-(w/w_s)^2)] tanh(w/width) against the motion, w mechanical, on the motor's side"),
+    formulas=(r"T \;\text{-=}\; \Bigl[T_c + T_s\,e^{-(w / w_s)^2}\Bigr] \,\tanh\,\frac{w}{w_0}",),
     source=(
         "Armstrong-Helouvry, Dupont, Canudas de Wit, A survey of models, analysis tools and compensation "
         "methods for the control of machines with friction, Automatica 30 (1994) 1083"

@@ -20,6 +20,7 @@ CARD = Effect(
         "tau df/dt = i - f before sampling; under centred pulses f carries the lagged flux ripple: for a "
         "short tau the reading is i + tau Gamma (e + R i), the slope of the zero vector"
     ),
+    formulas=(r"\tau\,\frac{d f}{d t} = i - f, \qquad i_\text{read} = f(t_k)",),
     source=(
         "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"
         " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123"

@@ -20,6 +20,11 @@ CARD = Effect(
         "reading = gain x i, phase by phase: g_0 i + g_2 i*, g_0 the mean gain, g_2 = (g_a + a^2 g_b + a g_c)/3 with "
         "a = exp(2j pi/3); i* turns backwards, which is order 2 seen from the rotor"
     ),
+    formulas=(
+        r"i_{k,\text{read}} = g_k\,i_k,\quad k = a, b, c",
+        r"i_\text{read} = g_0\,i + g_2\,i^*, \qquad g_0 = \frac{g_a + g_b + g_c}{3}, \qquad "
+        r"g_2 = \frac{g_a + a^2 g_b + a\,g_c}{3}, \qquad a = e^{2\pi j/3}",
+    ),
     source=(
         "Chung, Sul, Analysis and compensation of current measurement error in vector-controlled AC motor"
         " drives, IEEE Trans. Ind. Appl. 34 (1998) 340"

@@ -21,6 +21,7 @@ CARD = Effect(
     summary="offsets of the current sensors",
     subsystem="sensor",
     equation="reading = i + offset, offset_c = -offset_a - offset_b",
+    formulas=(r"i_{k,\text{read}} = i_k + o_k, \qquad o_c = -\,o_a - o_b",),
     source=(
         "Chung, Sul, Analysis and compensation of current measurement error in vector-controlled AC motor"
         " drives, IEEE Trans. Ind. Appl. 34 (1998) 340"

@@ -33,6 +33,7 @@ CARD = Effect(
         "i, theta + s omega); jitter is noise: simulated sample by sample, never predicted - a replay leaves it in the "
         "residual as jitter x slope of the current, above the sensors' floor"
     ),
+    formulas=(r"i_\text{read} = i(t_k + t_d + \sigma\,\xi), \qquad \xi \sim \mathcal N(0, 1)",),
     source=(
         "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"
         " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123"

@@ -46,6 +46,11 @@ CARD = Effect(
         "phase current at the pattern's start (t_k and its delay), the mean current drawn while it lasts: the link's "
         "capacitor holds within it, a supply of resistance `sag` feeds it (i_dc < 0: it rises)"
     ),
+    formulas=(
+        r"u = u^* \cdot \frac{(1 + g)\,V_\text{nominal} + v_\text{ripple} - "
+        r"r_\text{sag}\,i_\text{dc}}{u_\text{dc, read}}, \qquad i_\text{dc} = \sum_{k = a, "
+        r"b, c} D_k\,i_k",
+    ),
     source=(
         "derivation: duties are formed with the measured link voltage; mean link current of a PWM inverter: power "
         "balance of legs and link, e.g. Holmes, Lipo, Pulse Width Modulation for Power Converters, IEEE Press (2003)"

@@ -31,6 +31,11 @@ CARD = Effect(
         "true link voltage += amplitude sin(2 pi f t + phase), t from the recording's start; a leg "
         "delivers D T_s [V + A sin(w t_mid + phase) sinc(w D T_s/2)]"
     ),
+    formulas=(
+        r"u_\text{dc} \;\text{+=}\; A \sin(2\pi f\,t + \varphi)",
+        r"\int u_\text{leg}\,dt = D\,T_s \Bigl[V + A \sin(2\pi f\,t_\text{mid} + "
+        r"\varphi)\,\operatorname{sinc}(\pi f\,D\,T_s)\Bigr]",
+    ),
     source=("rectified mains: six (two) times its frequency; volt-seconds of a centred pulse integrated exactly"),
     parameters=(
         Parameter("amplitude", "V", 0.0, 0.0, 1e3, 0.02, "DC link", title="ripple of the DC link"),

@@ -41,6 +41,11 @@ CARD = Effect(
         "+-1.5 % of rated current, or (1 - shape) clip(i/width) + shape tanh(i/width) in a zone of its own width; the "
         "pattern is late by t_d/2 on average"
     ),
+    formulas=(
+        r"\overline{\Delta u} = -\,u_\text{dc}\,\frac{t_d}{T_s}\,\operatorname{sign}(i), "
+        r"\qquad \operatorname{sign}(i) \to (1 - s)\,\operatorname{clip}\,\frac{i}{i_0} + s "
+        r"\,\tanh\,\frac{i}{i_0}",
+    ),
     source=(
         "Jeong, Park, The analysis and compensation of dead-time effects in PWM inverters, IEEE Trans. "
         "Ind. Electron. 38 (1991) 108"

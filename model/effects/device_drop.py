@@ -59,6 +59,7 @@ CARD = Effect(
     summary="forward drop of the switches and diodes",
     subsystem="inverter",
     equation="leg voltage -= threshold sign(i) + r i, sign linear within +-1.5 % of rated current",
+    formulas=(r"u_\text{leg} \;\text{-=}\; V_t\,\operatorname{sign}(i) + r\,i",),
     source=(
         "Choi, Sul, Inverter output voltage synthesis using novel dead time compensation, IEEE Trans. "
         "Power Electron. 11 (1996) 221"

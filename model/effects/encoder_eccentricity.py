@@ -19,6 +19,7 @@ CARD = Effect(
     summary="eccentric code disc or magnet ring",
     subsystem="sensor",
     equation="theta_read = theta + p A sin(theta_mech + phase)",
+    formulas=(r"\theta_\text{read} = \theta + p\,A \sin(\theta_\text{mech} + \varphi)",),
     source="geometry of a disc off its centre; first harmonic",
     parameters=(
         Parameter(

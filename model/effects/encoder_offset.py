@@ -19,6 +19,7 @@ CARD = Effect(
     summary="encoder not aligned with the magnet",
     subsystem="sensor",
     equation="theta_read = theta + offset",
+    formulas=(r"\theta_\text{read} = \theta + \theta_0",),
     source="geometry",
     parameters=(
         Parameter(

@@ -67,6 +67,11 @@ CARD = Effect(
         "psi_d = phi_m + psi_d6 cos 6 theta, psi_q = psi_q6 sin 6 theta; further orders: + psi_d cos(n theta + phase), "
         "+ psi_q sin(n theta + phase); torque -3/2 p dH/dtheta included"
     ),
+    formulas=(
+        r"\psi_d = \phi_d + \phi_m + \psi_{d6} \cos\,6\theta + \sum_n \psi_{d,n} "
+        r"\cos(n\theta + \varphi_n)",
+        r"\psi_q = \phi_q + \psi_{q6} \sin\,6\theta + \sum_n \psi_{q,n} \sin(n\theta + \varphi_n)",
+    ),
     source=(
         "Chapman, Sudhoff, Whitcomb, Multiple reference frame analysis of non-sinusoidal brushless DC "
         "drives, IEEE Trans. Energy Conversion 14 (1999) 440; torque from the energy H(phi, theta)"

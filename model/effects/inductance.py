@@ -9,6 +9,7 @@ CARD = Effect(
     summary="unsaturated inductances other than nominal",
     subsystem="machine",
     equation="Gamma_d = 1/(scale_d L_d), Gamma_q = 1/(scale_q L_q) in the energy",
+    formulas=(r"\Gamma_d = \frac{1}{k_d L_d}, \qquad \Gamma_q = \frac{1}{k_q L_q}",),
     source=(
         "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet Synchronous Motors"
         " Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"

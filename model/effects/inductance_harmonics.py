@@ -168,6 +168,19 @@ CARD = Effect(
         "+ back/2 [cos x (d^2 - q^2) - 2 sin x d q] + pulse/2 cos x (d^2 + q^2) + cos x (alpha_30 d^3 + alpha_12 d q^2)"
         " + sin x (alpha_21 d^2 q + alpha_03 q^3); current its gradient, torque -3/2 p dH/dtheta"
     ),
+    formulas=(
+        r"H \;\text{+=}\; \tfrac12 \gamma_6 \bigl[\cos\,6\theta\,(\phi_d^2 - \phi_q^2) + 2 "
+        r"\sin\,6\theta\,\phi_d\,\phi_q\bigr]",
+        r"H \;\text{+=}\; \tfrac12 \gamma \bigl[\cos\,x\,(\phi_d^2 - \phi_q^2) + 2 \sin "
+        r"x\,\phi_d\,\phi_q\bigr] + \tfrac12 \gamma_\text{back} \bigl[\cos\,x\,(\phi_d^2 - "
+        r"\phi_q^2) - 2 \sin\,x\,\phi_d\,\phi_q\bigr]",
+        r"H \;\text{+=}\; \tfrac12 \gamma_\text{pulse} \cos\,x\,(\phi_d^2 + \phi_q^2) + \cos "
+        r"x\,(\alpha_{30}\,\phi_d^3 + \alpha_{12}\,\phi_d\,\phi_q^2) + \sin "
+        r"x\,(\alpha_{21}\,\phi_d^2\,\phi_q + \alpha_{03}\,\phi_q^3), \quad x = n\theta + "
+        r"\varphi",
+        r"i = \frac{\partial H}{\partial \phi}, \qquad T \;\text{+=}\; "
+        r"-\tfrac32\,p\,\frac{\partial H}{\partial \theta}",
+    ),
     source=(
         "derivation: the terms of second and third degree in the fluxes of an energy H(phi, theta) that is even in "
         "(q, theta); finite elements need those of third degree where teeth saturate (experiments/thor_orders.py)"

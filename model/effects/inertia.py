@@ -9,6 +9,7 @@ CARD = Effect(
     summary="inertia other than nominal",
     subsystem="mechanics",
     equation="J dw/dt = torque - load - friction; replaces the nominal value",
+    formulas=(r"J\,\frac{d w}{d t} = T - T_\text{load} - T_\text{friction}",),
     source="Newton",
     parameters=(
         Parameter(

@@ -22,6 +22,11 @@ CARD = Effect(
         "terminal current = magnetising current + i_c, tau di_c/dt = (dpsi_ab/dt)/R_c - i_c; torque from "
         "the magnetising current; loss 3/2 R_c i_c^2"
     ),
+    formulas=(
+        r"i_\text{terminal} = i + i_c, \qquad \tau\,\frac{d i_c}{d t} = "
+        r"\frac{1}{R_c}\,\frac{d\psi_{\alpha\beta}}{d t} - i_c, \qquad P = "
+        r"\tfrac32\,R_c\,|i_c|^2",
+    ),
     source=(
         "size of the losses: Mi, Slemon, Bonert, Modeling of iron losses of permanent-magnet synchronous motors, "
         "IEEE Trans. Ind. Appl. 39 (2003) 734; resistance across the flux slope: the usual equivalent circuit, its "

@@ -9,6 +9,10 @@ CARD = Effect(
     summary="magnet flux other than nominal (temperature, tolerance, partial demagnetisation)",
     subsystem="machine",
     equation="back-EMF omega phi_m on q, torque 3/2 p phi_m i_q; replaces the nominal value",
+    formulas=(
+        r"\psi_d = \phi_d + \phi_m, \qquad u_q \;\text{+=}\; \omega\,\phi_m, \qquad T "
+        r"\;\text{+=}\; \tfrac32\,p\,\phi_m\,i_q",
+    ),
     source="Park's equations; NdFeB remanence about -0.12 %/K (data sheets)",
     parameters=(
         Parameter(

@@ -35,6 +35,7 @@ CARD = Effect(
         "the mean flux moves by -d u (current sample higher by about d u/L); beyond, volt-seconds pass to"
         " the next period"
     ),
+    formulas=(r"u(t) = u^*(t - t_d), \qquad \overline{\Delta\psi} = -\,t_d\,u",),
     source=(
         "Bae, Sul, A compensation method for time delay of full-digital synchronous frame current "
         "regulator of PWM AC drives, IEEE Trans. Ind. Appl. 39 (2003) 802"

@@ -12,6 +12,10 @@ CARD = Effect(
         "H += alpha_30 d^3 + alpha_12 d q^2 + alpha_40 d^4 + alpha_22 d^2 q^2 + alpha_04 q^4 (d, q: "
         "current-induced fluxes)"
     ),
+    formulas=(
+        r"H \;\text{+=}\; \alpha_{30}\,\phi_d^3 + \alpha_{12}\,\phi_d\,\phi_q^2 + "
+        r"\alpha_{40}\,\phi_d^4 + \alpha_{22}\,\phi_d^2\,\phi_q^2 + \alpha_{04}\,\phi_q^4",
+    ),
     source=(
         "Jebai, Malrait, Martin, Rouchon, Estimation of Saturation of Permanent-Magnet Synchronous Motors"
         " Through an Energy-Based Model, IEEE IEMDC 2011, eq. (EnerSat)"

@@ -50,6 +50,13 @@ CARD = Effect(
         "= K twist + D (w - w_l), D = 2 zeta sqrt(K J_m J_l/(J_m + J_l)); resonance sqrt(K (1/J_m + "
         "1/J_l))"
     ),
+    formulas=(
+        r"J_m\,\frac{d w}{d t} = T - T_\text{friction} - T_\text{shaft}, \qquad "
+        r"J_l\,\frac{d w_l}{d t} = T_\text{shaft} - T_\text{load}, \qquad J_m + J_l = J",
+        r"T_\text{shaft} = K\,(\theta_m - \theta_l) + D\,(w - w_l), \qquad D = 2\zeta "
+        r"\sqrt{\frac{K J_m J_l}{J_m + J_l}}, \qquad w_\text{res} = \sqrt{K "
+        r"\Bigl(\frac{1}{J_m} + \frac{1}{J_l}\Bigr)}",
+    ),
     source=("Ellis, Lorenz, Resonant load control methods for industrial servo drives, IEEE IAS Annual Meeting 2000"),
     parameters=(
         Parameter(

@@ -21,6 +21,7 @@ CARD = Effect(
         "drop = R i + R_1 (i - x), tau dx/dt = i - x per stationary axis: R to R + R_1, and L lower by up"
         " to R_1 tau, around 1/tau"
     ),
+    formulas=(r"u_R = R\,i + R_1\,(i - x), \qquad \tau\,\frac{d x}{d t} = i - x",),
     source=(
         "first-order ladder for Dowell, Effects of eddy currents in transformer windings, Proc. IEE 113 (1966) 1387"
     ),

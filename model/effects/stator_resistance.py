@@ -9,6 +9,7 @@ CARD = Effect(
     summary="stator resistance other than nominal (temperature, leads, contacts)",
     subsystem="machine",
     equation="voltage drop R i in both axes; replaces the nominal value",
+    formulas=(r"u_d = R\,i_d + \dots, \qquad u_q = R\,i_q + \dots",),
     source=("Ohm's law; copper 0.39 %/K (IEC 60034-1: resistance proportional to 235 + temperature in degrees C)"),
     parameters=(
         Parameter(

@@ -17,6 +17,7 @@ CARD = Effect(
     summary="viscous friction other than nominal",
     subsystem="mechanics",
     equation="torque B w_mech (total), on the motor's side; replaces the nominal value",
+    formulas=(r"T \;\text{-=}\; B\,w_\text{mech}",),
     source="Newton's law of viscosity in bearings; linear drag",
     parameters=(
         Parameter(

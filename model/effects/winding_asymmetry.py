@@ -33,6 +33,10 @@ CARD = Effect(
         "delta_a added to phase a, delta_b to phase b: drop (2 delta_a i_a - delta_b i_b)/3 along alpha, "
         "delta_b i_b/sqrt(3) along beta"
     ),
+    formulas=(
+        r"\Delta u_\alpha = \frac{2\,\delta_a i_a - \delta_b i_b}{3}, \qquad \Delta u_\beta "
+        r"= \frac{\delta_b i_b}{\sqrt 3}",
+    ),
     source="derivation: phase voltage equations seen through Clarke's transformation",
     parameters=(
         Parameter("delta_a", "ohm", 0.0, -1e3, 1e3, 0.03, "resistance", title="additional resistance of phase a"),
