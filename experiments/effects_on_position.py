@@ -1,6 +1,7 @@
 """How an effect hurts position: every effect at its typical size, every estimator with the saturated belief.
 
-python -m experiments.effects_on_position        writes experiments/results/effects_on_position.{json,md,png}
+python -m experiments.effects_on_position   writes experiments/results/effects_on_position.{json,md,svg}; with --figure
+    the figure alone, from the kept numbers
 
 Mean and ripple: the motor turns freely at 5 % of rated speed under its estimate (injection, speed control), rated
 load, over one mechanical turn, so rotor-bound effects are seen whole.  Lock range: a driven rotor at half the rated
@@ -12,13 +13,14 @@ from __future__ import annotations
 
 import datetime
 import json
+import sys
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 
 from estimators.registry import load_estimator
+from experiments import screens
 from model.drive_files import load_drive
 from model.effects.library import effect_names, load_effect, typical
 from model.errors import PhysicsError
@@ -28,6 +30,7 @@ from sandbox.evaluation.score import is_lost
 from sandbox.output.files import plain, version
 
 RESULTS = Path(__file__).parent / "results"
+NAME = "effects_on_position"
 ESTIMATORS = ("qnull", "inversion", "ekf")
 SPEED, TURN = 0.05, 2.0 / 3.0  # of rated speed; s of one mechanical turn at 90 rpm
 LARGEST_JUMP, BISECTIONS, JUMP_TIME = 1.2, 8, 0.005  # of rated speed; to 0.5 %; s
@@ -124,7 +127,10 @@ def table(rows: dict[str, Any], idle: dict[str, Any], order: list[str], date: st
 
 def figure(rows: dict[str, Any], idle: dict[str, Any], order: list[str]) -> Any:
     """Draw the changes, worst effect (mean and ripple) on top; x: lock lost."""
-    drawn, axes = plt.subplots(1, 3, figsize=(14, 8), sharey=True, layout="constrained")
+    from matplotlib.figure import Figure
+
+    drawn = Figure(figsize=(9.6, 8.0), layout="constrained")
+    axes = drawn.subplots(1, 3, sharey=True)
     place = np.arange(len(order))[::-1]
     titles = ("mean error, degrees", "ripple (std), degrees", "lock range, % of rated speed")
     for axis, key, title in zip(axes, ("mean_deg", "ripple_deg", "lock_range"), titles, strict=True):
@@ -138,26 +144,36 @@ def figure(rows: dict[str, Any], idle: dict[str, Any], order: list[str]) -> Any:
             axis.xaxis.set_major_formatter("{x:g}")
             axis.set_xlabel("electrical degrees, logarithmic beyond 0.1")
         axis.set(title=f"change of {title}")
+        axis.set_ylim(-0.7, len(order) - 0.3)
         axis.grid(axis="x", color="0.9")
         axis.set_axisbelow(True)
     axes[2].set_xlabel("steps of 0.5 are the resolution")
     drawn.suptitle(f"{DRIVE.name}, saturated belief, closed loop: every effect at its typical size")
-    axes[0].set_yticks(place, order)
+    axes[0].set_yticks(place, [name.replace("_", " ") for name in order])
     axes[0].legend(loc="lower right")
     return drawn
 
 
+def ordered(rows: dict[str, Any], idle: dict[str, Any]) -> list[str]:
+    """Return the names of effects, the worst first."""
+    return sorted(rows, key=lambda n: -max(badness(rows[n][e], idle[e]) for e in ESTIMATORS))
+
+
 def main() -> None:
-    """Run, print, keep."""
+    """Run, print, keep; with --figure, only draw what is kept."""
+    if "--figure" in sys.argv[1:]:
+        kept = json.loads((RESULTS / "effects_on_position.json").read_text(encoding="utf-8"))
+        screens.write(figure(kept["effects"], kept["idle"], ordered(kept["effects"], kept["idle"])), RESULTS / NAME)
+        return
     idle = {e: row(e, {}) for e in ESTIMATORS}
     rows = {n: {e: row(e, typical(n, DRIVE.motor, DRIVE.converter)) for e in ESTIMATORS} for n in effect_names()}
-    order = sorted(rows, key=lambda n: -max(badness(rows[n][e], idle[e]) for e in ESTIMATORS))
+    order = ordered(rows, idle)
     date = datetime.datetime.now(tz=datetime.UTC).date().isoformat()
     text = table(rows, idle, order, date)
     content = {"schema": 1, "version": version(), "date": date, "motor": DRIVE.name, "idle": idle, "effects": rows}
     (RESULTS / "effects_on_position.json").write_text(json.dumps(plain(content), indent=1) + "\n", encoding="utf-8")
     (RESULTS / "effects_on_position.md").write_text(text, encoding="utf-8")
-    figure(rows, idle, order).savefig(RESULTS / "effects_on_position.png", dpi=110)
+    screens.write(figure(rows, idle, order), RESULTS / NAME)
     print(text)
 
 

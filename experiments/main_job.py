@@ -1,6 +1,6 @@
 """The main job on the paper's motors: figures and table that the README shows.
 
-Run: python experiments/main_job.py   (about 20 s; writes experiments/results/main_job*.{png,json,md})
+Run: python experiments/main_job.py   (about 20 s; writes experiments/results/main_job*.{svg,json,md})
 """
 
 from __future__ import annotations
@@ -8,6 +8,7 @@ from __future__ import annotations
 import datetime
 from pathlib import Path
 
+from experiments import screens
 from model.drive_files import load_drive
 from sandbox.drive.scenario import load_scenario
 from sandbox.evaluation.compare import compare
@@ -25,7 +26,7 @@ def main() -> None:
     for name in ("ipm_exchanged", "ipm", "spm_exchanged"):
         result = compare(load_drive(name), load_scenario("staircase"))
         print_comparison(result)
-        comparison_figure(result, RESULTS / f"main_job_{name}.png")
+        screens.write(comparison_figure(result), RESULTS / f"main_job_{name}")
         write_json(RESULTS, f"main_job_{name}", result.as_json())
         title = f"# {name}, staircase ({datetime.date.today()}, seed 0)\n\n"
         note = "Mean position error in electrical degrees (95th percentile of its size).\n\n"

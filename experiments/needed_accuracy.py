@@ -10,6 +10,7 @@ import datetime
 import json
 from pathlib import Path
 
+from experiments import screens
 from sandbox import tolerances
 from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import plain, version
@@ -48,12 +49,12 @@ def main() -> None:
     ]
     for motor in options.motors:
         found = tolerances(motor, "staircase", draws=options.draws, jobs=options.jobs, cluster=options.dask)
-        found.plot(RESULTS / f"{motor}.png")
+        screens.write(found.plot(), RESULTS / motor)
         (RESULTS / f"{motor}.json").write_text(json.dumps(plain(found.as_json()), indent=1) + "\n", encoding="utf-8")
         heads, cells = lines(found.rows)
         page += ["", f"## {motor}", "", f"| {' | '.join(heads)} |", "|---|" + "--:|" * (len(heads) - 1)]
         page += [f"| {' | '.join(row)} |" for row in cells]
-        page += ["", f"![{motor}]({motor}.png)"]
+        page += ["", f"![{motor}]({motor}.svg)"]
         print("\n".join(page[-len(cells) - 6 :]), flush=True)
     (RESULTS / "README.md").write_text("\n".join(page) + "\n", encoding="utf-8")
 

@@ -19,6 +19,7 @@ WIDE, NARROW = 9.6, 3.6  # inches: 920 and 345 CSS pixels, what pages of 1280 an
 LEAST = 9.0  # points
 LETTERS = 14.0  # of nine points in an inch, on average
 DIGITS = re.compile(r"(\.\d\d)\d+")  # of points beyond a hundredth
+LINE = 0.19  # inches of a line of letters
 TALLEST = 1.15  # of a panel's width
 INK, PAPER_INK, NIGHT_INK = "#000000", "#1d2430", "#e3e7ed"
 STYLE = (
@@ -46,9 +47,10 @@ def fitted(figure: Any, width: float) -> Any:
         _restack(own, panels, width)
     for a in own.axes:
         _on_any_ground(a)
-    _fold(own)
-    for _ in range(2):  # the second pass knows how high panels of equal axes came out in the first
+    for _ in range(2):  # labels are folded to the panels of the first pass, panels stand beside these in the second
         own.get_layout_engine().execute(own)
+        _fold(own)
+    own.get_layout_engine().execute(own)
     return own
 
 
@@ -75,8 +77,10 @@ def _restack(figure: Any, panels: list[Any], width: float) -> None:
     order = {place: divmod(k, columns) if fewer else place for k, place in enumerate(places)}
     rows = 1 + max(r for r, _ in order.values())
     tall = [0.0] * rows
-    for (row, _), (to, _) in order.items():
-        tall[to] = max(tall[to], min(height * shares[row], TALLEST * column))
+    for a, s in zip(panels, specs, strict=True):
+        row, (to, _) = s.rowspan.start, order[s.rowspan.start, s.colspan.start]
+        most = max(TALLEST * column, LINE * len(a.get_yticks()))
+        tall[to] = max(tall[to], min(height * shares[row], most))
     new = figure.add_gridspec(rows, columns, height_ratios=tall)
     figure.set_size_inches(width, sum(tall) + (0.5 if figure.get_supxlabel() else 0.0))
     for a, s in zip(panels, specs, strict=True):
@@ -97,14 +101,11 @@ def _fold(figure: Any) -> None:
         if text is not None:
             _filled(text, whole)
     for a in figure.axes:
-        spec = a.get_subplotspec()
-        if spec is None:
-            continue
-        column = whole / spec.get_gridspec().ncols
-        shares = spec.get_gridspec().get_height_ratios()
-        for text in (a.title, a._left_title, a.xaxis.label):
-            _filled(text, column - 0.3)
-        _filled(a.yaxis.label, figure.get_figheight() * shares[spec.rowspan.start] / sum(shares) - 0.2)
+        if a.get_subplotspec() is not None:
+            place = a.get_position()
+            for text in (a.title, a._left_title, a.xaxis.label):
+                _filled(text, whole * place.width + 0.2)
+            _filled(a.yaxis.label, figure.get_figheight() * place.height + 0.1)
 
 
 def _filled(text: Any, inches: float) -> None:

@@ -23,6 +23,8 @@ from typing import Any
 
 import numpy as np
 
+from experiments import screens
+from experiments.drawing import new_figure
 from sandbox import sweep
 from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import plain, version
@@ -105,7 +107,7 @@ def page(content: dict[str, Any]) -> str:
         f"# Yield: {content['points']} motors within their tolerances, {content['runs']} runs", "",
         "A factory builds many motors of one type, and no two of them are quite alike. One drive, designed for the "
         "nominal motor, has to serve them all. How many of these drives err by less than x degrees?", "",
-        "![Share of drives that err less than x degrees](yield_curve.png)", "",
+        "![Share of drives that err less than x degrees](yield_curve.svg)", "",
         "Each motor runs four times: two estimators, each with a linear and with a saturated belief. The belief is "
         "that of the nominal motor. The error is the size of a run's mean position error, in electrical degrees. A "
         "drive that loses lock, or has no result, counts as worse than any error.", "",
@@ -127,6 +129,23 @@ def page(content: dict[str, Any]) -> str:
     lines += ["", "## What it costs", "", *costs(content), ""]
     lines.append(f"Made by `python -m experiments.yield_curve`, {content['date']}, {content['version']}.")
     return "\n".join(lines) + "\n"
+
+
+def draw(content: dict[str, Any]) -> Any:
+    """Return the figure: for each estimator and belief the errors that 50, 95 and 99 % of the motors stay below."""
+    figure, ((axes,),) = new_figure(1, 1, 6.4, 2.6)
+    groups = content["groups"]
+    for y, g in enumerate(groups):
+        colour = {"linear": "#de6210", "saturated": "#2e86de"}[g["values"]["belief"]]
+        errors = [g[key] for key in ("median_deg", "p95_deg", "p99_deg")]
+        axes.plot(errors, [y] * 3, "-", color=colour, linewidth=1.5)
+        for error, marker, size in zip(errors, "osD", (7, 6, 5), strict=True):
+            axes.plot(error, y, marker, color=colour, markersize=size)
+    axes.set_yticks(range(len(groups)), [", ".join(g["values"].values()) for g in groups])
+    axes.set_ylim(len(groups) - 0.5, -0.5)
+    axes.set_xlim(left=0.0)
+    axes.set_xlabel("position error (°); circle: half of the motors err less, square: 95 %, diamond: 99 %")
+    return figure
 
 
 def group_line(g: dict[str, Any]) -> str:
@@ -187,7 +206,7 @@ def write(done: Any) -> None:
     measured = RESULTS / "scaling.json"
     if measured.is_file():
         content["scaling"] = json.loads(measured.read_text(encoding="utf-8"))
-    done.plot(RESULTS / "yield_curve.png")
+    screens.write(draw(content), RESULTS / "yield_curve")
     keep(RESULTS / "yield_curve.json", json.dumps(plain(content), indent=1) + "\n")
     keep(RESULTS / "README.md", page(content))
     print(page(content))

@@ -15,7 +15,9 @@ from pathlib import Path
 import pytest
 
 from model.effects.card import PORTS
+from model.effects.library import effect_names, load_effect
 from sandbox.cli import build_parser
+from tests import screens
 
 ROOT = Path(__file__).resolve().parents[1]
 DOCS = ROOT / "docs"
@@ -67,6 +69,88 @@ def test_each_tutorial_was_run_and_comes_as_a_notebook(built):
         assert f"{source.stem}.ipynb" in page
         assert "sphx-glr-script-out" in page or "sphx-glr-single-img" in page
         assert "Traceback" not in page
+
+
+@pytest.fixture
+def wide_tables(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS / "extensions"))
+    return importlib.import_module("wide_tables")
+
+
+def test_no_table_is_wider_than_its_page(built, wide_tables):
+    """By its longest words: within the page at 1280 pixels; at 390 it fits, or its rows become cards."""
+    for page in sorted(built.rglob("*.html")):
+        if "_downloads" in page.parts:
+            continue
+        for text in wide_tables.TABLE.findall(page.read_text(encoding="utf-8")):
+            table = wide_tables.table_of(text)
+            told = f"{page.relative_to(built)}: {table.heads}, at least {table.least:.0f} px"
+            assert table.least <= wide_tables.DESK, told
+            narrow = not table.heads or table.least <= wide_tables.PHONE
+            assert narrow or text.startswith('<table class="cards'), told
+
+
+def planted(columns, word):
+    heads = "".join(f"<th>{k}</th>" for k in range(columns))
+    cells = "".join(f"<td>{word}</td>" for _ in range(columns))
+    return f'<table class="docutils"><thead><tr>{heads}</tr></thead><tbody><tr>{cells}</tr></tbody></table>'
+
+
+def test_a_table_that_is_too_wide_is_found(wide_tables):
+    """Nine words of 20 letters need 9 x (20 letters + margins) = 1476 px; four of them fit a desk, not a telephone."""
+    (wide,) = wide_tables.tables(planted(9, "incommensurabilities"))
+    assert wide.least == pytest.approx(9 * (20 * wide_tables.LETTER + wide_tables.AROUND))
+    assert wide.least > wide_tables.DESK
+    (cards,) = wide_tables.tables(planted(4, "incommensurabilities"))
+    assert wide_tables.PHONE < cards.least < wide_tables.DESK
+    fitted = wide_tables.fitted(planted(4, "incommensurabilities"))
+    assert 'class="cards docutils"' in fitted
+    assert fitted.count("data-head=") == 4
+    assert "data-head" not in wide_tables.fitted(planted(2, "short"))
+
+
+needs_browser = pytest.mark.skipif(screens.browser() is None, reason="no Chromium here: pages are not rendered")
+
+
+@needs_browser
+def test_every_page_fits_a_telephone_and_a_desk(built, tmp_path):
+    pages = [p.relative_to(built).as_posix() for p in sorted(built.rglob("*.html")) if "_downloads" not in p.parts]
+    assert len(pages) > 50
+    assert screens.findings(built, pages, tmp_path) == []
+
+
+@needs_browser
+def test_the_browser_finds_what_does_not_fit(tmp_path):
+    pages = tmp_path / "pages"
+    pages.mkdir()
+    small = '<svg class="drawing" aria-label="small" viewBox="0 0 900 20"><text y="9" font-size="9">so</text></svg>'
+    body = f'<div style="overflow-x:auto">{planted(9, "incommensurabilities")}</div>{small}'
+    (pages / "bad.html").write_text(f"<!doctype html><body>{body}</body>", encoding="utf-8")
+    found = screens.findings(pages, ["bad.html"], tmp_path)
+    assert sum("table" in text and "too wide" in text for text in found) == 2
+    assert any(text.startswith("bad.html at 390: letters of") for text in found)
+
+
+def test_formulas_of_all_effects_can_be_drawn():
+    from latex2mathml.converter import convert
+
+    for name in effect_names():
+        formulas = load_effect(name).formulas
+        assert formulas, name
+        assert all(convert(formula).startswith("<math") for formula in formulas)
+
+
+def test_every_effect_and_port_has_its_place_in_the_drawing(monkeypatch):
+    monkeypatch.syspath_prepend(str(DOCS / "drawings"))
+    drive = importlib.import_module("drive")
+    assert {port for block in drive.BLOCKS.values() for port in block.ports} == set(PORTS)
+    assert sorted(name for names in drive.by_block().values() for name in names) == sorted(effect_names())
+    places = drive.by_block()
+    assert "dead_time" in places["pulses"]
+    assert "cogging_torque" in places["shaft"]
+    assert "magnet_flux" in places["iron"]
+    for text in drive.drawings().values():
+        assert all(f"#{name.replace('_', '-')}\"" in text for name in effect_names())
 
 
 def test_equations_are_drawn_by_the_browser(built):

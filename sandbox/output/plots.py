@@ -73,13 +73,13 @@ def png(figure: Figure) -> bytes:
 
 def plain_ticks(axes: Axes, which: str = "x") -> None:
     """Write a logarithmic axis (x or y) as 1, 10, 100, without the powers whose letters other fonts hold."""
-    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
     axis = axes.xaxis if which == "x" else axes.yaxis
     low, high = axis.get_view_interval()
     few, some, many = (1.0,), (1.0, 2.0, 5.0), (1.0, 2.0, 3.0, 4.0, 5.0, 7.0)
     axis.set_major_locator(LogLocator(subs=few if high > 100.0 * low else some if high > 8.0 * low else many))
-    axis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 
 

@@ -23,7 +23,7 @@ def test_every_effect_and_estimator_is_there(kept):
     assert set(kept["effects"]) == set(effect_names())
     for row in kept["effects"].values():
         assert set(row) == {"qnull", "inversion", "ekf"}
-    assert (RESULTS / "effects_on_position.png").stat().st_size > 10_000
+    assert (RESULTS / "effects_on_position.svg").stat().st_size > 10_000
     table = (RESULTS / "effects_on_position.md").read_text()
     assert all(f"`{name}`" in table for name in effect_names())
 
