@@ -89,8 +89,10 @@ def _restack(figure: Any, panels: list[Any], width: float) -> None:
         if fewer and a.axison:
             if not a.get_title() and not by_row:
                 a.set_title(heads["title"].get(at, ""), fontweight=weight)
-            a.set_ylabel(a.get_ylabel() or heads["y"].get(row, ""))
-            a.set_xlabel(a.get_xlabel() or heads["x"].get(at, ""))
+            if a.get_shared_y_axes().get_siblings(a)[1:]:
+                a.set_ylabel(a.get_ylabel() or heads["y"].get(row, ""))
+            if a.get_shared_x_axes().get_siblings(a)[1:]:
+                a.set_xlabel(a.get_xlabel() or heads["x"].get(at, ""))
             a.tick_params(labelleft=a.yaxis.get_label_position() == "left", labelbottom=True)
 
 

@@ -27,13 +27,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from experiments import screens
+from experiments import withheld_words as words
 from model.errors import BadInput
 from sandbox.cli.withholding import ROWS
 from sandbox.output.files import write_json
 from sandbox.output.tables import many
 from sandbox.withheld.making.make import SEAL
 from sandbox.withheld.scoring.chances import calibration_error
-from sandbox.withheld.scoring.check_figure import withheld_figure
+from sandbox.withheld.scoring.check_figure import page_figure
 from sandbox.withheld.scoring.judge import label_of
 from sandbox.withheld.scoring.metrics import GOALS, by_subsystem
 from sandbox.withheld.scoring.rows import BLIND, Row, check_seal, one_code, read_rows
@@ -141,7 +143,16 @@ def recompute(results: Path = RESULTS) -> list[str]:
     for name, (rows, told) in found.items():
         own, others = [r for r in rows if r.method == OWN], {r.method for r in rows} - {OWN}
         content = contents[name] = page(name, own, results)
-        lines += [f"## {CHECKS[name].title}", "", told, "", *table(content, GOALS), "", *details(content)]
+        lines += [
+            f"## {CHECKS[name].title}",
+            "",
+            told,
+            "",
+            *table(content, GOALS),
+            "",
+            *drawing(name),
+            *details(content),
+        ]
         lines += if_chances_held(own)
         if others:
             both = f"{name}_{BASELINES}"
@@ -155,30 +166,37 @@ def recompute(results: Path = RESULTS) -> list[str]:
         both = {"methods": {k: contents[n]["methods"][OWN] for k, n in ((OWN, "mixed"), ("by the ladder", "ladder"))}}
         lines += ["## Published sizes beside the ladder's", "", *table(both, GOALS), ""]
     for name in {*CHECKS, *(f"{n}_{BASELINES}" for n in CHECKS)} - set(contents):  # of a run whose rows are not kept
-        for suffix in (".json", ".png"):
+        for suffix in (".json", ".svg", ".narrow.svg"):
             (results / f"{name}{suffix}").unlink(missing_ok=True)
     (results / "README.md").write_text("\n".join(lines).rstrip() + "\n", encoding="utf-8")
     return list(found)
 
 
 def head(found: Sequence[str], date: str) -> list[str]:
-    """Return how the page begins: where it comes from, what was not run."""
+    """Return how the page begins: what it is, where it comes from, what was not run."""
     left = [f"{CHECKS[n].title.lower()} ({CHECKS[n].count})" for n in CHECKS if n not in found]
     return [
-        f"Made {date} by `python -m experiments.withheld_check`, from `*.rows.jsonl` (a row",
-        "a diagnosis) and `*.truth.json` (the opened seals) alone; limits are one-sided 95 %. What each metric",
-        "counts is said in [the check's README](../../../sandbox/withheld/README.md). Confusion,",
-        f"reliability and detection floors: {', '.join(f'[{n}.png]({n}.png)' for n in found)}.",
+        f"Made {date} by `python -m experiments.withheld_check`.",
+        "",
+        "What is wrong with a drive was drawn by lot, sealed, and recorded by the second simulator. Then the diagnosis",
+        "ran on the recordings alone, and the seal was opened. The second simulator integrates the same model",
+        "independently, so this check shows where the diagnosis errs, not whether the form of an effect is right.",
+        "",
+        "Each line of a table is one sentence with its figure. In parentheses: the limits, one-sided 95 % each, and",
+        "how many cases it is of. ✓ and ✗ say whether the figure meets its goal; where limits reach across the goal,",
+        "more cases may change that. The last column is the name in the JSON files. How each figure is counted stands",
+        "in [the check's own page](../../../sandbox/withheld/README.md), how this run was made in [notes](NOTES.md).",
         "",
         *([f"Not run: {'; '.join(left)}.", ""] if left else []),
     ]
 
 
 def page(name: str, rows: Sequence[Row], results: Path) -> dict[str, Any]:
-    """Write the figures of rows and their page; return the figures."""
-    content = content_of(by_method(rows)) | {"figure": f"{name}.png"}
+    """Write the numbers of rows and their figure; return the numbers."""
+    content = content_of(by_method(rows)) | {"figure": f"{name}.svg"}
     write_json(results, name, content, "withheld")
-    withheld_figure(content, results / f"{name}.png")
+    drawn = page_figure(content, {k: said.short for k, said in words.WORDS.items()})
+    screens.write(drawn, results / name)
     return content
 
 
@@ -191,14 +209,44 @@ def cell(figure: Any) -> str:
     return f"{figure['value']:.3g} [{between}], n = {figure['n']}"
 
 
+def drawing(name: str) -> list[str]:
+    """Return a check's figure with the sentence that says how to read it."""
+    said = "Chances stated and met, smallest sizes found, and shares with their limits"
+    return [
+        f"![{said}]({name}.svg)",
+        "",
+        "*Left*: the share that was right over the chance stated; on the line both agree. *Middle*: by effect the "
+        "smallest size that was found (dot) and the largest that was missed (cross), in multiples of a medium size. "
+        "*Right*: the shares of the table with their limits.",
+        "",
+    ]
+
+
 def table(content: dict[str, Any], goals: dict[str, str]) -> list[str]:
-    """Return the table of metrics that have a value, a column a method."""
+    """Return the table of metrics that have a value: a sentence each, its figure, its goal and whether it is met."""
     methods = content["methods"]
     told = [{k for k, v in m.items() if isinstance(v, dict) and v.get("value") is not None} for m in methods.values()]
     names = [k for k in methods[OWN] if any(k in t for t in told)]
-    lines = [f"| metric | goal | {' | '.join(methods)} |", "|---|---|" + "---|" * len(methods)]
-    lines += [f"| {n} | {goals.get(n, '')} | {' | '.join(cell(m.get(n)) for m in methods.values())} |" for n in names]
+    if len(methods) == 1:
+        own = methods[OWN]
+        lines = ["| what was counted | figure (limits; cases) | goal | met | name |", "|---|---|---|---|---|"]
+        for n in names:
+            goal = goals.get(n, "")
+            met = f"{words.goal_said(n, goal)} | {words.meets(own[n], goal)}"
+            lines.append(f"| {words.WORDS[n].sentence} | {words.cell(n, own[n])} | {met} | `{n}` |")
+        return lines
+    lines = [f"| what was counted | {' | '.join(methods)} | name |", "|---|" + "---|" * (len(methods) + 1)]
+    for n in names:
+        cells = [brief(n, m.get(n)) for m in methods.values()]
+        lines.append(f"| {words.WORDS[n].short} | {' | '.join(cells)} | `{n}` |")
     return lines
+
+
+def brief(name: str, figure: Any) -> str:
+    """Return a figure without its limits, which the JSON file has."""
+    if not isinstance(figure, dict) or figure.get("value") is None:
+        return "–"
+    return f"{words.value(name, figure['value'])} ({figure['n']})"
 
 
 def wins_table(rows: Sequence[Row]) -> list[str]:

@@ -150,7 +150,7 @@ def test_every_effect_and_port_has_its_place_in_the_drawing(monkeypatch):
     assert "cogging_torque" in places["shaft"]
     assert "magnet_flux" in places["iron"]
     for text in drive.drawings().values():
-        assert all(f"#{name.replace('_', '-')}\"" in text for name in effect_names())
+        assert all(f'#{name.replace("_", "-")}"' in text for name in effect_names())
 
 
 def test_equations_are_drawn_by_the_browser(built):

@@ -81,7 +81,7 @@ def desk(found: dict[str, list[str]]) -> str:
     parts += [arrow((at["legs"] + wide / 2, 20.0 + height(found["link"])), (at["legs"] + wide / 2, top), GREY)]
     for name, x in at.items():
         parts += box(x, top, wide, row, BLOCKS[name].title, found[name])
-    for (name, x), said in zip(list(at.items())[1:], ("", "u", "", "T"), strict=True):
+    for x, said in zip(list(at.values())[1:], ("", "u", "", "T"), strict=True):
         parts += [arrow((x - gap, top + row / 2), (x, top + row / 2), GREY)]
         parts += [words(x - gap / 2, top + row / 2 - 8, said, INK, "middle", 13)] if said else []
     sensors = max(height(found[name]) for name in ("current", "encoder"))

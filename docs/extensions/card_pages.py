@@ -23,10 +23,10 @@ An effect is something a real drive has and the nominal model lacks. Give it to 
 says `mech`. *Neutral* is the value that leaves the plant as it is; *typical* is a size that is common on real drives.
 An effect of your own: [tutorial](../../gallery/plot_8_effect.rst).
 
-![The drive as blocks from the pulses to the shaft and back through the sensors, each with the effects that act in it](drive.svg)
+![The drive as blocks, each with the effects that act in it](drive.svg)
 
-Symbols in the equations (in formulas $\\phi_d, \\phi_q$ stand for `d`, `q`, $w$ for mechanical speed, $t_d$ for a delay, and a
-sign `+=` for what an effect adds): `theta` is the rotor's electrical angle (rad), `omega` its electrical and `w` its mechanical
+Symbols in the equations (formulas have $\\phi_d, \\phi_q$ for `d`, `q`): `theta` is the rotor's electrical angle (rad),
+`omega` its electrical and `w` its mechanical
 speed (rad/s), `p` the number of pole pairs, `n` an order; `i` currents (A), `u` voltages (V), `R` the resistance of a
 phase (ohm), `L` inductances (H) and `Gamma` = 1/L (1/H). `d` and `q` are the fluxes that the currents cause along the
 magnet and across it (Wb), `psi_d` and `psi_q` all the flux there, `phi_m` the magnets' flux (Wb). `H(d, q)` is the
@@ -76,7 +76,8 @@ def effect(card: Effect) -> str:
     text += "".join(f"$$ {formula} $$\n\n" for formula in card.formulas)
     alike = ", ".join(f"[`{n}`](#{n.replace('_', '-')})" for n in card.confused_with) or "nothing"
     lines = (
-        ("In words" if card.formulas else "Equation", cell(card.equation)), ("Enters at", "; ".join(map(cell, places(card)))),
+        ("In words" if card.formulas else "Equation", cell(card.equation)),
+        ("Enters at", "; ".join(map(cell, places(card)))),
         ("Shows", f"{cell(card.axis)}; order {cell(card.order)}; {cell(card.region)}"),
         ("Confused with", alike), ("Told apart by", cell(card.separated_by)),
         ("Source", EXPERIMENT.sub(EXPERIMENTS, cell(card.source))),

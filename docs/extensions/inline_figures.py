@@ -51,7 +51,6 @@ class Inline(SphinxPostTransform):
                 text = LINK.sub(lambda m: f'href="{self._address(m[1])}', text)
                 node.replace_self(nodes.raw("", text, format="html"))
 
-
     def _address(self, page: str) -> str:
         return str(self.app.builder.get_relative_uri(self.env.docname, page))
 

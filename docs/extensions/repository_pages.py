@@ -24,6 +24,7 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "results/made/main_job_spm_exchanged": "experiments/results/main_job_spm_exchanged.md",
     "results/made/effects_on_position": "experiments/results/effects_on_position.md",
     "results/made/tolerances": "experiments/results/tolerances/README.md",
+    "results/made/gain_left": "experiments/results/gain_left.md",
     "results/made/yield": "experiments/results/yield/README.md",
     "results/made/own_effects": "experiments/results/own_effects.md",
     "results/made/several_orders": "experiments/results/several_orders.md",

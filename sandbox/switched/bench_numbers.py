@@ -1,8 +1,8 @@
 """The switched bench's numbers in compiled form, from a motor, a converter and effects by their public names.
 
 Names, bounds and neutral values are the effect library's (`model.effects.library`), and so are the forms of the
-effects; their equations are written and integrated anew, apart from the plant.  Giving a neutral value builds the very same `Bench`, so nothing
-changes by a bit.
+effects; their equations are written and integrated anew, apart from the plant.  Giving a neutral
+value builds the very same `Bench`, so nothing changes by a bit.
 """
 
 from __future__ import annotations

@@ -44,16 +44,18 @@ def test_all_published_files_follow_from_rows_and_seal(results):
     text = (results / "README.md").read_text()
     assert hashlib.sha256((results / "mixed.truth.json").read_bytes()).hexdigest() in text
     top = own.figures["top1"]
-    assert f"| top1 |  | {top.value:.3g} [{top.low:.3g}, {top.high:.3g}], n = 5 |" in text
+    found = f"{100 * top.value:.3g} % ({100 * top.low:.3g} % to {100 * top.high:.3g} %; 5)"
+    assert f"| One effect was wrong, and the diagnosis named it first. | {found} |  |  | `top1` |" in text
+    assert "![Chances stated and met, smallest sizes found, and shares with their limits](mixed.svg)" in text
     assert "w001 dead time -> iron loss" in text
     assert text.startswith("Made 2026-01-01 ")
     assert "`; 12 of 12 campaigns diagnosed, code `abc`." in text
     assert "Not run: narrow campaigns: pairs that look alike (12); campaigns of" in text
     assert list(json.loads((results / "mixed_baselines.json").read_text())["methods"]) == ["diagnosis", "bic"]
     assert "| bic | 0 | 0 | 12 | 1 | – |" in text
-    before = {p.name: p.read_bytes() for p in results.iterdir() if p.suffix != ".png"}
+    before = {p.name: p.read_bytes() for p in results.iterdir() if p.suffix != ".svg"}
     recompute(results)
-    assert {p.name: p.read_bytes() for p in results.iterdir() if p.suffix != ".png"} == before
+    assert {p.name: p.read_bytes() for p in results.iterdir() if p.suffix != ".svg"} == before
 
 
 @pytest.mark.parametrize(
@@ -91,11 +93,11 @@ def test_both_tables_of_sizes_stand_side_by_side(results):
     (results / "ladder.truth.json").write_text(json.dumps(seal))
     assert recompute(results) == ["mixed", "ladder"]
     text = (results / "README.md").read_text()
-    assert "| metric | goal | diagnosis | by the ladder |" in text
+    assert "| what was counted | diagnosis | by the ladder | name |" in text
     assert "`; 11 of 12 campaigns diagnosed" in text
     one, other = (by_method([r for r in twelve() if r.campaign != w])[0].figures["top1"] for w in ("", "w001"))
-    cells = [f"{f.value:.3g} [{f.low:.3g}, {f.high:.3g}], n = {f.n}" for f in (one, other)]
-    assert f"| top1 |  | {cells[0]} | {cells[1]} |" in text
+    cells = [f"{100 * f.value:.3g} % ({f.n})" for f in (one, other)]
+    assert f"| right name first | {cells[0]} | {cells[1]} | `top1` |" in text
 
 
 def test_causes_outside_are_ranked_beside_the_known_campaigns_of_the_mixed_check(results):

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sandbox.output.plots import colour_of, page, save
+from sandbox.output.plots import colour_of, page, plain_ticks, save
 
 OPEN = (-1.0, 2.0)  # beyond the panel: where too few cases give no limit
 
@@ -22,6 +22,32 @@ def withheld_figure(content: Mapping[str, Any], path: Path) -> None:
     _floor(panels[1][0], content["detection_floor"])
     _limits(panels[1][1], content["methods"])
     save(figure, path)
+
+
+def page_figure(content: Mapping[str, Any], words: Mapping[str, str]) -> Any:
+    """Return the figure of a page: reliability, smallest size found, shares with limits; words: names of figures."""
+    floor = content["detection_floor"]
+    figure, (panels,) = page((9.6, 5.4), 1, 3 if floor else 2)
+    _reliability(panels[0], content["reliability"])
+    if floor:
+        _floor_by_line(panels[1], floor)
+    _limits(panels[-1], content["methods"], words)
+    return figure
+
+
+def _floor_by_line(axes: Any, floor: Mapping[str, Mapping[str, Any]]) -> None:
+    """Draw the same as `_floor`, a line for each effect."""
+    axes.set_title("size found (●), missed (×)", fontweight="bold")
+    for k, entry in enumerate(floor.values()):
+        for key, marker, belief in (("found", "o", "saturated"), ("missed", "x", "linear")):
+            if entry[key] is not None:
+                axes.plot(entry[key], k, marker, color=colour_of(belief), markersize=7)
+    axes.set_xscale("log")
+    plain_ticks(axes)
+    axes.set_yticks(range(len(floor)), [name.replace("_", " ") for name in floor], fontsize=9)
+    axes.set_ylim(len(floor) - 0.5, -0.5)
+    axes.set_xlabel("multiples of a medium size")
+    axes.grid(color="0.9", linewidth=0.6)
 
 
 def _confusion(axes: Any, matrix: Mapping[str, Any]) -> None:
@@ -80,8 +106,8 @@ def _floor(axes: Any, floor: Mapping[str, Mapping[str, Any]]) -> None:
     axes.grid(axis="y", color="0.9", linewidth=0.6)
 
 
-def _limits(axes: Any, methods: Mapping[str, Mapping[str, Any]]) -> None:
-    """Draw the figures that are shares, method beside method, with one-sided 95 % limits."""
+def _limits(axes: Any, methods: Mapping[str, Mapping[str, Any]], words: Mapping[str, str] | None = None) -> None:
+    """Draw the figures that are shares, method beside method, with one-sided 95 % limits; words: their names."""
     every = (
         "top1", "mean_probability", "set_f1", "exact_set", "unknown_auroc", "false_alarm", "coverage",
         "closed_median", "closed_p10", "ambiguity_hit", "subsystem", "resolved", "resolved_promised",
@@ -95,9 +121,9 @@ def _limits(axes: Any, methods: Mapping[str, Mapping[str, Any]]) -> None:
         below = [f["value"] - (OPEN[0] if f["low"] is None else f["low"]) for _, f in known]
         above = [(OPEN[1] if f["high"] is None else f["high"]) - f["value"] for _, f in known]
         axes.errorbar(values, places, xerr=[below, above], fmt="o", markersize=4, capsize=2, label=method)
-    axes.set_yticks(range(len(shares)), shares, fontsize=8)
+    axes.set_yticks(range(len(shares)), [(words or {}).get(k, k) for k in shares], fontsize=8)
     axes.set_xlim(-0.05, 1.05)
     axes.invert_yaxis()
     axes.grid(axis="x", color="0.9", linewidth=0.6)
-    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=len(methods), frameon=False)
+    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=min(2, len(methods)), frameon=False)
     axes.set_title("figures, one-sided 95 % limits", fontweight="bold")
