@@ -91,7 +91,7 @@ def value(name: str, x: float | None) -> str:
     """Return a figure's value: shares in percent, others in three digits."""
     if x is None:
         return "–"
-    return f"{100.0 * x:.3g} %" if name in WORDS and WORDS[name].percent else f"{x:.3g}"
+    return f"{100.0 * x:.3g}\u00a0%" if name in WORDS and WORDS[name].percent else f"{x:.3g}"
 
 
 def cell(name: str, figure: Any) -> str:

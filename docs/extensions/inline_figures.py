@@ -46,7 +46,7 @@ class Inline(SphinxPostTransform):
         """Replace the pictures of a page."""
         for node in list(self.document.findall(nodes.image)):
             file = Path(self.app.srcdir) / node["uri"]
-            if file.suffix == ".svg" and file.is_file():
+            if file.suffix == ".svg" and file.is_file() and "/thumb/" not in node["uri"]:  # these lead to a page
                 text = f'<div class="draw">{drawing(file, node.get("alt", ""))}</div>'
                 text = LINK.sub(lambda m: f'href="{self._address(m[1])}', text)
                 node.replace_self(nodes.raw("", text, format="html"))

@@ -44,7 +44,9 @@ def test_all_published_files_follow_from_rows_and_seal(results):
     text = (results / "README.md").read_text()
     assert hashlib.sha256((results / "mixed.truth.json").read_bytes()).hexdigest() in text
     top = own.figures["top1"]
-    found = f"{100 * top.value:.3g} % ({100 * top.low:.3g} % to {100 * top.high:.3g} %; 5)"
+    found = "{:.3g}\u00a0% ({:.3g}\u00a0% to {:.3g}\u00a0%; 5)".format(
+        *(100 * x for x in (top.value, top.low, top.high))
+    )
     assert f"| One effect was wrong, and the diagnosis named it first. | {found} |  |  | `top1` |" in text
     assert "![Chances stated and met, smallest sizes found, and shares with their limits](mixed.svg)" in text
     assert "w001 dead time -> iron loss" in text
@@ -96,7 +98,7 @@ def test_both_tables_of_sizes_stand_side_by_side(results):
     assert "| what was counted | diagnosis | by the ladder | name |" in text
     assert "`; 11 of 12 campaigns diagnosed" in text
     one, other = (by_method([r for r in twelve() if r.campaign != w])[0].figures["top1"] for w in ("", "w001"))
-    cells = [f"{100 * f.value:.3g} % ({f.n})" for f in (one, other)]
+    cells = [f"{100 * f.value:.3g}\u00a0% ({f.n})" for f in (one, other)]
     assert f"| right name first | {cells[0]} | {cells[1]} | `top1` |" in text
 
 
