@@ -67,7 +67,7 @@ def test_each_tutorial_was_run_and_comes_as_a_notebook(built):
     for source in sorted((DOCS / "tutorials").glob("plot_*.py")):
         page = (built / "gallery" / f"{source.stem}.html").read_text(encoding="utf-8")
         assert f"{source.stem}.ipynb" in page
-        assert "sphx-glr-script-out" in page or "sphx-glr-single-img" in page
+        assert "sphx-glr-script-out" in page or 'class="drawing' in page
         assert "Traceback" not in page
 
 

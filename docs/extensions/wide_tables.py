@@ -18,6 +18,7 @@ TABLE = re.compile(r"<table\b.*?</table>", re.S)
 ROW = re.compile(r"<tr\b.*?</tr>", re.S)
 CELL = re.compile(r"(<t([hd])\b[^>]*)(>)(.*?)(</t\2>)", re.S)
 NAME = re.compile(r"(<(?:code|span class=\"pre\")[^>]*>)([^<]*)")
+UNDERSCORE = re.compile(r"(?<=[a-z]_)(?=\w[^<>]*(?:<|$))")  # not within a tag
 BREAK = re.compile(r"(?<=[._,=/])(?=\w)")
 
 
@@ -45,8 +46,8 @@ def widest(cell: str) -> float:
 
 
 def breakable(cell: str) -> str:
-    """Return a cell whose names in code may be broken after dots, underscores and commas."""
-    return NAME.sub(lambda m: m[1] + BREAK.sub("<wbr>", m[2]), cell)
+    """Return a cell whose names in code may be broken after dots, underscores and commas, others after underscores."""
+    return UNDERSCORE.sub("<wbr>", NAME.sub(lambda m: m[1] + BREAK.sub("<wbr>", m[2]), cell))
 
 
 def table_of(text: str) -> Table:
