@@ -39,11 +39,17 @@ def dowell_branches(rise: float, at: float, layers: int, highest: float) -> tupl
         low, high = (x, high) if dowell(np.array(x), layers) - 1 < rise else (low, x)
     f = np.geomspace(at / 30, highest, 60)
     curve = dowell(x * np.sqrt(f / at), layers)
-    taus = np.geomspace(1 / (2 * np.pi * highest) / 1.5, 3 / (2 * np.pi * at), 4)
-    w = 2 * np.pi * f[:, None] * taus
-    basis = w**2 / (1 + w**2)
-    r, _ = nnls(basis / curve[:, None], (curve - 1) / curve)
-    return np.column_stack([r, taus]), float(np.abs((basis @ r + 1) / curve - 1).max())
+    best: tuple[float, np.ndarray] = (np.inf, np.zeros((4, 2)))
+    for short in (1.0, 1.5, 2.2):
+        for long in (0.5, 1.0, 2.0, 4.0):
+            taus = np.geomspace(1 / (2 * np.pi * highest * short), long / (2 * np.pi * at), 4)
+            w = 2 * np.pi * f[:, None] * taus
+            basis = w**2 / (1 + w**2)
+            r, _ = nnls(basis / curve[:, None], (curve - 1) / curve)
+            error = float(np.abs((basis @ r + 1) / curve - 1).max())
+            if error < best[0]:
+                best = error, np.column_stack([r, taus])
+    return best[1], best[0]
 
 
 def lamination(conductance: float, tau: float) -> np.ndarray:
