@@ -178,7 +178,7 @@ def stated_map(d: Design, rng: np.random.Generator) -> maps.FluxMap:
     assert d.map is not None
     reach = min(2.0 * d.drive.current, d.map.i_d[-1], d.map.i_q[-1])
     m = maps.resample(d.map, int(rng.integers(19, 26)), float(rng.uniform(0.0, 1.0)), float(reach))
-    spread = 5e-4 * max(np.ptp(m.psi_d), np.ptp(m.psi_q))
+    spread = 2e-4 * max(np.ptp(m.psi_d), np.ptp(m.psi_q))
     scatter = [spread * rng.standard_normal(m.psi_d.shape) for _ in range(2)]
     return m._replace(psi_d=m.psi_d + scatter[0], psi_q=m.psi_q + scatter[1])
 
