@@ -1,17 +1,9 @@
-"""A whole run on several workers: which compiles what to begin with, and which files come first."""
+"""A whole run on several workers: which of them compiles what to begin with."""
 
 from __future__ import annotations
 
 import importlib
 from pathlib import Path
-
-LONG = (  # files that take long, many for kernels that no other file needs: in turn to the workers, first
-    "plant/test_against_reference", "plant/test_own_effects", "gap/test_map_nominal", "plant/test_both_plants",
-    "public/test_cli", "gap/test_answers", "public/test_runs", "withheld/test_withheld_running",
-    "withheld/test_withheld_make", "withheld/test_withheld_published", "plant/test_mapped_drive",
-    "evaluation/test_protocol", "estimators/test_families", "sweep/test_sweep", "gap/test_real",
-    "switched/test_switched_recordings", "withheld/test_withheld_baselines", "tests/test_docs",
-)  # fmt: skip
 
 
 def compile_replays() -> None:
@@ -43,9 +35,3 @@ def compile_share(worker: int, workers: int) -> None:
 def is_whole(arguments: list[str]) -> bool:
     """Return whether pytest was asked for all tests: a part of them may need no kernel at all."""
     return [Path(a).resolve() for a in arguments] == [Path(__file__).resolve().parent]
-
-
-def rank(path: Path) -> int:
-    """Return a file's place in the order: long ones first, the others after them as they stand."""
-    name = f"{path.parent.name}/{path.stem}"
-    return LONG.index(name) if name in LONG else len(LONG)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from tests import balance
+from tests import balance, durations
 
 settings.register_profile("suite", deadline=None)  # the first call of a kernel compiles it
 settings.load_profile("suite")
@@ -27,9 +27,49 @@ def pytest_sessionstart(session):
         balance.compile_share(int(worker["workerid"].removeprefix("gw")), worker["workercount"])
 
 
+def pytest_addoption(parser):
+    """Say how to keep what tests take."""
+    parser.addoption("--store-durations", action="store_true", help="keep what tests take (tests/durations.py)")
+
+
 def pytest_collection_modifyitems(items):
-    """Long files first, so that no worker is left with one at the end."""
-    items.sort(key=lambda item: balance.rank(item.path))
+    """Long files first, so that no worker is left with one at the end; mark what is slow."""
+    seconds = durations.read()
+    files = durations.by_file(seconds)
+    items.sort(key=lambda item: -files[durations.file_of(durations.test_of(item.nodeid))])
+    for item in items:
+        if durations.is_slow(durations.test_of(item.nodeid), seconds):
+            item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item):
+    """Note the CPU that a test takes, its fixtures included; reports hand it on from workers."""
+    item.begun = durations.used()
+    return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item, call):
+    """See above."""
+    if call.when == "teardown":
+        item.user_properties.append(("cpu", durations.used() - item.begun))
+    return (yield)
+
+
+TOOK = Counter()  # seconds of each test
+
+
+def pytest_runtest_logreport(report):
+    """Add up what tests took, on the controller where there are workers."""
+    if report.when == "teardown":
+        TOOK[durations.test_of(report.nodeid)] += dict(report.user_properties).get("cpu", 0.0)
+
+
+def pytest_sessionfinish(session):
+    """Keep what tests took, where that is asked for."""
+    if session.config.getoption("--store-durations") and not hasattr(session.config, "workerinput"):
+        durations.store(TOOK, map(durations.file_of, TOOK))
 
 
 @pytest.fixture(scope="session")
