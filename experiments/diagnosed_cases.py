@@ -18,7 +18,8 @@ from experiments import synrm_standstill
 from experiments.drawing import RESULTS, shared
 from experiments.thor_bench import bench
 from model.drives import thor
-from model.map_points import quality, read_points
+from model.map_points import read_points
+from model.map_quality import quality
 from model.standstill import fit_axes
 from sandbox.cli import main as command
 from sandbox.public.campaigns.diagnosed import diagnose

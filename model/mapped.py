@@ -14,7 +14,7 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -22,29 +22,46 @@ from model.arrays import MOST_BYTES
 from model.datasets import dataset, fetch
 from model.energy import AnyEnergy
 from model.errors import BadInput, PhysicsError, brief, unknown
-from model.fluxmap import FluxMap, check_axis, check_physical
+from model.fluxmap import check_axis, check_physical
 from model.given import given_bytes
 from model.kernels.folders import cache_home
 from model.kernels.kept import note_damage
 from model.kernels.kept import read as read_kept
 from model.kernels.kept import write as write_kept
-from model.map_points import Quality, check_angle, fit_points, quality, read_points
+from model.map_checks import TorqueLine, cell_notes, slope_notes, torque_line, torque_notes
+from model.map_fit import choose_for_points
+from model.map_points import check_angle, read_points
+from model.map_quality import Quality, quality
 from model.names import check_file
 from model.parameters import Motor, build
 from model.spline import DEGREE, SplineEnergy, hessian
+
+if TYPE_CHECKING:
+    from model.spline_energy import Choice
 
 KEYS = ("dataset", "file", "magnet", "angle", "cells", "smooth")
 OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 ALPHAS = OF_MAP[3:]
 NO_MAGNET = 1e-3  # of the map's lowest psi_d: without magnets, a flux at zero current that is negative by less is noise
-FITTED_BY = ("spline_energy.py", "spline.py", "fluxmap.py", "map_points.py", "arrays.py", "matfile.py")
+FITTED_BY = ("spline_energy", "spline", "fluxmap", "map_points", "map_fit", "map_checks", "arrays", "matfile")
 
 
 class MapFile(NamedTuple):
-    """Where a flux map came from: its file, and the [flux_map] table that names it."""
+    """Where a flux map came from: its file, the [flux_map] table that names it, and what it says against itself."""
 
     path: Path
     table: dict[str, Any]
+    notes: tuple[str, ...] = ()
+
+
+class FittedMap(NamedTuple):
+    """The centred fit of a map, the magnet flux (Wb), cells and smoothness, the line of its torque, and notes."""
+
+    spline: SplineEnergy
+    magnet: float
+    choice: Choice
+    torque: TorqueLine
+    notes: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -105,18 +122,29 @@ def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
 def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Path) -> MappedMotor:
     """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in` sees), whose file lies in
     `folder` or in a data set."""
-    path = (fetch(str(table["dataset"])) if "dataset" in table else folder) / table["file"]
-    frame = (table.get("magnet", "d"), check_angle(table.get("angle", 0.0)))
-    spline, magnet = _remembered(path, frame, _choice(table))
+    path = _path(table, folder)
+    found = _remembered(path, _frame(table), _choice(table))
+    spline, magnet = found.spline, found.magnet
     magnet = 0.0 if -NO_MAGNET * abs(spline.low_d) < magnet < 0.0 else magnet
     more = {"inductance_d": 1.0 / spline.gamma_d, "inductance_q": 1.0 / spline.gamma_q, "magnet_flux": magnet}
     motor = build(Motor, {**values, **more}, "motor")
     own = {name: getattr(motor, name) for name in Motor.__dataclass_fields__}
     digest = hashlib.sha256(spline.cells.tobytes() + repr(spline[1:]).encode()).hexdigest()[:16]
-    return MappedMotor(**own, map_hash=digest, origin=MapFile(path, dict(table)), spline=spline)
+    notes = (*torque_notes(found.torque, motor.pole_pairs, path.name), *found.notes)
+    return MappedMotor(**own, map_hash=digest, origin=MapFile(path, dict(table), notes), spline=spline)
 
 
-def _choice(table: Mapping[str, Any]) -> tuple[tuple[int, int], float] | None:
+def _path(table: Mapping[str, Any], folder: Path) -> Path:
+    """Return where a map's file lies."""
+    return (fetch(str(table["dataset"])) if "dataset" in table else folder) / str(table["file"])
+
+
+def _frame(table: Mapping[str, Any]) -> tuple[str, float]:
+    """Return the axis of a map's magnet and its angle (rad)."""
+    return table.get("magnet", "d"), check_angle(table.get("angle", 0.0))
+
+
+def _choice(table: Mapping[str, Any]) -> Choice | None:
     """Return cells and smoothness where the file gives them, None for cross-validation."""
     if "cells" not in table and "smooth" not in table:
         return None
@@ -130,64 +158,73 @@ def _choice(table: Mapping[str, Any]) -> tuple[tuple[int, int], float] | None:
     return (cells[0], cells[1]), smooth  # type: ignore[index]
 
 
-def _remembered(
-    path: Path, frame: tuple[str, float], choice: tuple[tuple[int, int], float] | None
-) -> tuple[SplineEnergy, float]:
-    """Return the centred fit of a map and the magnet flux (Wb), from disk where it has been fitted before."""
+def _remembered(path: Path, frame: tuple[str, float], choice: Choice | None) -> FittedMap:
+    """Return the fit of a map, from disk where it has been fitted before."""
     content = given_bytes(path, max(MOST_BYTES.values()), "give a flux map (.npz, .mat or .csv), nothing else in it")
     here = Path(__file__).parent
-    code = b"".join((here / name).read_bytes() for name in FITTED_BY)
-    key = hashlib.sha256(code + content + repr((path.suffix, frame, choice)).encode()).hexdigest()[:24]
+    code = b"".join((here / f"{name}.py").read_bytes() for name in FITTED_BY)
+    key = hashlib.sha256(code + content + repr((path.name, frame, choice)).encode()).hexdigest()[:24]
     place = cache_home() / "maps" / f"{key}.kept"
     stored = read_kept(place)
     if stored is not None:
         try:
-            with np.load(io.BytesIO(stored)) as numbers:
-                rest, cells = map(float, numbers["rest"]), np.ascontiguousarray(numbers["cells"], dtype=np.float64)
-                kept, magnet = SplineEnergy(cells, *rest), float(numbers["magnet"])
-                if cells.ndim == 4 and cells.shape[2:] == (DEGREE + 1, DEGREE + 1) and _is_sound(kept, magnet):
-                    return kept, magnet
+            kept = _unpacked(stored)
+            if kept.spline.cells.ndim == 4 and kept.spline.cells.shape[2:] == (DEGREE + 1,) * 2 and _is_sound(kept):
+                return kept
         except Exception:  # whole, but not what is written below
             pass
         note_damage(place)
-    spline, flux = _fitted(path, frame, choice)
+    found = _fitted(path, frame, choice)
     body = io.BytesIO()
-    np.savez(body, cells=spline.cells, rest=np.array(spline[1:]), magnet=flux)
+    np.savez(
+        body, cells=found.spline.cells, rest=np.array(found.spline[1:]), magnet=found.magnet, of=found.choice[0],
+        smooth=found.choice[1], torque=np.array(found.torque), notes=np.array(found.notes, dtype=str),
+    )  # fmt: skip
     write_kept(place, body.getvalue())
-    return spline, flux
+    return found
 
 
-def _fitted(
-    path: Path, frame: tuple[str, float], choice: tuple[tuple[int, int], float] | None
-) -> tuple[SplineEnergy, float]:
-    from model.spline_energy import centred, fit, fit_map
+def _unpacked(stored: bytes) -> FittedMap:
+    """Return a fit as it was kept."""
+    with np.load(io.BytesIO(stored)) as numbers:
+        rest, cells = map(float, numbers["rest"]), np.ascontiguousarray(numbers["cells"], dtype=np.float64)
+        n, m = (int(n) for n in numbers["of"])
+        line = TorqueLine(*map(float, numbers["torque"]))
+        choice = (n, m), float(numbers["smooth"])
+        return FittedMap(
+            SplineEnergy(cells, *rest), float(numbers["magnet"]), choice, line, tuple(map(str, numbers["notes"]))
+        )
+
+
+def _fitted(path: Path, frame: tuple[str, float], given: Choice | None) -> FittedMap:
+    from model.spline_energy import centred, choose_for_map, fit
 
     points = read_points(path, *frame)
     grid = points.grid()
     if grid is not None:
         check_physical(grid)
-    data = points if grid is None else grid
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
             warnings.simplefilter("ignore")  # a fit without an answer is refused below
-            if choice is not None:
-                found = fit(*data.points(), *choice)
-            else:
-                found = fit_map(data) if isinstance(data, FluxMap) else fit_points(data)
-            spline, flux = centred(found)
+            choice = given or (choose_for_points(points) if grid is None else choose_for_map(grid))
+            whole = fit(*(points if grid is None else grid).points(), *choice)
+            spline, flux = centred(whole)
     except (BadInput, PhysicsError):
         raise
     except (ArithmeticError, np.linalg.LinAlgError, RuntimeError, ValueError) as error:
         raise BadInput(
             f"flux map '{path.name}' cannot be fitted ({error}); check its units (A, Wb), signs and magnet axis"
         ) from None
-    if not _is_sound(spline, flux):
+    found = FittedMap(spline, flux, choice, torque_line(points), ())
+    if not _is_sound(found):
         raise BadInput(f"flux map '{path.name}' gives no finite energy; check its units (A, Wb), signs and magnet axis")
-    return spline, flux
+    crowded = cell_notes(points, given, path.name) if given else []
+    return found._replace(notes=(*crowded, *slope_notes(whole, points, path.name)))
 
 
-def _is_sound(spline: SplineEnergy, flux: float) -> bool:
+def _is_sound(found: FittedMap) -> bool:
     """Tell whether a fit is finite, its scales positive, and its stiffness at no current what its cells say."""
+    spline, flux = found.spline, found.magnet
     numbers = np.array([*spline[1:], flux], dtype=np.float64)
     scales = spline.per_d, spline.per_q, spline.gamma_d, spline.gamma_q
     finite = spline.cells.size and np.isfinite(spline.cells).all() and np.isfinite(numbers).all()
@@ -199,8 +236,8 @@ def _is_sound(spline: SplineEnergy, flux: float) -> bool:
 
 def map_quality(table: Mapping[str, Any], folder: Path) -> Quality:
     """Return how far the map of a [flux_map] table can be believed; folder: in which its file lies."""
-    path = (fetch(str(table["dataset"])) if "dataset" in table else folder) / table["file"]
-    return quality(read_points(path, table.get("magnet", "d"), check_angle(table.get("angle", 0.0))))
+    path = _path(table, folder)
+    return quality(read_points(path, *_frame(table)), _remembered(path, _frame(table), _choice(table)).choice)
 
 
 def without_map(motor: Motor) -> Motor:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
 
 # Torque at rated current against the rated one: cross-saturation takes a few percent, reluctance at most doubles it,
@@ -15,8 +16,13 @@ VOLTAGE_HIGH, VOLTAGE_LOW = 5.0, 0.1
 
 
 def cautions(drive: Drive) -> tuple[str, ...]:
-    """Return a sentence for each rating that does not go with the others, none where all do."""
-    return (*_torque(drive.motor), *_speed(drive))
+    """Return a sentence for each rating that does not go with the others, and what a flux map says against itself."""
+    return (*_torque(drive.motor), *_speed(drive), *map_notes(drive.motor))
+
+
+def map_notes(motor: Motor) -> tuple[str, ...]:
+    """Return what the flux map of a motor says against itself, nothing of a motor without one."""
+    return motor.origin.notes if isinstance(motor, MappedMotor) and motor.origin else ()
 
 
 def _torque(m: Motor) -> list[str]:

@@ -30,7 +30,8 @@ from model.spline import DEGREE, SplineEnergy, flux_newton, hessian
 Array = NDArray[np.float64]
 MARGIN = 0.03  # of the flux range: the box reaches beyond the data
 FLOOR = 0.1  # of the smallest curvature in the data: least curvature anywhere in the box
-CHOICES = [(c, s) for c in ((10, 8), (14, 12), (20, 16)) for s in (1e-4, 3e-4, 1e-3, 3e-3)]  # cells, smoothness
+Choice = tuple[tuple[int, int], float]  # number of cells along d and along |q|, smoothness
+CHOICES: list[Choice] = [(c, s) for c in ((10, 8), (14, 12), (20, 16)) for s in (1e-4, 3e-4, 1e-3, 3e-3)]
 FOLDS = 5
 TOLERATED = 1.2  # of the least squared error: the smoothest choice within it is taken
 SECOND = ((2, 0), (1, 1), (0, 2))  # orders of the second derivatives
@@ -124,7 +125,12 @@ def fit(
 
 
 def fit_map(m: FluxMap) -> SplineEnergy:
-    """Fit a map with cells and smoothness chosen by cross-validation over FOLDS groups of its inner points."""
+    """Fit a map with cells and smoothness chosen by cross-validation."""
+    return fit(*m.points(), *choose_for_map(m))
+
+
+def choose_for_map(m: FluxMap) -> Choice:
+    """Return cells and smoothness chosen by cross-validation over FOLDS groups of a map's inner points."""
     data = m.points()
     a, b = np.meshgrid(np.arange(len(m.i_d)), np.arange(len(m.i_q)), indexing="ij")
     border = (a == 0) | (b == 0) | (a == a[-1, 0]) | (b == b[0, -1])  # always fitted: the box must hold the rest
@@ -146,11 +152,10 @@ def fit_map(m: FluxMap) -> SplineEnergy:
                 break
         errors.append(error)
     good = [k for k, e in enumerate(errors) if e <= TOLERATED * min(errors)]
-    cells, smooth = choices[max(good, key=lambda k: (choices[k][1], -choices[k][0][0]))]
-    return fit(data[0], data[1], data[2], data[3], cells, smooth)
+    return choices[max(good, key=lambda k: (choices[k][1], -choices[k][0][0]))]
 
 
-def affordable(psi_d: Array, psi_q: Array) -> list[tuple[tuple[int, int], float]]:
+def affordable(psi_d: Array, psi_q: Array) -> list[Choice]:
     """Return the choices of cells and smoothness whose fit to so many points takes no more memory than is used."""
     return [c for c in CHOICES if _bytes(_Box(psi_d, psi_q, c[0]), len(psi_d)) <= MOST_BYTES]
 

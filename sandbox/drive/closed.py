@@ -16,7 +16,7 @@ from model.steps import step_for_orders, step_for_turn, step_for_winding
 from sandbox.drive.loop import Bench
 from sandbox.plant import additions as add
 from sandbox.plant.batch import blank_room
-from sandbox.plant.sets import batch_of, complete, features_of, timing_of
+from sandbox.plant.sets import batch_of, complete, features_of, machine_rows, timing_of
 from sandbox.replay.walking import at_rest
 
 
@@ -25,7 +25,11 @@ def longest_step(motor: Motor, values: Mapping[str, float], features: int, top_o
 
     motor: the true one.  Where the machine changes with the angle, the sixth order is the least that is resolved.
     """
-    step = min(step_for_winding(motor.resistance, motor.energy), step_for_turn(top_omega))
+    energy = motor.energy
+    if isinstance(energy, SplineEnergy):  # a map stays as it is; effects add to it
+        added = machine_rows(motor, values)
+        energy = energy._replace(gamma_d=energy.gamma_d + added["gamma_d"], gamma_q=energy.gamma_q + added["gamma_q"])
+    step = min(step_for_winding(motor.resistance, energy), step_for_turn(top_omega))
     if features & add.ANGULAR:
         step = min(step, step_for_orders((), top_omega))
     return min(step, library.longest_step(motor, values, top_omega))

@@ -156,7 +156,8 @@ def run_once(
     drive, scenario, estimator, believed = setup.drive, setup.scenario, setup.estimator, setup.believed
     gains, samples = setup.design, setup.samples
     values = sets.complete(drive.motor, drive.converter, effects)
-    check_feasible(dataclasses.replace(drive, motor=true_motor(drive.motor, values)), scenario, gains)
+    true = true_motor(drive.motor, values, keep_map=True)
+    check_feasible(dataclasses.replace(drive, motor=true), scenario, gains)
     tuning, h = gains.tuning, gains.tuning.sampling_period
     if samples // stride > MOST_SAMPLES:
         raise BadInput(
@@ -205,7 +206,7 @@ def exact_bench(
 
     inside: what is read inside a period, None for nothing.
     """
-    motor = true_motor(drive.motor, values)
+    motor = true_motor(drive.motor, values, keep_map=True)
     top = 1.5 * max(abs(s.speed) for s in scenario.segments) * motor.rated_omega
     every = sets.complete(drive.motor, drive.converter, values)
     step = min(plant_step, longest_step(motor, every, features_of(drive.motor, every), top))

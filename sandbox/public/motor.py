@@ -17,7 +17,7 @@ from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 
 if TYPE_CHECKING:
-    from model.map_points import Quality
+    from model.map_quality import Quality
     from model.saliency import Audit
     from sandbox.evaluation.maps import Maps
     from sandbox.output.plots import AnyAxes, Figure

@@ -323,10 +323,11 @@ def simulate(
     )
     if record is not None:
         from sandbox.drive.record import campaign_of
-        from sandbox.recordings.writing import write_campaign
+        from sandbox.recordings.writing import map_read, write_campaign
 
         name = fitting(Path(record).name, "campaign")
-        write_campaign(record, campaign_of(drive, scene, result.runs[0].recording, name))
+        campaign = campaign_of(drive, scene, result.runs[0].recording, name)
+        write_campaign(record, campaign, map_read(drive.motor))
     return SimulationResult(result, gains, added)
 
 

@@ -29,7 +29,7 @@ def map_read(motor: Motor) -> StatedMap | None:
     """Return the flux map of a motor that was read from files; None where it has none."""
     if not isinstance(motor, MappedMotor) or motor.origin is None:
         return None
-    path, table = motor.origin
+    path, table = motor.origin.path, motor.origin.table
     if "dataset" in table:
         return StatedMap(table, None)
     return StatedMap({**table, "file": path.name}, path.read_bytes())

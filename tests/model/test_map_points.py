@@ -9,7 +9,9 @@ from scipy.io import savemat
 
 from model.drive_files import load_drive
 from model.errors import BadInput
-from model.map_points import asymmetry, best_angle, held_out_error, quality, read_points
+from model.map_fit import held_out
+from model.map_points import read_points
+from model.map_quality import asymmetry, best_angle, quality
 from model.mapped import map_quality
 from tests.data import real_data
 
@@ -91,7 +93,7 @@ def test_a_turned_frame_is_found_and_undone(tmp_path):
     assert any("angle offset of 3.0" in s for s in told.sentences())
     undone = read_points(tmp_path / "m.npz", angle=angle)
     assert quality(undone).angle is None
-    assert held_out_error(undone) < 0.3 * held_out_error(p)
+    assert held_out(undone).inside < 0.3 * held_out(p).inside
 
 
 def test_a_symmetric_map_is_left_alone(tmp_path):
@@ -147,7 +149,7 @@ def test_the_sew_map_holds_an_angle():
     told = quality(p)
     assert told.points == 452
     assert math.degrees(told.angle) == pytest.approx(2.5, abs=0.5)
-    assert held_out_error(p.turned(told.angle)) < 0.5 * told.held_out
+    assert held_out(p.turned(told.angle)).inside < 0.5 * told.held_out
 
 
 def test_a_motor_s_map_is_asked_by_its_table(tmp_path):
