@@ -22,6 +22,7 @@ TORQUE_OFF = 1.5**0.25
 SAME_FACTOR = 1.05  # a factor nearer than that to one of a convention is taken for it
 LOOSE = 0.3  # of the torque's own rms: what a line through the fluxes' torque may leave
 SLOPE_OFF = 2.0  # times beyond the slopes of a map's nearest steps: a fit's inductance there is the fit's own
+NEAREST = 3  # steps of a map on each side of a point: a measured map has single wrong ones
 MEANT = (
     (math.sqrt(2.0), "the currents or the fluxes are rms values; both must be peak values"),
     (2.0, "currents and fluxes are rms values, or [motor] pole_pairs is half of what it is"),
@@ -97,7 +98,7 @@ def slope_notes(energy: SplineEnergy, p: MapPoints, name: str) -> list[str]:
     """Return a sentence for each axis along which a fit's inductance leaves what the map's own steps say.
 
     At a point of a grid the slope of a smooth flux lies between those of the nearest steps; what is SLOPE_OFF times
-    beyond the smallest and largest of the four nearest is told.  energy: of total fluxes.
+    beyond the smallest and largest of the 2 x NEAREST around it is told.  energy: of total fluxes.
     """
     grid = p.grid()
     if grid is None:
@@ -120,11 +121,11 @@ def slope_notes(energy: SplineEnergy, p: MapPoints, name: str) -> list[str]:
 
 
 def _nearest(steps: Array, axis: int) -> tuple[Array, Array]:
-    """Return the smallest and largest slope among the two steps before and the two after each point."""
-    wide = [(2, 2) if k == axis else (0, 0) for k in range(2)]
-    padded = np.pad(steps, wide, mode="reflect" if steps.shape[axis] > 2 else "edge")
+    """Return the smallest and largest slope among the NEAREST steps before and after each point."""
+    wide = [(NEAREST, NEAREST) if k == axis else (0, 0) for k in range(2)]
+    padded = np.pad(steps, wide, mode="symmetric" if steps.shape[axis] >= NEAREST else "edge")
     n = steps.shape[axis] + 1
-    around = np.stack([np.take(padded, range(k, k + n), axis=axis) for k in range(4)])
+    around = np.stack([np.take(padded, range(k, k + n), axis=axis) for k in range(2 * NEAREST)])
     return around.min(axis=0), around.max(axis=0)
 
 

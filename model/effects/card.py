@@ -228,6 +228,9 @@ class Effect:
     loop may take while the effect is on, by completed values, the motor (true) and its highest speed (rad/s,
     electrical); see `model.steps`.
 
+    do: what a person should do about it, one sentence from completed values, the nominal motor and the converter; asked
+    for where the effect is on (`model.effects.advice`).
+
     repeats: how many parts like its first it can have at once, that one included; they add up.  Parameters of the first
     are `effect.parameter`, of the k-th (k from 2 on) `effect.k.parameter`, neutral unless given; further: what parts
     from the second on are made of (None: of the same as the first).  A search that found one part looks for the next by
@@ -255,6 +258,7 @@ class Effect:
     repeats: int = 1
     further: Part | None = None
     formulas: tuple[str, ...] = ()
+    do: Callable[[Mapping[str, float], Motor, Converter], str] | None = None
 
     def part(self, k: int) -> Part:
         """Return the k-th part (1 ... repeats)."""

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.compiled import inlined
 from model.effects.card import INF, At, Effect, Parameter
+from model.effects.said import quantity
 from model.lanes import sine_cosine
+from model.parameters import Converter, Motor
 
 
 @inlined
@@ -12,6 +16,19 @@ def helping(amplitude, order_mech, phase, turn, omega):
     """Return the torque (N m) at a mechanical angle (rad), whatever the speed."""
     sine, _ = sine_cosine(order_mech * turn + phase)
     return amplitude * sine
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    orders = [k for k in ("", *(f"{k}." for k in range(2, CARD.repeats + 1))) if v[f"cogging_torque.{k}amplitude"]]
+    sizes = (
+        f"{quantity(v[f'cogging_torque.{k}amplitude'], 'N m')} of order {v[f'cogging_torque.{k}order_mech']:g}"
+        for k in orders
+    )
+    return (
+        f"add the opposite torque by angle to the q current's reference ({', '.join(sizes)} a turn), or keep it in the "
+        "simulator: it comes with the motor"
+    )
 
 
 CARD = Effect(
@@ -53,4 +70,5 @@ CARD = Effect(
     at=(At("torque", helping, ("amplitude", "order_mech", "phase")),),
     switches=("amplitude",),
     repeats=6,
+    do=do,
 )

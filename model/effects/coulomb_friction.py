@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
-from model.effects.card import At, Effect, Limit, Parameter
+from model.effects.card import At, Effect, Limit, Parameter, flux_scale
+from model.effects.said import quantity
 from model.effects.shaft_compliance import motor_inertia
 from model.lanes import fading
 from model.parameters import Converter, Motor
@@ -36,6 +37,16 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
     yield Limit("coulomb_friction.width", rate(v), FASTEST, what)
 
 
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    torque = v["coulomb_friction.torque"]
+    current = torque / (1.5 * motor.pole_pairs * flux_scale(motor))
+    return (
+        f"feed {quantity(torque, 'N m')} forward against the sense of rotation (about {quantity(current, 'A')} on q); "
+        "much more than on the first day: look at bearings, brake and seals"
+    )
+
+
 CARD = Effect(
     name="coulomb_friction",
     summary="dry friction, with Stribeck's hump",
@@ -61,4 +72,5 @@ CARD = Effect(
     switches=("torque", "stribeck_torque"),
     limits=limits,
     longest=lambda v, motor, omega: LARGEST_RUB / rate(v),
+    do=do,
 )

@@ -2,7 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.effects.card import Effect, Parameter
+from model.parameters import Converter, Motor
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    return (
+        f"give the estimator and the current control a model with alpha_12 = {v['saturation.alpha_12']:.4g} and "
+        f"alpha_22 = {v['saturation.alpha_22']:.4g} (motor.toml has them), or a measured flux map"
+    )
+
 
 CARD = Effect(
     name="cross_saturation",
@@ -48,4 +60,5 @@ CARD = Effect(
     region="where both fluxes, or q bias and d injection, are present",
     confused_with=("saturation", "encoder_offset", "inductance_harmonics"),
     separated_by="locked rotor, q bias staircase with injection along d",
+    do=do,
 )

@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 from model.compiled import inlined
 from model.effects.card import At, Effect, Parameter
+from model.effects.said import quantity
+from model.parameters import Converter, Motor
 
 
 @inlined
 def low_pass(time_constant):
     """Return the time constant (s) of tau df/dt = i - f."""
     return time_constant
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    tau = v["current_filter.time_constant"]
+    return (
+        f"tell the control a filter of {quantity(tau, 's')} ({quantity(1.0 / (math.tau * tau), 'Hz')}) before the "
+        f"samplers, or take the current {quantity(tau, 's')} late into account as a delay"
+    )
 
 
 CARD = Effect(
@@ -36,4 +50,5 @@ CARD = Effect(
     ),
     trace=0.3,
     at=(At("filter", low_pass, ("time_constant",)),),
+    do=do,
 )

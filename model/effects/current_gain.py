@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.compiled import inlined
 from model.effects.card import At, Effect, Ordinary, Parameter
+from model.parameters import Converter, Motor
 
 
 @inlined
 def scaled(gain_a, gain_b, gain_c, a, b, c):
     """Return three readings (A) times their sensors' gains."""
     return gain_a * a, gain_b * b, gain_c * c
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    wrong = {x: v[f"current_gain.gain_{x}"] for x in "abc" if v[f"current_gain.gain_{x}"] != 1.0}
+    told = ", ".join(f"phase {x} by {1.0 / g:.4g}" for x, g in wrong.items())
+    return f"multiply the current readings ({told}): shunts, gain resistors or the scaling in the drive"
 
 
 CARD = Effect(
@@ -71,4 +81,5 @@ CARD = Effect(
         "current that no voltage explains"
     ),
     at=(At("reading", scaled, ("gain_a", "gain_b", "gain_c")),),
+    do=do,
 )

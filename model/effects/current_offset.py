@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Ordinary, Parameter
+from model.effects.said import quantity
+from model.parameters import Converter, Motor
 
 
 @inlined
@@ -15,6 +18,14 @@ def shifted(offset_a, offset_b, a, b, c):
 
 
 OF_THREE = math.sqrt(2.0 / 3.0)  # of one sensor's offset: its part beside the mean of all three
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    a, b = v["current_offset.offset_a"], v["current_offset.offset_b"]
+    told = ", ".join(f"{quantity(x, 'A')} from phase {p}" for p, x in zip("abc", (a, b, -a - b), strict=True))
+    return f"subtract from the current readings: {told}; measure the offsets at rest, with the legs switching"
+
 
 CARD = Effect(
     name="current_offset",
@@ -56,4 +67,5 @@ CARD = Effect(
     confused_with=("winding_asymmetry", "dead_time", "encoder_eccentricity"),
     separated_by="no voltage, rotor at rest: the readings' mean",
     at=(At("reading", shifted, ("offset_a", "offset_b")),),
+    do=do,
 )

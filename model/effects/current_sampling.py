@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Limit, Parameter
+from model.effects.said import quantity
 from model.parameters import Converter, Motor
 
 
@@ -22,6 +23,15 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
     yield Limit(
         "current_sampling.jitter", 6.0 * v["current_sampling.jitter"], half, "s in six sigma, half the PWM period"
     )
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    late, jitter = v["current_sampling.delay"], v["current_sampling.jitter"]
+    way = "earlier" if late > 0.0 else "later"
+    shift = [f"trigger the current samples {quantity(abs(late), 's')} {way}"] if late else []
+    shake = [f"take a trigger from the PWM counter: samples jitter by {quantity(jitter, 's')} rms"] if jitter else []
+    return "; ".join([*shift, *shake])
 
 
 CARD = Effect(
@@ -55,4 +65,5 @@ CARD = Effect(
     trace=0.3,
     at=(At("instant", taken, ("delay", "jitter")),),
     limits=limits,
+    do=do,
 )

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Limit, Parameter
+from model.effects.said import percent, quantity
 from model.parameters import Converter, Motor
 
 HALF_ROOT = 0.8660254037844386
@@ -35,6 +36,18 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
     bound = LARGEST_SAG * converter.dc_bus_voltage / motor.rated_current
     what = "ohm: a fifth of the link is lost where it feeds rated current"
     yield Limit("dc_link_error.sag", v["dc_link_error.sag"], bound, what)
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    gain, sag = v["dc_link_error.gain_error"], v["dc_link_error.sag"]
+    out = []
+    if gain:
+        link = converter.dc_bus_voltage * (1.0 + gain)
+        out.append(f"set the link voltage that the control divides by to {link:.4g} V ({percent(gain)}), or measure it")
+    if sag:
+        out.append(f"let the control divide by the measured link: its supply has {quantity(sag, 'ohm')}")
+    return "; ".join(out)
 
 
 CARD = Effect(
@@ -69,4 +82,5 @@ CARD = Effect(
     ),
     at=(At("supply", off, ("gain_error",)), At("drawn", sag, ("sag",))),
     limits=limits,
+    do=do,
 )

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
 from model.effects.card import INF, At, Effect, Limit, Parameter
+from model.effects.said import quantity
 from model.lanes import sine_cosine
 from model.parameters import Converter, Motor
 
@@ -21,6 +22,15 @@ def ripple(amplitude, frequency, phase, time):
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
     """Yield how large a ripple may be."""
     yield Limit("dc_link_ripple.amplitude", v["dc_link_ripple.amplitude"], converter.dc_bus_voltage, "V, the DC link")
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    size, frequency = v["dc_link_ripple.amplitude"], v["dc_link_ripple.frequency"]
+    return (
+        f"let the control divide by the link voltage measured in each period: it ripples by {quantity(size, 'V')} at "
+        f"{frequency:.4g} Hz; or add capacitance, or look at the supply's phases"
+    )
 
 
 CARD = Effect(
@@ -62,4 +72,5 @@ CARD = Effect(
     at=(At("link", ripple, ("amplitude", "frequency", "phase")),),
     switches=("amplitude",),
     limits=limits,
+    do=do,
 )

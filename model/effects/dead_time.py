@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Limit, Ordinary, Parameter
+from model.effects.said import quantity
 from model.lanes import soft_sign
 from model.parameters import Converter, Motor
 
@@ -29,6 +30,14 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
     yield Limit(
         "dead_time.time", abs(v["dead_time.time"]), 0.5 * converter.sampling_period, "s, half the sampling period"
     )
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    time = v["dead_time.time"]
+    if time < 0.0:
+        return f"lower the drive's dead-time compensation by {quantity(-time, 's')}: it adds too much"
+    return f"set the dead-time compensation to {quantity(time, 's')} (more than now by that, where there is one)"
 
 
 CARD = Effect(
@@ -76,4 +85,5 @@ CARD = Effect(
     at=(At("edge", late, ("time",)), At("sign", around_zero, ("zone_width", "zone_shape"))),
     switches=("time",),
     limits=limits,
+    do=do,
 )

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.compiled import inlined
 from model.effects.card import At, Effect, Parameter
+from model.effects.said import quantity
+from model.parameters import Converter, Motor
 
 
 @inlined
@@ -54,6 +58,14 @@ def slope(on_resistance):
     return on_resistance
 
 
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    threshold, ohm = v["device_drop.threshold"], v["device_drop.on_resistance"]
+    own = [f"{quantity(threshold, 'V')} with the sign of each phase current"] if threshold else []
+    own += [f"{quantity(ohm, 'ohm')} times it (or put that into the resistance)"] if ohm else []
+    return f"add to the commanded phase voltages {' and '.join(own)}: what the devices drop"
+
+
 CARD = Effect(
     name="device_drop",
     summary="forward drop of the switches and diodes",
@@ -76,4 +88,5 @@ CARD = Effect(
         "zero crossings at two DC-link voltages or PWM frequencies: dead time scales with them, the threshold does not"
     ),
     at=(At("leg", lost, ("threshold",)), At("resistance", slope, ("on_resistance",))),
+    do=do,
 )

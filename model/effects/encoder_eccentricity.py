@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 from model.compiled import inlined
 from model.effects.card import INF, At, Effect, Parameter
 from model.lanes import sine_cosine
+from model.parameters import Converter, Motor
 
 
 @inlined
@@ -12,6 +16,15 @@ def off(amplitude_mech, phase, turn, pairs):
     """Return the reading's error (rad, electrical) at a mechanical angle (rad)."""
     sine, _ = sine_cosine(turn + phase)
     return pairs * amplitude_mech * sine
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    size, phase = v["encoder_eccentricity.amplitude_mech"], v["encoder_eccentricity.phase"]
+    return (
+        f"centre the code disc or magnet ring, or subtract {math.degrees(size):.2g}° sin(turn + "
+        f"{math.degrees(phase):.0f}°) (mechanical) from the encoder's reading"
+    )
 
 
 CARD = Effect(
@@ -35,4 +48,5 @@ CARD = Effect(
     polar=("amplitude_mech", "phase"),
     at=(At("angle", off, ("amplitude_mech", "phase")),),
     switches=("amplitude_mech",),
+    do=do,
 )

@@ -3,15 +3,27 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Ordinary, Parameter
+from model.effects.said import degrees
+from model.parameters import Converter, Motor
 
 
 @inlined
 def turned(offset):
     """Return what all readings are off (rad, electrical)."""
     return offset
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    offset = v["encoder_offset.offset"]
+    return (
+        f"turn the encoder's electrical zero by {degrees(-offset)} ({degrees(-offset / motor.pole_pairs)} mechanical): "
+        "subtract what it reads too much, or align it again"
+    )
 
 
 CARD = Effect(
@@ -42,4 +54,5 @@ CARD = Effect(
         "share is odd in speed, an offset's even"
     ),
     at=(At("offset", turned, ("offset",)),),
+    do=do,
 )

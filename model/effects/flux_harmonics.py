@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
 from model.effects.card import EITHER_PHASE, INF, At, Effect, Limit, Parameter, Part
+from model.effects.said import quantity
 from model.frames import multiple, sixth
 from model.lanes import sine_cosine
 from model.parameters import Converter, Motor
@@ -57,6 +59,19 @@ def longest(v: Mapping[str, float], motor: Motor, omega: float) -> float:
     """Return the longest step (s) that resolves the highest order."""
     there = [part for part in FURTHER if v[f"{part}.psi_d"] or v[f"{part}.psi_q"]]
     return step_for_orders([v[f"{part}.order"] for part in there], omega)
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    sixth = math.hypot(v["flux_harmonics.psi_d6"], v["flux_harmonics.psi_q6"])
+    sizes = [f"{quantity(sixth, 'Wb')} of order 6"] if sixth else []
+    for k in range(2, CARD.repeats + 1):
+        size = math.hypot(v[f"flux_harmonics.{k}.psi_d"], v[f"flux_harmonics.{k}.psi_q"])
+        sizes += [f"{quantity(size, 'Wb')} of order {v[f'flux_harmonics.{k}.order']:g}"] if size else []
+    return (
+        f"feed the back-EMF's harmonics forward ({', '.join(sizes)} in the rotor's frame), or keep them in the "
+        "simulator: they come with the magnets' shape"
+    )
 
 
 CARD = Effect(
@@ -122,4 +137,5 @@ CARD = Effect(
         switches=("psi_d", "psi_q"),
         first_at={"order": 6.0, "phase": 0.0},
     ),
+    do=do,
 )

@@ -2,7 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.effects.card import Effect, Ordinary, Parameter
+from model.effects.said import percent, quantity
+from model.parameters import Converter, Motor
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    own = {x: v[f"inductance.scale_{x}"] * getattr(motor, f"inductance_{x}") for x in "dq"}
+    told = (
+        f"inductance_{x} = {quantity(own[x], 'H', 3)} ({percent(v[f'inductance.scale_{x}'] - 1.0)})"
+        for x in "dq"
+        if v[f"inductance.scale_{x}"] != 1.0
+    )
+    return f"set {', '.join(told)} in the motor's file, the estimator and the current control"
+
 
 CARD = Effect(
     name="inductance",
@@ -33,4 +49,5 @@ CARD = Effect(
     region="slopes of current steps and ripple at low current; omega L i at speed",
     confused_with=("saturation", "skin_effect", "current_filter"),
     separated_by="injection along d, then along q, at locked rotor and small bias",
+    do=do,
 )

@@ -159,6 +159,14 @@ def longest(v: Mapping[str, float], motor: Motor, omega: float) -> float:
     return step_for_orders([v[f"{part}.order"] for part in there], omega)
 
 
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    return (
+        "give the estimator inductances that turn with the rotor (effects.toml has them), or expect its error to "
+        "swing with the angle: they come with teeth and winding"
+    )
+
+
 CARD = Effect(
     name="inductance_harmonics",
     summary="harmonics of the inductances, the sixth and any others, with the torque that energy demands",
@@ -284,4 +292,5 @@ CARD = Effect(
         switches=SIZES,
         first_at={"order": 6.0, "phase": 0.0},
     ),
+    do=do,
 )

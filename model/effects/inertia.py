@@ -2,7 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.effects.card import Effect, Ordinary, Parameter
+from model.effects.said import percent, quantity
+from model.parameters import Converter, Motor
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    found = v["inertia.inertia"]
+    return (
+        f"set inertia = {quantity(found, 'kg m^2', 3)} ({percent(found / motor.inertia - 1.0)}) in the motor's file "
+        "and the speed control: it counts the load, too"
+    )
+
 
 CARD = Effect(
     name="inertia",
@@ -30,4 +44,5 @@ CARD = Effect(
     region="free rotor: accelerations after steps of load and torque",
     confused_with=("shaft_compliance", "coulomb_friction", "magnet_flux"),
     separated_by="free rotor, known torque step: acceleration at the first instants",
+    do=do,
 )

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.compiled import inlined
-from model.effects.card import INF, At, Effect, Parameter
+from model.effects.card import INF, At, Effect, Parameter, flux_scale
+from model.effects.said import quantity
+from model.parameters import Converter, Motor
 
 LARGEST_LAG = 0.5  # of the time constant in one step: the current is no parabola over a longer one
 
@@ -12,6 +16,16 @@ LARGEST_LAG = 0.5  # of the time constant in one step: the current is no parabol
 def branch(core_resistance, time_constant):
     """Return the branch's conductance (1/ohm) and its lag's time constant (s): tau di_c/dt = (dpsi_ab/dt)/R_c - i_c."""
     return 1.0 / core_resistance, time_constant
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    ohm = v["iron_loss.core_resistance"]
+    loss = 1.5 * (motor.rated_omega * flux_scale(motor)) ** 2 / ohm
+    return (
+        f"count a core resistance of {quantity(ohm, 'ohm')} in (about {quantity(loss, 'W')} at rated speed without "
+        "load) where torque or losses are worked out from currents"
+    )
 
 
 CARD = Effect(
@@ -48,4 +62,5 @@ CARD = Effect(
     at=(At("iron", branch, ("core_resistance", "time_constant")),),
     switches=("core_resistance",),
     longest=lambda v, motor, omega: LARGEST_LAG * v["iron_loss.time_constant"],
+    do=do,
 )

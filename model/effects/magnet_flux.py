@@ -2,7 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.effects.card import Effect, Ordinary, Parameter
+from model.effects.said import NEODYMIUM, number, percent, quantity
+from model.parameters import Converter, Motor
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    found = v["magnet_flux.magnet_flux"]
+    out = f"set magnet_flux = {quantity(found, 'Wb', 3)} in the motor's file and the estimator"
+    if not motor.magnet_flux:
+        return out
+    change = found / motor.magnet_flux - 1.0
+    warm = -change / NEODYMIUM
+    why = f"magnets {number(abs(warm))} K {'warmer' if warm > 0.0 else 'colder'}"
+    return f"{out} ({percent(change)}: {why}{', or partly demagnetised' if warm > 0.0 else ', or a stronger grade'})"
+
 
 CARD = Effect(
     name="magnet_flux",
@@ -33,4 +50,5 @@ CARD = Effect(
     region="grows with speed, absent at standstill",
     confused_with=("dc_link_error", "viscous_friction", "encoder_offset"),
     separated_by="driven or coasting rotor at zero current: terminal voltage over speed",
+    do=do,
 )

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Limit, Parameter
+from model.effects.said import number, quantity
 from model.parameters import Converter, Motor
 
 LATEST = 3.0  # sampling periods: the latest that a recorded voltage may act
@@ -24,6 +25,18 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterat
     late = delay + abs(v["dead_time.time"])
     what = "s, half the PWM period: a simulated drive's control takes its voltage for punctual"
     yield Limit("pwm_delay.delay + dead_time.time", late, 0.5 * period, what, simulated=True)
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    delay = v["pwm_delay.delay"]
+    periods = delay / converter.sampling_period
+    rows = round(periods)
+    said = f"delay of {number(periods)} periods"
+    if rows == 0:
+        return f"{said}: count {quantity(delay, 's')} more into the angle of the commanded voltage"
+    log = f"log the command {rows} row{'s' if rows > 1 else ''} later"
+    return f"{said}: {log}, or set a delay of {quantity(delay, 's')} in the control"
 
 
 CARD = Effect(
@@ -48,4 +61,5 @@ CARD = Effect(
     separated_by="injection with steps of large amplitude, at two PWM frequencies",
     at=(At("delay", later, ("delay",)),),
     limits=limits,
+    do=do,
 )

@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from model.compiled import inlined
 from model.effects.card import INF, At, Effect, Limit, Parameter
+from model.effects.said import quantity
 from model.errors import BadInput
 from model.parameters import Converter, Motor
 
@@ -39,6 +40,17 @@ def two_masses(stiffness, load_inertia, damping_ratio, inertia):
     if not (math.isfinite(stiffness) and load_inertia > 0.0):
         return 0.0, 0.0, 0.0
     return load_inertia, math.sqrt(stiffness * inertia / ((inertia - load_inertia) * load_inertia)), damping_ratio
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    k, load = v["shaft_compliance.stiffness"], v["shaft_compliance.load_inertia"]
+    total = v["inertia.inertia"]
+    swing = math.sqrt(k * (1.0 / load + 1.0 / (total - load))) / math.tau if 0.0 < load < total else math.nan
+    return (
+        f"keep the speed control below {quantity(0.3 * swing, 'Hz')}, or put a notch at {quantity(swing, 'Hz')} into "
+        "it: shaft and load swing there; or take a stiffer coupling"
+    )
 
 
 CARD = Effect(
@@ -96,4 +108,5 @@ CARD = Effect(
     at=(At("shaft", two_masses, ("stiffness", "load_inertia", "damping_ratio")),),
     switches=("stiffness",),
     limits=limits,
+    do=do,
 )

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.compiled import inlined
 from model.effects.card import At, Effect, Parameter
+from model.effects.said import quantity
+from model.parameters import Converter, Motor
 from model.steps import step_for_winding
 
 
@@ -11,6 +15,15 @@ from model.steps import step_for_winding
 def ladder(resistance, time_constant):
     """Return R_1 (ohm) of the drop R_1 (i - x), and the time constant (s) of tau dx/dt = i - x."""
     return resistance, time_constant
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    ohm = v["skin_effect.resistance"]
+    return (
+        f"count {quantity(ohm, 'ohm')} more at the injection's frequency into the estimator's resistance, not at "
+        "standstill"
+    )
 
 
 CARD = Effect(
@@ -53,4 +66,5 @@ CARD = Effect(
     at=(At("skin", ladder, ("resistance", "time_constant")),),
     switches=("resistance",),
     longest=lambda v, motor, omega: step_for_winding(motor.resistance + v["skin_effect.resistance"], motor.energy),
+    do=do,
 )

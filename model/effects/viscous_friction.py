@@ -2,14 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from model.compiled import inlined
 from model.effects.card import At, Effect, Ordinary, Parameter
+from model.effects.said import quantity
+from model.parameters import Converter, Motor
 
 
 @inlined
 def drag(coefficient, omega_mech):
     """Return the torque (N m) against a mechanical speed (rad/s)."""
     return coefficient * omega_mech
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    found = v["viscous_friction.coefficient"]
+    torque = found * motor.rated_omega / motor.pole_pairs
+    return (
+        f"set viscous_friction = {quantity(found, 'N m s/rad')} in the motor's file ({quantity(torque, 'N m')} at "
+        "rated speed); far more than stated: look at lubrication and fan"
+    )
 
 
 CARD = Effect(
@@ -39,4 +53,5 @@ CARD = Effect(
     confused_with=("coulomb_friction", "iron_loss", "magnet_flux"),
     separated_by="coasting down from high speed: exponential against straight line",
     at=(At("friction", drag, ("coefficient",)),),
+    do=do,
 )

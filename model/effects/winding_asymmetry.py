@@ -6,6 +6,7 @@ from collections.abc import Mapping
 
 from model.compiled import inlined
 from model.effects.card import At, Effect, Limit, Parameter
+from model.effects.said import quantity
 from model.errors import BadInput
 from model.parameters import Converter, Motor
 
@@ -23,6 +24,16 @@ def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> tuple[
     if least < 0.0:
         raise BadInput(f"winding_asymmetry leaves a phase {least:g} ohm; give more than minus the resistance")
     return ()
+
+
+def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
+    """Return what to do about it, at completed values."""
+    a, b = v["winding_asymmetry.delta_a"], v["winding_asymmetry.delta_b"]
+    least = min(a, b, 0.0)
+    told = ", ".join(
+        f"{quantity(x - least, 'ohm')} in phase {p}" for p, x in zip("abc", (a, b, 0.0), strict=True) if x > least
+    )
+    return f"look for what a phase has more than the others ({told}): terminals, contactors, a repaired coil"
 
 
 CARD = Effect(
@@ -52,4 +63,5 @@ CARD = Effect(
     ),
     at=(At("winding", drop, ("delta_a", "delta_b")),),
     limits=limits,
+    do=do,
 )

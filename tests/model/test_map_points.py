@@ -9,10 +9,12 @@ from scipy.io import savemat
 
 from model.drive_files import load_drive
 from model.errors import BadInput
+from model.map_checks import torque_line, torque_notes
 from model.map_fit import held_out
 from model.map_points import read_points
 from model.map_quality import asymmetry, best_angle, quality
 from model.mapped import map_quality
+from model.ratings import cautions
 from tests.data import real_data
 
 TOML = """
@@ -158,3 +160,83 @@ def test_a_motor_s_map_is_asked_by_its_table(tmp_path):
     assert told.points == 399
     assert "mWb rms on points held out" in " ".join(told.sentences())
     assert map_quality({"file": "m.npz", "angle": 0.1}, tmp_path).angle == pytest.approx(-0.1, abs=2e-3)
+
+
+def half_of_the_measured_map():
+    """Return the measured Baldor map (motulator) cut to i_d <= 0, i_q >= 0, as finite elements usually give one."""
+    p = read_points(real_data() / "baldor_pmsyrm" / "baldor_meas.npz")
+    kept = (p.i_d <= 0.0) & (p.i_q >= 0.0)
+    return dataclasses.replace(p, **{n: getattr(p, n)[kept] for n in ("i_d", "i_q", "psi_d", "psi_q")})
+
+
+def table_of(p):
+    rows = np.stack([p.i_d, p.i_q, p.psi_d, p.psi_q], axis=1)
+    return "i_d,i_q,psi_d,psi_q\n" + "".join(",".join(f"{x:.9g}" for x in row) + "\n" for row in rows)
+
+
+BALDOR = TOML.replace("cells = [8, 6]\nsmooth = 1e-3\n", "").replace("pole_pairs = 4", "pole_pairs = 2")
+
+
+def test_too_many_cells_are_told_by_the_errors_of_that_fit(tmp_path):
+    """20 x 16 cells on 154 points: L_dd at i_d = 0 is some times the 20.3 mH between the map's own points there."""
+    (tmp_path / "half.csv").write_text(table_of(half_of_the_measured_map()))
+    (tmp_path / "auto.toml").write_text(BALDOR.replace("FILE", "half.csv"))
+    (tmp_path / "cells.toml").write_text(BALDOR.replace("FILE", "half.csv") + "cells = [20, 16]\nsmooth = 3e-4\n")
+    told = map_quality({"file": "half.csv", "cells": [20, 16], "smooth": 3e-4}, tmp_path)
+    auto = map_quality({"file": "half.csv"}, tmp_path)
+    assert told.held_out > 2.0 * auto.held_out
+    assert told.held_out_edge > 2.0 * auto.held_out_edge
+    notes = load_drive(tmp_path / "cells.toml").motor.origin.notes
+    assert "20 x 16 = 320 cells for 154 points" in notes[0]
+    assert any("the fit's L_dd is" in note and "i_d = 0 A" in note for note in notes[1:])
+    assert cautions(load_drive(tmp_path / "cells.toml"))[-len(notes) :] == notes
+    again = load_drive(tmp_path / "cells.toml").motor.origin.notes  # from the disk
+    assert again == notes
+    assert load_drive(tmp_path / "auto.toml").motor.origin.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("currents", "fluxes", "torque", "pairs", "said"),
+    [
+        (
+            2**-0.5,
+            1.0,
+            1.0,
+            4,
+            "1.414 times 3/2 pole_pairs (psi_d i_q - psi_q i_d): the currents or the fluxes are rms",
+        ),
+        (1.0, 2**-0.5, 1.0, 4, "the currents or the fluxes are rms"),
+        (
+            2**-0.5,
+            2**-0.5,
+            1.0,
+            4,
+            "2 times 3/2 pole_pairs (psi_d i_q - psi_q i_d): currents and fluxes are rms values",
+        ),
+        (1.0, 1.0, 1.0, 8, "[motor] pole_pairs holds poles"),
+        (1.0, 1.0, 1.0, 3, "[motor] pole_pairs is 4"),
+        (1.5**0.5, 1.5**0.5, 1.0, 4, "power-invariant transformation; both"),
+        (1.0, 1.0, 1e3, 4, "the torque is in mN m"),
+        (1.0, 1.0, -1.0, 4, "with the other sign"),
+        (1.0, 1.0, 1.03, 4, ""),  # a torque that was measured
+    ],
+)
+def test_a_torque_that_contradicts_the_fluxes_is_told(tmp_path, currents, fluxes, torque, pairs, said):
+    """Planted: T = 3/2 p (psi_d i_q - psi_q i_d) with p = 4, then columns and [motor] in another convention."""
+    d, q, psi_d, psi_q = (x.ravel() for x in planted((9, 11)))
+    friction = 0.2  # N m: of a bench that measured it, an offset
+    t = torque * (1.5 * 4 * (psi_d * q - psi_q * d) - friction)
+    body = {"i_d": currents * d, "i_q": currents * q, "psi_d": fluxes * psi_d, "psi_q": fluxes * psi_q, "torque": t}
+    np.savez(tmp_path / "m.npz", **body)
+    line = torque_line(read_points(tmp_path / "m.npz"))
+    assert line.left < 1e-9
+    notes = torque_notes(line, pairs, "m.npz")
+    assert (said in " ".join(notes)) if said else notes == []
+    np.savez(tmp_path / "m.npz", **{**body, "torque": t * np.sign(d + 5.0)})
+    assert "does not follow its fluxes" in " ".join(torque_notes(torque_line(read_points(tmp_path / "m.npz")), 4, "m"))
+
+
+@pytest.mark.parametrize("name", ["brusa_hsm1", "thor_fea", "baldor_pmsyrm"])
+def test_published_maps_do_not_contradict_themselves(name):
+    real_data()
+    assert load_drive(name).motor.origin.notes == ()

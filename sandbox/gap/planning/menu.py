@@ -16,6 +16,7 @@ from scipy.signal import lfilter
 
 from model.energy import flux_from_current
 from model.parameters import Drive
+from sandbox.gap.planning.in_map import furthest_d, held
 from sandbox.plant.mechanics import turned_by
 from sandbox.plant.sets import batch_of, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
@@ -100,7 +101,9 @@ def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
               zero, ramp(t, (0, 0), (0.02, 0.4), (0.25, 0.4), (0.27, 0.0), (1, 0)), zero),
         Entry("free_swing", "free rotor, torque reversed faster and faster", "free", zero, swing, zero),
     ]  # fmt: skip
-    return [replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q, seconds=seconds) for e in out]
+    scaled = (replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q, seconds=seconds) for e in out)
+    flux = HALF_WAVE * period
+    return [held(e, drive.motor.energy, (flux * e.injection[0], flux * e.injection[1])) for e in scaled]
 
 
 def settings(entry: Entry, drive: Drive) -> str:
@@ -116,7 +119,7 @@ def settings(entry: Entry, drive: Drive) -> str:
 def tight(drive: Drive) -> tuple[float, float, float]:
     """Return share of the link, speed (rad/s electrical) and i_d over rated current that use up FULL of the voltage."""
     motor, limit = drive.motor, FULL * drive.converter.voltage_limit
-    high = 0.4
+    high = furthest_d(motor.energy, 0.4 * motor.rated_current) / motor.rated_current
     flux = flux_from_current(motor.energy, high * motor.rated_current, 0.0)[0] + motor.magnet_flux
     link = min(max(0.8 * motor.rated_omega * float(flux) / limit, TIGHTEST), 1.0)
     return link, min(link * limit / float(flux), 1.2 * motor.rated_omega), high

@@ -81,7 +81,8 @@ def test_simulate_with_effects_and_record(mapped, tmp_path):
     call = ["simulate", "--motor", mapped.name, "--duration", "0.05", "--effects", "dead_time.time=1e-6", "--no-trace"]
     assert main([*call, "--record", str(tmp_path / "c"), "--out", str(tmp_path / "o"), "--quiet"]) == 0
     nominal = read_campaign(tmp_path / "c").drive.motor
-    assert nominal == dataclasses.replace(mapped.motor.linear, name=nominal.name)  # the linearised motor, no map
+    assert isinstance(nominal, MappedMotor)  # the map goes along: without it a fault-free drive would look faulty
+    assert nominal.map_hash == mapped.motor.map_hash
 
 
 def test_what_the_quartic_alone_has_is_refused(mapped):
@@ -145,3 +146,28 @@ def test_spline_of_a_quartic_runs_so_on_both_plants(name, plant):
     ends = [simulate(d, scene, load_estimator(name), seed=3, plant=plant) for d in (drive, twin(drive))]
     known, found = (np.degrees(run.recording.between(0.15, 0.3).error) for run in ends)
     assert found.mean() == pytest.approx(known.mean(), abs=0.05)
+
+
+@pytest.mark.parametrize(
+    "effects",
+    [
+        {"saturation.alpha_30": 3.0, "cross_saturation.alpha_12": 2.0},
+        {"inductance.scale_d": 0.85, "inductance.scale_q": 1.1, "magnet_flux.magnet_flux": 0.35},
+    ],
+)
+def test_effects_on_the_magnetics_run_on_both_plants(effects):
+    """What a diagnosis writes beside a map; the second plant evaluates maps and effects by code of its own."""
+    real_data()
+    drive = load_drive("baldor_pmsyrm")
+    scenario = Scenario("loaded", (Segment(0.1), Segment(0.3, 0.6, ramp=0.05)), start_up=False, rotor="locked")
+    both = [
+        simulate(drive, scenario, load_estimator("qnull"), effects=effects, plant=plant, seed=3).recording
+        for plant in ("exact", "switched")
+    ]
+    plain = simulate(drive, scenario, load_estimator("qnull"), seed=3).recording
+    late = plain.t > 0.35
+    noise = 5.0 * drive.converter.current_noise
+    means = [np.mean(r.error[late]) for r in (*both, plain)]
+    assert means[0] == pytest.approx(means[1], abs=2e-3)
+    assert abs(means[0] - means[2]) > 2e-3  # the effects are there
+    assert np.mean(both[0].i_a[late]) == pytest.approx(np.mean(both[1].i_a[late]), abs=noise)
