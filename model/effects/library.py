@@ -24,7 +24,7 @@ from model.spline import SplineEnergy
 
 FOLDER = Path(__file__).parent
 CARD_WIDTH = 80  # columns of a card, which fits a terminal and a page
-NOT_EFFECTS = ("__init__", "adopt", "card", "library", "own")
+NOT_EFFECTS = ("__init__", "adopt", "advice", "card", "library", "own", "said")
 BEGIN, END = "<!-- table: python -m model.effects.library -->\n", "<!-- end of table -->\n"
 
 

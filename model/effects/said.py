@@ -22,10 +22,10 @@ def quantity(value: float, unit: str, digits: int = 2) -> str:
 
 
 def number(value: float, digits: int = 2) -> str:
-    """Return a positive number with so many digits, no more of them after the point than it takes."""
+    """Return a number with so many digits, no more of them after the point than it takes."""
     if not value or not math.isfinite(value):
         return f"{value:g}"
-    places = digits - 1 - math.floor(math.log10(float(f"{value:.{digits - 1}e}")))
+    places = digits - 1 - math.floor(math.log10(float(f"{abs(value):.{digits - 1}e}")))
     return f"{round(value, places):.{max(places, 0)}f}"
 
 
@@ -37,8 +37,3 @@ def percent(share: float) -> str:
 def degrees(angle: float) -> str:
     """Return an angle (rad) in degrees with its sign."""
     return f"{'−' if angle < 0.0 else '+'}{number(math.degrees(abs(angle)))}°"
-
-
-def more(value: float, unit: str) -> str:
-    """Return a change as "1.2 A more" or "1.2 A less"."""
-    return f"{quantity(abs(value), unit)} {'more' if value > 0.0 else 'less'}"

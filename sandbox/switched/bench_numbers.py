@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from model.effects.library import check_inside, complete
+from model.effects.library import check_inside, complete, neutral
 from model.parameters import Converter, Motor
 from sandbox.switched.flux_map import FluxMap, flux_map_of
 from sandbox.switched.harmonics import (
@@ -123,7 +123,7 @@ class Bench(NamedTuple):
     zone_tanh: float = 0.0
     leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
     harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
-    flux_map: FluxMap | None = None  # in place of the harmonic series of the energy, which is 0 then
+    flux_map: FluxMap | None = None  # to which the harmonic series holds what effects add
 
 
 def bench(motor: Motor, converter: Converter, effects: Mapping[str, float] | None = None) -> Bench:
@@ -151,7 +151,7 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
     period = converter.sampling_period
     flux_map = flux_map_of(motor.energy)
     values: dict[str, Any] = {
-        **(_energy(motor, v) if flux_map is None else dict.fromkeys(SERIES, 0.0)),
+        **(_energy(motor, v) if flux_map is None else _beside_map(motor, v)),
         "pole_pairs": float(motor.pole_pairs),
         "resistance": v["stator_resistance.resistance"],
         "magnet_flux": v["magnet_flux.magnet_flux"],
@@ -236,6 +236,12 @@ def _energy(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
         "q_2": 0.5 * (a_40 - a_04),
         "q_4": 0.125 * (a_40 - a_22 + a_04),
     }
+
+
+def _beside_map(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
+    """Coefficients of what effects add to a flux map: the series with them less that of the map at zero current."""
+    with_effects, own = _energy(motor, v), _energy(motor, neutral(motor))
+    return {name: value - own[name] for name, value in with_effects.items()}
 
 
 def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float, inertia: float) -> float:

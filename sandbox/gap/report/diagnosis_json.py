@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from model.effects.advice import what_to_do
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.gap_size import rms, share_closed
@@ -66,7 +67,7 @@ def contract(
             }
             for h, own in zip(d.hypotheses, d.parameters, strict=True)
         ],
-        **(whole or ranking(d)).as_json(following),
+        **with_advice(d, (whole or ranking(d)).as_json(following)),
         "at_bound": [{"name": h.name, **parameter(h.estimate), "deviations": h.deviations} for h in d.at_bound],
         "ambiguity_set": [list(h.effects) for h in d.ambiguity_set],
         "alike": None if alike is None else asdict(alike),
@@ -76,6 +77,16 @@ def contract(
         "excerpts": excerpts(d.campaign.excerpts),
         "cost": {"simulations": d.simulations, "seconds": d.seconds},
     }  # fmt: skip
+
+
+def with_advice(d: Diagnosis, listed: dict[str, Any]) -> dict[str, Any]:
+    """Return the list of all effects, each that has a size with what to do about it (`do`, else null)."""
+    drive = d.campaign.drive
+    for effect in listed["effects"]:
+        found = {name: p["value"] for name, p in effect["parameters"].items()}
+        said = what_to_do([effect["name"]], found, drive.motor, drive.converter)
+        effect["do"] = said[effect["name"]] if found else None
+    return listed
 
 
 def excerpts(found: Excerpts | None) -> dict[str, Any] | None:
