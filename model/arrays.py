@@ -36,6 +36,7 @@ NUMBERS = "fiuc"  # kinds of NumPy arrays that are read
 
 MOST_HEADER = 10_000  # bytes that describe an array of NumPy's
 MOST_COLUMNS = 100
+MOST_AXES = 3
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -59,7 +60,7 @@ class ArrayHeader(NamedTuple):
 
 
 def read_arrays(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[str]]:
-    """Return the wanted arrays of numbers, of at most two axes and `most` values, and the names of all that there is.
+    """Return the wanted arrays of numbers, of at most MOST_AXES axes and `most` values, and the names of all.
 
     Raises BadInput for a file that is absent, too large, damaged or of another kind.
     """
@@ -117,7 +118,7 @@ def _npz(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[s
         for name in set(members) & set(wanted):
             with archive.open(members[name]) as file:
                 head = npy_header(file)
-                if not head.is_numeric or len(head.shape) > 2:
+                if not head.is_numeric or len(head.shape) > MOST_AXES:
                     continue
                 _check(path, name, head.shape, most)
                 found[name] = npy_values(file, head)
@@ -129,7 +130,7 @@ def _mat(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[s
     chosen = {name: np.squeeze(a) for name, a in found.items() if name in wanted}
     for name, a in chosen.items():
         _check(path, name, a.shape, most)
-    return {name: a for name, a in chosen.items() if a.ndim <= 2}, sorted(found)
+    return {name: a for name, a in chosen.items() if a.ndim <= MOST_AXES}, sorted(found)
 
 
 def _text(path: Path, wanted: Collection[str], most: int) -> tuple[Arrays, list[str]]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from model.arrays import Arrays, read_arrays
 from model.errors import BadInput, brief
+from model.map_names import NAMES
 
 Array = NDArray[np.float64]
 TURNS = {"d": 1.0, "q": -1j, "-d": -1.0, "-q": 1j}  # what brings the magnet's axis onto +d
@@ -23,15 +24,6 @@ MOST_POINTS = 20_000  # of a map: what a fit needs a gigabyte for
 SIZES = {"i": (1e-6, 1e6), "psi": (1e-9, 1e4)}  # A and Wb: of the largest current and flux of any machine
 REAL = "fiu"
 FALLS, OFF_AXIS = 0.05, 0.2  # see `check_physical`
-NAMES = {  # accepted spellings of each quantity, in order of preference
-    "i": ("i_s_dq",),
-    "psi": ("psi_s_dq",),
-    "i_d": ("i_d", "id", "id_map", "Id", "i_d_A"),
-    "i_q": ("i_q", "iq", "iq_map", "Iq", "i_q_A"),
-    "psi_d": ("psi_d_mean", "psi_d", "psid_map", "Fd", "Psi_d"),
-    "psi_q": ("psi_q_mean", "psi_q", "psiq_map", "Fq", "Psi_q"),
-    "torque": ("torque_mean", "torque", "tau", "T"),
-}
 
 
 @dataclass(frozen=True)

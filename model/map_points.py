@@ -8,6 +8,7 @@ turned by exp(j angle).  magnet = "q" is the same as an angle of -pi/2.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,14 +18,12 @@ from numpy.typing import NDArray
 
 from model.arrays import read_arrays
 from model.errors import BadInput, brief
-from model.fluxmap import MOST_POINTS, NAMES, SIZES, TURNS, FluxMap, check_axis
+from model.fluxmap import MOST_POINTS, SIZES, TURNS, FluxMap, check_axis
+from model.map_names import NAMES, OF_BOTH, Column, columns_of
 from model.parameters import finite
 
 Array = NDArray[np.float64]
-MORE_NAMES = {
-    "i_d": ("i_d_vec", "id_vec", "Id_vec", "ID"), "i_q": ("i_q_vec", "iq_vec", "Iq_vec", "IQ"),
-    "psi_d": ("Psi_d", "psi_d_map", "flux_d", "PSID"), "psi_q": ("Psi_q", "psi_q_map", "flux_q", "PSIQ"),
-}  # fmt: skip
+MOST_VALUES = 40 * MOST_POINTS  # of an array: a map may hold an angle of the rotor as a further axis
 FEWEST = 24  # points with a value
 
 
@@ -63,17 +62,28 @@ class MapPoints:
         return FluxMap(self.name, square[0].mean(axis=1), square[1].mean(axis=0), square[2], square[3])
 
 
-def read_points(path: Path, magnet: str = "d", angle: float = 0.0) -> MapPoints:
-    """Return the points of a .npz, .mat or .csv map that have a value, in the magnet's frame.
+def read_points(
+    path: Path, magnet: str = "d", angle: float = 0.0, stated: Mapping[str, str] | None = None
+) -> MapPoints:
+    """Return the points of a map (.npz, .mat, a text or a workbook) that have a value, in the magnet's frame.
 
     Axes are vectors or grids; where vectors of i_d and i_q fit the map only the other way round it is transposed.
-    BadInput for a missing quantity, other shapes, or fewer than FEWEST points with a value.
+    Currents may be an amplitude and how far it stands ahead of q, towards -d.  Over further values at one current (the
+    rotor's angle: rows, or a third axis) the mean is taken.  stated: names of arrays by quantity, as [flux_map] gives
+    them.  BadInput for a missing quantity, other shapes, or fewer than FEWEST points with a value.
     """
     check_axis(magnet)
-    names = {q: (*NAMES[q], *MORE_NAMES.get(q, ())) for q in NAMES}
-    data, known = read_arrays(path, {n for spelled in names.values() for n in spelled}, MOST_POINTS)
+    data, known = read_arrays(path, (), MOST_VALUES)
+    columns = columns_of(known, stated or {}, path.name)
+    data, _ = read_arrays(path, {c.name for group in columns.values() for c in group}, MOST_VALUES)
     notes: list[str] = []
-    i, psi = _vectors(data, names, path.name, known, notes)
+    i, psi = _vectors(data, columns, path.name, known, notes)
+    torque = _first(data, columns["torque"], "fiu")
+    torque = None if torque is None else _over_angles(torque)
+    told = torque.ravel().astype(float) if torque is not None and torque.size == i.size else None
+    i, psi, told = _once(i, psi, told, path.name, notes)
+    if i.size > MOST_POINTS:
+        raise BadInput(f"{path.name}: {i.size} points; at most {MOST_POINTS} are read, keep every second line")
     good = np.isfinite(i) & np.isfinite(psi)
     if np.count_nonzero(good) < FEWEST:
         raise BadInput(
@@ -90,8 +100,7 @@ def read_points(path: Path, magnet: str = "d", angle: float = 0.0) -> MapPoints:
             raise BadInput(
                 f"{path.name}: the largest of the {what} is {largest:.3g} {unit}, not in [{low:g}, {high:g}]"
             )
-    torque = _first(data, names["torque"], "fiu")
-    kept = torque.ravel()[good].astype(float) if torque is not None and torque.size == good.size else None
+    kept = None if told is None else told[good]
     turn = TURNS[magnet] * np.exp(1j * angle)
     i, psi = turn * i[good], turn * psi[good]
     return MapPoints(path.stem, i.real.copy(), i.imag.copy(), psi.real.copy(), psi.imag.copy(), tuple(notes), kept)
@@ -106,19 +115,25 @@ def check_angle(angle: object) -> float:
 
 
 def _vectors(
-    data: Any, names: dict[str, tuple[str, ...]], file: str, known: list[str], notes: list[str]
+    data: Any, columns: Mapping[str, list[Column]], file: str, known: list[str], notes: list[str]
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
     """Return currents and fluxes as complex numbers, flat."""
-    whole = {q: _first(data, names[q], "c") for q in ("i", "psi")}
+    whole = {q: _first(data, columns[q], "c") for q in ("i", "psi")}
     if whole["i"] is not None and whole["psi"] is not None and whole["i"].shape == whole["psi"].shape:
         return whole["i"].ravel().astype(complex), whole["psi"].ravel().astype(complex)
-    parts = {q: _first(data, names[q], "fiu") for q in ("i_d", "i_q", "psi_d", "psi_q")}
+    parts = {q: _first(data, columns[q], "fiu") for q in OF_BOTH}
+    if parts["i_d"] is None and parts["i_q"] is None:
+        parts |= _from_amplitude(data, columns, notes, file)
     for name, values in parts.items():
         if values is None:
             raise BadInput(
-                f"{file}: no '{name}' of numbers (or {', '.join(names[name])}); it holds {', '.join(known)[:80]}"
+                f"{file}: no '{name}' of numbers (or {', '.join(NAMES[name])}); it holds {', '.join(known)[:80]}: "
+                f'name it in [flux_map], {name} = "..."'
             )
-    d, q, psi_d, psi_q = (np.asarray(parts[n], dtype=float) for n in ("i_d", "i_q", "psi_d", "psi_q"))
+    d, q, psi_d, psi_q = (np.asarray(parts[n], dtype=float) for n in OF_BOTH)
+    if d.ndim < 3 and psi_d.ndim == psi_q.ndim == 3:
+        notes.append(f"{file}: fluxes over {psi_d.shape[2]} angles of the rotor; their mean is taken")
+        psi_d, psi_q = _over_angles(psi_d), _over_angles(psi_q)
     if psi_d.shape != psi_q.shape:
         raise BadInput(f"{file}: psi_d has shape {psi_d.shape}, psi_q {psi_q.shape}; they must be equal")
     if d.ndim == q.ndim == 1 and psi_d.ndim == 2:
@@ -159,8 +174,49 @@ def _grid(d: Array, q: Array, psi_d: Array, file: str, notes: list[str]) -> tupl
     return x, y
 
 
-def _first(data: Any, names: tuple[str, ...], kinds: str) -> Any:
-    for name in names:
-        if name in data and data[name].size > 1 and data[name].ndim <= 2 and data[name].dtype.kind in kinds:
-            return data[name]
+def _from_amplitude(data: Any, columns: Mapping[str, list[Column]], notes: list[str], file: str) -> dict[str, Array]:
+    """Return i_d, i_q of currents given by amplitude and angle (from q towards -d), nothing where they are not."""
+    size, ahead = _first(data, columns["current"], "fiu"), _first(data, columns["advance"], "fiu")
+    if size is None or ahead is None:
+        return {}
+    if float(np.nanmax(np.abs(ahead))) > math.tau:  # no unit said so
+        ahead = np.radians(ahead)
+    if size.ndim == ahead.ndim == 1 and size.size != ahead.size:
+        size, ahead = np.meshgrid(size, ahead, indexing="ij")
+    elif size.shape != ahead.shape:
+        return {}
+    notes.append(f"{file}: currents from amplitude and phase advance (0: on q, 90 degrees: on -d)")
+    return {"i_d": -size * np.sin(ahead), "i_q": size * np.cos(ahead)}
+
+
+def _over_angles(values: Array) -> Array:
+    """Return means over a third axis, the rotor's angle, where there is one."""
+    return np.asarray(np.mean(values, axis=2) if values.ndim == 3 else values)
+
+
+def _once(
+    i: NDArray[np.complex128], psi: NDArray[np.complex128], torque: Array | None, file: str, notes: list[str]
+) -> tuple[NDArray[np.complex128], NDArray[np.complex128], Array | None]:
+    """Return each current once, with the mean of what stands at it."""
+    scale = float(np.max(np.abs(i[np.isfinite(i)]), initial=0.0)) or 1.0
+    places = np.round(np.where(np.isfinite(i), i, 0.0) / scale, 7)
+    _, first, of, count = np.unique(places, return_index=True, return_inverse=True, return_counts=True)
+    if len(first) == len(i) or not np.all(np.isfinite(i)):
+        return i, psi, torque
+    notes.append(f"{file}: up to {int(count.max())} values at one current (angles of the rotor?); their mean is taken")
+
+    def mean(x: Array) -> Array:
+        return np.asarray(np.bincount(of.ravel(), x, len(first)) / count)
+
+    order = np.argsort(first)  # as in the file
+    both = mean(psi.real) + 1j * mean(psi.imag)
+    return i[first][order], both[order], None if torque is None else mean(torque)[order]
+
+
+def _first(data: Any, columns: Sequence[Column], kinds: str) -> Any:
+    """Return the first usable array among some, in SI units and peak values; None where there is none."""
+    for name, factor in columns:
+        found = data.get(name)
+        if found is not None and found.size > 1 and found.ndim <= 3 and found.dtype.kind in kinds:
+            return found if factor == 1.0 else found * factor
     return None

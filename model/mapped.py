@@ -30,6 +30,7 @@ from model.kernels.kept import read as read_kept
 from model.kernels.kept import write as write_kept
 from model.map_checks import TorqueLine, cell_notes, slope_notes, torque_line, torque_notes
 from model.map_fit import choose_for_points
+from model.map_names import STATED
 from model.map_points import check_angle, read_points
 from model.map_quality import Quality, quality
 from model.names import check_file
@@ -39,11 +40,25 @@ from model.spline import DEGREE, SplineEnergy, hessian
 if TYPE_CHECKING:
     from model.spline_energy import Choice
 
-KEYS = ("dataset", "file", "magnet", "angle", "cells", "smooth")
+KEYS = ("dataset", "file", "magnet", "angle", "cells", "smooth", *STATED)
 OF_MAP = ("inductance_d", "inductance_q", "magnet_flux", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 ALPHAS = OF_MAP[3:]
 NO_MAGNET = 1e-3  # of the map's lowest psi_d: without magnets, a flux at zero current that is negative by less is noise
-FITTED_BY = ("spline_energy", "spline", "fluxmap", "map_points", "map_fit", "map_checks", "arrays", "matfile")
+FITTED_BY = (
+    "spline_energy",
+    "spline",
+    "fluxmap",
+    "map_points",
+    "map_names",
+    "map_fit",
+    "map_checks",
+    "arrays",
+    "matfile",
+    "text_table",
+    "text_lines",
+    "units",
+    "workbook",
+)
 
 
 class MapFile(NamedTuple):
@@ -115,6 +130,9 @@ def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
             raise unknown(f"file of data set '{table['dataset']}'", file, names)
     check_axis(table.get("magnet", "d"))
     check_angle(table.get("angle", 0.0))
+    for key in STATED:
+        if not isinstance(table.get(key, ""), str):
+            raise BadInput(f"[flux_map] {key} = {brief(table[key])} is no name of an array; put it in quotes")
     _choice(table)
     return build(Motor, {**values, "inductance_d": 10.0, "inductance_q": 10.0, "magnet_flux": 1.0}, "motor")
 
@@ -123,7 +141,7 @@ def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Pa
     """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in` sees), whose file lies in
     `folder` or in a data set."""
     path = _path(table, folder)
-    found = _remembered(path, _frame(table), _choice(table))
+    found = _remembered(path, _reading(table), _choice(table))
     spline, magnet = found.spline, found.magnet
     magnet = 0.0 if -NO_MAGNET * abs(spline.low_d) < magnet < 0.0 else magnet
     more = {"inductance_d": 1.0 / spline.gamma_d, "inductance_q": 1.0 / spline.gamma_q, "magnet_flux": magnet}
@@ -139,9 +157,10 @@ def _path(table: Mapping[str, Any], folder: Path) -> Path:
     return (fetch(str(table["dataset"])) if "dataset" in table else folder) / str(table["file"])
 
 
-def _frame(table: Mapping[str, Any]) -> tuple[str, float]:
-    """Return the axis of a map's magnet and its angle (rad)."""
-    return table.get("magnet", "d"), check_angle(table.get("angle", 0.0))
+def _reading(table: Mapping[str, Any]) -> tuple[str, float, dict[str, str]]:
+    """Return the axis of a map's magnet, its angle (rad), and the arrays that the table names."""
+    named = {key: str(table[key]) for key in STATED if key in table}
+    return table.get("magnet", "d"), check_angle(table.get("angle", 0.0)), named
 
 
 def _choice(table: Mapping[str, Any]) -> Choice | None:
@@ -158,12 +177,12 @@ def _choice(table: Mapping[str, Any]) -> Choice | None:
     return (cells[0], cells[1]), smooth  # type: ignore[index]
 
 
-def _remembered(path: Path, frame: tuple[str, float], choice: Choice | None) -> FittedMap:
+def _remembered(path: Path, how: tuple[str, float, dict[str, str]], choice: Choice | None) -> FittedMap:
     """Return the fit of a map, from disk where it has been fitted before."""
     content = given_bytes(path, max(MOST_BYTES.values()), "give a flux map (.npz, .mat or .csv), nothing else in it")
     here = Path(__file__).parent
     code = b"".join((here / f"{name}.py").read_bytes() for name in FITTED_BY)
-    key = hashlib.sha256(code + content + repr((path.name, frame, choice)).encode()).hexdigest()[:24]
+    key = hashlib.sha256(code + content + repr((path.name, how, choice)).encode()).hexdigest()[:24]
     place = cache_home() / "maps" / f"{key}.kept"
     stored = read_kept(place)
     if stored is not None:
@@ -174,7 +193,7 @@ def _remembered(path: Path, frame: tuple[str, float], choice: Choice | None) -> 
         except Exception:  # whole, but not what is written below
             pass
         note_damage(place)
-    found = _fitted(path, frame, choice)
+    found = _fitted(path, how, choice)
     body = io.BytesIO()
     np.savez(
         body, cells=found.spline.cells, rest=np.array(found.spline[1:]), magnet=found.magnet, of=found.choice[0],
@@ -196,10 +215,10 @@ def _unpacked(stored: bytes) -> FittedMap:
         )
 
 
-def _fitted(path: Path, frame: tuple[str, float], given: Choice | None) -> FittedMap:
+def _fitted(path: Path, how: tuple[str, float, dict[str, str]], given: Choice | None) -> FittedMap:
     from model.spline_energy import centred, choose_for_map, fit
 
-    points = read_points(path, *frame)
+    points = read_points(path, *how)
     grid = points.grid()
     if grid is not None:
         check_physical(grid)
@@ -237,7 +256,7 @@ def _is_sound(found: FittedMap) -> bool:
 def map_quality(table: Mapping[str, Any], folder: Path) -> Quality:
     """Return how far the map of a [flux_map] table can be believed; folder: in which its file lies."""
     path = _path(table, folder)
-    return quality(read_points(path, *_frame(table)), _remembered(path, _frame(table), _choice(table)).choice)
+    return quality(read_points(path, *_reading(table)), _remembered(path, _reading(table), _choice(table)).choice)
 
 
 def without_map(motor: Motor) -> Motor:

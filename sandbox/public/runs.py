@@ -325,8 +325,7 @@ def simulate(
         from sandbox.drive.record import campaign_of
         from sandbox.recordings.writing import map_read, write_campaign
 
-        name = fitting(Path(record).name, "campaign")
-        campaign = campaign_of(drive, scene, result.runs[0].recording, name)
+        campaign = campaign_of(drive, scene, result.runs[0].recording, fitting(Path(record).name, "campaign"))
         write_campaign(record, campaign, map_read(drive.motor))
     return SimulationResult(result, gains, added)
 

@@ -240,3 +240,99 @@ def test_a_torque_that_contradicts_the_fluxes_is_told(tmp_path, currents, fluxes
 def test_published_maps_do_not_contradict_themselves(name):
     real_data()
     assert load_drive(name).motor.origin.notes == ()
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "i_d,i_q,psi_d,psi_q,torque",
+        "idVec,iqVec,fluxD,fluxQ,torque",  # MathWorks
+        "Id_Peak,Iq_Peak,Flux_Linkage_D,Flux_Linkage_Q,Electromagnetic_Torque",  # Motor-CAD
+        "d-axis current [A],q-axis current [A],d-axis flux linkage [Wb],q-axis flux linkage [Wb],Torque [N m]",  # JMAG
+        "Id,Iq,Phi_d,Phi_q,Tem_av",  # pyleecan
+        "Id,Iq,Fd,Fq,T",  # SyR-e
+        "Id (A),Iq (A),lambda_d (Wb),lambda_q (Wb),Te (Nm)",
+        "i_d_A,i_q_A,psi_d_mWb*,psi_q_mWb*,tau",  # *: in mWb
+        "Id [Arms]~,Iq [Arms]~,psi_d [mWb]*,psi_q [mWb]*,torque",  # ~: rms
+        "Id_rms~,Iq_rms~,flux_d,flux_q,torque",
+    ],
+)
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_names_and_units_of_other_programs(tmp_path, head, separator):
+    """One planted map under every name; what stands in mWb or A rms is converted."""
+    d, q, psi_d, psi_q = (x.ravel() for x in planted((7, 9)))
+    marks = head.split(",")
+    rows = [np.array(x) for x in (d, q, psi_d, psi_q, 6.0 * (psi_d * q - psi_q * d))]
+    scaled = [
+        x * (1e3 if m.endswith("*") else 2**-0.5 if m.endswith("~") else 1.0) for x, m in zip(rows, marks, strict=True)
+    ]
+    text = separator.join(m.rstrip("*~") for m in marks) + "\n"
+    for row in zip(*scaled, strict=True):
+        line = separator.join(f"{x:.10g}" for x in row)
+        text += (line.replace(".", ",") if separator == ";" else line) + "\n"
+    (tmp_path / "m.csv").write_text("# from a program\n" + text)
+    p = read_points(tmp_path / "m.csv")
+    for found, wanted in zip((p.i_d, p.i_q, p.psi_d, p.psi_q), (d, q, psi_d, psi_q), strict=True):
+        np.testing.assert_allclose(found, wanted, atol=1e-8)
+    assert torque_notes(torque_line(p), 4, "m.csv") == []
+
+
+def test_currents_by_amplitude_and_phase_advance(tmp_path):
+    """Motor-CAD and JMAG: the current's angle ahead of q, towards -d, in degrees."""
+    size, ahead = np.meshgrid(np.linspace(0.5, 12.0, 8), np.linspace(-80.0, 80.0, 9), indexing="ij")
+    d, q = -size * np.sin(np.radians(ahead)), size * np.cos(np.radians(ahead))
+    psi_d, psi_q = machine(d, q)
+    rows = np.stack([size, ahead, psi_d, psi_q], axis=-1).reshape(-1, 4)
+    head = "Stator_Current_Phase_Peak,Phase_Advance,Flux_Linkage_D,Flux_Linkage_Q"
+    np.savetxt(tmp_path / "m.csv", rows, delimiter=",", header=head, comments="")
+    p = read_points(tmp_path / "m.csv")
+    np.testing.assert_allclose(p.psi_d, machine(p.i_d, p.i_q)[0], atol=1e-9)
+    assert float(p.i_d.min()) == pytest.approx(-12.0 * math.sin(math.radians(80.0)))
+    assert "phase advance" in p.notes[0]
+
+
+def test_an_axis_of_the_rotor_s_angle_is_averaged(tmp_path):
+    """Planted: a sixth harmonic over a whole period of six angles, whose mean is the map."""
+    d, q, psi_d, psi_q = planted((7, 9))
+    ripple = 1e-3 * np.cos(np.arange(6) * math.tau / 6)
+    deep = psi_d[..., None] + ripple, psi_q[..., None] - ripple
+    np.savez(tmp_path / "m.npz", i_d=d[:, 0], i_q=q[0], psi_d=deep[0], psi_q=deep[1])
+    rows = np.stack(
+        [np.repeat(d.ravel(), 6), np.repeat(q.ravel(), 6), np.tile(np.arange(6.0), d.size), *(x.ravel() for x in deep)],
+        axis=1,
+    )
+    np.savetxt(tmp_path / "m.csv", rows, delimiter=",", header="id,iq,theta,psi_d,psi_q", comments="")
+    for file in ("m.npz", "m.csv"):
+        p = read_points(tmp_path / file)
+        assert len(p.i_d) == d.size
+        np.testing.assert_allclose(p.psi_d, machine(p.i_d, p.i_q)[0], atol=1e-9)
+        assert "mean is taken" in p.notes[0]
+
+
+def test_the_motor_s_file_may_name_the_columns(tmp_path):
+    d, q, psi_d, psi_q = (x.ravel() for x in planted((9, 11)))
+    rows = np.stack([d, q, psi_d, psi_q], axis=1)
+    np.savetxt(tmp_path / "m.csv", rows, delimiter=",", header="a,b,c,e", comments="")
+    table = {"i_d": "a", "i_q": "b", "psi_d": "c", "psi_q": "e"}
+    np.testing.assert_allclose(read_points(tmp_path / "m.csv", stated=table).psi_q, psi_q, atol=1e-12)
+    with pytest.raises(BadInput, match=r"no .i_d. of numbers .* it holds a, b, c, e: name it in \[flux_map\]"):
+        read_points(tmp_path / "m.csv")
+    with pytest.raises(BadInput, match=r"\[flux_map\] i_d: unknown array of m.csv 'aa'"):
+        read_points(tmp_path / "m.csv", stated={**table, "i_d": "aa"})
+    named = "".join(f'{k} = "{v}"\n' for k, v in table.items())
+    (tmp_path / "mine.toml").write_text(TOML.replace("FILE", "m.csv") + named)
+    assert load_drive(tmp_path / "mine.toml").motor.magnet_flux == pytest.approx(0.1, abs=1e-3)
+    (tmp_path / "mine.toml").write_text(TOML.replace("FILE", "m.csv") + "i_d = 5\n")
+    with pytest.raises(BadInput, match=r"\[flux_map\] i_d = 5 is no name"):
+        load_drive(tmp_path / "mine.toml")
+
+
+def test_a_workbook_is_read_as_a_text(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["Id [A]", "Iq [A]", "fluxD [mWb]", "fluxQ [mWb]"])
+    d, q, psi_d, psi_q = (x.ravel() for x in planted((7, 9)))
+    for row in zip(d, q, 1e3 * psi_d, 1e3 * psi_q, strict=True):
+        book.active.append([float(x) for x in row])
+    book.save(tmp_path / "m.xlsx")
+    np.testing.assert_allclose(read_points(tmp_path / "m.xlsx").psi_d, psi_d, atol=1e-9)

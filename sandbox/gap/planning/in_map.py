@@ -2,17 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from model.energy import SOLVED, AnyEnergy, flux_newton
 from model.spline import SplineEnergy, currents
-
-if TYPE_CHECKING:
-    from sandbox.gap.planning.menu import Entry
 
 Array = NDArray[np.float64]
 PLACES = 101  # along an edge of the map
@@ -20,22 +14,20 @@ INSIDE = 0.02  # of the map's flux on each axis: as near to its edge a current i
 HALVINGS = 30
 
 
-def held(entry: Entry, energy: AnyEnergy, swing: tuple[float, float]) -> Entry:
-    """Return an experiment with i_d and i_q cut to a motor's flux map; a motor without one has it as it is.
+def held(i_d: Array, i_q: Array, energy: AnyEnergy, swing: tuple[float, float]) -> tuple[Array, Array]:
+    """Return currents (n,) in A cut to a motor's flux map, as they are where it has none.
 
     swing: Wb on d and q that an injection adds to both sides.
     """
     if not isinstance(energy, SplineEnergy):
-        return entry
+        return i_d, i_q
     low, high = _range(energy.low_d, energy.cells.shape[0] / energy.per_d, abs(swing[0]))
     low_q, high_q = _range(energy.low_q, energy.cells.shape[1] / energy.per_q, abs(swing[1]))
     along_d, along_q = np.linspace(low, high, PLACES), np.linspace(low_q, high_q, PLACES)
-    i_d, i_q = entry.i_d, entry.i_q
     for _ in range(2):  # the edge of each axis depends a little on the other's current
         i_q = _between(i_q, i_d, _edge(energy, along_d, low_q), _edge(energy, along_d, high_q))
         i_d = _between(i_d, i_q, *(_edge(energy, x, along_q)[::-1] for x in (low, high)))
-    same = np.array_equal(i_d, entry.i_d) and np.array_equal(i_q, entry.i_q)
-    return entry if same else replace(entry, i_d=i_d, i_q=i_q)
+    return i_d, i_q
 
 
 def furthest_d(energy: AnyEnergy, wanted: float) -> float:

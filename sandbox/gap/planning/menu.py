@@ -102,8 +102,14 @@ def menu(drive: Drive, seconds: float | None = None) -> list[Entry]:
         Entry("free_swing", "free rotor, torque reversed faster and faster", "free", zero, swing, zero),
     ]  # fmt: skip
     scaled = (replace(e, i_d=rate * e.i_d, i_q=rate * e.i_q, seconds=seconds) for e in out)
-    flux = HALF_WAVE * period
-    return [held(e, drive.motor.energy, (flux * e.injection[0], flux * e.injection[1])) for e in scaled]
+    return [_in_map(e, drive) for e in scaled]
+
+
+def _in_map(entry: Entry, drive: Drive) -> Entry:
+    """Return an entry with its currents cut to a motor's flux map, its injection's swing beside them."""
+    half = HALF_WAVE * drive.converter.sampling_period
+    i_d, i_q = held(entry.i_d, entry.i_q, drive.motor.energy, (half * entry.injection[0], half * entry.injection[1]))
+    return replace(entry, i_d=i_d, i_q=i_q)
 
 
 def settings(entry: Entry, drive: Drive) -> str:
