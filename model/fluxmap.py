@@ -21,6 +21,7 @@ from model.map_names import NAMES
 Array = NDArray[np.float64]
 TURNS = {"d": 1.0, "q": -1j, "-d": -1.0, "-q": 1j}  # what brings the magnet's axis onto +d
 MOST_POINTS = 20_000  # of a map: what a fit needs a gigabyte for
+MOST_VALUES = 40 * MOST_POINTS  # of an array: a map may hold an angle of the rotor as a further axis
 SIZES = {"i": (1e-6, 1e6), "psi": (1e-9, 1e4)}  # A and Wb: of the largest current and flux of any machine
 REAL = "fiu"
 FALLS, OFF_AXIS = 0.05, 0.2  # see `check_physical`
@@ -79,7 +80,7 @@ def read_map(path: str | Path, magnet: str = "d") -> FluxMap:
     """
     path = Path(path)
     check_axis(magnet)
-    data, names = read_arrays(path, {n for known in NAMES.values() for n in known}, MOST_POINTS)
+    data, names = read_arrays(path, {n for known in NAMES.values() for n in known}, MOST_VALUES)
     i, psi = _complex(data, "i", path, names), _complex(data, "psi", path, names)
     torque = _first(data, "torque", REAL)
     _check_size(path.name, "currents", i, SIZES["i"], "A")

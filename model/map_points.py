@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 
 from model.arrays import read_arrays
 from model.errors import BadInput, brief
-from model.fluxmap import MOST_POINTS, SIZES, TURNS, FluxMap, check_axis
+from model.fluxmap import MOST_POINTS, MOST_VALUES, SIZES, TURNS, FluxMap, check_axis
 from model.map_names import NAMES, OF_BOTH, Column, columns_of
 from model.parameters import finite
 
 Array = NDArray[np.float64]
-MOST_VALUES = 40 * MOST_POINTS  # of an array: a map may hold an angle of the rotor as a further axis
 FEWEST = 24  # points with a value
 
 
