@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from tests.fuzz.commands import call, call_number, left_behind, make_home
-from tests.fuzz.doors import STOPPED, Outcome, damaged, limit_memory, listing, tried
+from tests.fuzz.doors import WAITED, Outcome, damaged, limit_memory, listing, tried
 from tests.fuzz.mutations import CALLS
 from tests.fuzz.whole import COSTLY, DOORS
 
@@ -29,7 +29,7 @@ FINDINGS = Path(__file__).resolve().parents[1] / "tests" / "fuzz" / "findings"
 SMALLER = 15.0  # s spent on making an escape smaller
 LARGEST = 4000  # bytes of a finding that is kept
 EVERY = 100  # inputs after which the state is written
-SILENT = 2.0 * STOPPED + SMALLER  # s without a word from a child after which it is killed
+SILENT = WAITED + 60.0 + SMALLER  # s without a word from a child after which it is killed
 
 
 def smaller(escapes: Any, content: bytes) -> bytes:

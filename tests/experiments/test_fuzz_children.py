@@ -38,7 +38,7 @@ def hungry(count):
     [(crash, (2, 1), "exit code -9"), (hang, (1, 1), "heard no alarm"), (hungry, (1, 0), "")],
 )
 def test_what_becomes_of_a_child(work, kinds, why):
-    found = in_child(work, Count({"next": 10}), silent=3.0)
+    found = in_child(work, Count({"next": 10}), silent=10.0)
     assert (found.kinds["refused"], found.kinds["escaped"]) == kinds
     assert found.next == 10 + sum(kinds)
     assert [e["number"] for e in found.escapes.values()] == ([10 + kinds[0]] if why else [])

@@ -23,7 +23,8 @@ from typing import Any
 from model.errors import LONGEST_SENTENCE, BadInput, PhysicsError
 
 LONGEST = 10.0  # processor s an input may take
-STOPPED = 60.0  # s by the clock after which it is stopped: a loaded machine takes longer
+STOPPED = 60.0  # processor s after which it is stopped
+WAITED = 600.0  # s by the clock after which one is stopped that waits for something; a loaded machine takes its time
 MEMORY = 2_000_000_000  # bytes beyond what the libraries have mapped
 
 
@@ -52,20 +53,23 @@ class Stopped(BaseException):
 
 
 @contextlib.contextmanager
-def alarm(seconds: float) -> Iterator[None]:
-    """Stop what runs longer (on the main thread, as soon as Python code runs there)."""
+def alarm() -> Iterator[None]:
+    """Stop what takes longer than STOPPED and WAITED (on the main thread, as soon as Python code runs there)."""
 
     def ring(*_: Any) -> None:
         """Raise Stopped."""
         raise Stopped
 
-    before = signal.signal(signal.SIGALRM, ring)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    timers = ((signal.ITIMER_PROF, signal.SIGPROF, STOPPED), (signal.ITIMER_REAL, signal.SIGALRM, WAITED))
+    before = [signal.signal(own, ring) for _, own, _ in timers]
+    for timer, _, seconds in timers:
+        signal.setitimer(timer, seconds)
     try:
         yield
     finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
+        for (timer, own, _), handler in zip(timers, before, strict=True):
+            signal.setitimer(timer, 0.0)
+            signal.signal(own, handler)
 
 
 def limit_memory() -> None:
@@ -81,13 +85,13 @@ def judged(work: Callable[[], Any]) -> Outcome:
     """Run a call; return whether its input was let in, refused in one sentence, or escaped."""
     begun, kind, why = time.process_time(), "accepted", ""
     try:
-        with alarm(STOPPED), warnings.catch_warnings():
+        with alarm(), warnings.catch_warnings():
             warnings.filterwarnings("error", category=RuntimeWarning, module="model|sandbox|estimators")  # more lines
             work()
     except (BadInput, PhysicsError) as error:
         kind, why = "refused", wrong_sentence(str(error))
     except Stopped:
-        kind, why = "escaped", f"did not end in {STOPPED:g} s"
+        kind, why = "escaped", f"did not end in {STOPPED:g} s of the processor or {WAITED:g} s by the clock"
     except Exception as error:
         place = traceback.extract_tb(error.__traceback__)
         own = [f for f in place if "site-packages" not in f.filename and "/lib/python" not in f.filename] or list(place)
