@@ -24,7 +24,7 @@ class Truth:
     seed: int
     index: int
     drive: str
-    causes: list[dict[str, Any]] = field(default_factory=list)  # name, form, size, parameters, note
+    causes: list[dict[str, Any]] = field(default_factory=list)  # name, form, size, parameters, with_background, note
     outside: list[dict[str, Any]] = field(default_factory=list)
     deviations: dict[str, float] = field(default_factory=dict)
     background: dict[str, Any] = field(default_factory=dict)
@@ -84,9 +84,24 @@ def _put(d: Design, truth: Truth, name: str, ladder: tuple[float, ...], rng: np.
     if d.map is not None and name in ("saturation", "cross_saturation"):
         own = True
     parameters, note = effects.LIBRARY[name](d, size, own, rng)
-    truth.causes.append(
-        {"name": str(name), "form": "own" if own else "library", "size": size, "parameters": parameters, "note": note}
-    )
+    form = "own" if own else "library"
+    cause = {"name": str(name), "form": form, "size": size, "parameters": parameters, "note": note}
+    truth.causes.append(cause | {"with_background": _with_background(d, name, parameters)})
+
+
+def _with_background(d: Design, name: str, parameters: dict[str, float]) -> dict[str, float]:
+    """The same parameters where the bench's ordinary deviation adds to them: what a reading of the whole would give."""
+    gain, offset = d.sens["gain"], d.sens["offset"]
+    whole = {
+        "gain_a": gain[0] / gain[2],
+        "gain_b": gain[1] / gain[2],
+        "offset_a": offset[0],
+        "offset_b": offset[1],
+        "offset": d.sens["angle_offset"],
+    }
+    if name == "dead_time":
+        whole["time"] = d.inv["dead_time_ideal"] + d.inv["dead_time"]
+    return {k: float(whole.get(k, v)) for k, v in parameters.items()}
 
 
 def _normal(rng: np.random.Generator, sigma: float) -> float:

@@ -54,6 +54,16 @@ def test_the_draw_depends_on_seed_and_index_only():
     assert draw.draw("many", 6, 0)[0] != first[0]
 
 
+def test_parameters_with_the_ordinary_deviation():
+    """An offset of the encoder is the cause's and the background's together."""
+    order = draw.generator(3, "one", 0, "order").permutation(len(effects.LIBRARY))
+    index = [list(effects.LIBRARY)[k] for k in order].index("encoder_offset")
+    truth, d = draw.draw("one", 3, index)
+    whole = truth.causes[0]["with_background"]["offset"]
+    assert whole == d.sens["angle_offset"]
+    assert whole == pytest.approx(truth.causes[0]["parameters"]["offset"] + truth.background["encoder_offset"])
+
+
 def test_deviations_stay_within_what_is_stated():
     """Normal draws held at 2.5 deviations; over 40 benches their spread is near 0.98 sigma, +- 30 %."""
     values = []
