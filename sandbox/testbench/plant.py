@@ -176,7 +176,7 @@ def slopes(t, y, dy, legs, mag, loss, inv, mech, sens, world, memory):
         v = leg_voltage(inv, legs[0, x], legs[1, x], i, link, y[8 + x])
         drawn += v * i
         r = loss.phases[x] * hot
-        if x == 0:
+        if x == 0 and loss.contact[0] > 0.0:  # a bench without hot contact has no y[29]
             r += loss.contact[0] * (1.0 + loss.contact[1] * y[29])
         if legs[0, x] == FLOATING and legs[1, x] == 0:
             dy[8 + x] = -i / inv.capacitance

@@ -257,6 +257,19 @@ def test_bristle_ends_at_the_stribeck_curve():
     assert plant.friction(mech, 1.5, memory[0]) == pytest.approx(g + 1.5 * d.true["viscous_friction"], rel=1e-12)
 
 
+def test_a_bench_without_extras_reads_no_state_that_it_lacks():
+    """The short state is a view whose next element is not a number: read beyond its end and all currents are lost."""
+    d, parts = _parts()
+    backing = np.full(plant.STATES, np.nan)
+    y = backing[: plant.FEW]
+    y[:] = _start(d)[: plant.FEW]
+    legs = np.array([[HIGH, LOW, FLOATING], [0, 0, -1]])
+    out = np.zeros(plant.FEW)
+    world = World(LOCKED, 0.0, 0.0, 0.0, 0.0, STILL)
+    plant.slopes(0.0, y, out, legs, *parts, world, np.zeros(3))
+    assert np.all(np.isfinite(out))
+
+
 def test_neutral_parts_are_tuples():
     """What the compiler sees must not change its type with the draw: else it compiles anew for each campaign."""
     assert fixed(np.zeros((2, 2))) == ((0.0, 0.0), (0.0, 0.0))
