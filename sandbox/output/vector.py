@@ -10,7 +10,7 @@ from sandbox.output.plots import page, plain_ticks, svg_text
 if TYPE_CHECKING:
     from sandbox.output.plots import Axes, Figure
 
-PHONE = 4.6  # inches: a phone's width at a legible size
+PHONE = 3.75  # inches: 360 pixels, so that letters of nine points keep their size on a phone
 SERIES = ("#de6210", "#2e86de", "#7f7f7f")  # before, after, recorded; as in the trace
 THIN = 0.7  # points: a line's width
 TOP, WIDER = 1.1, 1.5  # points: that of the topmost of lines that may lie on each other, what each below has more

@@ -150,10 +150,14 @@ class ToleranceResult(Result):
     def for_page(self) -> Known:
         """Return table and drawing as the page of a comparison shows them."""
         from sandbox.evaluation.pages.compare_page import Known
-        from sandbox.output.plots import svg_text
+        from sandbox.output.plots import page, svg_text
+        from sandbox.output.vector import PHONE
         from sandbox.sweep.tolerances import lines
 
-        return Known(*lines(self.rows), svg_text(self.plot(), f"tolerances{self.motor}{self.scenario}"))
+        names = {row.estimator for row in self.rows}
+        figure, panels = page((PHONE, 2.6 * len(names)), len(names), 1, sharey=True)
+        self.plot(ax=panels)
+        return Known(*lines(self.rows), svg_text(figure, f"tolerances{self.motor}{self.scenario}"))
 
 
 @told
