@@ -6,7 +6,6 @@ import ast
 import re
 import subprocess
 import sys
-from collections import Counter
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -64,12 +63,6 @@ def test_no_imports_in_a_circle():
     assert circle(graph) == []
     low, high = ROOT / "model" / "quartic.py", ROOT / "sandbox" / "drive" / "loop.py"
     assert {low, high} <= set(circle({**graph, low: {high}}))
-
-
-def test_no_two_files_of_one_name():
-    files = [*SOURCES, *(ROOT / "experiments").glob("*.py")]
-    found = Counter(path.stem for path in files if path.stem not in ("__init__", "__main__"))
-    assert not [name for name, times in found.items() if times > 1]
 
 
 def test_rooms_stay_small():

@@ -13,7 +13,7 @@ from model.errors import BadInput
 from sandbox.withheld.scoring.metrics import by_subsystem
 from sandbox.withheld.scoring.rows import read_rows, write_rows
 from sandbox.withheld.scoring.tables_of_rows import by_method
-from tests.sandbox.withheld.test_withheld_rows import twelve
+from tests.sandbox.withheld.known import twelve
 
 SEALED = {"kind": "mixed", "seed": 3, "style": "scored", "sizes": "published"}
 

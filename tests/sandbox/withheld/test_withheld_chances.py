@@ -15,7 +15,7 @@ from sandbox.withheld.scoring.chances import (
     of_many,
 )
 from sandbox.withheld.scoring.judge import judge
-from tests.sandbox.withheld.test_withheld_score import diagnosis_of, truth_of
+from tests.sandbox.withheld.known import diagnosis_of, truth_of
 
 FOUR = ("dead_time", "device_drop", "inertia", "iron_loss")
 

@@ -16,7 +16,7 @@ from sandbox.withheld.making.draw import draw
 from sandbox.withheld.making.make import campaign_of
 from sandbox.withheld.making.outside_causes import OUTSIDE
 from sandbox.withheld.scoring.recommended import cycle_of, drawn_again, entry_of, grow, recommended
-from tests.sandbox.withheld.test_withheld_make import true_set
+from tests.sandbox.withheld.known import true_set
 
 DRAWN = draw(Case(0, "one", "ipm_exchanged", "scored", ("dead_time",), (1.0,)), 11)
 NAMES = [e.name for e in menu(DRAWN.true)]

@@ -27,29 +27,11 @@ from sandbox.withheld.making.drives import DRAWN, FAMILIES, VALID_TO, draw_bench
 from sandbox.withheld.making.ladder import LADDER
 from sandbox.withheld.making.make import campaign_of, make
 from sandbox.withheld.making.outside_causes import EVERY, OUTSIDE
+from tests.sandbox.withheld.known import true_set
 
 FILES = {"locked_d", "locked_q_inject_d", "locked_q_inject_q", "locked_steps", "locked_low_current", "run_slow"}
 FILES |= {"run_fast", "reversal", "coast_down", "driven_grid", "driven_grid_slow", "driven_idle"}
-ALPHAS = [f"alpha_{n}" for n in ("30", "12", "40", "22", "04")]
 SHORT = 0.3  # of the usual length
-
-
-def true_set(drawn, campaign):
-    """Return the truth as a replay of the campaign takes it: true motor, plant, and every ordinary deviation."""
-    true, stated, own = drawn.true.motor, drawn.stated, drawn.as_json()["bench"]
-    values = dict(drawn.plant)
-    values |= {"stator_resistance.resistance": true.resistance, "magnet_flux.magnet_flux": true.magnet_flux}
-    values |= {"inertia.inertia": true.inertia, "viscous_friction.coefficient": true.viscous_friction}
-    values |= {f"saturation.{a}": getattr(true, a) for a in ALPHAS}
-    values |= {
-        f"inductance.scale_{x}": getattr(true, f"inductance_{x}") / getattr(stated, f"inductance_{x}") for x in "dq"
-    }
-    values |= {f"bench.{k}": own[k] for k in ("common_offset", "load_torque_offset", "soft_current")}
-    locked = [r.theta for r in campaign.recordings if r.rotor == "locked"]
-    read = float(np.mean(locked[0])) if locked else drawn.theta
-    wobble = drawn.plant.get("encoder_eccentricity.amplitude_mech", 0.0) * true.pole_pairs
-    wobble *= math.sin(drawn.theta / true.pole_pairs + drawn.plant.get("encoder_eccentricity.phase", 0.0))
-    return values | {"bench.lock_angle": drawn.theta + drawn.plant["encoder_offset.offset"] + wobble - read}
 
 
 def misses(drawn, share=SHORT):

@@ -11,7 +11,7 @@ from sandbox.gap.search.subsets import possible
 from sandbox.withheld.baselines import screening, stepwise
 from sandbox.withheld.baselines.screening import Columns, Promise, barred, lesser, screened, staying
 from sandbox.withheld.baselines.stepwise import Visited, Walk, walked
-from tests.sandbox.withheld.test_withheld_stronger import NOWHERE, Place, nothing
+from tests.sandbox.withheld.places import NOWHERE, Place, nothing
 
 PART, WHOLE, OTHER = "cross_saturation", "saturation", "dead_time"
 

@@ -27,7 +27,7 @@ from sandbox.withheld.making.drives import FAMILIES, MOST_OFF, SHAPES, draw_benc
 from sandbox.withheld.making.ladder import LADDER, plant
 from sandbox.withheld.making.make import campaign_of, switched
 from sandbox.withheld.making.published import core_loss, multiple, planted, resonance, table
-from tests.sandbox.withheld.test_withheld_make import true_set
+from tests.sandbox.withheld.known import true_set
 
 ROOT = Path(__file__).parents[3]
 

@@ -15,7 +15,6 @@ from sandbox.withheld.scoring.rows import (
     BLIND,
     DIGITS,
     LEFT_OUT,
-    RESOLVED,
     check_seal,
     codes,
     one_code,
@@ -24,38 +23,13 @@ from sandbox.withheld.scoring.rows import (
     write_rows,
 )
 from sandbox.withheld.scoring.tables_of_rows import by_method, content_of, scored
-from tests.sandbox.withheld.test_withheld_score import Oracle, check, diagnosis_of, truth_of  # noqa: F401 (a fixture)
+from tests.sandbox.withheld.known import Oracle, diagnosis_of, truth_of, twelve
 
 
 @pytest.fixture(autouse=True)
 def here(monkeypatch):
     """Diagnose in this process, where a test's own functions are."""
     monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost, cluster: map(task, work))
-
-
-def twelve():
-    """Return rows of twelve campaigns: right, wrong, failed, ambiguous, none, outside, several, in all three parts."""
-    pair = [["dead_time"], ["device_drop"]]
-    asks = {"next_recording": {"entry": "free_coast", "seconds": 1.0, "power": 0.925, "gain": 3.0, "description": "x"}}
-    ambiguous = diagnosis_of((["dead_time"], 0.6), (["device_drop"], 0.4), verdict="ambiguous", members=pair) | asks
-    none = diagnosis_of(([], 1.0 - 1e-4), (["inertia"], 1e-4), verdict="no_gap", shrunk=None, before=1.0)
-    unknown = diagnosis_of((["unknown"], 0.97), (["iron_loss", "unknown"], 0.02), (["iron_loss"], 0.01))
-    both = diagnosis_of((["dead_time", "inertia"], 0.8), (["inertia"], 0.2), shrunk=1.0 / 3.0)
-    right = diagnosis_of((["dead_time"], 0.123456789), (["device_drop"], 1e-7 / 3.0))
-    wrong = diagnosis_of((["iron_loss"], 0.97), (["dead_time"], 0.03), subsystem="machine")
-    outside, several = truth_of(("unknown",), "outside", (1.0,), {}), truth_of(("dead_time", "inertia"), "several")
-    nothing, small = truth_of((), "none", (), {}), truth_of(sizes=(0.2500001,))
-    cases = [
-        (truth_of(), right), (truth_of(), wrong), (truth_of(), {"failed": "no memory"}), (truth_of(), ambiguous),
-        (nothing, none), (nothing, none), (nothing, wrong), (outside, unknown), (outside, right), (several, both),
-        (several, right), (small, none),
-    ]  # fmt: skip
-    by = {"code": "abc", "made": "2026-01-01T00:00:00+00:00", "cpu_seconds": 1.5}
-    named = [(f"w{k:03d}", t, {**d, **by}) for k, (t, d) in enumerate(cases)]
-    out = [row("diagnosis", BLIND, *n) for n in named]
-    out.append(row("diagnosis", LEFT_OUT, "w000", truth_of(), {**unknown, "code": "abc"}))
-    out.append(row("diagnosis", RESOLVED, "w003", truth_of(), {**right, "code": "abc"}))
-    return out
 
 
 def test_figures_of_a_file_are_those_of_the_run(tmp_path):
@@ -79,7 +53,7 @@ def test_figures_of_a_file_are_those_of_the_run(tmp_path):
     assert (content["cpu_seconds"]["value"], content["cpu_seconds"]["n"]) == (1.5, 11)  # w002 failed
 
 
-def test_score_says_what_its_rows_say(check, tmp_path):  # noqa: F811
+def test_score_says_what_its_rows_say(check, tmp_path):
     """One path: the figures of `score` are those of the rows that it returns, read back from their file."""
     result = score(check, Oracle(), leave_out=1.0)
     rows = read_rows(write_rows(tmp_path / "rows.jsonl", result.rows))

@@ -17,7 +17,7 @@ from sandbox.withheld.making.make import campaign_of, make
 from sandbox.withheld.scoring import running
 from sandbox.withheld.scoring.blind import score
 from sandbox.withheld.scoring.running import code_digest
-from tests.sandbox.withheld.test_withheld_score import diagnosis_of
+from tests.sandbox.withheld.known import diagnosis_of
 
 PAIR = diagnosis_of((["dead_time"], 0.6), (["device_drop"], 0.4), members=[["dead_time"], ["device_drop"]])
 AMBIGUOUS = {

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import math
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,30 +16,13 @@ from sandbox.withheld.scoring.judge import alike, chances, closed, covered, f1, 
 from sandbox.withheld.scoring.limits import area, auroc, mean, mean_share, quantile, ratio, share
 from sandbox.withheld.scoring.metrics import by_subsystem, confusion, figures, left_out
 from sandbox.withheld.scoring.tables_of_rows import table
+from tests.sandbox.withheld.known import Oracle, diagnosis_of, truth_of
 
 
 @pytest.fixture(autouse=True)
 def here(monkeypatch):
     """Diagnose in this process, where a test's own functions are."""
     monkeypatch.setattr(running, "spread", lambda task, work, jobs, lost, cluster: map(task, work))
-
-
-def truth_of(effects=("dead_time",), kind="one", sizes=(1.0,), parameters=None):
-    """Return one entry of a seal."""
-    values = {"dead_time.time": 2e-6} if parameters is None else parameters
-    return {"effects": list(effects), "kind": kind, "family": "ipm", "sizes": list(sizes), "parameters": values}
-
-
-def diagnosis_of(*hypotheses, verdict="explained", members=None, subsystem="inverter", before=3.0, shrunk=0.9):
-    """Return a diagnosis of (effects, probability) pairs, its parameters around the truth."""
-    time = {"dead_time.time": {"value": 2e-6, "ci95": [1.9e-6, 2.1e-6], "unit": "s"}}
-    return {
-        "verdict": verdict, "gap": {"before": before, "after": 1.0, "closed": shrunk},
-        "where": [{"subsystem": subsystem, "share": 1.0}],
-        "hypotheses": [{"effects": list(e), "probability": p, "parameters": time} for e, p in hypotheses],
-        "ambiguity_set": [list(e) for e, _ in hypotheses[:1]] if members is None else members,
-        "cost": {"simulations": 100, "seconds": 2.0},
-    }  # fmt: skip
 
 
 def test_a_right_diagnosis():
@@ -311,43 +293,6 @@ def test_area_under_the_roc():
 
 def test_spread_on_processes_does_all_once():
     assert sorted(spread(abs, [-3, 1, -2], 2)) == [1, 2, 3] == sorted(spread(abs, [-3, 1, -2], 1))
-
-
-@pytest.fixture
-def check(tmp_path):
-    """A sealed check of five campaigns without recordings; a fake diagnosis needs their names only."""
-    import hashlib
-
-    truths = {
-        "w000": truth_of(), "w001": truth_of((), "none", (), {}), "w002": truth_of(("unknown",), "outside", (1.0,), {}),
-        "w003": truth_of(("dead_time", "inertia"), "several", (1.0, 1.0), {}), "w004": truth_of(sizes=(0.25,)),
-    }  # fmt: skip
-    data = json.dumps({"campaigns": truths}).encode()
-    (tmp_path / "truth.sealed").write_bytes(data)
-    (tmp_path / "SHA256").write_text(f"{hashlib.sha256(data).hexdigest()}  truth.sealed\n")
-    for name in truths:
-        (tmp_path / "campaigns" / name).mkdir(parents=True)
-    return tmp_path
-
-
-class Oracle:
-    """A diagnosis that knows the answers of `check`; counts its calls, fails on one campaign while told to."""
-
-    def __init__(self, failing=None):
-        self.calls, self.failing = [], failing
-
-    def __call__(self, folder, exclude):
-        self.calls.append((folder.name, exclude))
-        if folder.name == self.failing:
-            raise RuntimeError("no memory")
-        none, unknown = (
-            diagnosis_of(([], 1.0), verdict="no_gap", shrunk=None, before=1.0),
-            diagnosis_of((["unknown"], 1.0)),
-        )
-        answers = {"w001": none, "w002": unknown, "w004": none}
-        answers["w003"] = diagnosis_of((["dead_time", "inertia"], 0.8), (["inertia"], 0.2))
-        found = answers.get(folder.name, diagnosis_of((["dead_time"], 0.9), ([], 0.1)))
-        return SimpleNamespace(json=unknown if exclude else found)
 
 
 def test_score_counts_what_is_known(check, tmp_path):

@@ -1,36 +1,21 @@
 """Stepwise selection on a table of criteria; the Gaussian process against closed forms."""
 
 import math
-from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.probes import Probe
 from sandbox.withheld.baselines import discrepancy_process as gp
 from sandbox.withheld.baselines import stepwise
 from sandbox.withheld.baselines.screening import Promise
 from sandbox.withheld.baselines.stepwise import Visited, Walk, ranked, walked
+from tests.sandbox.withheld.places import NOWHERE, Place, nothing
 
-NOWHERE = SimpleNamespace(campaign=SimpleNamespace(drive=SimpleNamespace(motor=None)))
 TABLE = {"": 100.0, "a": 50.0, "b": 60.0, "c": 70.0, "ab": 40.0, "ac": 45.0, "bc": 20.0, "abc": 30.0}
-
-
-@dataclass(frozen=True)
-class Place:
-    """A point of which nothing is asked but that it can be copied."""
-
-    values: dict
-    prepared: object
-
-
-def nothing():
-    """Tell no parameters."""
-    raise BadInput("a table has none")
 
 
 def told(effects):

@@ -4,7 +4,7 @@ import pytest
 
 from sandbox.withheld.scoring.judge import judge
 from sandbox.withheld.scoring.wins import split, worth
-from tests.sandbox.withheld.test_withheld_score import diagnosis_of, truth_of
+from tests.sandbox.withheld.known import diagnosis_of, truth_of
 
 RIGHT, WRONG = diagnosis_of((["dead_time"], 0.9)), diagnosis_of((["iron_loss"], 0.9))
 FOUR = ("dead_time", "inertia", "iron_loss", "skin_effect")
