@@ -82,6 +82,7 @@ class CampaignRecording:
 
     Of a part of a longer recording: of: its file; starts_at: s from its beginning to the first row here; settling: the
     rows before that, which a replay goes through first and which are no part of its residual.
+    source: the log's own columns by contract name, of what the log holds; empty where the log has our names.
     """
 
     file: str
@@ -92,6 +93,7 @@ class CampaignRecording:
     of: str = ""
     starts_at: float = 0.0
     settling: Mapping[str, Array] = field(default_factory=dict)
+    source: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         check_file(self.file, "recording's file")

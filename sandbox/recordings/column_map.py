@@ -179,6 +179,13 @@ def available(table: Table, columns: Mapping[str, Column]) -> dict[str, Column]:
     return {name: replace(c, column=own) for name, (c, own) in found.items() if own is not None}
 
 
+def source_columns(table: Table, columns: Mapping[str, Column]) -> dict[str, str]:
+    """Return the table's own columns by contract name, without constants that stand in."""
+    mapped = available(table, columns)
+    ours = {n: n for n in KIND if n not in mapped and table.key(n) is not None}
+    return ours | {n: c.column for n, c in mapped.items() if c.value is None}
+
+
 def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
     """Tell whether a table holds anything of which commanded voltages can be made."""
     names = {*available(table, columns), *table.names}

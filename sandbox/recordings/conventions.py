@@ -23,9 +23,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.parameters import Drive
+from sandbox.recordings.balance import PHASES, VOLTAGES, balance
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
 from sandbox.recordings.formats.parquet import with_volts
-from sandbox.recordings.mistakes import PHASES, VOLTAGES, balance
 
 Array = NDArray[np.float64]
 SURE, NEAR = 0.2, 0.4  # standard deviation of p, and distance from a whole number, up to which it is one

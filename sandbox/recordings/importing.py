@@ -29,7 +29,7 @@ from sandbox.recordings.campaign import (
     entries_of,
     table_of,
 )
-from sandbox.recordings.column_map import KIND, Column, contract, parse_columns
+from sandbox.recordings.column_map import KIND, Column, contract, parse_columns, source_columns
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.parquet import INDEX
@@ -144,11 +144,12 @@ def unchecked(source: Source) -> Campaign:
         table = source.table(file)
         nominal = link or converter.dc_bus_voltage
         values, notes = contract(file, table, source.mapped, source.pole_pairs, nominal)
+        held = source_columns(table, source.mapped)
         del table  # what is not used of it takes memory
         findings += notes
         for name, own, noise, starts_at in _timed(file, values, converter, source, findings):
             of = "" if name == file else file
-            recordings.append(CampaignRecording(name, rotor, axis, own, link, of, starts_at))
+            recordings.append(CampaignRecording(name, rotor, axis, own, link, of, starts_at, source=held))
             noises.append(noise)
     data = dict(source.data)
     if max(noises) > 0.0:

@@ -1,250 +1,215 @@
 """Which mistake of units, signs or order makes a recording contradict the stator's voltage equation, if one does.
 
-Over a window of m samples the flux that voltage leaves behind must be the flux that currents and magnet show,
-
-    sum h (u_k - R (i_k + i_k+1) / 2) = psi(end) - psi(begin),
-    psi = (L_d + L_q)/2 i + (L_d - L_q)/2 exp(2j theta) conj(i) + phi_m exp(j theta)      (stator frame, complex)
-
-whatever the load; the nominal linear model is asked, and the saturated one where that leaves a doubt.  The share of
-the voltage's energy that stays unexplained is some per cent for a real gap, about 1 or far more for a wrong unit.  A
-mistake is believed only where undoing it explains the recording; a gap that no mistake explains is left to the
-diagnosis.
+What stays unexplained is V - R I - S di/dt - D d(exp(2j theta) conj(i))/dt - phi d(exp(j theta))/dt, averaged over
+windows: linear in the motor's values and in factors of voltage and current, a polynomial in exp(j zero) of a zero of
+the angle.  So one matrix of products for each reading of the signals tells every factor and every zero, and all single
+changes of the table (`sandbox.recordings.changes`) and all pairs are tried.  A mistake is believed only where undoing
+it explains the recording; a gap that no mistake explains is left to the diagnosis.
 """
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from model.energy import AnyEnergy, flux_from_current
-from model.errors import BadInput, PhysicsError
+from model.errors import BadInput
 from model.parameters import Drive
+from sandbox.recordings.balance import (
+    UNDISTURBED,
+    Balance,
+    Columns,
+    Complex,
+    balance,
+    percent,
+    saturation_explains,
+    window_of,
+)
 from sandbox.recordings.campaign import CampaignRecording, Finding
+from sandbox.recordings.changes import (
+    ANGLE,
+    CURRENT,
+    MOTOR,
+    VOLTAGE,
+    Change,
+    Source,
+    angles,
+    changes,
+    current_of,
+    currents_held,
+    source_of,
+    voltage_of,
+    voltages_held,
+)
 
-Array = NDArray[np.float64]
-Complex = NDArray[np.complexfloating[Any, Any]]
-Columns = Mapping[str, Array]
-PHASES = ("i_a", "i_b", "i_c")
-VOLTAGES = ("u_alpha", "u_beta")
-UNDISTURBED = 0.35  # unexplained share that no mistake needs to answer for
 EXPLAINED = 0.2  # share that undoing a mistake must reach ...
 BETTER = 4.0  # ... and the factor by which it must fall
-TIE = 1.5  # factor within which two mistakes cannot be told apart
+FALLS = 8.0  # times by which one more mistake must lessen it, and a convention what is no doubt yet
+NOTICED = 0.02  # of the voltage: less is no question of conventions
+CLOSE = 0.03  # relative, within which a factor between conventions is believed
+FLOOR = 0.005  # share that a right reading may leave: what is below tells nothing
+ALIKE = 0.2  # of the logarithm: two mistakes that cannot be told apart
+ROWS = 20_000  # of a recording, those with most voltage
+ZEROS = np.linspace(-math.pi, math.pi, 720, endpoint=False)
+SMALLEST_ZERO = math.radians(10.0)  # a smaller one is a gap: an encoder's offset
+ROUND = math.radians(4.0)  # a zero so near to a whole twelfth of a turn is that
 OFF_AXIS = 0.5  # excess of the injected energy along its axis: 30 degrees off
 ON_AXIS = 0.9  # excess that undoing a mistake must reach: 13 degrees
-LOOKED = 200  # windows in which the saturated model is asked
-BLOCK = 500_000  # samples of which the balance is made at a time: some 100 MB
-TURN = 2.0 * math.pi
+AXES = (0.5 * math.pi, -0.5 * math.pi, math.pi)  # zeros that an injection's axis is tried with
 
 
 @dataclass(frozen=True)
-class Mistake:
-    """A way to read a recording wrongly: the column, the question to ask, the remedy, and how to undo it."""
+class Reading:
+    """Some changes together, with a zero of the angle (rad) that is added, and what they leave of each recording."""
 
-    column: str
-    guess: str
-    remedy: str
-    undo: Callable[[Columns], dict[str, Array]]
-
-
-@dataclass(frozen=True)
-class Balance:
-    """Voltage and its unexplained part over each window, V; `noise` is the share that the sensors' noise explains."""
-
-    rows: NDArray[np.int64]
-    voltage: Complex
-    rest: Complex
-    noise: float
+    changes: tuple[Change, ...]
+    zero: float
+    shares: NDArray[np.float64]
+    before: NDArray[np.float64]
+    noise: NDArray[np.float64]
 
     @property
-    def doubtful(self) -> bool:
-        """Tell whether more goes unexplained than gap and noise are allowed."""
-        return self.share > UNDISTURBED + 3.0 * self.noise
+    def answered(self) -> NDArray[np.bool_]:
+        """Tell of which recordings it explains enough."""
+        return np.asarray((self.shares <= EXPLAINED + self.noise) & (self.shares * BETTER <= self.before))
 
     @property
-    def worst_row(self) -> int:
-        """Row at which most voltage goes unexplained."""
-        return int(self.rows[np.argmax(np.abs(self.rest))])
+    def count(self) -> int:
+        """How many mistakes it is."""
+        return len(self.changes) + (self.zero != 0.0)
+
+    @property
+    def gentle(self) -> bool:
+        """Tell whether the mistakes are factors of two at most between conventions, which a diagnosis can bear."""
+        factors = [abs(f) for c in self.changes for f in (c.scale, *c.values)]
+        return not self.zero and all(c.convention for c in self.changes) and all(0.5 <= f <= 2.0 for f in factors)
 
     @property
     def share(self) -> float:
-        """Unexplained share of the voltage's energy."""
-        total = float(np.sum(np.abs(self.voltage) ** 2))
-        return float(np.sum(np.abs(self.rest) ** 2)) / total if total > 0.0 else 0.0
+        """What is left of the recordings it answers for."""
+        return float(np.mean(self.shares[self.answered])) if self.answered.any() else math.inf
+
+    @property
+    def cost(self) -> float:
+        """Logarithm of what is left, one more mistake having to lessen it FALLS times."""
+        return math.log(self.share + FLOOR) + math.log(FALLS) * self.count
+
+    @property
+    def column(self) -> str:
+        """The contract's column whose value is shown, empty for the motor's values."""
+        return "theta" if self.zero or not self.changes else self.changes[0].column
+
+    def words(self, source: Source) -> tuple[str, str]:
+        """Return what was read wrongly, and what to do."""
+        turn = [c for c in self.changes if c.part == ANGLE]
+        angle, advice = _of_angle(turn[0] if turn else None, self.zero)
+        guesses = ([f"{source.get('theta', 'theta')} is {angle}"] if angle else []) + [
+            c.guess for c in self.changes if c.part != ANGLE
+        ]
+        remedies = ([advice] if advice else []) + [c.remedy for c in self.changes if c.part != ANGLE]
+        return " and ".join(guesses), " and ".join(remedies) if len(remedies) < 3 else ", ".join(remedies)
 
 
-def balance(columns: Columns, drive: Drive, window: int | None = None, *, saturated: bool = False) -> Balance:
-    """Return the flux balance of a recording's columns over windows of so many samples (None: as many as keep the
-    voltage), with the nominal linear model or the saturated one.
-
-    saturated: some LOOKED windows all over the recording, without those whose currents are outside the nominal model.
-    """
-    m, size = drive.motor, window or _window(columns)
-    ends = np.arange(0, len(columns["theta"]), size)
-    asked = _some(len(ends)) if saturated else None
-    step = max(BLOCK // size, 1)
-    voltage, rest = np.empty((2, max(len(ends) - 1, 0)), dtype=np.complex128)
-    for k in range(0, len(voltage), step):
-        own = slice(k, k + step)
-        voltage[own], rest[own] = _differences(columns, drive, ends[k : k + step + 1], asked, k)
-    sensor = math.hypot(drive.converter.current_noise, drive.converter.current_resolution / math.sqrt(12.0))
-    span = size * drive.converter.sampling_period
-    noise = 4.0 / 3.0 * (m.inductance_d**2 + m.inductance_q**2) * (sensor / span) ** 2
-    energy = float(np.mean(np.abs(voltage) ** 2)) if len(voltage) else 0.0
-    share = noise / energy if energy > 0.0 else math.inf
-    inside = np.isfinite(rest)
-    if inside.all():
-        return Balance(ends[:-1], voltage, rest, share)
-    return Balance(ends[:-1][inside], voltage[inside], rest[inside], share)
-
-
-def _some(windows: int) -> NDArray[np.int64]:
-    """Return some LOOKED beginnings and ends of windows, by their number."""
-    some = np.unique(np.linspace(0, windows - 1, min(LOOKED, windows), dtype=np.int64))
-    return np.asarray(np.unique(np.minimum([some, some + 1], windows - 1)))
+def _of_angle(change: Change | None, zero: float) -> tuple[str, str]:
+    """Return a wrong angle in words, with the orders of phases in currents and voltages that look the same."""
+    if change is None and not zero:
+        return "", ""
+    back = change is not None and change.turn < 0.0
+    guess, remedy = ("", "") if change is None else (change.guess, change.remedy)
+    thirds = round(math.degrees(zero)) in (120, -120)
+    if thirds and back:
+        pair = "a and b" if zero > 0.0 else "a and c"
+        guess = guess.replace("b and c", pair)
+    if zero:
+        off = f"{abs(math.degrees(zero)):.0f} degrees {'behind' if zero > 0.0 else 'ahead'}"
+        order = "b, c, a" if zero < 0.0 else "c, a, b"
+        if thirds and not back:
+            off += f" (or phases stand in the order {order} in currents and voltages)"
+        guess = f"{guess} and {off}" if guess else off
+        offset = f"offset = {zero:.4f}"
+        remedy = (
+            f"{remedy} and {offset}"
+            if "map" in remedy
+            else " and ".join(filter(None, [remedy, f"map it with {offset}"]))
+        )
+    return guess, remedy
 
 
-def _differences(
-    columns: Columns, drive: Drive, ends: NDArray[np.int64], asked: NDArray[np.int64] | None, first: int
-) -> tuple[Complex, Complex]:
-    """Return voltage and its unexplained part (V) over the windows between some ends of a recording.
+@dataclass
+class Products:
+    """Products of the five terms of a recording's balance, for each reading of its signals; see the module."""
 
-    asked: numbers of the ends at which the saturated model is asked (None: the linear one everywhere); `first` is the
-    number of the first end here.
-    """
-    m, h = drive.motor, drive.converter.sampling_period
-    part = slice(int(ends[0]), int(ends[-1]) + 1)
-    u = columns["u_alpha"][part] + 1j * columns["u_beta"][part]
-    a, b, c = (columns[n][part] for n in PHASES)
-    i = (2.0 * a - b - c) / 3.0 + 1j * (b - c) / math.sqrt(3.0)
-    rows = ends - ends[0]
-    turn = np.exp(1j * columns["theta"][ends])
-    if asked is None:
-        half_sum, half_gap = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
-        psi = half_sum * i[rows] + half_gap * turn**2 * np.conj(i[rows]) + m.magnet_flux * turn
-    else:
-        own = asked[(asked >= first) & (asked < first + len(ends))] - first
-        psi = np.full(len(ends), np.nan, dtype=np.complex128)
-        psi[own] = _saturated_flux(m.energy, (i[rows] * np.conj(turn))[own]) + m.magnet_flux
-        psi *= turn
-    flux = np.concatenate([[0j], np.cumsum(h * u[:-1])])[rows]
-    drop = np.concatenate([[0j], np.cumsum(0.5 * h * m.resistance * (i[:-1] + i[1:]))])[rows]
-    span = h * int(ends[1] - ends[0])
-    voltage: Complex = np.asarray(np.diff(flux) / span, dtype=np.complex128)
-    return voltage, voltage - np.diff(drop + psi) / span
+    recording: CampaignRecording
+    drive: Drive
+    before: float
+    noise: float
+    known: dict[tuple[int, int, float], Any] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        r = self.recording
+        self.turns_u = voltages_held(source_of(r))[0] == "u_d"  # made with the angle that the log holds
+        self.turns_i = currents_held(source_of(r))[0] == "i_d"
+        self.size = window_of(r.columns)
+        own = slice(0, len(r.t))
+        if len(r.t) > ROWS:
+            energy = np.concatenate([[0.0], np.cumsum(r.u_alpha**2 + r.u_beta**2)])
+            first = int(np.argmax(energy[ROWS:] - energy[:-ROWS]))
+            own = slice(first, first + ROWS)
+        self.columns: Columns = {n: x[own] for n, x in r.columns.items()}
 
-def _saturated_flux(energy: AnyEnergy, current: Complex) -> Complex:
-    """Return d + j q (Wb) (n,) of currents d + j q (A), not a number where the model does not hold them."""
-    out = np.full(len(current), np.nan, dtype=np.complex128)
-    for k, i in enumerate(current):
-        with contextlib.suppress(PhysicsError):
-            d, q = flux_from_current(energy, float(i.real), float(i.imag))
-            out[k] = complex(float(d), float(q))
-    return out
+    def of(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
+        """Return the matrix (5, 5) of products, with signals and factor of the angle as some changes read them."""
+        key = (id(current), id(voltage), turn)
+        if key not in self.known:
+            self.known[key] = self._matrix(current, voltage, turn)
+        return self.known[key]
 
+    def _matrix(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
+        c, h = self.columns, self.drive.converter.sampling_period
+        i = current_of(c) if current is None or current.signal is None else current.signal(c)
+        u = voltage_of(c) if voltage is None or voltage.signal is None else voltage.signal(c)
+        theta = turn * c["theta"]
+        moved = np.exp(1j * (theta - c["theta"])) if turn != 1.0 else np.ones(1)
+        i, u = i * (moved if self.turns_i else 1.0), u * (moved if self.turns_u else 1.0)
+        at = np.arange(0, len(theta), self.size)
+        span, around = h * self.size, np.exp(1j * theta[at])
+        terms = [
+            np.diff(_sums(u[:-1])[at]) / self.size,
+            np.diff(_sums(0.5 * (i[:-1] + i[1:]))[at]) / self.size,
+            np.diff(i[at]) / span,
+            np.diff(around**2 * np.conj(i[at])) / span,
+            np.diff(around) / span,
+        ]
+        x = np.stack(terms, axis=1)
+        return x.conj().T @ x
 
-def _window(columns: Columns) -> int:
-    """Return the longest of 8, 4, 2, 1 samples whose averages keep a fifth of the voltage's energy."""
-    u = [columns[n] for n in VOLTAGES]
-    energy = sum(float(x @ x) for x in u)
-    for size in (8, 4, 2):
-        whole = len(u[0]) // size * size
-        means = [x[:whole].reshape(-1, size).mean(axis=1) for x in u]
-        if size * sum(float(x @ x) for x in means) >= 0.2 * energy:
-            return size
-    return 1
-
-
-def mistakes(drive: Drive) -> Iterator[Mistake]:
-    """Yield every mistake that is looked for, the likely ones first."""
-    for scale, guess, unit in ((1e-3, "in mA", "mA"), (1e3, "in kA", "kA")):
-        remedy = f'convert i_a, i_b, i_c to A or map them with unit = "{unit}"'
-        yield Mistake("i_a", f"currents are {guess}", remedy, _scaled(PHASES, scale))
-    yield from theta_mistakes(drive)
-    for order in itertools.permutations(PHASES):
-        if order != PHASES:
-            names = ", ".join(order)
-            wrong = next(n for n, o in zip(PHASES, order, strict=True) if n != o)
-            yield Mistake(wrong, f"phases are swapped (order {names})", "reorder i_a, i_b, i_c", _reordered(order))
-    yield Mistake(
-        "i_a", "currents are counted out of the motor", "map i_a, i_b, i_c with scale = -1", _scaled(PHASES, -1)
-    )
-    for scale, unit in ((1e3, "kV"), (1e-3, "mV")):
-        remedy = f'convert u_alpha, u_beta to V or map them with unit = "{unit}"'
-        yield Mistake("u_alpha", f"voltages are in {unit}", remedy, _scaled(VOLTAGES, scale))
-    yield Mistake(
-        "u_alpha", "voltages have the wrong sign", "map u_alpha, u_beta with scale = -1", _scaled(VOLTAGES, -1)
-    )
-    yield Mistake("u_beta", "u_beta has the wrong sign", "map u_beta with scale = -1", _scaled(("u_beta",), -1))
-    yield Mistake("u_alpha", "u_alpha and u_beta are exchanged", "exchange their columns", _exchanged)
-    for part in (1.0, 0.5):
-        remedy = f"multiply u_alpha, u_beta by {'' if part == 1.0 else 'half '}u_dc"
-        yield Mistake("u_alpha", "voltages are per unit of the link", remedy, _per_unit(part))
+    def shares(self, change: Sequence[Change], zeros: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what stays unexplained at each zero of the angle (rad), of the voltage as it is then read."""
+        m = self.drive.motor
+        signal = {c.part: c for c in change if c.signal is not None}
+        scale = {part: math.prod(c.scale for c in change if c.part == part) for part in (CURRENT, VOLTAGE)}
+        turn = math.prod(c.turn for c in change)
+        values = np.prod([c.values for c in change], axis=0) if change else np.ones(4)
+        half = 0.5 * (m.inductance_d + m.inductance_q), 0.5 * (m.inductance_d - m.inductance_q)
+        r, s, d, flux = values * (m.resistance, *half, m.magnet_flux)
+        by_i, at = float(self.turns_i), 1j * zeros
+        factors = np.stack([
+            scale[VOLTAGE] * np.exp(self.turns_u * at), -r * scale[CURRENT] * np.exp(by_i * at),
+            -s * scale[CURRENT] * np.exp(by_i * at), -d * scale[CURRENT] * np.exp((2.0 - by_i) * at),
+            -flux * np.exp(at),
+        ])  # fmt: skip
+        products = self.of(signal.get(CURRENT), signal.get(VOLTAGE), turn)
+        rest = np.sum(np.conj(factors) * (products @ factors), axis=0).real
+        return np.maximum(rest, 0.0) / max(scale[VOLTAGE] ** 2 * float(products[0, 0].real), 1e-300)
 
 
-def theta_mistakes(drive: Drive, zeros: Sequence[float] = (0.0, 0.5, -0.5, 1.0)) -> Iterator[Mistake]:
-    """Yield the mistakes of the angle: unit, mechanical, sense; then the same with another zero.
-
-    `zeros` (of pi): the magnet's south, or the axis of the back-EMF, taken for theta = 0.
-    """
-    pairs, degree = float(drive.motor.pole_pairs), math.pi / 180.0
-    units = [
-        (1.0, "", ""),
-        (degree, "in degrees", 'map it with unit = "deg"'),
-        (pairs, "mechanical", "multiply it by pole_pairs or map it with mechanical = true"),
-        (pairs * degree, "in mechanical degrees", 'map it with unit = "deg", mechanical = true'),
-        (TURN, "in turns", 'map it with unit = "rev"'),
-        (pairs * TURN, "in mechanical turns", 'map it with unit = "rev", mechanical = true'),
-        (1.0 / pairs, "multiplied by pole_pairs twice", "divide it by pole_pairs"),
-        (2.0, "half of the electrical angle", "check whether pole_pairs counts pairs of poles"),
-        (0.5, "twice the electrical angle", "check whether pole_pairs counts poles"),
-    ]
-    seen: set[float] = set()
-    chosen = [u for u in units if not (u[0] in seen or seen.add(u[0]))]  # type: ignore[func-returns-value]
-    for zero in zeros:
-        for scale, text, remedy in chosen:
-            for sense in (1.0, -1.0):
-                if (scale, sense, zero) == (1.0, 1.0, 0.0):
-                    continue
-                parts = [text] if text else []
-                advice = [remedy] if remedy else []
-                if sense < 0.0:
-                    parts.append("counted backwards (or phases b and c swapped in currents and voltages)")
-                    advice.append("map it with scale = -1")
-                if zero:
-                    parts.append(f"{abs(zero) * 180:.0f} degrees {'behind' if zero > 0 else 'ahead'}")
-                    advice.append(f"map it with offset = {zero * math.pi:.4f}")
-                yield Mistake(
-                    "theta", "theta is " + " and ".join(parts), " and ".join(advice), _turned(sense * scale, zero)
-                )
-
-
-def _scaled(names: tuple[str, ...], factor: float) -> Callable[[Columns], dict[str, Array]]:
-    return lambda c: {**c, **{n: factor * c[n] for n in names}}
-
-
-def _reordered(order: tuple[str, ...]) -> Callable[[Columns], dict[str, Array]]:
-    return lambda c: {**c, **{n: c[o] for n, o in zip(PHASES, order, strict=True)}}
-
-
-def _exchanged(c: Columns) -> dict[str, Array]:
-    return {**c, "u_alpha": c["u_beta"], "u_beta": c["u_alpha"]}
-
-
-def _per_unit(part: float) -> Callable[[Columns], dict[str, Array]]:
-    return lambda c: {**c, **{n: part * c["u_dc"] * c[n] for n in VOLTAGES}}
-
-
-def _turned(factor: float, zero: float) -> Callable[[Columns], dict[str, Array]]:
-    return lambda c: {**c, "theta": factor * c["theta"] + zero * math.pi}
+def _sums(x: Complex) -> Complex:
+    return np.concatenate([[0j], np.cumsum(x)])
 
 
 class Unanswered(Finding):
@@ -254,89 +219,140 @@ class Unanswered(Finding):
 def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
     """Raise BadInput for the mistake that explains what recordings contradict; return what no mistake explains."""
     read = [(r, balance(r.columns, drive)) for r in recordings]
-    doubtful = [(r, b) for r, b in read if b.doubtful and not _saturation_explains(r, drive)]
-    found = _explanations(doubtful, drive)
-    if found:
-        m = found[0]
-        answered = [(r, b) for r, b in doubtful if _explains(m, r, b, drive) is not None]
-        r, b = answered[0]
-        k, after = b.worst_row, balance(m.undo(r.columns), drive).share
-        others = f" (and in {len(answered) - 1} other recordings)" if len(answered) > 1 else ""
-        raise BadInput(
-            f"{r.file}: row {k} of column '{m.column}' is {r.columns[m.column][k]:.6g}, and currents, angle and "
-            "nominal "
-            f"model leave {percent(b.share)} of the commanded voltage unexplained{others}, at most "
-            f"{percent(UNDISTURBED)} would be a gap; it falls to {percent(after)} if "
-            f"{', or '.join(x.guess for x in found)}: {m.remedy}"
-        )
+    doubtful = [(r, b) for r, b in read if b.doubtful and not saturation_explains(r, drive)]
+    found = explanations(doubtful, drive)
+    if found and not found[0].gentle:
+        raise BadInput(_told(found, doubtful))
     off_axis(recordings, drive)
+    if found:
+        file = next(r.file for (r, _), good in zip(doubtful, found[0].answered, strict=True) if good)
+        return [Finding(file, found[0].column, None, _told(found, doubtful))]
     return [
         Unanswered(
             r.file, "u_alpha", b.worst_row,
             f"{r.file}: row {b.worst_row} of column 'u_alpha': {percent(b.share)} of the commanded voltage is "
             f"unexplained by currents, angle and nominal model (at most {percent(UNDISTURBED)} is usual), and no "
-            "single "
-            "wrong unit, sign or order explains it; a large gap, a wrong nominal value, or several mistakes at once",
+            "wrong unit, sign, order or stated value explains it; a large gap, or several mistakes at once",
         )
         for r, b in doubtful if b.share > 0.7
     ]  # fmt: skip
 
 
-def _saturation_explains(r: CampaignRecording, drive: Drive) -> bool:
-    """Return whether a recording agrees with the nominal model once its saturation is asked, too, in at least half of
-    its windows."""
-    with np.errstate(all="ignore"):  # currents of a wrong unit
-        told = balance(r.columns, drive, saturated=True)
-    asked = min(LOOKED, len(r.t) // _window(r.columns))
-    return len(told.rows) >= 0.5 * asked and not told.doubtful
+def _told(found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]) -> str:
+    """Return the sentence on the readings that explain recordings."""
+    m = found[0]
+    answered = [x for x, good in zip(doubtful, m.answered, strict=True) if good]
+    r, b = answered[0]
+    k, left = b.worst_row, float(m.shares[m.answered][0])
+    others = f" (and in {len(answered) - 1} other recordings)" if len(answered) > 1 else ""
+    where = f"at row {k}"
+    source = source_of(r)
+    if m.column in source:
+        where = f"row {k} of column '{m.column}' is {r.columns[m.column][k]:.6g}, and"
+        own = source[m.column]
+        where = where.replace(f"'{m.column}'", f"'{m.column}' ('{own}')") if own != m.column else where
+    said = [x.words(source) for x in found]
+    return (
+        f"{r.file}: {where} currents, angle and nominal model leave {percent(b.share)} of the commanded voltage "
+        f"unexplained{others}, at most {percent(UNDISTURBED)} would be a gap; it falls to {percent(left)} if "
+        f"{', or '.join(guess for guess, _ in said)}: {said[0][1]}"
+    )
 
 
-def percent(share: float) -> str:
-    """Return a share in percent, or how many times the whole it is; two digits, no power of ten."""
-    if share < 10.0:
-        return f"{plain(100.0 * share)} %"
-    return f"{plain(share)} times all"
+def explanations(doubtful: Sequence[tuple[CampaignRecording, Balance]], drive: Drive) -> list[Reading]:
+    """Return the reading that answers for most recordings with the fewest mistakes, and one that does as well."""
+    parts = [Products(r, drive, b.share, b.noise) for r, b in doubtful]
+    if not parts:
+        return []
+    good = [x for x in readings(parts, drive) if x.answered.any()]
+    most = max((int(x.answered.sum()) for x in good), default=0)
+    good = [x for x in good if int(x.answered.sum()) == most]
+    best = min(good, key=lambda x: x.cost, default=None)
+    alike = [x for x in good if best and x.cost <= best.cost + ALIKE and x.count == best.count]
+    alike.sort(key=lambda x: x.zero != 0.0)  # a zero may be anything, a unit is what it is
+    return alike[: 2 if best and best.count == 1 else 1]
 
 
-def plain(x: float) -> str:
-    """Return a number of two digits as a person writes it."""
-    rounded = float(f"{x:.2g}")
-    return f"{rounded:.0f}" if abs(rounded) >= 10.0 else f"{rounded:g}"
+def readings(parts: Sequence[Products], drive: Drive) -> Iterator[Reading]:
+    """Yield every single change of the table, every pair of two, as they stand and with the zero that fits best."""
+    table = changes(drive, source_of(parts[0].recording))
+    before, noise = np.array([p.before for p in parts]), np.array([p.noise for p in parts])
+    for own in [(), *((c,) for c in table), *_pairs(table)]:
+        for zero in dict.fromkeys((0.0, _zero(parts, own) if len(own) < 2 else 0.0)):
+            if own or zero:
+                shares = np.array([p.shares(own, np.array([zero]))[0] for p in parts])
+                yield Reading(own, zero, shares, before, noise)
+                if zero == 0.0 and shares.max() < FLOOR:
+                    break  # no zero can do better
 
 
-def _explains(m: Mistake, r: CampaignRecording, b: Balance, drive: Drive) -> float | None:
-    """Return the share left once a mistake is undone, None where that does not explain the recording."""
-    after = balance(m.undo(r.columns), drive)
-    good = after.share <= EXPLAINED + after.noise and after.share * BETTER <= b.share
-    return after.share if good else None
+def _pairs(table: Sequence[Change]) -> Iterator[tuple[Change, ...]]:
+    """Yield the pairs that occur: the angle and something else, an order of phases and a unit or a sign, one unit or
+    convention in currents and voltages, and two of the motor's values taken from one data sheet.
 
-
-def _explanations(doubtful: Sequence[tuple[CampaignRecording, Balance]], drive: Drive) -> list[Mistake]:
-    """Return the mistake that answers for most recordings, with a second one that does as well.
-
-    Where none answers for all, theta and another column may both be wrong; else the recordings differ among themselves.
+    Others would be free factors that explain any gap.
     """
-    table: list[tuple[int, float, Mistake]] = []
-    for m in mistakes(drive):
-        shares = [s for r, b in doubtful if (s := _explains(m, r, b, drive)) is not None]
-        if shares:
-            table.append((len(shares), float(np.mean(shares)), m))
-    most = max((n for n, _, _ in table), default=0)
-    if most < len(doubtful):
-        for m in _both(drive):
-            if all(_explains(m, r, b, drive) is not None for r, b in doubtful):
-                return [m]
-    best = min((s for n, s, _ in table if n == most), default=0.0)
-    return [m for n, s, m in table if n == most and s <= TIE * best + 1e-3][:2]
+    for a, b in itertools.combinations(table, 2):
+        angle = (a.part == ANGLE) != (b.part == ANGLE)
+        order = a.part == b.part == CURRENT and (a.signal is None) != (b.signal is None)
+        both = {a.part, b.part} == {CURRENT, VOLTAGE} and a.scale == b.scale not in (1.0, -1.0)
+        sheet = a.part == b.part == MOTOR and not np.any((np.array(a.values) != 1.0) & (np.array(b.values) != 1.0))
+        if angle or order or both or sheet:
+            yield a, b
 
 
-def _both(drive: Drive) -> Iterator[Mistake]:
-    """Yield a mistake of theta's unit or sense together with one of another column."""
-    others = [m for m in mistakes(drive) if m.column != "theta"]
-    for a in theta_mistakes(drive, (0.0,)):
-        for b in others:
-            text, remedy = f"{a.guess} and {b.guess}", f"{a.remedy}, and {b.remedy}"
-            yield Mistake("theta", text, remedy, lambda c, a=a, b=b: b.undo(a.undo(c)))  # type: ignore[misc]
+def _zero(parts: Sequence[Products], own: Sequence[Change]) -> float:
+    """Return the zero of the angle (rad) that leaves least of all recordings; 0 where that is none to speak of."""
+    if all("theta" in source_of(p.recording) for p in parts):
+        total = sum(p.shares(own, ZEROS) for p in parts)
+        best = float(ZEROS[int(np.argmin(total))])
+        near = round(best / (math.pi / 6.0)) * math.pi / 6.0
+        best = near if abs(best - near) < ROUND else best
+        if abs(best) >= SMALLEST_ZERO and float(np.ptp(total)) > FLOOR:
+            return math.pi if best < -math.pi + 1e-9 else best
+    return 0.0
+
+
+def conventions_off(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
+    """Return a finding where another convention of currents, voltages or stated values, or another zero of the angle,
+    explains recordings far better."""
+    read = [(r, balance(r.columns, drive)) for r in recordings]
+    parts = [Products(r, drive, max(b.share - b.noise, 0.0), b.noise) for r, b in read if math.isfinite(b.noise)]
+    before = float(np.mean([p.before for p in parts])) if parts else 0.0
+    if before < NOTICED:
+        return []
+
+    def left(own: tuple[Change, ...], zero: float = 0.0) -> float:
+        return float(np.mean([max(p.shares(own, np.array([zero]))[0] - p.noise, 0.0) for p in parts]))
+
+    table = [c for c in changes(drive, source_of(parts[0].recording)) if c.convention]
+    zero = _zero(parts, ())
+    turned = left((), zero)
+    if zero and turned * BETTER < min(before, min((left((c,)) for c in table), default=before)):
+        guess, remedy = _of_angle(None, zero)
+        r, name = parts[0].recording, source_of(parts[0].recording)["theta"]
+        text = f"{percent(before)} of the commanded voltage is unexplained, {percent(turned)} if {name} is {guess}"
+        return [Finding(r.file, "theta", None, f"{r.file}: {text}: {remedy}")]
+    told = sorted(((left((c,)), k, c) for k, c in enumerate(table)), key=lambda x: x[:2])
+    after, _, best = told[0]
+    if (
+        after * FALLS > before
+        or min(left((_stretched(best, x),)) for x in (1.0 - 2.0 * CLOSE, 1.0 + 2.0 * CLOSE)) < after
+    ):
+        return []  # none, or the best factor lies elsewhere: a gap, no convention
+    alike = sorted((c for a, _, c in told if a <= after * math.exp(ALIKE) + 1e-4), key=lambda c: c.part != MOTOR)[:2]
+    r = parts[0].recording
+    text = (
+        f"{r.file}: {percent(before)} of the commanded voltage is unexplained, {percent(after)} if "
+        f"{', or '.join(c.guess for c in alike)}; then {alike[0].remedy}"
+    )
+    return [Finding(r.file, alike[0].column, None, text)]
+
+
+def _stretched(c: Change, x: float) -> Change:
+    """Return a convention's change with another factor."""
+    values = (1.0 + (v != 1.0) * (x * v - 1.0) for v in c.values)
+    return replace(c, scale=c.scale * x if c.scale != 1.0 else 1.0, values=tuple(values))  # type: ignore[arg-type]
 
 
 def off_axis(recordings: Sequence[CampaignRecording], drive: Drive) -> None:
@@ -348,13 +364,15 @@ def off_axis(recordings: Sequence[CampaignRecording], drive: Drive) -> None:
         share = _share_on_axis(r.columns, drive, r.injection_axis)
         if share is None or share > OFF_AXIS:
             continue
-        for m in theta_mistakes(drive):
-            after = _share_on_axis(m.undo(r.columns), drive, r.injection_axis)
+        for zero, m in itertools.product((0.0, *AXES), [None, *angles(drive, source_of(r))]):
+            turned = (1.0 if m is None else m.turn) * r.theta + zero
+            after = _share_on_axis({**r.columns, "theta": turned}, drive, r.injection_axis)
             if after is not None and after > ON_AXIS:
+                guess, remedy = _of_angle(m, zero)
                 raise BadInput(
                     f"{r.file}: row 0 of column 'theta' is {r.theta[0]:.6g}; turned by theta, only "
                     f"{percent(max(share, 0.0))} of the injected voltage lies along axis {r.injection_axis} (at least "
-                    f"{percent(ON_AXIS)} expected), it does if {m.guess}: {m.remedy}"
+                    f"{percent(ON_AXIS)} expected), it does if {source_of(r)['theta']} is {guess}: {remedy}"
                 )
 
 

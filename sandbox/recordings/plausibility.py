@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Drive
+from sandbox.recordings.balance import PHASES
 from sandbox.recordings.campaign import CampaignRecording, Finding
 from sandbox.recordings.conventions import shifted
-from sandbox.recordings.mistakes import PHASES, contradictions
-from sandbox.recordings.staircase import LARGEST_TURN, check_sensors
+from sandbox.recordings.mistakes import contradictions
+from sandbox.recordings.staircase import LARGEST_TURN, check_sensors, rest_of_sum
 
 Array = NDArray[np.float64]
 LONG = 32  # samples without any change, of a signal that should move
@@ -72,7 +73,7 @@ def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
     """Return findings on flat currents; BadInput for a phase of another unit or sign, a stuck or saturated sensor."""
     phase = {n: r.columns[n] for n in PHASES}
     _odd_one_out(r, phase)
-    total = sum(phase.values(), np.zeros(len(r.t)))
+    total, _ = rest_of_sum(np.stack(list(phase.values())))
     largest = max(float(np.max(np.abs(x))) for x in phase.values())
     bound = 10.0 * (drive.converter.current_noise + drive.converter.current_resolution) + 0.02 * largest
     findings = []
@@ -98,8 +99,7 @@ def current_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
             if x[begin] != 0.0:
                 findings.append(Finding(r.file, name, begin, f"{said}: {what}; check the sensor"))
             break
-    check_sensors(r, drive)
-    return findings
+    return findings + check_sensors(r, drive)
 
 
 def _odd_one_out(r: CampaignRecording, phase: dict[str, Array]) -> None:

@@ -18,20 +18,14 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Drive
+from sandbox.recordings.balance import PHASES, VOLTAGES
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
 from sandbox.recordings.conventions import shifted, with_link
-from sandbox.recordings.mistakes import PHASES, VOLTAGES, balance, contradictions, percent
+from sandbox.recordings.mistakes import contradictions, conventions_off
 from sandbox.recordings.plausibility import angle, current_sensors, link_voltage, other_columns, voltage_limit
 
 Array = NDArray[np.float64]
 REFUSED, SUSPICIOUS, NOTE = "refused", "suspicious", "note"
-FACTORS = {
-    "rms for peak (sqrt 2)": math.sqrt(2.0), "peak to peak for peak (1/2)": 0.5,
-    "the power-invariant transformation (sqrt 3/2)": math.sqrt(1.5), "line for phase voltage (1/sqrt 3)": 3.0**-0.5,
-    "half of it (2)": 2.0,
-}  # fmt: skip
-CLOSE = 0.03  # relative, within which a factor between conventions is believed
-FALLS = 8.0  # times that undoing a factor must lessen what is unexplained
 TURNING = 0.03  # of the link: a voltage whose direction is no noise
 LOAD_TURNS = 1.2  # turns by which a load that changes its sign, and back, may move the voltage against the magnet
 TURNS = 5.0  # electrical turns that tell how fast voltage and angle turn
@@ -56,8 +50,12 @@ def noticed(campaign: Campaign) -> list[Noticed]:
     for r in recordings:
         for one in (link_voltage, current_sensors, _limit, angle, other_columns, twice, silent, clipped, steps, ripple):
             out += _tried(r.file, lambda one=one, r=r: one(r, drive))  # type: ignore[misc]
-    whole = (contradictions, shifted, factors, pace)
-    for check in whole:
+    cause = _tried("", lambda: contradictions(recordings, drive))
+    if any(n.level == REFUSED for n in cause):  # what else voltages, currents and angle show is its consequence
+        out = [n for n in out if n.level != SUSPICIOUS or n.finding.column not in (*PHASES, *VOLTAGES, "theta")]
+        return _refusals_first([*out, *cause])
+    out += cause
+    for check in (shifted, conventions_off, pace):
         out += _tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
     if not any(n.level == REFUSED for n in out):
         out += [Noticed(SUSPICIOUS, f) for f in with_link(campaign).findings[len(campaign.findings) :]]
@@ -88,7 +86,7 @@ def further(campaign: Campaign) -> list[Finding]:
     """Return what is suspicious in a campaign that has been read and checked, beyond what reading checks."""
     own = (twice, silent, clipped, steps, ripple)
     found = [f for r in campaign.recordings for one in own for f in one(r, campaign.drive)]
-    return [*found, *factors(campaign.recordings, campaign.drive), *pace(campaign.recordings, campaign.drive)]
+    return [*found, *conventions_off(campaign.recordings, campaign.drive), *pace(campaign.recordings, campaign.drive)]
 
 
 def _tried(file: str, check: Callable[[], Iterable[Finding]]) -> list[Noticed]:
@@ -215,43 +213,6 @@ def ripple(r: CampaignRecording, drive: Drive) -> list[Finding]:
         f'{spectrum[k]:.3g} V at {at[k]:.4g} Hz: correct [injection], or injection_axis = "none"'
     )
     return [Finding(r.file, "u_alpha", None, text)]
-
-
-def factors(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
-    """Return a finding where a factor between conventions, undone in currents or voltages, explains recordings far
-    better."""
-    read = [(r, balance(r.columns, drive)) for r in recordings]
-    told = [(r, b.share - b.noise) for r, b in read if math.isfinite(b.noise)]
-    if not told:
-        return []
-    before = float(np.mean([s for _, s in told]))
-    best: tuple[float, str, str, float] | None = None
-    for names, what in ((PHASES, "currents"), (VOLTAGES, "voltages")):
-        for guess, factor in FACTORS.items():
-            for f in (factor, 1.0 / factor):
-                after = _after(told, drive, names, f)
-                if best is None or after < best[0]:
-                    best = (after, what, guess, f)
-    if best is None or before < 0.02 or best[0] * FALLS > before:
-        return []
-    after, what, guess, factor = best
-    names = PHASES if what == "currents" else VOLTAGES
-    if min(_after(told, drive, names, factor * x) for x in (1.0 - 2.0 * CLOSE, 1.0 + 2.0 * CLOSE)) < after:
-        return []  # the best factor lies elsewhere: a gap, not a convention
-    r = told[0][0]
-    text = (
-        f"{r.file}: {percent(before)} of the commanded voltage is unexplained, {percent(after)} if {what} "
-        f"are multiplied by {factor:.4g}; {guess} would do that: check peak values, transformation and phase voltages"
-    )
-    return [Finding(r.file, names[0], None, text)]
-
-
-def _after(told: Sequence[tuple[CampaignRecording, float]], drive: Drive, names: Sequence[str], factor: float) -> float:
-    shares = []
-    for r, _ in told:
-        b = balance({**r.columns, **{n: factor * r[n] for n in names}}, drive)
-        shares.append(b.share - b.noise)
-    return float(np.mean(shares))
 
 
 def pace(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:

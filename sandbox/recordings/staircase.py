@@ -18,9 +18,15 @@ from model.errors import BadInput
 from model.levels import NONE, D, Levels, Q
 from model.parameters import Drive
 from model.ripple import flux_ripple
-from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.recordings.balance import PHASES
+from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
 from sandbox.recordings.injection import samples_per_period
 
+GAINS = 3.0  # times the mean of the three: the most that a sensor's gain is believed to be off
+NEAR_ONE = 1e-5  # of the currents' energy: how much weights near 1 are preferred
+LEFT = 0.1  # of the sum's energy: more than this is not explained by gains
+SEEN = 0.05  # of the currents: a sum that no ordinary gains make
+NOISES = 3.0  # times what gains do not explain of it
 Array = NDArray[np.float64]
 AXIS = {"d": D, "q": Q, "none": NONE}
 WINDOW = 4  # periods over which a steady average may not drift
@@ -219,12 +225,22 @@ def _check_injection(
         )
 
 
-def check_sensors(r: CampaignRecording, drive: Drive) -> None:
-    """Raise BadInput where phase currents that should sum to zero do not while one stands at its own limit."""
+def check_sensors(r: CampaignRecording, drive: Drive) -> list[Finding]:
+    """Return a finding where the phases' sum follows their currents, as gains of sensors make it; BadInput where it is
+    otherwise not zero, above all while one stands at its own limit."""
     noise = 10.0 * (drive.converter.current_noise + drive.converter.current_resolution)
-    phase = np.stack([r.columns[c] for c in ("i_a", "i_b", "i_c")])
-    total = phase.sum(axis=0)
-    bad = np.abs(total - np.median(total)) > noise + 0.02 * np.max(np.abs(phase))
+    phase = np.stack([r.columns[c] for c in PHASES])
+    bound = noise + 0.02 * np.max(np.abs(phase))
+    rest, told = rest_of_sum(phase)
+    findings = []
+    if float(np.std(told)) > max(NOISES * float(np.std(rest)), SEEN * math.sqrt(float(np.mean(phase**2)))):
+        k = int(np.argmax(np.abs(told)))
+        text = (
+            f"{r.file}: row {k}: the three currents sum to {phase[:, k].sum():.3g} A and the sum follows the currents: "
+            "the sensors' gains differ (effect current_gain); calibrate them, or go on and let diagnose tell them"
+        )
+        findings.append(Finding(r.file, "i_a", k, text))
+    bad = np.abs(rest) > bound
     for name, i in zip("abc", phase, strict=True):
         at_limit = bad & (np.abs(i) >= np.max(np.abs(i)) * (1 - 1e-9))
         if at_limit.sum() >= 3:
@@ -236,8 +252,29 @@ def check_sensors(r: CampaignRecording, drive: Drive) -> None:
             )
     if bad.mean() > 0.5:
         raise BadInput(
-            f"{r.file}: the three currents sum to {np.median(np.abs(total)):.3g} A; record all three phases of one star"
+            f"{r.file}: the three currents sum to {np.median(np.abs(rest)):.3g} A; record all three phases of one star"
         )
+    return findings
+
+
+def rest_of_sum(phase: Array) -> tuple[Array, Array]:
+    """Return the sum (n,) of three phase currents (3, n), A, in two parts: what no gains of sensors explain, and what
+    they do.
+
+    With gains k the true currents' sum of zero is sum(i / k) = 0: weights w = 1/k beside 1 make it vanish.  Where the
+    currents lie on one line, many do, and those nearest to 1 count.  The constant part is an offset's and in neither.
+    """
+    centered = phase - phase.mean(axis=1, keepdims=True)
+    total = centered.sum(axis=0)
+    products = centered @ centered.T
+    near = NEAR_ONE * float(np.trace(products)) * np.eye(3)
+    if not np.any(products):
+        return total, np.zeros_like(total)
+    w = np.linalg.solve(products + near, near @ np.ones(3))
+    w /= np.mean(w)
+    rest = np.asarray(w @ centered)
+    believed = bool(np.all((w > 1.0 / GAINS) & (w < GAINS))) and float(rest @ rest) < LEFT * float(total @ total)
+    return (rest, np.asarray(total - rest)) if believed else (total, np.zeros_like(total))
 
 
 def check_units(levels: Levels, drive: Drive) -> None:

@@ -18,7 +18,7 @@ from model.drive_files import load_drive
 from model.errors import BadInput
 from model.given import read_toml
 from sandbox.drive.locked_test import Bench, paper_campaign
-from sandbox.recordings import foreign, importing, mistakes
+from sandbox.recordings import balance, foreign, importing
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats import matrices
@@ -108,7 +108,7 @@ def _long_campaign(folder, rows):
 def test_a_long_recording_is_read_once_and_checked_in_its_place(tmp_path, monkeypatch, reading, columns):
     """Eight columns are kept.  Beside them steps of t may take 3, and what is compared between currents or balanced 9
     more (8 + 9 = 17 measured, 1.7 GB at the most rows that are read, of 2 GB; before: 27)."""
-    monkeypatch.setattr(mistakes, "BLOCK", 10_000)
+    monkeypatch.setattr(balance, "BLOCK", 10_000)
     rows = 300_000
     folder = _long_campaign(tmp_path / "long", rows)
     reading(folder)  # whatever is imported at first use

@@ -1,0 +1,287 @@
+"""The table of mistakes: each a change of some columns or of the motor's stated values that undoes it, and its words.
+
+A change names only what the log holds, in the log's own words, and what the campaign states.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from model.mapped import MappedMotor
+from model.parameters import Drive, Motor
+from sandbox.recordings.balance import PHASES, VOLTAGES, Columns, Complex
+from sandbox.recordings.campaign import CampaignRecording
+
+THIRD = 2.0 * math.pi / 3.0
+SQRT3 = math.sqrt(3.0)
+Source = Mapping[str, str]  # contract name -> the log's column, of what the log holds
+OURS: Source = {n: n for n in ("t", "theta", "u_dc", *PHASES, *VOLTAGES)}
+DUTIES = ("d_a", "d_b", "d_c")
+ANGLE, CURRENT, VOLTAGE, MOTOR = "angle", "current", "voltage", "motor"
+CONVENTIONS = (
+    (math.sqrt(2.0), "rms values, not peak: rms for peak"), (0.5, "peak to peak for peak"),
+    (math.sqrt(1.5), "of the power-invariant transformation, too small by sqrt(3/2)"),
+    (1.0 / math.sqrt(1.5), "of the power-invariant transformation, too large by sqrt(3/2)"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Change:
+    """What undoes one mistake.
+
+    part: of what; column: the contract's column whose value is shown, empty for the motor; guess and remedy: words;
+    signal: what makes a recording's current or voltage vector of its columns; scale: of that vector; turn: factor of
+    the angle; values: factors of resistance, half sum and half difference of the inductances, and magnet flux;
+    convention: a factor that drives really differ by.
+    """
+
+    part: str
+    column: str
+    guess: str
+    remedy: str
+    signal: Callable[[Columns], Complex] | None = None
+    scale: float = 1.0
+    turn: float = 1.0
+    values: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    convention: bool = False
+
+
+def current_of(columns: Columns, signs: tuple[float, float] = (1.0, 1.0)) -> Complex:
+    """Return the current vector; signs: of phases a and b, c then being minus their sum."""
+    a, b, c = (columns[n] for n in PHASES)
+    if signs != (1.0, 1.0):
+        a, b = signs[0] * a, signs[1] * b
+        c = -a - b
+    return np.asarray((2.0 * a - b - c) / 3.0 + 1j * ((b - c) / SQRT3))
+
+
+def voltage_of(columns: Columns) -> Complex:
+    """Return the voltage vector."""
+    return np.asarray(columns["u_alpha"] + 1j * columns["u_beta"])
+
+
+def changes(drive: Drive, source: Source) -> list[Change]:
+    """Return every change that can be asked of a log, the likely ones first."""
+    return [*_of_currents(source), *angles(drive, source), *_of_voltages(source), *_of_motor(drive.motor)]
+
+
+def source_of(r: CampaignRecording) -> Source:
+    """Return the log's columns by contract name; our own names where nothing was mapped."""
+    return r.source or OURS
+
+
+def named(source: Source, *names: str) -> str:
+    """Return columns in the log's words."""
+    return ", ".join(source.get(n, n) for n in names)
+
+
+def currents_held(source: Source) -> tuple[str, ...]:
+    """Return the signals of which a log's phase currents are made."""
+    two = tuple(n for n in PHASES if n in source)
+    kinds = (PHASES, *([two] if len(two) == 2 else []), ("i_alpha", "i_beta"), ("i_d", "i_q"))
+    return next((k for k in kinds if all(n in source for n in k)), PHASES)
+
+
+def voltages_held(source: Source) -> tuple[str, ...]:
+    """Return the signals of which a log's commands are made."""
+    kinds = (VOLTAGES, ("u_d", "u_q"), ("u_a", "u_b", "u_c"), DUTIES)
+    return next((k for k in kinds if all(n in source for n in k)), VOLTAGES)
+
+
+def angles(drive: Drive, source: Source) -> Iterator[Change]:
+    """Yield the mistakes of the angle: unit, mechanical, poles, sense."""
+    if "theta" not in source:  # a constant stands in
+        return
+    pairs, degree = float(drive.motor.pole_pairs), math.pi / 180.0
+    units = {
+        1.0: ("", ""),
+        degree: ("in degrees", 'map it with unit = "deg"'),
+        pairs: ("mechanical", "multiply it by pole_pairs or map it with mechanical = true"),
+        pairs * degree: ("in mechanical degrees", 'map it with unit = "deg", mechanical = true'),
+        math.tau: ("in turns", 'map it with unit = "rev"'),
+        pairs * math.tau: ("in mechanical turns", 'map it with unit = "rev", mechanical = true'),
+        1.0 / pairs: ("multiplied by pole_pairs twice", "divide it by pole_pairs"),
+        2.0: ("half of the electrical angle", "check whether pole_pairs counts pairs of poles"),
+        0.5: ("twice the electrical angle", "check whether pole_pairs counts poles"),
+    }
+    own = dict(reversed(list(units.items()))) | {1.0: ("", "")}
+    for turn, (text, remedy) in units.items():
+        if own[turn] != (text, remedy):
+            continue  # pairs that are 1 or 2: the earlier words count
+        for sense in (1.0, -1.0):
+            if (turn, sense) == (1.0, 1.0):
+                continue
+            back = ["counted backwards (or phases b and c swapped in currents and voltages)"] if sense < 0.0 else []
+            advice = ["map it with scale = -1"] if sense < 0.0 else []
+            yield Change(
+                ANGLE, "theta", " and ".join([*([text] if text else []), *back]),
+                " and ".join([*([remedy] if remedy else []), *advice]), turn=sense * turn,
+            )  # fmt: skip
+
+
+def _of_currents(source: Source) -> Iterator[Change]:
+    kind = currents_held(source)
+    first, every = _column(kind[0], "i_a"), named(source, *kind)
+    for scale, unit in ((1e-3, "mA"), (1e3, "kA")):
+        remedy = f'convert {every} to A or map them with unit = "{unit}"'
+        yield Change(CURRENT, first, f"currents are in {unit}", remedy, scale=scale)
+    remedy = f"map {every} with scale = -1"
+    yield Change(CURRENT, first, "currents are counted out of the motor", remedy, scale=-1.0)
+    if kind[0] in PHASES:
+        yield from _orders(source, kind)
+    if len(kind) == 2 and kind[0] in PHASES:
+        for n in kind:
+            yield _reversed(n, kind, source)
+    if kind in (("i_alpha", "i_beta"), ("i_d", "i_q")):
+        yield from _of_axes(kind, source, CURRENT, current_of)
+    for factor, guess in CONVENTIONS:
+        remedy = f"give peak values of a phase, map {every} with scale = {factor:.4g}"
+        yield Change(CURRENT, first, f"currents are {guess}", remedy, scale=factor, convention=True)
+
+
+def _column(name: str, usual: str) -> str:
+    """Return the contract's column of which a value can be shown."""
+    return name if name in (*PHASES, *VOLTAGES) else usual
+
+
+def _orders(source: Source, kind: tuple[str, ...]) -> Iterator[Change]:
+    """Yield the orders of phase currents; a phase that is not recorded is minus the sum of the others."""
+    for order in itertools.permutations(PHASES):
+        if order == PHASES:
+            continue
+        wrong = next(n for n, o in zip(PHASES, order, strict=True) if n != o)
+        said = ", ".join(source.get(n, n) for n in order)
+        if len(kind) == 3:
+            guess, remedy = f"phases are swapped (order {said})", f"reorder {named(source, *PHASES)}"
+        else:
+            own = [f"{source[o]} is that of {n}" for n, o in zip(PHASES, order, strict=True) if o in kind]
+            guess, remedy = f"phases are swapped (order {said}: {', '.join(own)})", "map them so"
+        yield Change(CURRENT, _column(wrong, "i_a"), guess, remedy, signal=_reordered(order))
+
+
+def _reordered(order: tuple[str, ...]) -> Callable[[Columns], Complex]:
+    return lambda c: current_of({n: c[o] for n, o in zip(PHASES, order, strict=True)})
+
+
+def _reversed(name: str, kind: tuple[str, ...], source: Source) -> Change:
+    """Return the change of one of two sensors' sign; the third phase follows."""
+
+    def signal(c: Columns) -> Complex:
+        own = {n: (-c[n] if n == name else c[n]) for n in kind}
+        third = next(n for n in PHASES if n not in kind)
+        return current_of({**own, third: -np.sum(list(own.values()), axis=0)})
+
+    guess = f"the sensor {named(source, name)} counts the other way than the other one"
+    return Change(CURRENT, name, guess, f"map {named(source, name)} with scale = -1", signal=signal)
+
+
+def _of_axes(
+    kind: tuple[str, ...], source: Source, part: str, vector: Callable[[Columns], Complex]
+) -> Iterator[Change]:
+    """Yield mistakes of two axes, of the stator or of the rotor."""
+    x, y = (source.get(n, n) for n in kind)
+    turns = kind[0] in ("i_d", "u_d")
+
+    def frame(c: Columns) -> Complex:
+        return np.asarray(np.exp(1j * c["theta"])) if turns else np.ones(1, dtype=np.complex128)
+
+    column = "i_a" if part == CURRENT else "u_beta"
+    other = Change(part, column, f"{y} has the wrong sign", f"map {y} with scale = -1",
+                   signal=lambda c: np.conj(vector(c) / frame(c)) * frame(c))  # fmt: skip
+    swap = Change(part, column, f"{x} and {y} are exchanged", "exchange their columns",
+                  signal=lambda c: 1j * np.conj(vector(c) / frame(c)) * frame(c))  # fmt: skip
+    yield from (other, swap)
+
+
+def _of_voltages(source: Source) -> Iterator[Change]:
+    kind, duties = voltages_held(source), DUTIES
+    every = named(source, *kind)
+    if kind != duties:
+        for scale, unit in ((1e3, "kV"), (1e-3, "mV")):
+            remedy = f'convert {every} to V or map them with unit = "{unit}"'
+            yield Change(VOLTAGE, "u_alpha", f"voltages are in {unit}", remedy, scale=scale)
+    guess = "voltages have the wrong sign" if kind != duties else "duties are those of the lower switches"
+    remedy = f"map {every} with scale = -1" + (" and offset = 1" if kind == duties else "")
+    yield Change(VOLTAGE, "u_alpha", guess, remedy, scale=-1.0)
+    if len(kind) == 2:
+        yield from _of_axes(kind, source, VOLTAGE, voltage_of)
+    for k, (undone, order) in enumerate(_phase_orders()):
+        if len(kind) == 3:
+            text = ", ".join(source.get(kind["abc".index(p)], p) for p in order)
+            guess, remedy = f"the voltages' phases are swapped (order {text})", f"reorder {every}"
+        elif k < 2 and kind == VOLTAGES:
+            guess = f"the voltages' phases are taken in the order {', '.join('bca' if k == 0 else 'cab')}"
+            remedy = f"reorder the phases of which {every} are made"
+        else:
+            continue
+        yield Change(VOLTAGE, "u_alpha", guess, remedy, signal=undone)
+    if kind != duties:
+        for part in (1.0, 0.5):
+            remedy = f"multiply {every} by {'' if part == 1.0 else 'half '}{source.get('u_dc', 'u_dc')}"
+            yield Change(VOLTAGE, "u_alpha", "voltages are per unit of the link", remedy,
+                         signal=lambda c, part=part: part * c["u_dc"] * voltage_of(c))  # type: ignore[misc]  # fmt: skip
+        for factor, guess in (*CONVENTIONS, (1.0 / SQRT3, "between two phases: line for phase voltage")):
+            remedy = f"give peak values of a phase, map {every} with scale = {factor:.4g}"
+            yield Change(VOLTAGE, "u_alpha", f"voltages are {guess}", remedy, scale=factor, convention=True)
+
+
+def _phase_orders() -> Iterator[tuple[Callable[[Columns], Complex], str]]:
+    """Yield what puts the phases of a voltage vector right, and the order in which they stand."""
+    for k, order in ((1, "cab"), (-1, "bca")):
+        yield lambda c, k=k: voltage_of(c) * np.exp(1j * k * THIRD), order  # type: ignore[misc]
+    for k, order in ((0, "acb"), (1, "bac"), (-1, "cba")):
+        yield lambda c, k=k: np.conj(voltage_of(c)) * np.exp(1j * k * THIRD), order  # type: ignore[misc]
+
+
+def _of_motor(m: Motor) -> Iterator[Change]:
+    """Yield other readings of the stated values; a flux map's own are not stated."""
+
+    def of(guess: str, remedy: str, r: float = 1.0, inductance: float = 1.0, flux: float = 1.0) -> Change:
+        values = (r, inductance, inductance, flux)
+        return Change(MOTOR, "", guess, f"{remedy} in [motor]", values=values, convention=True)
+
+    if isinstance(m, MappedMotor):
+        yield of("resistance is that between two terminals", "halve resistance", 0.5)
+        yield of("resistance is in mohm", "divide resistance by 1000", 1e-3)
+        return
+    line = "halve them: values of one phase"
+    yield of("resistance, inductance_d and inductance_q are those between two terminals", line, 0.5, 0.5)
+    yield of("resistance is that between two terminals", "halve it", 0.5)
+    yield of("inductance_d and inductance_q are those between two terminals", line, 1.0, 0.5)
+    yield of("resistance is in mohm", "divide it by 1000", 1e-3)
+    yield of("inductance_d and inductance_q are in mH", "divide them by 1000", 1.0, 1e-3)
+    yield of("inductance_d and inductance_q are in uH", "divide them by 1e6", 1.0, 1e-6)
+    if m.inductance_d != m.inductance_q:
+        yield Change(MOTOR, "", "inductance_d and inductance_q are exchanged", "exchange them in [motor]",
+                     values=(1.0, 1.0, -1.0, 1.0))  # fmt: skip
+    yield from (of(guess, remedy, flux=factor) for factor, guess, remedy in _fluxes(m))
+
+
+def _fluxes(m: Motor) -> Iterator[tuple[float, str, str]]:
+    """Yield factors of the magnet flux, what else the stated number may be, and what to do."""
+    p = float(m.pole_pairs)
+    if p > 1.0:
+        yield 1.0 / p, "magnet_flux is the back-EMF constant per mechanical rad/s", f"divide it by pole_pairs = {p:g}"
+        yield (
+            1.0 / p / SQRT3,
+            "magnet_flux is the back-EMF between two terminals per mechanical rad/s",
+            (f"divide it by sqrt(3) and pole_pairs = {p:g}"),
+        )
+    yield 1.0 / (1.5 * p), "magnet_flux is the torque constant (N m/A)", f"divide it by 1.5 pole_pairs = {1.5 * p:g}"
+    yield 1e-3, "magnet_flux is in mWb", "divide it by 1000"
+    yield 1.0 / SQRT3, "magnet_flux is that between two terminals", "divide it by sqrt(3)"
+    yield math.sqrt(2.0), "magnet_flux is an rms value", "multiply it by sqrt(2)"
+    yield math.sqrt(2.0 / 3.0), "magnet_flux is an rms value between two terminals", "multiply it by sqrt(2/3)"
+    yield 0.5, "magnet_flux is a peak-to-peak value", "halve it"
+    if m.magnet_flux > 1.0:
+        flux = 60.0 / (math.tau * SQRT3 * m.magnet_flux * p)
+        yield (
+            flux / m.magnet_flux,
+            "magnet_flux is Kv (rpm/V)",
+            (f"write 60 / (2 pi sqrt(3) Kv pole_pairs) = {flux:.4g}, where V is the peak between two terminals,"),
+        )
