@@ -19,7 +19,7 @@ from model.effects.library import effect_names
 from model.errors import BadInput, unknown
 from sandbox.motion.shaft import (
     STEADIEST,
-    WIDTHS,
+    USUAL_WIDTH,
     Design,
     Nominal,
     Shaft,
@@ -166,8 +166,8 @@ def _scaled(design: Design, whole: Terms, nominal: Nominal) -> Design:
 def _width(design: Design, able: Sequence[str], nominal: Nominal, orders: tuple[int, ...]) -> float:
     """Return the width of dry friction that leaves least."""
     if DRY.effect not in able:
-        return WIDTHS[0]
-    return min(WIDTHS, key=lambda w: fitted(design, _terms(able, w, orders), nominal).chi2)
+        return design.widths[0]
+    return min(design.widths, key=lambda w: fitted(design, _terms(able, w, orders), nominal).chi2)
 
 
 def _driving(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]) -> dict[str, str]:
@@ -189,8 +189,8 @@ def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[st
     if nominal.inertia is None:
         base.append(design.acceleration)
     columns = {
-        DRY.effect: design.dry(0.2), INERTIA.effect: design.acceleration, VISCOUS.effect: design.speed,
-        LAG.effect: design.slope, **{n.effect: design.of_users[n.size] for n in users()},
+        DRY.effect: design.dry(USUAL_WIDTH * design.fastest), INERTIA.effect: design.acceleration,
+        VISCOUS.effect: design.speed, LAG.effect: design.slope, **{n.effect: design.of_users[n.size] for n in users()},
     }  # fmt: skip
     known, found = numbers(), not_told()
     if nominal.inertia is None:
@@ -211,13 +211,13 @@ def _sets(design: Design, able: Sequence[str], whole: Terms, nominal: Nominal) -
     """Return every set of effects, the most probable first."""
     able = [e for e in able if e != COGGING.effect or whole.orders]
     rows = int(np.count_nonzero(design.weight))
-    richest = fitted(design, _terms(able, whole.dry or WIDTHS[0], whole.orders), nominal)
+    richest = fitted(design, _terms(able, whole.dry or design.widths[0], whole.orders), nominal)
     effective = max(rows / richest.inflation, 2.0)
     size: dict[str, int] = {COGGING.effect: 2 * len(whole.orders), DRY.effect: 2}
     found = []
     for count in range(len(able) + 1):
         for effects in itertools.combinations(able, count):
-            shaft = fitted(design, _terms(effects, whole.dry or WIDTHS[0], whole.orders), nominal)
+            shaft = fitted(design, _terms(effects, whole.dry or design.widths[0], whole.orders), nominal)
             penalty = sum(size.get(e, 1) for e in effects) * math.log(effective)
             found.append((-0.5 * (shaft.chi2 + shaft.strain + penalty), effects, shaft))
     top = max(f[0] for f in found)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,11 @@ from sandbox.motion.torques import DRY, INERTIA, LAG, VISCOUS, against, users
 from sandbox.motion.windows import Averages
 
 Array = NDArray[np.float64]
-WIDTHS = (0.05, 0.1, 0.2, 0.35, 0.6, 1.0, 2.0)  # rad/s, over which dry friction changes its sign
+# Of the log's fastest: over which dry friction changes its sign.  A tanh is 0.96 at twice its width; a wider one bends
+# where viscous friction is told, and takes from it what belongs to presliding.
+WIDTHS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02)
+USUAL_WIDTH = 0.005
+LEAST_PERIODS = 2.0  # of an order, seen in the angle: with fewer it stands for anything that depends on the place
 MOST_ORDERS = 16
 HIGHEST = 200  # order per turn that is looked for
 PASSED = 0.1  # of a sine's square: an order that windows average away below it is not looked for
@@ -48,8 +53,19 @@ class Design:
     step: float
     of_users: Mapping[str, Array] = field(default_factory=dict)
 
+    @cached_property
+    def fastest(self) -> float:
+        """The speed (rad/s) that samples exceed in one of a hundred."""
+        speeds = np.concatenate([np.abs(a.sample_speed) for a in self.averages])
+        return float(np.quantile(speeds, 0.99)) or 1.0
+
+    @cached_property
+    def widths(self) -> tuple[float, ...]:
+        """Speeds (rad/s) over which dry friction may change its sign."""
+        return tuple(share * self.fastest for share in WIDTHS)
+
     def dry(self, width: float) -> Array:
-        """Return the column of dry friction."""
+        """Return the column of dry friction that changes its sign over a width (rad/s)."""
         return np.concatenate([a.mean(np.tanh(a.sample_speed / width)) for a in self.averages])
 
     def order(self, n: int) -> Array:
@@ -227,7 +243,8 @@ def reweighted(design: Design, shaft: Shaft) -> Design:
 def with_orders(design: Design, terms: Terms, nominal: Nominal, highest: int = HIGHEST) -> Terms:
     """Return terms with the orders of cogging that explain more than chance, the strongest first."""
     tried = {}
-    for n in range(1, highest + 1):
+    travel = max(float(np.ptp(a.angle)) for a in design.averages)
+    for n in range(max(1, math.ceil(LEAST_PERIODS * math.tau / travel)), highest + 1):
         pair = design.order(n) * design.weight[:, None]
         if np.mean(pair[design.weight > 0.0] ** 2) > 0.5 * PASSED * np.mean(design.weight[design.weight > 0.0] ** 2):
             tried[n] = pair
