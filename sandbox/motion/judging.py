@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize_scalar
 
 from model.effects.library import effect_names
 from model.errors import BadInput, unknown
@@ -167,7 +168,16 @@ def _width(design: Design, able: Sequence[str], nominal: Nominal, orders: tuple[
     """Return the width of dry friction that leaves least."""
     if DRY.effect not in able:
         return design.widths[0]
-    return min(design.widths, key=lambda w: fitted(design, _terms(able, w, orders), nominal).chi2)
+    widths = design.widths
+
+    def left(width: float) -> float:
+        """Return the sum of squares that a width leaves."""
+        return fitted(design, _terms(able, width, orders), nominal).chi2
+
+    best = min(range(len(widths)), key=lambda k: left(widths[k]))
+    low, high = widths[max(best - 1, 0)], widths[min(best + 1, len(widths) - 1)]
+    between = minimize_scalar(left, bounds=(low, high), method="bounded", options={"xatol": 0.01 * widths[best]})
+    return float(between.x) if between.fun < left(widths[best]) else widths[best]
 
 
 def _driving(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]) -> dict[str, str]:

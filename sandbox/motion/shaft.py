@@ -20,7 +20,7 @@ from sandbox.motion.windows import Averages
 Array = NDArray[np.float64]
 # Of the log's fastest: over which dry friction changes its sign.  A tanh is 0.96 at twice its width; a wider one bends
 # where viscous friction is told, and takes from it what belongs to presliding.
-WIDTHS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02)
+WIDTHS = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.03)
 USUAL_WIDTH = 0.005
 LEAST_PERIODS = 2.0  # of an order, seen in the angle: with fewer it stands for anything that depends on the place
 MOST_ORDERS = 16
