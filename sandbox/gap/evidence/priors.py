@@ -44,6 +44,7 @@ class Coordinate:
     along: tuple[tuple[str, float], ...] = ()
     within: float = math.inf  # deviations from the mean beyond which it is no longer ordinary
     most: float = math.inf  # beyond which no drive can have it (a limit of the effect's card)
+    step: float = 0.0  # finite change (a chord) that its slope is taken over, 0: a difference so small that it is one
 
     @property
     def effect(self) -> str:

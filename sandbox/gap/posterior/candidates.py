@@ -1,0 +1,168 @@
+"""Candidates: every effect of the library with the values of its companions that it may begin from.
+
+An effect that is strongly nonlinear stands in the equations with several candidates: its time constant, frequency,
+stiffness or order at trial values, and a delay by finite changes (chords) beside its slope.  The same algebra then
+chooses the set of effects and where each of them begins; nothing is probed or scanned elsewhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+
+import numpy as np
+
+from model.effects import library
+from model.effects.card import Effect, Parameter
+from model.errors import BadInput
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.priors import WIDE, Coordinate, of_effect, of_part
+from sandbox.gap.evidence.spectrum import best_values, link_lines
+from sandbox.plant.sets import complete, further_parts
+
+CHORDS = (2.0, 4.0, 8.0, 16.0, 32.0)  # typical sizes: octaves up to three sampling periods of a delay
+BEGUN = 1e-3  # of an amplitude's typical size: a part that a fit begins with is on, and hardly more
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """An effect, or a further part of one, and where it may begin.
+
+    start: values of its companions; chord: the finite change (in the size's unit) that stands for its slope, 0: the
+    slope; part: which of the effect's parts; tried: how many values of the companions were looked at to find these.
+    """
+
+    effect: str
+    start: Mapping[str, float] = field(default_factory=dict)
+    chord: float = 0.0
+    part: int = 1
+    tried: int = 1
+
+    def coordinates(self, point: Point, label: str = "") -> list[Coordinate]:
+        """Return the columns that the candidate adds to the equations at a point where the effect is off."""
+        drive, values = point.prepared.campaign.drive, {**point.values, **self.start}
+        card, along = library.load_effect(self.effect), tuple(self.start.items())
+        if self.part > 1:
+            own = of_part(card, self.part, drive, values)
+            return [replace(c, label=f"{c.label}{label}", along=along) for c in own]
+        own = of_effect(self.effect, drive, values)
+        off = [c for c in own if c.form != "log" and c.names[0] not in self.start]
+        if not off:  # nothing but shapes: there or not, one straight way between
+            first = next(iter(self.start))
+            return [Coordinate(f"{self.effect}{label}", 0.0, 1.0, "share", (first,), along)]
+        if self.chord:
+            off = [replace(c, step=self.chord, within=2.0 * abs(self.chord) / c.deviation) for c in off]
+        return [replace(c, label=f"{c.label}{label}", along=along) for c in off]
+
+    def begun(self, point: Point) -> dict[str, float]:
+        """Return the values with which a fit begins that has the candidate."""
+        out = dict(self.start)
+        if self.part > 1:
+            drive, card = point.prepared.campaign.drive, library.load_effect(self.effect)
+            part = card.part(self.part)
+            moved = {c.names[0] for c in of_part(card, self.part, drive, {**point.values, **self.start})}
+            for p in part.parameters:
+                name = card.public(self.part, p.name)
+                if p.name in part.switches and name in moved:
+                    out[name] = BEGUN * p.typical_for(drive.motor, drive.converter)
+        return out
+
+
+def candidates(point: Point, exclude: Sequence[str] = (), *, chords: bool = True) -> list[Candidate]:
+    """Return all candidates of the library at a point; chords: finite changes of delays beside their slopes."""
+    out = []
+    for effect in library.effect_names():
+        if effect not in exclude:
+            own = list(_beginnings(point, library.load_effect(effect)))
+            out += own
+            if chords and len(own) == 1:
+                out += _chords(point, own[0])
+    return out
+
+
+def further(point: Point, effects: Sequence[str]) -> list[Candidate]:
+    """Return the next part of effects that can have several, at the orders that explain most of the residual."""
+    out = []
+    for effect in effects:
+        card = library.load_effect(effect)
+        on = further_parts(card, point.values, library.neutral(point.prepared.campaign.drive.motor))
+        k = next((k for k in range(2, card.repeats + 1) if k not in on), None)
+        if k is None:
+            continue
+        part, choices, tried = card.part(k), [], 1
+        for p in part.parameters:
+            if p.scan and p.scan[2]:
+                values, name = scanned(p, point.prepared.campaign.drive.motor.pole_pairs), card.public(k, p.name)
+                tried *= len(values)
+                if part.polar:
+                    pair = (card.public(k, part.polar[0]), card.public(k, part.polar[1]))
+                    values = best_values(point, pair, name, values)
+                choices.append([(name, x) for x in values])
+        if choices:
+            out += [Candidate(effect, dict(c), part=k, tried=tried) for c in product(*choices)]
+    return [c for c in out if c.coordinates(point)]
+
+
+def _beginnings(point: Point, card: Effect) -> Iterator[Candidate]:
+    """Yield an effect at every combination of the values that its companions may begin from."""
+    drive, choices, tried = point.prepared.campaign.drive, [], 1
+    for p in card.parameters:
+        name = f"{card.name}.{p.name}"
+        if p.scan and card.polar:
+            low, high, step = p.scan
+            pair = (f"{card.name}.{card.polar[0]}", f"{card.name}.{card.polar[1]}")
+            values = scanned(p, drive.motor.pole_pairs) if step else []
+            found = best_values(point, pair, name, values) if step else link_lines(point, low, high)
+            tried *= max(1, len(values) // max(1, len(found)))
+            choices.append([(name, x) for x in found])
+        elif p.fit == "log":
+            size = p.typical_for(drive.motor, drive.converter)
+            choices.append([(name, s * size) for s in p.starts])
+    for c in product(*choices):
+        if possible(point, dict(c)):
+            yield Candidate(card.name, dict(c), tried=tried)
+
+
+def _chords(point: Point, slope: Candidate) -> Iterator[Candidate]:
+    """Yield finite changes of an effect that is one time (s): pulses that move past each other are no straight line."""
+    drive = point.prepared.campaign.drive
+    own = of_effect(slope.effect, drive, point.values)
+    if len(own) != 1 or own[0].form != "linear" or library.parameters()[own[0].names[0]].unit != "s":
+        return
+    low, high = replace(own[0], within=np.inf).bounds()
+    size = own[0].deviation / WIDE
+    for to in (sign * k * size for k in CHORDS for sign in (1.0, -1.0)):
+        if low <= own[0].mean + to <= high and possible(point, own[0].changes(point.values, own[0].mean + to)):
+            yield replace(slope, chord=to)
+
+
+def scanned(p: Parameter, pole_pairs: int) -> list[float]:
+    """Return the values of a parameter with a scan in steps that are tried; beyond the last, multiples of the number of
+    poles where its card says so: the torque of slots has the least common multiple of slots and poles (Zhu, Howe)."""
+    low, high, step = p.scan or (1.0, 0.0, 1.0)
+    values = np.arange(low, high + 0.5 * step, step)
+    poles = 2.0 * pole_pairs * np.arange(1.0, p.scan_poles + 1.0)
+    return [*values.tolist(), *poles[poles > high].tolist()]
+
+
+def possible(point: Point, start: Mapping[str, float]) -> bool:
+    """Return whether a drive can have these values beside those of a point (masses, delays that bound each other)."""
+    drive = point.prepared.campaign.drive
+    try:
+        complete(drive.motor, drive.converter, {**point.values, **start})
+    except BadInput:
+        return False
+    return True
+
+
+def at_typical(point: Point, exclude: Sequence[str] = ()) -> list[Candidate]:
+    """Return one candidate an effect, its companions at typical values: what is known before looking at residuals."""
+    drive = point.prepared.campaign.drive
+    out = []
+    for effect in library.effect_names():
+        own = library.load_effect(effect).parameters
+        start = {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own if p.fit == "log"}
+        if effect not in exclude:
+            out.append(Candidate(effect, start))
+    return out

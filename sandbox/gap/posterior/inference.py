@@ -1,0 +1,225 @@
+"""Inference: which sets of effects explain a campaign, how probable each is, and where its fit lies.
+
+    residual and slopes of all candidates at a point -> posterior over sets by algebra -> fit of the most probable set
+
+until the most probable set is the one that was fitted.  Far from the floor the misfit (`misfit`) makes the data count
+for less, so a round names what explains most, and the next one what is left.  Sets within a few nats of the best one
+are then fitted themselves and weighed at their own points; all others keep the chance that the algebra gives them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from model.effects import library
+from sandbox.gap.evidence.fit import Fit, Weights, attempted, fit, rms_of
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.priors import ordinary, with_usual_sign
+from sandbox.gap.posterior.candidates import Candidate, candidates, further
+from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.linear_model import LinearModel, linear_model
+from sandbox.gap.posterior.misfit import misfit, weights
+from sandbox.gap.posterior.set_prior import Set, log_prior
+from sandbox.gap.posterior.sets import Chosen, SetPosterior
+from sandbox.gap.posterior.settings import USUAL, Settings
+
+Report = Callable[[str], None]
+SMALL = 1e-6  # probability below which a set is not listed
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What is asked: a campaign at its nominal point, recordings that count, effects that are no candidates, settings,
+    threads, and whom to tell."""
+
+    start: Point
+    fitted: Weights
+    exclude: Sequence[str] = ()
+    settings: Settings = USUAL
+    workers: int = 1
+    report: Report = lambda _: None
+
+
+@dataclass(frozen=True)
+class Inference:
+    """The answer: ordinary deviations alone, every fitted set evaluated, probability of sets of effects (the most
+    probable first), the variance that estimates meet in every segment."""
+
+    null: Fit
+    evaluated: Mapping[Set, EvaluatedModel]
+    sets: Mapping[Set, float]
+    variance: Mapping[tuple[int, str], float]
+
+    @property
+    def best(self) -> EvaluatedModel:
+        """The most probable set that was fitted."""
+        return self.evaluated[max(self.evaluated, key=lambda k: self.sets.get(k, 0.0))]
+
+
+def infer(problem: Problem) -> Inference:
+    """Return the posterior over sets of effects of a campaign."""
+    return _Run(problem).answer()
+
+
+class _Run:
+    """A run of the loop: fits by set, candidates by effect with which sets are evaluated."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        problem.report("fitting ordinary deviations")
+        self.null = fit(problem.start, (), problem.fitted, workers=problem.workers)
+        self.trace = problem.settings.trace_at(rms_of(self.null))
+        self.fits: dict[Set, Fit] = {(): self.null}
+        self.chosen: dict[str, Candidate] = {}
+        self.found: list[Candidate] = []  # all candidates, as the residual of ordinary deviations alone shows them
+
+    def answer(self) -> Inference:
+        """Return the answer."""
+        best = self.grown()
+        variance = misfit(best.point)
+        evaluated = {best.effects: self.evaluated(best, variance)}
+        while True:
+            told, nearest = self.posterior(evaluated)
+            leader = max(evaluated, key=lambda k: told[k])
+            if nearest is None or len(evaluated) > self.problem.settings.rivals:
+                break
+            new = self.fit_of(nearest, evaluated[leader].fit)
+            if new is None:
+                evaluated[nearest] = replace(evaluated[leader], impossible=True, fit=replace(best, effects=nearest))
+                continue
+            evaluated[nearest] = self.evaluated(new, variance)
+        kept = {k: v for k, v in evaluated.items() if not v.impossible}
+        total = sum(math.exp(v) for v in told.values())
+        sets = {k: math.exp(v) / total for k, v in sorted(told.items(), key=lambda x: -x[1])}
+        return Inference(self.null, kept, {k: p for k, p in sets.items() if p > SMALL or k in kept}, variance)
+
+    def grown(self) -> Fit:
+        """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other."""
+        here, seen = self.null, {()}
+        self.problem.report("weighing all sets of effects")
+        self.found = candidates(here.point, self.problem.exclude, chords=rms_of(here) > 1.0)
+        for turn in range(self.problem.settings.rounds):
+            sets = self.linearised(here, self.found if turn < 2 else list(self.chosen.values()))
+            best = sets.best()
+            self.choose(sets, best)
+            key = sets.names(best)
+            parts = [sets.model.candidates[k] for k in best if sets.model.candidates[k].part > 1]
+            if key == here.effects and not parts or (key in seen and not parts):
+                break
+            new = self.fit_of(key, here, sets, best)
+            if new is None:
+                break
+            seen.add(key)
+            here = self.fits[key] = new
+        return here
+
+    def linearised(self, here: Fit, found: Sequence[Candidate]) -> SetPosterior:
+        """Return the posterior over sets at a fit's point."""
+        p, more = self.problem, further(here.point, [e for e in here.effects])
+        model = linear_model(
+            here.point,
+            [*found, *more],
+            here.effects,
+            self.trace,
+            weights(misfit(here.point)),
+            settings=p.settings,
+            workers=p.workers,
+        )
+        sets = SetPosterior(model)
+        sets.enumerate([k for k, c in enumerate(model.candidates) if c.effect in here.effects and c.part == 1])
+        return sets
+
+    def choose(self, sets: SetPosterior, best: Chosen) -> None:
+        """Choose for every effect the candidate that is most probable beside the best set, or in it."""
+        model = sets.model
+        for k, c in enumerate(model.candidates):
+            if c.part > 1:
+                continue
+            rest = tuple(x for x in best if model.candidates[x].effect != c.effect)
+            told = sets.weigh((*rest, k)) if sets.allowed(tuple(sorted((*rest, k)))) else -math.inf
+            first = self.levels.get(c.effect)
+            if first is None or told > first[0]:
+                self.levels[c.effect] = (told, c)
+        self.chosen = {e: c for e, (_, c) in self.levels.items()}
+        self.levels = {}
+
+    levels: dict[str, tuple[float, Candidate]] = {}
+
+    def fit_of(
+        self, key: Set, near: Fit, sets: SetPosterior | None = None, best: Chosen = ()
+    ) -> Fit | None:
+        """Return the fit of a set that begins at another one's point; None where no drive can have it."""
+        self.problem.report(f"fitting {' + '.join(key) or 'ordinary deviations'}")
+        p = self.problem
+        at = towards(near, key, [c for e, c in self.chosen.items()])
+        if sets is not None:
+            at = self.moved(at, near, sets, best)
+        return attempted(at, key, p.fitted, smooth=True, workers=p.workers)
+
+    def moved(self, at: Point, near: Fit, sets: SetPosterior, best: Chosen) -> Point:
+        """Return a point with chords at the size that the algebra gives them, and further parts begun."""
+        x, values = sets.most_probable(best), dict(at.values)
+        for k in best:
+            c, places = sets.model.candidates[k], sets.model.places[k]
+            if c.part > 1:
+                values |= c.begun(at)
+            elif c.chord and c.effect not in near.effects:
+                coordinate = sets.model.coordinates[places[0]]
+                values |= coordinate.changes(values, coordinate.bounded(float(x[places[0]])))
+        return replace(at, values=values)
+
+    def evaluated(self, found: Fit, variance: Mapping[tuple[int, str], float]) -> EvaluatedModel:
+        """Return a fitted set weighed at its own point, traces of all other effects beside it."""
+        p, told = self.problem, weights(variance)
+        model = linear_model(
+            found.point,
+            list(self.chosen.values()),
+            found.effects,
+            self.trace,
+            told,
+            settings=p.settings,
+            workers=p.workers,
+        )
+        prior = model.prior(found.effects)
+        return EvaluatedModel(found, settled := model.settled(prior, told, p.workers), prior, settled.log_evidence(found.effects))
+
+    def posterior(self, evaluated: Mapping[Set, EvaluatedModel]) -> tuple[dict[Set, float], Set | None]:
+        """Return the log posterior of all sets, the best one's 0, and the most probable set that ought to be fitted.
+
+        Fitted sets have the evidence of their own points; any other one stands to the best of them as the equations at
+        its point say.
+        """
+        own = {k: e.log_evidence + log_prior(k, self.problem.settings) for k, e in evaluated.items() if not e.impossible}
+        leader = max(own, key=lambda k: (own[k], k))
+        sets = SetPosterior(evaluated[leader].model)
+        sets.enumerate([k for k, c in enumerate(sets.model.candidates) if c.effect in leader])
+        by_name = sets.by_name()
+        told = {k: v - by_name[leader] + own[leader] for k, v in by_name.items() if k not in evaluated} | own
+        top = own[leader]
+        near = [k for k in told if k not in evaluated and told[k] > top - self.problem.settings.near]
+        told = {k: min(v, top) - top if k not in own else v - top for k, v in told.items()}
+        return told, max(near, key=lambda k: (told[k], k), default=None)
+
+
+def towards(best: Fit, key: Sequence[str], chosen: Sequence[Candidate]) -> Point:
+    """Return a fit's point with the effects that another set lacks at neutral, and those it has more begun; without
+    effects so far, signs of currents go through zero as they usually do."""
+    campaign = best.point.prepared.campaign
+    neutral, kept = library.neutral(campaign.drive.motor), {c.label for c in ordinary(campaign)}
+    gone = tuple(f"{e}." for e in best.effects if e not in key)
+    first = library.same_numbers()
+    used = kept | {first.get(k, k) for k in neutral if k.partition(".")[0] in key}
+    owns = {first.get(k, k) for k in neutral if gone and k.startswith(gone)} - used
+    values = dict(best.point.values)
+    for own in owns:
+        values |= library.moved(own, neutral[own])
+    if not best.effects:
+        values = with_usual_sign(values, campaign.drive.motor)
+    for c in chosen:
+        if c.effect in key and c.effect not in best.effects:
+            values |= c.start
+    return replace(best.point, values=values)

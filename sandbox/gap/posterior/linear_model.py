@@ -1,0 +1,210 @@
+"""The campaign linearised at a point: equations of all coordinates, and their priors with and without each effect.
+
+Every effect has a trace, too, a small share of its wide prior: unless a set names an effect, its columns stay in the
+equations with that narrow prior (spike and slab).  So a trace of an effect, or of the simulator's own error that
+resembles one, is no discovery.  That error grows with what there is to explain, and the trace with it.  A companion
+(time constant, frequency) is a shape, not a size: one prior for both.  Traces may have either sign.
+
+How large a named effect is nobody knows beforehand: its evidence is the mean over `Settings.sizes`, shares of the wide
+prior, each on top of the trace.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.effects import library
+from sandbox.gap.evidence.algebra import Algebra, Prior, prior_of
+from sandbox.gap.evidence.fit import Weights, objective, tried
+from sandbox.gap.evidence.normal import Normal, Point, normal
+from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
+from sandbox.gap.posterior.candidates import Candidate
+from sandbox.gap.posterior.settings import USUAL, Settings
+
+Array = NDArray[np.float64]
+ROUNDS, SETTLED = 8, 0.5  # steps to the most probable point; promised gain of the objective that ends them
+TRACE = 4.0  # deviations that a trace may have, to either side
+HELD = 1e-4  # of its deviation: how far a candidate of nothing but shapes may move that is not named
+
+
+@dataclass(frozen=True)
+class LinearModel:
+    """Equations at a point, priors where no effect and where every candidate is named, places of each candidate's
+    coordinates; of_effects: coordinates that are no ordinary deviation (p,)."""
+
+    point: Point
+    normal: Normal
+    equations: Algebra
+    narrow: Prior
+    wide: Prior
+    candidates: tuple[Candidate, ...]
+    places: tuple[tuple[int, ...], ...]
+    of_effects: NDArray[np.bool_]
+    settings: Settings = USUAL
+
+    @property
+    def coordinates(self) -> tuple[Coordinate, ...]:
+        """All coordinates, turns last."""
+        return self.normal.coordinates
+
+    @cached_property
+    def members(self) -> dict[str, tuple[int, ...]]:
+        """The places of each effect's coordinates, its first candidate's where it has several."""
+        out: dict[str, tuple[int, ...]] = {}
+        for c, own in zip(self.candidates, self.places, strict=True):
+            out.setdefault(c.effect, own)
+        return out
+
+    def prior(self, effects: Sequence[str], *, alone: bool = False) -> Prior:
+        """Return the prior of a set of effects: wide for these, narrow for all others (alone: none of the others)."""
+        named, n, w = self._places(effects), self.narrow, self.wide
+        if alone:
+            n = n.with_deviation(np.where(self.of_effects, 0.0, n.deviation))
+        parts = ((n.mean, w.mean), (n.deviation, w.deviation), (n.low, w.low), (n.high, w.high))
+        return Prior(*(np.where(named, b, a) for a, b in parts))
+
+    def log_evidence(self, effects: Sequence[str]) -> float:
+        """Return the log evidence of a set of effects, bounds included.
+
+        One effect's size is averaged over at a time, the others' held where they are most probable.
+        """
+        prior = self.prior(effects)
+        traces = self.of_effects & ~self._places(effects) & (prior.deviation < self.wide.deviation)
+        reach = TRACE * prior.deviation
+        low = np.where(traces, prior.mean - reach, prior.low)
+        loose = Prior(prior.mean, prior.deviation, low, np.where(traces, prior.mean + reach, prior.high))
+        level, averaged = 0.0 if effects else self.equations.log_evidence(loose), 0.0
+        for effect in effects:
+            sized = [loose.with_deviation(self._sized(effect, loose.deviation, x)) for x in self.settings.sizes]
+            told = np.array([self.equations.log_evidence(p) for p in sized])
+            k = int(np.argmax(told))
+            if not math.isfinite(told[k]):
+                return -math.inf
+            level, loose = float(told[k]), sized[k]
+            averaged += float(np.log(np.mean(np.exp(told - told[k]))))
+        return level + averaged
+
+    def _places(self, effects: Sequence[str]) -> NDArray[np.bool_]:
+        """Return which coordinates belong to effects (p,)."""
+        out = np.zeros(len(self.narrow.mean), dtype=bool)
+        for effect in effects:
+            out[list(self.members[effect])] = True
+        return out
+
+    def _sized(self, effect: str, deviation: Array, share: float) -> Array:
+        """Return deviations (p,) with an effect's a share of its wide ones, on top of its trace's."""
+        own = np.hypot(self.narrow.deviation, share * self.wide.deviation)
+        size = self._places([effect]) & (self.narrow.deviation < self.wide.deviation)
+        return np.where(size, own, deviation)
+
+    def settled(self, prior: Prior, weights: Weights, workers: int) -> LinearModel:
+        """Return the model at its most probable point under a prior, slopes kept.
+
+        All coordinates move together (shapes alone never): a part of the way where the whole one leads up.
+        """
+        t, value, part = self, objective(self.normal, prior, weights), 1.0
+        shares = np.array([c.form == "share" for c in t.coordinates])
+        for _ in range(ROUNDS):
+            x = np.where(shares, t.normal.x, t.equations.most_probable(prior).x)
+            if value - t.equations.objective(x, prior) < SETTLED:
+                break
+            trial = t.point.moved(t.coordinates, t.normal.x + part * (x - t.normal.x))
+            reached, n = tried(t.normal, trial, prior, weights, workers)
+            if n is None or reached >= value:
+                part *= 0.25
+                if part < 0.05:
+                    break
+                continue
+            value, t = reached, replace(t, point=trial, normal=n, equations=equations(n, weights))
+        return replace(t, normal=t.normal.bare())
+
+
+def equations(n: Normal, weights: Weights) -> Algebra:
+    """Return the equations summed over segments with their weights."""
+    a, g, rr = n.summed(weights)
+    return Algebra(a, g, rr, n.x)
+
+
+def linear_model(
+    point: Point,
+    candidates: Sequence[Candidate],
+    active: Sequence[str],
+    trace: float,
+    weights: Weights,
+    *,
+    settings: Settings = USUAL,
+    workers: int = 1,
+) -> LinearModel:
+    """Return the equations of all candidates at a point.
+
+    active: effects that are on there, of which no other candidate counts (but further parts); trace: share of the wide
+    prior that a trace has; weights: of segments.
+    """
+    usual = ordinary(point.prepared.campaign)
+    columns = _Columns({c.label: c for c in usual}, {c.label: c for c in usual}, [], [])
+    count = {e: sum(c.effect == e and c.part == 1 for c in candidates) for e in library.effect_names()}
+    for effect in active:
+        known = next((c for c in candidates if c.effect == effect and c.part == 1), Candidate(effect))
+        drive = point.prepared.campaign.drive
+        columns.add(known, of_effect(effect, drive, {**point.values, **known.start}, point.values), trace)
+    for k, c in enumerate(candidates):
+        if c.effect not in active or c.part > 1:
+            label = "" if c.part > 1 or c.effect not in columns.effects else f"@{k}"
+            columns.add(c, c.coordinates(point, label), trace / math.sqrt(max(1, count[c.effect])))
+    return columns.model(point, weights, settings, workers)
+
+
+@dataclass
+class _Columns:
+    """Columns as they come in: by label with their narrow and wide priors; candidates with their labels."""
+
+    narrow: dict[str, Coordinate]
+    wide: dict[str, Coordinate]
+    candidates: list[Candidate]
+    labels: list[list[str]]
+
+    @property
+    def effects(self) -> set[str]:
+        """The effects that have columns already."""
+        return {c.effect for c in self.candidates}
+
+    def add(self, candidate: Candidate, own: Sequence[Coordinate], trace: float) -> None:
+        """Add a candidate's columns; those that are ordinary deviations are there already."""
+        share = trace * library.load_effect(candidate.effect).trace
+        for c in own:
+            shape = c.form == "log" or c.names[0] in candidate.start
+            narrow = c if shape else replace(c, deviation=(HELD if c.form == "share" else share) * c.deviation)
+            self.narrow.setdefault(c.label, narrow)
+            if c.deviation >= self.wide.get(c.label, c).deviation:
+                self.wide[c.label] = c
+        self.candidates.append(candidate)
+        self.labels.append([c.label for c in own])
+
+    def model(self, point: Point, weights: Weights, settings: Settings, workers: int) -> LinearModel:
+        """Return the equations of all columns."""
+        usual = {c.label for c in ordinary(point.prepared.campaign)}
+        n = normal(point, [self.wide[label] for label in self.narrow], workers=workers)
+        place = {c.label: k for k, c in enumerate(n.coordinates)}
+        other = np.array([c.label not in usual and c.form != "turn" for c in n.coordinates])
+        return LinearModel(
+            point,
+            n,
+            equations(n, weights),
+            prior_of([self.narrow.get(c.label, c) for c in n.coordinates]),
+            prior_of(n.coordinates),
+            tuple(self.candidates),
+            tuple(tuple(place[x] for x in own) for own in self.labels),
+            other,
+            settings,
+        )
+
+
+def no_weights(n: Normal) -> Mapping[tuple[int, str], float]:
+    """Return weights of 1."""
+    return {(s.recording, s.channel): 1.0 for s in n.segments}

@@ -1,0 +1,63 @@
+"""What the residual has beside noise: its size by recording and frequency, and how far it makes the data count for less.
+
+Readings of one channel of one recording have the noise's variance 1 and, in each band of frequency, a further variance
+e >= 0 of what the model misses there.  Its most likely value is the power in the band less 1 (the periodogram of white
+noise is chi-square), taken as 0 where chance alone makes as much.  A cause that looks like what is missed has its
+spectrum, and meets the variance
+
+    1 + sum e^2 n / sum e n,
+
+the mean over the bands in which it lies.  A slow error of 1 % of the power in a thousandth of the frequencies makes
+estimates ten times as uncertain as white noise of that power would.  The bands are thirds of an octave of a recording's
+discrete cosine transform, so they scale with its length and sampling.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import dct
+
+from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.spectrum import shown
+from sandbox.replay.segments import channel
+
+Array = NDArray[np.float64]
+CHANCE = 3.0  # standard deviations of white noise's power in a band: 1 in 700 bands has more
+BANDS = 3  # an octave
+
+
+def misfit(point: Point) -> dict[tuple[int, str], float]:
+    """Return the variance that estimates meet in every (recording, channel), in units of the noise's; 1 is noise."""
+    out = {}
+    for k, r in enumerate(shown(point)):
+        for name in ("current", "motion", "angle"):
+            if name == "current" or getattr(r, name) is not None:
+                out[k, name] = met(channel(r, name))
+    return out
+
+
+def met(residual: Array) -> float:
+    """Return the variance that a cause meets whose spectrum is that of what residuals (n, c) have beside noise."""
+    power, count = bands(residual)
+    excess = power / count - 1.0
+    excess = np.where(excess > CHANCE * np.sqrt(2.0 / count), excess, 0.0)
+    total = float(np.sum(excess * count))
+    return 1.0 + float(np.sum(excess**2 * count)) / total if total > 0.0 else 1.0
+
+
+def bands(residual: Array) -> tuple[Array, Array]:
+    """Return the sum of squares of residuals (n, c) in every band, and how many numbers it has."""
+    n = len(residual)
+    squares = np.sum(dct(residual, axis=0, norm="ortho") ** 2, axis=1)
+    octaves = np.arange(BANDS * max(1, int(np.log2(max(2, n)))))
+    edges = np.unique([0, 1, 2, *np.round(2.0 ** (1.0 + octaves / BANDS)).astype(int).tolist()])
+    edges = edges[edges < n]
+    return np.add.reduceat(squares, edges), np.diff([*edges, n]) * float(residual.shape[1])
+
+
+def weights(variance: Mapping[tuple[int, str], float]) -> dict[tuple[int, str], float]:
+    """Return the weights of segments whose variance is known."""
+    return {k: 1.0 / v for k, v in variance.items()}

@@ -1,0 +1,246 @@
+"""Posterior over sets of candidates, by algebra on one point's equations.
+
+A set is a choice of priors on the same equations: wide for its candidates (slab), narrow for all others (spike).  With
+M = A + P^-1 for no candidate, b = g at the priors' means, C = M^-1 and c = C b, a set S whose k coordinates get the
+deviations w in place of n changes the log evidence by
+
+    1/2 y'K^-1 y - 1/2 log det K - sum log(w / n),   K = I - r (C_SS / n n') r,   y = r c_S / n,   r^2 = 1 - (n / w)^2,
+
+k equations instead of p (the matrix determinant lemma; Woodbury).  A size that can only be positive has half a Gaussian
+as prior: the factor 2 Phi(x / s) with its posterior mean x and deviation s.  A hundred thousand sets take a second, so
+the sets near the best one are enumerated: best first, each by adding, dropping and exchanging a candidate, until none
+that is left lies within reach.  Checked against `LinearModel.log_evidence` and against brute force.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.compiled import kernel
+from sandbox.gap.posterior.linear_model import LinearModel
+from sandbox.gap.posterior.set_prior import Set, log_prior, possible
+
+Array = NDArray[np.float64]
+Chosen = tuple[int, ...]  # places of candidates
+REACH = 12.0  # nats behind the best set within which sets are enumerated: beyond, a thousand of them make 1 %
+PARENTS = 80  # sets whose neighbours are looked at; the best first
+KEPT = 24  # neighbours of each that are weighed with sizes averaged over
+
+
+@dataclass
+class SetPosterior:
+    """Log posterior of sets of candidates at a point, up to one constant; known: those weighed so far."""
+
+    model: LinearModel
+    known: dict[Chosen, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        m, wide, eq = self.model, self.model.wide.deviation, self.model.equations
+        self.narrow = np.maximum(m.narrow.deviation, 1e-12 * wide)
+        shift = eq.x - m.narrow.mean
+        scaled = self.narrow[:, None] * eq.a * self.narrow + np.eye(len(shift))
+        factor = np.linalg.inv(np.linalg.cholesky(scaled))
+        self.c = factor.T @ factor  # covariance in narrow deviations
+        pull = self.narrow * (eq.g + eq.a @ shift)
+        self.mean = self.c @ pull
+        level = eq.rr + 2.0 * shift @ eq.g + shift @ eq.a @ shift
+        self.none = float(-0.5 * level + 0.5 * pull @ self.mean + np.sum(np.log(np.diag(factor))))
+        self.ratio = np.maximum(wide / self.narrow, 1.0)
+        one_sided = (m.wide.low == m.wide.mean) | (m.wide.high == m.wide.mean)
+        self.sign = np.where(one_sided & (wide > self.narrow), np.where(m.wide.low == m.wide.mean, 1.0, -1.0), 0.0)
+        effects = [c.effect for c in m.candidates]
+        self.price = [math.log(c.tried) + math.log(sum(_rival(c, d) for d in m.candidates)) for c in m.candidates]
+        self.effects = effects
+
+    def weigh(self, chosen: Iterable[int]) -> float:
+        """Return the log posterior of a set, sizes averaged over."""
+        key = tuple(sorted(chosen))
+        if key not in self.known:
+            told = self._evidence([key], np.array(self.model.settings.sizes))[0]
+            self.known[key] = self.none + float(told) + self._prior(key)
+        return self.known[key]
+
+    def enumerate(self, start: Iterable[int] = ()) -> dict[Chosen, float]:
+        """Return the sets within REACH of the best one, with their log posterior; start: a set to begin at."""
+        self.weigh(())
+        self.weigh(start)
+        seen: set[Chosen] = set()
+        for _ in range(PARENTS):
+            top = max(self.known.values())
+            open_ = [k for k, v in self.known.items() if k not in seen and v > top - REACH]
+            if not open_:
+                break
+            here = max(open_, key=lambda k: (self.known[k], k))
+            seen.add(here)
+            near = [k for k in self.neighbours(here) if k not in self.known]
+            if near:
+                told = self._evidence(near, np.array([0.5])) + [self._prior(k) for k in near]
+                for k in np.argsort(-told, kind="stable")[:KEPT]:
+                    self.weigh(near[k])
+        return self.known
+
+    def neighbours(self, chosen: Chosen) -> list[Chosen]:
+        """Return the sets with one candidate more, one fewer, or one exchanged."""
+        others = [k for k in range(len(self.effects)) if k not in chosen]
+        out = {(*chosen, k) for k in others}
+        for gone in chosen:
+            rest = tuple(k for k in chosen if k != gone)
+            out |= {rest, *((*rest, k) for k in others)}
+        return [k for k in sorted({tuple(sorted(s)) for s in out}) if self.allowed(k)]
+
+    def allowed(self, chosen: Chosen) -> bool:
+        """Return whether a set holds each effect (and part) once, and none that is part of another."""
+        own = [self.model.candidates[k] for k in chosen]
+        parts = [(c.effect, c.part > 1) for c in own]
+        return len(set(parts)) == len(parts) and possible({c.effect for c in own})
+
+    def names(self, chosen: Iterable[int]) -> Set:
+        """Return the effects of a set."""
+        return tuple(sorted({self.effects[k] for k in chosen}))
+
+    def by_name(self) -> dict[Set, float]:
+        """Return the log posterior of the sets weighed so far by their effects, candidates summed over."""
+        out: dict[Set, float] = {}
+        for k, v in self.known.items():
+            out[self.names(k)] = np.logaddexp(out.get(self.names(k), -math.inf), v)
+        return {k: float(v) for k, v in out.items()}
+
+    def best(self) -> Chosen:
+        """Return the most probable set weighed so far."""
+        return max(self.known, key=lambda k: (self.known[k], k))
+
+    def most_probable(self, chosen: Chosen) -> Array:
+        """Return the most probable value (p,) of every coordinate with a set, bounds aside."""
+        m = self.model
+        places = [k for c in chosen for k in m.places[c]]
+        deviation = self.narrow.copy()
+        deviation[places] = np.maximum(m.wide.deviation[places], deviation[places])
+        eq, mean = m.equations, m.narrow.mean
+        scaled = deviation[:, None] * eq.a * deviation + np.eye(len(mean))
+        return mean + deviation * np.linalg.solve(scaled, deviation * (eq.g + eq.a @ (eq.x - mean)))
+
+    def _prior(self, chosen: Chosen) -> float:
+        return log_prior(self.names(chosen), self.model.settings) - sum(self.price[k] for k in chosen)
+
+    def _evidence(self, sets: Sequence[Chosen], sizes: Array) -> Array:
+        """Return by how much sets (m,) change the log evidence."""
+        places = self.model.places
+        members = [[(k, c) for c, one in enumerate(chosen) for k in places[one]] for chosen in sets]
+        most = max(1, max(map(len, members)))
+        index, group = np.zeros((len(sets), most), dtype=np.int64), np.full((len(sets), most), -1, dtype=np.int64)
+        for row, own in enumerate(members):
+            for j, (k, c) in enumerate(own):
+                index[row, j], group[row, j] = k, c
+        out = np.empty(len(sets))
+        _weigh(index, group, self.c, self.mean, self.ratio, self.sign, sizes, out)
+        return out
+
+
+def _rival(a, b) -> bool:
+    """Return whether two candidates are of one effect, the same kind of part."""
+    return a.effect == b.effect and (a.part > 1) == (b.part > 1)
+
+
+@kernel
+def _weigh(index, group, c, mean, ratio, sign, sizes, out):
+    """Write the change of the log evidence of sets (m,): places (m, k), which of the set's candidates each belongs to
+    (-1: none), covariance (p, p) and mean (p,) in narrow deviations, wide over narrow deviation, sign of a size that
+    has one; each candidate's size averaged over one after the other."""
+    most = index.shape[1]
+    w = np.ones(most)
+    told = np.empty(sizes.size)
+    for row in range(index.shape[0]):
+        k, candidates = 0, 0
+        while k < most and group[row, k] >= 0:
+            candidates = max(candidates, group[row, k] + 1)
+            w[k] = max(1.0, sizes[0] * ratio[index[row, k]])
+            k += 1
+        level, averaged = _change(index[row], k, w, c, mean, ratio, sign), 0.0
+        if sizes.size > 1:
+            for own in range(candidates):
+                best = 0
+                for s in range(sizes.size):
+                    for j in range(k):
+                        if group[row, j] == own:
+                            w[j] = math.hypot(1.0, sizes[s] * ratio[index[row, j]])
+                            if ratio[index[row, j]] <= 1.0:
+                                w[j] = 1.0
+                    told[s] = _change(index[row], k, w, c, mean, ratio, sign)
+                    if told[s] > told[best]:
+                        best = s
+                total = 0.0
+                for s in range(sizes.size):
+                    total += math.exp(told[s] - told[best])
+                averaged += math.log(total / sizes.size)
+                level = told[best]
+                for j in range(k):
+                    if group[row, j] == own and ratio[index[row, j]] > 1.0:
+                        w[j] = math.hypot(1.0, sizes[best] * ratio[index[row, j]])
+        out[row] = level + averaged
+
+
+@kernel
+def _change(index, k, w, c, mean, ratio, sign):
+    """Return the change of the log evidence for deviations w (k,) in narrow ones."""
+    f, y = np.empty((k, k)), np.empty(k)
+    r = np.empty(k)
+    out = 0.0
+    for i in range(k):
+        r[i] = math.sqrt(1.0 - 1.0 / (w[i] * w[i]))
+        out -= math.log(w[i])
+    for i in range(k):
+        y[i] = r[i] * mean[index[i]]
+        for j in range(i + 1):
+            f[i, j] = (1.0 if i == j else 0.0) - r[i] * c[index[i], index[j]] * r[j]
+    for i in range(k):  # Cholesky, K = L L'
+        for j in range(i + 1):
+            s = f[i, j]
+            for m in range(j):
+                s -= f[i, m] * f[j, m]
+            if i == j:
+                if not s > 1e-14:
+                    return -math.inf
+                f[i, i] = math.sqrt(s)
+                out -= math.log(f[i, i])
+            else:
+                f[i, j] = s / f[j, j]
+    for i in range(k):
+        s = y[i]
+        for m in range(i):
+            s -= f[i, m] * y[m]
+        y[i] = s / f[i, i]
+        out += 0.5 * y[i] * y[i]
+    for i in range(k - 1, -1, -1):  # y = K^-1 r c
+        s = y[i]
+        for m in range(i + 1, k):
+            s -= f[m, i] * y[m]
+        y[i] = s / f[i, i]
+    z = np.empty(k)
+    for i in range(k):  # a size that has a sign: posterior mean and deviation
+        if sign[index[i]] == 0.0 or w[i] <= 1.0:
+            continue
+        at, variance = mean[index[i]], c[index[i], index[i]]
+        for j in range(k):
+            z[j] = r[j] * c[index[j], index[i]]
+            at += z[j] * y[j]
+        for j in range(k):
+            s = z[j]
+            for m in range(j):
+                s -= f[j, m] * z[m]
+            z[j] = s / f[j, j]
+            variance += z[j] * z[j]
+        out += math.log(2.0) + _log_phi(sign[index[i]] * at / math.sqrt(variance))
+    return out
+
+
+@kernel
+def _log_phi(x):
+    """Return the log of the normal distribution function; far below zero by its asymptotic series."""
+    if x > -8.0:
+        return math.log(0.5 * math.erfc(-x / math.sqrt(2.0)))
+    return -0.5 * x * x - math.log(-x * math.sqrt(2.0 * math.pi)) - 1.0 / (x * x)

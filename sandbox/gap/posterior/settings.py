@@ -1,0 +1,52 @@
+"""The few numbers of the statistical model, each with where it comes from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Prior chances and sizes; what the simulator is known to miss.
+
+    more: chance of one more effect; the number of effects is geometric, so no effect at all has 1 - more.  unknown:
+    chance that something outside the library is at work.  Both are choices that state how often a bench is asked about
+    without a gap; answers rest on the data where they hold any.
+
+    trace, trace_grows, trace_most: standard deviation of a trace of an effect that nobody named, as a share of a named
+    effect's, at no gap; the J of ordinary deviations alone that doubles it; its largest value.  Two to three times the
+    error of the replay, as fits to five other simulators show it (`experiments/ordinary_size.py`: 0.3 % below J = 3,
+    1 % to 30, 2.6 % beyond, rms).
+
+    sizes: multiples of an effect's wide prior, alike in probability: how large an effect is nobody knows beforehand.
+
+    misses, misses_of_gap: excess J^2 - 1 that the replay leaves on average with all effects right, and as a share of
+    the gap that it closes: 35 campaigns of the switched bench lie below 0.5 %, twelve of the independent bench below
+    1.1 % (2.1 % at a gap of 421).  farthest: excess beyond which nobody asks for causes, the end of `unknown`'s prior.
+
+    stretch: standard deviations of an ordinary deviation that makes up for a cause outside the library.
+
+    rounds, rivals, near: fits of the most probable set at most; sets that are fitted beside it at most; nats behind it
+    up to which they are.
+    """
+
+    more: float = 0.45
+    unknown: float = 0.1
+    trace: float = 0.01
+    trace_grows: float = 7.0
+    trace_most: float = 0.06
+    sizes: tuple[float, ...] = (8.0, 2.0, 0.5, 0.125)
+    misses: float = 0.004
+    misses_of_gap: float = 3e-5
+    farthest: float = 1e4
+    stretch: float = 4.0
+    rounds: int = 8
+    rivals: int = 4
+    near: float = 5.0
+
+    def trace_at(self, rms: float) -> float:
+        """Return the standard deviation of traces where ordinary deviations alone leave that normalised rms."""
+        return min(self.trace_most, self.trace * (1.0 + rms / self.trace_grows))
+
+
+USUAL = Settings()

@@ -1,0 +1,90 @@
+"""How likely it is that something outside the library is at work: a part of the model, weighed by its evidence.
+
+Each recording's currents leave an excess e = J^2 - 1 beyond noise.  With all causes named, e is what the replay misses:
+exponential, with a mean that is known (`Settings.misses`), plus the scatter of noise's own square.  With a cause
+outside the library a share f of the recordings, 0 to 1 and nobody knows which, has an excess of any order of magnitude
+(log-uniform up to `Settings.farthest`).  The Bayes factor is the mean over f of the product over recordings.
+
+A cause outside can also be made up for by ordinary deviations that go further than they usually do: one of them, it is
+not known which, is then drawn from a Gaussian of `Settings.stretch` standard deviations.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr
+
+from sandbox.gap.evidence.fit import Fit, stray
+from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.posterior.settings import USUAL, Settings
+
+Array = NDArray[np.float64]
+GRID = 400  # values of an excess, evenly in its logarithm: a tenth of a decade and less
+SHARES = np.linspace(0.005, 0.995, 100)  # midpoints: shares of recordings in which an outside cause shows
+
+
+def unmodeled(before: Fit, after: Fit, noise: float = 0.0, settings: Settings = USUAL) -> float:
+    """Return the posterior probability of a cause outside the library beside a fitted set.
+
+    before, after: fits to all recordings without and with the set; noise: by how much of itself the noise's square may
+    be misstated.
+    """
+    odds = settings.unknown / (1.0 - settings.unknown)
+    odds *= math.exp(log_bayes_factor(before.normal, after.normal, noise, settings)) * stretched(after, settings)
+    return odds / (1.0 + odds)
+
+
+def log_bayes_factor(before: Normal, after: Normal, noise: float, settings: Settings = USUAL) -> float:
+    """Return the log Bayes factor of a cause outside from what a fit leaves."""
+    gap, _ = excess(before)
+    left, count = excess(after)
+    known = settings.misses + settings.misses_of_gap * np.maximum(gap, 0.0)
+    scatter = np.hypot(np.sqrt(2.0 / count), noise)
+    per = np.array([_outside(*x, settings) - _inside(*x) for x in zip(left, scatter, known, strict=True)])
+    mixed = np.logaddexp(np.log(SHARES)[:, None] + per, np.log1p(-SHARES)[:, None]).sum(1)
+    return float(np.logaddexp.reduce(mixed) - math.log(len(SHARES)))
+
+
+def excess(n: Normal) -> tuple[Array, Array]:
+    """Return J^2 - 1 of the currents of every recording (r,), and how many readings that is."""
+    size = 1 + max(s.recording for s in n.segments)
+    squares, count = np.zeros(size), np.zeros(size)
+    for s in n.segments:
+        if s.channel == "current":
+            squares[s.recording] += float(s.rr.sum())
+            count[s.recording] += float(s.n.sum())
+    return squares / count - 1.0, count
+
+
+def _inside(e: float, scatter: float, mean: float) -> float:
+    """Return the log density of an excess that is exponential with a mean, plus Gaussian scatter."""
+    s = scatter / mean
+    return -math.log(mean) + 0.5 * s * s - e / mean + float(log_ndtr(e / scatter - s))
+
+
+def _outside(e: float, scatter: float, mean: float, settings: Settings) -> float:
+    """Return the log density of an excess that is log-uniform from what the replay misses on, plus scatter."""
+    z = np.linspace(math.log(mean), math.log(settings.farthest), GRID)
+    wide = np.hypot(scatter, 0.5 * (z[1] - z[0]) * np.exp(z))  # no gaps between the grid's values
+    told = -0.5 * ((e - np.exp(z)) / wide) ** 2 - np.log(wide * math.sqrt(math.tau))
+    return float(np.logaddexp.reduce(told) - math.log(GRID))
+
+
+def stretched(after: Fit, settings: Settings = USUAL) -> float:
+    """Return how much likelier the ordinary deviations of a fit are if one of them was stretched than if none was; at
+    least 1: nothing speaks against an outside cause that ordinary deviations need not make up for."""
+    z = np.array([x for _, x in stray(after).values()])
+    wider = np.exp(0.5 * z**2 * (1.0 - settings.stretch**-2)) / settings.stretch
+    return max(1.0, float(np.mean(wider))) if wider.size else 1.0
+
+
+def explained(before: Fit, after: Fit, recordings: Sequence[int]) -> float:
+    """Return the share of the gap that a fit explains."""
+    (a, n), (b, _) = excess(before.normal), excess(after.normal)
+    own = list(recordings)
+    gap, left = float((a * n)[own].sum()), float((b * n)[own].sum())
+    return min(1.0, max(0.0, 1.0 - left / gap)) if gap > 0.0 else 0.0
