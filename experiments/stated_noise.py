@@ -21,7 +21,7 @@ from typing import Any
 
 from experiments.constants import truths_of
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
-from sandbox.gap.search.posterior import UNKNOWN
+from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.output.files import write_json
 from sandbox.output.tables import print_table
 from sandbox.recordings.campaign import Campaign, read_campaign

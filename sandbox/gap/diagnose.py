@@ -8,6 +8,8 @@ Only the campaign folder is read; everything follows from it and the nominal mod
 
 from __future__ import annotations
 
+import hashlib
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -17,31 +19,23 @@ import numpy as np
 
 from model.effects import library
 from model.errors import PhysicsError
-from sandbox.gap.evidence.discrepancy import Remainder
-from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, normalised
+from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.holdout import held_out, weights_of
-from sandbox.gap.evidence.noise import Noise, floor_of, noise_caution, noise_of
+from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, floor_of, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
-from sandbox.gap.search.estimates import Estimate, Held, estimates, held_ordinary
-from sandbox.gap.search.forward import Judged, Search, search
-from sandbox.gap.search.needless import with_fewer
-from sandbox.gap.search.one_for_several import with_one_for_several
-from sandbox.gap.search.parts.adding import in_parts, level, with_parts
-from sandbox.gap.search.parts.idle import without_idle
-from sandbox.gap.search.points import own_values, with_values
-from sandbox.gap.search.posterior import UNKNOWN, Hypothesis, tempered, with_unknown
-from sandbox.gap.search.selection import widened
-from sandbox.gap.search.stranger import beside_unknown
-from sandbox.gap.search.unfitted import slight
+from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordinary
+from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis, hypotheses
+from sandbox.gap.posterior.inference import Inference, Problem, infer
+from sandbox.gap.posterior.remainder import Remainder, remainder
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import Campaign, read_campaign
+from sandbox.recordings.campaign import Campaign, Recording, read_campaign
 from sandbox.replay.memory import USUAL, spare
 from sandbox.replay.replay import prepare
 
 CREDIBLE = 0.95
-TURNS = 2  # times that all sets are ranked again as one that was to stand beside `unknown` proved the best
-NINE_IN_TEN = 2000  # simulations within which nine in ten diagnoses of a mixed check end: what a progress bar expects
+NINE_IN_TEN = 600  # simulations within which nine in ten diagnoses end: what a progress bar expects
 
 
 @dataclass(frozen=True)
@@ -49,7 +43,8 @@ class Diagnosis:
     """All that a diagnosis found; `sandbox.gap.report.diagnosis_json.contract` puts it into `diagnosis.json`.
 
     nominal, before, after: the campaign at the nominal model, after refitting ordinary deviations only, and with the
-    best hypothesis.  hypotheses: the most probable first.  temperature: for how much less the data counted.
+    best hypothesis.  hypotheses: the most probable first.  variance: that estimates meet in currents, in units of the
+    noise's, mean over readings; 1 where the best set leaves nothing beside noise.
     """
 
     campaign: Campaign
@@ -58,10 +53,10 @@ class Diagnosis:
     before: Fit
     after: Fit
     held_out: tuple[int, ...]
-    judged: tuple[Judged, ...]
+    evaluated: tuple[EvaluatedModel, ...]
     hypotheses: tuple[Hypothesis, ...]
     parameters: tuple[dict[str, Estimate], ...]  # of each hypothesis
-    temperature: float
+    variance: float
     remainder: Remainder
     size: Size
     simulations: int
@@ -71,7 +66,6 @@ class Diagnosis:
     out_of_sight: tuple[str, ...] = ()  # effects that are no candidates as no recording can show them
     noise: Noise | None = None  # stated, seen, used
     at_bound: tuple[Held, ...] = ()  # ordinary deviations of the best hypothesis that are as large as they may be
-    fitted: frozenset[tuple[str, ...]] = frozenset()  # all sets that were fitted
 
     @property
     def best(self) -> Hypothesis:
@@ -101,12 +95,13 @@ def diagnose(
 ) -> Diagnosis:
     """Return the diagnosis of a campaign (a folder, or read already).
 
-    exclude: effects that are no candidates; rivals: sets that are weighed whatever the search comes upon (those that an
-    earlier diagnosis left); workers: threads; memory: GB it may take, what slopes are beyond that wait in a file;
-    report: called with a few words before each stage.
+    exclude: effects that are no candidates; rivals: sets that are fitted and weighed whatever else is (those that an
+    earlier diagnosis left); workers: threads; memory: GB it may take, what slopes are beyond that wait
+    in a file; report: called with a few words before each stage.
     BadInput for a campaign that cannot be read or replayed, or that is too long for so much memory.
     """
     began = time.perf_counter()
+    report("reading")
     own = campaign if isinstance(campaign, Campaign) else read_campaign(campaign)
     spent: list[float] = []
     with counted(spent.append):
@@ -115,53 +110,96 @@ def diagnose(
 
 
 def _diagnosed(
-    own: Campaign, exclude: Sequence[str], rivals: Sequence[tuple[str, ...]], workers: int, memory: float,
+    own: Campaign,
+    exclude: Sequence[str],
+    rivals: Sequence[tuple[str, ...]],
+    workers: int,
+    memory: float,
     report: Callable[[str], None],
-) -> Diagnosis:  # fmt: skip
+) -> Diagnosis:
     """Return the diagnosis of a campaign, what it took left out."""
-    report("reading")
     start, nominal = _nominal(own, memory, workers)
     hidden, count = out_of_sight(own), len(own.recordings)
     barred = (*exclude, *hidden)
-    left = held_out(start, barred, workers=workers)
-    everything, raw = weights_of(count), rms(nominal, range(count))
-    found = _searched(start, raw, everything, barred, workers, report)
-    found = _with_rivals(found, [s for s in rivals if not set(s) & set(hidden)], everything, workers)
+    asked = tuple(s for s in rivals if not set(s) & set(hidden))
+    found = infer(Problem(start, weights_of(count), barred, asked, workers=workers, report=report))
+    noise = noise_of(own)
     report("measuring the gap")
-    judged, hypotheses, temperature, rest = _weighed(found, raw, everything, workers)
-    best = hypotheses[0].judged
+    left = held_out(start, barred, workers=workers)
     before = _without(found.null, start, left, workers)
-    after = _without(best.fit, start, left, workers) if best.effects else before
+    told, after = _foretelling(hypotheses(found, misstated(noise)), before, start, left, workers)
+    best = told[0].evaluated
+    rest = remainder(found.null, best.fit, misstated(noise))
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
     return Diagnosis(
-        own, start, nominal, before, after, left, judged, hypotheses,
-        tuple({} if h.effects == (UNKNOWN,) else estimates(h.judged) for h in hypotheses), temperature, rest, size,
-        0, 0.0, tuple(exclude), noise_caution(own), hidden, noise_of(own), tuple(held_ordinary(best)), found.fitted,
-    )  # fmt: skip
+        own,
+        start,
+        nominal,
+        before,
+        after,
+        left,
+        tuple(found.evaluated.values()),
+        tuple(told),
+        tuple({} if h.effects == (UNKNOWN,) else estimates(h.evaluated) for h in told),
+        _mean_variance(found, nominal),
+        rest,
+        size,
+        0,
+        0.0,
+        tuple(exclude),
+        noise_caution(own),
+        hidden,
+        noise,
+        tuple(held_ordinary(best)),
+    )
 
 
-def _searched(
-    start: Point, raw: float, weights: Weights, barred: Sequence[str], workers: int, report: Callable[[str], None]
-) -> Search:
-    """Return the search from a nominal point: few effects, their further parts, more effects, the parts of those; one
-    effect in the place of several; no part and no effect that does nothing by then.
+def _foretelling(
+    told: list[Hypothesis], before: Fit, start: Point, left: Sequence[int], workers: int
+) -> tuple[list[Hypothesis], Fit]:
+    """Return hypotheses whose first one predicts recordings that were not fitted at least as well as ordinary
+    deviations alone do, and its fit without these; each that does not passes its probability to `unknown` alone.
 
-    raw: normalised rms of the nominal model; barred: effects that are no candidates.
+    A name that makes the prediction worse is not given: what it explains elsewhere it imitates.
     """
-    first = search(start, weights, exclude=barred, workers=workers, report=report)
-    few = with_parts(first, raw, weights, exclude=barred, workers=workers, report=report)
-    wide = widened(few, raw, weights, exclude=barred, workers=workers, report=report)
-    if set(in_parts(wide)) - set(in_parts(few)):
-        wide = with_parts(wide, raw, weights, exclude=barred, workers=workers, report=report)
-    idle = without_idle(wide, raw, weights, workers=workers, report=report)
-    one = with_one_for_several(idle, raw, weights, workers=workers, report=report)
-    return with_fewer(one, raw, weights, workers=workers, report=report)
+    while told[0].evaluated.effects:
+        after = _without(told[0].evaluated.fit, start, left, workers)
+        if not left or rms(after.normal, left) <= rms(before.normal, left):
+            return told, after
+        told = _passed(told)
+    return told, before
+
+
+def _passed(told: list[Hypothesis]) -> list[Hypothesis]:
+    """Return hypotheses without the first one's set, whose probability goes to something outside the library alone."""
+    gone = told[0].evaluated.effects
+    lost = sum(h.probability for h in told if h.evaluated.effects == gone)
+    rest = [h for h in told if h.evaluated.effects != gone]
+    none = min(rest, key=lambda h: len(h.evaluated.effects)) if rest else told[0]
+    kept = [h for h in rest if h.effects != (UNKNOWN,)]
+    alone = lost + sum(h.probability for h in rest if h.effects == (UNKNOWN,))
+    return sorted([*kept, Hypothesis((UNKNOWN,), alone, none.evaluated)], key=lambda h: (-h.probability, h.effects))
+
+
+def _mean_variance(found: Inference, n: Normal) -> float:
+    """Return the variance that estimates meet in currents, mean over readings."""
+    own = [(float(s.n.sum()), found.variance[s.recording, "current"]) for s in n.segments if s.channel == "current"]
+    return sum(k * v for k, v in own) / sum(k for k, _ in own)
+
+
+def misstated(noise: Noise) -> float:
+    """Return by how much of itself the noise's square may be misstated: twice what the floor that is used differs from
+    the noise that readings show; nothing where the stated one stands alone."""
+    if noise.seen is None:
+        return 0.0
+    apart = abs(math.log(noise.used / noise.seen))
+    return 0.0 if apart > math.log(PLAUSIBLE) else 2.0 * apart
 
 
 def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]:
     """Return a campaign at its nominal model; PhysicsError where that predicts nothing finite."""
     left_over = spare(memory, sum(len(r.t) for r in own.recordings))
-    prepared = prepare(own)
+    prepared = prepare(in_order(own))
     prepared = replace(prepared, floor=floor_of(own, prepared.floor), spare=left_over)
     start = Point(prepared, complete(own.drive.motor, own.drive.converter))
     nominal = normal(start, (), workers=workers)
@@ -173,27 +211,18 @@ def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]
     return start, nominal
 
 
-def _weighed(
-    found: Search, raw: float, weights: Weights, workers: int
-) -> tuple[tuple[Judged, ...], tuple[Hypothesis, ...], float, Remainder]:
-    """Return what was judged, all hypotheses, `unknown` beside what may stand beside it; the temperature, and what the
-    first hypothesis leaves.
+def in_order(campaign: Campaign) -> Campaign:
+    """Return a campaign with its recordings in an order that follows from what they hold, so that neither their names
+    nor their order in the file change a digit."""
+    return replace(campaign, recordings=tuple(sorted(campaign.recordings, key=content)))
 
-    What stands beside `unknown` is fitted anew.  Where it is more probable than the best set so far, that one had ended
-    in a poor minimum: all are ranked again, and what is left is asked of the new one.
-    """
-    for turn in range(TURNS + 1):
-        judged, ranked, temperature = _ranked(found, raw, weights, workers)
-        best = ranked[0][1]
-        rest = found.remainder(best.fit)
-        stays = beside_unknown(found, best, rest.unknown, temperature, weights, workers)
-        if turn == TURNS or level(stays, temperature) <= level(best, temperature):
-            break
-        others = (j for j in judged if j.effects != stays.effects)
-        found = replace(found, judged=(*others, stays), fitted=found.fitted | {stays.effects})
-    other = rest if stays is best else replace(found.remainder(stays.fit), unknown=rest.unknown)
-    hypotheses = tuple(with_unknown(ranked, rest.unknown, other.explained, stays))
-    return judged, hypotheses, temperature, rest if hypotheses[0].judged is best else other
+
+def content(r: Recording) -> tuple[str, str]:
+    """Return what a recording is sorted by: its kind of rotor, and a digest of its columns."""
+    digest = hashlib.sha256()
+    for name in sorted(r.columns):
+        digest.update(np.ascontiguousarray(r.columns[name]).tobytes())
+    return r.rotor, digest.hexdigest()
 
 
 def out_of_sight(campaign: Campaign) -> tuple[str, ...]:
@@ -202,36 +231,6 @@ def out_of_sight(campaign: Campaign) -> tuple[str, ...]:
     if any(r.rotor == "free" for r in campaign.recordings):
         return ()
     return tuple(e for e in library.effect_names() if library.load_effect(e).subsystem == "mechanics")
-
-
-def _with_rivals(found: Search, rivals: Sequence[tuple[str, ...]], weights: Weights, workers: int) -> Search:
-    """Return a search with sets judged that it has not come upon."""
-    known = {j.effects for j in found.judged}
-    more = [found.judge_also(key, weights, workers) for key in rivals if key not in known]
-    own = [j for j in more if j is not None]
-    cost = found.simulations + sum(j.simulations for j in own)
-    fitted = found.fitted | {j.effects for j in own}
-    return replace(found, judged=(*found.judged, *own), simulations=cost, fitted=fitted)
-
-
-def _ranked(
-    found: Search, raw: float, weights: Weights, workers: int
-) -> tuple[tuple[Judged, ...], list[tuple[float, Judged]], float]:
-    """Return what was judged, the same and slight effects with probabilities, and the temperature.
-
-    A slight effect that comes out first is fitted before it is believed.
-    """
-    judged = found.judged
-    others = slight(judged, {j.effects for j in judged})
-    while True:
-        ranked, temperature = tempered([*judged, *others], raw)
-        best = ranked[0][1]
-        if all(best is not j for j in others):
-            return judged, ranked, temperature
-        others = [j for j in others if j is not best]
-        fitted = found.judge_also(best.effects, weights, workers)
-        if fitted is not None:
-            judged = (*judged, fitted)
 
 
 def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit:
@@ -249,7 +248,8 @@ def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit
     near = fit(whole.point, whole.effects, weights, workers=workers)
     if normalised(near.normal, weights) <= NEAR:
         return near
-    begun = with_values(start, own_values(whole.effects, whole.point.values))
+    own = {k: v for k, v in whole.point.values.items() if k.partition(".")[0] in whole.effects}
+    begun = replace(start, values={**start.values, **own})
     other = attempted(begun, whole.effects, weights, smooth=True, leader=near.objective, workers=workers)
     return near if other is None or near.objective <= other.objective else other
 

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 
 from model.effects import library
-from sandbox.gap.search.estimates import Estimate
-from sandbox.gap.search.posterior import Hypothesis
+from sandbox.gap.posterior.estimates import Estimate
+from sandbox.gap.posterior.hypotheses import Hypothesis
 
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
 PREFIXED = ("s", "A", "V", "Wb", "ohm", "N m", "rad", "Hz", "H")  # not 1/H: nobody reads m1/H

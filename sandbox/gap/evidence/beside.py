@@ -20,7 +20,7 @@ from model.errors import BadInput
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.normal import Normal, normal, simulated
 from sandbox.gap.evidence.regression import RIDGE, Part, component, in_rotor_frame, scalars, unscaled
-from sandbox.gap.evidence.spike_slab import Table
+from sandbox.gap.posterior.linear_model import LinearModel
 from sandbox.replay.replay import replay, residuals
 
 Array = NDArray[np.float64]
@@ -113,7 +113,7 @@ class Joint:
         return np.array([*coordinates, *own], dtype=np.int64)
 
 
-def beside(table: Table, prior: Prior, *, workers: int = 1) -> Beside | None:
+def beside(table: LinearModel, prior: Prior, *, workers: int = 1) -> Beside | None:
     """Return a regression beside the effects of a table under a prior.
 
     None where it predicts nothing of recordings left out, where there are fewer than two of them, or where a slope is
@@ -161,7 +161,7 @@ def foretold(joint: Joint, free: NDArray[np.int64]) -> float | None:
     return float(sum(outer[chosen[i], i] - outer[0, i] for i in range(count)))
 
 
-def joined(n: Normal, table: Table, prior: Prior) -> Joint | None:
+def joined(n: Normal, table: LinearModel, prior: Prior) -> Joint | None:
     """Return the joint equations of a point's coordinates and regressors; None with fewer than two recordings."""
     prepared, values = table.point.turned(), table.point.values
     prediction = replay(prepared, [values])

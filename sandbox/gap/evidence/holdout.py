@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sandbox.gap.evidence.fit import coordinates_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
-from sandbox.gap.evidence.probes import probe_coordinates, probes_at_typical
+from sandbox.gap.posterior.candidates import at_typical
 
 Array = NDArray[np.float64]
 CHANNELS = ("current", "motion", "angle")
@@ -59,8 +59,8 @@ def held_out(start: Point, exclude: Sequence[str] = (), *, workers: int = 1) -> 
     known = {c.label for c in own}
     groups: list[list[str]] = [[c.label] for c in own]
     added = []
-    for probe in probes_at_typical(start, exclude):
-        coordinates = [c for c in probe_coordinates(start, probe, "") if c.label not in known]
+    for probe in at_typical(start, exclude):
+        coordinates = [c for c in probe.coordinates(start) if c.label not in known]
         added += coordinates
         known |= {c.label for c in coordinates}
         groups.append([c.label for c in coordinates])

@@ -26,8 +26,8 @@ from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import Decomposition, decompose
 from sandbox.gap.location.outside import outside
 from sandbox.gap.location.readings import told
-from sandbox.gap.search.judged import Judged
-from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
+from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 from sandbox.plant.sets import complete
 
 Array = NDArray[np.float64]
@@ -93,7 +93,7 @@ def of_readings(d: Diagnosis) -> bool:
         of_currents = [c.name for c in cards if all(at.port in MEASURED for at in c.at)]
         others = [c.name for c in cards if c.name not in of_currents]
         if of_currents and others:
-            return _lost(h.judged, of_currents) > _lost(h.judged, others)
+            return _lost(h.evaluated, of_currents) > _lost(h.evaluated, others)
         if cards:
             return not others
     return True
@@ -160,17 +160,17 @@ def _of_hypothesis(d: Diagnosis, h: Hypothesis) -> dict[str, float]:
     out = dict.fromkeys(SUBSYSTEMS, 0.0)
     if not h.effects:
         return out
-    for name, lost in _losses(h.judged, named).items():
+    for name, lost in _losses(h.evaluated, named).items():
         out[name] += lost
     if UNKNOWN in h.effects:
         open_part = 1.0 - d.remainder.explained if named else 1.0
-        judged = h.judged if named else min(d.judged, key=lambda j: len(j.effects))
-        spans = outside(judged.table.point, _spans(judged), h.probability)
+        judged = h.evaluated if named else min(d.evaluated, key=lambda j: len(j.effects))
+        spans = outside(judged.model.point, _spans(judged), h.probability)
         out = {name: (1.0 - open_part) * out[name] + open_part * spans[name] for name in SUBSYSTEMS}
     return out
 
 
-def _losses(j: Judged, effects: Sequence[str]) -> dict[str, float]:
+def _losses(j: EvaluatedModel, effects: Sequence[str]) -> dict[str, float]:
     """Return what the objective loses without each subsystem's effects, all else refitted; sums to 1."""
     groups: dict[str, list[str]] = {}
     for effect in effects:
@@ -182,18 +182,18 @@ def _losses(j: Judged, effects: Sequence[str]) -> dict[str, float]:
     return {name: x / total if total else 1.0 / len(lost) for name, x in lost.items()}
 
 
-def _lost(j: Judged, effects: Sequence[str]) -> float:
+def _lost(j: EvaluatedModel, effects: Sequence[str]) -> float:
     """Return what the objective loses without some effects, all else refitted."""
     best, left = (j.equations.most_probable(held_at_neutral(j, own)).objective for own in ((), effects))
     return max(0.0, left - best)
 
 
-def held_at_neutral(j: Judged, effects: Sequence[str]) -> Prior:
+def held_at_neutral(j: EvaluatedModel, effects: Sequence[str]) -> Prior:
     """Return a hypothesis' prior with effects, and traces of all others, at neutral; ordinary ones stay in reach."""
     campaign = j.fit.point.prepared.campaign
     usual = {c.label: c for c in ordinary(campaign)}
     missing = {c.label: c for e in effects for c in of_effect(e, campaign.drive, j.fit.point.values)}
-    claimed = {k for e in j.effects for k in j.table.members[e]}
+    claimed = {k for e in j.effects for k in j.model.members[e]}
     prior = Prior(j.prior.mean.copy(), j.prior.deviation.copy(), j.prior.low.copy(), j.prior.high.copy())
     for k, c in enumerate(j.normal.coordinates):
         if c.label in usual and c.label in missing:
@@ -204,13 +204,13 @@ def held_at_neutral(j: Judged, effects: Sequence[str]) -> Prior:
     return prior
 
 
-def _spans(j: Judged) -> dict[str, float]:
+def _spans(j: EvaluatedModel) -> dict[str, float]:
     """Return how much of what a hypothesis leaves each subsystem's effects could take up together; sums to 1."""
     base = j.equations.most_probable(j.prior).objective
     gain = {}
     for name in SUBSYSTEMS:
-        own = [e for e in j.table.members if library.load_effect(e).subsystem == name and e not in j.effects]
-        gain[name] = max(0.0, base - j.equations.most_probable(j.table.prior([*j.effects, *own])).objective)
+        own = [e for e in j.model.members if library.load_effect(e).subsystem == name and e not in j.effects]
+        gain[name] = max(0.0, base - j.equations.most_probable(j.model.prior([*j.effects, *own])).objective)
     total = sum(gain.values())
     return {name: g / total if total else 1.0 / len(gain) for name, g in gain.items()}
 
@@ -223,10 +223,10 @@ def without(d: Diagnosis, subsystem: str, *, alone: bool) -> Point:
     own = [e for e in d.best.effects if e != UNKNOWN and library.load_effect(e).subsystem == subsystem]
     if alone or not own:
         return d.before.point
-    j, drive = d.best.judged, d.campaign.drive
+    j, drive = d.best.evaluated, d.campaign.drive
     x = j.equations.most_probable(held_at_neutral(j, own)).x
     moved = [(c, to) for c, to in zip(j.normal.coordinates, x, strict=True) if c.form != "share"]
-    point = j.table.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
+    point = j.model.point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
     with suppress(BadInput):  # extrapolated: none that a drive can have
         complete(drive.motor, drive.converter, point.values)
         return point

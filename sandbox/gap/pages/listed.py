@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from model.effects import library
 from sandbox.gap.planning.next_recording import Next
+from sandbox.gap.posterior.estimates import Estimate
+from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.position_moved import Moved
 from sandbox.gap.report.ranking import Ranking, ordered, parted_by
 from sandbox.gap.report.told_apart import SURE, Confused
 from sandbox.gap.report.which import FEW
-from sandbox.gap.search.estimates import Estimate
-from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 from sandbox.gap.words import capital, interval, label, listing, names, quantity, tenths, words
 
 POSITION_NOTE = (

@@ -11,13 +11,13 @@ from model.names import html_text
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import Decomposition, decompose
 from sandbox.gap.pages import charts, listed, signals
+from sandbox.gap.posterior.estimates import Estimate
+from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.report import answers, left
 from sandbox.gap.report.answers import Answers
 from sandbox.gap.report.diagnosis_json import closed_by
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.which import BADGES
-from sandbox.gap.search.estimates import Estimate
-from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.gap.words import SIGNS, amperes, capital, names, percent_fine, quantity, words
 from sandbox.output.document import answer as answered
 from sandbox.output.document import bullets, figure, fold, prose, table, write_page

@@ -7,7 +7,7 @@ Gaussian of covariance C around its fit), foretells them with their noise is in 
 
 r, g, A the residual and normal equations of j's simulation: what it cannot follow, and how widely it had to spread its
 bets.  That of b less that of a is the log evidence for a over b that the experiment is expected to bring if a is true;
-the data counts for as much less as the temperature says.
+estimates meet the variance that the misfit of the recordings so far gives.
 
 What a simulator misses of its bench (`discrepancy`) leans, by chance, to one of the two: it counts as noise beside the
 recording's own.  `unknown` foretells nothing, so no recording parts it from the others.
@@ -27,14 +27,14 @@ from sandbox.gap.diagnose import CREDIBLE
 from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.planning.menu import Entry, recording_of, settings, shaft, usual_seconds
 from sandbox.gap.planning.within import allowed
-from sandbox.gap.search.judged import Judged
+from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.plant.sets import batch_of, complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.inputs import readings_off, with_columns
 from sandbox.replay.replay import Prepared, prepare, replay
 
 Array = NDArray[np.float64]
-Rivals = Sequence[tuple[float, Judged]]
+Rivals = Sequence[tuple[float, EvaluatedModel]]
 LEAST_POWER, SURE = 0.5, 0.95
 # What a simulator may miss of a recording that is not there yet: of its readings' squares, and of the gap that effects
 # make in it.  More than fits leave (`evidence.discrepancy`), as nothing was fitted to it.
@@ -74,7 +74,7 @@ class Next:
     power: float
 
 
-def foretold(campaign: Campaign, entry: Entry, a: Judged) -> tuple[Campaign, dict[str, float]]:
+def foretold(campaign: Campaign, entry: Entry, a: EvaluatedModel) -> tuple[Campaign, dict[str, float]]:
     """Return an experiment as a campaign with the readings that a hypothesis predicts, without noise, and its set."""
     drive = campaign.drive
     motion = shaft(a.fit.point.values, drive)
@@ -86,17 +86,17 @@ def foretold(campaign: Campaign, entry: Entry, a: Judged) -> tuple[Campaign, dic
 
 
 def expected_evidence(
-    campaign: Campaign, entry: Entry, a: Judged, others: Sequence[Judged], temperature: float, workers: int = 1
+    campaign: Campaign, entry: Entry, a: EvaluatedModel, others: Sequence[EvaluatedModel], variance: float, workers: int = 1
 ) -> tuple[Array, Array, float]:
     """Return the log evidence (n,) for a over each of the others that an experiment is expected to bring if a is true,
     its part (n,) that they cannot follow, and that of what the simulator misses of a's effects."""
     told, truth = foretold(campaign, entry, a)
-    (own, wide), *rest = (_surprise(told, truth, j, temperature, workers) for j in (a, *others))
+    (own, wide), *rest = (_surprise(told, truth, j, variance, workers) for j in (a, *others))
     apart = np.array([q - own for q, _ in rest])
-    return apart + np.array([w - wide for _, w in rest]), apart, _missed(told, truth, a) / temperature
+    return apart + np.array([w - wide for _, w in rest]), apart, _missed(told, truth, a) / variance
 
 
-def _missed(told: Campaign, truth: Mapping[str, float], a: Judged) -> float:
+def _missed(told: Campaign, truth: Mapping[str, float], a: EvaluatedModel) -> float:
     """Return half the squares of what a simulator misses of a recording, by the gap that a's effects make."""
     neutral = library.neutral(told.drive.motor)
     gone = tuple(f"{e}." for e in a.effects)
@@ -107,7 +107,7 @@ def _missed(told: Campaign, truth: Mapping[str, float], a: Judged) -> float:
 
 
 def _surprise(
-    told: Campaign, truth: Mapping[str, float], j: Judged, temperature: float, workers: int
+    told: Campaign, truth: Mapping[str, float], j: EvaluatedModel, variance: float, workers: int
 ) -> tuple[float, float]:
     """Return how badly a hypothesis foretells a recording that a truth has told: what it cannot follow, its spread."""
     belief = dict(j.fit.point.values)
@@ -116,11 +116,11 @@ def _surprise(
     n = normal(point, own, workers=workers)
     a, g, rr = n.summed()
     place = {c.label: k for k, c in enumerate(j.normal.coordinates)}
-    known = j.equations.a / temperature + np.diag(np.where(j.prior.deviation > 0.0, j.prior.deviation, 1e-12) ** -2)
+    known = j.equations.a / variance + np.diag(np.where(j.prior.deviation > 0.0, j.prior.deviation, 1e-12) ** -2)
     inside = [place[c.label] for c in own]
     prior = np.diag([c.deviation**-2 for c in n.coordinates])
     prior[: len(own), : len(own)] = np.linalg.inv(np.linalg.inv(known)[np.ix_(inside, inside)])
-    return surprise(a / temperature, g / temperature, rr / temperature, prior)
+    return surprise(a / variance, g / variance, rr / variance, prior)
 
 
 def surprise(a: Array, g: Array, rr: float, prior: Array) -> tuple[float, float]:
@@ -168,7 +168,7 @@ def as_predicted(prepared: Prepared, truth: Mapping[str, float]) -> Prepared:
 
 
 def recommend(
-    campaign: Campaign, rivals: Rivals, temperature: float, names: Sequence[str] | None = None, workers: int = 1
+    campaign: Campaign, rivals: Rivals, variance: float, names: Sequence[str] | None = None, workers: int = 1
 ) -> Next | None:
     """Return the recording that is most likely to leave the true one of the rivals alone, no longer than it has to be.
 
@@ -182,10 +182,10 @@ def recommend(
     entries = [e for e in allowed(campaign.drive, campaign.limits) if names is None or e.name in names]
     if campaign.rated_from_data and all(r.rotor == "locked" for r in campaign.recordings):
         entries = [e for e in entries if e.rotor == "locked"]  # nothing says how fast it may turn
-    found = [x for e in entries if (x := _tried(campaign, e, rivals[:2], temperature, workers))]
+    found = [x for e in entries if (x := _tried(campaign, e, rivals[:2], variance, workers))]
     if len(rivals) > 2:
         found.sort(key=lambda x: (power(rivals[:2], x), x.told.min()), reverse=True)
-        found = [x for y in found[:CLOSER] if (x := _tried(campaign, y.entry, rivals, temperature, workers))]
+        found = [x for y in found[:CLOSER] if (x := _tried(campaign, y.entry, rivals, variance, workers))]
     known = list(found)
     for length in LONGER if found else ():
         if max(power(rivals, x) for x in known) >= SURE:
@@ -194,7 +194,7 @@ def recommend(
         if power(rivals, promising.longer(length)) >= LEAST_POWER:
             slower = allowed(campaign.drive, campaign.limits, length * usual_seconds(campaign.drive))
             entries = [e for e in slower if e.name == promising.entry.name]
-            known += [x for e in entries if (x := _tried(campaign, e, rivals, temperature, workers))]
+            known += [x for e in entries if (x := _tried(campaign, e, rivals, variance, workers))]
     best = _best(rivals, known)
     if best is None:
         return None
@@ -215,7 +215,7 @@ def _best(rivals: Rivals, known: Sequence[Tried]) -> Tried | None:
     return known[max(likely)[2]] if likely else None
 
 
-def _tried(campaign: Campaign, entry: Entry, rivals: Rivals, temperature: float, workers: int) -> Tried | None:
+def _tried(campaign: Campaign, entry: Entry, rivals: Rivals, variance: float, workers: int) -> Tried | None:
     """Return what an entry tells about rivals; None where it cannot be simulated, or not with finite currents."""
     judged = [j for _, j in rivals]
     told, apart, missed = np.full((len(judged),) * 2, np.inf), np.zeros((len(judged),) * 2), np.zeros(len(judged))
@@ -223,7 +223,7 @@ def _tried(campaign: Campaign, entry: Entry, rivals: Rivals, temperature: float,
         for k, a in enumerate(judged):
             others = [m for m in range(len(judged)) if m != k]
             told[k, others], apart[k, others], missed[k] = expected_evidence(
-                campaign, entry, a, [judged[m] for m in others], temperature, workers
+                campaign, entry, a, [judged[m] for m in others], variance, workers
             )
     except (BadInput, PhysicsError, np.linalg.LinAlgError):
         return None

@@ -18,8 +18,8 @@ from model.effects.library import effect_names, load_effect
 from sandbox.gap.evidence.fit import coordinates_of
 from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.evidence.priors import WIDE, Coordinate
-from sandbox.gap.evidence.probes import probe_coordinates, probes_at_typical
 from sandbox.gap.excerpts import excerpt, rows_to_settle
+from sandbox.gap.posterior.candidates import at_typical
 from sandbox.plant.sets import ANGLE_OFFSET, complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import prepare
@@ -56,8 +56,8 @@ def visible(campaign: Campaign, *, workers: int = 1) -> Visible:
     groups: dict[str, list[str]] = {}
     moved: dict[str, list[Coordinate]] = {}
     added = {c.label: c for c in own}
-    for probe in probes_at_typical(start):
-        coordinates = probe_coordinates(start, probe, "")
+    for probe in at_typical(start):
+        coordinates = probe.coordinates(start)
         added |= {c.label: c for c in coordinates if c.label not in added}
         groups[probe.effect], moved[probe.effect] = [c.label for c in coordinates], coordinates
     n = normal(start, list(added.values()), workers=workers)

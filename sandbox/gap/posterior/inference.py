@@ -21,24 +21,26 @@ from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates, further
 from sandbox.gap.posterior.evaluated import EvaluatedModel
-from sandbox.gap.posterior.linear_model import LinearModel, linear_model
+from sandbox.gap.posterior.linear_model import linear_model
 from sandbox.gap.posterior.misfit import misfit, weights
 from sandbox.gap.posterior.set_prior import Set, log_prior
 from sandbox.gap.posterior.sets import Chosen, SetPosterior
 from sandbox.gap.posterior.settings import USUAL, Settings
 
 Report = Callable[[str], None]
+STRAIGHT = 0.1  # of an effect's wide prior: a move on which slopes hold (the curvature of a delay makes 5 % of it)
 SMALL = 1e-6  # probability below which a set is not listed
 
 
 @dataclass(frozen=True)
 class Problem:
-    """What is asked: a campaign at its nominal point, recordings that count, effects that are no candidates, settings,
-    threads, and whom to tell."""
+    """What is asked: a campaign at its nominal point, recordings that count, effects that are no candidates, sets that
+    are fitted whatever else is, settings, threads, and whom to tell."""
 
     start: Point
     fitted: Weights
     exclude: Sequence[str] = ()
+    rivals: Sequence[Set] = ()
     settings: Settings = USUAL
     workers: int = 1
     report: Report = lambda _: None
@@ -81,21 +83,24 @@ class _Run:
         """Return the answer."""
         best = self.grown()
         variance = misfit(best.point)
-        evaluated = {best.effects: self.evaluated(best, variance)}
+        fitted = {best.effects: self.evaluated(best, variance)}
+        impossible: set[Set] = set()
+        asked = [tuple(sorted(k)) for k in self.problem.rivals]
         while True:
-            told, nearest = self.posterior(evaluated)
-            leader = max(evaluated, key=lambda k: told[k])
-            if nearest is None or len(evaluated) > self.problem.settings.rivals:
+            told, near = self.posterior(fitted, impossible)
+            leader = fitted[max(fitted, key=lambda k: (told[k], k))]
+            asked = [k for k in asked if k not in fitted and k not in impossible]
+            if not asked and (not near or len(fitted) > self.problem.settings.rivals):
                 break
-            new = self.fit_of(nearest, evaluated[leader].fit)
+            key = asked[0] if asked else near[0]
+            new = self.fit_of(key, leader.fit)
             if new is None:
-                evaluated[nearest] = replace(evaluated[leader], impossible=True, fit=replace(best, effects=nearest))
-                continue
-            evaluated[nearest] = self.evaluated(new, variance)
-        kept = {k: v for k, v in evaluated.items() if not v.impossible}
+                impossible.add(key)
+            else:
+                fitted[key] = self.evaluated(new, variance)
         total = sum(math.exp(v) for v in told.values())
-        sets = {k: math.exp(v) / total for k, v in sorted(told.items(), key=lambda x: -x[1])}
-        return Inference(self.null, kept, {k: p for k, p in sets.items() if p > SMALL or k in kept}, variance)
+        sets = {k: math.exp(v) / total for k, v in sorted(told.items(), key=lambda x: (-x[1], x[0]))}
+        return Inference(self.null, fitted, {k: p for k, p in sets.items() if p > SMALL or k in fitted}, variance)
 
     def grown(self) -> Fit:
         """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other."""
@@ -135,19 +140,15 @@ class _Run:
 
     def choose(self, sets: SetPosterior, best: Chosen) -> None:
         """Choose for every effect the candidate that is most probable beside the best set, or in it."""
-        model = sets.model
-        for k, c in enumerate(model.candidates):
+        levels: dict[str, float] = {}
+        for k, c in enumerate(sets.model.candidates):
             if c.part > 1:
                 continue
-            rest = tuple(x for x in best if model.candidates[x].effect != c.effect)
-            told = sets.weigh((*rest, k)) if sets.allowed(tuple(sorted((*rest, k)))) else -math.inf
-            first = self.levels.get(c.effect)
-            if first is None or told > first[0]:
-                self.levels[c.effect] = (told, c)
-        self.chosen = {e: c for e, (_, c) in self.levels.items()}
-        self.levels = {}
-
-    levels: dict[str, tuple[float, Candidate]] = {}
+            rest = (x for x in best if sets.effects[x] != c.effect)
+            key = tuple(sorted((*rest, k)))
+            told = sets.weigh(key) if sets.allowed(key) else -math.inf
+            if c.effect not in levels or told > levels[c.effect]:
+                levels[c.effect], self.chosen[c.effect] = told, c
 
     def fit_of(
         self, key: Set, near: Fit, sets: SetPosterior | None = None, best: Chosen = ()
@@ -187,22 +188,33 @@ class _Run:
         prior = model.prior(found.effects)
         return EvaluatedModel(found, settled := model.settled(prior, told, p.workers), prior, settled.log_evidence(found.effects))
 
-    def posterior(self, evaluated: Mapping[Set, EvaluatedModel]) -> tuple[dict[Set, float], Set | None]:
-        """Return the log posterior of all sets, the best one's 0, and the most probable set that ought to be fitted.
+    def posterior(
+        self, fitted: Mapping[Set, EvaluatedModel], impossible: set[Set]
+    ) -> tuple[dict[Set, float], list[Set]]:
+        """Return the log posterior of all sets, the best fitted one's 0, and the sets that ought to be fitted, the most
+        probable first.
 
         Fitted sets have the evidence of their own points; any other one stands to the best of them as the equations at
-        its point say.
+        its point say.  It ought to be fitted where it is near and parameters would move by more than slopes hold for.
         """
-        own = {k: e.log_evidence + log_prior(k, self.problem.settings) for k, e in evaluated.items() if not e.impossible}
+        own = {k: e.log_evidence + log_prior(k, self.problem.settings) for k, e in fitted.items()}
         leader = max(own, key=lambda k: (own[k], k))
-        sets = SetPosterior(evaluated[leader].model)
+        sets = SetPosterior(fitted[leader].model)
         sets.enumerate([k for k, c in enumerate(sets.model.candidates) if c.effect in leader])
-        by_name = sets.by_name()
-        told = {k: v - by_name[leader] + own[leader] for k, v in by_name.items() if k not in evaluated} | own
-        top = own[leader]
-        near = [k for k in told if k not in evaluated and told[k] > top - self.problem.settings.near]
-        told = {k: min(v, top) - top if k not in own else v - top for k, v in told.items()}
-        return told, max(near, key=lambda k: (told[k], k), default=None)
+        by_name, top = sets.by_name(), own[leader]
+        told = {k: min(v - by_name[leader], 0.0) for k, v in by_name.items() if k not in fitted and k not in impossible}
+        near = [k for k, v in told.items() if v > -self.problem.settings.near and _far(sets, leader, k)]
+        told |= {k: v - top for k, v in own.items()}
+        return told, sorted(near, key=lambda k: (-told[k], k))
+
+
+def _far(sets: SetPosterior, here: Set, there: Set) -> bool:
+    """Return whether some effect's size is another one in two sets by more than slopes hold for."""
+    places = {c.effect: k for k, c in enumerate(sets.model.candidates)}
+    ends = [sets.most_probable(tuple(places[e] for e in key)) for key in (here, there)]
+    own = [k for e in {*here, *there} for k in sets.model.places[places[e]]]
+    moved = np.abs(ends[1] - ends[0])[own] / sets.model.wide.deviation[own]
+    return bool(np.any(moved > STRAIGHT))
 
 
 def towards(best: Fit, key: Sequence[str], chosen: Sequence[Candidate]) -> Point:

@@ -19,12 +19,12 @@ from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.outside import OddPhase, odd_phase
 from sandbox.gap.location.where import Finding, Part, parts, percent, summary, where
 from sandbox.gap.planning.next_recording import Next, recommend
+from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.report import which
 from sandbox.gap.report.bounds import sentence
 from sandbox.gap.report.distinguishability import Alike, alike
 from sandbox.gap.report.position import PositionError, compared
 from sandbox.gap.report.ranking import Ranking, ranking
-from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.gap.shortened import share, shortened
 from sandbox.gap.words import capital, likely, names, percent_fine, stopped, times, words
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
@@ -99,11 +99,11 @@ def answer(
 def next_recording(d: Diagnosis, workers: int = 1) -> Next | None:
     """Return the recording that would tell the named hypotheses of an ambiguity set apart; None with one of them, or
     where nothing but slight effects might be there beside ordinary deviations."""
-    rivals = [(h.probability, h.judged) for h in d.ambiguity_set if UNKNOWN not in h.effects]
-    fitted = {id(j) for j in d.judged}
+    rivals = [(h.probability, h.evaluated) for h in d.ambiguity_set if UNKNOWN not in h.effects]
+    fitted = {id(j) for j in d.evaluated}
     if d.best.effects in ((), (UNKNOWN,)) and sum(id(j) in fitted for _, j in rivals) < 2:
         return None
-    return recommend(d.campaign, rivals, d.temperature, workers=workers)
+    return recommend(d.campaign, rivals, d.variance, workers=workers)
 
 
 def linear(campaign: Campaign) -> Campaign:
@@ -285,10 +285,10 @@ def caveats(a: Answers) -> list[str]:
         out.append("The rotor never turned, so effects that need speed (flux, encoder, iron loss) can hardly be seen.")
     if a.position is None:
         out.append(stopped(f"The position error cannot be compared: {a.no_position or 'it was not asked for'}"))
-    if d.temperature > 2.0:
+    if d.variance > 2.0:
         out.append(
-            f"When hypotheses were compared, the data got {d.temperature:,.3g} times less weight than independent "
-            "samples have: neighbouring residuals are alike, and the simulator's own error grows with the gap."
+            f"When hypotheses were compared, the data got {d.variance:,.3g} times less weight than independent "
+            "samples have: what the best fit leaves is alike over many samples."
         )
     return out + _of_the_model(d.campaign.drive.provenance)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from model.effects import library
-from sandbox.gap.search.estimates import Estimate, Held
+from sandbox.gap.posterior.estimates import Estimate, Held
 from sandbox.gap.words import capital, quantity
 
 OF_SEARCH = "at the bound of the search"

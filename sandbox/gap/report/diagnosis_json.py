@@ -17,11 +17,11 @@ from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.regression import Remains
 from sandbox.gap.location.where import Finding
 from sandbox.gap.planning.next_recording import Next, as_json
+from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.position import PositionError
 from sandbox.gap.report.ranking import Ranking, parameter, ranking
 from sandbox.gap.report.which import badge
-from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
 from sandbox.recordings.campaign import Excerpts
 
 
@@ -109,7 +109,7 @@ def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:
         return None
     if not h.effects:
         return 0.0
-    if h.judged is d.best.judged and d.size.closed is not None:
+    if h.evaluated is d.best.evaluated and d.size.closed is not None:
         return d.size.closed
     before = d.size.before
     closed = share_closed(before, _rms_without(d, h)) if before > 1.0 else math.nan
@@ -118,7 +118,7 @@ def closed_by(d: Diagnosis, h: Hypothesis) -> float | None:
 
 def _rms_without(d: Diagnosis, h: Hypothesis) -> float:
     """Return a hypothesis' normalised rms on recordings held out, its parameters those of the others alone."""
-    n = h.judged.fit.normal
+    n = h.evaluated.fit.normal
     count = len(d.start.prepared.recordings)
     if not d.held_out:
         return rms(n, range(count))

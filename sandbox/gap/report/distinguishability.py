@@ -24,8 +24,8 @@ from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.fit import coordinates_of
 from sandbox.gap.evidence.normal import Point, normal
 from sandbox.gap.evidence.priors import Coordinate
-from sandbox.gap.search.judged import Judged
-from sandbox.gap.search.posterior import UNKNOWN
+from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.hypotheses import UNKNOWN
 
 Array = NDArray[np.float64]
 WAY = np.linspace(0.0, 1.0, 9)  # shares of the way from the second fit to the first
@@ -47,31 +47,31 @@ def alike(d: Diagnosis) -> Alike | None:
     """Return how alike the two most probable fitted hypotheses of an ambiguity set are; None where there is one only
     (what is too slight to fit has no fit to go to), or where both are the same but for how large an ordinary deviation
     may be: then the prior decides."""
-    fitted = {id(j) for j in d.judged}
-    named = [h for h in d.ambiguity_set if UNKNOWN not in h.effects and id(h.judged) in fitted]
+    fitted = {id(j) for j in d.evaluated}
+    named = [h for h in d.ambiguity_set if UNKNOWN not in h.effects and id(h.evaluated) in fitted]
     if len(named) < 2:
         return None
-    a, b = (h.judged for h in named[:2])
-    cosines = _cosines(a, b.effects, d.temperature) | _cosines(b, a.effects, d.temperature)
+    a, b = (h.evaluated for h in named[:2])
+    cosines = _cosines(a, b.effects) | _cosines(b, a.effects)
     if not cosines:
         return None
-    told = _way(a, b) / d.temperature
+    told = _way(a, b) / d.variance
     kept = np.isfinite(told)
     shares, told = WAY[kept], told[kept] - told[kept].max()
     return Alike(a.effects, b.effects, cosines, tuple(map(float, shares)), tuple(map(float, told)))
 
 
-def _cosines(j: Judged, other: Sequence[str], temperature: float) -> dict[str, float]:
+def _cosines(j: EvaluatedModel, other: Sequence[str]) -> dict[str, float]:
     """Return the cosine of each effect that only this hypothesis has with what only the other has."""
     rival = tuple(e for e in other if e not in j.effects)
-    found = {e: _cosine(j, e, rival, temperature) for e in j.effects if e not in other}
+    found = {e: _cosine(j, e, rival) for e in j.effects if e not in other}
     return {e: c for e, c in found.items() if c is not None}
 
 
-def _cosine(j: Judged, effect: str, rival: tuple[str, ...], temperature: float) -> float | None:
+def _cosine(j: EvaluatedModel, effect: str, rival: tuple[str, ...]) -> float | None:
     """Return one cosine; with ordinary deviations where there is no rival; None where the effect is one but for its
     size, or has no size at the fit."""
-    t, equations = j.table, j.equations.scaled(temperature)
+    t, equations = j.model, j.equations
     if any(e not in t.members for e in rival):
         return None
     rest = tuple(e for e in j.effects if e != effect)
@@ -97,7 +97,7 @@ def left_by(equations: Algebra, places: NDArray[np.int64], move: Array, prior: P
     return whole - float(slopes @ np.linalg.solve(m, slopes))
 
 
-def _way(a: Judged, b: Judged) -> Array:
+def _way(a: EvaluatedModel, b: EvaluatedModel) -> Array:
     """Return the log likelihood at shares WAY of the way from b's fit to a's, -inf where no drive can be."""
     both = tuple(dict.fromkeys((*a.effects, *b.effects)))
     own = {k: v for k, v in b.fit.point.values.items() if k.partition(".")[0] in b.effects}
@@ -117,7 +117,7 @@ def _way(a: Judged, b: Judged) -> Array:
     return np.array(out)
 
 
-def _at(j: Judged, c: Coordinate, effects: Sequence[str]) -> float:
+def _at(j: EvaluatedModel, c: Coordinate, effects: Sequence[str]) -> float:
     """Return a coordinate at a fit; of an effect that it lacks, neutral (or where a companion starts: its mean)."""
     missing = any(c.names[0].startswith(f"{e}.") for e in effects if e not in j.effects)
     kept = c.label in {k.label for k in j.fit.coordinates}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
+from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.report import which
 from sandbox.gap.report.answers import Answers
-from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.gap.words import capital, likely, names, percent_fine, times, words
 
 HARDLY = 5e-4  # of what remains: less is nothing
@@ -21,7 +21,7 @@ def remains_text(a: Answers) -> str:
     r = a.diagnosis.remainder
     before, after = (math.sqrt(max(0.0, 1.0 + x)) for x in (r.before, r.after))
     best = a.diagnosis.best
-    named = best.judged.effects
+    named = best.evaluated.effects
     these = names(named) if best.effects == (UNKNOWN,) else f"th{'is effect' if len(named) == 1 else 'ese effects'}"
     size = f"With {these} residuals are {times(after)} the noise floor over all recordings ({before:.3g} before)"
     if not named:

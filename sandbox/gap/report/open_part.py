@@ -22,9 +22,9 @@ from sandbox.gap.location.decompose import (
     top_speed,
 )
 from sandbox.gap.location.where import DETAIL
-from sandbox.gap.search.estimates import Estimate, estimates_beside
-from sandbox.gap.search.inclusion import Inclusion, by_algebra
-from sandbox.gap.search.judged import Judged
+from sandbox.gap.posterior.estimates import Estimate, estimates_beside
+from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.inclusion import Inclusion, by_algebra
 from sandbox.gap.shortened import shortened
 from sandbox.gap.words import tenths
 
@@ -151,11 +151,11 @@ class OpenPart:
         """Return `unknown.beside` of `diagnosis.json`."""
         return {"worth": self.beside.worth, "consists_of": [asdict(x) for x in self.beside.described]}
 
-    def unbent(self, j: Judged) -> Judged:
+    def unbent(self, j: EvaluatedModel) -> EvaluatedModel:
         """Return a set of effects with the equations beside the regression."""
-        return replace(j, table=replace(j.table, equations=self.beside.equations))
+        return replace(j, model=replace(j.model, equations=self.beside.equations))
 
-    def sized(self, name: str, j: Judged) -> OpenPart:
+    def sized(self, name: str, j: EvaluatedModel) -> OpenPart:
         """Return the same with the parameters of one more effect, in a set that holds it."""
         told = estimates_beside(j, self.beside.equations)
         return replace(self, parameters={**self.parameters, name: own_of(name, told)})
@@ -168,10 +168,10 @@ def own_of(effect: str, parameters: Mapping[str, Estimate]) -> dict[str, Estimat
 
 def open_part(d: Diagnosis, workers: int) -> OpenPart | None:
     """Return a free regression beside the best hypothesis' effects; None where it predicts nothing."""
-    j = d.best.judged
-    found = beside(replace(j.table, point=shortened(j.table.point)), j.prior, workers=workers)
+    j = d.best.evaluated
+    found = beside(replace(j.model, point=shortened(j.model.point)), j.prior, workers=workers)
     if found is None:
         return None
-    freed = replace(j.table, equations=found.equations)
+    freed = replace(j.model, equations=found.equations)
     told = estimates_beside(j, found.equations)
-    return OpenPart(found, by_algebra(freed, j.effects, d.temperature), {e: own_of(e, told) for e in j.effects})
+    return OpenPart(found, by_algebra(freed, j.effects), {e: own_of(e, told) for e in j.effects})

@@ -9,17 +9,17 @@ from typing import Any
 
 from model.effects import library
 from sandbox.gap.diagnose import Diagnosis, verdict
-from sandbox.gap.evidence.discrepancy import Unexplained
 from sandbox.gap.planning.next_recording import Next
+from sandbox.gap.posterior.estimates import Estimate, estimates
+from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.hypotheses import UNKNOWN
+from sandbox.gap.posterior.inclusion import Inclusion, inclusion
+from sandbox.gap.posterior.remainder import Unexplained
+from sandbox.gap.posterior.unfitted import by_algebra
 from sandbox.gap.report.open_part import OpenPart, Remaining, open_part, own_of, remaining
 from sandbox.gap.report.position_moved import Moved, moved
 from sandbox.gap.report.shares import Share, Shares, of_set, shares
 from sandbox.gap.report.told_apart import Telling, telling
-from sandbox.gap.search.estimates import Estimate, estimates
-from sandbox.gap.search.inclusion import Inclusion, inclusion
-from sandbox.gap.search.judged import Judged
-from sandbox.gap.search.posterior import UNKNOWN
-from sandbox.gap.search.unfitted import by_algebra
 
 SLIGHT = 0.05  # chance of `unknown` below which no regression is fitted beside the effects; of an effect: no size
 LIKELY = 0.5  # chance from which an effect counts as there
@@ -144,11 +144,11 @@ def included(d: Diagnosis, part: OpenPart | None) -> Inclusion:
     as `unknown` stands beside effects, none as often as it stands alone."""
     alone = sum(h.probability for h in d.hypotheses if h.effects == (UNKNOWN,))
     if part is None:
-        found = inclusion(d.hypotheses, d.temperature, d.fitted)
+        found = inclusion(d.hypotheses)
     else:
         without = [h for h in d.hypotheses if UNKNOWN not in h.effects]
         both = sum(h.probability for h in d.hypotheses if UNKNOWN in h.effects) - alone
-        found = inclusion(without, d.temperature, d.fitted).mixed(part.inclusion, both / (1.0 - alone or 1.0))
+        found = inclusion(without).mixed(part.inclusion, both / (1.0 - alone or 1.0))
     return found.mixed(Inclusion({}, (), {(): 1.0}), alone)
 
 
@@ -164,7 +164,7 @@ def completed(d: Diagnosis, r: Ranking) -> Ranking:
         j = sets.holding(e)
         if j is None:
             continue
-        told[e] = telling(j, e, d.temperature)
+        told[e] = telling(j, e)
         if not sized.get(e):
             sized[e] = own_of(e, estimates(j))
         if part is not None and e not in part.parameters:
@@ -189,26 +189,26 @@ class _Sets:
     once."""
 
     def __init__(self, d: Diagnosis, r: Ranking) -> None:
-        self.best, self.inclusion = d.best.judged, r.inclusion
+        self.best, self.inclusion = d.best.evaluated, r.inclusion
         self.part = r.open_part if r.beside_unknown else None
-        self.known: dict[tuple[str, ...], Judged] = {tuple(sorted(self.best.effects)): self.best}
+        self.known: dict[tuple[str, ...], EvaluatedModel] = {tuple(sorted(self.best.effects)): self.best}
         self.shared: dict[int, dict[str, Share]] = {}
 
-    def holding(self, effect: str) -> Judged | None:
+    def holding(self, effect: str) -> EvaluatedModel | None:
         """Return the best hypothesis if it holds an effect, else the most probable set that does."""
         if effect in self.best.effects:
             return self.best
         key = self.inclusion.most_probable(effect)
-        if key is None or any(e not in self.best.table.members for e in key):
+        if key is None or any(e not in self.best.model.members for e in key):
             return None
         if key not in self.known:
             self.known[key] = by_algebra(self.best, key)
         return self.known[key]
 
-    def shares(self, j: Judged) -> dict[str, Share]:
+    def shares(self, j: EvaluatedModel) -> dict[str, Share]:
         """Return the shares of a set's effects: at sizes that no unknown part bends, where one is likely.  None of a
         set that was not fitted, with an effect that is there or not, nothing between (a shaft): no replay has it."""
-        if any(j.table.coordinates[k].form == "share" for e in j.effects for k in j.table.members[e]):
+        if any(j.model.coordinates[k].form == "share" for e in j.effects for k in j.model.members[e]):
             return {}
         if id(j) not in self.shared:
             self.shared[id(j)] = of_set(j if self.part is None else self.part.unbent(j))

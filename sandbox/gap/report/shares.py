@@ -32,14 +32,14 @@ from model.effects import library
 from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
-from sandbox.gap.evidence.discrepancy import FLOOR
 from sandbox.gap.evidence.gap_size import UNDEFINED, rms
 from sandbox.gap.evidence.holdout import weights_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
 from sandbox.gap.location.where import held_at_neutral
-from sandbox.gap.search.judged import Judged
-from sandbox.gap.search.posterior import UNKNOWN
+from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.hypotheses import UNKNOWN
+from sandbox.gap.posterior.settings import USUAL
 
 Array = NDArray[np.float64]
 DRAWS = 400  # of the bootstrap
@@ -74,12 +74,12 @@ def shares(d: Diagnosis) -> Shares:
     named = tuple(e for e in d.best.effects if e != UNKNOWN)
     if not named:
         return Shares({}, ())
-    found = of_set(d.best.judged, d.remainder.explained)
+    found = of_set(d.best.evaluated, d.remainder.explained)
     ranked = dict(sorted(found.items(), key=lambda x: -x[1].value))
     return Shares(ranked, tuple(_waterfall(d, list(ranked))))
 
 
-def of_set(j: Judged, explained: float | None = None) -> dict[str, Share]:
+def of_set(j: EvaluatedModel, explained: float | None = None) -> dict[str, Share]:
     """Return the shares of a set's effects, at the sizes that they have in it.
 
     explained: share of the gap that the fit of the set explains, which shares sum to; None where the set was not fitted
@@ -97,7 +97,7 @@ def of_set(j: Judged, explained: float | None = None) -> dict[str, Share]:
         scale = 1.0 if explained is None else explained * gap.sum() / (nothing - full).sum()  # the gap as fitted
         drawn = scale * shared_out(alone[:, pick].sum(2), last[:, pick].sum(2), (nothing - full)[pick].sum(1))
         low, high = interval_of(drawn / gap[pick].sum(1))
-        if full.size < 2 or np.mean(gap[pick].sum(1) <= FLOOR * counts[pick].sum(1)) > UNDEFINED:
+        if full.size < 2 or np.mean(gap[pick].sum(1) <= 2.0 * USUAL.misses * counts[pick].sum(1)) > UNDEFINED:
             low, high = np.full((2, len(named)), math.nan)
         value = scale * shared_out(alone.sum(1), last.sum(1), (nothing - full).sum()) / gap.sum()
         single = scale * alone.sum(1) / gap.sum()
@@ -118,21 +118,21 @@ def shared_out(first: Array, last: Array, whole: Array) -> Array:
     return np.asarray(mean + (whole - mean.sum(0)) * size / size.sum(0))
 
 
-def _values(j: Judged, gone: Sequence[str]) -> Array:
+def _values(j: EvaluatedModel, gone: Sequence[str]) -> Array:
     """Return the values (p,) where effects are missing, by algebra."""
     best = j.equations.most_probable(held_at_neutral(j, [])).x
     return j.equations.most_probable(only_ordinary(j, gone, best)).x
 
 
-def only_ordinary(j: Judged, gone: Sequence[str], best: Array) -> Prior:
+def only_ordinary(j: EvaluatedModel, gone: Sequence[str], best: Array) -> Prior:
     """Return the prior under which ordinary deviations alone are free: effects that are `gone` held at neutral, the
     others of the hypothesis at `best` (p,).  Where one is an ordinary deviation, too, it deviates from there."""
-    prior, narrow = held_at_neutral(j, gone), j.table.narrow
-    missing = {k for e in gone for k in j.table.members[e]}
-    held = [k for e in j.effects if e not in gone for k in j.table.members[e] if k not in missing]
+    prior, narrow = held_at_neutral(j, gone), j.model.narrow
+    missing = {k for e in gone for k in j.model.members[e]}
+    held = [k for e in j.effects if e not in gone for k in j.model.members[e] if k not in missing]
     moved = best[held] - narrow.mean[held]
     prior.mean[held] = best[held]
-    prior.deviation[held] = np.where(j.table.of_effects[held], 0.0, narrow.deviation[held])
+    prior.deviation[held] = np.where(j.model.of_effects[held], 0.0, narrow.deviation[held])
     prior.low[held], prior.high[held] = narrow.low[held] + moved, narrow.high[held] + moved
     return prior
 
@@ -153,7 +153,7 @@ def _counts(n: Normal) -> Array:
     return out
 
 
-def _replayed(j: Judged, gone: Sequence[str]) -> Array:
+def _replayed(j: EvaluatedModel, gone: Sequence[str]) -> Array:
     """Return the squares that each recording leaves (r,) where effects are missing; by algebra where that point is
     none that a drive can have."""
     try:
@@ -163,7 +163,7 @@ def _replayed(j: Judged, gone: Sequence[str]) -> Array:
     return found if np.isfinite(found).all() else _predicted(j, gone)
 
 
-def _predicted(j: Judged, gone: Sequence[str]) -> Array:
+def _predicted(j: EvaluatedModel, gone: Sequence[str]) -> Array:
     """Return the same by the equations at the best point."""
     out, shift = _left(j.normal), _values(j, gone) - j.normal.x
     for s in j.normal.segments:
@@ -208,15 +208,15 @@ def with_part(d: Diagnosis, gone: Sequence[str]) -> Point:
     return _brought(d.after.point, n.coordinates, x, shapes)
 
 
-def is_shape_only(j: Judged, effect: str) -> bool:
+def is_shape_only(j: EvaluatedModel, effect: str) -> bool:
     """Return whether an effect has no size that could be taken to neutral on the way (a shaft's stiffness)."""
-    return all(j.table.coordinates[k].form == "log" for k in j.table.members[effect])
+    return all(j.model.coordinates[k].form == "log" for k in j.model.members[effect])
 
 
-def without(j: Judged, gone: Sequence[str]) -> Point:
+def without(j: EvaluatedModel, gone: Sequence[str]) -> Point:
     """Return the point at which effects are missing and ordinary deviations follow by algebra; shapes at neutral."""
     shapes = [e for e in gone if is_shape_only(j, e)]
-    return _brought(j.table.point, j.normal.coordinates, _values(j, gone), shapes)
+    return _brought(j.model.point, j.normal.coordinates, _values(j, gone), shapes)
 
 
 def _brought(point: Point, coordinates: Sequence[Coordinate], x: Array, shapes: Sequence[str]) -> Point:

@@ -16,16 +16,16 @@ from model.mapped import MappedMotor
 from model.parameters import Converter, Motor
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.fit import Fit
+from sandbox.gap.posterior.estimates import estimates, of_motor
+from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.report.bounds import at_bound
-from sandbox.gap.search.estimates import estimates, of_motor
-from sandbox.gap.search.posterior import UNKNOWN
 from sandbox.output.refitted import Refitted
 from sandbox.plant.sets import BENCH, complete
 
 
 def refitted(d: Diagnosis) -> Refitted:
     """Return the drive and the effects of a diagnosis' best hypothesis."""
-    judged, own = d.best.judged, d.campaign.drive
+    judged, own = d.best.evaluated, d.campaign.drive
     values, turns = judged.fit.point.values, judged.fit.point.turns
     motor = baked(own.motor, values)
     found = {**of_motor(judged), **estimates(judged)}

@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sandbox.gap.evidence.algebra import Prior
+from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.report.distinguishability import left_by
-from sandbox.gap.search.judged import Judged
 
 Array = NDArray[np.float64]
 ALIKE = math.sqrt(0.5)  # cosine: a rival takes up half of what the effect does
@@ -47,9 +47,9 @@ class Telling:
         return {"tellable": self.tellable, "confused_with": [asdict(x) for x in self.confused_with]}
 
 
-def telling(j: Judged, effect: str, temperature: float) -> Telling | None:
+def telling(j: EvaluatedModel, effect: str) -> Telling | None:
     """Return what an effect of a set is confused with; None where it has no size there."""
-    t, equations = j.table, j.equations.scaled(temperature)
+    t, equations = j.model, j.equations
     rest = tuple(e for e in j.effects if e != effect)
     without, wide = t.prior(rest), t.prior(j.effects)
     places = np.array([k for k in t.members[effect] if without.deviation[k] < wide.deviation[k]], dtype=np.int64)
@@ -66,9 +66,9 @@ def telling(j: Judged, effect: str, temperature: float) -> Telling | None:
     return Telling(0.5 * level >= SURE and all(x.log_evidence >= SURE for x in alike), alike)
 
 
-def _rivals(j: Judged, effect: str, places: NDArray[np.int64]) -> Iterator[tuple[str, str, Prior | None, Prior]]:
+def _rivals(j: EvaluatedModel, effect: str, places: NDArray[np.int64]) -> Iterator[tuple[str, str, Prior | None, Prior]]:
     """Yield name and kind of each rival, the prior without it (None: of the set without the effect) and with it."""
-    t, rest = j.table, tuple(e for e in j.effects if e != effect)
+    t, rest = j.model, tuple(e for e in j.effects if e != effect)
     own = set(places.tolist())
     for rival, members in t.members.items():
         if rival != effect and not own & set(members):

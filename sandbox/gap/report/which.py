@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.location.where import percent
-from sandbox.gap.search.posterior import UNKNOWN, Hypothesis
+from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 from sandbox.gap.words import capital, likely, names, percent_fine, sizes, tenths, words
 
 HALF = 0.5  # chance of `unknown` below which it is not what most probably is at work
@@ -104,7 +104,7 @@ def _outside(d: Diagnosis) -> str:
     outside = f"that something outside the library is at work is {chance}"
     if _hardly_open(d):
         closed = percent_fine(d.size.closed or 0.0)
-        outside += f", although with {names(d.best.judged.effects)} {closed} of the gap closes"
+        outside += f", although with {names(d.best.evaluated.effects)} {closed} of the gap closes"
     others = [h for h in d.ambiguity_set if h.effects != (UNKNOWN,)]
     if not others:
         return f"{'None for sure' if _hardly_open(d) else 'None in the library'}: {outside}."

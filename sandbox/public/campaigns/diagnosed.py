@@ -237,7 +237,7 @@ def diagnose(
 
 def earlier_answer(place: str | Path) -> dict[str, Any]:
     """Return an earlier diagnosis: `said`, what it said, and `rivals`, the sets it left; BadInput where it is none."""
-    from sandbox.gap.search.posterior import UNKNOWN
+    from sandbox.gap.posterior.hypotheses import UNKNOWN
 
     path = Path(place)
     path = path / "diagnosis.json" if path.is_dir() else path

@@ -21,7 +21,7 @@ from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
 from sandbox.gap.evidence.probes import Probe, possible
-from sandbox.gap.search.estimates import public
+from sandbox.gap.posterior.estimates import public
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare

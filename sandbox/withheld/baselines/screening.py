@@ -12,7 +12,7 @@ from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.evidence.probes import Probe, probe_coordinates
-from sandbox.gap.search.subsets import contained
+from sandbox.gap.posterior.set_prior import contained
 from sandbox.withheld.baselines.refit import readings
 
 

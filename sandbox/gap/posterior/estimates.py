@@ -14,7 +14,7 @@ from model.effects import library
 from model.effects.card import Effect
 from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, between_segments, prior_of, sandwich
 from sandbox.gap.evidence.priors import REACHED, Coordinate, ordinary
-from sandbox.gap.search.judged import Judged
+from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.plant.sets import BENCH
 
 Array = NDArray[np.float64]
@@ -51,7 +51,7 @@ class Spread(NamedTuple):
         return {c.label: k for k, c in enumerate(self.coordinates)}
 
 
-def estimates(j: Judged) -> dict[str, Estimate]:
+def estimates(j: EvaluatedModel) -> dict[str, Estimate]:
     """Return the parameters of a hypothesis' effects, by public name.
 
     Values are those of the hypothesis alone; the interval also allows for what ordinary traces of all other effects
@@ -61,7 +61,7 @@ def estimates(j: Judged) -> dict[str, Estimate]:
     return {name: e for effect in j.effects for name, e in _of_effect(effect, s).items()}
 
 
-def estimates_beside(j: Judged, equations: Algebra) -> dict[str, Estimate]:
+def estimates_beside(j: EvaluatedModel, equations: Algebra) -> dict[str, Estimate]:
     """Return the same by other equations of its table: those with a free regression integrated out (`beside`).
 
     An interval is as much wider than the ordinary one as the regression makes the plain covariance, so that residuals
@@ -72,13 +72,13 @@ def estimates_beside(j: Judged, equations: Algebra) -> dict[str, Estimate]:
     with_, without = (np.sqrt(np.diag(e.covariance(own))) for e in (equations, j.equations))
     wider = np.divide(with_, without, out=np.ones_like(with_), where=without > 0.0)
     place = ordinary.place
-    usual = [ordinary.sd[place[c.label]] if c.label in place else 0.0 for c in j.table.coordinates]
+    usual = [ordinary.sd[place[c.label]] if c.label in place else 0.0 for c in j.model.coordinates]
     sd = np.maximum(wider * np.array(usual), SPREAD * with_)
-    s = Spread(j.table.coordinates, j.table.point.values, x, sd, (x - Z * sd, x + Z * sd), free)
+    s = Spread(j.model.coordinates, j.model.point.values, x, sd, (x - Z * sd, x + Z * sd), free)
     return {name: e for effect in j.effects for name, e in _of_effect(effect, s).items()}
 
 
-def of_motor(j: Judged) -> dict[str, Estimate]:
+def of_motor(j: EvaluatedModel) -> dict[str, Estimate]:
     """Return the motor's values at a hypothesis' fit by their names in [motor], effects on them and ordinary deviations
     taken together."""
     s, motor, out = spread(j), j.fit.point.prepared.campaign.drive.motor, dict[str, Estimate]()
@@ -93,7 +93,7 @@ def of_motor(j: Judged) -> dict[str, Estimate]:
     return out
 
 
-def spread(j: Judged) -> Spread:
+def spread(j: EvaluatedModel) -> Spread:
     """Return a hypothesis' most probable values and how far each may be off."""
     own, prior = algebra(j.fit.normal), prior_of(j.fit.coordinates)
     x, free, _ = own.most_probable(prior)
@@ -127,7 +127,7 @@ class Held(NamedTuple):
     deviations: float
 
 
-def held_ordinary(j: Judged) -> list[Held]:
+def held_ordinary(j: EvaluatedModel) -> list[Held]:
     """Return the ordinary deviations of a hypothesis' fit that stand at their bound, those that an effect has made wide
     left out; a recording's angle as `angles.<file>`, as in effects.toml."""
     s = spread(j)

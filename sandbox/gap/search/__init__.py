@@ -1,1 +1,0 @@
-"""Which sets of effects explain a campaign: starts, fits, rivals, probabilities, estimates."""
