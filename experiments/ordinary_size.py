@@ -1,7 +1,7 @@
 """How large is the simulator's own error, told in effects?
 
-A diagnosis lets every effect have an *ordinary size* beside those it claims, a small share of its wide prior (SMALL, up
-to LARGEST where the gap is large, `sandbox/gap/evidence/spike_slab.py`).  It stands for the simulator's own error where
+A diagnosis lets every effect have an *ordinary size* beside those it claims, a small share of its wide prior (`trace`, up
+to `trace_most` where the gap is large, `sandbox/gap/posterior/settings.py`).  It stands for the simulator's own error where
 that resembles an effect.  This script measures it on campaigns whose truth is known: their true effects and the
 ordinary deviations are fitted, then every other effect is freed on its own, one at a time.  What it comes out at,
 beyond what the noise of the readings explains, is the error, as a share of its wide prior.
@@ -25,15 +25,16 @@ from typing import Any
 
 import numpy as np
 
-from experiments.constants import campaigns_of, truths_of
+from experiments.truths import campaigns_of, truths_of
 from model.effects import library
 from sandbox.gap.diagnose import out_of_sight
 from sandbox.gap.evidence.algebra import Prior
 from sandbox.gap.evidence.fit import fit, rms_of
-from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
-from sandbox.gap.evidence.spike_slab import LARGEST, SMALL, Table, is_shape, ordinary_share, table
-from sandbox.gap.search.forward import choose
+from sandbox.gap.posterior.candidates import candidates
+from sandbox.gap.posterior.linear_model import LinearModel, linear_model
+from sandbox.gap.posterior.settings import USUAL
 from sandbox.output.files import write_json
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign
@@ -60,22 +61,22 @@ def traces(path: Path, effects: Sequence[str], values: Mapping[str, float]) -> I
     null = fit(nominal, (), weights)
     true = Point(prepare(campaign, values), complete(drive.motor, drive.converter, values))
     found = fit(true, tuple(effects), weights) if effects else null
-    chosen, _ = choose(null, out_of_sight(campaign), weights, 1)
-    at, probes = table(found.point, chosen, effects, 1.0, weights, 1), {p.effect: p for p in chosen}
-    for effect in sorted(set(probes) - set(effects)):
+    first = {c.effect: c for c in reversed(candidates(null.point, out_of_sight(campaign), chords=False))}
+    at = linear_model(found.point, list(first.values()), tuple(effects), 1.0, weights)
+    for effect in sorted(set(first) - set(effects)):
         prior = alone(at, effects, effect)
         x, free, _ = at.equations.most_probable(prior)
         known = np.sqrt(np.diag(at.equations.covariance(prior)))
         for k in at.members[effect]:
             c = at.coordinates[k]
-            if at.of_effects[k] and free[k] and not is_shape(c, probes[effect]):
+            if at.of_effects[k] and free[k] and c.form != "log" and c.names[0] not in first[effect].start:
                 size = library.load_effect(effect).trace * c.deviation
                 share, sd = float((x[k] - prior.mean[k]) / size), float(known[k] / size)
                 yield {"campaign": path.name, "rms": rms_of(null), "left": rms_of(found), "effect": effect,
                        "coordinate": c.label, "share": share, "deviation": sd}  # fmt: skip
 
 
-def alone(at: Table, effects: Sequence[str], effect: str) -> Prior:
+def alone(at: LinearModel, effects: Sequence[str], effect: str) -> Prior:
     """Return the priors with the true effects and one more free, without bounds for that one, all others held."""
     prior = at.prior(effects, alone=True)
     own = np.isin(np.arange(len(prior.mean)), at.members[effect])
@@ -89,7 +90,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
     out = []
     for low, high in ((0.0, 3.0), (3.0, 10.0), (10.0, 30.0), (30.0, np.inf)):
         own = [r for r in rows if low <= r["rms"] < high]
-        own = [r for r in own if r["deviation"] < KNOWN * ordinary_share(r["rms"])]
+        own = [r for r in own if r["deviation"] < KNOWN * USUAL.trace_at(r["rms"])]
         if own:
             share, noise = np.array([r["share"] for r in own]), np.array([r["deviation"] for r in own])
             beyond = np.sqrt(np.maximum(share**2 - noise**2, 0.0))
@@ -98,7 +99,7 @@ def summary(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, float]]:
                 "campaigns": len({(r.get("plant"), r["campaign"]) for r in own}),
                 "rms": float(np.sqrt(max(np.mean(share**2 - noise**2), 0.0))), "half_below": float(np.median(beyond)),
                 "nine_of_ten_below": float(np.quantile(beyond, 0.9)),
-                "assumed": float(np.mean([ordinary_share(r["rms"]) for r in own])),
+                "assumed": float(np.mean([USUAL.trace_at(r["rms"]) for r in own])),
             })  # fmt: skip
     return out
 
@@ -123,7 +124,7 @@ def main() -> None:
     told = {"all": summary(rows)} | {
         f.name: summary([r for r in rows if r["plant"] == f.name]) for f in options.folders
     }
-    write_json(RESULTS, "ordinary_size", {"small": SMALL, "largest": LARGEST, "summary": told, "coordinates": rows})
+    write_json(RESULTS, "ordinary_size", {"small": USUAL.trace, "largest": USUAL.trace_most, "summary": told, "coordinates": rows})
     for plant, lines in told.items():
         for line in lines:
             print(plant, {k: round(v, 4) if np.isfinite(v) else v for k, v in line.items()})

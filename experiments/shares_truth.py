@@ -26,7 +26,7 @@ import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.noise import floor_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.plant.sets import complete

@@ -19,7 +19,7 @@ from itertools import product
 from pathlib import Path
 from typing import Any
 
-from experiments.constants import truths_of
+from experiments.truths import truths_of
 from sandbox.gap.diagnose import Diagnosis, diagnose, verdict
 from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.output.files import write_json

@@ -38,8 +38,6 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "results/made/energy": "experiments/results/plant/energy.md",
     "results/made/withheld": "experiments/results/withheld/README.md",
     "results/made/practice": "experiments/results/diagnosis/practice.md",
-    "results/made/constants": "experiments/results/diagnosis/constants.md",
-    "results/made/constants_apart": "experiments/results/diagnosis/constants_apart.md",
     "results/made/experiments": "experiments/README.md",
     "explanation/made/diagnosis_in_detail": "sandbox/gap/README.md",
     "explanation/made/withheld_check": "sandbox/withheld/README.md",

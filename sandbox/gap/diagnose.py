@@ -21,7 +21,7 @@ from model.effects import library
 from model.errors import PhysicsError
 from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
-from sandbox.gap.evidence.holdout import held_out, weights_of
+from sandbox.gap.posterior.holdout import held_out, weights_of
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, floor_of, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordinary
@@ -30,7 +30,7 @@ from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis, hypotheses
 from sandbox.gap.posterior.inference import Inference, Problem, infer
 from sandbox.gap.posterior.remainder import Remainder, remainder
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import Campaign, Recording, read_campaign
+from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
 from sandbox.replay.memory import USUAL, spare
 from sandbox.replay.replay import prepare
 
@@ -125,7 +125,7 @@ def _diagnosed(
     found = infer(Problem(start, weights_of(count), barred, asked, workers=workers, report=report))
     noise = noise_of(own)
     report("measuring the gap")
-    left = held_out(start, barred, workers=workers)
+    left = held_out(found.first)
     before = _without(found.null, start, left, workers)
     told, after = _foretelling(hypotheses(found, misstated(noise)), before, start, left, workers)
     best = told[0].evaluated
@@ -217,7 +217,7 @@ def in_order(campaign: Campaign) -> Campaign:
     return replace(campaign, recordings=tuple(sorted(campaign.recordings, key=content)))
 
 
-def content(r: Recording) -> tuple[str, str]:
+def content(r: CampaignRecording) -> tuple[str, str]:
     """Return what a recording is sorted by: its kind of rotor, and a digest of its columns."""
     digest = hashlib.sha256()
     for name in sorted(r.columns):

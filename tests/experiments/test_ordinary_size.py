@@ -5,7 +5,7 @@ import json
 import pytest
 
 from experiments.ordinary_size import RESULTS, summary, values_of
-from sandbox.gap.evidence.spike_slab import LARGEST, SMALL, ordinary_share
+from sandbox.gap.posterior.settings import USUAL
 
 
 def row(share, deviation, rms=1.0, campaign="a"):
@@ -18,7 +18,7 @@ def test_what_noise_explains_is_taken_off():
     assert (told["coordinates"], told["campaigns"]) == (2, 2)
     assert told["half_below"] == pytest.approx(0.002)  # of 0 and 0.004
     assert told["rms"] == pytest.approx(((0.016 - 0.008) / 2e3) ** 0.5)
-    assert told["assumed"] == ordinary_share(1.0)
+    assert told["assumed"] == USUAL.trace_at(1.0)
 
 
 def test_what_noise_leaves_unknown_says_nothing():
@@ -36,7 +36,7 @@ def test_values_of_a_truth_beside_its_campaign(tmp_path):
 def test_the_simulators_error_as_measured_is_within_what_is_assumed():
     """On each of the five plants and at each size of the gap, rms of all effects (`experiments.ordinary_size`)."""
     kept = json.loads((RESULTS / "ordinary_size.json").read_text())
-    assert (kept["small"], kept["largest"]) == (SMALL, LARGEST)
+    assert (kept["small"], kept["largest"]) == (USUAL.trace, USUAL.trace_most)
     rows = [(plant, row) for plant, own in kept["summary"].items() for row in own]
     assert len(kept["summary"]) >= 6  # five plants, and all of them together
     for plant, row in rows:

@@ -88,19 +88,22 @@ def fit(
     weights: Weights,
     *,
     leader: float = math.inf,
+    rough: bool = False,
     workers: int = 1,
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
     The first part of a fit holds how a current's sign goes through zero, the second frees it where the residual is near
-    its floor (`_within_bounds`).  leader: the objective of the best rival; a fit far behind it ends as soon as steps
+    its floor (`_within_bounds`).  rough: the first part is enough, to a few per cent of what is left.  leader: the objective of the best rival; a fit far behind it ends as soon as steps
     gain little of what it lacks.
 
     Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free
     rotors' motion, smoothed again at the point that was found, fits better.
     """
-    task = Task(start, effects, weights, leader, workers)
+    task = Task(start, effects, weights, leader, workers, rough)
     found, smoother = _within_bounds(task, start)
+    if rough:
+        return found
     for _ in range(WIDENED):
         claimed = [c for e in effects for c in of_effect(e, start.prepared.campaign.drive, start.values)]
         if all(reach(c, found.point.values) <= FARTHEST for c in claimed) and smoother < SMOOTHER:
@@ -116,13 +119,13 @@ def fit(
 
 def attempted(
     start: Point, effects: Sequence[str], weights: Weights, *, smooth: bool = False, leader: float = math.inf,
-    workers: int = 1,
+    rough: bool = False, workers: int = 1,
 ) -> Fit | None:  # fmt: skip
     """Return the fit of a set, None where no drive can have it or it predicts nothing finite; smooth: free rotors'
-    motion is smoothed at the start; leader: as in `fit`."""
+    motion is smoothed at the start; leader, rough: as in `fit`."""
     try:
         at = start.resmoothed() if smooth else start
-        found = fit(at, effects, weights, leader=leader, workers=workers)
+        found = fit(at, effects, weights, leader=leader, rough=rough, workers=workers)
     except BadInput:
         return None
     return found if math.isfinite(found.objective) else None
@@ -159,6 +162,7 @@ class Task(NamedTuple):
     weights: Weights
     leader: float
     workers: int
+    rough: bool = False
 
 
 def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
@@ -175,15 +179,15 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
     held = replace(free, mean=np.where(sign, n.x, free.mean), deviation=np.where(sign, 0.0, free.deviation))
     d = Descent(task, coordinates, at, n, n.simulations)
     d.down(held, confirm=False)
-    if d.steps and normalised(d.n, task.weights) > NEAR:
+    if d.steps and normalised(d.n, task.weights) > NEAR and not task.rough:
         d.down(held, confirm=True)
-    prior = free if normalised(d.n, task.weights) <= NEAR else held
+    prior = free if normalised(d.n, task.weights) <= NEAR and not task.rough else held
     if prior is free:
         if d.steps:
             d.again(free)
         d.down(free, confirm=True)
     smoother = 0.0
-    if task.effects and any(r.rotor == "free" for r in d.point.prepared.recordings):
+    if task.effects and not task.rough and any(r.rotor == "free" for r in d.point.prepared.recordings):
         again = tried(d.n, d.point.resmoothed(), prior, task.weights, task.workers)[0]
         smoother, d.cost = d.value - again, d.cost + 1.0
     found, value = d.n.bare(), objective(d.n, free, task.weights)

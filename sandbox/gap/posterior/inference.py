@@ -20,8 +20,8 @@ from sandbox.gap.evidence.fit import Fit, Weights, attempted, fit, rms_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates, further
-from sandbox.gap.posterior.evaluated import EvaluatedModel
-from sandbox.gap.posterior.linear_model import linear_model
+from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
+from sandbox.gap.posterior.linear_model import LinearModel, linear_model
 from sandbox.gap.posterior.misfit import misfit, weights
 from sandbox.gap.posterior.set_prior import Set, log_prior
 from sandbox.gap.posterior.sets import Chosen, SetPosterior
@@ -49,12 +49,14 @@ class Problem:
 @dataclass(frozen=True)
 class Inference:
     """The answer: ordinary deviations alone, every fitted set evaluated, probability of sets of effects (the most
-    probable first), the variance that estimates meet in every segment."""
+    probable first), the variance that estimates meet in every segment; first: the equations of all candidates beside ordinary
+    deviations alone."""
 
     null: Fit
     evaluated: Mapping[Set, EvaluatedModel]
     sets: Mapping[Set, float]
     variance: Mapping[tuple[int, str], float]
+    first: LinearModel
 
     @property
     def best(self) -> EvaluatedModel:
@@ -75,7 +77,7 @@ class _Run:
         problem.report("fitting ordinary deviations")
         self.null = fit(problem.start, (), problem.fitted, workers=problem.workers)
         self.trace = problem.settings.trace_at(rms_of(self.null))
-        self.fits: dict[Set, Fit] = {(): self.null}
+        self.first: LinearModel | None = None  # all candidates beside ordinary deviations alone
         self.chosen: dict[str, Candidate] = {}
         self.found: list[Candidate] = []  # all candidates, as the residual of ordinary deviations alone shows them
 
@@ -100,27 +102,32 @@ class _Run:
                 fitted[key] = self.evaluated(new, variance)
         total = sum(math.exp(v) for v in told.values())
         sets = {k: math.exp(v) / total for k, v in sorted(told.items(), key=lambda x: (-x[1], x[0]))}
-        return Inference(self.null, fitted, {k: p for k, p in sets.items() if p > SMALL or k in fitted}, variance)
+        assert self.first is not None
+        kept = {k: p for k, p in sets.items() if p > SMALL or k in fitted}
+        return Inference(self.null, fitted, kept, variance, self.first)
 
     def grown(self) -> Fit:
         """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other."""
-        here, seen = self.null, {()}
+        here, seen, rough = self.null, {()}, False
         self.problem.report("weighing all sets of effects")
         self.found = candidates(here.point, self.problem.exclude, chords=rms_of(here) > 1.0)
         for turn in range(self.problem.settings.rounds):
             sets = self.linearised(here, self.found if turn < 2 else list(self.chosen.values()))
+            self.first = self.first or sets.model
             best = sets.best()
             self.choose(sets, best)
             key = sets.names(best)
-            parts = [sets.model.candidates[k] for k in best if sets.model.candidates[k].part > 1]
-            if key == here.effects and not parts or (key in seen and not parts):
+            more = any(sets.model.candidates[k].part > 1 for k in best)
+            stands = not more and (key == here.effects or key in seen)
+            if stands and not rough:
                 break
-            new = self.fit_of(key, here, sets, best)
+            rough = not stands
+            new = self.fit_of(here.effects, here) if stands else self.fit_of(key, here, sets, best, rough=True)
             if new is None:
                 break
-            seen.add(key)
-            here = self.fits[key] = new
-        return here
+            seen.add(new.effects)
+            here = new
+        return self.fit_of(here.effects, here) or here if rough else here
 
     def linearised(self, here: Fit, found: Sequence[Candidate]) -> SetPosterior:
         """Return the posterior over sets at a fit's point."""
@@ -151,15 +158,18 @@ class _Run:
                 levels[c.effect], self.chosen[c.effect] = told, c
 
     def fit_of(
-        self, key: Set, near: Fit, sets: SetPosterior | None = None, best: Chosen = ()
+        self, key: Set, near: Fit, sets: SetPosterior | None = None, best: Chosen = (), *, rough: bool = False
     ) -> Fit | None:
-        """Return the fit of a set that begins at another one's point; None where no drive can have it."""
+        """Return the fit of a set that begins at another one's point; None where no drive can have it.
+
+        rough: its first part, for the next round's equations.
+        """
         self.problem.report(f"fitting {' + '.join(key) or 'ordinary deviations'}")
         p = self.problem
         at = towards(near, key, [c for e, c in self.chosen.items()])
         if sets is not None:
             at = self.moved(at, near, sets, best)
-        return attempted(at, key, p.fitted, smooth=True, workers=p.workers)
+        return attempted(at, key, p.fitted, smooth=True, rough=rough, workers=p.workers)
 
     def moved(self, at: Point, near: Fit, sets: SetPosterior, best: Chosen) -> Point:
         """Return a point with chords at the size that the algebra gives them, and further parts begun."""
@@ -175,18 +185,9 @@ class _Run:
 
     def evaluated(self, found: Fit, variance: Mapping[tuple[int, str], float]) -> EvaluatedModel:
         """Return a fitted set weighed at its own point, traces of all other effects beside it."""
-        p, told = self.problem, weights(variance)
-        model = linear_model(
-            found.point,
-            list(self.chosen.values()),
-            found.effects,
-            self.trace,
-            told,
-            settings=p.settings,
-            workers=p.workers,
-        )
-        prior = model.prior(found.effects)
-        return EvaluatedModel(found, settled := model.settled(prior, told, p.workers), prior, settled.log_evidence(found.effects))
+        p = self.problem
+        own = list(self.chosen.values())
+        return evaluate(found, own, self.trace, weights(variance), settings=p.settings, workers=p.workers)
 
     def posterior(
         self, fitted: Mapping[Set, EvaluatedModel], impossible: set[Set]

@@ -1,8 +1,9 @@
 """How likely it is that something outside the library is at work: a part of the model, weighed by its evidence.
 
 Each recording's currents leave an excess e = J^2 - 1 beyond noise.  With all causes named, e is what the replay misses:
-exponential, with a mean that is known (`Settings.misses`), plus the scatter of noise's own square.  With a cause
-outside the library a share f of the recordings, 0 to 1 and nobody knows which, has an excess of any order of magnitude
+a Pareto distribution (Lomax's, of heavy tail) with a mean that is known (`Settings.misses`), plus the scatter of
+noise's own square.  With a cause
+outside the library a share f of the recordings (prior: Jeffreys), nobody knows which, has an excess of any order of magnitude
 (log-uniform up to `Settings.farthest`).  The Bayes factor is the mean over f of the product over recordings.
 
 A cause outside can also be made up for by ordinary deviations that go further than they usually do: one of them, it is
@@ -16,7 +17,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import log_ndtr
 
 from sandbox.gap.evidence.fit import Fit, stray
 from sandbox.gap.evidence.normal import Normal
@@ -24,7 +24,7 @@ from sandbox.gap.posterior.settings import USUAL, Settings
 
 Array = NDArray[np.float64]
 GRID = 400  # values of an excess, evenly in its logarithm: a tenth of a decade and less
-SHARES = np.linspace(0.005, 0.995, 100)  # midpoints: shares of recordings in which an outside cause shows
+SHARES = np.sin(0.5 * np.pi * (np.arange(100) + 0.5) / 100.0) ** 2  # of recordings in which an outside cause shows: Jeffreys
 
 
 def unmodeled(before: Fit, after: Fit, noise: float = 0.0, settings: Settings = USUAL) -> float:
@@ -44,7 +44,8 @@ def log_bayes_factor(before: Normal, after: Normal, noise: float, settings: Sett
     left, count = excess(after)
     known = settings.misses + settings.misses_of_gap * np.maximum(gap, 0.0)
     scatter = np.hypot(np.sqrt(2.0 / count), noise)
-    per = np.array([_outside(*x, settings) - _inside(*x) for x in zip(left, scatter, known, strict=True)])
+    told = np.array([_log_densities(*x, settings) for x in zip(left, scatter, known, strict=True)])
+    per = told[:, 1] - told[:, 0]
     mixed = np.logaddexp(np.log(SHARES)[:, None] + per, np.log1p(-SHARES)[:, None]).sum(1)
     return float(np.logaddexp.reduce(mixed) - math.log(len(SHARES)))
 
@@ -60,18 +61,16 @@ def excess(n: Normal) -> tuple[Array, Array]:
     return squares / count - 1.0, count
 
 
-def _inside(e: float, scatter: float, mean: float) -> float:
-    """Return the log density of an excess that is exponential with a mean, plus Gaussian scatter."""
-    s = scatter / mean
-    return -math.log(mean) + 0.5 * s * s - e / mean + float(log_ndtr(e / scatter - s))
-
-
-def _outside(e: float, scatter: float, mean: float, settings: Settings) -> float:
-    """Return the log density of an excess that is log-uniform from what the replay misses on, plus scatter."""
-    z = np.linspace(math.log(mean), math.log(settings.farthest), GRID)
-    wide = np.hypot(scatter, 0.5 * (z[1] - z[0]) * np.exp(z))  # no gaps between the grid's values
-    told = -0.5 * ((e - np.exp(z)) / wide) ** 2 - np.log(wide * math.sqrt(math.tau))
-    return float(np.logaddexp.reduce(told) - math.log(GRID))
+def _log_densities(e: float, scatter: float, mean: float, settings: Settings) -> tuple[float, float]:
+    """Return the log density of an excess that is a miss of the replay, and of one that a cause outside makes."""
+    z = np.linspace(math.log(1e-3 * mean), math.log(settings.farthest), GRID)
+    size, step = np.exp(z), z[1] - z[0]
+    wide = np.hypot(scatter, 0.5 * step * size)  # no gaps between the grid's values
+    told = -0.5 * ((e - size) / wide) ** 2 - np.log(wide * math.sqrt(math.tau))
+    scale = mean * (settings.tail - 1.0)
+    misses = math.log(settings.tail / scale) - (settings.tail + 1.0) * np.log1p(size / scale) + z + math.log(step)
+    outside = np.where(size >= mean, math.log(step / math.log(settings.farthest / mean)), -np.inf)
+    return float(np.logaddexp.reduce(told + misses)), float(np.logaddexp.reduce(told + outside))
 
 
 def stretched(after: Fit, settings: Settings = USUAL) -> float:

@@ -9,7 +9,7 @@ from itertools import pairwise
 from typing import Any
 
 from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.evidence.beside import Beside, beside
+from sandbox.gap.posterior.beside import Beside, beside
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import (

@@ -33,7 +33,7 @@ from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.gap_size import UNDEFINED, rms
-from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
 from sandbox.gap.location.where import held_at_neutral
@@ -97,7 +97,7 @@ def of_set(j: EvaluatedModel, explained: float | None = None) -> dict[str, Share
         scale = 1.0 if explained is None else explained * gap.sum() / (nothing - full).sum()  # the gap as fitted
         drawn = scale * shared_out(alone[:, pick].sum(2), last[:, pick].sum(2), (nothing - full)[pick].sum(1))
         low, high = interval_of(drawn / gap[pick].sum(1))
-        if full.size < 2 or np.mean(gap[pick].sum(1) <= 2.0 * USUAL.misses * counts[pick].sum(1)) > UNDEFINED:
+        if full.size < 2 or np.mean(gap[pick].sum(1) <= USUAL.misses * counts[pick].sum(1)) > UNDEFINED:
             low, high = np.full((2, len(named)), math.nan)
         value = scale * shared_out(alone.sum(1), last.sum(1), (nothing - full).sum()) / gap.sum()
         single = scale * alone.sum(1) / gap.sum()

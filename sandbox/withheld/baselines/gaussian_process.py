@@ -26,7 +26,7 @@ from model.effects.library import effect_names
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.normal import Point, counted, normal
 from sandbox.gap.evidence.priors import Coordinate, ordinary, with_usual_sign
-from sandbox.gap.evidence.probes import Probe, probes
+from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.recordings.campaign import read_campaign
 from sandbox.withheld.baselines import discrepancy_process as gp
 from sandbox.withheld.baselines import refit as fit
@@ -87,7 +87,7 @@ class Move(NamedTuple):
 
     effects: tuple[str, ...]
     promised: float
-    probe: Probe | None = None
+    probe: Candidate | None = None
 
 
 @dataclass
@@ -157,7 +157,7 @@ def odds(effects: Sequence[str]) -> float:
 
 def stand(process: Process, point: Point, effects: tuple[str, ...]) -> Stand:
     """Return a set linearised at a point, beside all that may join it."""
-    choices, _ = probes(point, (*process.exclude, *barred(effects)))
+    choices = candidates(point, (*process.exclude, *barred(effects)), chords=False)
     cols = columns(point, fit.with_effects(point, effects), choices)
     found = process.beside(point, cols.every)
     prior = held_but(found.normal, {c.label: c for c in cols.known})

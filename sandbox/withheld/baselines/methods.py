@@ -21,7 +21,7 @@ from model.effects.library import effect_names
 from model.errors import BadInput
 from sandbox.gap.evidence.normal import Point, counted
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
-from sandbox.gap.evidence.probes import Probe
+from sandbox.gap.posterior.candidates import Candidate
 from sandbox.recordings.campaign import read_campaign
 from sandbox.withheld.baselines import refit as fit
 from sandbox.withheld.baselines.answer import Answer, answer
@@ -72,7 +72,7 @@ def by_bic(folder: Path, exclude: tuple[str, ...] = ()) -> Answer:
     return answer(campaign, ranked(found), (raw, null.rms, best.fit.rms), started, round(sum(spent)))
 
 
-def usual_probes(point: Point, exclude: Sequence[str]) -> list[Probe]:
+def usual_probes(point: Point, exclude: Sequence[str]) -> list[Candidate]:
     """Return one probe an effect, its companions at typical values, but for effects that this drive cannot have."""
     out = []
     for effect in effect_names():

@@ -20,7 +20,7 @@ from model.errors import BadInput, PhysicsError
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
-from sandbox.gap.evidence.probes import Probe, possible
+from sandbox.gap.posterior.candidates import Candidate, possible
 from sandbox.gap.posterior.estimates import public
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
@@ -138,17 +138,17 @@ def widened(coordinates: Sequence[Coordinate], factor: float) -> list[Coordinate
     ]
 
 
-def beginning(point: Point, effect: str) -> Probe:
+def beginning(point: Point, effect: str) -> Candidate:
     """Return an effect with its companions (time constants, frequencies, orders) at typical values."""
     drive = point.prepared.campaign.drive
     own = [p for p in library.load_effect(effect).parameters if p.fit == "log" or p.scan]
-    probe = Probe(effect, {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own})
+    probe = Candidate(effect, {f"{effect}.{p.name}": p.typical_for(drive.motor, drive.converter) for p in own})
     if not possible(point, probe.start):
         raise BadInput(f"{effect}: typical values {dict(probe.start)} are none this drive can have")
     return probe
 
 
-def with_effect(point: Point, probe: Probe, beside: Sequence[str] = ()) -> tuple[Point, list[Coordinate]]:
+def with_effect(point: Point, probe: Candidate, beside: Sequence[str] = ()) -> tuple[Point, list[Coordinate]]:
     """Return where an effect's fit begins, and the ordinary coordinates with its own (wide) ones; beside: effects that
     the point has already, which move with it."""
     begin = replace(point, values={**point.values, **probe.start})

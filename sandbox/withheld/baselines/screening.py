@@ -11,7 +11,7 @@ from model.effects.library import load_effect, moved, neutral
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate
-from sandbox.gap.evidence.probes import Probe, probe_coordinates
+from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.set_prior import contained
 from sandbox.withheld.baselines.refit import readings
 
@@ -20,7 +20,7 @@ class Columns(NamedTuple):
     """What a screening linearises: the fit's own coordinates, and by probe what it adds, under names of their own."""
 
     known: Sequence[Coordinate]
-    own: Sequence[tuple[Probe, Mapping[str, Coordinate]]]
+    own: Sequence[tuple[Candidate, Mapping[str, Coordinate]]]
 
     @property
     def every(self) -> list[Coordinate]:
@@ -35,17 +35,17 @@ class Promise(NamedTuple):
     """What one step beside a fit would reach: Schwarz' criterion of the effect's set, and where the effect begins."""
 
     criterion: float
-    probe: Probe
+    probe: Candidate
 
 
-def columns(point: Point, known: Sequence[Coordinate], probes: Sequence[Probe]) -> Columns:
+def columns(point: Point, known: Sequence[Coordinate], probes: Sequence[Candidate]) -> Columns:
     """Return what to linearise for probes beside a fit's own coordinates.
 
     Probes with companions (a time constant, an order) have columns of their own each; others share the coordinate of
     their name, which may be an ordinary deviation.
     """
     own = [
-        (probe, {c.label: c for c in probe_coordinates(point, probe, f" #{k}" if probe.start else "")})
+        (probe, {c.label: c for c in probe.coordinates(point, f" #{k}" if probe.start else "")})
         for k, probe in enumerate(probes)
     ]
     return Columns([c for c in known if c.form != "turn"], own)
@@ -60,7 +60,7 @@ def held_but(n: Normal, free: Mapping[str, Coordinate]) -> Prior:
 
 
 def screened(
-    point: Point, known: Sequence[Coordinate], probes: Sequence[Probe], effects: Sequence[str] = ()
+    point: Point, known: Sequence[Coordinate], probes: Sequence[Candidate], effects: Sequence[str] = ()
 ) -> list[Promise]:
     """Return probes by the criterion that one step from a point promises, the best first.
 

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from sandbox.gap.evidence.normal import Point, counted
 from sandbox.gap.evidence.priors import Coordinate, with_usual_sign
-from sandbox.gap.evidence.probes import Probe, probes
+from sandbox.gap.posterior.candidates import Candidate, candidates
 from sandbox.recordings.campaign import read_campaign
 from sandbox.withheld.baselines import refit as fit
 from sandbox.withheld.baselines.answer import Answer, answer
@@ -90,7 +90,7 @@ def grown(walk: Walk, best: Visited) -> Visited | None:
     set takes its place; one that is part of an effect of the set is none.
     """
     point, out = best.fit.point, None
-    choices, _ = probes(point, (*walk.exclude, *barred(best.effects)))
+    choices = candidates(point, (*walk.exclude, *barred(best.effects)), chords=False)
     listed = screened(point, best.fit.normal.coordinates, choices, best.effects)
     own = best.criterion - best.fit.cost  # k log n of the set as it is
     unbent = replace(point, values=with_usual_sign(point.values, point.prepared.campaign.drive.motor))
@@ -118,7 +118,7 @@ def shrunk(walk: Walk, best: Visited) -> Visited | None:
     return min((f for f in found if f is not None), key=lambda v: v.criterion, default=None)
 
 
-def visited(point: Point, probe: Probe, beside: Sequence[str] = ()) -> Visited:
+def visited(point: Point, probe: Candidate, beside: Sequence[str] = ()) -> Visited:
     """Return the fit of an effect beside others that a point has already."""
     begin, coordinates = fit.with_effect(point, probe, beside)
     return _fitted(begin, (*beside, probe.effect), coordinates)

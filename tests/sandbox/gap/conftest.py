@@ -106,4 +106,4 @@ def with_a_stranger(small_answers):
     """The campaign with dead time and a current that nobody listed; the diagnosis' table at its own point."""
     j = small_answers.diagnosis.best.judged
     prepared = prepare(with_added(small_answers.diagnosis.campaign))
-    return j, dataclasses.replace(j.table, point=Point(prepared, j.table.point.values, j.table.point.turns))
+    return j, dataclasses.replace(j.model, point=Point(prepared, j.model.point.values, j.model.point.turns))

@@ -34,7 +34,7 @@ from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.report.answers import answer, caveats, far_text, linear, next_text, where_text, which_text
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.gap.report.position import carrier_at, errors
-from sandbox.gap.search.estimates import Estimate
+from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.words import quantity, times
 from sandbox.output.files import plain
 from sandbox.output.trace import read_trace

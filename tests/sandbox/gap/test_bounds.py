@@ -13,12 +13,12 @@ from model.effects import library
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, prior_of
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
 from sandbox.gap.report.bounds import at_bound, sentence
-from sandbox.gap.search import estimates as estimating
-from sandbox.gap.search.estimates import Estimate, Held, Spread, _of_part, estimates_beside, held_ordinary
+from sandbox.gap.posterior import estimates as estimating
+from sandbox.gap.posterior.estimates import Estimate, Held, Spread, _of_part, estimates_beside, held_ordinary
 from sandbox.output.refitted import Refitted
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign

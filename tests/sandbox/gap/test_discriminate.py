@@ -14,10 +14,10 @@ from model.energy import flux_from_current
 from model.frames import stationary as stationary_kernel
 from model.parameters import Limits
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Point, normal
-from sandbox.gap.evidence.probes import probes_at_typical
-from sandbox.gap.evidence.spike_slab import ordinary_share
+from sandbox.gap.posterior.candidates import at_typical
+from sandbox.gap.posterior.settings import USUAL
 from sandbox.gap.planning import next_recording as discriminate
 from sandbox.gap.planning.bench_table import bench_table, write_bench_table
 from sandbox.gap.planning.menu import FULL, Entry, demand, menu, recording_of, shaft, usual_seconds
@@ -34,7 +34,7 @@ from sandbox.gap.planning.next_recording import (
     surprise,
 )  # fmt: skip
 from sandbox.gap.planning.within import FASTEST, allowed, within
-from sandbox.gap.search.judged import judge
+from sandbox.gap.posterior.evaluated import evaluate
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import NO_LIMITS, CampaignRecording, read_campaign
 from sandbox.replay.replay import prepare, replay
@@ -48,9 +48,9 @@ PAGE = Path(__file__).parents[3] / "sandbox" / "recordings" / "RECORDING.md"
 def pair(small_folder):
     at = start(small_folder)
     weights = weights_of(len(at.prepared.recordings))
-    chosen = [p for p in probes_at_typical(at) if p.effect in ("dead_time", "device_drop", "encoder_offset")]
+    chosen = [p for p in at_typical(at) if p.effect in ("dead_time", "device_drop", "encoder_offset")]
     return [
-        judge(fit(at, effects, weights), chosen, ordinary_share(1.0), weights, 1)
+        evaluate(fit(at, effects, weights), chosen, USUAL.trace_at(1.0), weights)
         for effects in (("dead_time",), ("device_drop",))
     ]
 
@@ -78,8 +78,8 @@ def test_an_eccentric_encoder_is_the_same_for_both(small_folder):
     values = {**at.values, "encoder_eccentricity.amplitude_mech": 0.01, "encoder_eccentricity.phase": 1.0}
     at = replace(at, values=values)
     weights = weights_of(len(at.prepared.recordings))
-    chosen = [p for p in probes_at_typical(at) if p.effect == "encoder_eccentricity"]
-    own = judge(fit(at, ("encoder_eccentricity",), weights), chosen, ordinary_share(1.0), weights, 1)
+    chosen = [p for p in at_typical(at) if p.effect == "encoder_eccentricity"]
+    own = evaluate(fit(at, ("encoder_eccentricity",), weights), chosen, USUAL.trace_at(1.0), weights)
     entries = {e.name: e for e in menu(at.prepared.campaign.drive)}
     for entry in (entries["driven_fast_q"], entries["driven_slow_dq"]):  # many turns, and less than one
         campaign = at.prepared.campaign

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.evidence.holdout import weights_of
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import normal
-from sandbox.gap.evidence.probes import probes_at_typical
-from sandbox.gap.evidence.spike_slab import ordinary_share
+from sandbox.gap.posterior.candidates import at_typical
+from sandbox.gap.posterior.settings import USUAL
 from sandbox.gap.report.distinguishability import alike
-from sandbox.gap.search.judged import judge
-from sandbox.gap.search.posterior import Hypothesis
+from sandbox.gap.posterior.evaluated import evaluate
+from sandbox.gap.posterior.hypotheses import Hypothesis
 from tests.sandbox.gap.test_evidence import start
 
 SETS = (("dead_time",), ("device_drop",))
@@ -22,13 +22,13 @@ SETS = (("dead_time",), ("device_drop",))
 def pair(small_folder):
     at = start(small_folder)
     weights = weights_of(len(at.prepared.recordings))
-    chosen = [p for p in probes_at_typical(at) if p.effect in ("dead_time", "device_drop", "encoder_offset")]
-    return [judge(fit(at, effects, weights), chosen, ordinary_share(1.0), weights, 1) for effects in SETS]
+    chosen = [p for p in at_typical(at) if p.effect in ("dead_time", "device_drop", "encoder_offset")]
+    return [evaluate(fit(at, effects, weights), chosen, USUAL.trace_at(1.0), weights) for effects in SETS]
 
 
 def diagnosis(judged, temperature=1.0):
     members = tuple(Hypothesis(j.effects, 0.5, j) for j in judged)
-    return SimpleNamespace(ambiguity_set=members, temperature=temperature, judged=tuple(judged))
+    return SimpleNamespace(ambiguity_set=members, variance=temperature, evaluated=tuple(judged))
 
 
 def left(columns, target, deviation):
@@ -41,7 +41,7 @@ def left(columns, target, deviation):
 
 def test_the_cosine_is_that_of_plain_regression_on_dense_slopes(pair):
     drop = pair[1]
-    t, effect, rival = drop.table, "device_drop", "dead_time"
+    t, effect, rival = drop.model, "device_drop", "dead_time"
     own = [c for c in t.coordinates if c.form != "turn"]
     n = normal(t.point, own)
     dense = np.zeros((sum(len(r) for r in n.rows), len(n.x)))

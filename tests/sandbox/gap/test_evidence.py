@@ -11,7 +11,7 @@ from scipy.stats import truncnorm
 from sandbox.gap.evidence import algebra as algebra_module
 from sandbox.gap.evidence.algebra import Algebra, Prior, between_segments, sandwich
 from sandbox.gap.evidence.fit import coordinates_of, fit
-from sandbox.gap.evidence.holdout import choices, held_out, weights_of
+from sandbox.gap.posterior.holdout import choices, held_out, weights_of
 from sandbox.gap.evidence.normal import Normal, Point, Segment, normal, possible
 from sandbox.gap.evidence.priors import Coordinate, of_effect
 from sandbox.plant.sets import complete

@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 
-from sandbox.gap.evidence.holdout import CHOICES, choices
+from sandbox.gap.posterior.holdout import CHOICES, choices
 from sandbox.gap.evidence.spectrum import in_phase, lines
 
 PERIOD = 1e-4

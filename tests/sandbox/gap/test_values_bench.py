@@ -119,7 +119,7 @@ def test_sizes_grow_with_the_samples_left_out(monkeypatch):
     seen = []
     monkeypatch.setattr(visible, "prepare", lambda campaign: seen.extend(len(r.t) for r in campaign.recordings))
     monkeypatch.setattr(visible, "coordinates_of", lambda *_: [own])
-    monkeypatch.setattr(visible, "probes_at_typical", lambda *_: [SimpleNamespace(effect=e) for e in "fe"])
+    monkeypatch.setattr(visible, "at_typical", lambda *_: [SimpleNamespace(effect=e) for e in "fe"])
     monkeypatch.setattr(
         visible, "probe_coordinates", lambda start, probe, label: [c for c in effects if c.effect == probe.effect]
     )

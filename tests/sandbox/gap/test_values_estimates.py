@@ -9,8 +9,8 @@ from model.drive_files import load_drive
 from model.effects import library
 from sandbox.gap.evidence.algebra import Algebra, Prior
 from sandbox.gap.evidence.priors import Coordinate
-from sandbox.gap.search import estimates
-from sandbox.gap.search.estimates import Estimate, Spread
+from sandbox.gap.posterior import estimates
+from sandbox.gap.posterior.estimates import Estimate, Spread
 
 DRIVE = load_drive("ipm_exchanged")
 

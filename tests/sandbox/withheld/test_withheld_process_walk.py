@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from sandbox.gap.evidence.probes import Probe
+from sandbox.gap.posterior.candidates import Candidate
 from sandbox.withheld.baselines import gaussian_process
 from sandbox.withheld.baselines.gaussian_process import Move, Walk, ranked, walked
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import multivariate_normal
 
 from sandbox.gap.evidence.algebra import Algebra, Prior
-from sandbox.gap.evidence.probes import Probe
+from sandbox.gap.posterior.candidates import Candidate
 from sandbox.withheld.baselines import discrepancy_process as gp
 from sandbox.withheld.baselines import stepwise
 from sandbox.withheld.baselines.screening import Promise

@@ -1,6 +1,6 @@
-"""Which recordings are held out, fixed before anything is fitted.
+"""Which recordings are held out.
 
-Commands, positions and the nominal model decide, residuals do not: of all choices of one recording a kind of rotor
+Slopes decide, residuals do not: of all choices of one recording a kind of rotor
 (two where there are five), the one after which no effect has lost much of what the campaign can say about it, while the
 recordings held out still feel every effect.
 """
@@ -14,9 +14,8 @@ from itertools import combinations, product
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.gap.evidence.fit import coordinates_of
-from sandbox.gap.evidence.normal import Normal, Point, normal
-from sandbox.gap.posterior.candidates import at_typical
+from sandbox.gap.evidence.normal import Normal
+from sandbox.gap.posterior.linear_model import LinearModel
 
 Array = NDArray[np.float64]
 CHANNELS = ("current", "motion", "angle")
@@ -49,24 +48,18 @@ def _of_kind(own: Sequence[int], left_out: int | None = None) -> list[tuple[int,
     return list(combinations(own, left_out))
 
 
-def held_out(start: Point, exclude: Sequence[str] = (), *, workers: int = 1) -> tuple[int, ...]:
-    """Return the recordings (places in the campaign) to hold out; () where there are too few to spare any."""
-    prepared = start.prepared
-    options = choices([r.rotor for r in prepared.recordings])
+def held_out(model: LinearModel) -> tuple[int, ...]:
+    """Return the recordings (places in the campaign) to hold out; () where there are too few to spare any.
+
+    model: the equations of all effects beside ordinary deviations alone.
+    """
+    options = choices([r.rotor for r in model.point.prepared.recordings])
     if options == [()]:
         return ()
-    own = coordinates_of(start, ())
-    known = {c.label for c in own}
-    groups: list[list[str]] = [[c.label] for c in own]
-    added = []
-    for probe in at_typical(start, exclude):
-        coordinates = [c for c in probe.coordinates(start) if c.label not in known]
-        added += coordinates
-        known |= {c.label for c in coordinates}
-        groups.append([c.label for c in coordinates])
-    n = normal(start, [*own, *added], workers=workers)
-    best = max(options, key=lambda left: worst_share(n, left, [g for g in groups if g]))
-    return tuple(best)
+    own = [(k,) for k, c in enumerate(model.coordinates) if not model.of_effects[k] and c.form != "turn"]
+    groups = [*own, *model.members.values()]
+    labels = [[model.coordinates[k].label for k in g] for g in groups]
+    return tuple(max(options, key=lambda left: worst_share(model.normal, left, labels)))
 
 
 def worst_share(n: Normal, left: Sequence[int], groups: Sequence[Sequence[str]]) -> float:
