@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.compiled import kernel
+from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.linear_model import LinearModel
 from sandbox.gap.posterior.set_prior import Set, log_prior, possible
 
@@ -53,9 +54,8 @@ class SetPosterior:
         self.ratio = np.maximum(wide / self.narrow, 1.0)
         one_sided = (m.wide.low == m.wide.mean) | (m.wide.high == m.wide.mean)
         self.sign = np.where(one_sided & (wide > self.narrow), np.where(m.wide.low == m.wide.mean, 1.0, -1.0), 0.0)
-        effects = [c.effect for c in m.candidates]
+        self.effects = [c.effect for c in m.candidates]
         self.price = [math.log(c.tried) + math.log(sum(_rival(c, d) for d in m.candidates)) for c in m.candidates]
-        self.effects = effects
 
     def weigh(self, chosen: Iterable[int]) -> float:
         """Return the log posterior of a set, sizes averaged over."""
@@ -141,9 +141,15 @@ class SetPosterior:
         return out
 
 
-def _rival(a, b) -> bool:
+def _rival(a: Candidate, b: Candidate) -> bool:
     """Return whether two candidates are of one effect, the same kind of part."""
     return a.effect == b.effect and (a.part > 1) == (b.part > 1)
+
+
+@kernel
+def _widened(ratio, size):
+    """Return the deviation of a named size in its trace's, both together; of a shape (ratio 1), which has one prior, 1."""
+    return math.hypot(1.0, size * ratio) if ratio > 1.0 else 1.0
 
 
 @kernel
@@ -158,7 +164,7 @@ def _weigh(index, group, c, mean, ratio, sign, sizes, out):
         k, candidates = 0, 0
         while k < most and group[row, k] >= 0:
             candidates = max(candidates, group[row, k] + 1)
-            w[k] = max(1.0, sizes[0] * ratio[index[row, k]])
+            w[k] = _widened(ratio[index[row, k]], sizes[0])
             k += 1
         level, averaged = _change(index[row], k, w, c, mean, ratio, sign), 0.0
         if sizes.size > 1:
@@ -167,9 +173,7 @@ def _weigh(index, group, c, mean, ratio, sign, sizes, out):
                 for s in range(sizes.size):
                     for j in range(k):
                         if group[row, j] == own:
-                            w[j] = math.hypot(1.0, sizes[s] * ratio[index[row, j]])
-                            if ratio[index[row, j]] <= 1.0:
-                                w[j] = 1.0
+                            w[j] = _widened(ratio[index[row, j]], sizes[s])
                     told[s] = _change(index[row], k, w, c, mean, ratio, sign)
                     if told[s] > told[best]:
                         best = s
@@ -179,8 +183,8 @@ def _weigh(index, group, c, mean, ratio, sign, sizes, out):
                 averaged += math.log(total / sizes.size)
                 level = told[best]
                 for j in range(k):
-                    if group[row, j] == own and ratio[index[row, j]] > 1.0:
-                        w[j] = math.hypot(1.0, sizes[best] * ratio[index[row, j]])
+                    if group[row, j] == own:
+                        w[j] = _widened(ratio[index[row, j]], sizes[best])
         out[row] = level + averaged
 
 
