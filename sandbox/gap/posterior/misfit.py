@@ -19,13 +19,14 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import dct
+from scipy.stats import chi2
 
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.replay.segments import channel
 
 Array = NDArray[np.float64]
-CHANCE = 3.0  # standard deviations of white noise's power in a band: 1 in 700 bands has more
+CHANCE = 1e-4  # of a band that white noise alone has more: one in 20 campaigns has one such band of 500
 BANDS = 3  # an octave
 
 
@@ -43,7 +44,7 @@ def met(residual: Array) -> float:
     """Return the variance that a cause meets whose spectrum is that of what residuals (n, c) have beside noise."""
     power, count = bands(residual)
     excess = power / count - 1.0
-    excess = np.where(excess > CHANCE * np.sqrt(2.0 / count), excess, 0.0)
+    excess = np.where(power > chi2.isf(CHANCE, count), excess, 0.0)
     total = float(np.sum(excess * count))
     return 1.0 + float(np.sum(excess**2 * count)) / total if total > 0.0 else 1.0
 

@@ -31,7 +31,7 @@ class Settings:
     up to which they are.
     """
 
-    more: float = 0.3
+    more: float = 0.15
     unknown: float = 0.1
     trace: float = 0.01
     trace_grows: float = 7.0

@@ -1,0 +1,75 @@
+"""Probability of a cause outside the library, from what a fit leaves of each recording."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.stats import lomax, norm
+
+from sandbox.gap.posterior import unmodeled as module
+from sandbox.gap.posterior.settings import USUAL
+from sandbox.gap.posterior.unmodeled import _log_densities, log_bayes_factor
+
+
+def left(excess, count=20000.0):
+    """Normal equations of recordings whose currents leave so much."""
+    return SimpleNamespace(
+        segments=[
+            SimpleNamespace(recording=k, channel="current", rr=np.array([(1.0 + e) * count]), n=np.array([count]))
+            for k, e in enumerate(excess)
+        ]
+    )
+
+
+@pytest.mark.parametrize("e", [-0.01, 0.0, 0.02, 0.1, 1.0])
+def test_density_of_a_miss_is_lomax_convolved_with_noise(e):
+    """scipy's Lomax distribution, integrated by quadrature; the grid is fine to 2 %."""
+    scatter, mean = 0.01, USUAL.misses
+    scale = mean * (USUAL.tail - 1.0)
+    exact, _ = quad(
+        lambda x: lomax.pdf(x, USUAL.tail, scale=scale) * norm.pdf(e - x, scale=scatter), 0.0, 20.0, points=[max(e, 1e-6)],
+        limit=500,
+    )  # fmt: skip
+    assert np.exp(_log_densities(e, scatter, mean, USUAL)[0]) == pytest.approx(exact, rel=0.05)
+
+
+def test_density_of_an_outside_cause_is_log_uniform():
+    """Far above scatter it is 1 / (e log(farthest / misses))."""
+    told = np.exp(_log_densities(1.0, 0.01, USUAL.misses, USUAL)[1])
+    assert told == pytest.approx(1.0 / np.log(USUAL.farthest / USUAL.misses), rel=0.05)
+
+
+def test_what_the_replay_misses_speaks_against_an_outside_cause():
+    """Twelve recordings of the independent bench with their true effect (p06): excesses of 0 to 1.7 %."""
+    p06 = [0.0167, 0.0167, 0.0036, 0.0114, 0.0054, 0.0036, -0.0027, 0.0062, -0.0019, 0.0003, -0.0011, -0.0025]
+    before = left([100.0] * 12)
+    assert log_bayes_factor(before, left(p06), 0.0) < -1.0
+
+
+def test_a_larger_remainder_is_more_probably_outside():
+    before, told = left([10.0] * 12), []
+    for e in (0.0, 0.02, 0.1, 0.5, 2.0):
+        told.append(log_bayes_factor(before, left([e] * 12), 0.0))
+    assert np.all(np.diff(told[1:]) > 0.0)
+    assert told[-1] > 20.0
+
+
+def test_one_recording_of_twelve_can_show_it():
+    """An outside cause that acts in one kind of recording only: squares 3 times the noise's there, none elsewhere."""
+    before = left([10.0] * 12)
+    assert log_bayes_factor(before, left([2.0] + [0.0] * 11), 0.0) > 3.0
+
+
+def test_misstated_noise_is_allowed_for():
+    """Noise misstated by 5 % of its square leaves 5 % everywhere."""
+    before, after = left([10.0] * 12), left([0.05] * 12)
+    assert log_bayes_factor(before, after, 0.05) < log_bayes_factor(before, after, 0.0)
+
+
+def test_an_ordinary_deviation_that_goes_far_speaks_for_it(monkeypatch):
+    """One of four at 4 deviations: the mean of exp(z^2 (1 - 1/16) / 2) / 4, that is 1808 / 16."""
+    monkeypatch.setattr(module, "stray", lambda f: {k: (None, z) for k, z in enumerate((4.0, 0.0, 0.0, 0.0))})
+    assert module.stretched(None) == pytest.approx(0.25 * (np.exp(7.5) + 3.0) / 4.0)
+    monkeypatch.setattr(module, "stray", lambda f: {0: (None, 0.0)})
+    assert module.stretched(None) == 1.0
