@@ -30,9 +30,9 @@ from model.effects import library
 from sandbox.gap.diagnose import out_of_sight
 from sandbox.gap.evidence.algebra import Prior
 from sandbox.gap.evidence.fit import fit, rms_of
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.posterior.candidates import candidates
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.linear_model import LinearModel, linear_model
 from sandbox.gap.posterior.settings import USUAL
 from sandbox.output.files import write_json

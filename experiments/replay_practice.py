@@ -25,8 +25,8 @@ import numpy as np
 from model.effects import library
 from model.parameters import Motor
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.output.files import write_json
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_campaign

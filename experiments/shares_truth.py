@@ -26,9 +26,9 @@ import numpy as np
 
 from experiments.drawing import COLOURS, new_figure, save
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.noise import floor_of
 from sandbox.gap.evidence.normal import Point
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, read_campaign
 from sandbox.replay.replay import prepare

@@ -21,11 +21,11 @@ from model.effects import library
 from model.errors import PhysicsError
 from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
-from sandbox.gap.posterior.holdout import held_out, weights_of
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, floor_of, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
 from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.holdout import held_out, weights_of
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis, hypotheses
 from sandbox.gap.posterior.inference import Inference, Problem, infer
 from sandbox.gap.posterior.remainder import Remainder, remainder
@@ -127,10 +127,12 @@ def _diagnosed(
     report("measuring the gap")
     left = held_out(found.first)
     before = _without(found.null, start, left, workers)
-    told, after = _foretelling(hypotheses(found, misstated(noise)), before, start, left, workers)
+    told, after = _foretelling(hypotheses(found, misstated(noise), workers=workers), before, start, left, workers)
     best = told[0].evaluated
     rest = remainder(found.null, best.fit, misstated(noise))
     size = size_of(nominal, before, after, left, [r.file for r in start.prepared.recordings])
+    place = {r.file: k for k, r in enumerate(own.recordings)}
+    size = replace(size, recordings=tuple(sorted(size.recordings, key=lambda r: place[r.file])))
     return Diagnosis(
         own,
         start,

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from sandbox.gap.posterior.beside import beside
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.inference import Inference
 from sandbox.gap.posterior.set_prior import Set
+from sandbox.gap.posterior.sets import SetPosterior
 from sandbox.gap.posterior.unfitted import by_algebra
 from sandbox.gap.posterior.unmodeled import unmodeled
+from sandbox.gap.shortened import shortened
 
 UNKNOWN = "unknown"
+LIKELY = 0.5  # chance of `unknown` from which on effects have to stand beside a regression
 LISTED = 1e-4  # probability from which a set is a hypothesis of its own
 
 
@@ -24,27 +29,50 @@ class Hypothesis:
     evaluated: EvaluatedModel
 
 
-def hypotheses(found: Inference, noise: float) -> list[Hypothesis]:
+def hypotheses(found: Inference, noise: float, *, workers: int = 1) -> list[Hypothesis]:
     """Return hypotheses, the most probable first; probabilities sum to 1.
 
-    P(set, unknown) = P(set) P(unknown | what the set leaves).  A set that was not fitted leaves what the best one does.
+    P(set, unknown) = P(unknown) P(set | unknown), with P(unknown) from what every fitted set leaves (a set that was not
+    fitted leaves what the best one does).  Where something outside is likely, a free regression stands beside the
+    effects in P(set | unknown), so that a name which only imitates it has no place.
     noise: by how much of itself the noise's square may be misstated.
     """
     outside = {k: unmodeled(found.null, e.fit, noise) for k, e in found.evaluated.items()}
-    best = found.best
-    models = dict(found.evaluated) | {
-        k: by_algebra(best, k)
-        for k, p in found.sets.items()
-        if p > LISTED and k not in found.evaluated and all(e in best.model.members for e in k)
-    }
-    out = []
-    for key, model in models.items():
-        p, u = found.sets.get(key, 0.0), outside.get(key, outside[best.effects])
-        out.append(Hypothesis(key, p * (1.0 - u), model))
-        out.append(Hypothesis((*key, UNKNOWN), p * u, model))
+    usual = outside[found.best.effects]
+    inside = {(): 0.0} | {k: p * (1.0 - outside.get(k, usual)) for k, p in found.sets.items()}
+    chance = 1.0 - sum(inside.values()) / sum(found.sets.values())
+    given = {(): 0.0} | {k: p * outside.get(k, usual) for k, p in found.sets.items()}
+    if chance >= LIKELY and found.best.effects:
+        given = {(): 0.0} | (beside_regression(found.best, workers) or given)
+    scale = chance / (sum(given.values()) or 1.0)
+    out = [Hypothesis(k, p, m) for k, p in inside.items() if (m := model_of(found, k, p))]
+    out += [Hypothesis((*k, UNKNOWN), p * scale, m) for k, p in given.items() if (m := model_of(found, k, p * scale))]
     total = sum(h.probability for h in out)
     told = [Hypothesis(h.effects, h.probability / total, h.evaluated) for h in out]
     return sorted(told, key=lambda h: (-h.probability, h.effects))
+
+
+def model_of(found: Inference, key: Set, probability: float) -> EvaluatedModel | None:
+    """Return the model of a set: its own, or by algebra; None for one that is not worth a line."""
+    if key in found.evaluated:
+        return found.evaluated[key]
+    if key and probability < LISTED or any(e not in found.best.model.members for e in key):
+        return None
+    return by_algebra(found.best, key)
+
+
+def beside_regression(best: EvaluatedModel, workers: int) -> dict[Set, float]:
+    """Return the probability of sets beside a free regression, which is integrated out; none where it predicts
+    nothing."""
+    short = replace(best.model, point=shortened(best.model.point))
+    freed = beside(short, best.prior, workers=workers)
+    if freed is None:
+        return {}
+    sets = SetPosterior(replace(best.model, equations=freed.equations))
+    sets.enumerate([k for k, e in enumerate(sets.effects) if e in best.effects])
+    told = {k: v for k, v in sets.by_name().items() if set(k) <= set(best.effects)}
+    top = max(told.values())
+    return {k: math.exp(v - top) for k, v in told.items()}
 
 
 def named(effects: tuple[str, ...]) -> Set:

@@ -32,7 +32,7 @@ class Settings:
     """
 
     more: float = 0.15
-    unknown: float = 0.1
+    unknown: float = 0.05
     trace: float = 0.01
     trace_grows: float = 7.0
     trace_most: float = 0.06

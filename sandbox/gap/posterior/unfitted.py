@@ -19,5 +19,8 @@ def by_algebra(near: EvaluatedModel, effects: tuple[str, ...]) -> EvaluatedModel
     x, _, objective = t.equations.most_probable(prior)
     whole = [k for k in kept if t.coordinates[k].form != "share"]  # a share is there or not, nothing between
     at = t.point.moved([t.coordinates[k] for k in whole], x[whole])
+    shapes = [c for c, own in zip(t.candidates, t.places, strict=True) if t.coordinates[own[0]].form == "share"]
+    begun = {k: v for c in shapes if c.effect in effects for k, v in c.start.items()}
+    at = replace(at, values={**at.values, **begun})
     found = Fit(effects, at, n, objective, 0.0)
     return EvaluatedModel(found, t, t.prior(effects), t.log_evidence(effects))

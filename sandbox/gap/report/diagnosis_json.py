@@ -13,10 +13,10 @@ from model.effects.advice import what_to_do
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.gap_size import rms, share_closed
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.regression import Remains
 from sandbox.gap.location.where import Finding
 from sandbox.gap.planning.next_recording import Next, as_json
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.position import PositionError

@@ -9,7 +9,6 @@ from itertools import pairwise
 from typing import Any
 
 from sandbox.gap.diagnose import Diagnosis
-from sandbox.gap.posterior.beside import Beside, beside
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
 from sandbox.gap.location.decompose import (
@@ -22,6 +21,7 @@ from sandbox.gap.location.decompose import (
     top_speed,
 )
 from sandbox.gap.location.where import DETAIL
+from sandbox.gap.posterior.beside import Beside, beside
 from sandbox.gap.posterior.estimates import Estimate, estimates_beside
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.inclusion import Inclusion, by_algebra

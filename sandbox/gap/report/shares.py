@@ -33,11 +33,11 @@ from model.errors import BadInput
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.gap_size import UNDEFINED, rms
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Normal, Point, normal
 from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
 from sandbox.gap.location.where import held_at_neutral
 from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.hypotheses import UNKNOWN
 from sandbox.gap.posterior.settings import USUAL
 

@@ -104,6 +104,6 @@ def with_added(campaign, size=0.05):
 @pytest.fixture(scope="session")
 def with_a_stranger(small_answers):
     """The campaign with dead time and a current that nobody listed; the diagnosis' table at its own point."""
-    j = small_answers.diagnosis.best.judged
+    j = small_answers.diagnosis.best.evaluated
     prepared = prepare(with_added(small_answers.diagnosis.campaign))
     return j, dataclasses.replace(j.model, point=Point(prepared, j.model.point.values, j.model.point.turns))

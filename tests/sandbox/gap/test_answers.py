@@ -31,10 +31,10 @@ from sandbox.gap.location.where import subsystems
 from sandbox.gap.pages.page import write_report
 from sandbox.gap.planning.menu import menu, settings
 from sandbox.gap.planning.next_recording import Next
+from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.report.answers import answer, caveats, far_text, linear, next_text, where_text, which_text
 from sandbox.gap.report.diagnosis_json import contract
 from sandbox.gap.report.position import carrier_at, errors
-from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.words import quantity, times
 from sandbox.output.files import plain
 from sandbox.output.trace import read_trace
@@ -284,7 +284,7 @@ def test_command_reads_no_truth(quiet_folder, tmp_path, capsys):
 def test_a_diagnosis_goes_on_from_an_earlier_one(quiet_folder, quiet_answers, tmp_path, capsys):
     """A set that the earlier one left is fitted and weighed, though the search alone does not come upon it."""
     rival = ("dead_time", "magnet_flux")
-    assert rival not in [j.effects for j in quiet_answers.diagnosis.judged]
+    assert rival not in [j.effects for j in quiet_answers.diagnosis.evaluated]
     left = {"verdict": "ambiguous", "ambiguity_set": [list(rival), [], ["unknown"]], "next_recording": None}
     (tmp_path / "diagnosis.json").write_text(json.dumps(left))
     out = tmp_path / "out"

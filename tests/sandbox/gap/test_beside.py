@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from sandbox.gap.posterior.beside import Joint, beside, integrated_out
 from sandbox.gap.evidence.normal import Normal, Segment
+from sandbox.gap.posterior.beside import Joint, beside, integrated_out
 from sandbox.gap.posterior.inclusion import by_algebra
 from tests.sandbox.gap.conftest import DEAD_TIME
 
@@ -60,12 +60,12 @@ def test_a_stranger_is_described_and_does_not_bend_what_is_known(with_a_stranger
     x = found.equations.most_probable(j.prior)[0][k]
     sd = np.sqrt(found.equations.covariance(j.prior)[k, k])
     assert abs(x - DEAD_TIME) < 4.0 * sd
-    assert by_algebra(replace(table, equations=found.equations), j.effects, 1.0).chances["dead_time"] > 0.99
+    assert by_algebra(replace(table, equations=found.equations), j.effects).chances["dead_time"] > 0.99
 
 
 def test_nothing_is_found_beside_effects_that_explain_all(small_answers):
     """At the floor no excess is worth a regression: what it predicts of recordings left out is next to nothing."""
-    j = small_answers.diagnosis.best.judged
+    j = small_answers.diagnosis.best.evaluated
     found = beside(j.model, j.prior)
     excess = sum(float(s.rr.sum() - s.n.sum()) for s in j.normal.segments)
     noise = np.sqrt(2.0 * sum(float(s.n.sum()) for s in j.normal.segments))

@@ -13,12 +13,12 @@ from model.effects import library
 from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Algebra, Prior, algebra, prior_of
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Normal
 from sandbox.gap.evidence.priors import FARTHEST, Coordinate, of_effect, ordinary, reach
-from sandbox.gap.report.bounds import at_bound, sentence
 from sandbox.gap.posterior import estimates as estimating
 from sandbox.gap.posterior.estimates import Estimate, Held, Spread, _of_part, estimates_beside, held_ordinary
+from sandbox.gap.posterior.holdout import weights_of
+from sandbox.gap.report.bounds import at_bound, sentence
 from sandbox.output.refitted import Refitted
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
@@ -125,7 +125,7 @@ def test_a_held_value_beside_a_free_regression_has_an_interval(monkeypatch):
     us, far = 1e-6, np.full(1, np.inf)
     own = Coordinate("dead_time.time", 0.0, us, "linear", ("dead_time.time",))
     table = SimpleNamespace(coordinates=[own], point=SimpleNamespace(values={}))
-    j = SimpleNamespace(table=table, prior=Prior(np.zeros(1), np.full(1, us), -far, np.full(1, us)))
+    j = SimpleNamespace(model=table, prior=Prior(np.zeros(1), np.full(1, us), -far, np.full(1, us)))
     j.effects = ("dead_time",)
     j.equations = Algebra(np.array([[3.0 / us**2]]), np.array([6.0 / us]), 0.0, np.zeros(1))
     usual = Spread([own], {}, np.ones(1), np.full(1, 0.3 * us), (np.zeros(1), np.ones(1)), np.ones(1, dtype=bool))

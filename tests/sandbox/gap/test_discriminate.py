@@ -14,10 +14,7 @@ from model.energy import flux_from_current
 from model.frames import stationary as stationary_kernel
 from model.parameters import Limits
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Point, normal
-from sandbox.gap.posterior.candidates import at_typical
-from sandbox.gap.posterior.settings import USUAL
 from sandbox.gap.planning import next_recording as discriminate
 from sandbox.gap.planning.bench_table import bench_table, write_bench_table
 from sandbox.gap.planning.menu import FULL, Entry, demand, menu, recording_of, shaft, usual_seconds
@@ -34,7 +31,10 @@ from sandbox.gap.planning.next_recording import (
     surprise,
 )  # fmt: skip
 from sandbox.gap.planning.within import FASTEST, allowed, within
+from sandbox.gap.posterior.candidates import at_typical
 from sandbox.gap.posterior.evaluated import evaluate
+from sandbox.gap.posterior.holdout import weights_of
+from sandbox.gap.posterior.settings import USUAL
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import NO_LIMITS, CampaignRecording, read_campaign
 from sandbox.replay.replay import prepare, replay

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import normal
 from sandbox.gap.posterior.candidates import at_typical
+from sandbox.gap.posterior.evaluated import evaluate
+from sandbox.gap.posterior.holdout import weights_of
+from sandbox.gap.posterior.hypotheses import Hypothesis
 from sandbox.gap.posterior.settings import USUAL
 from sandbox.gap.report.distinguishability import alike
-from sandbox.gap.posterior.evaluated import evaluate
-from sandbox.gap.posterior.hypotheses import Hypothesis
 from tests.sandbox.gap.test_evidence import start
 
 SETS = (("dead_time",), ("device_drop",))
@@ -84,5 +84,5 @@ def test_one_hypothesis_has_no_rival(pair):
 def test_what_was_not_fitted_has_no_fit_to_go_to(pair):
     """A shaft's compliance by algebra, say, whose load's inertia is still 0."""
     one = diagnosis(pair)
-    one.judged = (pair[0],)
+    one.evaluated = (pair[0],)
     assert alike(one) is None

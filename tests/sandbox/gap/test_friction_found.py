@@ -5,8 +5,8 @@ import pytest
 
 from sandbox.gap.evidence.algebra import algebra, prior_of
 from sandbox.gap.evidence.fit import fit
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import prepare

@@ -9,8 +9,8 @@ import pytest
 from model.errors import BadInput
 from sandbox.gap.diagnose import diagnose
 from sandbox.gap.evidence.fit import coordinates_of, fit
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Point, counted, normal
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.shortened import share, shortened
 from sandbox.plant.sets import complete
 from sandbox.replay import memory

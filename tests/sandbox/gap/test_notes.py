@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import pytest
 
 from sandbox.gap.evidence.gap_size import OfRecording
-from sandbox.gap.report import answers, left
 from sandbox.gap.posterior.estimates import Estimate
+from sandbox.gap.report import answers, left
 from sandbox.gap.words import quantity
 from sandbox.recordings.campaign import Finding
 from sandbox.recordings.mistakes import Unanswered

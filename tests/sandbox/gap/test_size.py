@@ -10,8 +10,8 @@ from sandbox.gap.diagnose import _without
 from sandbox.gap.evidence.algebra import prior_of
 from sandbox.gap.evidence.fit import NEAR, TOLERANCE, fit, noise_at, normalised, objective
 from sandbox.gap.evidence.gap_size import Size, size_of
-from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.evidence.normal import Point
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.report.answers import far_text
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import read_campaign

@@ -8,8 +8,8 @@ import math
 import numpy as np
 import pytest
 
-from sandbox.gap.posterior.holdout import CHOICES, choices
 from sandbox.gap.evidence.spectrum import in_phase, lines
+from sandbox.gap.posterior.holdout import CHOICES, choices
 
 PERIOD = 1e-4
 LINE = 297.613  # Hz

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sandbox.gap.posterior.remainder import Unexplained
 from sandbox.gap.evidence.gap_size import OfRecording
 from sandbox.gap.pages import charts, listed, page, signals
+from sandbox.gap.posterior.estimates import Estimate
+from sandbox.gap.posterior.remainder import Unexplained
 from sandbox.gap.report.distinguishability import Alike
 from sandbox.gap.report.shares import Share
-from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.words import interval
 from tests.sandbox.gap.conftest import DRIVE
 
