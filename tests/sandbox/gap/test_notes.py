@@ -32,8 +32,8 @@ def test_a_contradiction_that_is_explained_is_no_note(after, kept):
     assert told == [f"{stale.text}."] * kept + ["run.csv: row 3: samples seem lost."]
 
 
-def remaining(effects, judged=None):
-    best = SimpleNamespace(effects=effects, judged=SimpleNamespace(effects=judged or effects), probability=1.0)
+def remaining(effects, evaluated=None):
+    best = SimpleNamespace(effects=effects, evaluated=SimpleNamespace(effects=evaluated or effects), probability=1.0)
     d = SimpleNamespace(
         best=best, hypotheses=[best], remainder=SimpleNamespace(before=125.0**2 - 1.0, after=0.0), held_out=()
     )

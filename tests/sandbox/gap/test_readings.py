@@ -80,7 +80,7 @@ def test_of_both_kinds_the_one_that_explains_more_is_told(monkeypatch, offset, d
     """A constant offset beside an eccentric disc is told as a current where it is the larger part of the two."""
     lost = {("current_offset",): offset, ("encoder_eccentricity",): disc}
     monkeypatch.setattr(where, "_lost", lambda judged, effects: lost[tuple(effects)])
-    h = SimpleNamespace(effects=("current_offset", "dead_time", "encoder_eccentricity", "unknown"), judged=None)
+    h = SimpleNamespace(effects=("current_offset", "dead_time", "encoder_eccentricity", "unknown"), evaluated=None)
     assert of_readings(SimpleNamespace(ambiguity_set=[h])) == (offset > disc)
 
 

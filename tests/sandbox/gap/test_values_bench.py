@@ -119,10 +119,9 @@ def test_sizes_grow_with_the_samples_left_out(monkeypatch):
     seen = []
     monkeypatch.setattr(visible, "prepare", lambda campaign: seen.extend(len(r.t) for r in campaign.recordings))
     monkeypatch.setattr(visible, "coordinates_of", lambda *_: [own])
-    monkeypatch.setattr(visible, "at_typical", lambda *_: [SimpleNamespace(effect=e) for e in "fe"])
-    monkeypatch.setattr(
-        visible, "probe_coordinates", lambda start, probe, label: [c for c in effects if c.effect == probe.effect]
-    )
+    own_of = {e: [c for c in effects if c.effect == e] for e in "fe"}
+    candidates = [SimpleNamespace(effect=e, coordinates=lambda point, e=e: own_of[e]) for e in "fe"]
+    monkeypatch.setattr(visible, "at_typical", lambda *_: candidates)
     monkeypatch.setattr(visible, "normal", lambda *_, **__: n)
     campaign = Campaign("x", DRIVE, (recorded(np.zeros(1000), np.zeros(1000)),), {}, {}, False)
     found = visible.visible(campaign)

@@ -21,7 +21,7 @@ def test_an_interval_beside_a_free_regression_by_hand(monkeypatch):
     us, far = 1e-6, np.full(1, np.inf)
     own = Coordinate("dead_time.time", 0.0, us, "linear", ("dead_time.time",))
     table = SimpleNamespace(coordinates=[own], point=SimpleNamespace(values={}))
-    j = SimpleNamespace(table=table, prior=Prior(np.zeros(1), np.full(1, us), -far, far), effects=("dead_time",))
+    j = SimpleNamespace(model=table, prior=Prior(np.zeros(1), np.full(1, us), -far, far), effects=("dead_time",))
     j.equations = Algebra(np.array([[8.0 / us**2]]), np.array([6.0 / us]), 0.0, np.zeros(1))
     sd = np.full(1, 0.6 * us)
     ordinary = Spread([own], {}, sd, sd, (sd, sd), np.ones(1, dtype=bool))

@@ -14,10 +14,10 @@ from sandbox.gap.words import tenths
 
 def diagnosis(*told, closed=0.5):
     """A diagnosis of these (effects, probability)."""
-    hypotheses = [SimpleNamespace(effects=e, probability=p, judged=SimpleNamespace(effects=A)) for e, p in told]
+    hypotheses = [SimpleNamespace(effects=e, probability=p, evaluated=SimpleNamespace(effects=A)) for e, p in told]
     own = SimpleNamespace(
         hypotheses=hypotheses, best=hypotheses[0], size=SimpleNamespace(closed=closed), out_of_sight=(),
-        parameters=[{}], judged=(), campaign=SimpleNamespace(limits=None),
+        parameters=[{}], evaluated=(), campaign=SimpleNamespace(limits=None),
     )  # fmt: skip
     own.ambiguity_set = Diagnosis.ambiguity_set.fget(own)
     return own
