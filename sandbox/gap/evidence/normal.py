@@ -220,7 +220,7 @@ def normal(point: Point, coordinates: Sequence[Coordinate], *, workers: int = 1)
     x = np.array([c.value(values) for c in coordinates])
     moves, steps = [], []
     for c, at in zip(coordinates, x, strict=True):
-        step = 1.0 if c.form == "share" else c.step or STEP * c.deviation
+        step = {"share": 1.0, "presence": -1.0}.get(c.form, c.step or STEP * c.deviation)
         ahead, back = ({**values, **c.changes(values, at + s)} for s in (step, -step))
         if c.bounded(at + step) != at + step or (not possible(drive, ahead) and possible(drive, back)):
             ahead, step = back, -step

@@ -22,6 +22,7 @@ from sandbox.replay.sensitivity import mechanical_only
 Set = Mapping[str, float]
 WIDE = 1.5  # standard deviation of an effect's prior, in its typical size
 FARTHEST = 4.0  # standard deviations that an effect may move before its bounds widen
+STEPS = ("share", "presence")  # forms that are there or not, nothing between
 REACHED = 0.99  # of them: a value there is at its bound
 BELOW = 1.0 - 1e-6  # of a limit that a value must stay below: what a fit may reach
 ORDINARY = 4.0  # standard deviations that a deviation may have and still be ordinary
@@ -33,7 +34,8 @@ class Coordinate:
     """One direction of a fit: label, prior mean and standard deviation, the parameter(s) it moves and how.
 
     form: "linear", "log", "reciprocal", or "cosine"/"sine" of the pair (amplitude, phase); "share" is a step from the
-    neutral value (0) to the values `along` (1), nothing between; with other forms `along` goes with a move.
+    neutral value (0) to the values `along` (1), "presence" one from where the point stands (1) to the neutral values
+    `along` (0), nothing between; with other forms `along` goes with a move.
     """
 
     label: str
@@ -61,6 +63,8 @@ class Coordinate:
         if self.form == "share":
             return 0.0
         x = values[self.names[0]]
+        if self.form == "presence":
+            return float(x != dict(self.along)[self.names[0]])
         if self.form == "log":
             return math.log(x)
         if self.form == "reciprocal":
@@ -76,6 +80,8 @@ class Coordinate:
         name, companions = self.names[0], dict(self.along)
         if self.form == "share":
             return companions if to else {}
+        if self.form == "presence":
+            return {} if to >= 0.5 else companions
         if self.form == "log":
             return {name: math.exp(to)}
         if self.form == "reciprocal":
@@ -96,7 +102,7 @@ class Coordinate:
     def _own_bounds(self) -> tuple[float, float]:
         if self.form == "reciprocal":
             return 0.0, math.inf
-        if self.form == "share":
+        if self.form in STEPS:
             return 0.0, 1.5
         p = BENCH.get(self.names[0]) or library.parameters().get(self.names[0])
         if self.form in ("cosine", "sine") and p is not None:
@@ -225,7 +231,7 @@ def _most(c: Coordinate, limits: Mapping[str, float]) -> float:
 
 def reach(c: Coordinate, values: Set) -> float:
     """Return how many deviations an effect's coordinate may move: FARTHEST, twice as far as a point that is there."""
-    if c.form == "share":
+    if c.form in STEPS:
         return FARTHEST
     at = abs(c.value(values) - c.mean) / c.deviation
     return 2.0 * at if math.isfinite(at) and at >= REACHED * FARTHEST else FARTHEST

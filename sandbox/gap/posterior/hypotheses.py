@@ -70,7 +70,7 @@ def beside_regression(best: EvaluatedModel, workers: int) -> dict[Set, float]:
         return {}
     sets = SetPosterior(replace(best.model, equations=freed.equations))
     sets.enumerate([k for k, e in enumerate(sets.effects) if e in best.effects])
-    told = {k: v for k, v in sets.by_name().items() if set(k) <= set(best.effects)}
+    told = {k: v for k, v in sets.by_name().items() if len(k) <= len(best.effects)}  # nothing more: it may be imitated
     top = max(told.values())
     return {k: math.exp(v - top) for k, v in told.items()}
 

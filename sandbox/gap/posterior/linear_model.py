@@ -20,10 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.effects import library
+from model.parameters import Drive
 from sandbox.gap.evidence.algebra import Algebra, Prior, prior_of
 from sandbox.gap.evidence.fit import Weights, objective, tried
 from sandbox.gap.evidence.normal import Normal, Point, normal
-from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
+from sandbox.gap.evidence.priors import STEPS, Coordinate, of_effect, ordinary
 from sandbox.gap.posterior.candidates import Candidate
 from sandbox.gap.posterior.settings import USUAL, Settings
 
@@ -109,7 +110,7 @@ class LinearModel:
         All coordinates move together (shapes alone never): a part of the way where the whole one leads up.
         """
         t, value, part = self, objective(self.normal, prior, weights), 1.0
-        shares = np.array([c.form == "share" for c in t.coordinates])
+        shares = np.array([c.form in STEPS for c in t.coordinates])
         for _ in range(ROUNDS):
             x = np.where(shares, t.normal.x, t.equations.most_probable(prior).x)
             if value - t.equations.objective(x, prior) < SETTLED:
@@ -152,12 +153,22 @@ def linear_model(
     for effect in active:
         known = next((c for c in candidates if c.effect == effect and c.part == 1), Candidate(effect))
         drive = point.prepared.campaign.drive
-        columns.add(known, of_effect(effect, drive, {**point.values, **known.start}, point.values), trace)
+        columns.add(known, _active(known, drive, point.values), trace)
     for k, c in enumerate(candidates):
         if c.effect not in active or c.part > 1:
             label = "" if c.part > 1 or c.effect not in columns.effects else f"@{k}"
             columns.add(c, c.coordinates(point, label), trace / math.sqrt(max(1, count[c.effect])))
     return columns.model(point, weights, settings, workers)
+
+
+def _active(known: Candidate, drive: Drive, values: Mapping[str, float]) -> list[Coordinate]:
+    """Return the coordinates of an effect that is on; of one that has no size, whether it is there."""
+    own = of_effect(known.effect, drive, {**values, **known.start}, values)
+    if any(c.form != "log" for c in own):
+        return own
+    neutral = library.neutral(drive.motor)
+    off = tuple((k, v) for k, v in neutral.items() if k.startswith(f"{known.effect}."))
+    return [*own, Coordinate(f"{known.effect} present", 0.0, 1.0, "presence", own[0].names, off)]
 
 
 @dataclass
@@ -178,8 +189,8 @@ class _Columns:
         """Add a candidate's columns; those that are ordinary deviations are there already."""
         share = trace * library.load_effect(candidate.effect).trace
         for c in own:
-            shape = c.form == "log" or c.names[0] in candidate.start
-            narrow = c if shape else replace(c, deviation=(HELD if c.form == "share" else share) * c.deviation)
+            shape = c.form == "log" or (c.form not in STEPS and c.names[0] in candidate.start)
+            narrow = c if shape else replace(c, deviation=(HELD if c.form in STEPS else share) * c.deviation)
             self.narrow.setdefault(c.label, narrow)
             if c.deviation >= self.wide.get(c.label, c).deviation:
                 self.wide[c.label] = c

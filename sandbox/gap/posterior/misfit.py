@@ -2,13 +2,14 @@
 
 Readings of one channel of one recording have the noise's variance 1 and, in each band of frequency, a further variance
 e >= 0 of what the model misses there.  Its most likely value is the power in the band less 1 (the periodogram of white
-noise is chi-square), taken as 0 where chance alone makes as much.  A cause that looks like what is missed has its
-spectrum, and meets the variance
+noise is chi-square), taken as 0 where chance alone makes as much.  A model that leaves nothing of it gains
+1/2 n log(1 + e), n numbers in the band.  With fixed weights 1/v it gains 1/2 n e/v: the same for v = e / log(1 + e),
+which is 1 + e/2 where little is missed.  A cause that looks like what is missed has its spectrum, and meets the mean
 
-    1 + sum e^2 n / sum e n,
+    sum v e n / sum e n
 
-the mean over the bands in which it lies.  A slow error of 1 % of the power in a thousandth of the frequencies makes
-estimates ten times as uncertain as white noise of that power would.  The bands are thirds of an octave of a recording's
+over the bands in which it lies.  A slow error in a thousandth of the frequencies makes estimates as uncertain as white
+noise of a thousand times its power would, not less.  The bands are thirds of an octave of a recording's
 discrete cosine transform, so they scale with its length and sampling.
 """
 
@@ -45,8 +46,9 @@ def met(residual: Array) -> float:
     power, count = bands(residual)
     excess = power / count - 1.0
     excess = np.where(power > chi2.isf(CHANCE, count), excess, 0.0)
-    total = float(np.sum(excess * count))
-    return 1.0 + float(np.sum(excess**2 * count)) / total if total > 0.0 else 1.0
+    there = excess > 0.0
+    e, n = excess[there], count[there]
+    return float(np.sum(e**2 * n / np.log1p(e)) / np.sum(e * n)) if there.any() else 1.0
 
 
 def bands(residual: Array) -> tuple[Array, Array]:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 from sandbox.gap.evidence.fit import Fit
 from sandbox.gap.evidence.normal import equations_of
+from sandbox.gap.evidence.priors import STEPS
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 
 
@@ -17,7 +18,7 @@ def by_algebra(near: EvaluatedModel, effects: tuple[str, ...]) -> EvaluatedModel
     own = [replace(t.coordinates[k], mean=float(prior.mean[k]), deviation=float(prior.deviation[k])) for k in kept]
     n = equations_of(t.normal, kept, own, prior.mean)
     x, _, objective = t.equations.most_probable(prior)
-    whole = [k for k in kept if t.coordinates[k].form != "share"]  # a share is there or not, nothing between
+    whole = [k for k in kept if t.coordinates[k].form not in STEPS]
     at = t.point.moved([t.coordinates[k] for k in whole], x[whole])
     shapes = [c for c, own in zip(t.candidates, t.places, strict=True) if t.coordinates[own[0]].form == "share"]
     begun = {k: v for c in shapes if c.effect in effects for k, v in c.start.items()}

@@ -6,17 +6,18 @@ noise's own square.  With a cause
 outside the library a share f of the recordings (prior: Jeffreys), nobody knows which, has an excess of any order of magnitude
 (log-uniform up to `Settings.farthest`).  The Bayes factor is the mean over f of the product over recordings.
 
-A cause outside can also be made up for by ordinary deviations that go further than they usually do: one of them, it is
-not known which, is then drawn from a Gaussian of `Settings.stretch` standard deviations.
+A cause outside can also hide: named effects imitate it (`Settings.imitated` for each of them), and an ordinary
+deviation has to go further than it usually does to make up for the rest.  One of them, it is not known which, is then
+drawn from a Gaussian of `Settings.stretch` standard deviations.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import expit
 
 from sandbox.gap.evidence.fit import Fit, stray
 from sandbox.gap.evidence.normal import Normal
@@ -33,9 +34,12 @@ def unmodeled(before: Fit, after: Fit, noise: float = 0.0, settings: Settings = 
     before, after: fits to all recordings without and with the set; noise: by how much of itself the noise's square may
     be misstated.
     """
-    odds = settings.unknown / (1.0 - settings.unknown)
-    odds *= math.exp(log_bayes_factor(before.normal, after.normal, noise, settings)) * stretched(after, settings)
-    return odds / (1.0 + odds)
+    shown = math.log(settings.unknown / (1.0 - settings.unknown))
+    shown += log_bayes_factor(before.normal, after.normal, noise, settings)
+    if not after.effects:
+        return float(expit(shown))
+    hidden = math.log(settings.imitated * len(after.effects)) + log_stretched(after, settings)
+    return float(expit(np.logaddexp(shown, hidden)))
 
 
 def log_bayes_factor(before: Normal, after: Normal, noise: float, settings: Settings = USUAL) -> float:
@@ -73,17 +77,9 @@ def _log_densities(e: float, scatter: float, mean: float, settings: Settings) ->
     return float(np.logaddexp.reduce(told + misses)), float(np.logaddexp.reduce(told + outside))
 
 
-def stretched(after: Fit, settings: Settings = USUAL) -> float:
-    """Return how much likelier the ordinary deviations of a fit are if one of them was stretched than if none was; at
-    least 1: nothing speaks against an outside cause that ordinary deviations need not make up for."""
+def log_stretched(after: Fit, settings: Settings = USUAL) -> float:
+    """Return by how much the ordinary deviations of a fit are likelier (log) if one of them was stretched than if none
+    was; at least 0: nothing speaks against an outside cause that ordinary deviations need not make up for."""
     z = np.array([x for _, x in stray(after).values()])
-    wider = np.exp(0.5 * z**2 * (1.0 - settings.stretch**-2)) / settings.stretch
-    return max(1.0, float(np.mean(wider))) if wider.size else 1.0
-
-
-def explained(before: Fit, after: Fit, recordings: Sequence[int]) -> float:
-    """Return the share of the gap that a fit explains."""
-    (a, n), (b, _) = excess(before.normal), excess(after.normal)
-    own = list(recordings)
-    gap, left = float((a * n)[own].sum()), float((b * n)[own].sum())
-    return min(1.0, max(0.0, 1.0 - left / gap)) if gap > 0.0 else 0.0
+    wider = 0.5 * z**2 * (1.0 - settings.stretch**-2) - math.log(settings.stretch)
+    return max(0.0, float(np.logaddexp.reduce(wider) - math.log(z.size))) if z.size else 0.0

@@ -34,7 +34,7 @@ from sandbox.gap.diagnose import Diagnosis
 from sandbox.gap.evidence.algebra import Prior, algebra, prior_of
 from sandbox.gap.evidence.gap_size import UNDEFINED, rms
 from sandbox.gap.evidence.normal import Normal, Point, normal
-from sandbox.gap.evidence.priors import Coordinate, of_effect, ordinary
+from sandbox.gap.evidence.priors import STEPS, Coordinate, of_effect, ordinary
 from sandbox.gap.location.where import held_at_neutral
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.holdout import weights_of
@@ -210,7 +210,7 @@ def with_part(d: Diagnosis, gone: Sequence[str]) -> Point:
 
 def is_shape_only(j: EvaluatedModel, effect: str) -> bool:
     """Return whether an effect has no size that could be taken to neutral on the way (a shaft's stiffness)."""
-    return all(j.model.coordinates[k].form == "log" for k in j.model.members[effect])
+    return all(j.model.coordinates[k].form in ("log", "presence") for k in j.model.members[effect])
 
 
 def without(j: EvaluatedModel, gone: Sequence[str]) -> Point:
@@ -221,7 +221,7 @@ def without(j: EvaluatedModel, gone: Sequence[str]) -> Point:
 
 def _brought(point: Point, coordinates: Sequence[Coordinate], x: Array, shapes: Sequence[str]) -> Point:
     """Return a point with coordinates at x (p,), and effects that are nothing but shapes at neutral."""
-    moved = [(c, to) for c, to in zip(coordinates, x, strict=True) if c.form != "share"]
+    moved = [(c, to) for c, to in zip(coordinates, x, strict=True) if c.form not in STEPS]
     point = point.moved([c for c, _ in moved], np.array([to for _, to in moved]))
     neutral = library.neutral(point.prepared.campaign.drive.motor)
     begun = tuple(f"{e}." for e in shapes)
