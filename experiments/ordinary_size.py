@@ -1,8 +1,9 @@
 """How large is the simulator's own error, told in effects?
 
-A diagnosis lets every effect have an *ordinary size* beside those it claims, a small share of its wide prior (`trace`, up
-to `trace_most` where the gap is large, `sandbox/gap/posterior/settings.py`).  It stands for the simulator's own error where
-that resembles an effect.  This script measures it on campaigns whose truth is known: their true effects and the
+A diagnosis lets every effect have an *ordinary size* beside those it claims, a small share of its wide prior
+(`trace`, up to `trace_most` where the gap is large, `sandbox/gap/posterior/settings.py`).  It stands for the
+simulator's own error where that resembles an effect.  This script measures it on campaigns whose truth is known:
+their true effects and the
 ordinary deviations are fitted, then every other effect is freed on its own, one at a time.  What it comes out at,
 beyond what the noise of the readings explains, is the error, as a share of its wide prior.
 
@@ -124,7 +125,11 @@ def main() -> None:
     told = {"all": summary(rows)} | {
         f.name: summary([r for r in rows if r["plant"] == f.name]) for f in options.folders
     }
-    write_json(RESULTS, "ordinary_size", {"small": USUAL.trace, "largest": USUAL.trace_most, "summary": told, "coordinates": rows})
+    write_json(
+        RESULTS,
+        "ordinary_size",
+        {"small": USUAL.trace, "largest": USUAL.trace_most, "summary": told, "coordinates": rows},
+    )
     for plant, lines in told.items():
         for line in lines:
             print(plant, {k: round(v, 4) if np.isfinite(v) else v for k, v in line.items()})

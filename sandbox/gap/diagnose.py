@@ -27,7 +27,7 @@ from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordi
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.holdout import held_out, weights_of
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis, hypotheses
-from sandbox.gap.posterior.inference import Inference, Problem, infer
+from sandbox.gap.posterior.inference import Problem, infer
 from sandbox.gap.posterior.remainder import Remainder, remainder
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
@@ -143,7 +143,7 @@ def _diagnosed(
         tuple(found.evaluated.values()),
         tuple(told),
         tuple({} if h.effects == (UNKNOWN,) else estimates(h.evaluated) for h in told),
-        _mean_variance(found, nominal),
+        found.mean_variance,
         rest,
         size,
         0,
@@ -181,12 +181,6 @@ def _passed(told: list[Hypothesis]) -> list[Hypothesis]:
     kept = [h for h in rest if h.effects != (UNKNOWN,)]
     alone = lost + sum(h.probability for h in rest if h.effects == (UNKNOWN,))
     return sorted([*kept, Hypothesis((UNKNOWN,), alone, none.evaluated)], key=lambda h: (-h.probability, h.effects))
-
-
-def _mean_variance(found: Inference, n: Normal) -> float:
-    """Return the variance that estimates meet in currents, mean over readings."""
-    own = [(float(s.n.sum()), found.variance[s.recording, "current"]) for s in n.segments if s.channel == "current"]
-    return sum(k * v for k, v in own) / sum(k for k, _ in own)
 
 
 def misstated(noise: Noise) -> float:

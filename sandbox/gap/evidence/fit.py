@@ -94,7 +94,9 @@ def fit(
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
 
     The first part of a fit holds how a current's sign goes through zero, the second frees it where the residual is near
-    its floor (`_within_bounds`).  rough: the first part is enough, to a few per cent of what is left.  leader: the objective of the best rival; a fit far behind it ends as soon as steps
+    its floor (`_within_bounds`).  rough: the first part is enough, to a few per cent of what is left.
+
+    leader: the objective of the best rival; a fit far behind it ends as soon as steps
     gain little of what it lacks.
 
     Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free

@@ -87,7 +87,12 @@ def foretold(campaign: Campaign, entry: Entry, a: EvaluatedModel) -> tuple[Campa
 
 
 def expected_evidence(
-    campaign: Campaign, entry: Entry, a: EvaluatedModel, others: Sequence[EvaluatedModel], variance: float, workers: int = 1
+    campaign: Campaign,
+    entry: Entry,
+    a: EvaluatedModel,
+    others: Sequence[EvaluatedModel],
+    variance: float,
+    workers: int = 1,
 ) -> tuple[Array, Array, float]:
     """Return the log evidence (n,) for a over each of the others that an experiment is expected to bring if a is true,
     its part (n,) that they cannot follow, and that of what the simulator misses of a's effects."""

@@ -57,9 +57,9 @@ def held_out(model: LinearModel) -> tuple[int, ...]:
     if options == [()]:
         return ()
     own = [(k,) for k, c in enumerate(model.coordinates) if not model.of_effects[k] and c.form != "turn"]
-    groups = [*own, *model.members.values()]
+    groups: list[tuple[int, ...]] = [*own, *model.members.values()]
     labels = [[model.coordinates[k].label for k in g] for g in groups]
-    return tuple(max(options, key=lambda left: worst_share(model.normal, left, labels)))
+    return max(options, key=lambda left: worst_share(model.normal, left, labels))
 
 
 def worst_share(n: Normal, left: Sequence[int], groups: Sequence[Sequence[str]]) -> float:

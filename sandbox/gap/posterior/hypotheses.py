@@ -43,7 +43,7 @@ def hypotheses(found: Inference, noise: float, *, workers: int = 1) -> list[Hypo
     chance = 1.0 - sum(inside.values()) / sum(found.sets.values())
     given = {(): 0.0} | {k: p * outside.get(k, usual) for k, p in found.sets.items()}
     if chance >= LIKELY and found.best.effects:
-        given = {(): 0.0} | (beside_regression(found.best, workers) or given)
+        given = {(): 0.0} | (beside_regression(found, workers) or given)
     scale = chance / (sum(given.values()) or 1.0)
     out = [Hypothesis(k, p, m) for k, p in inside.items() if (m := model_of(found, k, p))]
     out += [Hypothesis((*k, UNKNOWN), p * scale, m) for k, p in given.items() if (m := model_of(found, k, p * scale))]
@@ -56,19 +56,20 @@ def model_of(found: Inference, key: Set, probability: float) -> EvaluatedModel |
     """Return the model of a set: its own, or by algebra; None for one that is not worth a line."""
     if key in found.evaluated:
         return found.evaluated[key]
-    if key and probability < LISTED or any(e not in found.best.model.members for e in key):
+    if (key and probability < LISTED) or any(e not in found.best.model.members for e in key):
         return None
     return by_algebra(found.best, key)
 
 
-def beside_regression(best: EvaluatedModel, workers: int) -> dict[Set, float]:
+def beside_regression(found: Inference, workers: int) -> dict[Set, float]:
     """Return the probability of sets beside a free regression, which is integrated out; none where it predicts
     nothing."""
+    best = found.best
     short = replace(best.model, point=shortened(best.model.point))
     freed = beside(short, best.prior, workers=workers)
     if freed is None:
         return {}
-    sets = SetPosterior(replace(best.model, equations=freed.equations))
+    sets = SetPosterior(replace(best.model, equations=freed.equations.scaled(found.mean_variance)))
     sets.enumerate([k for k, e in enumerate(sets.effects) if e in best.effects])
     told = {k: v for k, v in sets.by_name().items() if len(k) <= len(best.effects)}  # nothing more: it may be imitated
     top = max(told.values())

@@ -49,14 +49,21 @@ class Problem:
 @dataclass(frozen=True)
 class Inference:
     """The answer: ordinary deviations alone, every fitted set evaluated, probability of sets of effects (the most
-    probable first), the variance that estimates meet in every segment; first: the equations of all candidates beside ordinary
-    deviations alone."""
+    probable first), the variance that estimates meet in every segment; first: the equations of all candidates beside
+    ordinary deviations alone."""
 
     null: Fit
     evaluated: Mapping[Set, EvaluatedModel]
     sets: Mapping[Set, float]
     variance: Mapping[tuple[int, str], float]
     first: LinearModel
+
+    @property
+    def mean_variance(self) -> float:
+        """The variance that estimates meet in currents, mean over readings."""
+        own = [s for s in self.null.normal.segments if s.channel == "current"]
+        count = [float(s.n.sum()) for s in own]
+        return float(np.average([self.variance[s.recording, "current"] for s in own], weights=count))
 
     @property
     def best(self) -> EvaluatedModel:
@@ -108,7 +115,8 @@ class _Run:
 
     def grown(self) -> Fit:
         """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other."""
-        here, seen, rough = self.null, {()}, False
+        here, rough = self.null, False
+        seen: set[Set] = {()}
         self.problem.report("weighing all sets of effects")
         self.found = candidates(here.point, self.problem.exclude, chords=rms_of(here) > 1.0)
         for turn in range(self.problem.settings.rounds):
@@ -131,7 +139,7 @@ class _Run:
 
     def linearised(self, here: Fit, found: Sequence[Candidate]) -> SetPosterior:
         """Return the posterior over sets at a fit's point."""
-        p, more = self.problem, further(here.point, [e for e in here.effects])
+        p, more = self.problem, further(here.point, here.effects)
         model = linear_model(
             here.point,
             [*found, *more],

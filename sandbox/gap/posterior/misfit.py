@@ -1,4 +1,4 @@
-"""What the residual has beside noise: its size by recording and frequency, and how far it makes the data count for less.
+"""What the residual has beside noise, by recording and frequency, and how far it makes the data count for less.
 
 Readings of one channel of one recording have the noise's variance 1 and, in each band of frequency, a further variance
 e >= 0 of what the model misses there.  Its most likely value is the power in the band less 1 (the periodogram of white

@@ -148,7 +148,7 @@ def _rival(a: Candidate, b: Candidate) -> bool:
 
 @kernel
 def _widened(ratio, size):
-    """Return the deviation of a named size in its trace's, both together; of a shape (ratio 1), which has one prior, 1."""
+    """Return the deviation of a named size, in its trace's; 1 of a shape (ratio 1), which has one prior."""
     return math.hypot(1.0, size * ratio) if ratio > 1.0 else 1.0
 
 

@@ -25,8 +25,8 @@ class Settings:
     independent bench the mean is 1.2 %, nine in ten are below 2.6 %, the largest are 8 % and 17 %; the switched bench
     leaves less than half of that.  farthest: excess beyond which nobody asks for causes, the end of `unknown`'s prior.
 
-    imitated: odds, for each effect of a set, that the set only imitates a cause outside: of 24 single effects taken out of
-    the library on an opened check, three were imitated to the floor, each by three others.
+    imitated: odds, for each effect of a set, that the set only imitates a cause outside: of 24 single effects taken
+    out of the library on an opened check, three were imitated to the floor, each by three others.
 
     stretch: standard deviations of an ordinary deviation that makes up for a cause outside the library.
 

@@ -2,8 +2,8 @@
 
 Each recording's currents leave an excess e = J^2 - 1 beyond noise.  With all causes named, e is what the replay misses:
 a Pareto distribution (Lomax's, of heavy tail) with a mean that is known (`Settings.misses`), plus the scatter of
-noise's own square.  With a cause
-outside the library a share f of the recordings (prior: Jeffreys), nobody knows which, has an excess of any order of magnitude
+noise's own square.  With a cause outside the library, a share f of the recordings (prior: Jeffreys), nobody knows
+which, has an excess of any order of magnitude
 (log-uniform up to `Settings.farthest`).  The Bayes factor is the mean over f of the product over recordings.
 
 A cause outside can also hide: named effects imitate it (`Settings.imitated` for each of them), and an ordinary
@@ -25,7 +25,9 @@ from sandbox.gap.posterior.settings import USUAL, Settings
 
 Array = NDArray[np.float64]
 GRID = 400  # values of an excess, evenly in its logarithm: a tenth of a decade and less
-SHARES = np.sin(0.5 * np.pi * (np.arange(100) + 0.5) / 100.0) ** 2  # of recordings in which an outside cause shows: Jeffreys
+SHARES = (
+    np.sin(0.5 * np.pi * (np.arange(100) + 0.5) / 100.0) ** 2
+)  # of recordings in which an outside cause shows: Jeffreys
 
 
 def unmodeled(before: Fit, after: Fit, noise: float = 0.0, settings: Settings = USUAL) -> float:

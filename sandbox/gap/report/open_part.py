@@ -172,6 +172,6 @@ def open_part(d: Diagnosis, workers: int) -> OpenPart | None:
     found = beside(replace(j.model, point=shortened(j.model.point)), j.prior, workers=workers)
     if found is None:
         return None
-    freed = replace(j.model, equations=found.equations)
+    freed = replace(j.model, equations=found.equations.scaled(d.variance))
     told = estimates_beside(j, found.equations)
     return OpenPart(found, by_algebra(freed, j.effects), {e: own_of(e, told) for e in j.effects})

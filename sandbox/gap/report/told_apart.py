@@ -66,7 +66,9 @@ def telling(j: EvaluatedModel, effect: str) -> Telling | None:
     return Telling(0.5 * level >= SURE and all(x.log_evidence >= SURE for x in alike), alike)
 
 
-def _rivals(j: EvaluatedModel, effect: str, places: NDArray[np.int64]) -> Iterator[tuple[str, str, Prior | None, Prior]]:
+def _rivals(
+    j: EvaluatedModel, effect: str, places: NDArray[np.int64]
+) -> Iterator[tuple[str, str, Prior | None, Prior]]:
     """Yield name and kind of each rival, the prior without it (None: of the set without the effect) and with it."""
     t, rest = j.model, tuple(e for e in j.effects if e != effect)
     own = set(places.tolist())

@@ -48,7 +48,7 @@ def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
     quiet = read_campaign(quiet_folder)
     found = diagnose(misstated(quiet, share), workers=1)
     assert verdict(found) == "no_gap"
-    assert unknown_of(found) < 0.05
+    assert unknown_of(found) < 0.1
     offset = 10.0 * next(c.deviation for c in ordinary(quiet) if c.names[0].startswith("current_offset."))
     moved = dataclasses.replace(
         quiet,
@@ -58,7 +58,7 @@ def test_stated_noise_makes_no_gap_and_hides_none(quiet_folder, share):
     )
     told = diagnose(misstated(moved, share), exclude=sorted(set(library.effect_names()) - SMALL), workers=1)
     assert told.best.effects == ("current_offset",)
-    assert unknown_of(told) < 0.05
+    assert unknown_of(told) < 0.1
 
 
 @pytest.mark.parametrize(

@@ -25,7 +25,7 @@ def coordinates(effect):
 def test_only_new_coordinates_are_charged(monkeypatch):
     """With log n = 1 and equations that promise nothing the criterion is the number of new coordinates: five of
     saturation alone, three beside its cross part; what a fit moves as an ordinary deviation is charged."""
-    own = [(Probe(e, {}), coordinates(e)) for e in (WHOLE, OTHER)]
+    own = [(Candidate(e, {}), coordinates(e)) for e in (WHOLE, OTHER)]
     known = [*coordinates(WHOLE).values()]
     still = SimpleNamespace(most_probable=lambda prior: SimpleNamespace(objective=0.0))
     monkeypatch.setattr(screening, "columns", lambda *_: Columns(known, own))
@@ -75,11 +75,11 @@ def test_part_and_whole_are_exchanged_and_never_both_named(criteria, best, monke
         found = [Promise(table[frozenset((*staying(effects, p.effect), p.effect))], p) for p in choices]
         return sorted(found, key=lambda p: p.criterion)
 
-    def choices(point, without):
+    def choices(point, without, chords):
         """Return the effects that may join."""
-        return [Probe(e, {}) for e in (PART, WHOLE, OTHER) if e not in without], 0
+        return [Candidate(e, {}) for e in (PART, WHOLE, OTHER) if e not in without]
 
-    monkeypatch.setattr(stepwise, "probes", choices)
+    monkeypatch.setattr(stepwise, "candidates", choices)
     monkeypatch.setattr(stepwise, "with_usual_sign", lambda values, motor: values)
     monkeypatch.setattr(stepwise, "screened", promises)
     monkeypatch.setattr(stepwise, "visited", lambda point, probe, beside=(): told((*beside, probe.effect)))

@@ -18,7 +18,7 @@ def named(monkeypatch):
         done = []
 
         def moves(process, here):
-            found = [Move(tuple(k), x, Probe(k[-1:], {})) for k, x in promises[here.effects].items()]
+            found = [Move(tuple(k), x, Candidate(k[-1:], {})) for k, x in promises[here.effects].items()]
             return sorted(found, key=lambda m: -m.promised)
 
         def fitted(process, here, move):

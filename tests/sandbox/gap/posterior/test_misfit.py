@@ -36,7 +36,8 @@ def test_removing_what_is_missed_gains_what_the_likelihood_says():
 
 def test_a_slow_error_makes_estimates_more_uncertain():
     """A random offset of each of 300 pieces, beside noise: a mean over a piece scatters by its power, 18 times the
-    noise's; weights for the whole gain of removing it say between a quarter of that, log(1 + 18) = 3 times less, and all."""
+    noise's; weights for the whole gain of removing it say between a quarter of that (log(1 + 18) = 3 times less) and
+    all."""
     rng, length = np.random.default_rng(1), 200
     slow = np.repeat(0.3 * rng.standard_normal(300), length)
     residual = (slow + rng.standard_normal(slow.size))[:, None]

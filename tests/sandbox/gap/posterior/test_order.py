@@ -16,12 +16,14 @@ def test_shuffled_and_renamed_recordings_give_the_same_digits(small_answers):
     names = {r.file: f"z{k}.parquet" for k, r in enumerate(reversed(own))}
     turned = tuple(dataclasses.replace(r, file=names[r.file]) for r in own[::-1])
     again = diagnose(dataclasses.replace(first.campaign, recordings=turned), exclude=first.excluded)
-    assert [(h.effects, h.probability) for h in again.hypotheses] == [(h.effects, h.probability) for h in first.hypotheses]
+    assert [(h.effects, h.probability) for h in again.hypotheses] == [
+        (h.effects, h.probability) for h in first.hypotheses
+    ]
     assert again.size.closed == first.size.closed
     assert again.parameters == first.parameters
-    told = {r.file: r for r in again.size.recordings}
+    own_rms = {r.file: r for r in again.size.recordings}
     for r in first.size.recordings:
-        assert told[names[r.file]] == r._replace(file=names[r.file])
+        assert own_rms[names[r.file]] == r._replace(file=names[r.file])
 
 
 def test_a_name_that_foretells_worse_than_none_is_not_given(monkeypatch):

@@ -154,12 +154,13 @@ def test_a_doubled_candidate_changes_no_chance(problem):
     slopes, residual = problem
     one = SetPosterior(linear(slopes, residual, 5, Settings()))
     both = linear(np.column_stack([slopes, slopes[:, 3]]), residual, 6, Settings())
+    alike = np.isin(np.arange(8), [3, 7])
     doubled = SetPosterior(
         LinearModel(
             both.point,
             both.normal,
             both.equations,
-            both.narrow.with_deviation(np.where(np.isin(np.arange(8), [3, 7]), TRACE / math.sqrt(2.0), both.narrow.deviation)),
+            both.narrow.with_deviation(np.where(alike, TRACE / math.sqrt(2.0), both.narrow.deviation)),
             both.wide,
             (*both.candidates[:5], Candidate(FREE[1], {"x": 1.0})),
             both.places,

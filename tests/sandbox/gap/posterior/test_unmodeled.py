@@ -28,9 +28,12 @@ def test_density_of_a_miss_is_lomax_convolved_with_noise(e):
     scatter, mean = 0.01, USUAL.misses
     scale = mean * (USUAL.tail - 1.0)
     exact, _ = quad(
-        lambda x: lomax.pdf(x, USUAL.tail, scale=scale) * norm.pdf(e - x, scale=scatter), 0.0, 20.0, points=[max(e, 1e-6)],
+        lambda x: lomax.pdf(x, USUAL.tail, scale=scale) * norm.pdf(e - x, scale=scatter),
+        0.0,
+        20.0,
+        points=[max(e, 1e-6)],
         limit=500,
-    )  # fmt: skip
+    )
     assert np.exp(_log_densities(e, scatter, mean, USUAL)[0]) == pytest.approx(exact, rel=0.05)
 
 
