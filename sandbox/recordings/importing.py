@@ -29,12 +29,12 @@ from sandbox.recordings.campaign import (
     entries_of,
     table_of,
 )
+from sandbox.recordings.checks.plausibility import check
 from sandbox.recordings.column_map import KIND, Column, contract, parse_columns, source_columns
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.parquet import INDEX
 from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
-from sandbox.recordings.plausibility import check
 from sandbox.recordings.stamps import Log, by_arrival, cut_at_gaps, parse_log, polled, stamp_jitter
 
 Array = NDArray[np.float64]

@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.recordings.balance import PHASES, VOLTAGES
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
+from sandbox.recordings.checks.balance import PHASES, VOLTAGES
+from sandbox.recordings.checks.mistakes import contradictions, conventions_off
+from sandbox.recordings.checks.plausibility import angle, current_sensors, link_voltage, other_columns, voltage_limit
 from sandbox.recordings.conventions import shifted, with_link
-from sandbox.recordings.mistakes import contradictions, conventions_off
-from sandbox.recordings.plausibility import angle, current_sensors, link_voltage, other_columns, voltage_limit
 
 Array = NDArray[np.float64]
 REFUSED, SUSPICIOUS, NOTE = "refused", "suspicious", "note"

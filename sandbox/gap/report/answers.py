@@ -28,7 +28,7 @@ from sandbox.gap.report.ranking import Ranking, ranking
 from sandbox.gap.shortened import share, shortened
 from sandbox.gap.words import capital, likely, names, percent_fine, stopped, times, words
 from sandbox.recordings.campaign import NO_LIMITS, Campaign
-from sandbox.recordings.mistakes import Unanswered
+from sandbox.recordings.checks.mistakes import Unanswered
 from sandbox.replay.memory import USUAL
 
 ALPHAS = ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")

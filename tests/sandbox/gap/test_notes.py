@@ -9,7 +9,7 @@ from sandbox.gap.posterior.estimates import Estimate
 from sandbox.gap.report import answers, left
 from sandbox.gap.words import quantity
 from sandbox.recordings.campaign import Finding
-from sandbox.recordings.mistakes import Unanswered
+from sandbox.recordings.checks.mistakes import Unanswered
 
 
 def diagnosis(findings, *after):

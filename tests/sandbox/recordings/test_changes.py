@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from model.errors import BadInput
-from sandbox.recordings.balance import PHASES
 from sandbox.recordings.campaign import read_campaign
-from sandbox.recordings.changes import changes
-from sandbox.recordings.mistakes import contradictions, conventions_off
+from sandbox.recordings.checks.balance import PHASES
+from sandbox.recordings.checks.changes import changes
+from sandbox.recordings.checks.mistakes import contradictions, conventions_off
 from sandbox.recordings.staircase import check_sensors, rest_of_sum
 from tests.data import recordings_folder
 

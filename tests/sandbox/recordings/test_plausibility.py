@@ -11,11 +11,11 @@ from scipy.integrate import solve_ivp
 from model.drive_files import load_drive
 from model.energy import flux_from_current
 from model.errors import BadInput
-from sandbox.recordings.balance import PHASES, balance
 from sandbox.recordings.campaign import CampaignRecording, read_campaign
+from sandbox.recordings.checks.balance import PHASES, balance
+from sandbox.recordings.checks.mistakes import contradictions
+from sandbox.recordings.checks.plausibility import check
 from sandbox.recordings.importing import read_recordings
-from sandbox.recordings.mistakes import contradictions
-from sandbox.recordings.plausibility import check
 from tests.data import recordings_folder
 
 CAMPAIGNS = ("p01", "p05", "p06", "p11")  # three families of drives, iron loss, an encoder offset, a lock angle of zero
@@ -250,7 +250,7 @@ def test_the_balance_of_a_long_recording_is_made_in_blocks(turning, monkeypatch,
     """Blocks of 100 samples of 1600: the same windows, and the same volts but for the rounding of longer sums."""
     r, drive = turning
     whole = balance(r.columns, drive, window, saturated=saturated)
-    monkeypatch.setattr("sandbox.recordings.balance.BLOCK", 100)
+    monkeypatch.setattr("sandbox.recordings.checks.balance.BLOCK", 100)
     cut = balance(r.columns, drive, window, saturated=saturated)
     assert np.array_equal(cut.rows, whole.rows)
     assert np.allclose(cut.voltage, whole.voltage, rtol=1e-12)

@@ -12,8 +12,8 @@ import pytest
 
 from sandbox import check
 from sandbox.cli import main
-from sandbox.recordings.balance import PHASES, percent
 from sandbox.recordings.campaign import EXAMPLE, read_campaign
+from sandbox.recordings.checks.balance import PHASES, percent
 from sandbox.recordings.preflight import REFUSED, noticed, pace, quantum
 from sandbox.recordings.writing import write_campaign
 from tests.data import recordings_folder

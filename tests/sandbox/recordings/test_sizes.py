@@ -18,8 +18,9 @@ from model.drive_files import load_drive
 from model.errors import BadInput
 from model.given import read_toml
 from sandbox.drive.locked_test import Bench, paper_campaign
-from sandbox.recordings import balance, foreign, importing
+from sandbox.recordings import foreign, importing
 from sandbox.recordings.campaign import read_campaign
+from sandbox.recordings.checks import balance
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats import matrices
 from sandbox.recordings.writing import write_campaign

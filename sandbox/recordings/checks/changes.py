@@ -14,8 +14,8 @@ import numpy as np
 
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
-from sandbox.recordings.balance import PHASES, VOLTAGES, Columns, Complex
 from sandbox.recordings.campaign import CampaignRecording
+from sandbox.recordings.checks.balance import PHASES, VOLTAGES, Columns, Complex
 
 THIRD = 2.0 * math.pi / 3.0
 SQRT3 = math.sqrt(3.0)

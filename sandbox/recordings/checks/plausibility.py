@@ -1,6 +1,6 @@
 """What cannot be right in a recording, and what is suspicious, each one sentence with column, row, value and remedy.
 
-Units, signs and orders that the voltage equation contradicts are in `sandbox.recordings.mistakes`; here is what a
+Units, signs and orders that the voltage equation contradicts are in `sandbox.recordings.checks.mistakes`; here is what a
 column shows by itself.  BadInput for the impossible, a `Finding` for the rest.
 """
 
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.recordings.balance import PHASES
 from sandbox.recordings.campaign import CampaignRecording, Finding
+from sandbox.recordings.checks.balance import PHASES
+from sandbox.recordings.checks.mistakes import contradictions
 from sandbox.recordings.conventions import shifted
-from sandbox.recordings.mistakes import contradictions
 from sandbox.recordings.staircase import LARGEST_TURN, check_sensors, rest_of_sum
 
 Array = NDArray[np.float64]

@@ -3,7 +3,7 @@
 What stays unexplained is V - R I - S di/dt - D d(exp(2j theta) conj(i))/dt - phi d(exp(j theta))/dt, averaged over
 windows: linear in the motor's values and in factors of voltage and current, a polynomial in exp(j zero) of a zero of
 the angle.  So one matrix of products for each reading of the signals tells every factor and every zero, and all single
-changes of the table (`sandbox.recordings.changes`) and all pairs are tried.  A mistake is believed only where undoing
+changes of the table (`sandbox.recordings.checks.changes`) and all pairs are tried.  A mistake is believed only where undoing
 it explains the recording; a gap that no mistake explains is left to the diagnosis.
 """
 
@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.recordings.balance import (
+from sandbox.recordings.campaign import CampaignRecording, Finding
+from sandbox.recordings.checks.balance import (
     UNDISTURBED,
     Balance,
     Columns,
@@ -30,8 +31,7 @@ from sandbox.recordings.balance import (
     saturation_explains,
     window_of,
 )
-from sandbox.recordings.campaign import CampaignRecording, Finding
-from sandbox.recordings.changes import (
+from sandbox.recordings.checks.changes import (
     ANGLE,
     CURRENT,
     MOTOR,

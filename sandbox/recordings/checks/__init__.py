@@ -1,0 +1,1 @@
+"""Checks of recordings against the voltage equation, and the table of mistakes that explain what they contradict."""
