@@ -7,7 +7,7 @@ What commands u become at the motor is u (1 + p x), x the link's reading over no
     p = -1  the drive divides by a reading, the link itself is steady                      dc_link = "steady"
     p = 1   the link varies as read, and the drive divides by the nominal voltage          command = "nominal"
 
-p is a least-squares estimate from the flux balance (`sandbox.recordings.checks.mistakes`) beside errors of what the nominal
+p is a least-squares estimate from the flux balance (`checks.mistakes`) beside errors of what the nominal
 model states, recording by recording.  A log shifted by one row leaves the balance of single samples open, and closes it
 once it is shifted back; where commands hardly change from row to row it cannot be seen.
 """

@@ -3,7 +3,7 @@
 What stays unexplained is V - R I - S di/dt - D d(exp(2j theta) conj(i))/dt - phi d(exp(j theta))/dt, averaged over
 windows: linear in the motor's values and in factors of voltage and current, a polynomial in exp(j zero) of a zero of
 the angle.  So one matrix of products for each reading of the signals tells every factor and every zero, and all single
-changes of the table (`sandbox.recordings.checks.changes`) and all pairs are tried.  A mistake is believed only where undoing
+changes of the table (`changes`) and all pairs are tried.  A mistake is believed only where undoing
 it explains the recording; a gap that no mistake explains is left to the diagnosis.
 """
 

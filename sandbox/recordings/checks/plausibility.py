@@ -1,6 +1,6 @@
 """What cannot be right in a recording, and what is suspicious, each one sentence with column, row, value and remedy.
 
-Units, signs and orders that the voltage equation contradicts are in `sandbox.recordings.checks.mistakes`; here is what a
+Units, signs and orders that the voltage equation contradicts are in `mistakes`; here is what a
 column shows by itself.  BadInput for the impossible, a `Finding` for the rest.
 """
 
