@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from sandbox.public.catalogue import list_presets as list_presets
     from sandbox.public.catalogue import list_scenarios as list_scenarios
     from sandbox.public.catalogue import list_tests as list_tests
+    from sandbox.public.converting import convert_motor as convert_motor
     from sandbox.public.exporting import export_estimator as export_estimator
     from sandbox.public.loading import load_estimator as load_estimator
     from sandbox.public.loading import load_estimator_library as load_estimator_library
@@ -57,7 +58,7 @@ if TYPE_CHECKING:
     from sandbox.public.verifying import verify as verify
 
 __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
-    "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign",
+    "load_motor", "convert_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign",
     "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "list_tests",
     "describe", "use_effects", "plan", "check",
     "simulate", "compare", "tolerances", "sweep", "protocol", "bench", "audit", "maps", "identify", "diagnose",
@@ -73,6 +74,7 @@ _HOMES = {
         "load_motor", "load_scenario", "load_estimator", "load_estimator_library", "read_campaign", "use_effects",
     ),
     "sandbox.public.exporting": ("export_estimator",),
+    "sandbox.public.converting": ("convert_motor",),
     "sandbox.public.catalogue": (
         "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets",
         "list_tests", "describe",

@@ -106,6 +106,16 @@ def run_maps(options: argparse.Namespace) -> None:
         print_prose(f"results in {folder}{f'; {kept}' if kept else ''}")
 
 
+def run_motor(options: argparse.Namespace) -> None:
+    """Convert what other tools and data sheets state; write motor.toml and motor.json."""
+    folder = checked_folder(options)
+    found = sandbox.convert_motor(options.stated, options.name)
+    found.save(folder)
+    if not options.quiet:
+        found.show()
+        print_prose(f"motor.toml in {folder}")
+
+
 def run_identify(options: argparse.Namespace) -> None:
     """Identify a motor from a campaign; write identify.json, .png and .parquet."""
     from sandbox.public.printed import print_identification

@@ -16,7 +16,7 @@ from sandbox.cli.sweeping import add_tolerances, on_dask
 PARALLEL = ("compare", "protocol", "diagnose", "sweep")  # use all cores, as threads or processes
 SHORT = ("check", "plan", "replay")  # done before a second thread would pay, unless more are asked for
 NOISY = ("compare", "simulate", "protocol")  # draw sensor noise
-TABLELESS = ("verify", "export-estimator")  # write no table
+TABLELESS = ("verify", "export-estimator", "motor")  # write no table
 MOTOR = "a motor of `sensorless list motors`, or a file of yours (ipm_exchanged)"
 LIBRARY = "an estimator of your own in C, as a shared library (see estimators/c/README.md)"
 EFFECTS = "what the plant has and the model lacks: effect.parameter=value,... or a file such as effects.toml"
@@ -95,7 +95,7 @@ def add_judging(add: Add) -> None:
 
 
 def add_motor(add: Add) -> None:
-    """Add `audit` and `maps`, which need no run."""
+    """Add `audit`, `maps` and `motor`, which need no run."""
     text = "up to which current a motor's model is valid: convexity, saliency, cross-saturation angle"
     c = add("audit", commands.run_audit, text)
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
@@ -103,6 +103,11 @@ def add_motor(add: Add) -> None:
     c = add("maps", commands.run_maps, "inductances, cross-saturation angle and gain over the current plane")
     c.add_argument("motor", metavar="MOTOR", help="name or TOML file")
     c.add_argument("--radius", type=number, help="half width of the plane of currents, in A (180 %% of rated)")
+    text = "a motor's file from a configuration (VESC, ODrive, moteus, SimpleFOC) and values of data sheets, converted"
+    c = add("motor", commands.run_motor, text)
+    text = "paths of configurations, and values with units: kv=300 resistance_ll=0.1ohm current='20 A rms'"
+    c.add_argument("stated", nargs="+", metavar="FILE|KEY=VALUE", help=text)
+    c.add_argument("--name", default="motor", help="the motor's name (motor)")
 
 
 def add_recorded(add: Add) -> None:

@@ -30,7 +30,7 @@ ROWS = "withheld.rows.jsonl"
 SCORED = "withheld score"
 FUNCTIONS = (
     "simulate", "compare", "tolerances", "sweep", "protocol", "audit", "maps", "identify", "diagnose", "replay",
-    "export_estimator",
+    "export_estimator", "convert_motor",
 )  # fmt: skip
 
 

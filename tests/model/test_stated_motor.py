@@ -1,0 +1,118 @@
+"""Motors as other tools and data sheets state them: every conversion by hand, contradictions and gaps told."""
+
+import json
+import math
+
+import pytest
+
+from model.errors import BadInput
+from model.tools.configurations import read_configuration
+from model.tools.quantities import quantity_of
+from model.tools.stated_motor import stated_motor
+from sandbox.cli import main
+from tests.data import real_data
+
+REST = ["current=20A", "voltage=24V"]
+SIMPLE = ["poles=14", "resistance=0.05ohm", "inductance=30uH", *REST]
+
+VESC = """<?xml version="1.0" encoding="UTF-8"?>
+<MCConfiguration><foc_motor_r>0.015</foc_motor_r><foc_motor_l>7e-06</foc_motor_l>
+<foc_motor_ld_lq_diff>2e-06</foc_motor_ld_lq_diff><foc_motor_flux_linkage>0.00245</foc_motor_flux_linkage>
+<si_motor_poles>14</si_motor_poles><l_current_max>60</l_current_max><foc_f_zv>30000</foc_f_zv>
+<si_battery_cells>6</si_battery_cells></MCConfiguration>"""
+ODRIVE = {
+    "axis0.config.motor.phase_resistance": 0.04, "axis0.config.motor.phase_inductance": 2e-5,
+    "axis0.config.motor.torque_constant": 0.03, "axis0.config.motor.pole_pairs": 7,
+    "axis0.config.motor.current_soft_max": 50.0,
+}  # fmt: skip
+MOTEUS = "motor.poles 14\nmotor.resistance_ohm 0.05\nmotor.v_per_hz 0.109\nservo.max_current_A 100\n"
+SIMPLEFOC = "BLDCMotor motor = BLDCMotor(7, 0.1664, 160.0f, 0.00003);\nmotor.current_limit = 5;\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "wanted"),
+    [
+        (VESC, [], {"inductance_d": 6e-6, "inductance_q": 8e-6, "magnet_flux": 0.00245, "rated_current": 60.0}),
+        (json.dumps(ODRIVE), ["voltage=24V"], {"resistance": 0.04, "magnet_flux": 0.03 / (1.5 * 7)}),
+        # v_per_hz: V of a phase, peak, per mechanical Hz
+        (MOTEUS, ["voltage=24V", "inductance=30uH"], {"magnet_flux": 0.109 / (math.tau * 7), "rated_current": 100.0}),
+        (SIMPLEFOC, ["voltage=12V"], {"magnet_flux": 60 / (math.tau * math.sqrt(3) * 7 * 160), "inductance_q": 3e-5}),
+    ],
+    ids=["VESC", "ODrive", "moteus", "SimpleFOC"],
+)
+def test_configurations_of_four_tools(tmp_path, text, more, wanted):
+    (tmp_path / "config").write_text(text)
+    found = stated_motor([str(tmp_path / "config"), *more])
+    assert found.drive.motor.pole_pairs == 7
+    for name, value in wanted.items():
+        assert getattr(found.drive.motor, name) == pytest.approx(value, rel=1e-6), name
+    assert {s.key for s in found.steps} >= {"resistance", "magnet_flux", "inertia"}
+
+
+@pytest.mark.parametrize("name", ["flipsky6374", "hoverboard", "mad8318", "mj5208"])
+def test_the_sweeps_of_moteus(name):
+    """The file's own fit: lambda_m (Wb), L_d = B + C i_d (H)."""
+    path = real_data() / "moteus_ld" / f"ld_{name}.json"
+    own = json.loads(path.read_text())
+    motor = stated_motor([str(path), "voltage=24V"]).drive.motor
+    assert motor.magnet_flux == pytest.approx(own["fit"]["lambda_m"])
+    assert motor.resistance == pytest.approx(own["params"]["R"])
+    assert 2 * motor.pole_pairs == own["params"]["poles"]
+
+
+@pytest.mark.parametrize(
+    ("word", "name", "value"),
+    [
+        ("kv=300", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),
+        ("back_emf=3.333333 V/krpm", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),  # 1000/300
+        ("kt=0.0275664 Nm/A", "magnet_flux", 60 / (math.tau * math.sqrt(3) * 7 * 300)),  # 8.27/Kv, ODrive
+        ("flux=2,6 mWb", "magnet_flux", 2.6e-3),
+    ],
+)
+def test_one_flux_by_four_statements(word, name, value):
+    assert getattr(stated_motor([*SIMPLE, word]).drive.motor, name) == pytest.approx(value, rel=1e-4)
+
+
+def test_values_between_terminals_and_rms():
+    motor = stated_motor(["p=7", "r_ll=0.1 Ω", "l_ll=0,06 mH", "kv=300", "current=20 A rms", "voltage=24"]).drive.motor
+    assert motor.resistance == pytest.approx(0.05)
+    assert motor.inductance_q == pytest.approx(3e-5)
+    assert motor.rated_current == pytest.approx(20.0 * math.sqrt(2.0))
+    assert quantity_of("36 gcm2", "kg m^2", "inertia").value == pytest.approx(3.6e-6)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["kv=300"], "pole_pairs are missing"),
+        ([*SIMPLE], "magnet_flux is missing; give it, e.g. kv=300"),
+        (["poles=7", "kv=300"], "makes 3.5 pole pairs"),
+        ([*SIMPLE, "kv=300", "flux=9mWb"], "give one"),
+        ([*SIMPLE, "kv=300", "kw=3"], "unknown value of a motor 'kw'"),
+        ([*SIMPLE, "kv=300 V"], "unknown unit of kv"),
+        ([*SIMPLE, "kv=fast"], "is no quantity"),
+        ([*SIMPLE[:3], "kv=300", "current=20A"], "the link's voltage is missing"),
+        (["nothing.xml"], "does not exist"),
+    ],
+)
+def test_what_is_wrong_is_told(words, said):
+    with pytest.raises(BadInput, match=said):
+        stated_motor(words)
+
+
+def test_the_command_writes_a_file_that_is_read_again(tmp_path):
+    from model.drive_files import load_drive
+
+    assert main(["motor", *SIMPLE, "kv=300", "--out", str(tmp_path), "--quiet"]) == 0
+    told = json.loads((tmp_path / "motor.json").read_text())
+    drive = load_drive(tmp_path / "motor.toml")
+    for row in told["values"]:
+        table = drive.motor if row["table"] == "motor" else drive.converter
+        assert getattr(table, row["key"]) == pytest.approx(row["value"])
+    assert "1 / (sqrt(3) pole_pairs Kv)" in drive.provenance["magnet_flux"]
+
+
+def test_a_file_of_no_known_tool(tmp_path):
+    (tmp_path / "x.xml").write_text("<a><b>1</b></a>")
+    with pytest.raises(BadInput, match="nothing of a motor is known in it"):
+        read_configuration(tmp_path / "x.xml")
