@@ -144,6 +144,18 @@ def test_the_sample_campaign_is_small_and_what_its_script_says(monkeypatch, tmp_
     assert asked == [EXAMPLE]
 
 
+@of("convert_motor")
+def test_a_motor_from_a_data_sheet(tmp_path):
+    """Kv 300 rpm/V between terminals, peak: 60 / (2 pi sqrt(3) 7 300) Wb; half of the ohm between terminals."""
+    words = ["poles=14", "kv=300", "r_ll=0.1ohm", "inductance=30uH", "current=20A", "voltage=24V"]
+    found = sandbox.convert_motor(words, "mine")
+    assert "mine" in repr(found)
+    assert found.stated.drive.motor.magnet_flux == pytest.approx(60.0 / (2.0 * np.pi * 3.0**0.5 * 7 * 300.0))
+    assert sandbox.load_motor(found.save(tmp_path / "out") / "motor.toml").motor.resistance == pytest.approx(0.05)
+    with pytest.raises(sandbox.BadInput, match="pole_pairs are missing"):
+        sandbox.convert_motor(["kv=300"])
+
+
 @of("replay")
 def test_replay_meets_its_own_simulation(tmp_path):
     """A simulated bench replayed by the same effects lies at its noise floor, without them it does not."""

@@ -151,6 +151,7 @@ def test_seed_and_jobs_are_told_where_they_do_something(capsys):
         ("maps", False, False), ("identify", False, False), ("bench", False, False), ("diagnose", False, True),
         ("sweep", False, True), ("check", False, True), ("plan", False, True), ("replay", False, True),
         ("verify", False, False), ("export-estimator", False, False),
+        ("motor", False, False),
     ):  # fmt: skip
         with pytest.raises(SystemExit):
             main([command, "--help"])
