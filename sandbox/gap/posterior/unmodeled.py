@@ -1,6 +1,6 @@
 """How likely it is that something outside the library is at work: a part of the model, weighed by its evidence.
 
-Each recording's currents leave an excess e = J^2 - 1 beyond noise.  With all causes named, e is what the replay misses:
+Each recording leaves an excess e = J^2 - 1 beyond noise.  With all causes named, e is what the replay misses:
 a Pareto distribution (Lomax's, of heavy tail) with a mean that is known (`Settings.misses`), plus the scatter of
 noise's own square.  With a cause outside the library, a share f of the recordings (prior: Jeffreys), nobody knows
 which, has an excess of any order of magnitude
@@ -57,13 +57,12 @@ def log_bayes_factor(before: Normal, after: Normal, noise: float, settings: Sett
 
 
 def excess(n: Normal) -> tuple[Array, Array]:
-    """Return J^2 - 1 of the currents of every recording (r,), and how many readings that is."""
+    """Return J^2 - 1 of every recording (r,), all its channels together, and how many readings that is."""
     size = 1 + max(s.recording for s in n.segments)
     squares, count = np.zeros(size), np.zeros(size)
     for s in n.segments:
-        if s.channel == "current":
-            squares[s.recording] += float(s.rr.sum())
-            count[s.recording] += float(s.n.sum())
+        squares[s.recording] += float(s.rr.sum())
+        count[s.recording] += float(s.n.sum())
     return squares / count - 1.0, count
 
 

@@ -24,7 +24,7 @@ from sandbox.gap.location.where import DETAIL
 from sandbox.gap.posterior.beside import Beside, beside
 from sandbox.gap.posterior.estimates import Estimate, estimates_beside
 from sandbox.gap.posterior.evaluated import EvaluatedModel
-from sandbox.gap.posterior.inclusion import Inclusion, by_algebra
+from sandbox.gap.report.inclusion import Inclusion, by_algebra
 from sandbox.gap.shortened import shortened
 from sandbox.gap.words import tenths
 

@@ -11,11 +11,10 @@ from model.effects import library
 from sandbox.gap.diagnose import Diagnosis, verdict
 from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.posterior.estimates import Estimate, estimates
-from sandbox.gap.posterior.evaluated import EvaluatedModel
+from sandbox.gap.posterior.evaluated import EvaluatedModel, by_algebra
 from sandbox.gap.posterior.hypotheses import UNKNOWN
-from sandbox.gap.posterior.inclusion import Inclusion, inclusion
 from sandbox.gap.posterior.remainder import Unexplained
-from sandbox.gap.posterior.unfitted import by_algebra
+from sandbox.gap.report.inclusion import Inclusion, inclusion
 from sandbox.gap.report.open_part import OpenPart, Remaining, open_part, own_of, remaining
 from sandbox.gap.report.position_moved import Moved, moved
 from sandbox.gap.report.shares import Share, Shares, of_set, shares

@@ -9,7 +9,7 @@ import pytest
 from model.errors import BadInput
 from sandbox.gap.evidence.normal import Normal, Segment
 from sandbox.gap.posterior.beside import Joint, beside, integrated_out
-from sandbox.gap.posterior.inclusion import by_algebra
+from sandbox.gap.report.inclusion import by_algebra
 from tests.sandbox.gap.conftest import DEAD_TIME
 
 
