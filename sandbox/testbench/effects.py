@@ -21,6 +21,7 @@ def _sign(rng: np.random.Generator) -> float:
 
 
 def stator_resistance(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `stator_resistance` into a bench."""
     value = d.nominal["resistance"] * (1 + max(0.12 * size * _sign(rng), -0.5))
     d.true["resistance"] = value
     if own:
@@ -30,11 +31,13 @@ def stator_resistance(d: Design, size: float, own: bool, rng: np.random.Generato
 
 
 def magnet_flux(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `magnet_flux` into a bench."""
     d.true["magnet_flux"] = d.nominal["magnet_flux"] * (1 + 0.06 * size * _sign(rng))
     return {"magnet_flux": d.true["magnet_flux"]}, LIBRARY_FORM
 
 
 def inductance(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `inductance` into a bench."""
     scales = {}
     for axis in ("d", "q"):
         scales[f"scale_{axis}"] = 1 + 0.08 * size * _sign(rng) * rng.uniform(0.6, 1.2)
@@ -43,6 +46,7 @@ def inductance(d: Design, size: float, own: bool, rng: np.random.Generator) -> R
 
 
 def saturation(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `saturation` into a bench."""
     if d.map is not None:
         d.sooner = float(np.clip(0.12 * size * _sign(rng), -0.35, 0.35))
         return {}, "the published map saturates sooner or later: psi(f i)/f"
@@ -57,6 +61,7 @@ def saturation(d: Design, size: float, own: bool, rng: np.random.Generator) -> R
 
 
 def cross_saturation(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `cross_saturation` into a bench."""
     if d.map is not None:
         d.crossed = float(np.clip(-0.45 * size, -0.9, 0.0))
         return {}, "the part of the published map that crosses the axes is smaller"
@@ -71,6 +76,7 @@ def cross_saturation(d: Design, size: float, own: bool, rng: np.random.Generator
 
 
 def flux_harmonics(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `flux_harmonics` into a bench."""
     magnet = d.nominal["magnet_flux"]
     if not own:
         a, b = 0.008 * size * magnet * rng.uniform(0.6, 1.3, 2)
@@ -83,6 +89,7 @@ def flux_harmonics(d: Design, size: float, own: bool, rng: np.random.Generator) 
 
 
 def inductance_harmonics(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `inductance_harmonics` into a bench."""
     gamma = 0.03 * size * _sign(rng) / d.nominal["inductance_q"]
     if not own:
         d.mag["saliency"] = np.array([gamma, 0.0, 0.0])
@@ -93,6 +100,7 @@ def inductance_harmonics(d: Design, size: float, own: bool, rng: np.random.Gener
 
 
 def iron_loss(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `iron_loss` into a bench."""
     w = d.drive.pole_pairs * d.drive.speed
     psi = float(np.hypot(d.nominal["magnet_flux"], d.nominal["inductance_q"] * d.drive.current * 0.7))
     e, i = w * psi, 0.03 * size * d.drive.current  # core current at rated speed
@@ -111,6 +119,7 @@ def iron_loss(d: Design, size: float, own: bool, rng: np.random.Generator) -> Re
 
 
 def skin_effect(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `skin_effect` into a bench."""
     r = d.nominal["resistance"]
     at = 1 / (8 * d.drive.period)
     if not own:
@@ -126,6 +135,7 @@ def skin_effect(d: Design, size: float, own: bool, rng: np.random.Generator) -> 
 
 
 def winding_asymmetry(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `winding_asymmetry` into a bench."""
     r = d.nominal["resistance"]
     if not own:
         a, b = 0.05 * size * r * rng.uniform(0.4, 1.2, 2) * np.array([_sign(rng), _sign(rng)])
@@ -140,6 +150,7 @@ def winding_asymmetry(d: Design, size: float, own: bool, rng: np.random.Generato
 
 
 def dead_time(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `dead_time` into a bench."""
     time = 0.006 * size * d.drive.period * rng.uniform(0.8, 1.25)
     if not own:
         d.inv["dead_time_ideal"] += time
@@ -153,6 +164,7 @@ def dead_time(d: Design, size: float, own: bool, rng: np.random.Generator) -> Re
 
 
 def device_drop(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `device_drop` into a bench."""
     v = 0.0025 * size * d.drive.link * rng.uniform(0.8, 1.25)
     r = 0.3 * v / d.drive.current
     if not own:
@@ -169,6 +181,7 @@ def device_drop(d: Design, size: float, own: bool, rng: np.random.Generator) -> 
 
 
 def dc_link_error(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `dc_link_error` into a bench."""
     gain = 0.03 * size * _sign(rng)
     d.inv["link_gain"] += gain
     if not own:
@@ -188,6 +201,7 @@ def _source(d: Design, ohm: float, ripple: float) -> None:
 
 
 def dc_link_ripple(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `dc_link_ripple` into a bench."""
     if not own:
         amplitude = 0.015 * size * d.drive.link
         f, phase = float(rng.choice([100.0, 120.0, 300.0, 360.0])), float(rng.uniform(-np.pi, np.pi))
@@ -208,6 +222,7 @@ def dc_link_ripple(d: Design, size: float, own: bool, rng: np.random.Generator) 
 
 
 def pwm_delay(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `pwm_delay` into a bench."""
     delay = 0.05 * size * d.drive.period
     if not own:
         d.inv["delay"] = np.full(3, delay)
@@ -217,6 +232,7 @@ def pwm_delay(d: Design, size: float, own: bool, rng: np.random.Generator) -> Re
 
 
 def current_gain(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `current_gain` into a bench."""
     a, b = 1 + 0.015 * size * rng.uniform(0.5, 1.3, 2) * np.array([_sign(rng), _sign(rng)])
     d.sens["gain"] = d.sens["gain"] * np.array([a, b, 1.0])
     if own:
@@ -229,6 +245,7 @@ def current_gain(d: Design, size: float, own: bool, rng: np.random.Generator) ->
 
 
 def current_offset(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `current_offset` into a bench."""
     a, b = 0.012 * size * d.drive.current * rng.uniform(0.5, 1.3, 2) * np.array([_sign(rng), _sign(rng)])
     offset = np.array([a, b, -a - b])
     d.sens["offset"] = d.sens["offset"] + offset
@@ -239,6 +256,7 @@ def current_offset(d: Design, size: float, own: bool, rng: np.random.Generator) 
 
 
 def current_filter(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `current_filter` into a bench."""
     tau = 0.05 * size * d.drive.period
     if not own:
         d.sens["filter"] = np.array([1.0, tau, 1.0])
@@ -251,6 +269,7 @@ def current_filter(d: Design, size: float, own: bool, rng: np.random.Generator) 
 
 
 def current_sampling(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `current_sampling` into a bench."""
     delay = 0.03 * size * d.drive.period
     if not own:
         d.sens["delay"] = np.full(3, delay)
@@ -260,6 +279,7 @@ def current_sampling(d: Design, size: float, own: bool, rng: np.random.Generator
 
 
 def encoder_offset(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `encoder_offset` into a bench."""
     offset = 0.035 * size * _sign(rng)
     d.sens["angle_offset"] += offset
     if own:
@@ -269,6 +289,7 @@ def encoder_offset(d: Design, size: float, own: bool, rng: np.random.Generator) 
 
 
 def encoder_eccentricity(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `encoder_eccentricity` into a bench."""
     a, phase = 0.03 * size / d.drive.pole_pairs, float(rng.uniform(-np.pi, np.pi))
     second = 0.4 * a if own else 0.0
     d.sens["eccentricity"] = np.array([a, phase, second, rng.uniform(-np.pi, np.pi)])
@@ -277,6 +298,7 @@ def encoder_eccentricity(d: Design, size: float, own: bool, rng: np.random.Gener
 
 
 def coulomb_friction(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `coulomb_friction` into a bench."""
     t = 0.04 * size * d.torque
     if not own:
         d.mech["coulomb"] = np.array([t, 2.0])
@@ -287,12 +309,14 @@ def coulomb_friction(d: Design, size: float, own: bool, rng: np.random.Generator
 
 
 def viscous_friction(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `viscous_friction` into a bench."""
     b = d.nominal["viscous_friction"] + 0.05 * size * d.torque / d.drive.speed
     d.true["viscous_friction"] = b
     return {"coefficient": b}, LIBRARY_FORM
 
 
 def cogging_torque(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `cogging_torque` into a bench."""
     order = float(np.lcm(d.drive.slots, 2 * d.drive.pole_pairs))
     a, phase = 0.03 * size * d.torque, float(rng.uniform(-np.pi, np.pi))
     rows = [[a, order, phase]]
@@ -305,11 +329,13 @@ def cogging_torque(d: Design, size: float, own: bool, rng: np.random.Generator) 
 
 
 def inertia(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `inertia` into a bench."""
     d.true["inertia"] = d.nominal["inertia"] * (1 + max(0.15 * size * _sign(rng), -0.6))
     return {"inertia": d.true["inertia"]}, LIBRARY_FORM
 
 
 def shaft_compliance(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `shaft_compliance` into a bench."""
     j = d.true["inertia"]
     load = float(rng.uniform(0.3, 0.6)) * j
     f = float(np.clip(70.0 / np.sqrt(size), 25.0, 600.0))
@@ -358,36 +384,43 @@ ONLY_LIBRARY_FORM = ("magnet_flux", "inductance", "viscous_friction", "inertia")
 
 
 def fan(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `fan` into a bench."""
     d.mech["fan"] = 0.12 * size * d.torque / d.drive.speed**2 * 4
     return {}, "a fan on the shaft: torque by the square of the speed"
 
 
 def temperature_drift(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `temperature_drift` into a bench."""
     d.loss["drift"] = 0.08 * size
     return {}, "the winding heats within each recording: its resistance rises by 8 % a second"
 
 
 def sensor_hysteresis(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `sensor_hysteresis` into a bench."""
     d.sens["hysteresis"] = 0.012 * size * d.drive.current
     return {}, "current sensors with remanence: a play of 1.2 % of rated current"
 
 
 def sensor_saturation(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `sensor_saturation` into a bench."""
     d.sens["clip"] = d.drive.current * 1.35 / size**0.25
     return {}, "current sensors that saturate near 1.35 of rated current"
 
 
 def slipping_encoder(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `slipping_encoder` into a bench."""
     d.sens["slip"] = -3e-4 * size
     return {}, "the encoder's coupling slips: 0.3 mrad for each radian turned"
 
 
 def periodic_load(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `periodic_load` into a bench."""
     d.mech["periodic"] = np.array([0.06 * size * d.torque, float(rng.choice([0.37, 1.62, 2.71])), rng.uniform(-3, 3)])
     return {}, "a load torque that turns with another shaft (belt), asked by nobody"
 
 
 def rough_counter(d: Design, size: float, own: bool, rng: np.random.Generator) -> Result:
+    """Put the cause `rough_counter` into a bench."""
     d.inv["counts"] = float(max(20, round(90 / size)))
     return {}, "the modulator rounds duties to some 90 steps"
 
