@@ -8,7 +8,6 @@ import pytest
 
 from estimators.registry import load_estimator
 from model.drive_files import load_drive, mapped_names
-from model.errors import BadInput
 from model.mapped import MappedMotor, without_map
 from model.parameters import Motor
 from sandbox.cli import main
@@ -83,12 +82,6 @@ def test_simulate_with_effects_and_record(mapped, tmp_path):
     nominal = read_campaign(tmp_path / "c").drive.motor
     assert isinstance(nominal, MappedMotor)  # the map goes along: without it a fault-free drive would look faulty
     assert nominal.map_hash == mapped.motor.map_hash
-
-
-def test_what_the_quartic_alone_has_is_refused(mapped):
-    run = (mapped, Scenario("x", (Segment(0.05),)), load_estimator("qnull"))
-    with pytest.raises(BadInput, match="alpha_30 = 1 contradicts the flux map"):
-        simulate(*run, effects={"saturation.alpha_30": 1.0})
 
 
 def twin(drive):
