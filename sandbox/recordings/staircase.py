@@ -273,6 +273,7 @@ def rest_of_sum(phase: Array) -> tuple[Array, Array]:
     w = np.linalg.solve(products + near, near @ np.ones(3))
     w /= np.mean(w)
     rest = np.asarray(w @ centered)
+    del centered  # a long recording's three columns
     believed = bool(np.all((w > 1.0 / GAINS) & (w < GAINS))) and float(rest @ rest) < LEFT * float(total @ total)
     return (rest, np.asarray(total - rest)) if believed else (total, np.zeros_like(total))
 
