@@ -279,7 +279,7 @@ def test_facts_of_effects_and_nominal_model_are_told():
         size=SimpleNamespace(raw=9.0, before=4.0, after=1.0), simulations=7, seconds=1.0, start=None,
     )  # fmt: skip
     card, model, made = page._detail(SimpleNamespace(diagnosis=d))
-    assert re.search(r"<td>rated_current</td><td[^>]*>1\.2</td><td[^>]*>A peak</td>", model)
+    assert re.search(r">rated_current</td><td[^>]*>1\.2</td><td[^>]*>A peak</td>", model)
     assert "The effect inertia" in card
     assert "\\n" not in card  # its lines are lines
     assert "9 noise floors" in made
