@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import PurePosixPath
 
 PACKAGES = {"model", "estimators", "sandbox"}
-DATA = {".py", ".toml", ".json", ".c", ".h", ".parquet", ".html", ".css", ".js"}
+DATA = {".py", ".toml", ".json", ".c", ".h", ".parquet", ".html", ".css", ".js", ".typed"}
 
 names = [PurePosixPath(n) for n in zipfile.ZipFile(sys.argv[1]).namelist()]
 inside = [n for n in names if not n.parts[0].endswith(".dist-info")]

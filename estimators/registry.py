@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from model.errors import BadInput, raised, unknown
 from model.names import check_name
+from model.plugins import brought, line_of, load
 
 if TYPE_CHECKING:
     from estimators.contract import Estimator
@@ -40,8 +41,8 @@ MODULES = {
 
 
 def estimator_names() -> list[str]:
-    """Return the known names, the usual one first."""
-    return list(MODULES)
+    """Return the known names, the usual one first, those of other packages last."""
+    return list(dict.fromkeys([*MODULES, *brought("estimators")]))
 
 
 def check_known(which: AnyEstimator) -> None:
@@ -51,8 +52,8 @@ def check_known(which: AnyEstimator) -> None:
             _check_library(Path(which))
         elif _is_file_name(which):
             _check_there(Path(which))
-        elif which not in MODULES:
-            raise unknown("estimator", which, MODULES)
+        elif which not in estimator_names():
+            raise unknown("estimator", which, estimator_names())
 
 
 def _is_file_name(which: str | Path) -> bool:
@@ -84,7 +85,20 @@ def load_estimator(which: AnyEstimator) -> Estimator:
         return load_estimator_library(which)
     if _is_file_name(which):
         return _apart(_from_file(Path(which)))
+    if str(which) not in MODULES:
+        return _brought(str(which))
     found: Estimator = import_module(MODULES[str(which)]).ESTIMATOR
+    return found
+
+
+def _brought(name: str) -> Estimator:
+    """Return the estimator of another package."""
+    from estimators.contract import Estimator
+
+    point = brought("estimators")[name]
+    found = load(point)
+    if not isinstance(found, Estimator) or found.name != name:
+        raise BadInput(f"'{point.value}' of another package is no Estimator of the name '{name}'; mend it there")
     return found
 
 
@@ -97,10 +111,12 @@ def load_estimator_library(path: str | Path) -> Estimator:
 
 
 def summaries() -> dict[str, str]:
-    """Return what each estimator does in one line, read from its source: importing it would compile it."""
-    return {
-        name: _summary(Path(__file__).with_name(f"{module.rpartition('.')[2]}.py")) for name, module in MODULES.items()
-    }
+    """Return what each estimator does in one line, read from its source: importing it would compile it.
+
+    Those of other packages: what their package says of itself.
+    """
+    own = {n: _summary(Path(__file__).with_name(f"{m.rpartition('.')[2]}.py")) for n, m in MODULES.items()}
+    return own | {name: line_of(point) for name, point in brought("estimators").items() if name not in own}
 
 
 def _summary(path: Path) -> str:

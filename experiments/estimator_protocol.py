@@ -18,7 +18,7 @@ from pathlib import Path
 from textwrap import fill
 
 from experiments.drawing import RESULTS, save
-from sandbox.cli.sweeping import on_dask
+from experiments.on_cluster import on_dask
 from sandbox.evaluation.bench import peer
 from sandbox.evaluation.pages.protocol_cells import reading, table, tables
 from sandbox.evaluation.pages.protocol_figure import protocol_figure

@@ -27,13 +27,13 @@ def few(folder: Path, exclude: Sequence[str] = ()) -> Any:
     return getattr(blind, "whole", blind.standard)(folder, (*exclude, *left_out()))
 
 
-def scoring(run: Callable[[Any], None], options: Any) -> None:
+def scoring(run: Callable[..., None], *given: Any, **named: Any) -> None:
     """Run `withheld score` with diagnoses of few effects; imported here, where a signal is heard."""
     from experiments.few_effects import few
     from sandbox.withheld.scoring import blind
 
     blind.whole, blind.standard = blind.standard, few  # type: ignore[attr-defined]
-    run(options)
+    run(*given, **named)
 
 
 def main() -> int:
@@ -41,7 +41,8 @@ def main() -> int:
     from sandbox.cli import main as whole
     from sandbox.cli import withholding
 
-    withholding.run_score = functools.partial(scoring, withholding.run_score)
+    run = withholding.score
+    withholding.score = functools.wraps(run)(functools.partial(scoring, run))  # type: ignore[assignment]
     return whole()
 
 

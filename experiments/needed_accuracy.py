@@ -11,8 +11,8 @@ import json
 from pathlib import Path
 
 from experiments import screens
+from experiments.on_cluster import on_dask
 from sandbox import tolerances
-from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import plain, version
 from sandbox.sweep.tolerances import lines
 

@@ -25,8 +25,8 @@ import numpy as np
 
 from experiments import screens
 from experiments.drawing import new_figure
+from experiments.on_cluster import on_dask
 from sandbox import sweep
-from sandbox.cli.sweeping import on_dask
 from sandbox.output.files import plain, version
 
 HERE = Path(__file__).parent

@@ -13,10 +13,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from cyclopts import CycloptsError
 
 from model.effects.card import PORTS
 from model.effects.library import effect_names, load_effect
-from sandbox.cli import build_parser
+from model.errors import BadInput
+from sandbox.cli import parse
 from tests import screens
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -173,12 +175,12 @@ def calls_of(text):
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.relative_to(ROOT).as_posix())
-def test_every_call_on_a_page_is_one_the_command_line_takes(page, capsys):
+def test_every_call_on_a_page_is_one_the_command_line_takes(page):
     for words in calls_of(page.read_text(encoding="utf-8")):
         try:
-            build_parser().parse_args(words)
-        except SystemExit as left:
-            assert left.code == 0, f"sensorless {' '.join(words)}: {capsys.readouterr().err}"
+            parse(words)
+        except (CycloptsError, BadInput) as error:
+            raise AssertionError(f"sensorless {' '.join(words)}: {error}") from None
 
 
 def test_calls_are_found():

@@ -1,13 +1,15 @@
-"""The page of all commands, from the parser of the command line itself."""
+"""The page of all commands, from the command line itself."""
 
 from __future__ import annotations
 
-import argparse
 import textwrap
 
+from cyclopts import App
+from cyclopts.argument import Argument
 from markdown import cell, code, table
 
-from sandbox.cli import build_parser
+from sandbox.cli.application import application
+from sandbox.cli.refusals import commands_of
 
 HEAD = """# Commands
 
@@ -20,49 +22,54 @@ one sentence that says what to change. A value in parentheses is what a command 
 """
 
 
-def subcommands(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentParser]:
-    """Return the parsers below one, by name."""
-    for action in parser._actions:
-        if isinstance(action, argparse._SubParsersAction):
-            return dict(action.choices)
-    return {}
+def typed(argument: Argument) -> str:
+    """Return an argument as it is typed."""
+    value = argument.parameter.metavar or ""
+    if argument.get_choices() and not argument.parameter.metavar:
+        value = " or ".join(argument.get_choices() or ())
+    elif not value and argument.hint is not bool:
+        value = argument.name.lstrip("-").upper() if argument.field_info.is_keyword else ""
+    name = argument.name if argument.name.startswith("-") else ""
+    return " ".join(x for x in (name, value if value else "" if name else argument.name) if x)
 
 
-def usage(parser: argparse.ArgumentParser) -> str:
+def usual(argument: Argument) -> str:
+    """Return what is taken where an argument is left out, in parentheses; nothing where that says nothing."""
+    shown = argument.show_default
+    if isinstance(shown, str):
+        return f" ({shown})"
+    default = argument.field_info.default
+    if not shown or default in (None, "", ()) or default is argument.field_info.empty:
+        return ""
+    return f" ({default})"
+
+
+def arguments(app: App) -> list[Argument]:
+    """Return the arguments of a command that its help names, those by place first."""
+    return [a for a in app.assemble_argument_collection(parse_docstring=True) if a.show and a.name != "*"]
+
+
+def usage(name: str, app: App) -> str:
     """Return how a command is called, folded."""
-    words = " ".join(parser.format_usage().removeprefix("usage: ").split())
-    return "\n".join(textwrap.wrap(words, 80, subsequent_indent="    ", break_on_hyphens=False, break_long_words=False))
+    words = [f"sensorless {name}"]
+    for a in arguments(app):
+        words.append(typed(a) if a.required else f"[{typed(a)}]")
+    text = " ".join(words)
+    return "\n".join(textwrap.wrap(text, 80, subsequent_indent="    ", break_on_hyphens=False, break_long_words=False))
 
 
-def option(parser: argparse.ArgumentParser, action: argparse.Action) -> tuple[str, str]:
-    """Return an argument as it is typed, and what it does; a usual value stands in parentheses."""
-    value = action.metavar or (action.dest.upper() if action.nargs != 0 else "")
-    if action.choices is not None:
-        value = " or ".join(map(str, action.choices))
-    typed = " ".join(x for x in (action.option_strings[-1] if action.option_strings else "", str(value)) if x)
-    text = parser._get_formatter()._expand_help(action) if action.help else ""
-    return code(typed), cell(text)
-
-
-def section(name: str, parser: argparse.ArgumentParser) -> str:
+def section(name: str, app: App) -> str:
     """Return a command's part of the page, those below it included."""
-    below = subcommands(parser)
+    below = commands_of(app)
     if below:
-        text = f"## `sensorless {name}`\n\n{cell(parser.description or '')}\n\n"
-        return text + "\n".join(section(f"{name} {n}", p).replace("\n## ", "\n### ") for n, p in below.items())
-    actions = [a for a in parser._actions if a.help != argparse.SUPPRESS and a.dest != "help"]
-    text = f"\n## `sensorless {name}`\n\n"
-    if parser.description:
-        text += f"{capital(cell(parser.description))}.\n\n"
-    rows = [option(parser, a) for a in actions]
-    return f"{text}```text\n{usage(parser)}\n```\n\n" + (table(("argument", "does"), rows) if rows else "") + "\n"
-
-
-def capital(text: str) -> str:
-    """Return a text whose first letter is a capital."""
-    return text[:1].upper() + text[1:]
+        text = f"## `sensorless {name}`\n\n{cell(app.help)}\n\n"
+        return text + "\n".join(section(f"{name} {n}", app[n]).replace("\n## ", "\n### ") for n in below)
+    text = f"\n## `sensorless {name}`\n\n{cell(app.help.splitlines()[0])}\n\n"
+    rows = [(code(typed(a)), cell((a.parameter.help or "") + usual(a))) for a in arguments(app)]
+    return f"{text}```text\n{usage(name, app)}\n```\n\n" + (table(("argument", "does"), rows) if rows else "") + "\n"
 
 
 def page() -> str:
     """Return the whole page."""
-    return HEAD + "\n".join(section(name, p) for name, p in subcommands(build_parser()).items())
+    app = application()
+    return HEAD + "\n".join(section(name, app[name]) for name in commands_of(app))

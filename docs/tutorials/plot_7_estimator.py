@@ -73,7 +73,7 @@ print(ours)
 # In a file, for the command line
 # -------------------------------
 # Keep both functions in a file that defines ``ESTIMATOR``. Then every command takes it: ``sensorless compare --estimator my_estimator.py``, ``sensorless
-# protocol --estimators my_estimator.py``. Below is the compiled form. The state is an array of numbers, and ``@kernel_as(STEP)`` compiles the step for the
+# protocol --estimators my_estimator.py``. Below is the compiled form. The state is an array of numbers, and ``@compiled_step`` compiles the step for the
 # loop. It then runs about as fast as those of the package.
 
 source = """
@@ -81,8 +81,7 @@ import math
 
 import numpy as np
 
-from estimators.contract import NONE, STEP, Estimate, Estimator
-from model.compiled import kernel_as
+from sandbox import Estimate, Estimator, compiled_step
 
 THETA, OMEGA, FLUX_A, FLUX_B, I_A, I_B = range(6)
 
@@ -95,7 +94,7 @@ def init(belief, tuning, angle=None):
     return state
 
 
-@kernel_as(STEP)
+@compiled_step
 def step(state, sample, belief, tuning):
     h, r, l_q = tuning.sampling_period, belief.resistance, 1.0 / belief.energy.gamma_q
     state[FLUX_A] += h * (sample.u_alpha - 0.5 * r * (sample.i_alpha + state[I_A]))
@@ -110,7 +109,7 @@ def step(state, sample, belief, tuning):
     return Estimate(state[THETA], state[OMEGA], state[THETA], 0.0, 1.0, 0.0, 0.0, 0.0)
 
 
-ESTIMATOR = Estimator("mine_compiled", "flux of the voltage less that of the current", init, step, injection=NONE)
+ESTIMATOR = Estimator("mine_compiled", "flux of the voltage less that of the current", init, step, injection="none")
 """
 path = Path(tempfile.mkdtemp()) / "my_estimator.py"
 path.write_text(source)
@@ -129,20 +128,29 @@ for slow, fast in zip(run.rows, compiled.rows, strict=True):
 #    :language: c
 #
 # A compiler makes a shared library of it, and the library runs in the compiled loop by function pointer. The numbers are of type ``float``, as in a
-# firmware.
+# firmware. In a shell, ``sensorless include`` prints the folder of the header::
+#
+#     cc -std=c99 -O2 -fPIC -shared -I "$(sensorless include)" -o mine.so mine.c -lm
 
 import shutil
 import subprocess
 
-from sandbox import load_estimator_library
+from sandbox import get_include, load_estimator_library
 
-header, source = (
-    Path("../../estimators/c"),
-    Path("../../estimators/c/examples/smallest.c"),
-)
+source = Path(get_include()) / "examples" / "smallest.c"
 library, compiler = path.with_name("mine.so"), shutil.which("cc")
 if compiler:
-    how = [compiler, "-std=c99", "-O2", "-fPIC", "-shared", "-I", header, "-o", library]
+    how = [
+        compiler,
+        "-std=c99",
+        "-O2",
+        "-fPIC",
+        "-shared",
+        "-I",
+        get_include(),
+        "-o",
+        library,
+    ]
     subprocess.run([*how, source, "-lm"], check=True)
     in_c = load_estimator_library(library)
     for row in simulate("ipm_exchanged", turning, in_c, belief="linear").rows:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from model.errors import BadInput
 
+HEADERS = Path(__file__).parent
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
 
 
@@ -23,7 +24,18 @@ def build(source: Path, folder: Path, *, double: bool = False) -> Path:
     if cc is None:
         raise BadInput(f"no C compiler is at hand to build '{source.name}'; install one or set CC")
     out = folder / f"{source.stem}{'_double' if double else ''}.so"
-    call = [cc, *STRICT, "-O2", "-fPIC", "-shared", *(["-DSENSORLESS_FLOAT64"] if double else []), "-o", str(out)]
+    call = [
+        cc,
+        *STRICT,
+        "-I",
+        str(HEADERS),
+        "-O2",
+        "-fPIC",
+        "-shared",
+        *(["-DSENSORLESS_FLOAT64"] if double else []),
+        "-o",
+        str(out),
+    ]
     done = subprocess.run([*call, str(source), "-lm"], capture_output=True, text=True, check=False)
     if done.returncode:
         errors = [line for line in done.stderr.splitlines() if "error" in line] or done.stderr.splitlines()

@@ -1,8 +1,8 @@
 /* sensorless_estimator.h: a position estimator in C99, for the sandbox and for the target.  ABI version 1.
  *
  * Write sensorless_init and sensorless_step, end the file with SENSORLESS_ESTIMATOR(...), and build
- *     cc -std=c99 -O2 -fPIC -shared -o mine.so mine.c                          float
- *     cc -std=c99 -O2 -fPIC -shared -DSENSORLESS_FLOAT64 -o mine.so mine.c     double
+ *     cc -std=c99 -O2 -fPIC -shared -I "$(sensorless include)" -o mine.so mine.c -lm                          float
+ *     cc -std=c99 -O2 -fPIC -shared -DSENSORLESS_FLOAT64 -I "$(sensorless include)" -o mine.so mine.c -lm     double
  * The same file, without the macro if you like, is compiled into the firmware.
  *
  * Angles are electrical radians of the magnet (d) axis, from phase a; currents and voltages are amplitude-invariant.

@@ -24,6 +24,7 @@ from model.errors import BadInput, brief, raised
 from model.given import given_bytes
 from model.kernels.folders import depend_on
 from model.parameters import Drive
+from model.plugins import brought, place_of, warn
 
 MOST_BYTES = 1_000_000  # of a file of effects
 MOST_PARTS = 12
@@ -207,6 +208,16 @@ def _ask_once(card: Effect, at: At, values: dict[str, float], drive: Drive, *, o
 
 
 def inherit() -> None:
-    """Take over what the process that started this one had."""
+    """Take over what the process that started this one had, and the effects of other installed packages.
+
+    A package whose effects cannot be taken is left out, and the log says why.
+    """
     for file in filter(None, os.environ.get(VARIABLE, "").split(os.pathsep)):
         adopt(file)
+    for point in brought("effects").values():
+        try:
+            names = [card.name for card in adopt(place_of(point))]
+            if point.name not in names:
+                raise BadInput(f"'{point.value}' of another package has no effect '{point.name}'; mend it there")
+        except BadInput as error:
+            warn(error)

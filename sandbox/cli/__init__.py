@@ -1,8 +1,7 @@
-"""The command line: arguments, exit codes, Ctrl-C; the commands themselves call the page `sandbox`."""
+"""The command line: exit codes, Ctrl-C, one sentence for a wrong call; the commands themselves call `sandbox`."""
 
 from __future__ import annotations
 
-import argparse
 import errno
 import io
 import logging
@@ -10,19 +9,64 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from inspect import BoundArguments
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from cyclopts import CycloptsError
 
 import sandbox.cli.blas  # noqa: F401 (before numpy)
 from model.errors import BadInput, PhysicsError, sentence
-from sandbox.cli.arguments import Parser, add_own_effects, folder_of, positive_int, seed_number
-from sandbox.cli.groups import Run, add_common, add_export, add_judging, add_looking, add_motor, add_recorded, add_runs
-from sandbox.cli.sweeping import add_sweep
-from sandbox.cli.withholding import add_withheld
-from sandbox.output.files import discard, version
+from sandbox.cli import commands
+from sandbox.cli.application import application
+from sandbox.cli.arguments import Output
+from sandbox.cli.refusals import sentence_of
+from sandbox.output.files import discard
 
 OFFLINE = "SENSORLESS_OFFLINE"  # as model.datasets reads it
 FULL = (errno.ENOSPC, errno.EDQUOT)
+
+
+class Call(NamedTuple):
+    """A command as it was called."""
+
+    name: str  # of the command, empty for the program itself
+    run: Callable[..., Any]
+    bound: BoundArguments
+
+    def given(self, name: str, usual: Any = None) -> Any:
+        """Return an argument, `usual` where the command has none of that name."""
+        return self.bound.arguments.get(name, usual)
+
+    @property
+    def output(self) -> Output | None:
+        """What is asked of the results; None of a command that has none."""
+        found = self.given("output")
+        return found if isinstance(found, Output) else None
+
+    @property
+    def place(self) -> Path | None:
+        """Where the command writes."""
+        return self.output.folder(self.name) if self.output else self.given("folder")
+
+    @property
+    def quiet(self) -> bool:
+        """Whether nothing but errors is printed."""
+        return bool(self.output.quiet if self.output else self.given("quiet"))
+
+
+def parse(words: Sequence[str]) -> Call:
+    """Return the command that words call; CycloptsError, or BadInput, where they call none."""
+    app = application()
+    chain, _, _ = app.parse_commands(words)
+    run, bound, _ = app.parse_args(words, print_error=False, exit_on_error=False)
+    bound.apply_defaults()
+    name = " ".join(chain)
+    if run.__name__ == "help_print" and not {*app.help_flags} & {*words}:  # nothing was asked for
+        raise BadInput(f"a command is missing; see `{' '.join(filter(None, ('sensorless', name)))} --help`")
+    return Call(name, run, bound)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -33,14 +77,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by the caller
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115 (open as long as the process)
-    options = build_parser().parse_args(arguments)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal without our letters still gets the rest
-    quiet = getattr(options, "quiet", False)  # not even that something is compiled
-    logging.getLogger("sensorless").setLevel(logging.ERROR if quiet else logging.NOTSET)
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        call = parse(words)
+    except CycloptsError as error:
+        return _refuse(" ".join(error.command_chain or ()), sentence_of(error))
+    except BadInput as error:
+        return _refuse("", str(error))
+    # not even that something is compiled
+    logging.getLogger("sensorless").setLevel(logging.ERROR if call.quiet else logging.NOTSET)
     codes: list[int] = []
-    worker = threading.Thread(target=lambda: codes.append(attempt(options)), daemon=True)
+    worker = threading.Thread(target=lambda: codes.append(attempt(call)), daemon=True)
     worker.start()
     try:
         with _ended_politely():
@@ -50,9 +100,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         from sandbox.engine.processes import end_processes
 
         end_processes()
-        discard(folder_of(options))
-        kept = options.kept(options) if hasattr(options, "kept") else "nothing half-written"
-        print(f"sensorless {options.command}: interrupted; {kept}", file=sys.stderr, flush=True)
+        said = "nothing half-written"
+        if call.place is not None:
+            discard(call.place)
+            said = commands.kept(call.place, call.given("again")) if call.name == "sweep" else said
+        print(f"sensorless {call.name}: interrupted; {said}", file=sys.stderr, flush=True)
         os._exit(143 if isinstance(stop, Ended) else 130)  # the kernel would run on to its end
     return codes[0] if codes else 1
 
@@ -88,30 +140,29 @@ def _ended_politely() -> Iterator[None]:
             signal.signal(number, handler)
 
 
-def attempt(options: argparse.Namespace) -> int:
+def attempt(call: Call) -> int:
     """Run a command; turn what a user can cause into one sentence and an exit code."""
     before, code = os.environ.get(OFFLINE), 0
     try:
-        if getattr(options, "offline", False):
+        if call.output and call.output.offline:
             os.environ[OFFLINE] = "--offline"  # also of the processes that a command starts
-        if files := getattr(options, "effects_from", ()):
+        if files := call.given("effects_from"):
             from model.effects.adopt import adopt  # brings in numba
 
             for file in files:
                 adopt(file)
-        code = options.run(options) or 0
+        code = call.run(*call.bound.args, **call.bound.kwargs) or 0
         sys.stdout.flush()
     except (BadInput, PhysicsError) as error:
-        return _refuse(options, str(error), error.exit_code)
+        return _refuse(call.name, str(error), error.exit_code)
     except BrokenPipeError:  # the reader has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     except OSError as error:
-        writes = hasattr(options, "out") or hasattr(options, "folder")
-        place = getattr(options, "folder", None) or folder_of(options) if writes else "standard output"
         remedy = "make room there, or give another place" if error.errno in FULL else "mend that, or give another place"
-        return _refuse(options, f"'{error.filename or place}': {error.strerror or error}; {remedy}")
+        place = error.filename or call.place or "standard output"
+        return _refuse(call.name, f"'{place}': {error.strerror or error}; {remedy}")
     except MemoryError:
-        return _refuse(options, "not enough memory for this run; shorten the scenario or compare fewer estimators")
+        return _refuse(call.name, "not enough memory for this run; shorten the scenario or compare fewer estimators")
     finally:
         if before is None:
             os.environ.pop(OFFLINE, None)
@@ -120,31 +171,6 @@ def attempt(options: argparse.Namespace) -> int:
     return int(code)
 
 
-def _refuse(options: argparse.Namespace, text: str, code: int = 2) -> int:
-    print(sentence(f"sensorless {options.command}: {text}"), file=sys.stderr)
+def _refuse(command: str, text: str, code: int = 2) -> int:
+    print(sentence(f"{' '.join(filter(None, ('sensorless', command)))}: {text}"), file=sys.stderr)
     return code
-
-
-def build_parser() -> Parser:
-    """Return the parser of all commands."""
-    parser = Parser(prog="sensorless", description="Sandbox for sensorless control of saturated PM motors.")
-    parser.add_argument("--version", action="version", version=f"sensorless {version()}")
-    every = parser.add_subparsers(dest="command", required=True, metavar="COMMAND", parser_class=Parser)
-
-    def add(name: str, run: Run, text: str, writes: bool = True) -> Parser:
-        """Return the parser of a new command, with the arguments of all that write."""
-        command: Parser = every.add_parser(name, help=text, description=text)
-        command.set_defaults(run=run)
-        if writes:
-            add_common(command, name)
-        return command
-
-    add_runs(add)
-    add_own_effects(add_sweep(add))
-    add_judging(add)
-    add_motor(add)
-    add_recorded(add)
-    add_withheld(every, Parser, positive_int, seed_number)
-    add_export(add)
-    add_looking(add)
-    return parser

@@ -1,62 +1,48 @@
-"""How the command line reads its words: numbers as people write them, one sentence for a wrong call."""
+"""How the command line reads its words: types of arguments with their help, what many commands take in common."""
 
 from __future__ import annotations
 
-import argparse
-import sys
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Annotated, Any, Literal
 
-from model.errors import brief, sentence
+from cyclopts import Parameter
+
+from model.errors import brief
 from sandbox.output.files import check_output
 from sandbox.output.tables import print_prose
 
 LARGEST_COUNT = 1_000_000  # of anything that is counted on the command line
+Words = tuple[str, ...]
 
 
-class Parser(argparse.ArgumentParser):
-    """argparse that answers a wrong call with one sentence and exit code 2."""
-
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Refuse what a command does not know in its own name, not in that of the program."""
-        found, left = super().parse_known_args(args, namespace)
-        if left and self._subparsers is None:
-            self.error(f"unrecognized arguments: {' '.join(map(brief_text, left))}")
-        return found, left
-
-    def error(self, message: str) -> NoReturn:
-        """Print the message alone."""
-        print(f"{self.prog}: {sentence(message)} (see `{self.prog} --help`)", file=sys.stderr)
-        raise SystemExit(2)
-
-
-def brief_text(text: str) -> str:
-    """Return a word of the command line, cut."""
-    return text if len(text) <= 40 else f"{text[:37]}..."
+def read_by(parse: Callable[[str], Any]) -> Parameter:
+    """Return how an argument of one word is read: `parse` raises ValueError with what is wrong."""
+    return Parameter(converter=lambda _, tokens: parse(tokens[0].value), n_tokens=1, accepts_keys=False)
 
 
 def number(text: str) -> float:
     """Parse a number as people write it (not 1_000)."""
-    from model.effects.library import number_of
-
-    try:
-        return number_of(text)
-    except ValueError:
-        raise argparse.ArgumentTypeError(f"'{text[:40]}' is no number") from None
+    if "_" not in text and text.isascii():
+        try:
+            return float(text)
+        except ValueError:
+            pass
+    raise ValueError(f"'{text[:40]}' is no number")
 
 
 def positive_int(text: str) -> int:
     """Parse a whole number of at least 1."""
     if not _whole(text) or not 1 <= int(text) <= LARGEST_COUNT:
-        raise argparse.ArgumentTypeError(f"{brief(text)} is no whole number of at least 1 and at most {LARGEST_COUNT}")
+        raise ValueError(f"{brief(text)} is no whole number of at least 1 and at most {LARGEST_COUNT}")
     return int(text)
 
 
 def seed_number(text: str) -> int:
     """Parse a whole number of at least 0."""
     if not _whole(text):
-        raise argparse.ArgumentTypeError(f"{brief(text)} is no whole number of at least 0 and at most 18 digits")
+        raise ValueError(f"{brief(text)} is no whole number of at least 0 and at most 18 digits")
     return int(text)
 
 
@@ -64,27 +50,172 @@ def _whole(text: str) -> bool:
     return text.isascii() and text.isdecimal() and len(text) <= 18
 
 
-def add_own_effects(command: Any) -> None:
-    """Let a command take effects of the user's own."""
-    text = "a Python file with effects of your own (may be repeated), beside those of the library"
-    command.add_argument("--effects-from", action="append", default=[], type=Path, metavar="FILE.py", help=text)
+def names_of(text: str) -> Words:
+    """Return names separated by commas."""
+    return tuple(name.strip() for name in text.split(",") if name.strip())
 
 
-def folder_of(options: argparse.Namespace) -> Path:
-    """Return the folder for results."""
-    return getattr(options, "out", None) or Path("sensorless-out") / options.command
+def listed(kind: str) -> Parameter:
+    """Return how a shell completes an argument: the names of `sensorless list KIND`, each with its line."""
+
+    def complete(_: object) -> dict[str, str]:
+        """Return names and lines; the package is loaded when a shell asks."""
+        import sandbox
+
+        found: dict[str, str] = getattr(sandbox, f"list_{kind}")()
+        return found
+
+    return Parameter(completer=complete)
 
 
-def checked_folder(options: argparse.Namespace) -> Path:
-    """Return the folder for results; BadInput, before anything runs, where they could not be written."""
-    folder = folder_of(options)
-    check_output(folder, {"diagnose": "diagnosis"}.get(options.command, options.command))
-    return folder
+def usual(text: str | bool, metavar: str | None = None) -> Parameter:
+    """Return how help names what is taken where an argument is left out, and an argument's value."""
+    return Parameter(show_default=text, metavar=metavar) if metavar else Parameter(show_default=text)
 
 
-def finish(options: argparse.Namespace, found: Any, folder: Path, show: Callable[[], None]) -> None:
-    """Save a result; unless --quiet, show it and say where its files are."""
-    found.save(folder, csv=options.csv)
-    if not options.quiet:
-        show()
-        print_prose(f"results in {folder}")
+def several(metavar: str, text: str) -> Parameter:
+    """Return an argument that may be repeated, with its help."""
+    return Parameter(metavar=metavar, show_default=False, help=text)
+
+
+# Arguments of one word
+Flag = Annotated[bool, usual(False)]
+Number = Annotated[float, read_by(number)]
+Count = Annotated[int, read_by(positive_int)]
+Seed = Annotated[int, read_by(seed_number)]
+Names = Annotated[Words, read_by(names_of), Parameter(metavar="A,B")]
+Percents = Annotated[Words | None, Parameter(consume_multiple=(0, 1)), usual("no such runs", "PERCENT,...")]
+Share = Annotated[Number, Parameter(metavar="SHARE")]
+
+# Arguments of several commands
+Motor = Annotated[
+    str,
+    listed("motors"),
+    Parameter(metavar="NAME|FILE", help="a motor of `sensorless list motors`, or a file of yours"),
+]
+Scenario = Annotated[
+    str,
+    listed("scenarios"),
+    Parameter(metavar="NAME|FILE", help="what is asked of the drive: `sensorless list scenarios`, or a file"),
+]
+Estimator = Annotated[str | None, listed("estimators"), usual("qnull", "NAME|FILE")]
+Estimators = Annotated[
+    Words, listed("estimators"), several("NAME|FILE", "one of them, as in `simulate` (may be repeated)")
+]
+Library = Annotated[
+    Path | None, several("FILE.so", "an estimator in C instead, a shared library (see estimators/c/README.md)")
+]
+Libraries = Annotated[
+    tuple[Path, ...],
+    several("FILE.so", "an estimator in C, a shared library (may be repeated; see estimators/c/README.md)"),
+]
+Belief = Annotated[Literal["saturated", "linear"], Parameter(help="the model of the motor inside the estimator")]
+Effects = Annotated[
+    str,
+    several(
+        "NAME.PARAM=VALUE,...|FILE",
+        "what the plant has and the model lacks: effect.parameter=value,... or a file such as effects.toml",
+    ),
+]
+EffectsFrom = Annotated[
+    tuple[Path, ...],
+    several("FILE.py", "a Python file with effects of your own (may be repeated), beside those of the library"),
+]
+Campaign = Annotated[Path, Parameter(metavar="CAMPAIGN", help="folder with campaign.toml and its tables")]
+Columns = Annotated[
+    Path | None,
+    several("FILE.toml", "names and units of recordings from elsewhere (see sandbox/recordings/IMPORTING.md)"),
+]
+Preset = Annotated[
+    str | None,
+    listed("presets"),
+    several("PROGRAM", "a program whose column names and units are known: `sensorless list presets`"),
+]
+Result = Annotated[Path, Parameter(metavar="RESULT", help="folder that a command has written, or its JSON")]
+Radius = Annotated[Number | None, usual("180 % of rated", "A")]
+Dask = Annotated[
+    str | None, several("ADDRESS", "address of a dask scheduler, tcp://...: its workers do the work (extra `dask`)")
+]
+Peer = Annotated[Flag, Parameter(help="measure the reference programs in the same run, too")]
+Anchors = Annotated[Path, Parameter(help="folder of the reference programs")]
+PeerPython = Annotated[str, Parameter(show_default="this one", help="Python >= 3.12 that has motulator 0.18")]
+Jobs = Annotated[Count | None, Parameter(show=True, show_default="all cores", help="threads or processes")]
+Threads = Annotated[Count, Parameter(show=True, help="threads")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Output:
+    """What every command takes that writes results; `--jobs`, `--seed` and `--csv` are told where they do something."""
+
+    out: Annotated[Path | None, usual("sensorless-out/COMMAND", "DIR")] = None
+    "folder for results"
+    jobs: Annotated[Count | None, Parameter(show=False)] = None
+    seed: Annotated[Seed, Parameter(show=False)] = 0
+    csv: Flag = False
+    "the table as CSV, too"
+    quiet: Flag = False
+    "print nothing but errors"
+    offline: Flag = False
+    "download nothing: say which file is missing and where to put it (or SENSORLESS_OFFLINE=1)"
+
+    def folder(self, command: str) -> Path:
+        """Return the folder for results."""
+        return self.out or Path("sensorless-out") / command
+
+    def checked(self, command: str) -> Path:
+        """Return the folder for results; BadInput, before anything runs, where they could not be written."""
+        folder = self.folder(command)
+        check_output(folder, {"diagnose": "diagnosis"}.get(command, command))
+        return folder
+
+    def finish(self, result: Any, folder: Path, said: str = "", **asked: bool) -> None:
+        """Save a result, then `say` it."""
+        result.save(folder, csv=self.csv, **asked)
+        self.say(result, folder, said)
+
+    def say(self, result: Any, folder: Path, said: str = "") -> None:
+        """Print a result, where its files are, and what else is to be said, unless --quiet."""
+        if not self.quiet:
+            result.report()
+            print_prose(f"results in {folder}{f'; {said}' if said else ''}")
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Tableless(Output):
+    """Of commands that write no table."""
+
+    csv: Annotated[Flag, Parameter(show=False)] = False
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Noisy(Output):
+    """Of commands that draw the sensors' noise."""
+
+    seed: Annotated[Seed, Parameter(show=True, help="seed of the sensors' noise")] = 0
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Short(Output):
+    """Of commands that are done before a second thread would pay, unless more are asked for."""
+
+    jobs: Threads = 1
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Parallel(Output):
+    """Of commands that use all cores."""
+
+    jobs: Jobs = None
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class NoisyParallel(Noisy):
+    """Of commands that do both."""
+
+    jobs: Jobs = None

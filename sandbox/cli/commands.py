@@ -1,28 +1,82 @@
-"""What each command does: read its arguments, call the page `sandbox`, save the result, print it."""
+"""The commands that need no campaign: each reads its arguments, calls the page `sandbox`, saves and prints the result.
+
+Their signatures and texts are the options and the help of the command line.
+"""
 
 from __future__ import annotations
 
-import argparse
-from collections.abc import Iterable
+import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
 
 import sandbox
 from estimators.registry import LIBRARIES
-from sandbox.cli.arguments import checked_folder, finish
-from sandbox.cli.sweeping import check_tolerances, run_tolerances
-from sandbox.output.tables import print_list, print_prose, print_table, progress_bar
+from model.errors import BadInput
+from sandbox.cli import arguments as take
+from sandbox.output.tables import print_list, print_prose, progress_bar, rate_bar
+
+MOST_PERCENT = 50.0  # of a belief's parameters
+USUAL_PERCENT = "5,10,20"
+USUAL_ESTIMATORS = ("qnull", "inversion", "ekf")
+ANCHORS = Path("../shared/anchors")
+Plants = Literal["exact", "switched", "averaged"]  # older scripts may say averaged for exact
+Kind = Literal["motors", "effects", "estimators", "scenarios", "datasets", "presets", "tests"]
 
 
-def names_of(text: str | None, usual: Iterable[str] = ()) -> list[str]:
-    """Return names separated by commas, the usual ones where there is no text."""
-    return list(usual) if text is None else [name.strip() for name in text.split(",") if name.strip()]
+def compare(
+    *,
+    motor: take.Motor = "ipm_exchanged",
+    scenario: take.Scenario = "staircase",
+    estimators: Annotated[take.Names | None, take.usual(",".join(USUAL_ESTIMATORS))] = None,
+    estimator: take.Estimators = (),
+    estimator_library: take.Libraries = (),
+    effects: take.Effects = "",
+    effects_from: take.EffectsFrom = (),
+    no_trace: take.Flag = False,
+    tolerances: take.Percents = None,
+    draws: Annotated[take.Count | None, take.usual("64")] = None,
+    dask: take.Dask = None,
+    output: take.NoisyParallel = take.NoisyParallel(),
+) -> None:
+    """Position error of a saturated against a linear belief (the main job).
+
+    Parameters
+    ----------
+    estimators
+        names or files, separated by commas
+    no_trace
+        write no .rrd
+    tolerances
+        also run with the belief's parameters off by up to so many percent (5,10,20 if no numbers are given)
+    draws
+        draws of these parameters at each tolerance
+    """
+    folder = output.checked("compare")
+    percent = percents(tolerances, draws, estimator_library)
+    named = asked_for(estimators, estimator, () if estimator_library else USUAL_ESTIMATORS)
+    with progress_bar("comparing", output.quiet) as progress:
+        result = sandbox.compare(
+            motor, scenario, [*named, *map(library, estimator_library)], effects=effects, seed=output.seed,
+            jobs=output.jobs, progress=progress,
+        )  # fmt: skip
+    output.finish(result, folder, trace=not no_trace)
+    if percent is None:
+        return
+    with rate_bar("tolerances", output.quiet) as progress:
+        found = sandbox.tolerances(
+            motor, scenario, named, percent=percent, draws=draws or 64, effects=effects, seed=output.seed,
+            jobs=output.jobs, cluster=dask, progress=progress,
+        )  # fmt: skip
+    output.finish(found, folder)
+    replace(result, tolerances=found).save(folder, csv=output.csv, trace=not no_trace)
 
 
-def own_estimators(options: argparse.Namespace) -> list[Any]:
-    """Return estimators of the user's own: Python files by name, libraries as objects."""
-    return [*options.estimator, *map(library, options.estimator_library)]
+def asked_for(estimators: take.Words | None, one_by_one: take.Words, usual: take.Words) -> list[str]:
+    """Return the estimators of --estimators and --estimator, the usual ones where neither is given."""
+    return list(usual if estimators is None and not one_by_one else (*(estimators or ()), *one_by_one))
 
 
 def library(path: Path) -> Any:
@@ -30,176 +84,290 @@ def library(path: Path) -> Any:
     return str(path) if path.suffix in LIBRARIES else sandbox.load_estimator_library(path)
 
 
-def run_compare(options: argparse.Namespace) -> None:
-    """Compare beliefs; write compare.json, .html, .png, .parquet and .rrd."""
-    from sandbox.public.printed import print_comparison
-
-    folder = checked_folder(options)
-    check_tolerances(options)
-    with progress_bar("comparing", options.quiet) as progress:
-        result = sandbox.compare(
-            options.motor, options.scenario, names_of(options.estimators) + own_estimators(options),
-            effects=options.effects, seed=options.seed, jobs=options.jobs, progress=progress,
-        )  # fmt: skip
-    result.save(folder, csv=options.csv, trace=not options.no_trace)
-    if not options.quiet:
-        print_comparison(result.comparison)
-        simulated = sum(run.recording.t[-1] for run in result.runs)
-        cpu = sum(run.cpu_seconds for run in result.runs)
-        print_prose(f"{simulated:.0f} s simulated in {cpu:.1f} s of CPU; results in {folder}")
-    if options.tolerances is not None:
-        found = run_tolerances(options, folder, names_of(options.estimators) + options.estimator)
-        replace(result, tolerances=found).save(folder, csv=options.csv, trace=not options.no_trace)
+def percents(given: take.Words | None, draws: int | None, libraries: tuple[Path, ...]) -> list[float] | None:
+    """Return tolerances in percent, None where none are asked for; BadInput for what cannot be drawn."""
+    if given is None:
+        if draws is not None:
+            raise BadInput(f"--draws {draws} belongs to --tolerances, which is not given; add it")
+        return None
+    text = given[0] if given else USUAL_PERCENT
+    try:
+        found = [take.number(part.strip()) for part in text.split(",") if part.strip()]
+    except ValueError:
+        found = []
+    if not found or not all(0.0 <= x <= MOST_PERCENT for x in found):
+        raise BadInput(f"--tolerances {text[:40]} are no percentages from 0 to {MOST_PERCENT:g}; write them as 5,10,20")
+    if libraries:
+        raise BadInput("--tolerances runs in processes that are told names and Python files; leave the library away")
+    return found
 
 
-def run_simulate(options: argparse.Namespace) -> None:
-    """Run one estimator; write simulate.json, .html, .png, .parquet and .rrd."""
-    from sandbox.public.printed import print_run
+def simulate(
+    *,
+    motor: take.Motor = "ipm_exchanged",
+    scenario: take.Scenario = "staircase",
+    estimator: take.Estimator = None,
+    estimator_library: take.Library = None,
+    belief: take.Belief = "saturated",
+    open: take.Flag = False,
+    duration: Annotated[take.Number | None, take.usual("all of it; an hour takes 4 GB", "S")] = None,
+    effects: take.Effects = "",
+    effects_from: take.EffectsFrom = (),
+    no_trace: take.Flag = False,
+    plant: Annotated[Plants, Parameter(metavar="exact|switched", show_choices=False)] = "exact",
+    json_only: take.Flag = False,
+    record: Annotated[Path | None, Parameter(metavar="DIR")] = None,
+    output: take.Noisy = take.Noisy(),
+) -> None:
+    """One run of one estimator.
+
+    Parameters
+    ----------
+    estimator
+        what finds the position: a name of `sensorless list estimators`, or a file
+    open
+        the encoder controls, the estimator only watches
+    duration
+        s of the scenario to run
+    no_trace
+        write no .rrd
+    plant
+        exact: edge by edge; switched: the second simulator
+    json_only
+        write simulate.json alone, no trace, page, figure or table
+    record
+        write the run as a campaign (a new folder)
+    """
     from sandbox.public.runs import check_new_folder
 
-    folder = checked_folder(options)
-    if options.record is not None:
-        check_new_folder(options.record, folder)
-    own = options.estimator_library
+    if estimator is not None and estimator_library is not None:
+        raise BadInput("--estimator and --estimator-library are two estimators; give one of them")
+    folder = output.checked("simulate")
+    if record is not None:
+        check_new_folder(record, folder)
     result = sandbox.simulate(
-        options.motor, options.scenario, library(own) if own else options.estimator,
-        belief=options.belief, closed_loop=not options.open,
-        duration=options.duration, effects=options.effects, plant=options.plant, seed=options.seed,
-        record=options.record,
+        motor, scenario, library(estimator_library) if estimator_library else estimator or "qnull", belief=belief,
+        closed_loop=not open, duration=duration, effects=effects, plant=plant, seed=output.seed, record=record,
     )  # fmt: skip
-    more = not options.json_only
-    result.save(folder, csv=options.csv, trace=more and not options.no_trace, figure=more, table=more)
-    if not options.quiet:
-        print_run(result.comparison, result.design)
-        print_prose(
-            f"{result.recording.t[-1]:.2f} s simulated in {result.run.cpu_seconds:.3f} s of CPU; results in {folder}"
-        )
+    more = not json_only
+    output.finish(result, folder, trace=more and not no_trace, figure=more, table=more)
 
 
-def run_audit(options: argparse.Namespace) -> None:
-    """Audit a motor; write audit.json, .png and .parquet."""
-    from sandbox.public.printed import print_audit
-    from sandbox.public.result import keep_other
+def sweep(
+    plan: Annotated[Path, Parameter(metavar="SWEEP.toml")],
+    /,
+    *,
+    dask: take.Dask = None,
+    yes: take.Flag = False,
+    again: take.Flag = False,
+    effects_from: take.EffectsFrom = (),
+    output: take.Parallel = take.Parallel(),
+) -> None:
+    """Many runs: grids and random draws; goes on after a stop (see sandbox/sweep/README.md).
 
-    folder = checked_folder(options)
-    result = sandbox.audit(options.motor, options.radius)
-    kept = keep_other(folder, "audit", result.audit.motor)
-    result.save(folder, csv=options.csv)
-    if not options.quiet:
-        print_audit(result.drive, result.audit)
-        for sentence in result.flux_map.sentences() if result.flux_map else ():
-            print_prose(sentence)
-        print_prose(f"results in {folder}{f'; {kept}' if kept else ''}")
-
-
-def run_maps(options: argparse.Namespace) -> None:
-    """Write a motor's maps over the current plane: maps.npz, maps.png, maps.json."""
-    from sandbox.public.printed import print_maps
-    from sandbox.public.result import keep_other
-
-    folder = checked_folder(options)
-    result = sandbox.maps(options.motor, options.radius)
-    kept = keep_other(folder, "maps", result.maps.motor)
-    result.save(folder, csv=options.csv)
-    if not options.quiet:
-        print_maps(result.maps)
-        print_prose(f"results in {folder}{f'; {kept}' if kept else ''}")
+    Parameters
+    ----------
+    plan
+        what is the same in all runs, what is combined, what is drawn
+    yes
+        run it, however many runs it has
+    again
+        forget what an earlier call has finished in the folder
+    """
+    folder = output.checked("sweep")
+    with rate_bar("sweep", output.quiet) as progress:
+        result = sandbox.sweep(plan, folder, jobs=output.jobs, cluster=dask, yes=yes, again=again, progress=progress)
+    output.finish(result, folder)
 
 
-def run_motor(options: argparse.Namespace) -> None:
-    """Convert what other tools and data sheets state; write motor.toml and motor.json."""
-    folder = checked_folder(options)
-    found = sandbox.convert_motor(options.stated, options.name)
-    found.save(folder)
-    if not options.quiet:
-        found.show()
-        print_prose(f"motor.toml in {folder}")
+def kept(folder: Path, again: bool) -> str:
+    """Return what an interrupted sweep has kept, and how it goes on."""
+    from sandbox.sweep.store import counts
+
+    done, total = counts(folder)
+    if not done:
+        return "no run is kept yet; nothing half-written"
+    return f"{done} of {total} runs are kept; the same command{' without --again' if again else ''} goes on"
 
 
-def run_identify(options: argparse.Namespace) -> None:
-    """Identify a motor from a campaign; write identify.json, .png and .parquet."""
-    from sandbox.public.printed import print_identification
+def protocol(
+    *,
+    estimators: Annotated[take.Names | None, take.usual("every compiled one")] = None,
+    estimator: take.Estimators = (),
+    estimator_library: take.Libraries = (),
+    motors: Annotated[take.Names | None, take.usual("three, and `baldor_pmsyrm` where its map is at hand")] = None,
+    tests: Annotated[take.Names | None, take.usual("all")] = None,
+    dask: take.Dask = None,
+    peer: take.Peer = False,
+    anchors: take.Anchors = ANCHORS,
+    peer_python: take.PeerPython = sys.executable,
+    output: take.NoisyParallel = take.NoisyParallel(),
+) -> None:
+    """The standard evaluation: the same tests for every estimator and belief, on several motors.
 
-    folder = checked_folder(options)
-    result = sandbox.identify(options.campaign, options.columns, options.preset)
-    finish(options, result, folder, lambda: print_identification(result.identification))
-
-
-def run_protocol(options: argparse.Namespace) -> None:
-    """Run the protocol; write protocol.json, .html, .png and .parquet."""
+    Parameters
+    ----------
+    estimators
+        names or files, separated by commas
+    motors
+        names or files, separated by commas
+    tests
+        names of `sensorless list tests`, separated by commas
+    """
     from sandbox.evaluation.protocol_names import ESTIMATORS, LINES, usual_motors
-    from sandbox.public.protocols import ProtocolResult
 
-    folder = checked_folder(options)
-    with progress_bar("protocol", options.quiet) as progress:
+    folder = output.checked("protocol")
+    named = asked_for(estimators, estimator, () if estimator_library else tuple(ESTIMATORS))
+    with progress_bar("protocol", output.quiet) as progress:
         result = sandbox.protocol(
-            names_of(options.estimators, ESTIMATORS) + own_estimators(options),
-            names_of(options.motors, () if options.motors else usual_motors()), names_of(options.tests, LINES),
-            seed=options.seed, jobs=options.jobs, keep=folder, cluster=options.dask, progress=progress,
+            [*named, *map(library, estimator_library)], usual_motors() if motors is None else motors,
+            LINES if tests is None else tests, seed=output.seed, jobs=output.jobs, keep=folder, cluster=dask,
+            progress=progress,
         )  # fmt: skip
-    from sandbox.evaluation.pages.protocol_cells import show  # compiles
-    from sandbox.evaluation.protocol import with_motulator
+    if peer:
+        from sandbox.evaluation.protocol import with_motulator
 
-    if options.peer:
-        result = ProtocolResult(with_motulator(result.protocol, options.anchors, options.peer_python), call=result.call)
-    finish(options, result, folder, lambda: show(result.protocol))
-
-
-def run_export(options: argparse.Namespace) -> None:
-    """Write an estimator in C with a motor's constants, golden vectors to check it by, and export-estimator.json."""
-    folder = checked_folder(options)
-    result = sandbox.export_estimator(options.name, options.motor, options.belief)
-    result.save(folder)
-    if not options.quiet:
-        print_prose(
-            f"{result.name} for {result.motor}: {result.operations.said()}; {result.state_bytes} bytes of state"
-        )
-        print_prose(f"{', '.join(result.files)} in {folder}")
-        print_prose("check them: cc -std=c99 -O2 *.c -lm && ./a.out")
+        result = replace(result, protocol=with_motulator(result.protocol, anchors, peer_python))
+    output.finish(result, folder)
 
 
-def run_bench(options: argparse.Namespace) -> None:
-    """Measure; write bench.json."""
-    from sandbox.evaluation.bench import told
+def bench(
+    *,
+    peer: take.Peer = False,
+    anchors: take.Anchors = ANCHORS,
+    peer_python: take.PeerPython = sys.executable,
+    output: take.Output = take.Output(),
+) -> None:
+    """What a step of the plant and a simulated second in closed loop cost on this machine."""
+    folder = output.checked("bench")
+    output.finish(sandbox.bench(anchors if peer else None, peer_python), folder)
 
-    folder = checked_folder(options)
-    result = sandbox.bench(options.anchors if options.peer else None, options.peer_python)
-    rows = [list(told(*figure)) for part in (result.measured, result.ratios) for figure in part.items()]
-    finish(options, result, folder, lambda: print_table("what it costs on this machine", ["what", "value"], rows))
 
+def verify(
+    result: take.Result, /, *, tolerance: take.Share = 1e-6, output: take.Tableless = take.Tableless()
+) -> int:  # fmt: skip
+    """Make a result once more, by the call that it keeps, and compare every number.
 
-def run_verify(options: argparse.Namespace) -> int:
-    """Make a result once more and compare; write verify.json; return 1 where it differs."""
-    folder = checked_folder(options)
-    found = sandbox.verify(options.result, options.tolerance)
-    found.save(folder)
-    if not options.quiet:
-        print_prose(found.sentence())
-        for change in found.changed:
-            print_prose(f"not as then: {change}")
+    Parameters
+    ----------
+    tolerance
+        relative difference up to which numbers agree (on the machine that made it, 0)
+    """
+    folder = output.checked("verify")
+    found = sandbox.verify(result, tolerance)
+    output.finish(found, folder)
     return 0 if found.same else 1
 
 
-def run_list(options: argparse.Namespace) -> None:
-    """Print what there is, one line each, or the card of one effect or estimator."""
+def audit(motor: take.Motor, /, *, radius: take.Radius = None, output: take.Output = take.Output()) -> None:
+    """Up to which current a motor's model is valid: convexity, saliency, cross-saturation angle.
+
+    Parameters
+    ----------
+    radius
+        up to which current to look, in A
+    """
+    of_motor("audit", motor, radius, output)
+
+
+def maps(motor: take.Motor, /, *, radius: take.Radius = None, output: take.Output = take.Output()) -> None:
+    """Inductances, cross-saturation angle and gain over the current plane.
+
+    Parameters
+    ----------
+    radius
+        half width of the plane of currents, in A
+    """
+    of_motor("maps", motor, radius, output)
+
+
+def of_motor(name: str, motor: str, radius: float | None, output: take.Output) -> None:
+    """Save what a motor's model says; the result of another motor in the same folder is kept under its name."""
+    from sandbox.public.result import keep_other
+
+    folder = output.checked(name)
+    result = getattr(sandbox, name)(motor, radius)
+    kept_one = keep_other(folder, name, result.as_json()["motor"])
+    output.finish(result, folder, kept_one)
+
+
+def motor(
+    stated: Annotated[str, Parameter(metavar="FILE|KEY=VALUE")],
+    /,
+    *more: Annotated[str, Parameter(show=False)],
+    name: Annotated[str, Parameter(metavar="NAME")] = "motor",
+    output: take.Tableless = take.Tableless(),
+) -> None:
+    """A motor's file from a configuration (VESC, ODrive, moteus, SimpleFOC) and values of data sheets, converted.
+
+    Parameters
+    ----------
+    stated
+        paths of configurations, and values with units: kv=300 resistance_ll=0.1ohm current='20 A rms'
+    name
+        the motor's name
+    """
+    folder = output.checked("motor")
+    output.finish(sandbox.convert_motor((stated, *more), name), folder)
+
+
+def export_estimator(
+    name: Annotated[str, Parameter(metavar="NAME")],
+    /,
+    *,
+    motor: take.Motor = "ipm_exchanged",
+    belief: take.Belief = "saturated",
+    output: take.Tableless = take.Tableless(),
+) -> None:
+    """An estimator as C99 for a firmware, with a motor's constants.
+
+    Parameters
+    ----------
+    name
+        qnull, inversion or ekf
+    """
+    folder = output.checked("export-estimator")
+    output.finish(sandbox.export_estimator(name, motor, belief), folder)
+
+
+def include() -> None:
+    """The folder of the C header for an estimator of your own: cc -I "$(sensorless include)" ..."""
+    print_prose(sandbox.get_include())
+
+
+def list_names(
+    kind: Annotated[Kind, Parameter(metavar="KIND")], name: str | None = None, /, *, effects_from: take.EffectsFrom = ()
+) -> None:
+    """Names and one line each of motors, effects and so on.
+
+    Parameters
+    ----------
+    kind
+        what to list
+    name
+        of an effect, estimator, motor or scenario: its card is printed
+    """
     from sandbox.public.catalogue import card_of
 
-    if options.name is not None:
-        print_prose(card_of(options.kind, options.name))
-        return
-    lists = {
-        "motors": sandbox.list_motors, "effects": sandbox.list_effects, "estimators": sandbox.list_estimators,
-        "scenarios": sandbox.list_scenarios, "datasets": sandbox.list_datasets,
-        "presets": sandbox.list_presets, "tests": sandbox.list_tests,
-    }  # fmt: skip
-    print_list(lists[options.kind]())
+    if name is not None:
+        print_prose(card_of(kind, name))
+    else:
+        print_list(getattr(sandbox, f"list_{kind}")())
 
 
-def run_view(options: argparse.Namespace) -> None:
-    """Open a trace in the viewer."""
-    sandbox.view(options.file, web=options.web)
+def view(file: Annotated[Path, Parameter(metavar="FILE.rrd")], /, *, web: take.Flag = False) -> None:
+    """Open the rerun viewer on a trace.
+
+    Parameters
+    ----------
+    file
+        a trace that a command has written
+    web
+        in a browser, on this machine or another
+    """
+    sandbox.view(file, web=web)
 
 
-def run_show(options: argparse.Namespace) -> None:
-    """Open what a result holds."""
-    print_prose(sandbox.show(options.result))
+def show(result: take.Result, /) -> None:
+    """Open what a result holds: its page in the browser, its trace in the viewer."""
+    print_prose(sandbox.show(result))

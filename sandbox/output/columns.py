@@ -37,6 +37,11 @@ def table_of(columns: Mapping[str, Column]) -> pyarrow.Table:
     return pa.Table.from_arrays(arrays, schema=pa.schema(schema))
 
 
+def unit_of(field: pyarrow.Field) -> str:
+    """Return the unit of a column, empty where it has none."""
+    return str((field.metadata or {}).get(b"unit", b"").decode())
+
+
 def columns_of(rows: Sequence[Mapping[str, Any]], units: Mapping[str, str]) -> dict[str, Column]:
     """Return rows (all of the same keys) as columns with units."""
     names = list(rows[0]) if rows else list(units)
@@ -50,7 +55,7 @@ def frame_of(table: pyarrow.Table) -> pandas.DataFrame:
     except ImportError:
         raise BadInput("a data frame needs pandas; install it with `pip install pandas`, or take .to_table()") from None
     frame = table.to_pandas()
-    frame.attrs["units"] = {f.name: f.metadata[b"unit"].decode() for f in table.schema if f.metadata}
+    frame.attrs["units"] = {f.name: unit_of(f) for f in table.schema if unit_of(f)}
     return frame
 
 
@@ -69,7 +74,7 @@ def write_table(path: Path, table: pyarrow.Table) -> None:
     if path.suffix == ".csv":
         from pyarrow import csv
 
-        heads = [f"{f.name} ({f.metadata[b'unit'].decode()})" if f.metadata else f.name for f in table.schema]
+        heads = [f"{f.name} ({unit_of(f)})" if unit_of(f) else f.name for f in table.schema]
         csv.write_csv(table.rename_columns(heads), path)
     else:
         from pyarrow import parquet

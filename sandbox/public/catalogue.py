@@ -78,8 +78,10 @@ def list_effects() -> dict[str, str]:
     >>> list_effects()["dead_time"].partition(":")[0]
     'inverter'
     """
+    from model.effects.adopt import inherit
     from model.effects.library import effect_names, load_effect
 
+    inherit()
     cards = map(load_effect, effect_names())
     return {card.name: f"{card.subsystem}: {card.summary}" for card in cards}
 
@@ -163,34 +165,44 @@ def describe(name: str) -> str:
     >>> "dead_time.time" in describe("dead_time")
     True
     """
-    from estimators.registry import MODULES
+    from estimators.registry import estimator_names
     from model.drive_files import mapped_names, motor_names
+    from model.effects.adopt import inherit
     from model.effects.library import card_text, effect_names, load_effect
     from model.errors import unknown
     from sandbox.drive.scenario import scenario_names
 
+    inherit()
     if name in effect_names():
         return card_text(load_effect(name))
-    if name in MODULES:
+    if name in estimator_names():
         return _estimator_card(name)
     if name in (motors := [*motor_names(), *mapped_names()]):
         return motor_card(name)
     if name in scenario_names():
         return scenario_card(name)
-    raise unknown("effect, estimator, motor or scenario", name, (*effect_names(), *MODULES, *motors, *scenario_names()))
+    known = (*effect_names(), *estimator_names(), *motors, *scenario_names())
+    raise unknown("effect, estimator, motor or scenario", name, known)
 
 
 def card_of(kind: str, name: str) -> str:
     """Return a card of one kind: 'effects', 'estimators', 'motors' or 'scenarios'; BadInput where the name is not of
     that kind."""
-    from estimators.registry import MODULES
+    from estimators.registry import estimator_names
     from model.drive_files import mapped_names, motor_names
+    from model.effects.adopt import inherit
     from model.effects.library import effect_names
     from model.errors import unknown
     from sandbox.drive.scenario import scenario_names
 
+    inherit()
     motors = [*motor_names(), *mapped_names()]
-    kinds = {"effects": effect_names(), "estimators": MODULES, "motors": motors, "scenarios": scenario_names()}
+    kinds = {
+        "effects": effect_names(),
+        "estimators": estimator_names(),
+        "motors": motors,
+        "scenarios": scenario_names(),
+    }
     known = kinds.get(kind)
     if known is None:
         raise BadInput(f"'{kind}' have no cards; {', '.join(f'`list {k} NAME`' for k in kinds)} print one")

@@ -6,28 +6,30 @@ import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from model.ratings import cautions
 from model.tools.stated_motor import StatedMotor, stated_motor
-from sandbox.output.files import results, write_json
-from sandbox.output.provenance import Call, made_by
 from sandbox.output.tables import print_prose, print_table
 from sandbox.output.toml import toml_text
 from sandbox.public.calls import told
+from sandbox.public.result import Result
 
 FILE = "motor.toml"
 
 
-@dataclass(frozen=True)
-class ConvertedMotor:
+@dataclass(frozen=True, repr=False)
+class ConvertedMotor(Result):
     """A drive as other tools and people state it, and each conversion."""
 
+    command: ClassVar[str] = "motor"
+    kinds: ClassVar[tuple[str, ...]] = ()
     stated: StatedMotor
-    call: Call | None = None
 
-    def __repr__(self) -> str:
-        return f"<ConvertedMotor: {self.stated.drive!r}>"
+    def summary(self) -> str:
+        """Return the motor, the tool whose file was read, and how many values it has."""
+        program = f" of {self.stated.program}" if self.stated.program else ""
+        return f"{self.stated.drive.name}{program}, {len(self.stated.steps)} values of {FILE}"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `motor.json` holds beyond its header."""
@@ -48,21 +50,18 @@ class ConvertedMotor:
         ]  # fmt: skip
         return toml_text(tables)
 
-    def save(self, folder: str | Path) -> Path:
-        """Write motor.toml and motor.json into a folder, together; return it."""
-        with results(Path(folder), "motor") as out:
-            (out / FILE).write_text(self.text(), encoding="utf-8")
-            write_json(out, "motor", self.as_json(), made=made_by(self.call, out.iterdir()))
-        return Path(folder)
-
-    def show(self) -> None:
+    def report(self) -> None:
         """Print each value with where it comes from, and what cannot be meant."""
         rows = [[s.key, f"{s.value:.5g}", s.said] for s in self.stated.steps]
-        print_table(
-            f"{self.stated.drive.name}: values of {FILE} (SI units, peak, phase)", ["value", "is", "from"], rows
-        )
+        title = f"{self.stated.drive.name}: values of {FILE} (SI units, peak, phase)"
+        print_table(title, ["value", "is", "from"], rows)
         for text in cautions(self.stated.drive):
             print_prose(f"caution: {text}")
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write `motor.toml`."""
+        (out / FILE).write_text(self.text(), encoding="utf-8")
+        return {}
 
 
 @told

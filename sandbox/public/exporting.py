@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -23,44 +23,49 @@ from sandbox.drive.design import belief_of, design
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
-from sandbox.output.files import results, write_json
-from sandbox.output.provenance import Call, made_by
+from sandbox.output.tables import print_prose
 from sandbox.public.calls import told
 from sandbox.public.loading import load_motor
+from sandbox.public.result import Result
 from sandbox.recordings.injection import carrier
 
-COMMAND = "export-estimator"
 MOST_WINDOWS = 6
 LOADED = Scenario("golden", (Segment(0.06, 1.0, 0.05, ramp=0.03),), "driven", start_up=False, start_angle=0.4)
 
 
-@dataclass(frozen=True)
-class Export:
+@dataclass(frozen=True, repr=False)
+class Export(Result):
     """Files (name and text) of an estimator with a motor's constants, and what a step costs."""
 
+    command: ClassVar[str] = "export-estimator"
+    kinds: ClassVar[tuple[str, ...]] = ()
     name: str
     motor: str
     belief: str
     files: dict[str, str]
     state_bytes: int  # float
     operations: Operations  # of a step, on the golden vectors
-    call: Call | None = None
 
-    def __repr__(self) -> str:
-        return f"<Export: {self.name} for {self.motor}, {', '.join(self.files)}>"
+    def summary(self) -> str:
+        """Return what it is for, and its files."""
+        return f"{self.name} for {self.motor}, {', '.join(self.files)}"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `export-estimator.json` holds beyond its header."""
         kept = {"estimator": self.name, "motor": self.motor, "belief": self.belief, "state_bytes": self.state_bytes}
         return {**kept, "operations": asdict(self.operations), "files": list(self.files)}
 
-    def save(self, folder: str | Path) -> Path:
-        """Write every file and export-estimator.json into a folder, together; return it."""
-        with results(Path(folder), COMMAND) as out:
-            for name, text in self.files.items():
-                (out / name).write_text(text, encoding="utf-8")
-            write_json(out, COMMAND, self.as_json(), made=made_by(self.call, out.iterdir()))
-        return Path(folder)
+    def report(self) -> None:
+        """Print what a step costs, and how the files are checked."""
+        print_prose(f"{self.name} for {self.motor}: {self.operations.said()}; {self.state_bytes} bytes of state")
+        print_prose(f"files: {', '.join(self.files)}")
+        print_prose("check them: cc -std=c99 -O2 *.c -lm && ./a.out")
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write every file."""
+        for name, text in self.files.items():
+            (out / name).write_text(text, encoding="utf-8")
+        return {}
 
 
 def samples_of(drive: Drive, recording: Recording) -> np.ndarray:

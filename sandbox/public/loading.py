@@ -10,7 +10,7 @@ from estimators.registry import AnyEstimator, check_known
 from estimators.registry import load_estimator as registered
 from estimators.registry import load_estimator_library as registered_library
 from model.drive_files import fetched, load_drive
-from model.effects.adopt import adopt
+from model.effects.adopt import adopt, inherit
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.drive import scenario as scenarios
@@ -21,6 +21,8 @@ from sandbox.recordings.motion_log import MotionCampaign
 
 if TYPE_CHECKING:
     from estimators.contract import Estimator
+
+inherit()  # effects of other packages: before anything is compiled
 
 
 def use_effects(file: str | Path) -> tuple[str, ...]:

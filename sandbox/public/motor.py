@@ -10,8 +10,7 @@ import numpy as np
 
 from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.output.columns import Column, write_table
-from sandbox.output.files import results, write_json
+from sandbox.output.columns import Column
 from sandbox.public.calls import told
 from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
@@ -71,12 +70,23 @@ class AuditResult(Result):
 
         return audit_figure(self.drive, self.audit, path, ax=ax)
 
+    def report(self) -> None:
+        """Print validity in sentences, then the cross-saturation angle against load."""
+        from sandbox.output.tables import print_prose
+        from sandbox.public.printed import print_audit
+
+        print_audit(self.drive, self.audit)
+        for sentence in self.flux_map.sentences() if self.flux_map else ():
+            print_prose(sentence)
+
 
 @dataclass(frozen=True, repr=False)
 class MapsResult(Result):
     """A motor's incremental inductances, cross-saturation angle and gain over the plane of currents."""
 
     command: ClassVar[str] = "maps"
+    kinds: ClassVar[tuple[str, ...]] = ("figure",)
+    coordinates: ClassVar[tuple[str, ...]] = ("i_d", "i_q")
     maps: Maps
 
     def summary(self) -> str:
@@ -107,17 +117,17 @@ class MapsResult(Result):
 
         return maps_figure(self.maps, path, ax=ax)
 
-    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write maps.json, .png and .npz (csv: as CSV, too) into a folder, together; return it."""
+    def report(self) -> None:
+        """Print the maps at zero and rated current, and their ranges."""
+        from sandbox.public.printed import print_maps
+
+        print_maps(self.maps)
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write the arrays."""
         arrays: dict[str, Any] = dict(self.maps.arrays())
-        with results(Path(folder), "maps") as out:
-            np.savez_compressed(out / "maps.npz", **arrays)
-            self.plot(out / "maps.png")
-            if csv:
-                write_table(out / "maps.csv", self.to_table())
-            files = {"arrays": "maps.npz", "figure": "maps.png"}
-            write_json(out, "maps", self.as_json() | files, made=self.made_by(out))
-        return Path(folder)
+        np.savez_compressed(out / "maps.npz", **arrays)
+        return {"arrays": "maps.npz"}
 
 
 @told

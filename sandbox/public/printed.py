@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from model.parameters import Drive
     from model.saliency import Audit
     from sandbox.drive.design import Design
-    from sandbox.evaluation.compare import Comparison
+    from sandbox.evaluation.compare import Comparison, Run
     from sandbox.evaluation.maps import Maps
     from sandbox.evaluation.score import ErrorDeg
     from sandbox.recordings.identify import Identification
@@ -72,6 +73,12 @@ def print_run(c: Comparison, gains: Design) -> None:
             f"`{own}` has no tracking loop: its gain follows at each sample from the noise that it assumes, so it has "
             "no fixed bandwidth and no margins."
         )
+
+
+def print_simulated(runs: Sequence[Run]) -> None:
+    """Print how long was simulated, and what it cost."""
+    seconds, cpu = sum(run.recording.t[-1] for run in runs), sum(run.cpu_seconds for run in runs)
+    print_prose(f"{seconds:.3g} s simulated in {cpu:.3g} s of CPU")
 
 
 def print_cautions(drive: Drive) -> None:

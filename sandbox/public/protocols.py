@@ -13,7 +13,6 @@ from model.drive_files import motor_file
 from model.errors import unknown
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of
-from sandbox.output.files import results, write_json
 from sandbox.output.tables import many
 from sandbox.public.calls import told
 from sandbox.public.loading import several
@@ -35,6 +34,7 @@ class ProtocolResult(Result):
     """Every test of every estimator and belief on every motor, with its verdict."""
 
     command: ClassVar[str] = "protocol"
+    kinds: ClassVar[tuple[str, ...]] = ("page", "figure", "table")
     protocol: Protocol
 
     def summary(self) -> str:
@@ -77,18 +77,19 @@ class ProtocolResult(Result):
         write_protocol(Path(path), self.protocol)
         return Path(path)
 
-    def _write(self, out: Path, csv: bool) -> dict[str, Any]:
-        """Write page, figure and table."""
-        self.to_html(out / "protocol.html")
-        return super()._write(out, csv) | {"page": "protocol.html"}
+    def report(self) -> None:
+        """Print which estimator to take, and the verdict of each test."""
+        from sandbox.evaluation.pages.protocol_cells import show
 
-    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
+        show(self.protocol)
+
+    def save(self, folder: str | Path, **asked: bool) -> Path:
         """Write protocol.json, .html, .png, .parquet into a folder, and forget what was kept there for resuming."""
         from sandbox.evaluation.protocol import forget
 
-        super().save(folder, csv=csv)
-        forget(Path(folder))
-        return Path(folder)
+        place = super().save(folder, **asked)
+        forget(place)
+        return place
 
 
 @dataclass(frozen=True, repr=False)
@@ -96,6 +97,7 @@ class BenchResult(Result):
     """What the simulator costs, measured on this machine, and ratios that hardly depend on it."""
 
     command: ClassVar[str] = "bench"
+    kinds: ClassVar[tuple[str, ...]] = ()
     measured: dict[str, float]
     ratios: dict[str, float]
 
@@ -128,15 +130,13 @@ class BenchResult(Result):
         panels[0, 0].set(xscale="log", xlabel="ratio (CPU or error)")
         return drawn(figure, path)
 
-    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write bench.json (csv: the figures as CSV, too) into a folder; return it."""
-        from sandbox.output.columns import write_table
+    def report(self) -> None:
+        """Print every figure."""
+        from sandbox.evaluation.bench import told as in_words
+        from sandbox.output.tables import print_table
 
-        with results(Path(folder), "bench") as out:
-            if csv:
-                write_table(out / "bench.csv", self.to_table())
-            write_json(out, "bench", self.as_json(), made=self.made_by(out))
-        return Path(folder)
+        rows = [list(in_words(*figure)) for part in (self.measured, self.ratios) for figure in part.items()]
+        print_table("what it costs on this machine", ["what", "value"], rows)
 
 
 @told

@@ -1,4 +1,4 @@
-"""What every function of the page returns can do: become a table, a figure, a trace, a folder of files."""
+"""What every function of the page returns can do: be printed, become a table, a figure, a trace, a folder of files."""
 
 from __future__ import annotations
 
@@ -18,43 +18,57 @@ from sandbox.output.provenance import Call, made_by
 if TYPE_CHECKING:
     import pandas
     import pyarrow
+    import xarray
 
     from sandbox.output.plots import AnyAxes, Figure
+
+SUFFIXES = {"page": "html", "figure": "png", "table": "parquet", "trace": "rrd"}
 
 
 @dataclass(frozen=True, repr=False)
 class Result(ABC):
     """A finished piece of work; what is in it stands in the fields of its class."""
 
-    command: ClassVar[str]
+    command: ClassVar[str]  # its JSON is called so
+    header: ClassVar[str] = ""  # the command that its JSON names, where that is another
+    kinds: ClassVar[tuple[str, ...]] = ("figure", "table")  # what `save` writes beside the JSON
+    coordinates: ClassVar[tuple[str, ...]] = ()  # columns that `to_xarray` takes for coordinates
     call: Call | None = field(default=None, kw_only=True)  # how the function that returned it was called
-
-    def made_by(self, folder: Path) -> dict[str, Any]:
-        """Return what made the result, with hashes of its files in a folder that holds no others."""
-        return made_by(self.call, (path for path in folder.iterdir() if path.is_file()))
 
     @abstractmethod
     def as_json(self) -> dict[str, Any]:
         """Return what `<command>.json` holds beyond its header and the names of files."""
 
     @abstractmethod
-    def columns(self) -> dict[str, Column]:
-        """Return the columns of the result's table."""
+    def summary(self) -> str:
+        """Return the result in a few words, for `repr`."""
 
-    @abstractmethod
+    def columns(self) -> dict[str, Column]:
+        """Return the columns of the result's table; BadInput where it has none."""
+        raise BadInput(f"a result of '{self.command}' has no table; take .as_json()")
+
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
         """Return the result's figure (its panels: `.axes`); a path (.png, .svg, .pdf) is written as well.
 
         ax: axes of your own to draw in, one for each panel, such as those of `plt.subplots`; their figure is returned.
-        BadInput says how many panels there are.
+        BadInput says how many panels there are, or that the result has no figure.
         """
+        raise BadInput(f"a result of '{self.command}' has no figure; take .as_json()")
 
-    @abstractmethod
-    def summary(self) -> str:
-        """Return the result in a few words, for `repr`."""
+    def report(self) -> None:
+        """Print the result as its command does."""
+        from sandbox.output.tables import print_prose
+
+        print_prose(self.summary())
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.summary()}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the summary, the figure, the first rows of the table."""
+        from sandbox.public.notebook import shown_in_notebook
+
+        return shown_in_notebook(self)
 
     def to_table(self) -> pyarrow.Table:
         """Return the result as a pyarrow table, units in the metadata of its columns."""
@@ -64,6 +78,15 @@ class Result(ABC):
         """Return the result as a pandas data frame, units in `.attrs["units"]`; BadInput where pandas is missing."""
         return frame_of(self.to_table())
 
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the table as an xarray Dataset, each variable with its unit; BadInput where xarray is missing.
+
+        Its dimensions are coordinates where there are any (`t` of a run, the currents of maps), else the row.
+        """
+        from sandbox.output.labelled import dataset_of
+
+        return dataset_of(self.to_table(), self.coordinates, {"result": self.command, "summary": self.summary()})
+
     def to_rerun(self, path: str | Path) -> Path:
         """Write the result as a trace for the rerun viewer (`.rrd`); BadInput where nothing in it runs over time."""
         raise BadInput(f"nothing in a result of '{self.command}' runs over time, so it has no trace; take .plot()")
@@ -72,21 +95,55 @@ class Result(ABC):
         """Write the result as one page with its figures inside (`.html`); BadInput where a figure is all there is."""
         raise BadInput(f"a result of '{self.command}' has no page of its own; take .plot()")
 
-    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write JSON, figure and table (Parquet; csv: as CSV, too) into a folder, together; return it."""
+    def show(self) -> str:
+        """Save the result into a temporary folder and open what is there, as `sandbox.show`; say what was opened."""
+        from tempfile import mkdtemp
+
+        from sandbox.public.showing import show
+
+        return show(self.save(Path(mkdtemp(prefix="sensorless-")) / self.command))
+
+    def save(
+        self, folder: str | Path, *, csv: bool = False, trace: bool = True, figure: bool = True, table: bool = True
+    ) -> Path:
+        """Write JSON and what the result has of page, figure, table and trace into a folder, together; return it.
+
+        csv: the table as CSV, too; figure: the figure and the page.
+        """
+        asked = {"page": figure, "figure": figure, "table": table, "trace": trace}
         with results(Path(folder), self.command) as out:
-            files = self._write(out, csv)
-            write_json(out, self.command, self.as_json() | files, made=self.made_by(out))
+            files = {
+                kind: f"{self.command}.{SUFFIXES[kind]}" if asked[kind] else None
+                for kind in self._kinds_in(Path(folder))
+            }
+            for kind, name in files.items():
+                if name is not None:
+                    self._write(kind, out / name)
+            if csv:
+                write_table(out / f"{self.command}.csv", self.to_table())
+            content = self.as_json() | files | self._write_more(out)
+            made = made_by(self.call, (path for path in out.iterdir() if path.is_file()))
+            write_json(out, self.command, content, self.header, made)
         return Path(folder)
 
-    def _write(self, out: Path, csv: bool) -> dict[str, Any]:
-        """Write figure and table into a folder; return what the JSON says of them."""
-        self.plot(out / f"{self.command}.png")
-        table = self.to_table()
-        write_table(out / f"{self.command}.parquet", table)
-        if csv:
-            write_table(out / f"{self.command}.csv", table)
-        return {"figure": f"{self.command}.png", "table": f"{self.command}.parquet"}
+    def _kinds_in(self, folder: Path) -> tuple[str, ...]:
+        """Return what of `kinds` is written into a folder."""
+        return self.kinds
+
+    def _write(self, kind: str, path: Path) -> None:
+        """Write one of the files that several results have."""
+        if kind == "table":
+            write_table(path, self.to_table())
+        elif kind == "page":
+            self.to_html(path)
+        elif kind == "trace":
+            self.to_rerun(path)
+        else:
+            self.plot(path)
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write what this result alone has into a folder; return what its JSON says of it."""
+        return {}
 
 
 def keep_other(folder: Path, command: str, motor: str) -> str:

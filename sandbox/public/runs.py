@@ -55,6 +55,8 @@ class SimulationResult(Result):
     """One run: its samples, the error of each evaluated segment, the loops it was controlled by."""
 
     command: ClassVar[str] = "simulate"
+    kinds: ClassVar[tuple[str, ...]] = ("page", "figure", "table", "trace")
+    coordinates: ClassVar[tuple[str, ...]] = ("t",)
     comparison: Comparison  # of this run alone
     design: Design
     effects: Mapping[str, float]
@@ -122,6 +124,13 @@ class SimulationResult(Result):
         drive, scenario = self.comparison.drive.name, self.comparison.scenario.name
         return run_figure(self.run, f"{drive}, {scenario}: {self.run.estimator}, {self.run.belief} belief", path, ax=ax)
 
+    def report(self) -> None:
+        """Print the error of each evaluated segment, and the loops."""
+        from sandbox.public.printed import print_run, print_simulated
+
+        print_run(self.comparison, self.design)
+        print_simulated([self.run])
+
     def to_rerun(self, path: str | Path) -> Path:
         """Write the run as a trace (`.rrd`); return its path."""
         from sandbox.evaluation.pages.compare_sheets import sheets
@@ -129,15 +138,6 @@ class SimulationResult(Result):
 
         write_trace(Path(path), self.comparison, sheets(self.comparison))
         return Path(path)
-
-    def save(
-        self, folder: str | Path, *, csv: bool = False, trace: bool = True, figure: bool = True, table: bool = True
-    ) -> Path:
-        """Write simulate.json, .html, .png, .parquet (all signals; csv: as CSV, too), .rrd into a folder; return it.
-
-        figure: the page and the figure.
-        """
-        return save_runs(self, folder, csv=csv, trace=trace, figure=figure, table=table)
 
     def to_html(self, path: str | Path) -> Path:
         """Write the run as one page with its figures inside (`.html`): errors, currents, fluxes, spectra; return it."""
@@ -152,6 +152,7 @@ class ComparisonResult(Result):
     """The same runs by every estimator with both beliefs, the estimate in control and the encoder."""
 
     command: ClassVar[str] = "compare"
+    kinds: ClassVar[tuple[str, ...]] = ("page", "figure", "table", "trace")
     comparison: Comparison
     tolerances: ToleranceResult | None = None  # stands on the page, where it was run
 
@@ -188,6 +189,13 @@ class ComparisonResult(Result):
 
         return comparison_figure(self.comparison, path, ax=ax)
 
+    def report(self) -> None:
+        """Print the position errors of both beliefs beside theory."""
+        from sandbox.public.printed import print_comparison, print_simulated
+
+        print_comparison(self.comparison)
+        print_simulated(self.runs)
+
     def to_rerun(self, path: str | Path) -> Path:
         """Write all runs as one trace (`.rrd`); return its path."""
         from sandbox.evaluation.pages.compare_sheets import sheets
@@ -204,10 +212,6 @@ class ComparisonResult(Result):
         write_comparison(Path(path), self.comparison, known)
         return Path(path)
 
-    def save(self, folder: str | Path, *, csv: bool = False, trace: bool = True) -> Path:
-        """Write compare.json, .html, .png, .parquet (the rows; csv: as CSV, too), .rrd into a folder; return it."""
-        return save_runs(self, folder, csv=csv, trace=trace)
-
 
 def _worst(rows: Iterable[Row], belief: str) -> str:
     """Return the largest mean error with a belief in words, and whether lock was lost."""
@@ -217,32 +221,6 @@ def _worst(rows: Iterable[Row], belief: str) -> str:
     if not kept:
         return "lost"
     return f"{max(kept):.2f} deg" + (f" (lost in {lost} of {len(means)})" if lost else "")
-
-
-def save_runs(
-    result: SimulationResult | ComparisonResult, folder: str | Path, *, csv: bool, trace: bool, figure: bool = True,
-    table: bool = True,
-) -> Path:  # fmt: skip
-    """Write a result of runs and what is asked for beside its JSON into a folder, together; return the folder."""
-    from sandbox.output.columns import write_table
-    from sandbox.output.files import results, write_json
-
-    name = result.command
-    files = {"page": figure and "html", "figure": figure and "png", "table": table and "parquet",
-             "trace": trace and "rrd"}  # fmt: skip
-    with results(Path(folder), name) as out:
-        if figure:
-            result.plot(out / f"{name}.png")
-            result.to_html(out / f"{name}.html")
-        if table or csv:
-            found = result.to_table()
-            for suffix in [".parquet"] * table + [".csv"] * csv:
-                write_table(out / f"{name}{suffix}", found)
-        if trace:
-            result.to_rerun(out / f"{name}.rrd")
-        named = {key: f"{name}.{suffix}" if suffix else None for key, suffix in files.items()}
-        write_json(out, name, result.as_json() | named, made=result.made_by(out))
-    return Path(folder)
 
 
 @told

@@ -13,9 +13,8 @@ from estimators.registry import AnyEstimator
 from model.effect_files import effects_of
 from model.errors import BadInput
 from sandbox.drive.scenario import Scenario
-from sandbox.output.columns import Column, columns_of, write_table
-from sandbox.output.files import results, write_json
-from sandbox.output.tables import many
+from sandbox.output.columns import Column, columns_of, unit_of
+from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.calls import told
 from sandbox.public.loading import several
 from sandbox.public.result import Result
@@ -71,10 +70,7 @@ class SweepResult(Result):
     def columns(self) -> dict[str, Column]:
         """Return the same as columns."""
         table = self.to_table()
-        return {
-            f.name: Column(table[f.name].to_pylist(), f.metadata[b"unit"].decode() if f.metadata else "")
-            for f in table.schema
-        }
+        return {f.name: Column(table[f.name].to_pylist(), unit_of(f)) for f in table.schema}
 
     def traces(self) -> Any:
         """Return the traces as an xarray Dataset (run, sample), read when used; BadInput where none were asked for."""
@@ -95,19 +91,26 @@ class SweepResult(Result):
         curves = {g.name: errors[cell == k] for k, g in enumerate(groups)}
         return yield_figure(curves, self.plan.name, path, ax=ax)
 
-    def save(self, folder: str | Path | None = None, *, csv: bool = False) -> Path:
+    def report(self) -> None:
+        """Print the errors of each group, and why runs have no result."""
+        from sandbox.sweep.summary import lines
+
+        print_table(f"{self.plan.name}: largest mean position error of a run", *lines(self.groups))
+        for why in self.as_json()["sentences"][:3]:
+            print_prose(f"{many(why['runs'], 'run')} without a result: {why['sentence']}")
+        print_prose(self.summary())
+
+    def save(self, folder: str | Path | None = None, **asked: bool) -> Path:
         """Write sweep.json and .png (csv: all runs as CSV, too) into the sweep's folder, or another; return it."""
-        place = self.folder if folder is None else Path(folder)
-        with results(place, "sweep") as out:
-            self.plot(out / "sweep.png")
-            if csv:
-                write_table(out / "sweep.csv", self.to_table())
-            files: dict[str, Any] = {"figure": "sweep.png", "table": "runs"}
-            if place.resolve() != self.folder.resolve():
-                write_table(out / "sweep.parquet", self.to_table())
-                files["table"] = "sweep.parquet"
-            write_json(out, "sweep", self.as_json() | files, made=self.made_by(out))
-        return place
+        return super().save(self.folder if folder is None else folder, **asked)
+
+    def _kinds_in(self, folder: Path) -> tuple[str, ...]:
+        """Return the figure; the table for another folder than that of the runs."""
+        return ("figure",) if folder.resolve() == self.folder.resolve() else self.kinds
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write nothing; say where the runs are."""
+        return {} if (out / "sweep.parquet").is_file() else {"table": "runs"}
 
 
 @dataclass(frozen=True, repr=False)
@@ -146,6 +149,13 @@ class ToleranceResult(Result):
         from sandbox.sweep.curves import tolerance_figure
 
         return tolerance_figure(self.rows, f"{self.motor}, {self.scenario}", path, ax=ax)
+
+    def report(self) -> None:
+        """Print what is left of the gain at each tolerance."""
+        from sandbox.sweep.tolerances import lines
+
+        title = f"{self.motor}, {self.scenario}: position error when the belief is known to ± so much"
+        print_table(title, *lines(self.rows))
 
     def for_page(self) -> Known:
         """Return table and drawing as the page of a comparison shows them."""

@@ -6,18 +6,19 @@ import inspect
 import json
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from model.errors import BadInput, brief, shown
 from model.given import MOST_JSON, given_bytes
-from sandbox.output.files import plain, results, write_json
+from sandbox.output.files import plain
 from sandbox.output.provenance import digest_of, libraries, made_by
+from sandbox.output.tables import print_prose
 from sandbox.public.calls import EFFECTS, LEFT_OUT, hashes
+from sandbox.public.result import Result
 
-COMMAND = "verify"
 HEADER = ("schema", "command", "version", "made_by", "figure", "table", "trace", "arrays", "rows", "page")
 COSTS = {  # what a run costs is never the same twice
     "cpu_seconds", "kernel_seconds", "step_ns", "cpu_s_per_s", "cpu_to_peer", "cost.seconds",
@@ -42,8 +43,8 @@ class Difference(NamedTuple):
     found: Any
 
 
-@dataclass(frozen=True)
-class Verification:
+@dataclass(frozen=True, repr=False)
+class Verification(Result):
     """What became of a result when it was made once more.
 
     values: how many were compared; largest: relative difference of numbers (0: the same to the bit); differences: those
@@ -51,6 +52,8 @@ class Verification:
     machine from the one that made it.
     """
 
+    command: ClassVar[str] = "verify"
+    kinds: ClassVar[tuple[str, ...]] = ()
     result: Path
     function: str
     values: int
@@ -63,10 +66,7 @@ class Verification:
         """Whether every value is as stated."""
         return not self.differences
 
-    def __repr__(self) -> str:
-        return f"<Verification: {self.sentence()}>"
-
-    def sentence(self) -> str:
+    def summary(self) -> str:
         """Return the outcome in a sentence."""
         exact = "to the bit" if self.largest == 0.0 else f"to {self.largest:.1g} of a number"
         if self.same:
@@ -79,13 +79,16 @@ class Verification:
     def as_json(self) -> dict[str, Any]:
         """Return what `verify.json` holds beyond its header."""
         told = [d._asdict() for d in self.differences]
-        return asdict(self) | {"result": self.result.as_posix(), "same": self.same, "differences": told}
+        return {
+            "result": self.result.as_posix(), "function": self.function, "values": self.values,
+            "largest": self.largest, "differences": told, "changed": self.changed, "same": self.same,
+        }  # fmt: skip
 
-    def save(self, folder: str | Path) -> Path:
-        """Write verify.json into a folder; return it."""
-        with results(Path(folder), COMMAND) as out:
-            write_json(out, COMMAND, self.as_json(), made=made_by())
-        return Path(folder)
+    def report(self) -> None:
+        """Print the outcome, and what is not as it was when the result was made."""
+        print_prose(self.summary())
+        for change in self.changed:
+            print_prose(f"not as then: {change}")
 
 
 def verify(result: str | Path, tolerance: float = CLOSE) -> Verification:
@@ -135,7 +138,9 @@ def _json_of(place: Path) -> Path:
     """Return the JSON of a result folder, or the one that is named."""
     if place.is_file():
         return place
-    found = [p for p in sorted(place.glob("*.json")) if p.name != f"{COMMAND}.json"] if place.is_dir() else []
+    found = (
+        [p for p in sorted(place.glob("*.json")) if p.name != f"{Verification.command}.json"] if place.is_dir() else []
+    )
     found = [p for p in found if p.stem not in ("manifest", "schema")]  # of a sweep
     if not found:
         raise BadInput(f"no result at '{place}'; give a folder that a command has written, or its JSON")

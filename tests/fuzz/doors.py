@@ -146,12 +146,9 @@ def called(arguments: list[str]) -> Outcome:
     out, err, codes = io.StringIO(), io.StringIO(), []
 
     def work() -> None:
-        """Call; a wrong word ends in SystemExit."""
+        """Call, what is printed kept."""
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            try:
-                codes.append(main(arguments))
-            except SystemExit as stop:
-                codes.append(stop.code)
+            codes.append(main(arguments))
 
     outcome = judged(work)
     said = err.getvalue()

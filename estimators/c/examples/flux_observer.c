@@ -9,7 +9,7 @@
  * It believes in constant inductances and injects nothing; at standstill it only integrates.
  *
  * Own code after the papers: nothing is taken from either project. */
-#include "../startup.h"
+#include "startup.h"
 
 #define DRAWN R(0.25) /* g psi_m^2 over the bandwidth of the tracking loop */
 

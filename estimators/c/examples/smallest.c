@@ -1,4 +1,4 @@
-#include "../sensorless_estimator.h"
+#include "sensorless_estimator.h"
 
 #include <math.h>
 

@@ -12,7 +12,7 @@ from model.drive_files import load_limits
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of, table_of, write_table
-from sandbox.output.files import CORRECTED, results, write_json
+from sandbox.output.files import CORRECTED
 from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.calls import told
 from sandbox.public.campaigns import drafting
@@ -36,6 +36,7 @@ class CheckResult(Result):
     """What a pre-flight found; `visible` is None where the recordings cannot be replayed, `why` says why."""
 
     command: ClassVar[str] = "check"
+    kinds: ClassVar[tuple[str, ...]] = ()
     name: str
     noticed: tuple[Noticed, ...]
     visible: Visible | None
@@ -88,17 +89,30 @@ class CheckResult(Result):
         sizes = {} if self.visible is None else self.visible.sizes
         return replay_figure(f"{self.name}: typical size of effects / what recordings leave of it", sizes, path, ax=ax)
 
-    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write check.json (csv: the findings, too) into a folder; return it.  Tables that nothing describes: a draft
-        of a column map, columns.toml.
-        """
-        with results(Path(folder), self.command) as out:
+    def report(self) -> None:
+        """Print the findings and what the recordings could tell."""
+        words = {"refused": "REFUSED", "suspicious": "suspicious", "note": "note"}
+        for n in self.noticed:
+            print_prose(f"{words[n.level]}: {n.finding.text}")
+        if not self.mistakes:
+            print_prose(f"{self.name}: nothing wrong or suspicious")
+        if self.visible is None:
+            print_prose(self.why)
             if self.draft:
-                (out / drafting.NAME).write_text(self.draft, encoding="utf-8")
-            if csv:
-                write_table(out / "check.csv", self.to_table())
-            write_json(out, self.command, self.as_json(), made=self.made_by(out))
-        return Path(folder)
+                print_prose(f"a draft of a column map, from the tables' own columns: {drafting.NAME} among the results")
+                print_prose(f"(one of an earlier call that differs is kept as {CORRECTED[drafting.NAME]})")
+            return
+        v = self.visible
+        rows = [[e, f"{z:.3g}", v.words(e)] for e, z in v.sizes.items()]
+        print_table("effects at typical size", ["effect", "standard deviations", "visible"], rows)
+        for a, b, cosine in v.alike[:6]:
+            print_prose(f"{a} and {b} look alike on these recordings (cosine {cosine:.3f})")
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write a draft of a column map, columns.toml, where tables are there that nothing describes."""
+        if self.draft:
+            (out / drafting.NAME).write_text(self.draft, encoding="utf-8")
+        return {}
 
 
 @told
@@ -179,6 +193,7 @@ class PlanResult(Result):
     """What to record on a bench: experiments in their order, each with what it adds, and setpoints over time."""
 
     command: ClassVar[str] = "plan"
+    kinds: ClassVar[tuple[str, ...]] = ()
     plan: Plan
 
     def summary(self) -> str:
@@ -219,18 +234,32 @@ class PlanResult(Result):
             f"{self.plan.drive.name}: what the planned recordings tell", self.plan.together.sizes, path, ax=ax
         )
 
-    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write plan.json and one table of setpoints an experiment (csv: the plan's table, too); return the folder."""
+    def report(self) -> None:
+        """Print the experiments and what stays alike."""
+        print_prose(
+            f"{self.plan.drive.name}: record each of these {REPEATS} times, one to be fitted and one to be held out"
+        )
+        for k, p in enumerate(self.plan.experiments, 1):
+            print_prose(f"{p.entry.name} ({p.entry.seconds:.3g} s): {p.entry.description}; {p.settings}", f"{k}. ")
+            beyond = f", {len(p.adds)} of them not told by those before it" if k > 1 else ""
+            print_prose(f"tells {many(len(p.tells), 'effect')}{beyond}: {', '.join(p.adds)}", "   ")
+        v = self.plan.together
+        if self.plan.adds:
+            print_prose(f"told by all of them together, by none alone: {', '.join(self.plan.adds)}")
+        for word, said in (("faint", "only faintly told"), ("not", "not told")):
+            names = ", ".join(e for e in v.sizes if v.words(e) == word)
+            if names or word == "not":
+                print_prose(f"{said}: {names or 'none of the library' + chr(39) + 's effects'}")
+        for a, b, cosine in v.alike[:6]:
+            print_prose(f"{a} and {b} still look alike (cosine {cosine:.3f})")
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write one table of setpoints an experiment."""
         from sandbox.gap.planning.bench_plan import setpoints
 
-        with results(Path(folder), self.command) as out:
-            for p in self.plan.experiments:
-                table = columns_of(setpoints(p.entry, self.plan.drive), {})
-                write_table(out / f"{p.entry.name}.csv", table_of(table))
-            if csv:
-                write_table(out / "plan.csv", self.to_table())
-            write_json(out, self.command, self.as_json(), made=self.made_by(out))
-        return Path(folder)
+        for p in self.plan.experiments:
+            write_table(out / f"{p.entry.name}.csv", table_of(columns_of(setpoints(p.entry, self.plan.drive), {})))
+        return {}
 
 
 @told
@@ -289,26 +318,6 @@ def plan(
     return PlanResult(planned(drive, limits, workers=jobs))
 
 
-def print_plan(found: PlanResult) -> None:
-    """Print the experiments and what stays alike."""
-    print_prose(
-        f"{found.plan.drive.name}: record each of these {REPEATS} times, one to be fitted and one to be held out"
-    )
-    for k, p in enumerate(found.plan.experiments, 1):
-        print_prose(f"{p.entry.name} ({p.entry.seconds:.3g} s): {p.entry.description}; {p.settings}", f"{k}. ")
-        beyond = f", {len(p.adds)} of them not told by those before it" if k > 1 else ""
-        print_prose(f"tells {many(len(p.tells), 'effect')}{beyond}: {', '.join(p.adds)}", "   ")
-    v = found.plan.together
-    if found.plan.adds:
-        print_prose(f"told by all of them together, by none alone: {', '.join(found.plan.adds)}")
-    for word, said in (("faint", "only faintly told"), ("not", "not told")):
-        names = ", ".join(e for e in v.sizes if v.words(e) == word)
-        if names or word == "not":
-            print_prose(f"{said}: {names or 'none of the library' + chr(39) + 's effects'}")
-    for a, b, cosine in v.alike[:6]:
-        print_prose(f"{a} and {b} still look alike (cosine {cosine:.3f})")
-
-
 def _read(
     campaign: str | Path | Campaign, columns: str | Path | None, preset: str | None
 ) -> tuple[str, Campaign | None, list[Noticed], str]:
@@ -337,24 +346,3 @@ def _draft(campaign: str | Path | Campaign, columns: str | Path | None) -> str:
         return ""
     folder = Path(campaign) if Path(campaign).is_dir() else Path(campaign).parent
     return "" if (folder / "campaign.toml").is_file() else drafting.draft(folder)
-
-
-def print_check(found: CheckResult) -> None:
-    """Print the findings and what the recordings could tell."""
-
-    words = {"refused": "REFUSED", "suspicious": "suspicious", "note": "note"}
-    for n in found.noticed:
-        print_prose(f"{words[n.level]}: {n.finding.text}")
-    if not found.mistakes:
-        print_prose(f"{found.name}: nothing wrong or suspicious")
-    if found.visible is None:
-        print_prose(found.why)
-        if found.draft:
-            print_prose(f"a draft of a column map, from the tables' own columns: {drafting.NAME} among the results")
-            print_prose(f"(one of an earlier call that differs is kept as {CORRECTED[drafting.NAME]})")
-        return
-    v = found.visible
-    rows = [[e, f"{z:.3g}", v.words(e)] for e, z in v.sizes.items()]
-    print_table("effects at typical size", ["effect", "standard deviations", "visible"], rows)
-    for a, b, cosine in v.alike[:6]:
-        print_prose(f"{a} and {b} look alike on these recordings (cosine {cosine:.3f})")

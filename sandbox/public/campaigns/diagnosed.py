@@ -14,8 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from model.effects.library import load_effect
 from model.errors import BadInput
 from model.given import MOST_JSON, given_bytes
-from sandbox.output.columns import Column, columns_of, write_table
-from sandbox.output.files import results, write_json
+from sandbox.output.columns import Column, columns_of
 from sandbox.output.tables import print_prose
 from sandbox.public.calls import told
 from sandbox.public.campaigns.moved import MotionResult, diagnose_motion
@@ -39,6 +38,8 @@ class DiagnosisResult(Result):
     """Where the gap between recordings and simulator lies, which effect causes it, how far it shrinks."""
 
     command: ClassVar[str] = "diagnosis"
+    header: ClassVar[str] = "diagnose"
+    kinds: ClassVar[tuple[str, ...]] = ()
     answers: Answers
     continued: Mapping[str, Any] | None = None  # the earlier diagnosis: its verdict, ambiguity set, recommendation
 
@@ -125,23 +126,33 @@ class DiagnosisResult(Result):
         write_report(Path(path), self.answers)
         return Path(path)
 
-    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write diagnosis.json, report.html, diagnosis.rrd, motor.toml and effects.toml into a folder; return it.
+    def report(self) -> None:
+        """Print the answers, what became of an earlier one, and which files go on from here."""
+        from sandbox.gap.pages.page import print_answers
 
-        Where a further recording is recommended: next_recording.csv, too; csv: the hypotheses as a table.
-        """
+        print_answers(self.answers)
+        if self.continued is not None:
+            left = "; or ".join(" + ".join(s) or "no effect" for s in self.continued["ambiguity_set"])
+            print_prose(f"The earlier diagnosis said: {self.continued['verdict']} ({left}).")
+        print_prose(
+            "For a simulator that has what was found, give motor.toml and effects.toml to --motor and --effects."
+        )
+        if self.table is not None:
+            print_prose(
+                "next_recording.csv is the recording to make next; add it to the campaign and --continue from this "
+                "result."
+            )
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write report.html, diagnosis.rrd, motor.toml, effects.toml, and next_recording.csv where one is advised."""
         from sandbox.gap.planning.bench_table import NAME, write_bench_table
 
-        with results(Path(folder), self.command) as out:
-            self.to_html(out / "report.html")
-            self.to_rerun(out / "diagnosis.rrd")
-            self.refitted.write(out)
-            if self.table is not None and self.answers.following is not None:
-                write_bench_table(out / NAME, self.table, self.answers.following)
-            if csv:
-                write_table(out / "diagnosis.csv", self.to_table())
-            write_json(out, "diagnosis", self.as_json(), "diagnose", self.made_by(out))
-        return Path(folder)
+        self.to_html(out / "report.html")
+        self.to_rerun(out / "diagnosis.rrd")
+        self.refitted.write(out)
+        if self.table is not None and self.answers.following is not None:
+            write_bench_table(out / NAME, self.table, self.answers.following)
+        return {}
 
 
 @told
@@ -253,15 +264,3 @@ def earlier_answer(place: str | Path) -> dict[str, Any]:
     for name in {e for one in sets for e in one}:
         load_effect(name)
     return {"said": said, "rivals": list(dict.fromkeys(one for one in sets if one))}
-
-
-def print_files(found: DiagnosisResult) -> None:
-    """Print what became of an earlier answer, and which files go on from here."""
-    if found.continued is not None:
-        left = "; or ".join(" + ".join(s) or "no effect" for s in found.continued["ambiguity_set"])
-        print_prose(f"The earlier diagnosis said: {found.continued['verdict']} ({left}).")
-    print_prose("For a simulator that has what was found, give motor.toml and effects.toml to --motor and --effects.")
-    if found.table is not None:
-        print_prose(
-            "next_recording.csv is the recording to make next; add it to the campaign and --continue from this result."
-        )

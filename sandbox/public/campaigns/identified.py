@@ -45,10 +45,16 @@ class IdentificationResult(Result):
         ]  # fmt: skip
         return columns_of(rows, {})
 
-    def _write(self, out: Path, csv: bool) -> dict[str, Any]:
-        """Write figure, table, motor.toml and effects.toml into a folder; return what the JSON says of them."""
+    def report(self) -> None:
+        """Print both fits beside the nominal values."""
+        from sandbox.public.printed import print_identification
+
+        print_identification(self.identification)
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write motor.toml and effects.toml."""
         self.identification.refitted().write(out)
-        return super()._write(out, csv)
+        return {}
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
         """Return measured slopes and the fits through them over current; a path is written as well.

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from sandbox.output.columns import Column, columns_of, write_table
-from sandbox.output.files import results, write_json
+from sandbox.output.columns import Column, columns_of
 from sandbox.public.result import Result
 
 if TYPE_CHECKING:
@@ -22,6 +21,8 @@ class MotionResult(Result):
     """Which mechanical effects a motion without voltages shows; `.as_json()` as of any diagnosis, with `motion`."""
 
     command: ClassVar[str] = "diagnosis"
+    header: ClassVar[str] = "diagnose"
+    kinds: ClassVar[tuple[str, ...]] = ()
     motion: Motion
 
     @property
@@ -78,17 +79,30 @@ class MotionResult(Result):
         write_page(Path(path), title, page(m, title, picture))
         return Path(path)
 
-    def save(self, folder: str | Path, *, csv: bool = False) -> Path:
-        """Write diagnosis.json, report.html and effects.toml (csv: parameters, too) into a folder; return it."""
+    def report(self) -> None:
+        """Print the answers in sentences, orders of cogging and the residual of each recording as tables."""
+        from sandbox.motion.telling import TITLES, cogging_rows, sentences, verdict
+        from sandbox.output.tables import print_prose, print_table
+
+        m = self.motion
+        print_prose(f"{m.campaign.name}, motion only: {TITLES[verdict(m)].lower()}")
+        for head, text in sentences(m):
+            print_prose(text, f"{head:<11} ")
+        rows = cogging_rows(m)
+        if rows:
+            print_table("cogging", ["order", "N m", "A", "phase rad"], rows)
+        table = [[f + (" (held out)" if h else ""), f"{b:.2f}", f"{a:.2f}"] for f, b, a, h in m.by_recording[:20]]
+        print_table("residual torque over its noise floor (rms)", ["recording", "before", "after"], table)
+        for finding in m.campaign.findings:
+            print_prose(f"note: {finding.text}")
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write report.html and effects.toml."""
         from sandbox.motion.telling import refitted
 
-        with results(Path(folder), self.command) as out:
-            self.to_html(out / "report.html")
-            refitted(self.motion).write(out)
-            if csv:
-                write_table(out / "diagnosis.csv", self.to_table())
-            write_json(out, "diagnosis", self.as_json(), command="diagnose", made=self.made_by(out))
-        return Path(folder)
+        self.to_html(out / "report.html")
+        refitted(self.motion).write(out)
+        return {}
 
 
 def diagnose_motion(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> MotionResult:
@@ -96,20 +110,3 @@ def diagnose_motion(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Mo
     from sandbox.motion.judging import judge
 
     return MotionResult(judge(campaign, exclude))
-
-
-def print_motion(m: Motion) -> None:
-    """Print the answers in sentences, orders of cogging and the residual of each recording as tables."""
-    from sandbox.motion.telling import TITLES, cogging_rows, sentences, verdict
-    from sandbox.output.tables import print_prose, print_table
-
-    print_prose(f"{m.campaign.name}, motion only: {TITLES[verdict(m)].lower()}")
-    for head, text in sentences(m):
-        print_prose(text, f"{head:<11} ")
-    rows = cogging_rows(m)
-    if rows:
-        print_table("cogging", ["order", "N m", "A", "phase rad"], rows)
-    table = [[f + (" (held out)" if h else ""), f"{b:.2f}", f"{a:.2f}"] for f, b, a, h in m.by_recording[:20]]
-    print_table("residual torque over its noise floor (rms)", ["recording", "before", "after"], table)
-    for finding in m.campaign.findings:
-        print_prose(f"note: {finding.text}")

@@ -76,6 +76,11 @@ class ReplayResult(Result):
         named = ", ".join(f"{k} = {v:g}" for k, v in self.effects.items()) or "the nominal model"
         return replay_figure(f"{self.prepared.campaign.name}: {named}", self.rms, path, ax=ax)
 
+    def report(self) -> None:
+        """Print each recording's residual."""
+        table = [[file, f"{rms:.3g}"] for file, rms in self.rms.items()]
+        print_table("residual of the currents over the noise floor (rms; 1 is noise)", ["recording", "rms"], table)
+
     def to_rerun(self, path: str | Path) -> Path:
         """Write measured and simulated currents as a trace (`.rrd`), a tab a recording; return its path."""
         from sandbox.output.sheets import COLOURS, GREY, Plot
@@ -162,9 +167,3 @@ def replay(
     prediction = put_through(prepared, [added], workers=jobs)
     rms = {r.file: float(r.rms()[0]) for r in residuals(prepared, prediction)}
     return ReplayResult(prepared, prediction, added, rms)
-
-
-def print_replay(found: ReplayResult) -> None:
-    """Print each recording's residual."""
-    table = [[file, f"{rms:.3g}"] for file, rms in found.rms.items()]
-    print_table("residual of the currents over the noise floor (rms; 1 is noise)", ["recording", "rms"], table)

@@ -13,14 +13,19 @@ from typing import Any
 
 from model.errors import unknown
 from model.given import read_toml
+from model.plugins import brought, place_of
 from sandbox.recordings.column_map import Column, parse_columns
 
 FOLDER = Path(__file__).parent / "vendors"
 
 
 def preset_names() -> list[str]:
-    """Return the names of the presets."""
-    return sorted(p.stem for p in FOLDER.glob("*.toml"))
+    """Return the names of the presets, those of other packages among them."""
+    return sorted({*_own(), *brought("presets")})
+
+
+def _own() -> list[str]:
+    return [p.stem for p in FOLDER.glob("*.toml")]
 
 
 def preset_line(name: str) -> str:
@@ -54,4 +59,5 @@ def check_preset(name: str) -> None:
 
 def _read(name: str) -> dict[str, Any]:
     check_preset(name)
-    return read_toml(FOLDER / f"{name}.toml")
+    folder = FOLDER if name in _own() else place_of(brought("presets")[name]).parent
+    return read_toml(folder / f"{name}.toml")

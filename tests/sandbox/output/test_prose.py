@@ -10,7 +10,9 @@ from pathlib import Path
 import pytest
 
 import sandbox
-from sandbox.cli import build_parser, main
+from sandbox.cli import main
+from sandbox.cli.application import application
+from sandbox.cli.refusals import commands_of
 from sandbox.output.tables import many, print_prose, print_table
 from sandbox.public.catalogue import estimator_card_text
 
@@ -87,19 +89,19 @@ def test_cards_of_estimators_fit_eighty_columns(name, printed):
     assert printed(80, lambda: print_prose(card)) == card.splitlines()  # it is printed as it is
 
 
-def parsers(parser):
-    """Return a parser and all below it."""
-    below = [p for a in parser._actions if isinstance(a.choices, dict) for p in a.choices.values()]
-    return [parser, *(q for p in below for q in parsers(p))]
+def calls(app, before=()):
+    """Return the words of every command, those of the program itself included."""
+    below = [(*before, name) for name in commands_of(app)]
+    return [before, *(words for call in below for words in calls(app[call[-1]], call))]
 
 
-def test_help_fits_eighty_columns(monkeypatch):
+def test_help_fits_eighty_columns(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "80")
-    every = parsers(build_parser())
-    assert len(every) > 18
-    assert {p.prog: [line for line in p.format_help().splitlines() if len(line) > 80] for p in every} == {
-        p.prog: [] for p in every
-    }
+    every = calls(application())
+    assert len(every) > 20
+    for words in every:
+        assert main([*words, "--help"]) == 0
+        assert [line for line in capsys.readouterr().out.splitlines() if len(line) > 80] == [], words
 
 
 def test_prose_is_printed_at_one_place():

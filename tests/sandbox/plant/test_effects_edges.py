@@ -67,9 +67,7 @@ def test_numbers_only_python_understands_are_refused(text, capsys, tmp_path):
     with pytest.raises(BadInput, match=f"'{text}' is no number"):
         library.parse(f"dead_time.time={text}")
     assert main(["simulate", "--effects", f"dead_time.time={text}", "--out", str(tmp_path)]) == 2
-    with pytest.raises(SystemExit) as stopped:
-        main(["simulate", "--duration", text])
-    assert stopped.value.code == 2
+    assert main(["simulate", "--duration", text]) == 2
     assert "is no number" in capsys.readouterr().err
 
 

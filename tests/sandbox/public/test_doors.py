@@ -82,7 +82,7 @@ def test_a_result_s_call_reaches_nothing_else(tmp_path, made, change, said):
 
 def test_a_key_of_a_result_is_shown_without_its_control_characters(tmp_path):
     first = verifying.Difference("\x1b[31mkey\n", 1, 2)
-    said = verifying.Verification(tmp_path, "audit", 3, 0.5, (first,), ()).sentence()
+    said = verifying.Verification(tmp_path, "audit", 3, 0.5, (first,), ()).summary()
     assert said.isprintable()
 
 

@@ -151,10 +151,7 @@ def test_what_the_user_wrote_cannot_command_the_terminal(tmp_path, capsys):
         ["compare", "--estimators", "\x9b31m"], ["simulate", "--effects", "a.b\r=1"], ["audit", "x" * 5000],
         ["audit", "ipm", "--radius", "\x1b"], ["compare", "--seed", "\x1b\n"], ["view", "\x1b\n.rrd"],
     ):  # fmt: skip
-        try:
-            code = main(call)
-        except SystemExit as stop:
-            code = stop.code
+        code = main(call)
         said = capsys.readouterr().err
         assert code == 2
         assert said.endswith("\n")

@@ -207,4 +207,4 @@ def test_verification_is_told_in_a_sentence(tmp_path):
     """What it finds: tests/sandbox/public/test_verify.py."""
     found = sandbox.verify(sandbox.audit("ipm").save(tmp_path))
     assert repr(found).startswith(f"<Verification: {tmp_path / 'audit.json'}: ")
-    assert found.sentence().endswith("values of 'audit' are the same to the bit")
+    assert found.summary().endswith("values of 'audit' are the same to the bit")

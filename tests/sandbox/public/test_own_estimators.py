@@ -8,7 +8,7 @@ import json
 import pytest
 
 import sandbox
-from sandbox.cli import build_parser, commands, main
+from sandbox.cli import commands, main, parse
 from tests.sandbox.public.naming import OWN, SHORT, of
 
 
@@ -24,8 +24,13 @@ def test_an_estimator_of_ones_own_by_file_and_object(own_file, tmp_path, capsys)
     assert "worst mean error" in repr(result)
     out = tmp_path / "out"
     call = ["compare", "--scenario", "speed_steps", "--estimators", "qnull", "--estimator", str(own_file)]
-    options = build_parser().parse_args(call)
-    assert commands.names_of(options.estimators) + options.estimator == ["qnull", str(own_file)]
+    given = parse(call).given
+    both = commands.asked_for(given("estimators"), given("estimator"), commands.USUAL_ESTIMATORS)
+    assert both == ["qnull", str(own_file)]
+    given = parse(["compare", "--estimator", "ekf"]).given  # it alone, as in `simulate`
+    assert commands.asked_for(given("estimators"), given("estimator"), commands.USUAL_ESTIMATORS) == ["ekf"]
+    given = parse(["compare"]).given
+    assert commands.asked_for(given("estimators"), given("estimator"), ("qnull",)) == ["qnull"]
     scene = tmp_path / "s.toml"
     scene.write_text("[[segment]]\nduration = 0.2\n")
     call = ["simulate", "--scenario", str(scene), "--estimator", str(own_file), "--json-only", "--out", str(out)]

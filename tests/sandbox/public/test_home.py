@@ -1,0 +1,250 @@
+"""At home among Python's tools: type checkers, shells, notebooks, xarray, a C compiler."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sandbox
+from sandbox.cli import main
+from sandbox.cli.application import application
+from tests.sandbox.public.naming import ROOT, of
+
+TYPED = """
+import sandbox
+from sandbox import Estimate, Estimator, Scenario, Segment, compare, simulate
+
+scene = Scenario("mine", (Segment(0.3), Segment(0.5, load=1.2)))
+run = simulate("ipm_exchanged", scene, "ekf", belief="linear")
+reveal_type(run.error_deg.mean)
+reveal_type(sandbox.load_motor("ipm").motor.rated_current)
+reveal_type(sandbox.__version__)
+reveal_type(compare("ipm").save("folder"))
+simulate("ipm", duration="long")
+simulate("ipm", estimater="ekf")
+"""
+
+
+def test_a_type_checker_reads_a_script(tmp_path):
+    """A script beside an installed package: its types are found by `py.typed`, two mistakes are told."""
+    (tmp_path / "mine.py").write_text(TYPED)
+    for name in ("sandbox", "model", "estimators"):  # as pip would install them
+        (tmp_path / "site").mkdir(exist_ok=True)
+        (tmp_path / "site" / name).symlink_to(ROOT / name)
+    around = {**os.environ, "MYPYPATH": "", "PYTHONPATH": str(tmp_path / "site")}
+    call = [sys.executable, "-m", "mypy", "--config-file=", "--cache-dir", str(tmp_path / "cache")]
+    call += ["--python-executable", str(python_with(tmp_path)), "mine.py"]
+    said = subprocess.run(call, cwd=tmp_path, env=around, capture_output=True, text=True).stdout
+    told = [line.partition(": ")[2] for line in said.splitlines() if line.startswith("mine.py")]
+    assert [line.partition('Revealed type is ')[2].strip('"') for line in told[:4]] == [
+        "float | None", "float", "str", "pathlib.Path",
+    ], said  # fmt: skip
+    assert 'Argument "duration" to "simulate" has incompatible type "str"' in told[4]
+    assert 'Unexpected keyword argument "estimater"' in told[5]
+    assert "py.typed" not in said
+
+
+def python_with(folder: Path) -> Path:
+    """Return a Python of its own whose packages are those of a folder."""
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(folder / "venv")], check=True)
+    (place,) = (folder / "venv" / "lib").glob("python*/site-packages")
+    libraries = [p for p in sys.path if p.endswith("site-packages")]
+    (place / "more.pth").write_text("\n".join([str(folder / "site"), *libraries]))
+    return folder / "venv" / "bin" / "python"
+
+
+def test_the_version_is_that_of_the_installation(capsys):
+    assert sandbox.__version__ == version("sensorless-sandbox")
+    for call in (["-V"], ["--version"]):
+        assert main(call) == 0
+        assert capsys.readouterr().out == f"sensorless {sandbox.__version__}\n"
+    for module in ("sandbox", "sandbox.cli"):
+        done = subprocess.run([sys.executable, "-m", module, "-V"], cwd=ROOT, capture_output=True, text=True)
+        assert done.stdout == f"sensorless {sandbox.__version__}\n"
+
+
+BASH = """
+eval "$(sensorless completion bash)"
+shown() {{ COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMP_LINE="$*"; COMP_POINT=${{#COMP_LINE}}; COMPREPLY=()
+  $(complete -p sensorless | sed 's/.*-F \\([^ ]*\\).*/\\1/') sensorless "${{@: -1}}" "${{@: -2:1}}"
+  printf '%s\\n' "${{COMPREPLY[@]}}"; }}
+shown {words}
+"""
+CASES = {
+    "commands": (["sensorless", "com"], {"compare", "completion"}),
+    "options": (["sensorless", "simulate", "--sce"], {"--scenario"}),
+    "choices": (["sensorless", "simulate", "--belief", "l"], {"linear"}),
+    "motors": (["sensorless", "simulate", "--motor", "spm_"], {"spm_exchanged"}),
+    "estimators": (["sensorless", "compare", "--estimator", "qn"], {"qnull"}),
+}
+
+
+@pytest.fixture(scope="module")
+def shell(tmp_path_factory):
+    """Give an environment in which `sensorless` is this project's."""
+    place = tmp_path_factory.mktemp("bin")
+    program = place / "sensorless"
+    program.write_text(f'#!/bin/sh\nPYTHONPATH="{ROOT}" exec "{sys.executable}" -m sandbox "$@"\n')
+    program.chmod(0o755)
+    return {**os.environ, "PATH": f"{place}{os.pathsep}{os.environ['PATH']}", "HOME": str(place)}
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+@pytest.mark.parametrize("case", CASES)
+def test_bash_completes(case, shell):
+    words, wanted = CASES[case]
+    script = BASH.format(words=" ".join(f"'{w}'" for w in words))
+    done = subprocess.run(["bash", "-c", script], env=shell, capture_output=True, text=True)
+    assert set(done.stdout.split()) == wanted, done.stderr
+
+
+@pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh")
+@pytest.mark.parametrize("case", CASES)
+def test_zsh_completes(case, shell, tmp_path):
+    """In a zsh of its own behind a pseudo terminal: the words, then a tab; what is completed is echoed."""
+    import pty
+    import time
+
+    words, wanted = CASES[case]
+    (tmp_path / ".zshrc").write_text(
+        f'PS1="> "; autoload -U compinit && compinit -u -d {tmp_path}/dump\n'
+        'eval "$(sensorless completion zsh)"\n'
+        f'report() {{ print -r -- "$BUFFER" > {tmp_path}/buffer }}\nzle -N report\nbindkey "^]" report\n'
+        f"touch {tmp_path}/ready\n"
+    )
+    pid, terminal = pty.fork()
+    if pid == 0:
+        os.execvpe("zsh", ["zsh", "-i"], {**shell, "ZDOTDIR": str(tmp_path), "TERM": "dumb"})
+    try:
+        wait_for(tmp_path / "ready")
+        time.sleep(0.5)
+        os.write(terminal, " ".join(words).encode() + b"\t\x1d")
+        wait_for(tmp_path / "buffer")
+        time.sleep(0.2)
+        found = (tmp_path / "buffer").read_text().split()
+    finally:
+        os.close(terminal)
+        os.kill(pid, 9)
+        os.waitpid(pid, 0)
+    assert found[:-1] == words[:-1]
+    assert all(name.startswith(found[-1]) for name in wanted)
+    assert len(found[-1]) >= len(words[-1])
+    assert len(wanted) > 1 or {found[-1]} == wanted
+
+
+def wait_for(path: Path) -> None:
+    """Wait until a file is there."""
+    import time
+
+    end = time.monotonic() + 60.0
+    while not path.exists():
+        assert time.monotonic() < end, f"{path} did not come"
+        time.sleep(0.1)
+
+
+@pytest.mark.parametrize("kind", ["bash", "zsh", "fish", "powershell"])
+def test_scripts_for_shells(kind, capsys):
+    assert main(["completion", kind]) == 0
+    said = capsys.readouterr().out
+    assert "compare" in said
+    if shutil.which(kind) and kind != "powershell":
+        subprocess.run([kind, "-n"], input=said, text=True, check=True)
+
+
+def test_completion_installed(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert main(["completion", "bash", "--install"]) == 0
+    (file,) = [p for p in tmp_path.rglob("sensorless") if p.is_file()]
+    assert "compare" in file.read_text()
+    assert str(file) in capsys.readouterr().out.replace("\n", "")
+
+
+def test_a_run_and_maps_as_xarray(run):
+    found = run.to_xarray()
+    assert found.i_a.dims == ("t",)
+    assert found.i_a.attrs["units"] == "A"
+    np.testing.assert_array_equal(found.i_a.values, run.recording.i_a)
+    np.testing.assert_array_equal(found.t.values, run.recording.t)
+    plane = sandbox.maps("ipm_exchanged", points=5)
+    found = plane.to_xarray()
+    assert dict(found.sizes) == {"i_d": 5, "i_q": 5}
+    np.testing.assert_array_equal(found.l_dd.values, plane.maps.l_dd)  # first axis i_d
+    np.testing.assert_array_equal(found.i_q.values, plane.maps.i_q)
+    rows = sandbox.audit("ipm_exchanged").to_xarray()
+    assert rows.load.dims == ("row",)
+
+
+def test_a_notebook_shows_figure_and_table(run):
+    text = sandbox.audit("ipm_exchanged")._repr_html_()
+    assert "valid up to" in text
+    assert 'src="data:image/png;base64,' in text
+    assert "<th>angle_local_deg (deg)</th>" in text
+    assert "<table>" in run._repr_html_()
+    without = sandbox.export_estimator("qnull")._repr_html_()  # neither figure nor table
+    assert "<table>" not in without
+    assert "qnull for ipm_exchanged" in without
+
+
+def test_a_result_is_shown(run, monkeypatch):
+    opened = []
+    monkeypatch.setattr(
+        "sandbox.public.showing.show", lambda place: opened.append(sorted(os.listdir(place))) or "opened"
+    )
+    assert sandbox.audit("ipm_exchanged").show() == "opened"
+    assert opened == [["audit.json", "audit.parquet", "audit.png"]]
+
+
+@of("get_include")
+def test_an_estimator_in_c_is_built_by_the_line_that_is_told(tmp_path, capsys):
+    """The same line in the tutorial, the README and the header; it builds the example from anywhere."""
+    line = 'cc -std=c99 -O2 -fPIC -shared -I "$(sensorless include)" -o mine.so mine.c -lm'
+    places = ("docs/tutorials/plot_7_estimator.py", "estimators/c/README.md", "estimators/c/sensorless_estimator.h")
+    assert [line in (ROOT / p).read_text() for p in places] == [True] * 3
+    assert main(["include"]) == 0
+    folder = capsys.readouterr().out.strip()
+    assert folder == sandbox.get_include()
+    if shutil.which("cc") is None:
+        pytest.skip("no C compiler")
+    shutil.copy(Path(folder) / "examples" / "smallest.c", tmp_path / "mine.c")
+    command = line.replace("$(sensorless include)", folder)
+    subprocess.run(command, shell=True, cwd=tmp_path, check=True)
+    assert sandbox.load_estimator_library(tmp_path / "mine.so").name
+
+
+@of("compiled", "compiled_step")
+def test_a_compiled_estimator_is_written_with_the_page_alone(tmp_path):
+    """One that says what it was told, as in Python: the angle of a locked rotor."""
+    (tmp_path / "own.py").write_text(
+        "import numpy as np\n"
+        "from sandbox import Estimate, Estimator, compiled, compiled_step\n"
+        "@compiled\n"
+        "def kept(state):\n"
+        "    return state[0]\n"
+        "@compiled_step\n"
+        "def step(state, sample, belief, tuning):\n"
+        "    return Estimate(kept(state), 0.0, kept(state), 0.0, 1.0, 0.0, 0.0, 0.0)\n"
+        "def init(belief, tuning, angle=None):\n"
+        "    return np.array([angle or 0.0])\n"
+        'ESTIMATOR = Estimator("own", "keeps what it was told", init, step, injection="none")\n'
+    )
+    still = sandbox.Scenario("still", (sandbox.Segment(0.02),), start_up=False)
+    found = sandbox.simulate("ipm", still, tmp_path / "own.py", closed_loop=False)
+    assert found.error_deg.max == pytest.approx(0.0, abs=1e-9)
+    assert sandbox.load_estimator(tmp_path / "own.py").compiled
+
+
+def test_completion_needs_no_compiler():
+    """Names of estimators, which a shell asks for at each tab, bring in nothing heavy."""
+    code = "import sys; from sandbox.cli import main; main(['__complete', 'compare', '--estimator', '']);"
+    code += "print('numba' in sys.modules, 'matplotlib' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout.splitlines()[-1] == "False False"
+    assert "ekf_filterpy" in done.stdout
+    assert application().name == ("sensorless",)
