@@ -184,9 +184,14 @@ class Output:
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
 class Tableless(Output):
-    """Of commands that write no table."""
+    """Of commands that write no table: --csv changes nothing."""
 
     csv: Annotated[Flag, Parameter(show=False)] = False
+
+    def finish(self, result: Any, folder: Path, said: str = "", **asked: bool) -> None:
+        """Save a result, then `say` it."""
+        result.save(folder, **asked)
+        self.say(result, folder, said)
 
 
 @Parameter(name="*")

@@ -154,7 +154,7 @@ def simulate(
 
 
 def sweep(
-    plan: Annotated[Path, Parameter(metavar="SWEEP.toml")],
+    plan: Annotated[Path, Parameter(name="SWEEP.toml")],
     /,
     *,
     dask: take.Dask = None,
@@ -292,9 +292,7 @@ def of_motor(name: str, motor: str, radius: float | None, output: take.Output) -
 
 
 def motor(
-    stated: Annotated[str, Parameter(metavar="FILE|KEY=VALUE")],
-    /,
-    *more: Annotated[str, Parameter(show=False)],
+    *stated: Annotated[str, Parameter(name="FILE|KEY=VALUE")],
     name: Annotated[str, Parameter(metavar="NAME")] = "motor",
     output: take.Tableless = take.Tableless(),
 ) -> None:
@@ -308,7 +306,7 @@ def motor(
         the motor's name
     """
     folder = output.checked("motor")
-    output.finish(sandbox.convert_motor((stated, *more), name), folder)
+    output.finish(sandbox.convert_motor(stated, name), folder)
 
 
 def export_estimator(
@@ -355,7 +353,7 @@ def list_names(
         print_list(getattr(sandbox, f"list_{kind}")())
 
 
-def view(file: Annotated[Path, Parameter(metavar="FILE.rrd")], /, *, web: take.Flag = False) -> None:
+def view(file: Annotated[Path, Parameter(name="FILE.rrd")], /, *, web: take.Flag = False) -> None:
     """Open the rerun viewer on a trace.
 
     Parameters
