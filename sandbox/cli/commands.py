@@ -154,7 +154,7 @@ def simulate(
 
 
 def sweep(
-    plan: Annotated[Path, Parameter(name="SWEEP.toml")],
+    file: Path,
     /,
     *,
     dask: take.Dask = None,
@@ -167,8 +167,8 @@ def sweep(
 
     Parameters
     ----------
-    plan
-        what is the same in all runs, what is combined, what is drawn
+    file
+        SWEEP.toml: what is the same in all runs, what is combined, what is drawn
     yes
         run it, however many runs it has
     again
@@ -176,7 +176,7 @@ def sweep(
     """
     folder = output.checked("sweep")
     with rate_bar("sweep", output.quiet) as progress:
-        result = sandbox.sweep(plan, folder, jobs=output.jobs, cluster=dask, yes=yes, again=again, progress=progress)
+        result = sandbox.sweep(file, folder, jobs=output.jobs, cluster=dask, yes=yes, again=again, progress=progress)
     output.finish(result, folder)
 
 
@@ -353,13 +353,13 @@ def list_names(
         print_list(getattr(sandbox, f"list_{kind}")())
 
 
-def view(file: Annotated[Path, Parameter(name="FILE.rrd")], /, *, web: take.Flag = False) -> None:
+def view(file: Path, /, *, web: take.Flag = False) -> None:
     """Open the rerun viewer on a trace.
 
     Parameters
     ----------
     file
-        a trace that a command has written
+        a trace (.rrd) that a command has written
     web
         in a browser, on this machine or another
     """

@@ -15,7 +15,7 @@ from sandbox.output.provenance import Call, digest_of, made_by
 from sandbox.output.tables import many, print_prose, print_table, progress_bar
 
 ROWS = "withheld.rows.jsonl"
-Folder = Annotated[Path, Parameter(metavar="DIR")]
+Folder = Annotated[Path, Parameter(name="DIR")]
 Kind = Literal["mixed", "controls", "pairs", "many", "outside"]
 MapShare = Annotated[take.Number | None, take.usual("0.5; 0 where its data set is missing", "SHARE")]
 

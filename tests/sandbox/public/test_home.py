@@ -178,7 +178,7 @@ def test_a_run_and_maps_as_xarray(run):
     np.testing.assert_array_equal(found.l_dd.values, plane.maps.l_dd)  # first axis i_d
     np.testing.assert_array_equal(found.i_q.values, plane.maps.i_q)
     rows = sandbox.audit("ipm_exchanged").to_xarray()
-    assert rows.load.dims == ("row",)
+    assert rows["load"].dims == ("row",)
 
 
 def test_a_notebook_shows_figure_and_table(run):
