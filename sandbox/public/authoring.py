@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
-from estimators import registry
+from estimators.c.build import HEADERS
 
 
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -82,9 +81,8 @@ def get_include() -> str:
 
     Examples
     --------
-    >>> from pathlib import Path
-    >>> from sandbox import get_include
+    >>>     >>> from sandbox import get_include
     >>> (Path(get_include()) / "sensorless_estimator.h").is_file()
     True
     """
-    return str(Path(registry.__file__).parent / "c")
+    return str(HEADERS)
