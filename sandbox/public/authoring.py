@@ -81,7 +81,8 @@ def get_include() -> str:
 
     Examples
     --------
-    >>>     >>> from sandbox import get_include
+    >>> from pathlib import Path
+    >>> from sandbox import get_include
     >>> (Path(get_include()) / "sensorless_estimator.h").is_file()
     True
     """
