@@ -39,7 +39,7 @@ CARD = Effect(
         "Blasko, Kaura, Niewiadomski, Sampling of discontinuous voltage and current signals in electrical"
         " drives: a system approach, IEEE Trans. Ind. Appl. 34 (1998) 1123"
     ),
-    parameters=(Parameter("time_constant", "s", 0.0, 0.0, 1e-2, 3e-5, title="time constant of the current filter"),),
+    parameters=(Parameter("time_constant", "s", 0.0, 0.0, 0.5, 3e-5, title="time constant of the current filter"),),
     axis="along the current's slope",
     order="1 at speed and the injection band",
     region="grows with voltage and speed",

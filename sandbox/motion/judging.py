@@ -40,6 +40,7 @@ ORDINARY = 0.05  # relative deviation of a stated inertia or friction where the 
 ALIKE = 0.05  # of a column's size: what nothing else can stand in for, least
 LARGEST = 1e12  # rad/s^2, N m, ...: beyond it a unit is wrong
 SURE, DOUBTFUL = 1.3, 3.0  # times the noise floor: left without a word, and left by something unknown
+WRONG = "a unit or a sign is wrong, angle and current are stamped apart, or something else acts"
 HELD_OUT = 0.3  # of each recording, its end, where there are fewer than three
 
 
@@ -109,7 +110,7 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     able = [e for e in numbers() if e not in cannot and e not in exclude]
     whole = _terms(able, _width(plain, able, nominal, ()), ())
     design = plain
-    for e, why in _driving(reweighted(plain, fitted(plain, whole, nominal)), whole, nominal, able).items():
+    for e, why in _impossible(reweighted(plain, fitted(plain, whole, nominal)), whole, nominal, able).items():
         cannot[e] = why
         able.remove(e)
     whole = _terms(able, _width(plain, able, nominal, ()), ())
@@ -180,17 +181,30 @@ def _width(design: Design, able: Sequence[str], nominal: Nominal, orders: tuple[
     return float(between.x) if between.fun < left(widths[best]) else widths[best]
 
 
-def _driving(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]) -> dict[str, str]:
-    """Return frictions that would drive the motion instead of braking it, each with the size that says so."""
+def _impossible(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]) -> dict[str, str]:
+    """Return effects whose sizes would lie outside their bounds, each with the size that says so."""
     out = {}
     shaft = fitted(design, whole, nominal)
     for effect, n in numbers().items():
-        if n.brakes and effect in able and shaft.ci95(n.size)[1] < 0.0:
+        if effect not in able or not n.size:
+            continue
+        low, high = shaft.ci95(n.size)
+        size, p = f"{shaft.value(n.size):.3g} {n.unit}", n.of_library
+        if n.brakes and high < 0.0:
             out[effect] = (
-                f"it would drive the motion ({shaft.value(n.size):.3g} {n.unit}): the current's sign is reversed, or "
-                "something else acts"
+                f"it would drive the motion ({size}): the current's sign is reversed, or something else acts"
             )
+        elif high < p.low:
+            out[effect] = f"its size would be {size}, below what can be ({p.low:g}): {WRONG}"
+        elif low > p.high:
+            out[effect] = f"its size would be {size}, beyond what can be ({p.high:g}): {WRONG}"
     return out
+
+
+def _possible(shaft: Shaft, effects: Sequence[str]) -> bool:
+    """Return whether the sizes of effects lie inside their bounds: at a bound an effect says nothing, or too much."""
+    known = (numbers()[e] for e in effects)
+    return all(n.of_library.low <= shaft.value(n.size) <= n.of_library.high for n in known if n.size)
 
 
 def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[str, str]:
@@ -228,6 +242,8 @@ def _sets(design: Design, able: Sequence[str], whole: Terms, nominal: Nominal) -
     for count in range(len(able) + 1):
         for effects in itertools.combinations(able, count):
             shaft = fitted(design, _terms(effects, whole.dry or design.widths[0], whole.orders), nominal)
+            if not _possible(shaft, effects):
+                continue
             penalty = sum(size.get(e, 1) for e in effects) * math.log(effective)
             found.append((-0.5 * (shaft.chi2 + shaft.strain + penalty), effects, shaft))
     top = max(f[0] for f in found)

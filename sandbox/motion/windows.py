@@ -41,7 +41,7 @@ class Averages:
     place: NDArray[np.int64]  # (n, SAMPLES): samples of each window
     kernel: Array  # (n, SAMPLES), rows sum to 1
     angle: Array  # rad mechanical, at the samples
-    sample_speed: Array  # rad/s, at the samples
+    sample_speed: Array  # rad/s, at the samples: the log's own where it holds one
     noise_acceleration: Array  # rad/s^2 rms (n,), of the encoder's counts and the stamps' scatter
     noise_torque: Array  # N m rms (n,), of the stated current noise
     jitter: float  # s rms, of the stamps
@@ -79,7 +79,7 @@ def averages(r: MotionRecording, campaign: MotionCampaign) -> Averages:
     slope = np.gradient(r.torque, r.t)
     return Averages(
         r.file, np.einsum("nk,nk->n", w, theta), driving, np.einsum("nk,nk->n", kernel, slope[place]), speed, middle,
-        place, kernel, r.angle, np.interp(r.t, middle, speed), reading * np.sqrt(np.sum(w * w, axis=1)),
+        place, kernel, r.angle, r.beside.get("speed", np.interp(r.t, middle, speed)), reading * np.sqrt(np.sum(w * w, axis=1)),
         current * np.sqrt(np.sum(kernel**2, axis=1)), jitter,
         float(np.median(np.diff(r.t))),
     )  # fmt: skip

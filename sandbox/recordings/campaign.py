@@ -74,6 +74,10 @@ class Finding:
         object.__setattr__(self, "text", shown(self.text))  # it holds names of columns as other programs wrote them
 
 
+class Doubt(Finding):
+    """A finding on the way in that a person should look at before going on."""
+
+
 @dataclass(frozen=True, repr=False)
 class CampaignRecording:
     """One table of a campaign; every column is an attribute too, float64, shape (n,).

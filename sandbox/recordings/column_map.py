@@ -22,18 +22,22 @@ from model.parameters import finite
 from model.units import KNOWN, UNITS
 from sandbox.recordings.campaign import OPTIONAL, REQUIRED, Finding, table_of
 from sandbox.recordings.formats.log_table import MOST_VALUES, first_beyond
+from sandbox.recordings.turning import turns_between, unwrapped
 
 Array = NDArray[np.float64]
 KINDS = {
     "time": ("t",),
     "voltage": ("u_alpha", "u_beta", "u_a", "u_b", "u_c", "u_d", "u_q", "u_dc"),
     "current": ("i_a", "i_b", "i_c", "i_alpha", "i_beta", "i_d", "i_q"),
+    "speed": ("speed",),
     "angle": ("theta", "theta_hat"),
     "duty": ("d_a", "d_b", "d_c"),
     "torque": ("load_torque", "torque"),
     "temperature": ("temperature",),
 }
 KIND = {name: kind for kind, names in KINDS.items() for name in names}
+OURS = tuple(n for n in KIND if n != "speed")  # names taken as they stand; `speed` stands in logs in any unit
+TURNING = ("angle", "speed")  # kinds that may be the shaft's
 VOLTAGES = (("u_alpha", "u_beta"), ("u_a", "u_b", "u_c"), ("u_d", "u_q"), ("d_a", "d_b", "d_c"))
 KEYS = ("column", "unit", "scale", "offset", "mechanical", "value")
 LARGEST = 1e18  # of any cell, nanoseconds included
@@ -43,7 +47,6 @@ PORT = re.compile(r'"|/"?(?:Out|In)\d+"?$')  # what a path of Simulink has besid
 BRACKET = re.compile(r"[\[(][^\[\]()]*[\])]\s*$")
 LETTERS = ("A", "B", "C")  # units, and names of phases
 MOST_LISTED = 12  # columns named where one is missing
-WRAP = 1.01  # turns within which a wrapped angle stays
 
 
 @dataclass(frozen=True)
@@ -109,8 +112,8 @@ def _parse(name: str, entry: Any) -> Column:
             raise BadInput(f"[columns] {name}: {key} = {brief(entry[key])} is no text; put it in quotes")
     if not isinstance(entry.get("mechanical", False), bool):
         raise BadInput(f"[columns] {name}: mechanical = {brief(entry['mechanical'])} must be true or false")
-    if entry.get("mechanical") and KIND[name] != "angle":
-        raise BadInput(f"[columns] {name}: mechanical = true is for theta and theta_hat only; remove it")
+    if entry.get("mechanical") and KIND[name] not in TURNING:
+        raise BadInput(f"[columns] {name}: mechanical = true is for theta, theta_hat and speed only; remove it")
     if "value" in entry and "column" in entry:
         raise BadInput(f"[columns] {name}: both column and value are given; keep one")
     if "unit" in entry:
@@ -166,10 +169,10 @@ def measured(
     mapped = available(table, columns)
     for name in KIND:
         entry = mapped.get(name)
-        if entry is None and (name in table.columns or name in table.also):
+        if entry is None and name in OURS and (name in table.columns or name in table.also):
             entry = Column(name, name)
         if entry is not None:
-            found[name] = _values(file, table, entry, length, pole_pairs, notes)
+            found[name] = _values(file, table, entry, length, pole_pairs, notes, turns_between(found))
     return found, notes
 
 
@@ -192,8 +195,13 @@ def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
     return any(names.issuperset(kind) for kind in VOLTAGES)
 
 
-def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: float, notes: list[Finding]) -> Array:
-    """Return one column in the contract's unit: unwrapped, times unit, scale and pole pairs, plus offset."""
+def _values(
+    file: str, table: Table, entry: Column, length: int, pole_pairs: float, notes: list[Finding], turns: Array | None
+) -> Array:
+    """Return one column in the contract's unit: unwrapped, times unit, scale and pole pairs, plus offset.
+
+    turns: electrical, from row to row by the log's speed, by which an angle is unwrapped.
+    """
     if entry.value is not None:
         return np.full(length, entry.value)
     key = key_of(file, table, entry)
@@ -213,9 +221,12 @@ def _values(file: str, table: Table, entry: Column, length: int, pole_pairs: flo
         raise BadInput(f"{where} says its unit is {stated}, [columns] says {entry.unit}; correct one of them")
     unit = entry.unit or stated
     factor, shift = _factor(entry.name, unit, where) if unit else (1.0, 0.0)
+    pairs = pole_pairs if entry.mechanical else 1.0
     if KIND[entry.name] == "angle":
-        raw = unwrapped(file, key, raw, 2.0 * math.pi / abs(factor * entry.scale), notes)
-        factor *= pole_pairs if entry.mechanical else 1.0
+        own = math.copysign(1.0, factor * entry.scale) / pairs
+        steps = None if turns is None or entry.name != "theta" else own * turns
+        raw = unwrapped(file, key, raw, 2.0 * math.pi / abs(factor * entry.scale), notes, steps)
+    factor *= pairs
     if (factor, shift, entry.scale, entry.offset) == (1.0, 0.0, 1.0, 0.0):
         return raw
     out = np.multiply(raw, factor, dtype=np.float64)  # then in its place: a column may be long
@@ -256,21 +267,6 @@ def _refuse_gaps(file: str, table: Table, column: str, raw: Array) -> None:
             f"{file}: row {k} of column '{column}' is {shown}, no number that was measured; record every sample "
             "and export it again"
         )
-
-
-def unwrapped(file: str, column: str, raw: Array, turn: float, notes: list[Finding]) -> Array:
-    """Return an angle without its jumps of one `turn`, noting that it was wrapped."""
-    jumps = np.flatnonzero(np.abs(np.diff(raw)) > 0.5 * turn)
-    if not jumps.size or np.ptp(raw) > WRAP * turn:
-        return raw
-    text = (
-        f"{file}: row {jumps[0] + 1} of column '{column}' jumps by a turn ({jumps.size} jumps); the angle was wrapped "
-        "and is unwrapped here"
-    )
-    notes.append(Finding(file, column, int(jumps[0]) + 1, text))
-    step = raw[jumps + 1] - raw[jumps]
-    turns = np.cumsum(np.mod(step + 0.5 * turn, turn) - 0.5 * turn - step)  # as np.unwrap, but at the jumps alone
-    return raw + np.repeat(np.append(0.0, turns), np.diff([0, *(jumps + 1), len(raw)]))
 
 
 def _lost(file: str, column: str, text: str) -> Finding:

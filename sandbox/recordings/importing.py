@@ -30,7 +30,7 @@ from sandbox.recordings.campaign import (
     table_of,
 )
 from sandbox.recordings.checks.plausibility import check
-from sandbox.recordings.column_map import KIND, Column, contract, parse_columns, source_columns
+from sandbox.recordings.column_map import OURS, Column, contract, parse_columns, source_columns
 from sandbox.recordings.conventions import with_link
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.parquet import INDEX
@@ -71,9 +71,9 @@ class Source:
     def table(self, file: str) -> Table:
         """Return one recording's table as it stands in its file."""
         table = read_table(self.folder / file, self.wanted, self.log.matrix)
-        stranger = next((n for n in table.columns if n not in KIND and not INDEX.fullmatch(n)), None)
+        stranger = next((n for n in table.columns if n not in OURS and not INDEX.fullmatch(n)), None)
         if not self.foreign and stranger is not None:
-            raise BadInput(f"{file}: {unknown('column', stranger, KIND)}; map other names with --columns FILE.toml")
+            raise BadInput(f"{file}: {unknown('column', stranger, OURS)}; map other names with --columns FILE.toml")
         return table
 
     @property

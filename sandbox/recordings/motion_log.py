@@ -6,10 +6,9 @@ What the electrical part would need is not there, so nothing of it is read: [dri
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -20,26 +19,35 @@ from model.names import fitting
 from model.number_table import Table
 from model.parameters import finite
 from sandbox.recordings.campaign import Campaign, Finding, table_of
-from sandbox.recordings.column_map import has_voltages, measured, phase_currents
+from sandbox.recordings.column_map import Column, has_voltages, measured, phase_currents, source_columns
 from sandbox.recordings.importing import Source
-from sandbox.recordings.stamps import SHORTEST
+from sandbox.recordings.motion_clock import stretches
+from sandbox.recordings.stamps import segment_name
+from sandbox.recordings.turning import with_angle
 
 Array = NDArray[np.float64]
-PAUSE = 8.0  # times the usual step: a gap at which the motion is cut
 OF_LAG = ("resistance", "inductance_d", "inductance_q")
+BESIDE = ("speed", "i_d", "i_q", "u_d", "u_q")
+OR_SPEED = ", or the log's speed (speed = {column = ..., unit = \"rpm\"})"
 NO_VOLTAGES = "no voltages were recorded, so electrical effects are no candidates; the motion alone is judged"
 
 
 @dataclass(frozen=True)
 class MotionRecording:
     """One stretch without a gap: stamps t (s, rising, uneven), mechanical angle (rad), air-gap torque by the nominal
-    motor and the load's (N m); each (n,)."""
+    motor and the load's (N m); each (n,).
+
+    beside: what else the log says of the same rows, under our names (speed in mechanical rad/s); source: the log's own
+    columns by ours.
+    """
 
     file: str
     t: Array
     angle: Array
     torque: Array
     load: Array
+    beside: Mapping[str, Array] = field(default_factory=dict)
+    source: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -48,7 +56,8 @@ class MotionCampaign:
 
     torque_constant: N m per A of i_q; inertia (kg m^2) None where none is stated; viscous_friction: N m s/rad;
     deviations: relative, of what is stated; current_noise: A rms, None: from the recordings; count: rad mechanical of
-    an encoder's count, 0 where unknown; why: why only the motion is judged, one sentence.
+    an encoder's count, 0 where unknown; why: why only the motion is judged, one sentence; stated: numbers of [motor];
+    mapped: how columns are read.
     """
 
     name: str
@@ -61,6 +70,8 @@ class MotionCampaign:
     recordings: tuple[MotionRecording, ...]
     findings: tuple[Finding, ...]
     why: str
+    stated: Mapping[str, float] = field(default_factory=dict)
+    mapped: Mapping[str, Column] = field(default_factory=dict)
 
 
 def motion_only(source: Source) -> str | None:
@@ -120,6 +131,7 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
         _stated(motor, "viscous_friction", source.name, 0.0, 1e5) or 0.0, _deviations(source),
         _stated(drive, "current_noise", source.name, 0.0, 1e5), math.tau / counts if counts else 0.0,
         tuple(recordings), tuple(findings), why,
+        {k: v for k, x in motor.items() if (v := finite(x)) is not None}, source.mapped,
     )  # fmt: skip
 
 
@@ -128,18 +140,25 @@ def _read(
 ) -> list[MotionRecording]:
     """Return the stretches of one table."""
     table = source.table(file)
-    mechanical = any(c.mechanical for c in source.mapped.values())
-    found, notes = measured(file, table, source.mapped, 1.0 if mechanical else (pairs or 1.0))
+    mapped = dict(source.mapped)
+    if pairs is None and (s := mapped.get("speed")) is not None and not s.mechanical:
+        del mapped["speed"]  # electrical: what it says of the shaft is unknown
+    found, notes = measured(file, table, mapped, pairs or 1.0)
     findings += notes
+    own = source_columns(table, mapped)
+    found = with_angle(file, found, own, findings)
     for name, why in (("theta", "without voltages the angle shows the motion"), ("t", "log each row's time stamp")):
         if name not in found:
-            raise BadInput(f"{file}: column '{name}' is missing; {why}: map it")
-    if not mechanical and pairs is None:
+            raise BadInput(f"{file}: column '{name}' is missing; {why}: map it{OR_SPEED if name == 'theta' else ''}")
+    if pairs is None and not mapped.get("theta", mapped.get("speed", Column("", ""))).mechanical:
         raise BadInput(f"{source.name}: [motor] lacks 'pole_pairs'; add it, or map theta with mechanical = true")
-    angle = found["theta"] if mechanical else found["theta"] / (pairs or 1.0)
-    torque = _torque(file, found, angle * (pairs or 1.0), constant, source.name, findings)
-    load = found.get("load_torque", np.zeros(len(angle)))
-    return _pieces(file, {"t": found["t"], "angle": angle, "torque": torque, "load": load}, findings)
+    torque = _torque(file, found, found["theta"], constant, source.name, findings)
+    load = found.get("load_torque", np.zeros(len(torque)))
+    beside = {n: found[n] for n in BESIDE if n in found}
+    if "speed" in beside:
+        beside["speed"] = beside["speed"] / (pairs or 1.0)
+    at = {"t": found["t"], "angle": found["theta"] / (pairs or 1.0), "torque": torque, "load": load}
+    return _pieces(file, at, beside, own, findings)
 
 
 def motion_of(campaign: Campaign, why: str) -> MotionCampaign:
@@ -206,40 +225,17 @@ def _torque(
     return np.asarray(constant * (i * np.exp(-1j * theta)).imag)
 
 
-def _pieces(file: str, own: Mapping[str, Array], findings: list[Finding]) -> list[MotionRecording]:
-    """Return a table's stretches without a pause, stamps that stand or go back left out, each with what was done."""
-    t = own["t"]
-    keep = np.concatenate([[True], np.diff(np.maximum.accumulate(t)) > 0.0]) if len(t) else np.zeros(0, bool)
-    if len(t) - np.count_nonzero(keep):
-        text = f"{file}: {len(t) - np.count_nonzero(keep)} of {len(t)} rows repeat a stamp or go back; left out"
-        findings.append(Finding(file, "t", int(np.argmin(keep)), text))
-    own = {n: x[keep] for n, x in own.items()}
-    t = own["t"]
-    if len(t) < SHORTEST:
-        raise BadInput(f"{file}: {len(t)} rows with rising stamps; a motion needs at least {SHORTEST}")
-    step = np.diff(t)
-    usual = float(np.median(step))
-    bounds = np.concatenate([[0], np.flatnonzero(step > PAUSE * usual) + 1, [len(t)]])
-    spans = [(int(a), int(b)) for a, b in itertools.pairwise(bounds)]
-    good = [s for s in spans if s[1] - s[0] >= SHORTEST]
-    if not good:
-        raise BadInput(f"{file}: no stretch of {SHORTEST} rows without a pause in column 't'; log with fewer pauses")
-    if len(spans) > 1:
-        rows = len(t) - sum(b - a for a, b in good)
-        pauses = f"{len(spans) - 1} pauses" if len(spans) > 2 else "a pause"
-        text = (
-            f"{file}: {pauses} in column 't', the longest {float(step.max()):.3g} s; cut into {len(good)} stretches, "
-            f"{rows} of {len(t)} rows left out"
-        )
-        findings.append(Finding(file, "t", int(np.argmax(step)), text))
-    name = file.rpartition("/")[2]
-    return [
-        MotionRecording(
-            file if len(good) == 1 else file.replace(name, f"{name.rpartition('.')[0]}-{k}.{name.rpartition('.')[2]}"),
-            t[a:b], own["angle"][a:b], own["torque"][a:b], own["load"][a:b],
-        )
-        for k, (a, b) in enumerate(good, 1)
-    ]  # fmt: skip
+def _pieces(
+    file: str, own: Mapping[str, Array], beside: Mapping[str, Array], source: Mapping[str, str], findings: list[Finding]
+) -> list[MotionRecording]:
+    """Return a table's stretches between pauses and jumps of its clock."""
+    good = stretches(file, own["t"], findings)
+    out = []
+    for k, rows in enumerate(good, 1):
+        name = file if len(good) == 1 else segment_name(file, k)
+        t, angle, torque, load = (own[n][rows] for n in ("t", "angle", "torque", "load"))
+        out.append(MotionRecording(name, t, angle, torque, load, {n: x[rows] for n, x in beside.items()}, source))
+    return out
 
 
 def _deviations(source: Source) -> dict[str, float]:

@@ -1,0 +1,146 @@
+"""Angles as logs hold them: wrapped at a turn, at something that is no turn, or turning too far from row to row.
+
+A step of more than half a turn between two rows reads as one the other way.  Beyond a third of a turn a little scatter
+of the stamps does that, so such an angle is followed by the log's own speed, or refused.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.errors import BadInput
+from sandbox.recordings.campaign import Doubt, Finding
+
+Array = NDArray[np.float64]
+WRAP = 1.01  # turns within which a wrapped angle stays
+FOLLOWED = 1.0 / 3.0  # of a turn: the longest step between two rows whose sense is told
+NEAR = 0.25  # of a turn: a step that speed and angle can be compared on
+STRAY = 0.2  # turns rms between an angle and its speed; what they share by chance is 1 / sqrt(12) = 0.29
+BACK = 0.9  # of the range: a jump back that wraps
+LEVELS = 16  # different readings of an angle that turns
+ALIKE = 0.03  # relative, of a range and a turn
+
+
+def unwrapped(
+    file: str, column: str, raw: Array, turn: float, notes: list[Finding], steps: Array | None = None
+) -> Array:
+    """Return an angle (in its own unit, `turn` of it a turn) without its jumps of one turn, noting that it was wrapped.
+
+    steps: turns from row to row by the log's own speed, where it holds one.  BadInput for an angle that wraps at
+    something else than a turn, that turns too far between two rows, or that goes another way than the speed.
+    """
+    step = np.diff(raw)
+    if not step.size or np.ptp(raw) == 0.0:
+        return raw
+    _refuse_other_turn(file, column, raw, step, turn)
+    if np.ptp(raw) > WRAP * turn:
+        return raw
+    if steps is not None:
+        return _by_speed(file, column, raw, step, turn, notes, steps)
+    jumps = np.flatnonzero(np.abs(step) > 0.5 * turn)
+    if not jumps.size:
+        return raw
+    moved = np.mod(step + 0.5 * turn, turn) - 0.5 * turn
+    far = np.flatnonzero(np.abs(moved) > FOLLOWED * turn)
+    if far.size:
+        k = int(far[0])
+        raise BadInput(
+            f"{file}: row {k + 1} of column '{column}' is {abs(moved[k]) / turn:.2g} of a turn from the row before "
+            f"({far.size} such rows); an angle that is known within a turn can be followed up to a third of one: log "
+            "faster, or map the log's speed (speed = {column = ..., unit = \"rpm\"})"
+        )
+    notes.append(_said(file, column, jumps, "is unwrapped here"))
+    turns = np.cumsum(moved[jumps] - step[jumps])  # as np.unwrap, but at the jumps alone
+    return raw + np.repeat(np.append(0.0, turns), np.diff([0, *(jumps + 1), len(raw)]))
+
+
+def _said(file: str, column: str, jumps: NDArray[np.int64], what: str) -> Finding:
+    k = int(jumps[0]) + 1
+    text = f"{file}: row {k} of column '{column}' jumps by a turn ({jumps.size} jumps); the angle was wrapped and {what}"
+    return Finding(file, column, k, text)
+
+
+def _by_speed(
+    file: str, column: str, raw: Array, step: Array, turn: float, notes: list[Finding], steps: Array
+) -> Array:
+    """Return an angle whose turns between two rows are those that its speed says."""
+    whole = np.round(steps - step / turn)
+    if not np.any(whole):
+        return raw
+    stray = step / turn + whole - steps
+    if float(np.sqrt(np.mean(stray**2))) > STRAY:
+        raise BadInput(
+            f"{file}: column '{column}' and the log's speed do not go together ({other_pace(raw, turn, steps)}); "
+            "correct unit, sign or mechanical = true of one of them in [columns]"
+        )
+    jumps = np.flatnonzero(whole)
+    far = float(np.max(np.abs(steps)))
+    notes.append(_said(file, column, jumps, f"follows the log's speed, up to {far:.2g} turns from row to row"))
+    return raw + turn * np.concatenate([[0.0], np.cumsum(whole)])
+
+
+def other_pace(raw: Array, turn: float, steps: Array) -> str:
+    """Return in words how fast an angle turns beside its speed, from rows in which both move little."""
+    moved = np.mod(np.diff(raw) / turn + 0.5, 1.0) - 0.5
+    slow = (np.abs(moved) < NEAR) & (np.abs(steps) < NEAR)
+    energy = float(np.sum(steps[slow] ** 2))
+    if energy == 0.0:
+        return "it turns when the speed is zero"
+    pace = float(np.sum(moved[slow] * steps[slow])) / energy
+    return f"where both are slow it turns {pace:.3g} times as fast as the speed says"
+
+
+def _refuse_other_turn(file: str, column: str, raw: Array, step: Array, turn: float) -> None:
+    """Raise BadInput for an angle that jumps back by its whole range, which is no turn of its unit."""
+    span = float(np.ptp(raw))
+    if abs(span / turn - 1.0) < ALIKE or span < 1e-3 * turn:
+        return
+    back = np.flatnonzero(np.abs(step) > BACK * span)
+    if back.size < 2 or back.size > 0.25 * step.size or len(np.unique(raw[: 64 * LEVELS])) < LEVELS:
+        return
+    k = int(back[0])
+    wrap = float(np.median(np.abs(step[back])) + np.median(np.abs(step)))
+    units = {360.0: '"deg"', math.tau: '"rad"', 1.0: '"rev"'}
+    unit = next((said for size, said in units.items() if abs(span / size - 1.0) < ALIKE), None)
+    guess = f"map it with unit = {unit}" if unit else f'are these counts? map it with unit = "rev" and scale = 1/{wrap:.0f}'
+    if unit is None and wrap < 10.0:
+        guess = "unwrap it before, or map the unit in which it wraps at a turn"
+    raise BadInput(
+        f"{file}: row {k + 1} of column '{column}' jumps back by {abs(step[k]):.5g} ({back.size} such rows), as an "
+        f"angle does that wraps there, but a turn is {turn:.5g} of its unit; {guess}"
+    )
+
+
+def turns_between(found: Mapping[str, Array]) -> Array | None:
+    """Return the turns (electrical) from row to row that stamps and speed of a log tell; None where it lacks one."""
+    if "speed" not in found or "t" not in found:
+        return None
+    return np.asarray(np.diff(_angle(found["t"], found["speed"])) / math.tau)
+
+
+def _angle(t: Array, speed: Array) -> Array:
+    """Return the integral (rad) of a speed (rad/s) over uneven stamps (s)."""
+    return np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(t))])
+
+
+def with_angle(file: str, found: dict[str, Array], own: Mapping[str, str], notes: list[Finding]) -> dict[str, Array]:
+    """Return a log's columns with an angle made from its speed, where it holds none or one that never moves.
+
+    own: the log's column names by ours.  The angle counts from zero at the first row (rad electrical).
+    """
+    speed, theta = found.get("speed"), found.get("theta")
+    if speed is None or "t" not in found or not np.any(speed) or (theta is not None and np.ptp(theta) > 0.0):
+        return found
+    name = own.get("speed", "speed")
+    said = "no angle is mapped"
+    if theta is not None:
+        said = f"column '{own.get('theta', 'theta')}' never changes while '{name}' moves"
+    text = f"{file}: {said}; the angle is made from '{name}': its zero is unknown, and what is bound to a place drifts"
+    notes.append((Finding if theta is None else Doubt)(file, "theta", None, text))
+    return {**found, "theta": _angle(found["t"], speed)}
+
+
