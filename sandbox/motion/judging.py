@@ -191,9 +191,7 @@ def _impossible(design: Design, whole: Terms, nominal: Nominal, able: Sequence[s
         low, high = shaft.ci95(n.size)
         size, p = f"{shaft.value(n.size):.3g} {n.unit}", n.of_library
         if n.brakes and high < 0.0:
-            out[effect] = (
-                f"it would drive the motion ({size}): the current's sign is reversed, or something else acts"
-            )
+            out[effect] = f"it would drive the motion ({size}): the current's sign is reversed, or something else acts"
         elif high < p.low:
             out[effect] = f"its size would be {size}, below what can be ({p.low:g}): {WRONG}"
         elif low > p.high:

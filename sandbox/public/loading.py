@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -236,7 +237,12 @@ def motion_only(folder: str | Path | Campaign, columns: str | Path | None, prese
     place, mapped = Path(_text(folder, "campaign", "a Campaign")), None if columns is None else Path(columns)
     source = importing.source_of(place, mapped, preset)
     why = motion_log.motion_only(source)
-    return None if why is None else motion_log.read_motion(source, why)
+    if why is None:
+        return None
+    from sandbox.motion.checked import checked_motion
+
+    motion = motion_log.read_motion(source, why)
+    return replace(motion, findings=(*motion.findings, *checked_motion(motion)))
 
 
 def ready(

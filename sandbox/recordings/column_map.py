@@ -189,6 +189,16 @@ def source_columns(table: Table, columns: Mapping[str, Column]) -> dict[str, str
     return ours | {n: c.column for n, c in mapped.items() if c.value is None}
 
 
+def source_units(table: Table, columns: Mapping[str, Column]) -> dict[str, str]:
+    """Return the units in which a table's columns are read, by contract name, where map or table state one."""
+    mapped, out = available(table, columns), {}
+    for name, own in source_columns(table, columns).items():
+        unit = (mapped[name].unit if name in mapped else None) or table.units.get(own)
+        if unit in UNITS[KIND[name]]:
+            out[name] = str(unit)
+    return out
+
+
 def has_voltages(table: Table, columns: Mapping[str, Column]) -> bool:
     """Tell whether a table holds anything of which commanded voltages can be made."""
     names = {*available(table, columns), *table.names}

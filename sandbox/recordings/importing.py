@@ -32,6 +32,7 @@ from sandbox.recordings.campaign import (
 from sandbox.recordings.checks.plausibility import check
 from sandbox.recordings.column_map import OURS, Column, contract, parse_columns, source_columns
 from sandbox.recordings.conventions import with_link
+from sandbox.recordings.copies import counted_once
 from sandbox.recordings.foreign import read_table
 from sandbox.recordings.formats.parquet import INDEX
 from sandbox.recordings.formats.presets import check_preset, preset_notes, with_preset
@@ -156,7 +157,7 @@ def unchecked(source: Source) -> Campaign:
         stated = table_of(data, "drive")
         data["drive"] = {**stated, "current_noise": math.hypot(converter.current_noise, max(noises))}
     campaign = assemble(data, tuple(recordings), source.folder.resolve().name, source.name, source.folder)
-    return dataclasses.replace(campaign, findings=(*findings, *campaign.findings))
+    return counted_once(dataclasses.replace(campaign, findings=(*findings, *campaign.findings)))
 
 
 def _timed(

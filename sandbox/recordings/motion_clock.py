@@ -74,9 +74,7 @@ def _rising(t: Array) -> NDArray[np.bool_]:
     return np.concatenate([[True], np.diff(np.maximum.accumulate(t)) > 0.0])
 
 
-def _say_cuts(
-    file: str, t: Array, kept: list[Rows], good: list[Rows], strays: Rows, findings: list[Finding]
-) -> None:
+def _say_cuts(file: str, t: Array, kept: list[Rows], good: list[Rows], strays: Rows, findings: list[Finding]) -> None:
     """Add what was cut, and where the clock jumped."""
     if strays.size:
         k = int(strays[0])
@@ -93,8 +91,8 @@ def _say_cuts(
     back = [k for gap, k in gaps if gap < 0.0]
     if back:
         text = (
-            f"{file}: row {back[0]} of column 't' is {t[back[0]]:.9g} s, before the row above it: the clock begins again "
-            f"({len(back)} times); {cut}"
+            f"{file}: row {back[0]} of column 't' is {t[back[0]]:.9g} s, before the row above it: the clock begins "
+            f"again ({len(back)} times); {cut}"
         )
         findings.append(Doubt(file, "t", back[0], text))
         return

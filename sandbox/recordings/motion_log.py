@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,8 @@ from model.names import fitting
 from model.number_table import Table
 from model.parameters import finite
 from sandbox.recordings.campaign import Campaign, Finding, table_of
-from sandbox.recordings.column_map import Column, has_voltages, measured, phase_currents, source_columns
+from sandbox.recordings.column_map import Column, has_voltages, measured, phase_currents, source_columns, source_units
+from sandbox.recordings.copies import copied, own_rows, told
 from sandbox.recordings.importing import Source
 from sandbox.recordings.motion_clock import stretches
 from sandbox.recordings.stamps import segment_name
@@ -28,7 +29,7 @@ from sandbox.recordings.turning import with_angle
 Array = NDArray[np.float64]
 OF_LAG = ("resistance", "inductance_d", "inductance_q")
 BESIDE = ("speed", "i_d", "i_q", "u_d", "u_q")
-OR_SPEED = ", or the log's speed (speed = {column = ..., unit = \"rpm\"})"
+OR_SPEED = ', or the log\'s speed (speed = {column = ..., unit = "rpm"})'
 NO_VOLTAGES = "no voltages were recorded, so electrical effects are no candidates; the motion alone is judged"
 
 
@@ -57,7 +58,7 @@ class MotionCampaign:
     torque_constant: N m per A of i_q; inertia (kg m^2) None where none is stated; viscous_friction: N m s/rad;
     deviations: relative, of what is stated; current_noise: A rms, None: from the recordings; count: rad mechanical of
     an encoder's count, 0 where unknown; why: why only the motion is judged, one sentence; stated: numbers of [motor];
-    mapped: how columns are read.
+    mapped, units: how columns are read.
     """
 
     name: str
@@ -72,6 +73,7 @@ class MotionCampaign:
     why: str
     stated: Mapping[str, float] = field(default_factory=dict)
     mapped: Mapping[str, Column] = field(default_factory=dict)
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
 def motion_only(source: Source) -> str | None:
@@ -120,6 +122,7 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
         else:
             text = f"{file}: rotor = '{brief(rotor)}' tells nothing of the motion, and the rest is not judged; left out"
             findings.append(Finding(file, "theta", None, text))
+    recordings = _counted_once(recordings, findings)
     if not recordings:
         raise BadInput(
             f"{source.name}: {why}; but no recording has rotor = 'free', so there is no motion to judge either"
@@ -132,7 +135,21 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
         _stated(drive, "current_noise", source.name, 0.0, 1e5), math.tau / counts if counts else 0.0,
         tuple(recordings), tuple(findings), why,
         {k: v for k, x in motor.items() if (v := finite(x)) is not None}, source.mapped,
+        source_units(source.table(source.entries[0][0]), source.mapped),
     )  # fmt: skip
+
+
+def _counted_once(recordings: list[MotionRecording], findings: list[Finding]) -> list[MotionRecording]:
+    """Return recordings without rows that stand in two of them, each with a finding."""
+    copies = {c.at: c for c in copied([[r.angle, r.torque] for r in recordings])}
+    findings += [told(recordings[k].file, recordings[c.of].file, c, len(recordings[k].t)) for k, c in copies.items()]
+    out = []
+    for k, r in enumerate(recordings):
+        keep = own_rows(copies[k], len(r.t)) if k in copies else slice(0, len(r.t))
+        if keep is not None:
+            arrays = {n: getattr(r, n)[keep] for n in ("t", "angle", "torque", "load")}
+            out.append(replace(r, **arrays, beside={n: x[keep] for n, x in r.beside.items()}))
+    return out
 
 
 def _read(

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput
 from model.parameters import Drive
-from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
+from sandbox.recordings.campaign import Campaign, CampaignRecording, Doubt, Finding
 from sandbox.recordings.checks.balance import PHASES, VOLTAGES
 from sandbox.recordings.checks.mistakes import contradictions, conventions_off
 from sandbox.recordings.checks.plausibility import angle, current_sensors, link_voltage, other_columns, voltage_limit
@@ -45,24 +45,29 @@ class Noticed:
 
 def noticed(campaign: Campaign) -> list[Noticed]:
     """Return all that is wrong, suspicious or changed in a campaign that has been read unchecked."""
-    out = [Noticed(NOTE, f) for f in campaign.findings]
+    out = on_the_way(campaign.findings)
     drive, recordings = campaign.drive, campaign.recordings
     for r in recordings:
         for one in (link_voltage, current_sensors, _limit, angle, other_columns, twice, silent, clipped, steps, ripple):
-            out += _tried(r.file, lambda one=one, r=r: one(r, drive))  # type: ignore[misc]
-    cause = _tried("", lambda: contradictions(recordings, drive))
+            out += tried(r.file, lambda one=one, r=r: one(r, drive))  # type: ignore[misc]
+    cause = tried("", lambda: contradictions(recordings, drive))
     if any(n.level == REFUSED for n in cause):  # what else voltages, currents and angle show is its consequence
         out = [n for n in out if n.level != SUSPICIOUS or n.finding.column not in (*PHASES, *VOLTAGES, "theta")]
-        return _refusals_first([*out, *cause])
+        return refusals_first([*out, *cause])
     out += cause
     for check in (shifted, conventions_off, pace):
-        out += _tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
+        out += tried("", lambda check=check: check(recordings, drive))  # type: ignore[misc]
     if not any(n.level == REFUSED for n in out):
         out += [Noticed(SUSPICIOUS, f) for f in with_link(campaign).findings[len(campaign.findings) :]]
-    return _refusals_first(out)
+    return refusals_first(out)
 
 
-def _refusals_first(found: Sequence[Noticed]) -> list[Noticed]:
+def on_the_way(findings: Iterable[Finding]) -> list[Noticed]:
+    """Return what was noticed while reading, each with its level."""
+    return [Noticed(SUSPICIOUS if isinstance(f, Doubt) else NOTE, f) for f in findings]
+
+
+def refusals_first(found: Sequence[Noticed]) -> list[Noticed]:
     """Return what stops a campaign before the rest, without what is suspicious about the same readings: a current in
     another unit has other steps, too.
     """
@@ -89,7 +94,7 @@ def further(campaign: Campaign) -> list[Finding]:
     return [*found, *conventions_off(campaign.recordings, campaign.drive), *pace(campaign.recordings, campaign.drive)]
 
 
-def _tried(file: str, check: Callable[[], Iterable[Finding]]) -> list[Noticed]:
+def tried(file: str, check: Callable[[], Iterable[Finding]]) -> list[Noticed]:
     """Return a check's findings, its refusal as one of them."""
     try:
         return [Noticed(SUSPICIOUS, f) for f in check()]

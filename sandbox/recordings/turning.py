@@ -51,7 +51,7 @@ def unwrapped(
         raise BadInput(
             f"{file}: row {k + 1} of column '{column}' is {abs(moved[k]) / turn:.2g} of a turn from the row before "
             f"({far.size} such rows); an angle that is known within a turn can be followed up to a third of one: log "
-            "faster, or map the log's speed (speed = {column = ..., unit = \"rpm\"})"
+            'faster, or map the log\'s speed (speed = {column = ..., unit = "rpm"})'
         )
     notes.append(_said(file, column, jumps, "is unwrapped here"))
     turns = np.cumsum(moved[jumps] - step[jumps])  # as np.unwrap, but at the jumps alone
@@ -60,7 +60,9 @@ def unwrapped(
 
 def _said(file: str, column: str, jumps: NDArray[np.int64], what: str) -> Finding:
     k = int(jumps[0]) + 1
-    text = f"{file}: row {k} of column '{column}' jumps by a turn ({jumps.size} jumps); the angle was wrapped and {what}"
+    text = (
+        f"{file}: row {k} of column '{column}' jumps by a turn ({jumps.size} jumps); the angle was wrapped and {what}"
+    )
     return Finding(file, column, k, text)
 
 
@@ -103,16 +105,26 @@ def _refuse_other_turn(file: str, column: str, raw: Array, step: Array, turn: fl
     if back.size < 2 or back.size > 0.25 * step.size or len(np.unique(raw[: 64 * LEVELS])) < LEVELS:
         return
     k = int(back[0])
-    wrap = float(np.median(np.abs(step[back])) + np.median(np.abs(step)))
+    wrap = _round(span)
     units = {360.0: '"deg"', math.tau: '"rad"', 1.0: '"rev"'}
     unit = next((said for size, said in units.items() if abs(span / size - 1.0) < ALIKE), None)
-    guess = f"map it with unit = {unit}" if unit else f'are these counts? map it with unit = "rev" and scale = 1/{wrap:.0f}'
+    guess = (
+        f"map it with unit = {unit}" if unit else f'are these counts? map it with unit = "rev" and scale = 1/{wrap:g}'
+    )
     if unit is None and wrap < 10.0:
         guess = "unwrap it before, or map the unit in which it wraps at a turn"
     raise BadInput(
         f"{file}: row {k + 1} of column '{column}' jumps back by {abs(step[k]):.5g} ({back.size} such rows), as an "
         f"angle does that wraps there, but a turn is {turn:.5g} of its unit; {guess}"
     )
+
+
+def _round(span: float) -> float:
+    """Return the counts a turn of which a range is all but the last: a power of two, or else a round number."""
+    for counts in (2.0 ** round(math.log2(span)), 100.0 * round(span / 100.0)):
+        if abs(counts - span) < 0.01 * span:
+            return counts
+    return float(math.ceil(span))
 
 
 def turns_between(found: Mapping[str, Array]) -> Array | None:
@@ -142,5 +154,3 @@ def with_angle(file: str, found: dict[str, Array], own: Mapping[str, str], notes
     text = f"{file}: {said}; the angle is made from '{name}': its zero is unknown, and what is bound to a place drifts"
     notes.append((Finding if theta is None else Doubt)(file, "theta", None, text))
     return {**found, "theta": _angle(found["t"], speed)}
-
-

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 from model.drive_files import load_limits
 from model.errors import BadInput
 from model.parameters import Drive
+from sandbox.motion.checked import noticed_in_motion
 from sandbox.output.columns import Column, columns_of, table_of, write_table
 from sandbox.output.files import CORRECTED
 from sandbox.output.tables import many, print_prose, print_table
@@ -334,7 +335,7 @@ def _read(
         why = motion_log.motion_only(source)
         if why is not None:
             motion = motion_log.read_motion(source, why)
-            return motion.name, None, [Noticed(NOTE, f) for f in motion.findings], why
+            return motion.name, None, noticed_in_motion(motion), why
         return name, importing.unchecked(source), [], ""
     except BadInput as error:
         return name, None, [Noticed(REFUSED, Finding(name, "", None, str(error)))], "the campaign cannot be read"

@@ -259,12 +259,11 @@ def _of_motor(m: Motor) -> Iterator[Change]:
     if m.inductance_d != m.inductance_q:
         yield Change(MOTOR, "", "inductance_d and inductance_q are exchanged", "exchange them in [motor]",
                      values=(1.0, 1.0, -1.0, 1.0))  # fmt: skip
-    yield from (of(guess, remedy, flux=factor) for factor, guess, remedy in _fluxes(m))
+    yield from (of(guess, remedy, flux=factor) for factor, guess, remedy in fluxes(float(m.pole_pairs), m.magnet_flux))
 
 
-def _fluxes(m: Motor) -> Iterator[tuple[float, str, str]]:
-    """Yield factors of the magnet flux, what else the stated number may be, and what to do."""
-    p = float(m.pole_pairs)
+def fluxes(p: float, flux: float) -> Iterator[tuple[float, str, str]]:
+    """Yield factors of the magnet flux (stated, Wb, with p pole pairs), what else the number may be, what to do."""
     if p > 1.0:
         yield 1.0 / p, "magnet_flux is the back-EMF constant per mechanical rad/s", f"divide it by pole_pairs = {p:g}"
         yield (
@@ -278,10 +277,10 @@ def _fluxes(m: Motor) -> Iterator[tuple[float, str, str]]:
     yield math.sqrt(2.0), "magnet_flux is an rms value", "multiply it by sqrt(2)"
     yield math.sqrt(2.0 / 3.0), "magnet_flux is an rms value between two terminals", "multiply it by sqrt(2/3)"
     yield 0.5, "magnet_flux is a peak-to-peak value", "halve it"
-    if m.magnet_flux > 1.0:
-        flux = 60.0 / (math.tau * SQRT3 * m.magnet_flux * p)
+    if flux > 1.0:
+        found = 60.0 / (math.tau * SQRT3 * flux * p)
         yield (
-            flux / m.magnet_flux,
+            found / flux,
             "magnet_flux is Kv (rpm/V)",
-            (f"write 60 / (2 pi sqrt(3) Kv pole_pairs) = {flux:.4g}, where V is the peak between two terminals,"),
+            (f"write 60 / (2 pi sqrt(3) Kv pole_pairs) = {found:.4g}, where V is the peak between two terminals,"),
         )
