@@ -6,6 +6,7 @@ import math
 
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
+from model.rating_pairs import pairs_off
 
 # Torque at rated current against the rated one: cross-saturation takes a few percent, reluctance at most doubles it,
 # sqrt 2 for rms and 2 for peak to peak stay below; units that are mistaken differ by 1000.
@@ -17,7 +18,9 @@ VOLTAGE_HIGH, VOLTAGE_LOW = 5.0, 0.1
 
 def cautions(drive: Drive) -> tuple[str, ...]:
     """Return a sentence for each rating that does not go with the others, and what a flux map says against itself."""
-    return (*_torque(drive.motor), *_speed(drive), *map_notes(drive.motor))
+    simple = (*_torque(drive.motor), *_speed(drive))
+    pairs = pairs_off(drive, lambda d: not _torque(d.motor) and not _speed(d))
+    return (*simple, *(pairs if not simple or "?" in "".join(pairs) else ()), *map_notes(drive.motor))
 
 
 def map_notes(motor: Motor) -> tuple[str, ...]:

@@ -23,3 +23,8 @@ def real_data():
 def recordings_folder():
     """Return the folder of bench campaigns (`SENSORLESS_RECORDINGS`)."""
     return _folder("SENSORLESS_RECORDINGS", "recordings")
+
+
+def cases_folder():
+    """Return the folder of what users met in practice (`SENSORLESS_CASES`)."""
+    return _folder("SENSORLESS_CASES", "cases")

@@ -110,20 +110,20 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
     able = [e for e in numbers() if e not in cannot and e not in exclude]
     whole = _terms(able, _width(plain, able, nominal, ()), ())
     design = plain
-    for e, why in _impossible(reweighted(plain, fitted(plain, whole, nominal)), whole, nominal, able).items():
+    for e, why in _driving(reweighted(plain, fitted(plain, whole, nominal)), whole, nominal, able).items():
         cannot[e] = why
         able.remove(e)
-    whole = _terms(able, _width(plain, able, nominal, ()), ())
-    for _ in range(2):
-        design = _scaled(reweighted(plain, fitted(design, whole, nominal)), whole, nominal)
-        if COGGING.effect in able:
-            whole = with_orders(design, replace(whole, orders=()), nominal)
-        whole = _terms(able, _width(design, able, nominal, whole.orders), whole.orders)
-    design = _scaled(reweighted(plain, fitted(design, whole, nominal)), whole, nominal)
+    whole, design = _richest(plain, design, able, nominal)
+    if beyond := _beyond(design, whole, nominal, able):
+        cannot |= beyond
+        able = [e for e in able if e not in beyond]
+        whole, design = _richest(plain, design, able, nominal)
     sets = _sets(design, able, whole, nominal)
     floor = _floor(design, sets[0].shaft)
     kept, out = design.only(~held), held if np.any(held) else np.ones(len(held), bool)
-    sizes = {w.effects: _rms(plain, fitted(kept, w.shaft.terms, nominal), floor, out) for w in sets}
+    terms = {e: _terms(e, whole.dry or design.widths[0], whole.orders) for e in _subsets(sets[0].effects)}
+    terms |= {w.effects: w.shaft.terms for w in sets}
+    sizes = {e: _rms(plain, fitted(kept, t, nominal), floor, out) for e, t in terms.items()}
     none, best = fitted(kept, Terms(), nominal), fitted(kept, sets[0].shaft.terms, nominal)
     rows = tuple(
         (a.file, _rms(plain, none, floor, design.owner == k), _rms(plain, best, floor, design.owner == k),
@@ -135,6 +135,11 @@ def judge(campaign: MotionCampaign, exclude: Sequence[str] = ()) -> Motion:
         campaign, design, tuple(sets), left, _rms(plain, _as_stated(design, nominal), floor, out), sizes[()], after,
         rows, _shares(sizes, sets[0].effects), cannot, tuple(exclude), time.perf_counter() - began,
     )  # fmt: skip
+
+
+def _subsets(effects: Sequence[str]) -> list[tuple[str, ...]]:
+    """Return every set of some of the effects, possible by itself or not."""
+    return [e for count in range(len(effects) + 1) for e in itertools.combinations(effects, count)]
 
 
 def _check_known(name: str) -> None:
@@ -181,21 +186,41 @@ def _width(design: Design, able: Sequence[str], nominal: Nominal, orders: tuple[
     return float(between.x) if between.fun < left(widths[best]) else widths[best]
 
 
-def _impossible(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]) -> dict[str, str]:
+def _richest(plain: Design, design: Design, able: Sequence[str], nominal: Nominal) -> tuple[Terms, Design]:
+    """Return the model that has every effect, and the equations weighted by what it leaves."""
+    whole = _terms(able, _width(plain, able, nominal, ()), ())
+    for _ in range(2):
+        design = _scaled(reweighted(plain, fitted(design, whole, nominal)), whole, nominal)
+        if COGGING.effect in able:
+            whole = with_orders(design, replace(whole, orders=()), nominal)
+        whole = _terms(able, _width(design, able, nominal, whole.orders), whole.orders)
+    return whole, _scaled(reweighted(plain, fitted(design, whole, nominal)), whole, nominal)
+
+
+def _driving(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]) -> dict[str, str]:
+    """Return frictions that would drive the motion instead of braking it, each with the size that says so."""
+    out = {}
+    shaft = fitted(design, whole, nominal)
+    for effect, n in numbers().items():
+        if n.brakes and effect in able and shaft.ci95(n.size)[1] < 0.0:
+            out[effect] = (
+                f"it would drive the motion ({shaft.value(n.size):.3g} {n.unit}): the current's sign is reversed, or "
+                "something else acts"
+            )
+    return out
+
+
+def _beyond(design: Design, whole: Terms, nominal: Nominal, able: Sequence[str]) -> dict[str, str]:
     """Return effects whose sizes would lie outside their bounds, each with the size that says so."""
     out = {}
     shaft = fitted(design, whole, nominal)
     for effect, n in numbers().items():
         if effect not in able or not n.size:
             continue
-        low, high = shaft.ci95(n.size)
-        size, p = f"{shaft.value(n.size):.3g} {n.unit}", n.of_library
-        if n.brakes and high < 0.0:
-            out[effect] = f"it would drive the motion ({size}): the current's sign is reversed, or something else acts"
-        elif high < p.low:
-            out[effect] = f"its size would be {size}, below what can be ({p.low:g}): {WRONG}"
-        elif low > p.high:
-            out[effect] = f"its size would be {size}, beyond what can be ({p.high:g}): {WRONG}"
+        (low, high), p = shaft.ci95(n.size), n.of_library
+        if high < p.low or low > p.high:
+            side = f"below what can be ({p.low:g})" if high < p.low else f"beyond what can be ({p.high:g})"
+            out[effect] = f"its size would be {shaft.value(n.size):.3g} {n.unit}, {side}: {WRONG}"
     return out
 
 

@@ -32,13 +32,14 @@ FITS = 9.0  # squared deviations up to which a mistake explains what was seen
 ALIKE = 4.0  # squared deviations within which another explains it as well
 TOLD = 4.0  # an estimate over half its 95 % interval, and the correlation below, from which it says anything
 TOGETHER = 0.9
+SEEN = 0.1  # of the torque that the inertia takes, from which its size says anything
 FASTEST = 3e5 * math.tau / 60.0  # rad/s mechanical: beyond what machines turn
 LOUD = 100.0  # times the rated current: a unit
 COUNTS = (64.0, 2.0**24)  # of an encoder, a turn
 
 
 @dataclass(frozen=True)
-class Seen:
+class Look:
     """What recordings show beside what is stated or read: ratios, NaN where it cannot be told; fastest in rad/s."""
 
     inertia: float
@@ -93,11 +94,13 @@ def contradictions(campaign: MotionCampaign) -> list[Finding]:
     if _strange(seen) and (found or seen.inertia < 0.0 or seen.fastest > FASTEST):
         raise BadInput(text if found else f"{text}; check units and signs of t, theta and i_q")
     column = "theta" if seen.inertia > 0.0 else "i_q"
-    more = "" if found else "; a load or a gear does that, or a wrong unit of t, theta, i_q or of what [motor] states"
+    more = "; a wrong unit of t, theta, i_q or of what [motor] states" if not found else ""
+    if seen.inertia > USUAL:
+        more += "; a load or a gear does that, too"
     return [Doubt(r.file, column, None, text + more)]
 
 
-def _strange(seen: Seen) -> bool:
+def _strange(seen: Look) -> bool:
     """Return whether what is seen cannot be right, whatever turns with the rotor."""
     if _is(seen.inertia) and not 1.0 / STRANGE < seen.inertia < STRANGE:
         return True
@@ -113,14 +116,14 @@ def _is(x: float) -> bool:
     return math.isfinite(x) and x != 0.0
 
 
-def look(campaign: MotionCampaign, parts: list[Averages]) -> Seen:
+def look(campaign: MotionCampaign, parts: list[Averages]) -> Look:
     """Return what recordings show beside what is stated or read."""
     speeds = [np.abs(a.speed) for a in parts if np.all(np.isfinite(a.speed))]
     fastest = float(np.quantile(np.concatenate(speeds), 0.99)) if speeds else math.inf
     stated = [(a, r.beside["speed"]) for a, r in zip(parts, campaign.recordings, strict=True) if "speed" in r.beside]
     own = [a.mean(s) for a, s in stated]
     pace = _pace(np.concatenate([a.speed for a, _ in stated]), np.concatenate(own)) if stated else math.nan
-    return Seen(_inertia(campaign, parts), pace, _emf(campaign, parts), fastest)
+    return Look(_inertia(campaign, parts), pace, _emf(campaign, parts), fastest)
 
 
 def _inertia(campaign: MotionCampaign, parts: list[Averages]) -> float:
@@ -135,7 +138,8 @@ def _inertia(campaign: MotionCampaign, parts: list[Averages]) -> float:
             shaft = fitted(reweighted(design, shaft), terms, Nominal(None, 0.0, 0.0, 0.0))
     low, high = shaft.ci95("inertia")
     value = shaft.value("inertia")
-    if not abs(value) > TOLD * 0.5 * (high - low):
+    speeding, driving = (float(np.sqrt(np.mean(x**2))) for x in (design.acceleration, design.torque))
+    if not abs(value) > TOLD * 0.5 * (high - low) or abs(value) * speeding < SEEN * driving:
         return math.nan
     return value / (campaign.inertia or abs(value))
 
@@ -164,7 +168,7 @@ def _pace(read: Array, given: Array) -> float:
     return cross / float(b @ b) if energy > 0.0 and abs(cross) > TOGETHER * energy else math.nan
 
 
-def _contradicted(campaign: MotionCampaign, seen: Seen) -> str:
+def _contradicted(campaign: MotionCampaign, seen: Look) -> str:
     """Return in words what does not go together, empty where nothing stands out."""
     out, own = [], campaign.recordings[0].source
     angle, speed = own.get("theta", "theta"), own.get("speed", "speed")
@@ -183,13 +187,13 @@ def _contradicted(campaign: MotionCampaign, seen: Seen) -> str:
         out.append(f"the motion speeds up against its torque, which would be a negative inertia{value}")
     elif _is(seen.inertia) and campaign.inertia and not 1.0 / USUAL < seen.inertia < USUAL:
         out.append(
-            f"the motion shows an inertia of {seen.inertia * campaign.inertia:.3g} kg m^2, {plain(seen.inertia)} times "
-            f"the stated {campaign.inertia:.3g}"
+            f"the motion shows an inertia of {seen.inertia * campaign.inertia:.3g} kg m^2, {plain(seen.inertia)} "
+            f"times the stated {campaign.inertia:.3g}"
         )
     return ", and ".join(out)
 
 
-def _explained(campaign: MotionCampaign, seen: Seen) -> list[Mistake]:
+def _explained(campaign: MotionCampaign, seen: Look) -> list[Mistake]:
     """Return the likeliest mistakes that explain what was seen, the best first, three at most."""
     rows = [(_cost(campaign, seen, m), m) for m in mistakes(campaign, seen)]
     best = min((cost for cost, _ in rows), default=math.inf)
@@ -197,7 +201,7 @@ def _explained(campaign: MotionCampaign, seen: Seen) -> list[Mistake]:
     return [m for rank, _, _, m in sorted(alike, key=lambda x: x[:3]) if rank == min(x[0] for x in alike)][:3]
 
 
-def _cost(campaign: MotionCampaign, seen: Seen, m: Mistake) -> float:
+def _cost(campaign: MotionCampaign, seen: Look, m: Mistake) -> float:
     """Return the squared deviations that are left once a mistake is undone."""
     spreads = [SPREAD_INERTIA, SPREAD_PACE, 2.0 * SPREAD_PACE]
     total = 0.0
@@ -213,7 +217,7 @@ def _cost(campaign: MotionCampaign, seen: Seen, m: Mistake) -> float:
     return total
 
 
-def mistakes(campaign: MotionCampaign, seen: Seen) -> Iterator[Mistake]:
+def mistakes(campaign: MotionCampaign, seen: Look) -> Iterator[Mistake]:
     """Yield the mistakes of an angle, a clock, currents, what [motor] states, and a gear, in the log's words."""
     own = campaign.recordings[0].source
     angle, current, clock = own.get("theta", "theta"), own.get("i_q", "the currents"), own.get("t", "t")
@@ -277,26 +281,23 @@ def _others(campaign: MotionCampaign, name: str, kind: str) -> Iterator[tuple[st
             yield unit, now / units[unit][0]
 
 
-def _gears(seen: Seen, angle: str) -> Iterator[Mistake]:
+def _gears(seen: Look, angle: str) -> Iterator[Mistake]:
     """Yield a gear between the motor, whose back-EMF is seen, and the sensor of the angle."""
     if _is(seen.emf) and 1.5 < seen.emf < 200.0:
         said = f"a gear of about {seen.emf:.2g} stands between motor and '{angle}'"
         yield Mistake(said, f"map it with scale = {seen.emf:.2g}", angle=1.0 / seen.emf, rank=2.0)
 
 
-def _counts(campaign: MotionCampaign, seen: Seen, angle: str) -> Iterator[Mistake]:
+def _counts(campaign: MotionCampaign, seen: Look, angle: str) -> Iterator[Mistake]:
     """Yield an angle in an encoder's counts, as many as the other signals ask for."""
     turn = math.tau / UNITS["angle"].get(campaign.units.get("theta") or "", (1.0, 0.0))[0]
-    ratio = (
-        seen.speed if _is(seen.speed) else 1.0 / seen.inertia if _is(seen.inertia) and campaign.inertia else math.nan
-    )
-    counts = abs(ratio) * turn
+    inverse = 1.0 / seen.inertia if _is(seen.inertia) and campaign.inertia else math.nan
+    ratio = seen.speed if _is(seen.speed) else inverse
+    counts, how = abs(ratio) * turn, 'map it with unit = "rev" and scale = 1 / (counts a turn)'
     if not _is(ratio) and seen.fastest > FASTEST:
-        yield Mistake(f"'{angle}' is in counts of an encoder",
-                      'map it with unit = "rev" and scale = 1 / (counts a turn)', angle=seen.fastest / 100.0)  # fmt: skip
+        yield Mistake(f"'{angle}' is in counts of an encoder", how, angle=seen.fastest / 100.0)
     elif _is(ratio) and COUNTS[0] <= counts <= COUNTS[1]:
         said = f"'{angle}' is in counts of an encoder (about {counts:.2g} a turn)"
-        how = 'map it with unit = "rev" and scale = 1 / (counts a turn)'
         yield Mistake(said, how, angle=math.copysign(counts / turn, ratio), rank=1.5)
 
 

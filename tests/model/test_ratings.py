@@ -42,6 +42,39 @@ def test_what_a_motor_may_have_is_not_cautioned(values):
     assert cautions(changed(**values)) == ()
 
 
+SHEET = {
+    "pole_pairs": 4, "resistance": 0.36, "magnet_flux": 0.0064, "inductance_d": 2e-4, "inductance_q": 3e-4,
+    "inertia": 7.06e-6, "rated_current": 7.1, "rated_torque": 0.27, "rated_speed_rpm": 4000.0,
+}  # fmt: skip
+
+
+def small(**values):
+    """A 100 W motor at 24 V, as its data sheet has it, with other numbers."""
+    drive = load_drive("ipm_exchanged")
+    converter = dataclasses.replace(drive.converter, dc_bus_voltage=24.0)
+    motor = dataclasses.replace(drive.motor, **dict.fromkeys(
+        ("alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04"), 0.0), **(SHEET | values))  # fmt: skip
+    return dataclasses.replace(drive, motor=motor, converter=converter)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"inductance_d": 0.2, "inductance_q": 0.3}, "inductance_d and inductance_q in mH"),
+        ({"resistance": 360.0}, "resistance in mohm"),
+        ({"inertia": 7.06e-2}, "inertia in kg cm^2"),
+        ({"inertia": 70.6}, "inertia in g cm^2"),
+        ({"rated_current": 7100.0}, "rated_current in mA"),
+        ({"rated_torque": 270.0}, "rated_torque in mN m"),
+        ({"inductance_d": 2e-7, "inductance_q": 3e-7}, "inductance_d and inductance_q 1000 times too small"),
+    ],
+)
+def test_numbers_that_physics_binds_are_compared(values, said):
+    """R I, w L I, L I / psi, L / R, J w / T and T w against link, time and power; the unit that mends all is named."""
+    assert cautions(small()) == ()
+    assert said in " ".join(cautions(small(**values)))
+
+
 def test_a_reluctance_motor_has_torque_without_a_magnet():
     """3/2 p (L_d - L_q)/2 i^2 at 45 degrees."""
     motor = dataclasses.replace(load_drive("ipm_exchanged").motor, magnet_flux=0.0)

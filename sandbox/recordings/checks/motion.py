@@ -56,9 +56,10 @@ def _stuck(r: MotionRecording, campaign: MotionCampaign) -> None:
                 if went > MISSED
                 else f"to stop so would take {needed:.3g} N m"
             )
+            name = r.source.get("theta", "theta")
             raise BadInput(
-                f"{r.file}: row {begin} of column '{r.source.get('theta', 'theta')}' and the {end - begin - 1} rows after "
-                f"it are the same though {why}; the encoder is stuck, or the log repeats it: repair it or leave the "
+                f"{r.file}: row {begin} of column '{name}' and {end - begin - 1} rows after it "
+                f"are the same though {why}; the encoder is stuck, or the log repeats it: repair it or leave the "
                 "recording out"
             )
 

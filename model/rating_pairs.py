@@ -1,0 +1,143 @@
+"""Which stated numbers of a drive physics binds to each other, and the one number whose other unit would mend them.
+
+    R I         voltage of rated current at standstill      at most what the link gives
+    w L I       reactance at rated speed                    at most some times that: nobody could push the current
+    L I / psi   current's own flux over the magnet's         between some thousandths and some tens
+    L / R       time constant of a winding                  between some microseconds and a second
+    J w / T     time from rest to rated speed               between a tenth of a millisecond and a minute
+    T w         shaft's power at rated values               at most what link and current give
+
+Bounds are far outside what motors have (a gramme to a megawatt), and far inside a mistaken unit, which is 1000 off.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from model.errors import BadInput
+from model.mapped import MappedMotor
+from model.parameters import Drive, Motor
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A quantity that stated numbers make together, its bounds, and what it is in words."""
+
+    size: Callable[[Drive], float]
+    low: float
+    high: float
+    said: Callable[[Drive, float], str]
+
+
+def _inductance(m: Motor) -> float:
+    return max(m.inductance_d, m.inductance_q)
+
+
+def _reactance(d: Drive) -> float:
+    return d.motor.rated_omega * _inductance(d.motor) * d.motor.rated_current / d.converter.voltage_limit
+
+
+def _drop(d: Drive) -> float:
+    return d.motor.resistance * d.motor.rated_current / d.converter.voltage_limit
+
+
+def _own_flux(d: Drive) -> float:
+    m = d.motor
+    return min(m.inductance_d, m.inductance_q) * m.rated_current / m.magnet_flux if m.magnet_flux > 0.0 else 1.0
+
+
+def _lag(d: Drive) -> float:
+    return _inductance(d.motor) / d.motor.resistance
+
+
+def _run_up(d: Drive) -> float:
+    m = d.motor
+    return m.inertia * m.rated_omega / m.pole_pairs / m.rated_torque
+
+
+def _power(d: Drive) -> float:
+    m = d.motor
+    able = 1.5 * d.converter.voltage_limit * m.rated_current
+    return m.rated_torque * m.rated_omega / m.pole_pairs / able
+
+
+def _volts(d: Drive) -> str:
+    return f"the link of {d.converter.dc_bus_voltage:g} V gives {d.converter.voltage_limit:.3g} V"
+
+
+PAIRS = (
+    Pair(_drop, 0.0, 1.5, lambda d, x: (
+        f"resistance x rated_current is {_number(x * d.converter.voltage_limit)} V, and {_volts(d)}")),
+    Pair(_reactance, 0.0, 12.0, lambda d, x: (
+        f"inductance x rated_current at rated_speed_rpm takes {_number(x * d.converter.voltage_limit)} V, "
+        f"and {_volts(d)}")),
+    Pair(_own_flux, 1e-4, 60.0, lambda d, x: (
+        f"inductance x rated_current is {_number(x)} times magnet_flux")),
+    Pair(_lag, 2e-6, 3.0, lambda d, x: f"inductance / resistance is {_number(x)} s"),
+    Pair(_run_up, 1e-4, 60.0, lambda d, x: (
+        f"rated_torque brings inertia to rated_speed_rpm in {_number(x)} s")),
+    Pair(_power, 0.0, 2.5, lambda d, x: (
+        f"rated_torque at rated_speed_rpm is {_number(x)} times the power that link and rated_current give")),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Unit:
+    """Another unit in which numbers may stand: names of [motor] or [drive], in words, and the factor to ours."""
+
+    names: tuple[str, ...]
+    said: str
+    factor: float
+
+
+INDUCTANCES = ("inductance_d", "inductance_q")
+SMALL = "1000 times too small"
+UNITS = (
+    Unit(INDUCTANCES, "in mH", 1e-3), Unit(INDUCTANCES, "in uH", 1e-6), Unit(("resistance",), "in mohm", 1e-3),
+    Unit(("magnet_flux",), "in mWb", 1e-3), Unit(("inertia",), "in kg cm^2", 1e-4),
+    Unit(("inertia",), "in g cm^2", 1e-7), Unit(("rated_current",), "in mA", 1e-3),
+    Unit(("rated_torque",), "in mN m", 1e-3), Unit(("rated_speed_rpm",), "in rad/s", 30.0 / math.pi),
+    Unit(("rated_speed_rpm",), "in 1/s", 60.0), Unit(("dc_bus_voltage",), "in kV", 1e3),
+    Unit(("dc_bus_voltage",), "in mV", 1e-3), Unit(INDUCTANCES, SMALL, 1e3), Unit(("resistance",), SMALL, 1e3),
+    Unit(("magnet_flux",), SMALL, 1e3), Unit(("inertia",), "10 000 times too small", 1e4),
+)  # fmt: skip
+
+
+def pairs_off(drive: Drive, beside: Callable[[Drive], bool]) -> tuple[str, ...]:
+    """Return one sentence on stated numbers that cannot belong to one motor, nothing where they can.
+
+    beside: whether further tests of a drive find nothing; a unit is named only where it mends those, too.
+    """
+    if isinstance(drive.motor, MappedMotor):
+        pairs: tuple[Pair, ...] = (PAIRS[0], *PAIRS[4:])
+    else:
+        pairs = PAIRS
+    off = [(p, x) for p in pairs if not p.low <= (x := p.size(drive)) <= p.high]
+    if not off:
+        return ()
+    names = [f"{' and '.join(u.names)} {u.said}" for u in _mending(drive, pairs, beside)]
+    said = "; ".join(p.said(drive, x) for p, x in off[:3])
+    asked = f"{', or '.join(names[:3])}?" if names else "one of these values is in another unit, or of another motor"
+    return (f"{said}; no motor has that: {asked}",)
+
+
+def _mending(drive: Drive, pairs: tuple[Pair, ...], beside: Callable[[Drive], bool]) -> Iterator[Unit]:
+    """Yield the units that mend all that is off."""
+    for u in UNITS:
+        part = "converter" if u.names[0] == "dc_bus_voltage" else "motor"
+        own = getattr(drive, part)
+        try:
+            changed = dataclasses.replace(own, **{n: getattr(own, n) * u.factor for n in u.names})
+            other = dataclasses.replace(drive, **{part: changed})
+        except (BadInput, TypeError):
+            continue
+        if all(p.low <= p.size(other) <= p.high for p in pairs) and beside(other):
+            yield u
+
+
+def _number(x: float) -> str:
+    """Return a number as a person writes it, without a power of ten where it is large."""
+    return f"{x:.0f}" if 100.0 <= x < 1e15 else f"{x:.3g}"
