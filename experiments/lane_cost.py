@@ -68,13 +68,13 @@ def main() -> None:
     """Print a line for every kind of effect: times, and what it adds: constant, and for every VECTOR lanes."""
     prepared = driven()
     bare = times(prepared, {})
-    vectors = np.array(ROOMS) / VECTOR
+    vectors = np.array(ROOMS[1:]) / VECTOR  # a lane alone is no part of a vector: `grouping.ALONE`
     print(f"{'':10s}" + "".join(f"{n:>8d}" for n in ROOMS) + "   lanes: ns a period;  constant + each vector")
     for name, own in (("bare", bare), *((n, times(prepared, ON[n])) for n in NAMES)):
         values = complete(prepared.campaign.drive.motor, prepared.campaign.drive.converter, ON.get(name, {}))
         if name != "bare" and not features_of(prepared.campaign.drive.motor, values) & getattr(add, name):
             raise ValueError(f"ON[{name!r}] does not switch {name} on")
-        each, constant = np.polyfit(vectors, np.subtract(own, 0.0 if name == "bare" else bare), 1)
+        each, constant = np.polyfit(vectors, np.subtract(own, 0.0 if name == "bare" else bare)[1:], 1)
         print(f"{name:10s}" + "".join(f"{x:8.0f}" for x in own) + f"   {constant:8.0f} {each:8.0f}")
 
 

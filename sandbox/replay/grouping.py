@@ -13,8 +13,9 @@ from itertools import combinations
 
 from sandbox.plant import additions as add
 
-ROOMS = (8, 24)  # lanes that a block may have: one set, and a fit's slopes; each size is compiled for itself, in 20 s
+ROOMS = (1, 8, 24)  # lanes that a block may have: one set, some, many; each size is compiled for itself, in 10 to 20 s
 VECTOR = 8
+ALONE = 0.7  # of a VECTOR's time: a block of one lane; measured 0.44 (iron loss) to 0.79 (bare)
 # ns a period, measured by `experiments/lane_cost.py`: constant, and for every VECTOR lanes
 BARE = (160.0, 480.0)
 COSTS = {
@@ -31,7 +32,7 @@ def room_of(sets: int) -> int:
 
 def cost(needs: int, sets: int) -> float:
     """Return about how long (ns) a period of a block of so many sets takes that need these effects together."""
-    vectors = room_of(sets) / VECTOR
+    vectors = max(ALONE, room_of(sets) / VECTOR)
     own = [BARE, *(c for bit, c in COSTS.items() if needs & bit)]
     return sum(constant + each * vectors for constant, each in own)
 
