@@ -12,7 +12,7 @@ import os
 import shutil
 import tempfile
 import weakref
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from threading import Lock
 
 import numpy as np
@@ -109,6 +109,10 @@ class Kept:
         first, last, _ = rows.indices(self.shape[0])
         own = self.spill.read(self.at + 8 * first * self.shape[1], (last - first, self.shape[1]))
         return own[:, self.columns] * self.scale
+
+    def of(self, columns: NDArray[np.int64]) -> Kept:
+        """Return some of the columns."""
+        return replace(self, columns=self.columns[columns], scale=self.scale[columns])
 
     def __array__(self, dtype: object = None, copy: bool | None = None) -> Array:
         """Return all of them, in memory."""

@@ -89,6 +89,7 @@ def fit(
     *,
     leader: float = math.inf,
     rough: bool = False,
+    near: Normal | None = None,
     workers: int = 1,
 ) -> Fit:
     """Return the most probable point of a hypothesis on the recordings that `weights` names, by Gauss-Newton.
@@ -96,13 +97,15 @@ def fit(
     The first part of a fit holds how a current's sign goes through zero, the second frees it where the residual is near
     its floor (`_within_bounds`).  rough: the first part is enough, to a few per cent of what is left.
 
+    near: equations with slopes at a point near the start, which serve the first steps.
+
     leader: the objective of the best rival; a fit far behind it ends as soon as steps
     gain little of what it lacks.
 
     Where an effect's value ends at the bound of the search, the bound widens and the fit goes on; so it does where free
     rotors' motion, smoothed again at the point that was found, fits better.
     """
-    task = Task(start, effects, weights, leader, workers, rough)
+    task = Task(start, effects, weights, leader, workers, rough, near)
     found, smoother = _within_bounds(task, start)
     if rough:
         return found
@@ -111,7 +114,7 @@ def fit(
         if all(reach(c, found.point.values) <= FARTHEST for c in claimed) and smoother < SMOOTHER:
             break
         at = found.point.resmoothed() if smoother >= SMOOTHER else found.point
-        further, smoother = _within_bounds(task, at)
+        further, smoother = _within_bounds(task._replace(near=None), at)
         cost = found.simulations + further.simulations
         if not further.objective < found.objective - TOLERANCE:
             return replace(found, simulations=cost)
@@ -121,13 +124,13 @@ def fit(
 
 def attempted(
     start: Point, effects: Sequence[str], weights: Weights, *, smooth: bool = False, leader: float = math.inf,
-    rough: bool = False, workers: int = 1,
+    rough: bool = False, near: Normal | None = None, workers: int = 1,
 ) -> Fit | None:  # fmt: skip
     """Return the fit of a set, None where no drive can have it or it predicts nothing finite; smooth: free rotors'
-    motion is smoothed at the start; leader, rough: as in `fit`."""
+    motion is smoothed at the start; leader, rough, near: as in `fit`."""
     try:
         at = start.resmoothed() if smooth else start
-        found = fit(at, effects, weights, leader=leader, rough=rough, workers=workers)
+        found = fit(at, effects, weights, leader=leader, rough=rough, near=near, workers=workers)
     except BadInput:
         return None
     return found if math.isfinite(found.objective) else None
@@ -157,7 +160,8 @@ def excess_of(n: Normal, weights: Weights) -> float:
 
 
 class Task(NamedTuple):
-    """What is fitted: where it begins, effects, recordings that count, the best rival's objective, threads."""
+    """What is fitted: where it begins, effects, recordings that count, the best rival's objective, threads, whether its
+    first part is enough, and equations near the start."""
 
     start: Point
     effects: Sequence[str]
@@ -165,6 +169,14 @@ class Task(NamedTuple):
     leader: float
     workers: int
     rough: bool = False
+    near: Normal | None = None
+
+    def begun(self, at: Point, coordinates: Sequence[Coordinate]) -> tuple[Normal, bool]:
+        """Return the equations at a point, and whether their slopes were taken there, not only near it."""
+        own = None if self.near is None else self.near.of(coordinates)
+        if own is None:
+            return normal(at, coordinates, workers=self.workers), True
+        return own.at(at, workers=self.workers), False
 
 
 def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
@@ -175,11 +187,13 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
     the sign walks away with what is missing, and takes hundreds of simulations to do so.
     """
     coordinates = coordinates_of(at, task.effects, task.start)
-    n = normal(at, coordinates, workers=task.workers)
+    n, taken_here = task.begun(at, coordinates)
     free = prior_of(n.coordinates)
     sign = np.array([c.label in SIGN for c in n.coordinates])
     held = replace(free, mean=np.where(sign, n.x, free.mean), deviation=np.where(sign, 0.0, free.deviation))
     d = Descent(task, coordinates, at, n, n.simulations)
+    if not taken_here:
+        d.taken, d.steps, d.way = 0, 1, math.inf
     d.down(held, confirm=False)
     if d.steps and normalised(d.n, task.weights) > NEAR and not task.rough:
         d.down(held, confirm=True)

@@ -28,7 +28,7 @@ from sandbox.gap.evidence.priors import FARTHEST, Coordinate
 from sandbox.plant.sets import ANGLE_OFFSET, complete
 from sandbox.replay.grouping import ROOMS
 from sandbox.replay.inputs import inputs_of
-from sandbox.replay.memory import SHARE
+from sandbox.replay.memory import SHARE, Kept
 from sandbox.replay.replay import Prepared, Walk, in_threads, plan, residual_of
 from sandbox.replay.segments import Segment, channel, squared, squared_slopes
 from sandbox.replay.sensitivity import Moves
@@ -136,6 +136,29 @@ class Normal:
         """Return the same without slopes, which are large."""
         return replace(self, rows=())
 
+    def of(self, coordinates: Sequence[Coordinate]) -> Normal | None:
+        """Return the equations of some of the coordinates and all turns, with their slopes; None where one of these
+        has no column here.
+
+        A column is told by how its coordinate moves the parameters: its label and its prior do not matter.
+        """
+        own = {_move(c): k for k, c in enumerate(self.coordinates) if c.form != "turn"}
+        turns = [k for k, c in enumerate(self.coordinates) if c.form == "turn"]
+        if not self.rows or any(_move(c) not in own for c in coordinates):
+            return None
+        kept = np.array([*(own[_move(c)] for c in coordinates), *turns])
+        segments, rows = [], []
+        for s, r in zip(self.segments, self.rows, strict=True):
+            place = {int(k): m for m, k in enumerate(s.places)}
+            new = np.array([m for m, k in enumerate(kept) if int(k) in place], dtype=np.int64)
+            old = np.array([place[int(kept[m])] for m in new], dtype=np.int64)
+            segments.append(replace(s, places=new, a=s.a[:, old][:, :, old], g=s.g[:, old]))
+            rows.append(r.of(old) if isinstance(r, Kept) else r[:, old])
+        whole = (*coordinates, *(self.coordinates[k] for k in turns))
+        return replace(
+            self, coordinates=whole, x=self.x[kept], segments=tuple(segments), rows=tuple(rows), simulations=0.0
+        )
+
     def summed(self, weights: Mapping[tuple[int, str], float] | None = None) -> Sums:
         """Return A (p, p), g (p,) and r'r over all segments; weights: per (recording, channel), 0 leaves one out."""
         p = len(self.x)
@@ -147,6 +170,11 @@ class Normal:
                 g[s.places] += w * s.g.sum(0)
                 rr += w * float(s.rr.sum())
         return Sums(a, g, rr)
+
+
+def _move(c: Coordinate) -> tuple[object, ...]:
+    """Return what tells one column from another."""
+    return c.form, c.names, c.along, c.step
 
 
 def equations_of(n: Normal, kept: Sequence[int], coordinates: Sequence[Coordinate], held: Array) -> Normal:

@@ -44,12 +44,16 @@ def evaluate(
     candidates: Sequence[Candidate],
     trace: float,
     weights: Weights,
+    known: Normal | None = None,
     *,
     settings: Settings = USUAL,
     workers: int = 1,
 ) -> EvaluatedModel:
-    """Return a fitted set weighed at its own point, traces of all other effects (one candidate each) beside it."""
-    model = linear_model(found.point, candidates, found.effects, trace, weights, settings=settings, workers=workers)
+    """Return a fitted set weighed at its own point, traces of all other effects (one candidate each) beside it; known:
+    equations that were taken there."""
+    model = linear_model(
+        found.point, candidates, found.effects, trace, weights, known, settings=settings, workers=workers
+    )
     prior = model.prior(found.effects)
     settled = model.settled(prior, weights, workers)
     return EvaluatedModel(found, settled, prior, settled.log_evidence(found.effects))

@@ -17,7 +17,7 @@ import numpy as np
 
 from model.effects import library
 from sandbox.gap.evidence.fit import Fit, Weights, attempted, fit, rms_of
-from sandbox.gap.evidence.normal import Point
+from sandbox.gap.evidence.normal import Normal, Point
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates, further
 from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
@@ -90,9 +90,10 @@ class _Run:
 
     def answer(self) -> Inference:
         """Return the answer."""
-        best = self.grown()
+        best, known = self.grown()
         variance = misfit(best.point)
-        fitted = {best.effects: self.evaluated(best, variance)}
+        fitted = {best.effects: self.evaluated(best, variance, known)}
+        known = None
         impossible: set[Set] = set()
         asked = [tuple(sorted(k)) for k in self.problem.rivals]
         while True:
@@ -102,7 +103,7 @@ class _Run:
             if not asked and (not near or len(fitted) > self.problem.settings.rivals):
                 break
             key = asked[0] if asked else near[0]
-            new = self.fit_of(key, leader.fit)
+            new = self.fit_of(key, leader.fit, None)
             if new is None:
                 impossible.add(key)
             else:
@@ -113,15 +114,16 @@ class _Run:
         kept = {k: p for k, p in sets.items() if p > SMALL or k in fitted}
         return Inference(self.null, fitted, kept, variance, self.first)
 
-    def grown(self) -> Fit:
-        """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other."""
-        here, rough = self.null, False
+    def grown(self) -> tuple[Fit, Normal | None]:
+        """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other; and
+        the equations of all candidates at its point, where they are known."""
+        here, rough, known = self.null, False, None
         seen: set[Set] = {()}
         self.problem.report("weighing all sets of effects")
         self.found = candidates(here.point, self.problem.exclude, chords=rms_of(here) > 1.0)
         for turn in range(self.problem.settings.rounds):
             sets = self.linearised(here, self.found if turn < 2 else list(self.chosen.values()))
-            self.first = self.first or sets.model
+            known, self.first = sets.model.normal, self.first or replace(sets.model, normal=sets.model.normal.bare())
             best = sets.best()
             self.choose(sets, best)
             key = sets.names(best)
@@ -130,12 +132,14 @@ class _Run:
             if stands and not rough:
                 break
             rough = not stands
-            new = self.fit_of(here.effects, here) if stands else self.fit_of(key, here, sets, best, rough=True)
+            new = self.fit_of(here.effects, here, known) if stands else self.fit_of(key, here, known, sets, best)
             if new is None:
                 break
             seen.add(new.effects)
-            here = new
-        return self.fit_of(here.effects, here) or here if rough else here
+            here, known = new, None
+        if rough:
+            return self.fit_of(here.effects, here, known) or here, None
+        return here, known
 
     def linearised(self, here: Fit, found: Sequence[Candidate]) -> SetPosterior:
         """Return the posterior over sets at a fit's point."""
@@ -166,18 +170,19 @@ class _Run:
                 levels[c.effect], self.chosen[c.effect] = told, c
 
     def fit_of(
-        self, key: Set, near: Fit, sets: SetPosterior | None = None, best: Chosen = (), *, rough: bool = False
+        self, key: Set, near: Fit, known: Normal | None, sets: SetPosterior | None = None, best: Chosen = ()
     ) -> Fit | None:
         """Return the fit of a set that begins at another one's point; None where no drive can have it.
 
-        rough: its first part, for the next round's equations.
+        known: equations there; sets, best: the posterior that chose it: then its first part is enough, for the next
+        round's equations.
         """
         self.problem.report(f"fitting {' + '.join(key) or 'ordinary deviations'}")
         p = self.problem
         at = towards(near, key, [c for e, c in self.chosen.items()])
         if sets is not None:
             at = self.moved(at, near, sets, best)
-        return attempted(at, key, p.fitted, smooth=True, rough=rough, workers=p.workers)
+        return attempted(at, key, p.fitted, smooth=True, rough=sets is not None, near=known, workers=p.workers)
 
     def moved(self, at: Point, near: Fit, sets: SetPosterior, best: Chosen) -> Point:
         """Return a point with chords at the size that the algebra gives them, and further parts begun."""
@@ -191,11 +196,13 @@ class _Run:
                 values |= coordinate.changes(values, coordinate.bounded(float(x[places[0]])))
         return replace(at, values=values)
 
-    def evaluated(self, found: Fit, variance: Mapping[tuple[int, str], float]) -> EvaluatedModel:
-        """Return a fitted set weighed at its own point, traces of all other effects beside it."""
-        p = self.problem
-        own = list(self.chosen.values())
-        return evaluate(found, own, self.trace, weights(variance), settings=p.settings, workers=p.workers)
+    def evaluated(
+        self, found: Fit, variance: Mapping[tuple[int, str], float], known: Normal | None = None
+    ) -> EvaluatedModel:
+        """Return a fitted set weighed at its own point, traces of all other effects beside it; known: equations that
+        were taken there."""
+        p, own = self.problem, list(self.chosen.values())
+        return evaluate(found, own, self.trace, weights(variance), known, settings=p.settings, workers=p.workers)
 
     def posterior(
         self, fitted: Mapping[Set, EvaluatedModel], impossible: set[Set]

@@ -138,6 +138,7 @@ def linear_model(
     active: Sequence[str],
     trace: float,
     weights: Weights,
+    known: Normal | None = None,
     *,
     settings: Settings = USUAL,
     workers: int = 1,
@@ -145,20 +146,20 @@ def linear_model(
     """Return the equations of all candidates at a point.
 
     active: effects that are on there, of which no other candidate counts (but further parts); trace: share of the wide
-    prior that a trace has; weights: of segments.
+    prior that a trace has; weights: of segments; known: equations that were taken at this very point.
     """
     usual = ordinary(point.prepared.campaign)
     columns = _Columns({c.label: c for c in usual}, {c.label: c for c in usual}, [], [])
     count = {e: sum(c.effect == e and c.part == 1 for c in candidates) for e in library.effect_names()}
     for effect in active:
-        known = next((c for c in candidates if c.effect == effect and c.part == 1), Candidate(effect))
+        first = next((c for c in candidates if c.effect == effect and c.part == 1), Candidate(effect))
         drive = point.prepared.campaign.drive
-        columns.add(known, _active(known, drive, point.values), trace)
+        columns.add(first, _active(first, drive, point.values), trace)
     for k, c in enumerate(candidates):
         if c.effect not in active or c.part > 1:
             label = "" if c.part > 1 or c.effect not in columns.effects else f"@{k}"
             columns.add(c, c.coordinates(point, label), trace / math.sqrt(max(1, count[c.effect])))
-    return columns.model(point, weights, settings, workers)
+    return columns.model(point, weights, settings, known, workers)
 
 
 def _active(known: Candidate, drive: Drive, values: Mapping[str, float]) -> list[Coordinate]:
@@ -197,10 +198,12 @@ class _Columns:
         self.candidates.append(candidate)
         self.labels.append([c.label for c in own])
 
-    def model(self, point: Point, weights: Weights, settings: Settings, workers: int) -> LinearModel:
-        """Return the equations of all columns."""
-        usual = {c.label for c in ordinary(point.prepared.campaign)}
-        n = normal(point, [self.wide[label] for label in self.narrow], workers=workers)
+    def model(
+        self, point: Point, weights: Weights, settings: Settings, known: Normal | None, workers: int
+    ) -> LinearModel:
+        """Return the equations of all columns: of those that are known, else taken at the point."""
+        usual, own = {c.label for c in ordinary(point.prepared.campaign)}, [self.wide[label] for label in self.narrow]
+        n = (known.of(own) if known is not None else None) or normal(point, own, workers=workers)
         place = {c.label: k for k, c in enumerate(n.coordinates)}
         other = np.array([c.label not in usual and c.form != "turn" for c in n.coordinates])
         return LinearModel(
