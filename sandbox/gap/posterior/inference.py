@@ -122,7 +122,7 @@ class _Run:
         self.problem.report("weighing all sets of effects")
         self.found = candidates(here.point, self.problem.exclude, chords=rms_of(here) > 1.0)
         for turn in range(self.problem.settings.rounds):
-            sets = self.linearised(here, self.found if turn < 2 else list(self.chosen.values()))
+            sets = self.linearised(here, self.found if turn < 2 else self.candidates())
             known, self.first = sets.model.normal, self.first or replace(sets.model, normal=sets.model.normal.bare())
             best = sets.best()
             self.choose(sets, best)
@@ -169,6 +169,12 @@ class _Run:
             if c.effect not in levels or told > levels[c.effect]:
                 levels[c.effect], self.chosen[c.effect] = told, c
 
+    def candidates(self) -> list[Candidate]:
+        """Return the chosen candidates, of those that are chords the slopes, too: which of both the truth is nearer to
+        depends on what stands in its place."""
+        own = list(self.chosen.values())
+        return [x for c in own for x in ((c, replace(c, chord=0.0)) if c.chord else (c,))]
+
     def fit_of(
         self, key: Set, near: Fit, known: Normal | None, sets: SetPosterior | None = None, best: Chosen = ()
     ) -> Fit | None:
@@ -201,7 +207,7 @@ class _Run:
     ) -> EvaluatedModel:
         """Return a fitted set weighed at its own point, traces of all other effects beside it; known: equations that
         were taken there."""
-        p, own = self.problem, list(self.chosen.values())
+        p, own = self.problem, self.candidates()
         return evaluate(found, own, self.trace, weights(variance), known, settings=p.settings, workers=p.workers)
 
     def posterior(

@@ -24,6 +24,7 @@ from scipy.stats import chi2
 
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.spectrum import shown
+from sandbox.gap.posterior.settings import USUAL
 from sandbox.replay.segments import channel
 
 Array = NDArray[np.float64]
@@ -41,24 +42,24 @@ def misfit(point: Point) -> dict[tuple[int, str], float]:
     return out
 
 
-def met(residual: Array) -> float:
-    """Return the variance that a cause meets whose spectrum is that of what residuals (n, c) have beside noise."""
-    power, count = bands(residual)
-    excess = power / count - 1.0
-    excess = np.where(power > chi2.isf(CHANCE, count), excess, 0.0)
-    there = excess > 0.0
-    e, n = excess[there], count[there]
-    return float(np.sum(e**2 * n / np.log1p(e)) / np.sum(e * n)) if there.any() else 1.0
-
-
-def bands(residual: Array) -> tuple[Array, Array]:
-    """Return the sum of squares of residuals (n, c) in every band, and how many numbers it has."""
-    n = len(residual)
+def met(residual: Array, shapes: float = USUAL.shapes) -> float:
+    """Return the variance that a cause meets in residuals (n, c)."""
+    n, c = residual.shape
     squares = np.sum(dct(residual, axis=0, norm="ortho") ** 2, axis=1)
-    octaves = np.arange(BANDS * max(1, int(np.log2(max(2, n)))))
-    edges = np.unique([0, 1, 2, *np.round(2.0 ** (1.0 + octaves / BANDS)).astype(int).tolist()])
-    edges = edges[edges < n]
-    return np.add.reduceat(squares, edges), np.diff([*edges, n]) * float(residual.shape[1])
+    white = max(1.0, float(np.median(squares)) / float(chi2.median(c)))
+    lines = squares > white * chi2.isf(CHANCE / n, c)
+    power, count = octaves(np.where(lines, 0.0, squares), np.where(lines, 0.0, float(c)))
+    there = power > white * chi2.isf(CHANCE, np.maximum(count, 1.0))
+    excess = float(np.sum(squares[lines] - white * c) + np.sum((power - white * count)[there]))
+    return white + excess / shapes
+
+
+def octaves(*numbers: Array) -> list[Array]:
+    """Return sums of numbers (n,) over thirds of an octave."""
+    n = len(numbers[0])
+    steps = np.arange(BANDS * max(1, int(np.log2(max(2, n)))))
+    edges = np.unique([0, 1, 2, *np.round(2.0 ** (1.0 + steps / BANDS)).astype(int).tolist()])
+    return [np.add.reduceat(x, edges[edges < n]) for x in numbers]
 
 
 def weights(variance: Mapping[tuple[int, str], float]) -> dict[tuple[int, str], float]:

@@ -34,6 +34,7 @@ class Settings:
     up to which they are.
     """
 
+    shapes: float = 60.0
     more: float = 0.15
     unknown: float = 0.05
     trace: float = 0.01
