@@ -23,7 +23,7 @@ from sandbox.gap.posterior.candidates import Candidate, candidates, further
 from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
 from sandbox.gap.posterior.linear_model import LinearModel, linear_model
 from sandbox.gap.posterior.misfit import misfit, weights
-from sandbox.gap.posterior.set_prior import Set, log_prior
+from sandbox.gap.posterior.set_prior import Set, log_prior, possible
 from sandbox.gap.posterior.sets import Chosen, SetPosterior
 from sandbox.gap.posterior.settings import USUAL, Settings
 
@@ -86,6 +86,7 @@ class _Run:
         self.trace = problem.settings.trace_at(rms_of(self.null))
         self.first: LinearModel | None = None  # all candidates beside ordinary deviations alone
         self.chosen: dict[str, Candidate] = {}
+        self.stand_ins: dict[Set, list[Set]] = {}  # by set
         self.found: list[Candidate] = []  # all candidates, as the residual of ordinary deviations alone shows them
 
     def answer(self) -> Inference:
@@ -173,7 +174,7 @@ class _Run:
         """Return the chosen candidates, of those that are chords the slopes, too: which of both the truth is nearer to
         depends on what stands in its place."""
         own = list(self.chosen.values())
-        return [x for c in own for x in ((c, replace(c, chord=0.0)) if c.chord else (c,))]
+        return [x for c in own for x in ((replace(c, chord=0.0), c) if c.chord else (c,))]
 
     def fit_of(
         self, key: Set, near: Fit, known: Normal | None, sets: SetPosterior | None = None, best: Chosen = ()
@@ -217,17 +218,41 @@ class _Run:
         probable first.
 
         Fitted sets have the evidence of their own points; any other one stands to the best of them as the equations at
-        its point say.  It ought to be fitted where it is near and parameters would move by more than slopes hold for.
+        its point say.  It ought to be fitted where that is more than the best one's, where it is near and parameters
+        would move by more than slopes hold for, and where it only exchanges an effect for one that stands in for it.
         """
         own = {k: e.log_evidence + log_prior(k, self.problem.settings) for k, e in fitted.items()}
         leader = max(own, key=lambda k: (own[k], k))
         sets = SetPosterior(fitted[leader].model)
         sets.enumerate([k for k, c in enumerate(sets.model.candidates) if c.effect in leader])
         by_name, top = sets.by_name(), own[leader]
-        told = {k: min(v - by_name[leader], 0.0) for k, v in by_name.items() if k not in fitted and k not in impossible}
-        near = [k for k, v in told.items() if v > -self.problem.settings.near and _far(sets, leader, k)]
-        told |= {k: v - top for k, v in own.items()}
-        return told, sorted(near, key=lambda k: (-told[k], k))
+        told = {k: v - by_name[leader] for k, v in by_name.items() if k not in fitted and k not in impossible}
+        near = [k for k, v in told.items() if v > 0.0 or (v > -self.problem.settings.near and _far(sets, leader, k))]
+        near = sorted(near, key=lambda k: (-told[k], k))
+        if leader not in self.stand_ins:
+            self.stand_ins[leader] = stand_ins(fitted[leader].model, leader, self.problem.settings.bend)
+        near += [k for k in self.stand_ins[leader] if k not in {*near, *fitted, *impossible}]
+        told = {k: min(v, 0.0) for k, v in told.items()} | {k: v - top for k, v in own.items()}
+        return told, near
+
+
+def stand_ins(model: LinearModel, effects: Set, bend: float) -> list[Set]:
+    """Return the sets with one of the effects, which the model's point has, exchanged for another one that moves
+    readings the same way: but for less than slopes err by, a share of what the effect moves.  The nearest first."""
+    whole, point = model.equations.most_probable(model.prior(effects, alone=True)), model.narrow.mean
+    found = []
+    for gone in effects:
+        own = list(model.members[gone])
+        moved = np.zeros_like(point)
+        moved[own] = whole.x[own] - point[own]
+        room = bend**2 * float(moved @ model.equations.a @ moved)
+        for new in model.members:
+            other = tuple(sorted({*effects, new} - {gone}))
+            if new not in effects and possible(other):
+                lost = model.equations.most_probable(model.prior(other, alone=True)).objective - whole.objective
+                if lost < room:
+                    found.append((lost, other))
+    return [other for _, other in sorted(found)]
 
 
 def _far(sets: SetPosterior, here: Set, there: Set) -> bool:

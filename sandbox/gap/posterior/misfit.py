@@ -1,16 +1,18 @@
-"""What the residual has beside noise, by recording and frequency, and how far it makes the data count for less.
+"""What the residual has beside noise, by recording, and how far it makes the data count for less.
 
-Readings of one channel of one recording have the noise's variance 1 and, in each band of frequency, a further variance
-e >= 0 of what the model misses there.  Its most likely value is the power in the band less 1 (the periodogram of white
-noise is chi-square), taken as 0 where chance alone makes as much.  A model that leaves nothing of it gains
-1/2 n log(1 + e), n numbers in the band.  With fixed weights 1/v it gains 1/2 n e/v: the same for v = e / log(1 + e),
-which is 1 + e/2 where little is missed.  A cause that looks like what is missed has its spectrum, and meets the mean
+What a wrong model misses is no noise: it follows the operating point, so in one recording it takes few independent
+shapes, however many readings there are.  A residual with the excess E (sum of squares beyond noise, in the noise's
+variance) that takes d shapes alike puts E/d on each of them.  A cause that is sought moves readings along one shape, so
+its estimate meets the variance
 
-    sum v e n / sum e n
+    v = w + E/d,
 
-over the bands in which it lies.  A slow error in a thousandth of the frequencies makes estimates as uncertain as white
-noise of a thousand times its power would, not less.  The bands are thirds of an octave of a recording's
-discrete cosine transform, so they scale with its length and sampling.
+w the white part.  White is what all frequencies of the recording's discrete cosine transform have alike (their median):
+noise, and what is as rough as noise.  E is what lines, and thirds of an octave of the rest, have beyond it and by more
+than chance.  Most likely values would have v = 1 + e with e the mean excess of a reading: that is the case d = n, noise
+of another size, and it made a few per cent of misfit in a long recording worth thousands of nats.
+
+d is measured (`Settings.shapes`): the shapes of absent effects are found in what fits leave with z^2 = 1 + E/d.
 """
 
 from __future__ import annotations

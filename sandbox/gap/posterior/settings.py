@@ -9,6 +9,11 @@ from dataclasses import dataclass
 class Settings:
     """Prior chances and sizes; what the simulator is known to miss.
 
+    shapes: independent shapes that the misfit of one recording takes.  Of 24 recordings with a large misfit (a control
+    beside a map fitted to other points, a sealed campaign with a cause outside) the apparent sizes of absent effects
+    have a mean z^2 between E/30 and E/3000, half of them between E/80 and E/700; the tail counts, as one recording with
+    z^2 = E/3 names a false effect.
+
     more: chance of one more effect; the number of effects is geometric, so no effect at all has 1 - more.  unknown:
     chance that something outside the library is at work.  Both are choices that state how often a bench is asked about
     without a gap; answers rest on the data where they hold any.
@@ -31,7 +36,8 @@ class Settings:
     stretch: standard deviations of an ordinary deviation that makes up for a cause outside the library.
 
     rounds, rivals, near: fits of the most probable set at most; sets that are fitted beside it at most; nats behind it
-    up to which they are.
+    up to which they are.  bend: of what an effect moves, how far slopes err on the way to none of it: two effects that
+    are closer than that are both fitted.
     """
 
     shapes: float = 60.0
@@ -50,6 +56,7 @@ class Settings:
     rounds: int = 8
     rivals: int = 4
     near: float = 5.0
+    bend: float = 0.02
 
     def trace_at(self, rms: float) -> float:
         """Return the standard deviation of traces where ordinary deviations alone leave that normalised rms."""
