@@ -14,9 +14,9 @@ from pathlib import Path
 from . import bench, draw, maps, seal
 
 
-def names(kind: str, count: int) -> list[str]:
-    """Names that tell nothing but the kind's number in line."""
-    return [f"{kind[0]}{kind[-1]}{k:04d}" if kind != "mixed" else f"c{k:04d}" for k in range(count)]
+def names(count: int) -> list[str]:
+    """Names that tell nothing but a place in line."""
+    return [f"c{k:04d}" for k in range(count)]
 
 
 def kinds(kind: str, count: int, seed: int) -> list[tuple[str, int]]:
@@ -83,7 +83,7 @@ def make(
         raise ValueError(f"count {count}: at least 1")
     root = Path(folder)
     place = maps.maps_folder(maps_from)
-    rows = list(zip(names(kind, count), kinds(kind, count, seed), strict=True))
+    rows = list(zip(names(count), kinds(kind, count, seed), strict=True))
     truths = {name: draw.draw(k, seed, index, place)[0] for name, (k, index) in rows}
     facts = {"kind": kind, "count": count, "seed": seed, "with_maps": place is not None}
     digest = seal.write_seal(root, seal.pack(truths, facts, key))

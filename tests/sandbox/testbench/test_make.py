@@ -92,18 +92,18 @@ def test_a_campaign_is_written_and_sealed_first(short, tmp_path, capsys):
     digest = make.make(tmp_path, "several", 2, 9)
     assert capsys.readouterr().out.startswith(f"sealed 2 truths, SHA-256 {digest}")
     assert hashlib.sha256((tmp_path / seal.SEALED).read_bytes()).hexdigest() == digest
-    assert set(seal.unpack(tmp_path)["truths"]) == {"sl0000", "sl0001"}
-    toml = tomllib.loads((tmp_path / "sl0000" / "campaign.toml").read_text())
+    assert set(seal.unpack(tmp_path)["truths"]) == {"c0000", "c0001"}
+    toml = tomllib.loads((tmp_path / "c0000" / "campaign.toml").read_text())
     assert len(toml["recording"]) == 3
     n = toml["drive"]["sampling_period"]
     for r in toml["recording"]:
-        table = pq.read_table(tmp_path / "sl0000" / r["file"])
+        table = pq.read_table(tmp_path / "c0000" / r["file"])
         assert table.column_names == ["t", *bench.COLUMNS]
         t = table["t"].to_numpy()
         np.testing.assert_allclose(t, np.arange(t.size) * n, rtol=1e-12)
         assert all(np.isfinite(table[c].to_numpy()).all() for c in table.column_names)
-    stated = bench.campaign_text("sl0000", nominal_design(SERVO, None), _short_plans())
-    assert (tmp_path / "sl0000" / "campaign.toml").read_text() == stated, "what is stated tells nothing of the causes"
+    stated = bench.campaign_text("c0000", nominal_design(SERVO, None), _short_plans())
+    assert (tmp_path / "c0000" / "campaign.toml").read_text() == stated, "what is stated tells nothing of the causes"
 
 
 def test_a_call_that_was_stopped_goes_on_and_gives_the_same(short, tmp_path):

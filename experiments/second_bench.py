@@ -1,0 +1,116 @@
+"""How good is the diagnosis on the second bench, which was written from published equations and imports nothing of it?
+
+The plan stands here, and is committed before the first campaign is drawn: the seed, how many campaigns of which kind,
+and the goals (`second_bench_scores.GOALS`).  Campaigns of all kinds are made and diagnosed in turn, so that a run which
+ends early has seen each kind.  Rows (answer and truth of a campaign) are added to results/second_bench/rows.jsonl one
+by one, and a run goes on where it was interrupted; a diagnosis that fails counts as wrong.
+
+Run: python -m experiments.second_bench WORK [--hours H]     (two minutes a campaign on one core)
+     python -m experiments.second_bench --recompute          (the page from the rows)
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from experiments.second_bench_scores import page
+from sandbox.gap.diagnose import Diagnosis, diagnose
+from sandbox.gap.report.ranking import ranking
+from sandbox.testbench.make import make
+from sandbox.testbench.seal import unpack
+from sandbox.withheld.scoring.running import code_digest
+
+SEED = 20261128
+GROUPS = {"none": 40, "one": 60, "several": 40, "many": 30, "outside": 30}
+AT_ONCE = 5  # campaigns of a kind that are drawn together
+RESULTS = Path(__file__).parent / "results" / "second_bench"
+ROWS = RESULTS / "rows.jsonl"
+
+
+def batches() -> Iterator[tuple[str, int]]:
+    """Yield the kinds with a batch's number, all kinds in turn in proportion to their counts."""
+    told = [(k * AT_ONCE / count, kind, k) for kind, count in GROUPS.items() for k in range(count // AT_ONCE)]
+    yield from ((kind, k) for _, kind, k in sorted(told))
+
+
+def answered(d: Diagnosis) -> dict[str, Any]:
+    """Return what a diagnosis says, as far as it is scored."""
+    r = ranking(d, position=False)
+    return {
+        "sets": [{"effects": h.effects, "probability": h.probability} for h in d.hypotheses],
+        "in_set": [h.effects for h in d.ambiguity_set],
+        "chances": dict(r.inclusion.chances),
+        "unknown": r.unknown,
+        "parameters": {k: [e.value, e.low, e.high] for k, e in d.parameters[0].items()},
+        "before": d.size.before,
+        "after": d.size.after,
+        "simulations": d.simulations,
+    }
+
+
+def one_row(folder: Path, name: str, kind: str, truth: dict[str, Any]) -> dict[str, Any]:
+    """Return the row of a campaign: its answer, and the truth that is looked at afterwards."""
+    began = time.process_time()
+    try:
+        found: dict[str, Any] = answered(diagnose(folder, workers=1))
+    except Exception as error:  # whatever it is, it counts as wrong
+        found = {"failed": repr(error)}
+    cpu = time.process_time() - began
+    return {"name": name, "kind": kind, "code": code_digest(), "cpu": cpu, "found": found, "truth": truth}
+
+
+def run(work: Path, hours: float) -> None:
+    """Make, diagnose and score until all is done or the time is over."""
+    end = time.monotonic() + 3600.0 * hours
+    known = {row["name"] for row in rows()}
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    for kind, k in batches():
+        folder = work / f"{kind}-{k}"
+        make(folder, kind, AT_ONCE, SEED + k, quiet=True)
+        for name, truth in unpack(folder)["truths"].items():
+            own = f"{kind}-{k}-{name}"
+            if own in known or not (folder / name / "campaign.toml").exists():
+                continue
+            if time.monotonic() > end:
+                return
+            row = one_row(folder / name, own, kind, truth)
+            with ROWS.open("a", encoding="utf-8") as out:
+                out.write(json.dumps(row, default=float) + "\n")
+            first = (row["found"].get("sets") or [{"effects": row["found"].get("failed")}])[0]
+            print(
+                own,
+                [c["name"] for c in truth["causes"] + truth["outside"]],
+                "->",
+                first,
+                f"{row['cpu']:.0f} s",
+                flush=True,
+            )
+
+
+def rows() -> list[dict[str, Any]]:
+    """Return the rows so far."""
+    return [json.loads(line) for line in ROWS.read_text().splitlines()] if ROWS.exists() else []
+
+
+def main() -> None:
+    """Run what is left, then write the page."""
+    p = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    p.add_argument("work", type=Path, nargs="?")
+    p.add_argument("--hours", type=float, default=24.0)
+    p.add_argument("--recompute", action="store_true")
+    a = p.parse_args()
+    if a.work is None and not a.recompute:
+        p.error("give a folder to work in, or --recompute")
+    if not a.recompute:
+        run(a.work, a.hours)
+    (RESULTS / "README.md").write_text(page(rows(), GROUPS, SEED), encoding="utf-8")
+    print(RESULTS / "README.md")
+
+
+if __name__ == "__main__":
+    main()

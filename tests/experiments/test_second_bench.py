@@ -1,0 +1,67 @@
+"""Scores of the second bench's rows, by hand on a few made-up rows; the order of a run."""
+
+import pytest
+
+from experiments import second_bench as bench
+from experiments import second_bench_scores as scores
+
+
+def row(kind, causes, *sets, outside=(), chances=None, unknown=0.0, parameters=None, before=2.0, after=1.0):
+    """A row of a campaign: causes (name, size, true values), sets (effects, probability)."""
+    made = [{"name": n, "form": "own", "size": s, "with_background": v} for n, s, v in causes]
+    listed = [{"effects": list(e), "probability": p} for e, p in sets]
+    found = {
+        "sets": listed, "in_set": [s["effects"] for s in listed], "chances": chances or {}, "unknown": unknown,
+        "parameters": parameters or {}, "before": before, "after": after,
+    }  # fmt: skip
+    truth = {"causes": made, "outside": [{"name": n} for n in outside]}
+    return {"name": "x", "kind": kind, "code": "c", "cpu": 9.0, "found": found, "truth": truth}
+
+
+INERTIA = ("inertia", 1.0, {"inertia": 1.05})
+
+
+def test_the_first_set_has_to_be_the_truth_with_unknown_in_it():
+    assert scores.right(row("one", [INERTIA], (["inertia"], 0.9)))
+    assert not scores.right(row("one", [INERTIA], (["inertia", "unknown"], 0.9)))
+    assert scores.right(row("outside", [INERTIA], (["inertia", "unknown"], 0.9), outside=["fan"]))
+
+
+def test_a_size_is_off_by_half_widths_of_its_interval():
+    """1.05 in 1.00 with 0.95 to 1.10: half of the way up, 0.98 of 1.96 deviations."""
+    told = row("one", [INERTIA], (["inertia"], 0.9), parameters={"inertia.inertia": [1.0, 0.95, 1.1]})
+    assert scores.deviations(told) == [pytest.approx(0.98)]
+
+
+def test_a_failed_diagnosis_is_wrong_for_sure():
+    failed = {**row("one", [INERTIA]), "found": {"failed": "it"}}
+    assert scores.first(failed)[1] == 1.0
+    assert not scores.right(failed)
+    assert scores.false_names(failed)
+    assert scores.raised(failed)
+    assert not scores.noticed(failed)
+
+
+def test_brier_against_a_constant():
+    """Right at 0.9 and wrong at 0.4: (0.01 + 0.16) / 2 less (0.25 + 0.25) / 2."""
+    rows = [row("several", [INERTIA], (["inertia"], 0.9)), row("several", [INERTIA], ([], 0.4))]
+    assert scores.brier(rows).value == pytest.approx(0.085 - 0.25)
+
+
+def test_f1_counts_what_is_named():
+    """One of two found, one false: 2 * 1 / (2 + 2)."""
+    two = [INERTIA, ("dead_time", 1.0, {})]
+    assert scores.f1(row("many", two, chances={"inertia": 0.9, "magnet_flux": 0.6})) == 0.5
+
+
+def test_the_page_has_every_goal_and_says_what_was_not_run():
+    told = scores.page([row("none", [], ([], 0.9))], {"none": 2, "one": 1}, 7)
+    assert "1 of 2 none, 0 of 1 one" in told
+    assert sum(line.startswith("| ") for line in told.splitlines()) > sum(len(g) for _, g in scores.GOALS.values())
+
+
+def test_every_kind_is_run_in_turn():
+    """The first batch of each kind comes before the second of any; all are there."""
+    found = list(bench.batches())
+    assert {kind for kind, _ in found[: len(bench.GROUPS)]} == set(bench.GROUPS)
+    assert {kind: sum(k == kind for k, _ in found) * bench.AT_ONCE for kind in bench.GROUPS} == bench.GROUPS
