@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, cast
 
@@ -11,11 +11,13 @@ from model.given import read_toml
 from model.inverter_table import with_points
 from model.mapped import mapped_motor, stand_in
 from model.names import fitting
-from model.parameters import Converter, Drive, Injection, Limits, Motor, build, table_of, texts
+from model.parameters import Converter, Drive, Injection, Limits, Motor, build, finite, table_of, texts
 
 MOTORS = Path(__file__).parent / "motors"
 MAPPED = MOTORS / "mapped"  # those whose magnetic model is a flux map of the data-set registry
 MAP_SUFFIXES = (".npz", ".mat", ".csv")
+ASSUMED = "not stated, usual values"  # in a drive's provenance: keys of [drive] that sentences name
+QUOTED = ("sampling_period", "dc_bus_voltage")
 # allowed, not read with the drive
 OTHER_TABLES = {"provenance", "campaign", "uncertainty", "background", "recording", "ci95", "limits"}
 
@@ -73,13 +75,17 @@ def load_drive(name: str | Path) -> Drive:
     try:
         for motor in _motors(path, data):
             stated = with_points(table_of(data, "drive"), path.parent)
-            converter = build(Converter, {**_converter_defaults(motor), **stated}, "drive")
+            usual = _converter_defaults(motor, stated)
+            converter = build(Converter, {**usual, **stated}, "drive")
             injection = build(
                 Injection, {**injection_defaults(motor, converter), **table_of(data, "injection")}, "injection"
             )
     except BadInput as error:
         raise _in_file(path, error) from None
-    return Drive(motor, converter, injection, texts(table_of(data, "provenance")))
+    provenance = texts(table_of(data, "provenance"))
+    if assumed := [k for k in QUOTED if k not in stated]:
+        provenance = {**provenance, ASSUMED: ", ".join(assumed)}
+    return Drive(motor, converter, injection, provenance)
 
 
 def load_limits(name: str | Path) -> Limits:
@@ -110,11 +116,12 @@ def _in_file(path: Path, error: BadInput) -> BadInput:
     return BadInput(f"{path.name}: {error}")
 
 
-def _converter_defaults(motor: Motor) -> dict[str, Any]:
-    """The paper's 4 kHz and 400 V, with sensors of 0.2 % of rated current."""
+def _converter_defaults(motor: Motor, stated: Mapping[str, Any]) -> dict[str, Any]:
+    """The paper's 4 kHz (or one sample a stated PWM period) and 400 V, with sensors of 0.2 % of rated current."""
     rated = motor.rated_current
+    frequency = finite(stated.get("pwm_frequency"))
     return {
-        "sampling_period": 250e-6,
+        "sampling_period": 1.0 / frequency if frequency and frequency > 0.0 else 250e-6,
         "dc_bus_voltage": 400.0,
         "current_resolution": 0.002 * rated,
         "current_noise": 0.0017 * rated,

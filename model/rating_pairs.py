@@ -17,6 +17,7 @@ import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from model.drive_files import ASSUMED
 from model.errors import BadInput
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
@@ -64,8 +65,14 @@ def _power(d: Drive) -> float:
     return m.rated_torque * m.rated_omega / m.pole_pairs / able
 
 
+def link(d: Drive) -> str:
+    """Return the DC link in words, and that it is no stated value where it is none."""
+    usual = "dc_bus_voltage" in d.provenance.get(ASSUMED, "")
+    return f"the link of {d.converter.dc_bus_voltage:g} V{' (a usual value, [drive] states none)' if usual else ''}"
+
+
 def _volts(d: Drive) -> str:
-    return f"the link of {d.converter.dc_bus_voltage:g} V gives {d.converter.voltage_limit:.3g} V"
+    return f"{link(d)} gives {d.converter.voltage_limit:.3g} V"
 
 
 PAIRS = (

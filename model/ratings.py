@@ -6,7 +6,7 @@ import math
 
 from model.mapped import MappedMotor
 from model.parameters import Drive, Motor
-from model.rating_pairs import pairs_off
+from model.rating_pairs import link, pairs_off
 
 # Torque at rated current against the rated one: cross-saturation takes a few percent, reluctance at most doubles it,
 # sqrt 2 for rms and 2 for peak to peak stay below; units that are mistaken differ by 1000.
@@ -71,7 +71,7 @@ def _speed(drive: Drive) -> list[str]:
     )
     unit = "Hz or electrical" if high else "rad/s"
     return [
-        f"at rated_speed_rpm = {m.rated_speed_rpm:g} {said}, and the link of {drive.converter.dc_bus_voltage:g} V "
+        f"at rated_speed_rpm = {m.rated_speed_rpm:g} {said}, and {link(drive)} "
         f"gives {limit:.4g} V; {unusual} is not usual: is the speed in {unit}, magnet_flux in another unit, "
         "or [drive] dc_bus_voltage another one?"
     ]

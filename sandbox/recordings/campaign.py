@@ -204,6 +204,7 @@ class Campaign:
     findings: tuple[Finding, ...] = ()  # what `sandbox.recordings.importing` noticed; empty from `read_campaign`
     limits: Limits = NO_LIMITS
     excerpts: Excerpts | None = None
+    stand_ins: tuple[str, ...] = ()  # rated values that are not stated
 
     def __getitem__(self, file: str) -> CampaignRecording:
         for r in self.recordings:
@@ -259,8 +260,9 @@ def assemble(
         own_name = _name(data, name)
         stated = {"name": _name(data, "campaign"), **table_of(data, "motor")}
         flux_map = table_of(data, "flux_map") if "flux_map" in data else None
-        motor, from_data = nominal_motor(stated, flux_map, _reached(recordings), folder)
         converter = converter_of(data, folder)
+        reached = _reached(recordings)
+        motor, missing = nominal_motor(stated, flux_map, reached, folder, converter.dc_bus_voltage)
         injection = _injection(data, recordings, motor, converter)
         uncertainty, background = _numbers(data, "uncertainty"), _numbers(data, "background")
         limits = cast(Limits, build(Limits, table_of(data, "limits"), "limits"))
@@ -272,9 +274,20 @@ def assemble(
     converter = dataclasses.replace(converter, command="volts")
     provenance = texts(table_of(data, "provenance"))
     return Campaign(
-        own_name, Drive(motor, converter, injection, provenance), recordings,
-        uncertainty, background, from_data, limits=limits,
+        own_name, Drive(motor, converter, injection, {**provenance, **_stand_ins(missing, reached)}), recordings,
+        uncertainty, background, bool(missing), limits=limits, stand_ins=missing,
     )  # fmt: skip
+
+
+def _stand_ins(missing: Sequence[str], reached: Reached | None) -> dict[str, str]:
+    """Return what stands in for rated values that a campaign does not state, as provenance."""
+    speed = "largest mean speed of the recordings" if reached and reached.speed else "what the link gives rated current"
+    said = {
+        "rated_current": "largest of the recordings",
+        "rated_torque": "what rated_current gives",
+        "rated_speed_rpm": speed,
+    }
+    return {k: f"not stated; stands in: {said[k]}" for k in missing}
 
 
 def _reached(recordings: Sequence[CampaignRecording]) -> Reached | None:

@@ -12,6 +12,7 @@ from model.parameters import Motor, build, finite
 from model.ratings import largest_torque
 
 UNUSED_INERTIA = 1e-3  # kg m^2, of a campaign in which no rotor is free and none is stated
+SLOWEST, FASTEST = 10.0, 1e5  # rpm, of a speed that the link stands in for
 RATED = ("rated_current", "rated_torque", "rated_speed_rpm")
 
 
@@ -24,30 +25,39 @@ class Reached(NamedTuple):
 
 
 def nominal_motor(
-    stated: Mapping[str, Any], flux_map: Mapping[str, Any] | None, reached: Reached | None, folder: Path
-) -> tuple[Motor, bool]:
-    """Return the nominal motor (a quartic's, or one with a flux map), and whether rated values come from recordings.
+    stated: Mapping[str, Any], flux_map: Mapping[str, Any] | None, reached: Reached | None, folder: Path, link: float
+) -> tuple[Motor, tuple[str, ...]]:
+    """Return the nominal motor (a quartic's, or one with a flux map), and which rated values stand in.
 
-    stated: its name and [motor]; flux_map: [flux_map], whose file lies in `folder` or in a data set.  A rated value
-    that is not stated is the largest one `reached` (None: nothing was recorded); the torque is what rated current
-    gives.  BadInput for wrong values.
+    stated: its name and [motor]; flux_map: [flux_map], whose file lies in `folder` or in a data set; link: V, nominal.
+    A rated value that is not stated is the largest one `reached` (None: nothing was recorded); the torque is what rated
+    current gives; a speed that no recording reached is what the link gives.  BadInput for wrong values.
     """
     values = dict(stated)
     if "inertia" not in values and reached is not None and not reached.free:
         values["inertia"] = UNUSED_INERTIA
-    missing = [k for k in RATED if k not in values]
-    if missing:
-        found = _rated(values, reached or Reached(0.0, 0.0, False))
-        values = {**values, **{k: found[k] for k in missing}}
+    missing = tuple(k for k in RATED if k not in values)
+    found = _rated(values, reached or Reached(0.0, 0.0, False))
+    values = {**values, **{k: found[k] for k in missing}}
     if flux_map is None:
-        return build(Motor, values, "motor"), bool(missing)
-    from model.mapped import mapped_motor, stand_in
+        motor = build(Motor, values, "motor")
+    else:
+        from model.mapped import mapped_motor, stand_in
 
-    stand_in(values, flux_map)  # says what is wrong before a file is touched
-    motor = mapped_motor(values, flux_map, folder)
-    if "rated_torque" in missing:  # the map alone knows the magnet flux and the saliency
-        motor = dataclasses.replace(motor, rated_torque=largest_torque(motor) or values["rated_torque"])
-    return motor, bool(missing)
+        stand_in(values, flux_map)  # says what is wrong before a file is touched
+        motor = mapped_motor(values, flux_map, folder)
+        if "rated_torque" in missing:  # the map alone knows the magnet flux and the saliency
+            motor = dataclasses.replace(motor, rated_torque=largest_torque(motor) or values["rated_torque"])
+    if "rated_speed_rpm" in missing and not (reached and reached.speed):
+        motor = dataclasses.replace(motor, rated_speed_rpm=base_speed(motor, link))
+    return motor, missing
+
+
+def base_speed(motor: Motor, link: float) -> float:
+    """Return the speed (rpm) at which rated current on q takes all that a link (V) gives, resistance aside."""
+    flux = math.hypot(motor.magnet_flux, motor.inductance_q * motor.rated_current)
+    omega = link / math.sqrt(3.0) / flux if flux > 0.0 else math.inf
+    return min(max(omega * 30.0 / math.pi / motor.pole_pairs, SLOWEST), FASTEST)
 
 
 def _rated(values: Mapping[str, Any], reached: Reached) -> dict[str, float]:
@@ -58,5 +68,5 @@ def _rated(values: Mapping[str, Any], reached: Reached) -> dict[str, float]:
     return {
         "rated_current": reached.current or 1.0,
         "rated_torque": 1.5 * pairs * flux * rated or 1.0,
-        "rated_speed_rpm": reached.speed * 30.0 / math.pi / (pairs or 1.0) or 1.0,
+        "rated_speed_rpm": reached.speed * 30.0 / math.pi / (pairs or 1.0) or SLOWEST,
     }

@@ -148,3 +148,14 @@ def test_16_a_map_that_contradicts_its_torque():
 def test_19_an_inductance_in_millihenry():
     said = " ".join(cautions(load_drive(cases_folder() / "19_inductance_in_mH" / "motor.toml")))
     assert "inductance_d and inductance_q in mH" in said
+
+
+def test_03_a_size_that_needs_a_rated_speed_is_not_said_without_one():
+    folder = cases_folder() / "03_iron_loss_without_rated_speed"
+    found = check(folder, columns=folder / "no_ratings.toml")
+    said = {e["name"]: e for e in found.as_json()["effects"]}
+    assert said["iron_loss"] == {
+        "name": "iron_loss", "deviations": None, "visible": "cannot say, rated_speed_rpm is missing"
+    }  # fmt: skip
+    stated = check(folder, columns=folder / "ratings.toml")
+    assert stated.cannot == {}

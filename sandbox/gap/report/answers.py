@@ -265,8 +265,9 @@ def caveats(a: Answers) -> list[str]:
             "Residuals before and after are of fits without the recordings held out. The listed values are fitted to "
             "all recordings, and the choice among hypotheses saw them all."
         )
-    if d.campaign.rated_from_data:
-        out.append("Rated current, torque and speed are missing; the largest recorded ones stand in for them.")
+    own = d.campaign.drive.provenance
+    if stand_ins := [f"{k} ({own[k].rpartition(': ')[2]})" for k in d.campaign.stand_ins if k in own]:
+        out.append(f"Not stated, so that something stands in: {', '.join(stand_ins)}.")
     missing = [k for k in ("uncertainty", "background") if not getattr(d.campaign, k)]
     if missing:
         out.append(f"No [{'], ['.join(missing)}] is stated: usual values of a careful identification are assumed.")

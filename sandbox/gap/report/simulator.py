@@ -40,8 +40,6 @@ def refitted(d: Diagnosis) -> Refitted:
     told = dict(own.provenance)
     for key in of_motor(judged):
         told[key] = f"refitted to the recordings; nominal {getattr(own.motor, key):.6g}"
-    if d.campaign.rated_from_data:
-        told["rated values"] = "the largest recorded ones stand in for them"
     drive = dataclasses.replace(own, motor=motor, provenance=told)
     units = {name: p.unit for name, p in library.parameters().items()} | {name: p.unit for name, p in BENCH.items()}
     parts = {} if d.campaign.excerpts is None else {e.file: e.of for e in d.campaign.excerpts.parts if e.file != e.of}

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from model.drive_files import load_limits
+from model.effects.library import effect_names, load_effect
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.motion.checked import noticed_in_motion
@@ -29,6 +30,7 @@ if TYPE_CHECKING:
     from sandbox.gap.planning.visible import Visible
     from sandbox.output.plots import AnyAxes, Figure
 
+OF_SPEED = ("rated reactance", "rated torque / rated speed")  # scales of typical sizes that need a rated speed
 REPEATS = 2  # of each planned recording: one is fitted, one held out
 
 
@@ -43,6 +45,7 @@ class CheckResult(Result):
     visible: Visible | None
     why: str
     draft: str = ""  # of a column map, where a folder holds tables that nothing describes
+    cannot: Mapping[str, str] = field(default_factory=dict)  # effects of no known size, and what is missing
 
     @property
     def ok(self) -> bool:
@@ -54,6 +57,12 @@ class CheckResult(Result):
         """What stops the campaign or is suspicious, each in a sentence."""
         return tuple(n.finding.text for n in self.noticed if n.level != NOTE)
 
+    def words(self, effect: str) -> str:
+        """Return whether an effect is 'clear', 'faint' or 'not' visible, or why nobody can say."""
+        if effect in self.cannot:
+            return f"cannot say, {self.cannot[effect]} is missing"
+        return "" if self.visible is None else self.visible.words(effect)
+
     def summary(self) -> str:
         """Return how much was found."""
         refused = sum(n.level == REFUSED for n in self.noticed)
@@ -63,7 +72,8 @@ class CheckResult(Result):
         """Return what `check.json` holds beyond its header."""
         v = self.visible
         effects = [] if v is None else [
-            {"name": e, "deviations": z, "visible": v.words(e)} for e, z in v.sizes.items()
+            {"name": e, "deviations": None if e in self.cannot else z, "visible": self.words(e)}
+            for e, z in v.sizes.items()
         ]  # fmt: skip
         return {
             "campaign": self.name, "ok": self.ok,
@@ -104,7 +114,8 @@ class CheckResult(Result):
                 print_prose(f"(one of an earlier call that differs is kept as {CORRECTED[drafting.NAME]})")
             return
         v = self.visible
-        rows = [[e, f"{z:.3g}", v.words(e)] for e, z in v.sizes.items()]
+        sized = [e for e in v.sizes if e not in self.cannot]
+        rows = [[e, f"{v.sizes[e]:.3g}" if e in sized else "–", self.words(e)] for e in [*sized, *self.cannot]]
         print_table("effects at typical size", ["effect", "standard deviations", "visible"], rows)
         for a, b, cosine in v.alike[:6]:
             print_prose(f"{a} and {b} look alike on these recordings (cosine {cosine:.3f})")
@@ -172,10 +183,21 @@ def check(
     from sandbox.gap.planning.visible import visible
 
     try:
-        return CheckResult(read.name, tuple(found), visible(read, workers=jobs), "")
+        seen = visible(read, workers=jobs)
+        cannot = {e: k for e, k in _of_no_size(read).items() if e in seen.sizes}
+        return CheckResult(read.name, tuple(found), seen, "", cannot=cannot)
     except BadInput as error:
         found.append(Noticed(REFUSED, Finding(read.name, "", None, str(error))))
         return CheckResult(read.name, tuple(found), None, str(error))
+
+
+def _of_no_size(campaign: Campaign) -> dict[str, str]:
+    """Return the effects whose typical size depends on a rated speed that nothing states and no recording reached."""
+    speed = "rated_speed_rpm"
+    if speed not in campaign.stand_ins or any(r.rotor != "locked" for r in campaign.recordings):
+        return {}
+    cards = (load_effect(e) for e in effect_names())
+    return {c.name: speed for c in cards if any(p.relative_to in OF_SPEED for p in c.parameters)}
 
 
 def _of_noise(campaign: Campaign) -> list[Noticed]:
