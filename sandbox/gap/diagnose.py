@@ -251,10 +251,11 @@ def _without(whole: Fit, start: Point, left: Sequence[int], workers: int) -> Fit
 
 
 def verdict(d: Diagnosis) -> str:
-    """Return "no_gap", "unknown", "explained" or "ambiguous"."""
+    """Return "no_gap", "unknown" (at least half of the probability), "explained" or "ambiguous"."""
     if not d.best.effects:
         return "no_gap"
     alone = len(d.ambiguity_set) == 1
     if "unknown" in d.best.effects:
-        return "unknown"
+        outside = sum(h.probability for h in d.hypotheses if "unknown" in h.effects)
+        return "unknown" if outside >= 0.5 else "ambiguous"
     return "explained" if alone else "ambiguous"

@@ -15,7 +15,7 @@ from sandbox.output.document import answer, bullets, figure, prose, table
 from sandbox.output.refitted import Refitted
 
 UNKNOWN = "unknown"
-TITLES = {"no_gap": "No gap", "explained": "Explained", "ambiguous": "Ambiguous", "unknown": "Something unknown"}
+TITLES = {"no_gap": "No gap", "explained": "Explained", "ambiguous": "Ambiguous", "unknown": "Unknown"}
 
 
 def verdict(m: Motion) -> str:

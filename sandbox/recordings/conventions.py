@@ -32,6 +32,8 @@ SURE, NEAR = 0.2, 0.4  # standard deviation of p, and distance from a whole numb
 WINDOW, FEWEST = 4, 16  # samples, of the balance from which p is told; windows that a recording needs
 STATED = 0.05  # relative standard deviation of what the nominal model states
 ALIKE = 2.0  # times the deviation of white residuals: what a gap leaves is alike from window to window
+MOST_ROWS = 4  # by which commands may stand off, as a logger's buffers make them
+SHIFTS = tuple(sorted((k for k in range(-MOST_ROWS, MOST_ROWS + 1) if k), key=abs))
 SHIFTED = 0.25  # of the unexplained share: what shifting must leave of it
 NOTICED = 0.02  # of the voltage's energy: less unexplained is no shift
 WORDS = {
@@ -130,32 +132,40 @@ def _taken(campaign: Campaign, found: int) -> Campaign:
 
 
 def shifted(recordings: Sequence[CampaignRecording], drive: Drive) -> list[Finding]:
-    """Return a finding where commands, shifted by a row, explain all recordings in which they jump far better."""
-    told: dict[int, list[tuple[str, float, float]]] = {-1: [], 1: []}
+    """Return a finding where commands, shifted by some rows, explain all recordings in which they jump far better."""
+    told: dict[int, list[tuple[str, float, float]]] = {}
     for r in recordings:
         as_is = _open(r, drive, 0)
-        best = min((-1, 1), key=lambda rows: _open(r, drive, rows))
+        if as_is <= NOTICED:
+            continue
+        best = min(SHIFTS, key=lambda rows: _open(r, drive, rows))
         after = _open(r, drive, best)
-        if as_is > NOTICED and after < SHIFTED * as_is:
-            told[best].append((r.file, as_is, after))
-    rows = max(told, key=lambda k: len(told[k]))
-    if not told[rows] or told[-rows]:
+        if after < SHIFTED * as_is:
+            told.setdefault(best, []).append((r.file, as_is, after))
+    if len(told) != 1:
         return []
-    file, before, after = told[rows][0]
-    when = "one sample later than" if rows > 0 else "one sample before"
-    more = f" (and in {len(told[rows]) - 1} other recordings)" if len(told[rows]) > 1 else ""
+    rows, found = next(iter(told.items()))
+    file, before, after = found[0]
+    many = "one sample" if abs(rows) == 1 else f"{abs(rows)} samples"
+    by = "one row" if abs(rows) == 1 else f"{abs(rows)} rows"
+    when = f"{many} {'later than' if rows > 0 else 'before'}"
+    more = f" (and in {len(found) - 1} other recordings)" if len(found) > 1 else ""
     text = (
         f"{file}: column 'u_alpha': commands act {when} the row in which they stand: {100.0 * before:.3g} % of the "
-        f"voltage is unexplained, shifted by a row {100.0 * after:.3g} %{more}; if the log is shifted, move u_alpha, "
-        f"u_beta {'down' if rows > 0 else 'up'} by one row (a drive that is late itself shows as pwm_delay)"
+        f"voltage is unexplained, shifted by {by.replace('one', 'a')} {100.0 * after:.3g} %{more}; if the log is "
+        f"shifted, move u_alpha, u_beta {'down' if rows > 0 else 'up'} by {by} (a drive that is late itself shows as "
+        "pwm_delay)"
     )
     return [Finding(file, "u_alpha", None, text)]
 
 
 def _open(r: CampaignRecording, drive: Drive, rows: int) -> float:
     """Return the share of the voltage that stays open sample by sample, commands moved down by `rows`, noise off."""
-    columns = {n: r.columns[n][1:-1] for n in ("theta", *PHASES)}
     n = len(r.t)
-    columns |= {name: r.columns[name][1 - rows : n - 1 - rows] for name in VOLTAGES}
+    if n <= 2 * MOST_ROWS + 2:
+        return 0.0
+    own = slice(MOST_ROWS, n - MOST_ROWS)
+    columns = {name: r.columns[name][own] for name in ("theta", *PHASES)}
+    columns |= {name: r.columns[name][own.start - rows : own.stop - rows] for name in VOLTAGES}
     b = balance(columns, drive, 1)
     return max(b.share - b.noise, 0.0)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from model.errors import BadInput, brief, unknown
 from model.given import read_toml
+from model.inverter_table import with_points
 from model.number_table import Table
 from model.parameters import Converter, finite
 from sandbox.recordings.campaign import (
@@ -57,6 +58,14 @@ class Source:
     log: Log
     foreign: bool  # columns are mapped: others are passed over
     notes: tuple[str, ...] = ()  # what a preset says of itself
+    beside: Path | None = None  # folder of the file for --columns, beside which its flux map may lie
+
+    @property
+    def map_folder(self) -> Path:
+        """Folder in which the flux map lies: of the file for --columns, or else the recordings'."""
+        file = table_of(self.data, "flux_map").get("file", "")
+        here = self.beside is not None and isinstance(file, str) and file and (self.beside / file).is_file()
+        return self.beside if here and self.beside is not None else self.folder
 
     @property
     def wanted(self) -> list[str]:
@@ -106,7 +115,8 @@ def source_of(
             )
     log = parse_log(table_of(data, "log"), source)
     notes = () if preset is None else preset_notes(preset)
-    return Source(folder, data, mapped, source, entries, log, columns is not None or preset is not None, notes)
+    return Source(folder, data, mapped, source, entries, log, columns is not None or preset is not None, notes,
+                  None if columns is None else Path(columns).parent)  # fmt: skip
 
 
 def read_recordings(
@@ -153,10 +163,12 @@ def unchecked(source: Source) -> Campaign:
             recordings.append(CampaignRecording(name, rotor, axis, own, link, of, starts_at, source=held))
             noises.append(noise)
     data = dict(source.data)
+    if source.map_folder != source.folder and "drive" in data:
+        data["drive"] = with_points(table_of(data, "drive"), source.folder)
     if max(noises) > 0.0:
         stated = table_of(data, "drive")
         data["drive"] = {**stated, "current_noise": math.hypot(converter.current_noise, max(noises))}
-    campaign = assemble(data, tuple(recordings), source.folder.resolve().name, source.name, source.folder)
+    campaign = assemble(data, tuple(recordings), source.folder.resolve().name, source.name, source.map_folder)
     return counted_once(dataclasses.replace(campaign, findings=(*findings, *campaign.findings)))
 
 

@@ -16,9 +16,8 @@ SEEN = 0.005  # share of the gap from which the sentence gives it
 NEARLY_ALL = 0.99  # share of the gap: what closes so much leaves no room for "not in the library"
 BADGES = {
     "explained": "Explained",
-    "explained_in_part": "Explained in part",
     "ambiguous": "Ambiguous",
-    "unknown": "Not in the library",
+    "unknown": "Unknown",
     "no_gap": "No gap",
 }
 
@@ -29,17 +28,8 @@ def chance_of_unknown(d: Diagnosis) -> float:
 
 
 def badge(d: Diagnosis) -> str:
-    """Return a key of BADGES: the verdict, but "unknown" only where no likely hypothesis names an effect, it has
-    at least HALF of the probability, and less than NEARLY_ALL of the gap is closed."""
-    named = verdict(d)
-    if named != UNKNOWN:
-        return named
-    if chance_of_unknown(d) < HALF:
-        return "ambiguous"
-    if _named(d.best):
-        return "explained_in_part"
-    perhaps = any(_named(h) for h in d.ambiguity_set)
-    return "ambiguous" if _hardly_open(d) or perhaps else UNKNOWN
+    """Return a key of BADGES: the verdict, one word everywhere; what is known beside it stands in the sentence."""
+    return verdict(d)
 
 
 def which_text(
@@ -72,7 +62,15 @@ def _which(d: Diagnosis, shares: Mapping[str, float], chances: Mapping[str, floa
         return f"These recordings cannot tell apart: {_listed(d.ambiguity_set, '; or ')}."
     if len(best.effects) > FEW:
         return f"{len(best.effects)} effects at once, {likely(best.probability)}. {_by_share(best.effects, shares)}"
-    return f"{capital(names(best.effects))}, {likely(best.probability)}: {sizes(d.parameters[0])}."
+    return f"{capital(_with_shares(best.effects, shares))}, {likely(best.probability)}: {sizes(d.parameters[0])}."
+
+
+def _with_shares(effects: Sequence[str], shares: Mapping[str, float]) -> str:
+    """Return a few effects, the largest share of the gap first, each with its share where there are several."""
+    if len(effects) < 2 or not any(shares.get(e, 0.0) for e in effects):
+        return names(effects)
+    ranked = sorted(effects, key=lambda e: -shares.get(e, 0.0))
+    return " + ".join(f"{words(e)} ({tenths(shares.get(e, 0.0))} of the gap)" for e in ranked)
 
 
 def _by_share(effects: Sequence[str], shares: Mapping[str, float]) -> str:

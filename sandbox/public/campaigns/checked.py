@@ -178,6 +178,8 @@ def check(
         found += _of_noise(read)
     if columns is None and preset is None and not isinstance(campaign, Campaign):
         found = [replace(n, finding=replace(n.finding, text=how_to_map(n.finding.text))) for n in found]
+    if not any(n.level == REFUSED for n in found):
+        found += _of_identify(read)
     if any(n.level == REFUSED for n in found) or not effects:
         return CheckResult(read.name, tuple(found), None, "the recordings cannot be replayed as they are" * effects)
     from sandbox.gap.planning.visible import visible
@@ -189,6 +191,20 @@ def check(
     except BadInput as error:
         found.append(Noticed(REFUSED, Finding(read.name, "", None, str(error))))
         return CheckResult(read.name, tuple(found), None, str(error))
+
+
+def _of_identify(campaign: Campaign) -> list[Noticed]:
+    """Return what `identify` would refuse of a campaign's locked recordings with injection."""
+    if not any(r.rotor == "locked" and r.injection_axis != "none" for r in campaign.recordings):
+        return []
+    from sandbox.recordings.staircase import levels_of
+
+    try:
+        levels_of(campaign)
+    except BadInput as error:
+        text = f"identify would refuse these recordings: {error}"
+        return [Noticed(NOTE, Finding(campaign.name, "", None, text))]
+    return []
 
 
 def _of_no_size(campaign: Campaign) -> dict[str, str]:

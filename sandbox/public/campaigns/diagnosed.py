@@ -134,9 +134,12 @@ class DiagnosisResult(Result):
         if self.continued is not None:
             left = "; or ".join(" + ".join(s) or "no effect" for s in self.continued["ambiguity_set"])
             print_prose(f"The earlier diagnosis said: {self.continued['verdict']} ({left}).")
-        print_prose(
-            "For a simulator that has what was found, give motor.toml and effects.toml to --motor and --effects."
-        )
+        if any(e != "unknown" for e in self.answers.diagnosis.best.effects):
+            print_prose(
+                "For a simulator that has what was found, give motor.toml and effects.toml to --motor and --effects."
+            )
+        else:
+            print_prose("Nothing was found to simulate: motor.toml holds ordinary deviations alone.")
         if self.table is not None:
             print_prose(
                 "next_recording.csv is the recording to make next; add it to the campaign and --continue from this "

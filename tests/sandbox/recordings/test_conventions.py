@@ -97,6 +97,16 @@ def test_log_shifted_by_a_sample():
         assert shifted(campaign.recordings, campaign.drive) == []
 
 
+def test_log_shifted_by_three_rows():
+    """A logger's buffer: the commands stand three rows above those in which they act."""
+    campaign = noisy(recorded(plant(), {}))
+    (r,) = campaign.recordings[:1]
+    moved = {n: (np.roll(x, -3) if n in ("u_alpha", "u_beta") else x)[:-3] for n, x in r.columns.items()}
+    (finding,) = shifted([dataclasses.replace(r, columns=moved)], campaign.drive)
+    assert "3 samples later" in finding.text
+    assert "down by 3 rows" in finding.text
+
+
 def test_log_shifted_the_other_way():
     """Commands written a row late act before their row."""
     campaign = noisy(recorded(plant(), {}))
