@@ -2,21 +2,55 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import sys
 import textwrap
+import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-WIDTH = 80  # columns of a printed table where no wider terminal is there
+PIPE = 10_000  # columns where no terminal is there: what reads a pipe folds nothing
+PAUSE = 60.0  # s between two lines of progress where no terminal is there
+
+
+def _lines(title: str) -> Callable[[str], None]:
+    """Return what writes a line of progress to the standard error once in PAUSE, with the seconds since now."""
+    began = last = time.monotonic()
+
+    def say(text: str) -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= PAUSE:
+            last = now
+            print(f"{title}: {text}, {now - began:.0f} s", file=sys.stderr, flush=True)
+
+    return say
+
+
+def _effort_lines(title: str, quiet: bool) -> tuple[Callable[[str], None], Callable[[float], None]]:
+    """Return the functions of `effort_bar` where there is no terminal."""
+    say, stage, done = _lines(title), [title], [0.0]
+
+    def now(what: str) -> None:
+        stage[0] = what
+
+    def count(more: float) -> None:
+        done[0] += more
+        if not quiet:
+            say(f"{stage[0]}, {done[0]:,.0f} simulations")
+
+    return now, count
 
 
 @contextmanager
 def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | None]:
-    """Give a function that shows the fraction done; None where nobody watches."""
+    """Give a function that shows the fraction done, as lines where there is no terminal; None where it is not asked
+    for."""
     if quiet or not sys.stderr.isatty():
-        yield None
+        say = _lines(title)
+        yield None if quiet else lambda fraction: say(f"{100.0 * fraction:.0f} %")
         return
     from rich.console import Console
     from rich.progress import Progress
@@ -28,9 +62,10 @@ def progress_bar(title: str, quiet: bool) -> Iterator[Callable[[float], None] | 
 
 @contextmanager
 def rate_bar(title: str, quiet: bool, what: str = "runs") -> Iterator[Callable[[int, int], None] | None]:
-    """Give a function that shows how many of how many are done, their rate and the time left; None as above."""
+    """Give a function that shows how many of how many are done, their rate and the time left; lines, None as above."""
     if quiet or not sys.stderr.isatty():
-        yield None
+        say = _lines(title)
+        yield None if quiet else lambda done, total: say(f"{done:,.0f} of {total:,.0f} {what}")
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -63,7 +98,7 @@ def effort_bar(
     ten end; where it takes more, to half as many again.
     """
     if quiet or not sys.stderr.isatty():
-        yield lambda _: None, lambda _: None
+        yield _effort_lines(title, quiet)
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -94,12 +129,14 @@ def further(total: float, reached: float) -> float:
 def print_table(title: str, heads: list[str], rows: list[list[str]], fixed: int = 1, together: int = 1) -> None:
     """Print a table; the first column to the left, numbers to the right, no number cut.
 
-    One that is wider than the terminal (or 80 columns) is folded: its columns follow in several tables that all begin
-    with the first `fixed` ones, so many `together` where they fit.
+    One that is wider than the terminal is folded: its columns follow in several tables that all begin with the first
+    `fixed` ones, so many `together` where they fit. In a pipe it stays whole, unless COLUMNS says how wide it may be.
     """
     from rich.console import Console
 
-    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else WIDTH
+    stated = os.environ.get("COLUMNS", "")
+    piped = int(stated) if stated.isdigit() and int(stated) else PIPE
+    width = shutil.get_terminal_size().columns if sys.stdout.isatty() else piped
     Console(markup=False, highlight=False).print(_fitted(title), style="bold", soft_wrap=True)
     for chosen in folded(heads, rows, fixed, width, together):
         picked = [[row[k] for k in chosen] for row in [heads, *rows]]

@@ -3,6 +3,7 @@
 import io
 import sys
 
+from sandbox.output import tables
 from sandbox.output.tables import effort_bar, progress_bar, rate_bar
 
 
@@ -48,10 +49,23 @@ def test_an_effort_beyond_what_is_usual(monkeypatch):
 
 
 def test_nobody_watches(monkeypatch):
-    out = io.StringIO()
+    """Quiet: nothing. Without a terminal: nothing in the first minute, then a line a minute."""
+    out, clock = io.StringIO(), [0.0]
     monkeypatch.setattr(sys, "stderr", out)
-    with progress_bar("a", False) as one, rate_bar("b", False) as two, effort_bar("c", False, 1.0) as (stage, count):
+    monkeypatch.setattr(tables.time, "monotonic", lambda: clock[0])
+    with progress_bar("a", True) as one, rate_bar("b", True) as two, effort_bar("c", True, 1.0) as (stage, count):
         assert one is two is None
+        clock[0] = 1e3
         stage("d")
         count(1.0)
     assert out.getvalue() == ""
+    with progress_bar("a", False) as one, rate_bar("b", False) as two, effort_bar("c", False, 1.0) as (stage, count):
+        stage("fitting")
+        for clock[0] in (1030.0, 1061.0, 1090.0, 1125.0):
+            one(0.5)
+            two(3, 12)
+            count(1e3)
+    assert out.getvalue().splitlines() == [
+        "a: 50 %, 61 s", "b: 3 of 12 runs, 61 s", "c: fitting, 2,000 simulations, 61 s",
+        "a: 50 %, 125 s", "b: 3 of 12 runs, 125 s", "c: fitting, 4,000 simulations, 125 s",
+    ]  # fmt: skip

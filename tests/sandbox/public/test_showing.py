@@ -59,8 +59,9 @@ def test_show_with_a_display_opens_page_and_trace(run, tmp_path, monkeypatch):
     assert opened == [(tmp_path / "simulate.html").as_uri(), str(tmp_path / "simulate.rrd")]
 
 
-def test_tables_fit_eighty_columns(small_comparison, capsys):
+def test_tables_fit_eighty_columns(small_comparison, capsys, monkeypatch):
     """Folded, every cell kept; the columns that tell rows apart stand in each part."""
+    monkeypatch.setenv("COLUMNS", "80")
     from sandbox.evaluation.pages.compare_tables import comparison_tables
     from sandbox.public.printed import print_comparison
 
@@ -109,7 +110,16 @@ def test_a_column_of_theory_is_there_where_theory_predicts_something(small_compa
     assert "theory" not in page
 
 
-def test_a_long_first_column_is_broken_and_numbers_are_not(capsys):
+def test_a_table_in_a_pipe_is_whole(capsys):
+    heads, row = [f"head {k}" for k in range(30)], ["123456.78"] * 30
+    print_table("many", heads, [row])
+    said = capsys.readouterr().out.splitlines()
+    assert sum("head 0 " in line for line in said) == 1
+    assert all(h in said[2] for h in heads)
+
+
+def test_a_long_first_column_is_broken_and_numbers_are_not(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     print_table("files", ["recording", "before", "after"], [["x" * 90, "123456.78", "1.25"]])
     said = capsys.readouterr().out.splitlines()
     assert max(map(len, said)) == 80
