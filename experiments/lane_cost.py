@@ -20,7 +20,7 @@ from sandbox.replay.grouping import ROOMS, VECTOR
 from sandbox.replay.replay import Prepared, block_of, prepare, run_block
 
 SAMPLES, TIMES = 4000, 25
-NAMES = ("LEG", "IRON", "SKIN", "FILTER", "ENERGY", "LINK", "MAGNETS", "ZONE", "ROUND", "WINDING", "DELAYED")
+NAMES = ("LEG", "IRON", "SKIN", "FILTER", "ENERGY", "LINK", "MAGNETS", "COMMUTE", "ROUND", "WINDING", "DELAYED")
 ON = {
     "LEG": {"device_drop.threshold": 1.0, "device_drop.on_resistance": 0.05},
     "IRON": {"iron_loss.core_resistance": 500.0},
@@ -29,15 +29,15 @@ ON = {
     "ENERGY": {"inductance_harmonics.gamma_6": 1.0},
     "LINK": {"dc_link_ripple.amplitude": 5.0},
     "MAGNETS": {"flux_harmonics.psi_d6": 0.01},
-    "ZONE": {"dead_time.zone_width": 0.3},
-    "ROUND": {"bench.soft_shape": 0.5},
+    "COMMUTE": {"dead_time.time": 1e-6, "dead_time.capacitance": 1e-10},
+    "ROUND": {"device_drop.threshold": 1.0, "bench.soft_shape": 0.5},
     "WINDING": {"winding_asymmetry.delta_a": 0.1},
     "DELAYED": {"pwm_delay.delay": 5e-6},
 }
 
 
 def driven() -> Prepared:
-    """Return a recording of a rotor driven at half its rated speed, dead time of 1 us in the nominal model."""
+    """Return a recording of a rotor driven at half its rated speed."""
     drive = load_drive("ipm_exchanged")
     motor, h, k = drive.motor, drive.converter.sampling_period, np.arange(SAMPLES)
     omega = 0.5 * motor.rated_omega
@@ -51,7 +51,7 @@ def driven() -> Prepared:
 def times(prepared: Prepared, effects: dict[str, float]) -> list[float]:
     """Return the ns a period of blocks of all sizes, the best of some."""
     drive, r = prepared.campaign.drive, prepared.recordings[0]
-    values = complete(drive.motor, drive.converter, {"dead_time.time": 1e-6, **effects})
+    values = complete(drive.motor, drive.converter, effects)
     out = []
     for lanes in ROOMS:
         block = block_of(prepared, range(lanes), [values] * lanes)

@@ -124,12 +124,12 @@ PORTS = {
     "link": Port(("time",), 1, "V added to the link's voltage at an instant of the recording (s)"),
     "drawn": Port(("d_a", "d_b", "d_c", "i_a", "i_b"), 1, "V that the link sags by over a period: duties, current (A)"),
     "edge": Port(
-        ("sign", "side"), 1, "s by which an edge (side 1 rises, -1 falls) acts late; sign of the leg's current"
+        ("hold", "before", "after", "link"),
+        2,
+        "s by which an edge acts late, 1 where `commutation` is asked; hold: A that keep the leg, slopes: A/s",
     ),
-    "sign": Port(
-        ("current", "soft", "sign"),
-        1,
-        "what is added where an edge is taken to the soft sign of its leg's current (A); soft: 1/half-width",
+    "commutation": Port(
+        ("hold", "before", "after", "link"), 1, "s by which an edge acts later than `edge` says, its current near zero"
     ),
     "leg": Port(
         ("before", "after", "shape"),

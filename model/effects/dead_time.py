@@ -1,28 +1,45 @@
-"""Blanking time of the legs: late edges, chosen by the current's sign."""
+"""Dead time of the legs: edges that act late, chosen by the current; real commutation."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from model.commutation import clip, crossing, lateness, quick, smeared_sign
 from model.compiled import inlined
 from model.effects.card import At, Effect, Limit, Ordinary, Parameter
 from model.effects.said import quantity
 from model.lanes import soft_sign
 from model.parameters import Converter, Motor
 
-
-@inlined
-def late(time, sign, side):
-    """Return how late (s) an edge acts for the soft sign of its leg's current; side: 1 rises, -1 falls."""
-    return 0.5 * (abs(time) + side * time * sign)
+TAILS = 10.0  # half-widths of a zone: beyond them a tanh is 1 to 4e-9, and what a zone makes of a slew below 1/300
 
 
 @inlined
-def around_zero(zone_width, zone_shape, current, soft, sign):
-    """Return what a zone of its own adds to the soft sign of a current (A); 1/soft: the zone's half-width (A) if 0."""
-    given = zone_width > 0.0
-    x = current / (zone_width if given else 1.0) if given else current * soft
-    return soft_sign(x, zone_shape) - sign if given or zone_shape > 0.0 else 0.0
+def late(time, capacitance, zone_width, zone_shape, hold, before, after, link):
+    """Return how late (s) an edge acts while its current is far from zero, and whether it may not be (1, else 0).
+
+    hold: current (A) that keeps the leg where it is; before, after: its slopes (A/s) with the leg there, and gone over.
+    """
+    size, charge = abs(time), 2.0 * capacitance * link
+    own = quick(size, charge, hold, before, after)
+    zone = zone_width * (TAILS if (zone_shape > 0.0) | (capacitance > 0.0) else 1.0)
+    near = crossing(size, charge, zone, hold, abs(before) + 2.0 * (after - before))
+    return (own if time >= 0.0 else size - own), (near if size > 0.0 else 0.0)
+
+
+@inlined
+def commutated(time, capacitance, zone_width, zone_shape, hold, before, after, link):
+    """Return by how much later (s) than `late` says an edge acts whose current is near zero."""
+    size, charge = abs(time), 2.0 * capacitance * link
+    exact = lateness(size, capacitance, link, hold, before, after) if size > 0.0 else 0.0
+    if zone_width > 0.0 and size > 0.0:
+        half = 0.5 * size * (max(after, 0.0) + max(-before, 0.0))
+        share = min(zone_width / half, 1.0) if half > 0.0 and capacitance > 0.0 else 1.0
+        sign, corner = soft_sign(hold / zone_width, zone_shape), charge / size
+        if corner > 0.0:
+            sign += smeared_sign(hold, corner, zone_width) - clip(hold / zone_width)
+        exact += share * (0.5 * size * (1.0 + sign) - exact)
+    return (exact - quick(size, charge, hold, before, after)) * (1.0 if time >= 0.0 else -1.0)
 
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
@@ -42,13 +59,14 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
 
 CARD = Effect(
     name="dead_time",
-    summary="blanking time of the legs: late edges, chosen by the current's sign",
+    summary="dead time of the legs: late edges, chosen by the current; legs slew, and are clamped by diodes",
     subsystem="inverter",
     equation=(
-        "current out of the leg: its rising edge is late by t_d; into the leg: its falling edge; mean "
-        "loss u_dc t_d/T_s times the vector of signs (fundamental 4/pi, lines 6k); sign linear within "
-        "+-1.5 % of rated current, or (1 - shape) clip(i/width) + shape tanh(i/width) in a zone of its own width; the "
-        "pattern is late by t_d/2 on average"
+        "both switches are off for t_d: the current keeps the leg where it is (late by t_d) or moves it with i/(2 C) "
+        "until a diode clamps it (late by C u_dc/|i|; t_d - t_d^2 |i|/(4 C u_dc) where it does not arrive), and may "
+        "come to zero meanwhile; mean loss u_dc t_d/T_s times the vector of signs (fundamental 4/pi, lines 6k); the "
+        "pattern is late by t_d/2 on average.  Without a capacitance: late by a sign of the current, linear "
+        "within +-1.5 % of rated current, or (1 - shape) clip(i/width) + shape tanh(i/width) in a zone of its own"
     ),
     formulas=(
         r"\overline{\Delta u} = -\,u_\text{dc}\,\frac{t_d}{T_s}\,\operatorname{sign}(i), "
@@ -56,11 +74,13 @@ CARD = Effect(
         r"\,\tanh\,\frac{i}{i_0}",
     ),
     source=(
-        "Jeong, Park, The analysis and compensation of dead-time effects in PWM inverters, IEEE Trans. "
-        "Ind. Electron. 38 (1991) 108"
+        "Zhang, Xu, Dead-time compensation of inverters considering snubber and parasitic capacitance, IEEE Trans. "
+        "Power Electron. 29 (2014) 3179; Jeong, Park, The analysis and compensation of dead-time effects in PWM "
+        "inverters, IEEE Trans. Ind. Electron. 38 (1991) 108"
     ),
     parameters=(
         Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6, ordinary=Ordinary("dead_time", 5e-8), title="dead time"),
+        Parameter("capacitance", "F", 0.0, 0.0, 1e-7, 0.0, change=1e-10, title="output capacitance of each switch"),
         Parameter(
             "zone_width",
             "A",
@@ -82,7 +102,10 @@ CARD = Effect(
     region="steps where a phase current crosses zero; size independent of current and speed",
     confused_with=("device_drop", "flux_harmonics", "stator_resistance"),
     separated_by="slow zero crossings of each phase at two modulation depths or two PWM frequencies",
-    at=(At("edge", late, ("time",)), At("sign", around_zero, ("zone_width", "zone_shape"))),
+    at=(
+        At("edge", late, ("time", "capacitance", "zone_width", "zone_shape")),
+        At("commutation", commutated, ("time", "capacitance", "zone_width", "zone_shape")),
+    ),
     switches=("time",),
     limits=limits,
     do=do,

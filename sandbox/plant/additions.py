@@ -6,17 +6,16 @@ Lags stand in `lags`, what windings and legs lose in `losses`.
 from __future__ import annotations
 
 from model.compiled import inlined, kernel
-from model.lanes import sine_cosine, soft_sign
+from model.lanes import sine_cosine
 from sandbox.plant import ports
 from sandbox.plant.electrical import THIRD, facing, pull, seen
 
 # what a batch may need beside the bare plant (bits)
 LINK, DRAWN, LEG, WINDING, MAGNETS, ENERGY, IRON = (1 << k for k in range(7))
-SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, ZONE, ROUND = (1 << k for k in range(7, 17))
+SKIN, FILTER, WOBBLE, DELAYED, TWIST, MOTION, MOVED, RUB, COMMUTE, ROUND = (1 << k for k in range(7, 17))
 LAGS = IRON | SKIN | FILTER
 ANGULAR = MAGNETS | ENERGY
 DIFFERENCE, LEAST_DIFFERENCE = 1e-4, 1e-12  # of the flux, and Wb: by which the energy's further currents are compared
-SIGN = ZONE | ROUND  # how a current's sign passes zero: what effects add to it, and the bench's shape
 
 
 @kernel
@@ -123,59 +122,24 @@ def stiffen_further(w, c_0, s_0):
 
 
 @inlined
-def entered(w, j, i_a, i_b, x, y, side, real):
-    """Add a current (A) to that at the segment's start; its drop and the edge's lateness follow."""
+def entered(w, j, i_a, i_b):
+    """Add a current (A) to that at the segment's start; its drop follows."""
     w.more_a[j], w.more_b[j] = w.more_a[j] + i_a, w.more_b[j] + i_b
     i_a, i_b = w.i_a[j] + i_a, w.i_b[j] + i_b
     w.i_a[j], w.i_b[j] = i_a, i_b
     w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
-    sign = min(max((x * i_a + y * i_b) * w.soft[j], -1.0), 1.0)
-    w.late[j] = real * ports.edge(w, j, sign, side)
 
 
 @kernel
-def energy_at_start(w, c_0, s_0, x, y, side, real):
-    """Add to the current at the segment's start what the energy's further terms say; drop and lateness follow."""
+def energy_at_start(w, c_0, s_0):
+    """Add to the current at the segment's start what the energy's further terms say; the drop follows."""
     for j in range(w.psi_a.size):
         w.more_a[j] = w.more_b[j] = 0.0
         i_a, i_b = looked_at(w, j, c_0, s_0, w.psi_a[j], w.psi_b[j])
-        entered(w, j, i_a, i_b, x, y, side, real)
+        entered(w, j, i_a, i_b)
     if further(w, c_0, s_0):
         for j in range(w.psi_a.size):
-            entered(w, j, w.extra_a[j], w.extra_b[j], x, y, side, real)
-
-
-@kernel
-def late_by_sign(w, x, y, side, real, more):
-    """Write anew how late the edge of leg (x, y) acts, by a sign of the bench's shape; see `electrical.take`.
-
-    more: whether effects add to the sign.
-    """
-    if more:
-        for j in range(w.psi_a.size):
-            w.late[j] = real * ports.edge(w, j, sign_of(w, j, x * w.i_a[j] + y * w.i_b[j]), side)
-    else:
-        for j in range(w.psi_a.size):
-            sign = soft_sign((x * w.i_a[j] + y * w.i_b[j]) * w.soft[j], w.shape[j])
-            w.late[j] = real * ports.edge(w, j, sign, side)
-
-
-@inlined
-def sign_of(w, j, current):
-    """Return the sign of a leg's current (A): of the bench's shape, with all that effects add."""
-    sign = soft_sign(current * w.soft[j], w.shape[j])
-    return sign + ports.sign(w, j, current, w.soft[j], sign)
-
-
-@kernel
-def latest(w):
-    """Return the latest (s) that any edge of any lane can act: the port's value at full current of either sign."""
-    most = 0.0
-    for j in range(w.psi_a.size):
-        for sign in (-1.0, 1.0):
-            for side in (-1.0, 1.0):
-                most = max(most, ports.edge(w, j, sign, side))
-    return most
+            entered(w, j, w.extra_a[j], w.extra_b[j])
 
 
 @inlined

@@ -17,9 +17,9 @@ An edge that acts the share rho of the segment late bends the current there: its
 sooner.  With v (x, y) what the edge changes and K = v (x, y) rho (1 - rho)^2 S^2/6 (`early`), the drop has let the flux
 rise by R G K on average beside what the line's drop has, by three halves of it in the middle (rho small).
 
-`begin` ends the last segment, gives the current at the edge and how late the edge acts; `middle` goes on to the
-segment's middle; `bend` adds the last term (not of flux maps: their step stays of second order).  What an effect adds
-comes between, in a loop of its own (`additions`): what is neutral costs nothing.
+`begin` ends the last segment and gives the current at the edge; `middle` goes on to the segment's middle; `bend` adds
+the last term (not of flux maps: their step stays of second order).  What an effect adds comes between, in a loop of its
+own (`additions`, `commutation`): what is neutral costs nothing.
 """
 
 from __future__ import annotations
@@ -65,20 +65,15 @@ def terminal(w, j, c, s, i_d, i_q):
 
 
 @inlined
-def take(w, j, i_a, i_b, x, y, side, real):
-    """Write lane j's current at the segment's start, its drop, and how late the edge of leg (x, y) acts (s)."""
+def take(w, j, i_a, i_b):
+    """Write lane j's current at the segment's start and its drop."""
     w.i_a[j], w.i_b[j] = i_a, i_b
     w.drop_a[j], w.drop_b[j] = w.resistance[j] * i_a, w.resistance[j] * i_b
-    sign = min(max((x * i_a + y * i_b) * w.soft[j], -1.0), 1.0)
-    w.late[j] = real * ports.edge(w, j, sign, side)
 
 
 @kernel
-def begin(w, flux_map, c_0, s_0, span, x, y, side, real):
-    """End the last segment (span, s) and write current, drop and lateness of the edge at the next one's start.
-
-    (x, y): unit vector of the edge's leg; side: 1 rises, -1 falls; real: 0 where no edge is switched.
-    """
+def begin(w, flux_map, c_0, s_0, span):
+    """End the last segment (span, s) and write current and drop at the next one's start."""
     n = w.psi_a.size
     if flux_map is None:
         for j in range(n):
@@ -88,7 +83,7 @@ def begin(w, flux_map, c_0, s_0, span, x, y, side, real):
             d, q = seen(w, j, c, s, a, b)
             i_d, i_q = quartic(w, j, d, q)
             i_a, i_b = terminal(w, j, c, s, i_d, i_q)
-            take(w, j, i_a, i_b, x, y, side, real)
+            take(w, j, i_a, i_b)
     else:
         for j in range(n):
             a, b = finished(w, j, span)
@@ -99,7 +94,7 @@ def begin(w, flux_map, c_0, s_0, span, x, y, side, real):
         for j in range(n):
             c, s = facing(w, j, c_0, s_0)
             i_a, i_b = terminal(w, j, c, s, w.i_d[j], w.i_q[j])
-            take(w, j, i_a, i_b, x, y, side, real)
+            take(w, j, i_a, i_b)
 
 
 @inlined
@@ -213,14 +208,13 @@ def bend(w, c_0, s_0, turned):
 
 
 @kernel
-def plain_step(w, here, there, span, turned, long, pulled, u_a, u_b, x, y, edge):
+def plain_step(w, here, there, span, turned, long, pulled, u_a, u_b, x, y):
     """Take a whole segment of a plant that nothing is added to, up to the next edge: `middle`, then `begin`, in one.
 
     here, there: cos and sin of the angle handed in, in the middle and at the end; long, pulled: whether curvature, and
-    torque, count; edge: (x, y, side, real) of the next.
+    torque, count.
     """
     half, inverse = 0.5 * span, 1.0 / span
-    e_x, e_y, side, real = edge
     for j in range(w.psi_a.size):
         v, late, res, psi_a, psi_b = w.link[j], min(w.late[j], span), w.resistance[j], w.psi_a[j], w.psi_b[j]
         m, o_a, o_b = late * (1.0 - 0.5 * inverse * late), w.i_a[j], w.i_b[j]
@@ -252,8 +246,6 @@ def plain_step(w, here, there, span, turned, long, pulled, u_a, u_b, x, y, edge)
         i_d, i_q = quartic(w, j, c * psi_a + s * psi_b - w.magnet[j], c * psi_b - s * psi_a)
         i_a, i_b = c * i_d - s * i_q, s * i_d + c * i_q
         w.i_a[j], w.i_b[j] = i_a, i_b
-        sign = min(max((e_x * i_a + e_y * i_b) * w.soft[j], -1.0), 1.0)
-        w.late[j] = real * ports.edge(w, j, sign, side)
 
 
 @inlined

@@ -15,8 +15,9 @@ from model.compiled import inlined, kernel
 from model.kernels.borrowed import borrowed
 from model.lanes import SHORT_TURN, turned, turned_a_little
 from sandbox.plant import additions as add
-from sandbox.plant import lags, losses, ports
+from sandbox.plant import lags, losses
 from sandbox.plant.batch import CORE, FILTER, NEVER, SKIN
+from sandbox.plant.commutation import commutate
 from sandbox.plant.edges import EDGES, LEG_X, LEG_Y
 from sandbox.plant.electrical import begin, bend, dropped, lose, middle, nothing_lost, plain_step, stiffen
 from sandbox.plant.mechanics import step_shaft
@@ -25,7 +26,8 @@ from sandbox.plant.sampling import SHORTEST, hold_start, peek
 TWO_THIRDS = 2.0 / 3.0
 NO_TIME = 1e-11  # s: speed over a shorter one is rounding
 BENDING = 1e-3  # of the period: what curvature makes of shorter segments is far below 1e-9 of the current
-ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED | add.RUB | add.SIGN)  # what a plain step knows nothing of
+# what a plain step knows nothing of
+ADDED = ~(add.MOTION | add.TWIST | add.DRAWN | add.DELAYED | add.RUB | add.COMMUTE)
 GAUSS = 0.5773502691896258  # of the way from a segment's middle to its ends: two places give means of third degree
 LAST = EDGES + 3
 
@@ -81,9 +83,13 @@ def facing_at(course, t):
 
 
 @kernel
-def open_period(w, room):
+def open_period(w, room, rate):
     """Begin a period: legs that were on to the end fall now, late by what the current says; with double update those
     rise that were off to the end of the half before."""
+    u_a = u_b = 0.0
+    for leg in range(3):
+        if room.before[leg] >= 1.0 or (room.half < 0 and room.before[leg] > 0.0):
+            u_a, u_b = u_a + TWO_THIRDS * LEG_X[leg], u_b + TWO_THIRDS * LEG_Y[leg]
     for leg in range(3):
         side = -1.0
         if room.half < 0:
@@ -93,9 +99,11 @@ def open_period(w, room):
         if side != 0.0:
             x, y, acts = LEG_X[leg], LEG_Y[leg], room.acts[EDGES + leg]
             latest = 0.0
+            commutate(w, room, 0.0, rate, u_a, u_b, x, y, side, 1.0)
             for j in range(w.psi_a.size):
-                acts[j] = ports.edge(w, j, add.sign_of(w, j, x * w.i_a[j] + y * w.i_b[j]), side)
+                acts[j] = w.late[j]
                 latest = max(latest, acts[j])
+                w.late[j] = 0.0
             wait(room, EDGES + leg, latest, x, y, side)
 
 
@@ -162,7 +170,7 @@ def close_period(w, room, period):
 
 
 @inlined
-def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real):
+def at_start(w, flux_map, features, c, s, share, course, span):
     """End the last segment and write all that holds at the start of the next."""
     if features & add.WOBBLE:
         add.orient(w, share, course.rate)
@@ -172,11 +180,9 @@ def at_start(w, flux_map, features, c, s, share, course, span, x, y, side, real)
         lags.remember(w, span)
         if features & add.IRON and span > 0.0:
             lags.close_iron(w, span)
-    begin(w, flux_map, c, s, span, x, y, side, real)
+    begin(w, flux_map, c, s, span)
     if features & add.ENERGY:
-        add.energy_at_start(w, c, s, x, y, side, real)
-    if features & add.SIGN:
-        add.late_by_sign(w, x, y, side, real, features & add.ZONE != 0)
+        add.energy_at_start(w, c, s)
     if features & add.FILTER and span > 0.0:
         lags.close_filter(w)
     if features & add.SKIN:
@@ -248,7 +254,7 @@ def enter(w, room, g, t, span, tardy):
 
 
 @inlined
-def first_instant(w, features, timing, room):
+def first_instant(w, features, timing, room, rate):
     """Do what belongs to the pattern's start, its current known: sag of the link, legs that fall now, sampling."""
     if features & add.DRAWN:
         add.draw(w, room.duty[0], room.duty[1], room.duty[2])
@@ -256,7 +262,7 @@ def first_instant(w, features, timing, room):
         least = min(room.before[0], room.before[1], room.before[2])
         most = max(room.before[0], room.before[1], room.before[2])
         if (least <= 0.0) if room.half < 0 else (most >= 1.0):
-            open_period(w, room)
+            open_period(w, room, rate)
     if timing.first == 0.0 and timing.last == 0.0:
         hold_start(w, features)
     for j in range(w.psi_a.size):
@@ -322,12 +328,14 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 if t == 0.0 and g == 0 and features & add.DELAYED and not features & add.MOVED:
                     add.orient(w, 0.0, course.rate)
                 c, s = facing_at(course, t)
-                at_start(w, magnetics, features, c, s, t / period, course, span, x, y, side, real)
+                at_start(w, magnetics, features, c, s, t / period, course, span)
                 if t == 0.0 and g == 0:
                     stiffen(w, magnetics, c, s)
                     if features & add.ENERGY and features & add.MOVED:
                         add.stiffen_further(w, c, s)
-                    first_instant(w, features, timing, room)
+                    first_instant(w, features, timing, room, course.rate)
+                if features & add.COMMUTE:
+                    commutate(w, room, t, course.rate, u_a, u_b, x, y, side, real)
             span = left if left <= timing.longest else left / math.ceil(left / timing.longest)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
             u_a, u_b = u_a + x, u_b + y
@@ -350,9 +358,10 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 k, turn = (g if whole else -1), span * course.rate
                 edge = (room.x[k], room.y[k], room.side[k], room.real[k]) if whole else (0.0, 0.0, 0.0, 0.0)
                 pulled = features & add.MOTION != 0
-                plain_step(w, (c, s), facing_at(course, t + span), span, turn, long, pulled, u_a, u_b, x, y, edge)
-                if features & add.SIGN:
-                    add.late_by_sign(w, edge[0], edge[1], edge[2], edge[3], features & add.ZONE != 0)
+                plain_step(w, (c, s), facing_at(course, t + span), span, turn, long, pulled, u_a, u_b, x, y)
+                if features & add.COMMUTE:
+                    dropped(w)
+                    commutate(w, room, t + span, course.rate, u_a, u_b, edge[0], edge[1], edge[2], edge[3])
             else:
                 if features & add.LAGS or looking:
                     lags.face(w, c * c_0 + s * s_0, s * c_0 - c * s_0)

@@ -50,6 +50,7 @@ NUMBERS = {  # rows of the batch that hold effects' parameters
     "dc_link_ripple_frequency": "Hz",
     "dc_link_ripple_phase": "rad",
     "dead_time_time": "s",
+    "dead_time_capacitance": "F",
     "dead_time_zone_width": "A",
     "dead_time_zone_shape": "",
     "device_drop_threshold": "V",
@@ -113,15 +114,33 @@ def drawn(w, j, d_a, d_b, d_c, i_a, i_b):
 
 
 @inlined
-def edge(w, j, sign, side):
-    """Return s by which an edge (side 1 rises, -1 falls) acts late; sign of the leg's current."""
-    return dead_time.late(w.dead_time_time[j], sign, side)
+def edge(w, j, hold, before, after, link):
+    """Return s by which an edge acts late, 1 where `commutation` is asked; hold: A that keep the leg, slopes: A/s."""
+    return dead_time.late(
+        w.dead_time_time[j],
+        w.dead_time_capacitance[j],
+        w.dead_time_zone_width[j],
+        w.dead_time_zone_shape[j],
+        hold,
+        before,
+        after,
+        link,
+    )
 
 
 @inlined
-def sign(w, j, current, soft, sign):
-    """Return what is added where an edge is taken to the soft sign of its leg's current (A); soft: 1/half-width."""
-    return dead_time.around_zero(w.dead_time_zone_width[j], w.dead_time_zone_shape[j], current, soft, sign)
+def commutation(w, j, hold, before, after, link):
+    """Return s by which an edge acts later than `edge` says, its current near zero."""
+    return dead_time.commutated(
+        w.dead_time_time[j],
+        w.dead_time_capacitance[j],
+        w.dead_time_zone_width[j],
+        w.dead_time_zone_shape[j],
+        hold,
+        before,
+        after,
+        link,
+    )
 
 
 @inlined

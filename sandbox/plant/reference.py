@@ -8,8 +8,8 @@ Same physics as `sandbox.plant.period` and none of its code; space vectors are c
     x = n theta + phase of every order,  H += sum gamma/2 Re(z^2 exp(-j x)) + back/2 Re(z^2 exp(j x))
         + pulse/2 |z|^2 cos x + cos x (alpha_30 d^3 + alpha_12 d q^2) + sin x (alpha_21 d^2 q + alpha_03 q^3)
 
-A commanded edge is taken at its instant; how late it acts, the current says there.  What is sampled is f, or i where
-there is no filter, handed to the sensors.  Slow (about 10 ms a period): for tests, and to be read.
+A commanded edge is taken at its instant; what the leg does then stands in `reference_legs`.  What is sampled is f, or
+i where there is no filter, handed to the sensors.  Slow (about 10 ms a period): for tests, and to be read.
 """
 
 from __future__ import annotations
@@ -18,21 +18,19 @@ import cmath
 import heapq
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 from scipy.optimize import root
 
 from model.inverter_table import Points
 from model.parameters import Motor
 from model.spline import SplineEnergy
+from sandbox.plant.reference_legs import LEVEL, A, Commutating, Late, Legs
 
 Array = NDArray[np.float64]
-A = cmath.exp(2j * math.pi / 3.0)
 PSI, CORE, SLOW, FILTER, THETA, OMEGA, LOAD_OMEGA, TWIST = 0, 2, 4, 6, 8, 9, 10, 11  # places in the state
 
 
@@ -51,8 +49,8 @@ class Reference:
     course: Callable[[float], tuple[float, float]] | None = None
     load: Callable[[float], float] = lambda t: 0.0
     table: Points | None = None
-    levels: list[float] = field(default_factory=lambda: [0.0, 0.0, 0.0])
     sunk: float = 0.0  # V that the link sags by
+    legs: Commutating | None = None  # what moves legs between their switches
 
     def gradient(self, z: complex) -> complex:
         """Return dH/dd + j dH/dq (A) of the motor's own energy at the flux due to currents (Wb)."""
@@ -131,22 +129,18 @@ class Reference:
         x, shape = current / self.v["bench.soft_current"], self.v["bench.soft_shape"]
         return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * math.tanh(x)
 
-    def edge_sign(self, current: float) -> float:
-        """Return the sign of a leg's current (A) where an edge is taken: dead time's own zone around zero."""
-        width, shape = self.v["dead_time.zone_width"], self.v["dead_time.zone_shape"]
-        if not (width or shape):
-            return self.sign(current)
-        x = current / (width or self.v["bench.soft_current"])
-        return (1.0 - shape) * min(max(x, -1.0), 1.0) + shape * math.tanh(x)
-
-    def voltage(self, t: float) -> complex:
-        """Return the vector of the legs' voltages (V)."""
+    def supply(self, t: float) -> float:
+        """Return the link's voltage (V)."""
         v, ripple = self.v, 0.0
         if v["dc_link_ripple.amplitude"]:
             angle = math.tau * v["dc_link_ripple.frequency"] * t + v["dc_link_ripple.phase"]
             ripple = v["dc_link_ripple.amplitude"] * math.sin(angle)
-        link = (1.0 + v["dc_link_error.gain_error"]) * self.link - self.sunk + ripple
-        return (2.0 / 3.0) * link * sum(level * A**k for k, level in enumerate(self.levels))
+        return (1.0 + v["dc_link_error.gain_error"]) * self.link - self.sunk + ripple
+
+    def voltage(self, t: float, y: Array) -> complex:
+        """Return the vector of the legs' voltages (V)."""
+        levels = y[LEVEL:]
+        return (2.0 / 3.0) * self.supply(t) * sum(complex(level) * A**k for k, level in enumerate(levels))
 
     def rotor(self, t: float, y: Array) -> tuple[float, float]:
         """Return the rotor's angle (rad electrical) and speed (rad/s electrical)."""
@@ -156,13 +150,16 @@ class Reference:
         """Return the terminal current (A)."""
         return self.machine(two(y, PSI), self.rotor(t, y)[0])[0] + two(y, CORE)
 
-    def slopes(self, t: float, y: Array) -> Array:
-        """Return the state's time derivative."""
+    def slopes(self, t: float, y: Array, algebra: bool = True) -> Array:
+        """Return the state's time derivative; algebra: floating legs without capacitance find their levels first."""
         v, out = self.v, np.zeros_like(y)
+        if self.legs and algebra:
+            y = self.legs.settled(t, y)
+            out[LEVEL:] = self.legs.moves(t, y)
         magnetising, torque = self.machine(two(y, PSI), self.rotor(t, y)[0])
         i = magnetising + two(y, CORE)
         fast = i - two(y, SLOW)
-        d_psi = self.voltage(t) - v["stator_resistance.resistance"] * i - self.phases(i)
+        d_psi = self.voltage(t, y) - v["stator_resistance.resistance"] * i - self.phases(i)
         d_psi -= v["skin_effect.resistance"] * fast
         put(out, PSI, d_psi)
         if math.isfinite(v["iron_loss.core_resistance"]):
@@ -173,7 +170,7 @@ class Reference:
             put(out, FILTER, (i - two(y, FILTER)) / v["current_filter.time_constant"])
         if not self.course:
             out[THETA] = self.motor.pole_pairs * y[OMEGA]
-            out[OMEGA:] = self.shaft(t, y, torque)
+            out[OMEGA:LEVEL] = self.shaft(t, y, torque)
         return out
 
     def shaft(self, t: float, y: Array, torque: float) -> tuple[float, float, float]:
@@ -203,7 +200,7 @@ class Reference:
             left = self.machine(complex(*x), theta)[0] - current
             return np.array([left.real, left.imag])
 
-        y, zero = np.zeros(12), self.v["magnet_flux.magnet_flux"] * cmath.exp(1j * theta)
+        y, zero = np.zeros(15), self.v["magnet_flux.magnet_flux"] * cmath.exp(1j * theta)
         put(y, PSI, complex(*root(miss, [zero.real, zero.imag], tol=1e-14).x))
         for first in (SLOW, FILTER):
             put(y, first, current)
@@ -211,13 +208,14 @@ class Reference:
         return y
 
     def run(self, duty: Array, y: Array) -> tuple[Array, Array]:
-        """Return readings (n, 3) in A for t_k and states (n, 12) at t_k under duties (n, 3) of the periods from t_k on.
+        """Return readings (n, 3) in A for t_k and states (n, 15) at t_k under duties (n, 3) of the periods from t_k on.
 
         y: the state at the first pattern's start, which is later than t_0 by the delay of the pattern.
         """
         n, v, t = len(duty), self.v, self.v["pwm_delay.delay"]
         readings, states = np.tile(self.read(t, y), (n, 1)), np.tile(y, (n, 1))
-        pulses = Legs(self)
+        real = v["dead_time.time"] > 0.0 and v["dead_time.capacitance"] and not v["dead_time.zone_width"]
+        pulses: Legs = Commutating(self) if real else Late(self)
         events: list[tuple[float, str, int, int]] = []
         for k in range(n):
             for when, kind in ((k * self.period + t, "pattern"), (k * self.period, "state")):
@@ -226,8 +224,7 @@ class Reference:
         while events:
             when, kind, k, leg = heapq.heappop(events)
             if when > t:
-                y = solve_ivp(self.slopes, (t, when), y, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
-                t = when
+                y, t = pulses.go(t, y, when), when
             if kind == "pattern":
                 i, d = self.current(t, y), duty[k]
                 drawn = sum(d[m] * (i * A ** (-m)).real for m in range(3))
@@ -235,9 +232,9 @@ class Reference:
                 for edge in pulses.commanded(t, d):
                     heapq.heappush(events, edge)
             elif kind in ("fall", "rise"):
-                heapq.heappush(events, pulses.taken(t, leg, kind, (self.current(t, y) * A ** (-leg)).real))
+                heapq.heappush(events, pulses.taken(t, y, leg, kind))
             elif kind == "z act":
-                pulses.act(leg, k)
+                pulses.act(y, leg, k)
             elif kind == "state":
                 states[k] = y
             else:
@@ -265,46 +262,6 @@ def harmonic_energy(
     turning = 0.5 * (gamma * (z * z / u).imag - back * (z * z * u).imag - pulse * u.imag * abs(z) ** 2)
     turning += u.real * (a_21 * d**2 * q + a_03 * q**3) - u.imag * (a_30 * d**3 + a_12 * d * q**2)
     return i, turning
-
-
-class Legs:
-    """Commanded edges and late ones of three legs: a pulse, or a gap between two, is never shorter than nothing."""
-
-    def __init__(self, plant: Reference) -> None:
-        self.plant, self.before = plant, [0.5, 0.5, 0.5]
-        self.last, self.waiting = [(-1.0, 0)] * 3, dict[tuple[int, int], float]()  # act, number; level by leg, number
-
-    def commanded(self, t: float, duty: Array) -> list[Any]:
-        """Return the events of edges commanded in the period from t on."""
-        out, period = [], self.plant.period
-        for leg, d in enumerate(duty):
-            if self.before[leg] >= 1.0 > d:
-                out.append((t, "fall", 0, leg))
-            if d > 0.0 and not (d >= 1.0 and self.before[leg] >= 1.0):
-                out.append((t + 0.5 * (1.0 - d) * period, "rise", 0, leg))
-            if 0.0 < d < 1.0:
-                out.append((t + 0.5 * (1.0 + d) * period, "fall", 0, leg))
-            self.before[leg] = d
-        return out
-
-    def taken(self, t: float, leg: int, kind: str, current: float) -> Any:
-        """Return the event of an edge that is commanded now, at which it acts; it and one that it overtakes act no
-        more."""
-        v, rises = self.plant.v, kind == "rise"
-        blank, sign = v["dead_time.time"], self.plant.edge_sign(current)
-        act = t + 0.5 * (abs(blank) + (1.0 if rises else -1.0) * blank * sign)
-        before, number = self.last[leg]
-        overtaken = before > t and act <= before
-        self.last[leg] = (-1.0 if overtaken else act, number + 1)
-        if overtaken:
-            del self.waiting[leg, number]
-        else:
-            self.waiting[leg, number + 1] = 1.0 if rises else 0.0
-        return act, "z act", number + 1, leg
-
-    def act(self, leg: int, number: int) -> None:
-        """Set a leg's level by an edge that nothing has overtaken."""
-        self.plant.levels[leg] = self.waiting.pop((leg, number), self.plant.levels[leg])
 
 
 def two(y: Array, first: int) -> complex:

@@ -22,6 +22,7 @@ from model.parameters import Converter, Motor
 from model.spline import SplineEnergy
 from sandbox.plant import additions as add
 from sandbox.plant.batch import batch_type, more
+from sandbox.plant.commutation import latest
 from sandbox.plant.compose import field, further_field
 from sandbox.plant.fixed import fix
 from sandbox.plant.period import Timing
@@ -33,7 +34,7 @@ SOFT_SIGN = 0.015  # of rated current: half the width in which sign(i) goes thro
 RUBBING = ("torque", "friction", "load")  # a motor's own friction is neutral, but there
 PORT_BITS = {
     "link": add.LINK, "drawn": add.DRAWN, "leg": add.LEG, "winding": add.WINDING, "magnets": add.MAGNETS,
-    "energy": add.ENERGY, "angle": add.WOBBLE, "sign": add.ZONE, "iron": add.IRON, "skin": add.SKIN,
+    "energy": add.ENERGY, "angle": add.WOBBLE, "edge": add.COMMUTE, "iron": add.IRON, "skin": add.SKIN,
     "filter": add.FILTER, "delay": add.DELAYED, "shaft": add.TWIST,
 }  # fmt: skip
 
@@ -115,9 +116,19 @@ def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
         rows |= further_rows(card, v, neutral)
     rows["pairs"], rows["soft"] = float(motor.pole_pairs), 1.0 / v["bench.soft_current"]
     rows["shape"] = v["bench.soft_shape"]
+    rows["dead_time_zone_width"], rows["dead_time_zone_shape"] = zone_of(v)
     rows["common"] = v["bench.common_offset"]
     rows["load_gain"], rows["load_offset"] = v["bench.load_torque_gain"], v["bench.load_torque_offset"]
     return rows
+
+
+def zone_of(v: Set) -> tuple[float, float]:
+    """Return half-width (A) and shape of the zone in which dead time's sign goes through zero; a capacitance has none
+    but its own."""
+    width, shape = v["dead_time.zone_width"], v["dead_time.zone_shape"]
+    if width or v["dead_time.capacitance"]:
+        return width, shape
+    return v["bench.soft_current"], shape or v["bench.soft_shape"]
 
 
 def machine_rows(motor: Motor, v: Set) -> dict[str, float]:
@@ -267,4 +278,4 @@ def readings_at(sample: Array, period: float) -> Array:
 def timing_of(w: Any, period: float, parts: int) -> Timing:
     """Return how a batch's periods run; parts: no step is longer than half a period over it."""
     sample = w["sample"]
-    return Timing(period, 0.5 * period / parts, float(add.latest(w)), float(sample.min()), float(sample.max()))
+    return Timing(period, 0.5 * period / parts, float(latest(w)), float(sample.min()), float(sample.max()))
