@@ -76,7 +76,8 @@ def gone_over(time, charge, hold, before, steep):
 
     Floating, y swings about the place at which the current would stay as it is, with rate sqrt(steep/charge).
     """
-    left, y, area, phase = time, 0.0, 0.0, (KEPT if hold > 0.0 else FLOATING)
+    kept = hold > 0.0 or (hold == 0.0 and before >= 0.0)
+    left, y, area, phase = time, 0.0, 0.0, (KEPT if kept else FLOATING)
     middle, rate = -before / steep, math.sqrt(steep / charge)
     for _ in range(MOST_PHASES):
         if phase == FLOATING:

@@ -80,7 +80,17 @@ CARD = Effect(
     ),
     parameters=(
         Parameter("time", "s", 0.0, -5e-6, 5e-5, 2e-6, ordinary=Ordinary("dead_time", 5e-8), title="dead time"),
-        Parameter("capacitance", "F", 0.0, 0.0, 1e-7, 0.0, change=1e-10, title="output capacitance of each switch"),
+        Parameter(
+            "capacitance",
+            "F",
+            0.0,
+            0.0,
+            1e-7,
+            0.0,
+            fit="fixed",
+            change=1e-10,
+            title="output capacitance of each switch",
+        ),
         Parameter(
             "zone_width",
             "A",

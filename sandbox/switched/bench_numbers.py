@@ -27,6 +27,7 @@ SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within
 INDUCTANCES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
 SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
 STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
+LEAST_SLICES = 64.0
 STEPS_WITH_CORNERS = 16.0  # a current that reaches a corner of its sign and turns back inside a step is not seen
 
 
@@ -121,6 +122,8 @@ class Bench(NamedTuple):
     sign_shape: float = LINEAR  # how the sign of a current goes through zero, soft_current its half-width
     zone_width: float = 0.0  # A, of the sign by which edges are late: half-width of its own, and share of a tanh in it
     zone_tanh: float = 0.0
+    capacitance: float = 0.0  # F across each switch: legs slew in the dead time, and are clamped; edges know no sign
+    slices: float = 64.0  # steps over a dead time, in which legs slew
     leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
     harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
     flux_map: FluxMap | None = None  # to which the harmonic series holds what effects add
@@ -167,6 +170,8 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
         "dead_time": v["dead_time.time"],
         "zone_width": v["dead_time.zone_width"],
         "zone_tanh": v["dead_time.zone_shape"],
+        "capacitance": v["dead_time.capacitance"] if v["dead_time.time"] > 0.0 else 0.0,
+        "slices": _slices(motor, v),
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
         "sag": v["dc_link_error.sag"],
         "ripple_amplitude": v["dc_link_ripple.amplitude"],
@@ -242,6 +247,15 @@ def _beside_map(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
     """Coefficients of what effects add to a flux map: the series with them less that of the map at zero current."""
     with_effects, own = _energy(motor, v), _energy(motor, neutral(motor))
     return {name: value - own[name] for name, value in with_effects.items()}
+
+
+def _slices(motor: Motor, v: Mapping[str, float]) -> float:
+    """Return the steps that a dead time is cut into: a leg swings with sqrt(1/(3 C L)), a quarter radian each at most;
+    64 leave (1/64)^2 of the dead time."""
+    capacitance, inductance = v["dead_time.capacitance"], min(motor.inductance_d, motor.inductance_q)
+    if not capacitance:
+        return LEAST_SLICES
+    return max(LEAST_SLICES, math.ceil(4.0 * abs(v["dead_time.time"]) / math.sqrt(3.0 * capacitance * inductance)))
 
 
 def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float, inertia: float) -> float:

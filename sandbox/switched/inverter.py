@@ -14,7 +14,7 @@ import numpy as np
 
 from model.compiled import inlined, kernel
 from sandbox.switched.leg import HARD, TANH, edge_sign, given, reached, table_corner
-from sandbox.switched.link import link_step, settled_link, stage
+from sandbox.switched.link import link_step, link_voltage, settled_link, stage
 from sandbox.switched.load_side import acting_load
 from sandbox.switched.machine_state import Driving, Moving, ahead, mean_rate
 from sandbox.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
@@ -249,11 +249,15 @@ def settle(state, b, leg, acted, taken, n, t, current):
     base = EDGES + ROOM * leg
     while True:
         if acted < taken and state[base + acted] <= t + TIE:
-            state[LEVEL + leg] = 1.0 - state[LEVEL + leg]
+            state[LEVEL + leg] = state[WANTED + leg] if b.capacitance > 0.0 else 1.0 - state[LEVEL + leg]
             acted += 1
         elif taken < n and state[base + taken] <= t + TIE:
             rising = state[WANTED + leg] == 0.0
             state[WANTED + leg] = 1.0 - state[WANTED + leg]
+            if b.capacitance > 0.0:  # both switches off; one that was to turn on does not
+                state[base + taken] += abs(b.dead_time)
+                acted, taken = taken, taken + 1
+                continue
             if b.dead_time != 0.0:
                 sign = edge_sign(b, current)
                 late = b.dead_time * (sign if rising else -sign)
@@ -267,6 +271,28 @@ def settle(state, b, leg, acted, taken, n, t, current):
                 taken += 1
         else:
             return acted, taken, n
+
+
+@inlined
+def slewed(b, level, current, span, link):
+    """Return a leg's level after a span (s) between its switches: i/(2 C) moves it as far as a diode lets it."""
+    return min(max(level - current * span / (2.0 * b.capacitance * link), 0.0), 1.0)
+
+
+@kernel
+def slew(state, b, mode, begin, end, tau, acc, off):
+    """Advance from begin to end while legs are off (three of 0 or 1): their levels by the mean current of the step."""
+    link = link_voltage(b, state[TIME] + begin, state[SUNK] + state[LINK_DIP])
+    levels = (state[LEVEL], state[LEVEL + 1], state[LEVEL + 2])
+    before = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+    for leg in range(3):
+        if off[leg]:
+            state[LEVEL + leg] = slewed(b, levels[leg], before[leg], 0.5 * (end - begin), link)
+    integrate(state, b, mode, switch_vector(state), begin, end, tau, acc)
+    after = phase_currents(complex(state[I_ALPHA], state[I_BETA]))
+    for leg in range(3):
+        if off[leg]:
+            state[LEVEL + leg] = slewed(b, levels[leg], 0.5 * (before[leg] + after[leg]), end - begin, link)
 
 
 @kernel
@@ -353,7 +379,12 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
             break
         until = min(due(state, 0, a_a, t_a, n_a), due(state, 1, a_b, t_b, n_b), due(state, 2, a_c, t_c, n_c))
         until = min(until, early, inside, pattern, end)
-        integrate(state, b, mode, switch_vector(state), t, until, load_torque, acceleration)
+        off = (a_a < t_a, a_b < t_b, a_c < t_c)
+        if b.capacitance > 0.0 and (off[0] or off[1] or off[2]):
+            until = min(until, t + abs(b.dead_time) / b.slices)
+            slew(state, b, mode, t, until, load_torque, acceleration, off)
+        else:
+            integrate(state, b, mode, switch_vector(state), t, until, load_torque, acceleration)
         t = until
     carry(state, b, 0, a_a, t_a)
     carry(state, b, 1, a_b, t_b)
