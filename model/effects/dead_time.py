@@ -65,7 +65,7 @@ CARD = Effect(
         "both switches are off for t_d: the current keeps the leg where it is (late by t_d) or moves it with i/(2 C) "
         "until a diode clamps it (late by C u_dc/|i|; t_d - t_d^2 |i|/(4 C u_dc) where it does not arrive), and may "
         "come to zero meanwhile; mean loss u_dc t_d/T_s times the vector of signs (fundamental 4/pi, lines 6k); the "
-        "pattern is late by t_d/2 on average.  Without a capacitance: late by a sign of the current, linear "
+        "pattern is late by t_d/2 on average. Without a capacitance: late by a sign of the current, linear "
         "within +-1.5 % of rated current, or (1 - shape) clip(i/width) + shape tanh(i/width) in a zone of its own"
     ),
     formulas=(
