@@ -1,8 +1,8 @@
 """When edges act: late, by the current of their leg and by how that changes behind the edge (`model.commutation`).
 
-Most edges find their current far from zero: one loop over all lanes, and how fast the current changes hardly counts.
-Where one may come to zero, each lane is asked alone, and the voltage is the mean over the dead time: other legs' edges,
-taken before or soon to come, act within it.
+Most edges find their current far from zero: one short loop over all lanes (`far`).  Nearer, how fast the current
+changes counts; where one may come to zero, each lane is asked alone, and the voltage is the mean over the dead time:
+other legs' edges, taken before or soon to come, act within it.
 """
 
 from __future__ import annotations
@@ -10,9 +10,13 @@ from __future__ import annotations
 from model.compiled import inlined, kernel
 from sandbox.plant import ports
 from sandbox.plant.edges import EDGES, LEG_X, LEG_Y
+from sandbox.plant.electrical import dropped
 
 TWO_THIRDS = 2.0 / 3.0
 FAR = 1e12  # A: a current that keeps its leg
+STRAIGHT = (
+    2e-3  # of the current: by how much it may change while a leg slews and be constant; leaves 1e-3/3 of that time
+)
 
 
 @inlined
@@ -30,12 +34,38 @@ def slopes(w, j, rate, u_a, u_b, x, y, side):
 
 
 @kernel
-def commutate(w, room, t, rate, u_a, u_b, x, y, side, real):
-    """Write how late (s) the edge of leg (x, y) acts that is taken at t; side: 1 rises, -1 falls; real: 0, none is."""
+def far(w, tardy, x, y, side):
+    """Write how late the edge acts for a constant current; return whether that is right in all lanes.
+
+    tardy: the latest (s) that any edge acts.  The current's slope stays below the link's voltage over the inductance,
+    twice over as two legs may go with it: V trace G.
+    """
+    wrong = 0.0
+    for j in range(w.psi_a.size):
+        hold = side * (x * w.i_a[j] + y * w.i_b[j])
+        late, crossing = ports.edge(w, j, hold, 0.0, 0.0, w.link[j])
+        steep, size = w.link[j] * (w.stiff_aa[j] + w.stiff_bb[j]), abs(hold)
+        bends = (hold < 0.0) & (2.0 * steep * late > STRAIGHT * size)  # 2 late: what slewing takes
+        w.late[j] = late
+        wrong += crossing + (1.0 if (size < steep * tardy) | bends else 0.0)
+    return wrong == 0.0
+
+
+@kernel
+def commutate(w, room, t, tardy, rate, u_a, u_b, edge, plain):
+    """Write how late (s) the edge of leg (x, y) acts that is taken at t.
+
+    edge: x, y, side (1 rises, -1 falls), real (0: none is switched); plain: steps leave the drop out.
+    """
+    x, y, side, real = edge
     if real == 0.0:
         for j in range(w.psi_a.size):
             w.late[j] = 0.0
         return
+    if far(w, tardy, x, y, side):
+        return
+    if plain:
+        dropped(w)
     near = 0.0
     for j in range(w.psi_a.size):
         hold, before, after = slopes(w, j, rate, u_a, u_b, x, y, side)

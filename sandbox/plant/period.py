@@ -83,7 +83,7 @@ def facing_at(course, t):
 
 
 @kernel
-def open_period(w, room, rate):
+def open_period(w, room, tardy, rate):
     """Begin a period: legs that were on to the end fall now, late by what the current says; with double update those
     rise that were off to the end of the half before."""
     u_a = u_b = 0.0
@@ -99,7 +99,7 @@ def open_period(w, room, rate):
         if side != 0.0:
             x, y, acts = LEG_X[leg], LEG_Y[leg], room.acts[EDGES + leg]
             latest = 0.0
-            commutate(w, room, 0.0, rate, u_a, u_b, x, y, side, 1.0)
+            commutate(w, room, 0.0, tardy, rate, u_a, u_b, (x, y, side, 1.0), False)
             for j in range(w.psi_a.size):
                 acts[j] = w.late[j]
                 latest = max(latest, acts[j])
@@ -262,7 +262,7 @@ def first_instant(w, features, timing, room, rate):
         least = min(room.before[0], room.before[1], room.before[2])
         most = max(room.before[0], room.before[1], room.before[2])
         if (least <= 0.0) if room.half < 0 else (most >= 1.0):
-            open_period(w, room, rate)
+            open_period(w, room, timing.tardy, rate)
     if timing.first == 0.0 and timing.last == 0.0:
         hold_start(w, features)
     for j in range(w.psi_a.size):
@@ -335,7 +335,7 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                         add.stiffen_further(w, c, s)
                     first_instant(w, features, timing, room, course.rate)
                 if features & add.COMMUTE:
-                    commutate(w, room, t, course.rate, u_a, u_b, x, y, side, real)
+                    commutate(w, room, t, timing.tardy, course.rate, u_a, u_b, (x, y, side, real), False)
             span = left if left <= timing.longest else left / math.ceil(left / timing.longest)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
             u_a, u_b = u_a + x, u_b + y
@@ -360,8 +360,7 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                 pulled = features & add.MOTION != 0
                 plain_step(w, (c, s), facing_at(course, t + span), span, turn, long, pulled, u_a, u_b, x, y)
                 if features & add.COMMUTE:
-                    dropped(w)
-                    commutate(w, room, t + span, course.rate, u_a, u_b, edge[0], edge[1], edge[2], edge[3])
+                    commutate(w, room, t + span, timing.tardy, course.rate, u_a, u_b, edge, True)
             else:
                 if features & add.LAGS or looking:
                     lags.face(w, c * c_0 + s * s_0, s * c_0 - c * s_0)

@@ -62,7 +62,7 @@ def test_what_only_replaces_numbers_costs_nothing():
         "current_offset",
         "encoder_offset",
     }
-    timed = {"current_sampling", "dead_time"}  # by the batch's timing
+    timed = {"current_sampling"}  # by the batch's timing
     for name in library.effect_names():
         values = complete(DRIVE.motor, DRIVE.converter, library.typical(name, DRIVE.motor, DRIVE.converter))
         assert (features_of(DRIVE.motor, values) & ~add.RUB == 0) == (name in replaced | read | timed), name
