@@ -30,25 +30,25 @@ MOST_PHASES = 64  # of clamping and swinging: two or three a swing, and the firs
 
 
 @inlined
-def quick(time, charge, hold, before, after):
-    """Return how late (s) an edge acts whose leg is kept, or arrives, all of the dead time; charge: 2 C V (A s).
+def quick(time, charge, hold, inverse, before, after):
+    """Return how late (s) an edge acts whose leg is kept, or arrives, all of the dead time; charge: 2 C V (A s),
+    inverse: 1/|hold|.
 
     Arriving: C V/|hold| (1 + ((before + (after - before)/4) 2 C V/(3 hold^2))), the slopes to first order.
     """
-    size = max(abs(hold), 1e-30)
-    bent = (0.75 * before + 0.25 * after) * charge * (1.0 / 3.0) / (size * size)
-    return time if hold > 0.0 else min(0.5 * charge / size * (1.0 + bent), time)
+    bent = (0.75 * before + 0.25 * after) * charge * (1.0 / 3.0) * (inverse * inverse)
+    return time if hold > 0.0 else min(0.5 * charge * inverse * (1.0 + bent), time)
 
 
 @inlined
-def crossing(time, charge, zone, hold, steepest):
-    """Return 1 where `quick` may be wrong, else 0; zone (A): half-width of a sign of its own; steepest: A/s at most.
+def crossing(time, charge, hold, before, after):
+    """Return whether `quick` may be wrong at constant slopes (A/s).
 
     The current may come to zero in the dead time, bend on the way, or the leg may not arrive.
     """
-    size = abs(hold)
+    size, steepest = abs(hold), max(abs(before), abs(after))
     slow = (steepest * charge > SMALL * size * size) | (charge > 0.9 * time * size)
-    return 1.0 if (size < steepest * time + zone) | ((hold <= 0.0) & slow) else 0.0
+    return (size < steepest * time) | ((hold <= 0.0) & slow)
 
 
 @kernel
@@ -129,19 +129,3 @@ def static_sign(current, corner):
     if current >= 0.0 or corner <= 0.0:
         return 1.0 if current >= 0.0 else -1.0
     return 1.0 + current / corner if current > -corner else -corner / current - 1.0
-
-
-@kernel
-def summed_sign(current, corner):
-    """Return the integral of `static_sign` from 0 to a current (A)."""
-    if current >= 0.0 or corner <= 0.0:
-        return abs(current)
-    if current > -corner:
-        return current + 0.5 * current * current / corner
-    return -current - corner * (1.5 + math.log(-current / corner))
-
-
-@kernel
-def smeared_sign(current, corner, zone):
-    """Return the mean of `static_sign` over currents within +-zone (A) of one: clip(current/zone) without a corner."""
-    return (summed_sign(current + zone, corner) - summed_sign(current - zone, corner)) / (2.0 * zone)

@@ -126,7 +126,7 @@ PORTS = {
     "edge": Port(
         ("hold", "before", "after", "link"),
         2,
-        "s by which an edge acts late, 1 where `commutation` is asked; hold: A that keep the leg, slopes: A/s",
+        "s by which an edge acts late; right at 0 any slopes, 1 these, 2 with `commutation`; hold: A",
     ),
     "commutation": Port(
         ("hold", "before", "after", "link"), 1, "s by which an edge acts later than `edge` says, its current near zero"

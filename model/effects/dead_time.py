@@ -4,42 +4,44 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
-from model.commutation import clip, crossing, lateness, quick, smeared_sign
+from model.commutation import clip, crossing, lateness, quick
 from model.compiled import inlined
 from model.effects.card import At, Effect, Limit, Ordinary, Parameter
 from model.effects.said import quantity
 from model.lanes import soft_sign
 from model.parameters import Converter, Motor
 
-TAILS = 10.0  # half-widths of a zone: beyond them a tanh is 1 to 4e-9, and what a zone makes of a slew below 1/300
+SHARP = 1e-30  # A: in place of nothing to divide by
+TAILS = 10.0  # half-widths of a zone: beyond them a tanh is 1 to 4e-9
 
 
 @inlined
 def late(time, capacitance, zone_width, zone_shape, hold, before, after, link):
-    """Return how late (s) an edge acts while its current is far from zero, and whether it may not be (1, else 0).
+    """Return how late (s) an edge acts for constant slopes of its current, and who may say so.
 
     hold: current (A) that keeps the leg where it is; before, after: its slopes (A/s) with the leg there, and gone over.
+    Second: 0, right at any slopes; 1, at these; 2: `commutated` has to be asked.  A capacitance leaves no zone.
     """
-    size, charge = abs(time), 2.0 * capacitance * link
-    own = quick(size, charge, hold, before, after)
-    zone = zone_width * (TAILS if (zone_shape > 0.0) | (capacitance > 0.0) else 1.0)
-    near = crossing(size, charge, zone, hold, abs(before) + 2.0 * (after - before))
-    return (own if time >= 0.0 else size - own), (near if size > 0.0 else 0.0)
+    size, charge, real = abs(time), 2.0 * capacitance * link, capacitance > 0.0
+    inverse = 1.0 / max(abs(hold) if real else zone_width, SHARP)
+    by_sign = 0.5 * size * (1.0 + clip(hold * inverse))
+    own = quick(size, charge, hold, inverse, before, after) if real else by_sign
+    round_zone = (zone_shape > 0.0) & (abs(hold) < TAILS * zone_width)
+    asked = crossing(size, charge, hold, before, after) if real else round_zone
+    who = 2.0 if asked else (1.0 if real else 0.0)
+    return (own if time >= 0.0 else size - own), (who if size > 0.0 else 0.0)
 
 
 @inlined
 def commutated(time, capacitance, zone_width, zone_shape, hold, before, after, link):
     """Return by how much later (s) than `late` says an edge acts whose current is near zero."""
-    size, charge = abs(time), 2.0 * capacitance * link
-    exact = lateness(size, capacitance, link, hold, before, after) if size > 0.0 else 0.0
-    if zone_width > 0.0 and size > 0.0:
-        half = 0.5 * size * (max(after, 0.0) + max(-before, 0.0))
-        share = min(zone_width / half, 1.0) if half > 0.0 and capacitance > 0.0 else 1.0
-        sign, corner = soft_sign(hold / zone_width, zone_shape), charge / size
-        if corner > 0.0:
-            sign += smeared_sign(hold, corner, zone_width) - clip(hold / zone_width)
-        exact += share * (0.5 * size * (1.0 + sign) - exact)
-    return (exact - quick(size, charge, hold, before, after)) * (1.0 if time >= 0.0 else -1.0)
+    size = abs(time)
+    if capacitance > 0.0:
+        exact = lateness(size, capacitance, link, hold, before, after)
+    else:
+        exact = 0.5 * size * (1.0 + soft_sign(hold / zone_width, zone_shape))
+    own = late(time, capacitance, zone_width, zone_shape, hold, before, after, link)[0]
+    return (exact if time >= 0.0 else size - exact) - own
 
 
 def limits(v: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:

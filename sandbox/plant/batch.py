@@ -84,6 +84,7 @@ PLANT = {  # numbers of motor and bench, as `sandbox.plant.sets` writes them; a 
 FIXED = {  # what effects fix once a batch, as `sandbox.plant.fixed` writes it
     "resistance": "of winding and devices, ohm", "supply": "mean voltage of the DC link, V",
     "delay": "of the pattern, s", "sample": "instant of sampling less t_k and less the pattern's delay, s",
+    "tardy": "latest that an edge acts after its command, s; written by `commutation.latest`",
     "jitter": "of the instant of sampling, s rms: in a closed loop, noise elsewhere",
     "core_g": "conductance across the flux slope, 1/ohm", "core_rate": "1/s of the iron's lag",
     "skin_r": "ohm", "skin_rate": "1/s", "filter_rate": "1/s", "offset": "of the angle's reading, rad electrical",

@@ -1,8 +1,8 @@
 """When edges act: late, by the current of their leg and by how that changes behind the edge (`model.commutation`).
 
 Most edges find their current far from zero: one short loop over all lanes (`far`).  Nearer, how fast the current
-changes counts; where one may come to zero, each lane is asked alone, and the voltage is the mean over the dead time:
-other legs' edges, taken before or soon to come, act within it.
+changes counts; where it may come to zero, so do other legs' edges, taken before or soon to come: the voltage is then
+the mean over the dead time.  What of this a lane takes depends on that lane alone.
 """
 
 from __future__ import annotations
@@ -14,9 +14,10 @@ from sandbox.plant.electrical import dropped
 
 TWO_THIRDS = 2.0 / 3.0
 FAR = 1e12  # A: a current that keeps its leg
-STRAIGHT = (
-    2e-3  # of the current: by how much it may change while a leg slews and be constant; leaves 1e-3/3 of that time
+BENDS = (
+    1e-4  # of the latest edge: by how much a changing current may alter an edge unseen; 1e-4 of dead time's own size
 )
+INSTANT = 1e-12  # s: in place of no time, where a share of it is asked for
 
 
 @inlined
@@ -33,22 +34,49 @@ def slopes(w, j, rate, u_a, u_b, x, y, side):
     return side * (x * i_a + y * i_b), slope, slope + TWO_THIRDS * v * (g_a * x + g_b * y)
 
 
-@kernel
-def far(w, tardy, x, y, side):
-    """Write how late the edge acts for a constant current; return whether that is right in all lanes.
+@inlined
+def at_constant_current(w, j, x, y, side):
+    """Return how late (s) lane j's edge acts for a constant current, and whether that is right.
 
-    tardy: the latest (s) that any edge acts.  The current's slope stays below the link's voltage over the inductance,
-    twice over as two legs may go with it: V trace G.
+    The current's slope stays below the link's voltage over the inductance,
+    twice over as two legs may go with it: V trace G.  A leg that slews for 2 late is off by a third of the slope's
+    share of the current, times late.
     """
-    wrong = 0.0
+    hold = side * (x * w.i_a[j] + y * w.i_b[j])
+    late, who = ports.edge(w, j, hold, 0.0, 0.0, w.link[j])
+    steep, size = w.link[j] * (w.stiff_aa[j] + w.stiff_bb[j]), abs(hold)
+    bends = (hold < 0.0) & (TWO_THIRDS * steep * late * late > BENDS * w.tardy[j] * size)
+    return late, (who < 1.0) | ((who < 2.0) & (size >= steep * w.tardy[j]) & (not bends))
+
+
+@kernel
+def far(w, x, y, side):
+    """Write how late the edge acts for a constant current; return whether that is right in all lanes."""
+    wrong = 0  # counts: a sum of floats in order would keep this from being a vector loop
     for j in range(w.psi_a.size):
-        hold = side * (x * w.i_a[j] + y * w.i_b[j])
-        late, crossing = ports.edge(w, j, hold, 0.0, 0.0, w.link[j])
-        steep, size = w.link[j] * (w.stiff_aa[j] + w.stiff_bb[j]), abs(hold)
-        bends = (hold < 0.0) & (2.0 * steep * late > STRAIGHT * size)  # 2 late: what slewing takes
-        w.late[j] = late
-        wrong += crossing + (1.0 if (size < steep * tardy) | bends else 0.0)
-    return wrong == 0.0
+        w.late[j], right = at_constant_current(w, j, x, y, side)
+        wrong += 0 if right else 1
+    return wrong == 0
+
+
+@inlined
+def zero_in_reach(tardy, hold, before, after):
+    """Return whether a current (A) may come to zero within the latest edge (s), slopes of two more legs added."""
+    return abs(hold) < (abs(before) + 2.0 * (after - before)) * tardy
+
+
+@kernel
+def nearer(w, rate, u_a, u_b, x, y, side):
+    """Write how late the edge acts for a current that changes as the legs command; return whether any may pass zero, or
+    is to be asked alone."""
+    near = 0
+    for j in range(w.psi_a.size):
+        _, right = at_constant_current(w, j, x, y, side)
+        hold, before, after = slopes(w, j, rate, u_a, u_b, x, y, side)
+        late, who = ports.edge(w, j, hold, before, after, w.link[j])
+        w.late[j] = w.late[j] if right else late
+        near += 1 if (not right) & ((who >= 2.0) | zero_in_reach(w.tardy[j], hold, before, after)) else 0
+    return near > 0
 
 
 @kernel
@@ -62,67 +90,70 @@ def commutate(w, room, t, tardy, rate, u_a, u_b, edge, plain):
         for j in range(w.psi_a.size):
             w.late[j] = 0.0
         return
-    if far(w, tardy, x, y, side):
+    if far(w, x, y, side):
         return
     if plain:
         dropped(w)
-    near = 0.0
+    if nearer(w, rate, u_a, u_b, x, y, side):
+        others(w, room, t, tardy, x, y)
+        passing_zero(w, rate, u_a, u_b, x, y, side)
+
+
+@kernel
+def passing_zero(w, rate, u_a, u_b, x, y, side):
+    """Write how late the edge acts where its current may pass zero: other legs as in the mean (extra_a, extra_b)."""
+    asking = 0
     for j in range(w.psi_a.size):
         hold, before, after = slopes(w, j, rate, u_a, u_b, x, y, side)
-        late, crossing = ports.edge(w, j, hold, before, after, w.link[j])
-        w.late[j] = late
-        near = max(near, crossing)
-    if near > 0.0:
+        _, right = at_constant_current(w, j, x, y, side)
+        who = ports.edge(w, j, hold, before, after, w.link[j])[1]
+        near = (not right) & ((who >= 2.0) | zero_in_reach(w.tardy[j], hold, before, after))
+        p, q = (w.extra_a[j], w.extra_b[j]) if near else (0.0, 0.0)
+        hold, mean, gone = slopes(w, j, rate, u_a + p, u_b + q, x, y, side)
+        late, who = ports.edge(w, j, hold, mean, gone, w.link[j])
+        w.late[j] = late if near else w.late[j]
+        w.extra_a[j], w.extra_b[j] = p, q
+        asking += 0 if right | (who < 2.0) else 1
+    if asking > 0:
         for j in range(w.psi_a.size):
-            w.late[j] += nearby(w, j, room, t, rate, u_a, u_b, x, y, side)
+            hold, mean, gone = slopes(w, j, rate, u_a + w.extra_a[j], u_b + w.extra_b[j], x, y, side)
+            right = at_constant_current(w, j, x, y, side)[1]
+            if not right and ports.edge(w, j, hold, mean, gone, w.link[j])[1] >= 2.0:
+                w.late[j] += ports.commutation(w, j, hold, mean, gone, w.link[j])
 
 
 @kernel
-def nearby(w, j, room, t, rate, u_a, u_b, x, y, side):
-    """Return by how much later (s) an edge acts whose current is near zero."""
-    hold, before, after = slopes(w, j, rate, u_a, u_b, x, y, side)
-    if ports.edge(w, j, hold, before, after, w.link[j])[1] == 0.0:
-        return 0.0
-    late = longest(w, j)
-    p, q = others(w, j, room, t, late, x, y)
-    hold, mean, gone = slopes(w, j, rate, u_a + p, u_b + q, x, y, side)
-    told = ports.edge(w, j, hold, mean, gone, w.link[j])[0] - ports.edge(w, j, hold, before, after, w.link[j])[0]
-    return told + ports.commutation(w, j, hold, mean, gone, w.link[j])
-
-
-@kernel
-def others(w, j, room, t, span, x, y):
-    """Return by how much the vector of the legs, mean of a span (s) from t on, differs from that commanded at t, the
-    leg (x, y) left out: edges that still wait, and edges to come."""
-    p = q = 0.0
+def others(w, room, t, tardy, x, y):
+    """Write (extra_a, extra_b) by how much the vector of the legs, mean of a lane's latest edge from t on, differs from
+    that commanded at t, the leg (x, y) left out: edges that still wait, and edges to come."""
+    for j in range(w.psi_a.size):
+        w.extra_a[j] = w.extra_b[j] = 0.0
     for m in range(EDGES + 3 if room.until[EDGES + 3] > t else 0):
         leg = room.leg[m] if m < EDGES else m - EDGES
         if room.until[m] > t and not (LEG_X[leg] == x and LEG_Y[leg] == y):
-            share = min(max(room.acts[m, j] - t, 0.0), span) / span
-            p, q = p - share * room.change_x[m], q - share * room.change_y[m]
+            acts, c_x, c_y = room.acts[m], room.change_x[m], room.change_y[m]
+            for j in range(w.psi_a.size):
+                span = max(w.tardy[j], INSTANT)
+                share = min(max(acts[j] - t, 0.0), span) / span
+                w.extra_a[j], w.extra_b[j] = w.extra_a[j] - share * c_x, w.extra_b[j] - share * c_y
     for m in range(EDGES):
-        z = room.time[m] - t
+        z, side = room.time[m] - t, room.side[m]
         own = room.x[m] == x and room.y[m] == y
-        if 0.0 <= z < span and room.until[m] < 0.0 and room.real[m] > 0.0 and not own:
-            side = room.side[m]
-            hold = side * (room.x[m] * w.i_a[j] + room.y[m] * w.i_b[j])
-            acts = z + ports.edge(w, j, hold, 0.0, 0.0, w.link[j])[0]
-            share = TWO_THIRDS * side * max(span - acts, 0.0) / span
-            p, q = p + share * room.x[m], q + share * room.y[m]
-    return p, q
-
-
-@inlined
-def longest(w, j):
-    """Return the latest (s) that any edge of a lane can act, but for its sign the same for all."""
-    kept, gone = ports.edge(w, j, FAR, 0.0, 0.0, w.link[j])[0], ports.edge(w, j, -FAR, 0.0, 0.0, w.link[j])[0]
-    return max(kept, gone)
+        if 0.0 <= z < tardy and room.until[m] < 0.0 and room.real[m] > 0.0 and not own:
+            r_x, r_y = room.x[m], room.y[m]
+            for j in range(w.psi_a.size):
+                span, hold = max(w.tardy[j], INSTANT), side * (r_x * w.i_a[j] + r_y * w.i_b[j])
+                acts = z + ports.edge(w, j, hold, 0.0, 0.0, w.link[j])[0]
+                share = TWO_THIRDS * side * max(span - acts, 0.0) / span
+                w.extra_a[j], w.extra_b[j] = w.extra_a[j] + share * r_x, w.extra_b[j] + share * r_y
 
 
 @kernel
 def latest(w):
-    """Return the latest (s) that any edge of any lane can act."""
+    """Write the latest (s) that any edge of each lane can act; return that of all."""
     most = 0.0
     for j in range(w.psi_a.size):
-        most = max(most, longest(w, j))
+        kept, gone = ports.edge(w, j, FAR, 0.0, 0.0, w.link[j])[0], ports.edge(w, j, -FAR, 0.0, 0.0, w.link[j])[0]
+        w.tardy[j] = max(kept, gone, 0.0)
+        most = max(most, w.tardy[j])
     return most

@@ -214,7 +214,7 @@ class Reference:
         """
         n, v, t = len(duty), self.v, self.v["pwm_delay.delay"]
         readings, states = np.tile(self.read(t, y), (n, 1)), np.tile(y, (n, 1))
-        real = v["dead_time.time"] > 0.0 and v["dead_time.capacitance"] and not v["dead_time.zone_width"]
+        real = v["dead_time.time"] > 0.0 and v["dead_time.capacitance"]
         pulses: Legs = Commutating(self) if real else Late(self)
         events: list[tuple[float, str, int, int]] = []
         for k in range(n):

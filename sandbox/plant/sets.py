@@ -123,12 +123,9 @@ def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
 
 
 def zone_of(v: Set) -> tuple[float, float]:
-    """Return half-width (A) and shape of the zone in which dead time's sign goes through zero; a capacitance has none
-    but its own."""
+    """Return half-width (A) and shape of the zone in which dead time's sign goes through zero, no capacitance given."""
     width, shape = v["dead_time.zone_width"], v["dead_time.zone_shape"]
-    if width or v["dead_time.capacitance"]:
-        return width, shape
-    return v["bench.soft_current"], shape or v["bench.soft_shape"]
+    return (width, shape) if width else (v["bench.soft_current"], shape or v["bench.soft_shape"])
 
 
 def machine_rows(motor: Motor, v: Set) -> dict[str, float]:

@@ -27,7 +27,8 @@ SOFT_SIGN = 0.015  # of rated current: sign(i) goes linearly through zero within
 INDUCTANCES = ("gamma", "back", "pulse", "alpha_30", "alpha_12", "alpha_21", "alpha_03")
 SERIES = ("g_0", "g_2", "c_1", "c_3", "q_0", "q_2", "q_4")
 STEPS_A_PERIOD = 4.0  # longest integration step, a share of the period; halving it changes nothing seen (tests)
-LEAST_SLICES = 64.0
+LEAST_SLICES = 64.0  # of a dead time in which a leg slews
+MOST_SWING = 50.0  # rad of a leg's swing in a dead time: faster ones are as good as no capacitance
 STEPS_WITH_CORNERS = 16.0  # a current that reaches a corner of its sign and turns back inside a step is not seen
 
 
@@ -123,7 +124,8 @@ class Bench(NamedTuple):
     zone_width: float = 0.0  # A, of the sign by which edges are late: half-width of its own, and share of a tanh in it
     zone_tanh: float = 0.0
     capacitance: float = 0.0  # F across each switch: legs slew in the dead time, and are clamped; edges know no sign
-    slices: float = 64.0  # steps over a dead time, in which legs slew
+    slices: float = LEAST_SLICES  # steps over a dead time, in which legs slew
+    reluctant: float = 0.0  # H: a current changes by twice the link's voltage over it at most
     leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
     harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
     flux_map: FluxMap | None = None  # to which the harmonic series holds what effects add
@@ -170,8 +172,9 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
         "dead_time": v["dead_time.time"],
         "zone_width": v["dead_time.zone_width"],
         "zone_tanh": v["dead_time.zone_shape"],
-        "capacitance": v["dead_time.capacitance"] if v["dead_time.time"] > 0.0 else 0.0,
+        "capacitance": _capacitance(motor, v),
         "slices": _slices(motor, v),
+        "reluctant": min(motor.inductance_d, motor.inductance_q),
         "link_voltage": (1.0 + v["dc_link_error.gain_error"]) * converter.dc_bus_voltage,
         "sag": v["dc_link_error.sag"],
         "ripple_amplitude": v["dc_link_ripple.amplitude"],
@@ -249,13 +252,22 @@ def _beside_map(motor: Motor, v: Mapping[str, float]) -> dict[str, float]:
     return {name: value - own[name] for name, value in with_effects.items()}
 
 
+def _capacitance(motor: Motor, v: Mapping[str, float]) -> float:
+    """Return the capacitance across each switch (F), the least that can be told from none; 0 where none is given: edges
+    then know no switches, but a sign of the current."""
+    if v["dead_time.time"] <= 0.0 or not v["dead_time.capacitance"]:
+        return 0.0
+    least = (v["dead_time.time"] / MOST_SWING) ** 2 / (3.0 * min(motor.inductance_d, motor.inductance_q))
+    return max(v["dead_time.capacitance"], least)
+
+
 def _slices(motor: Motor, v: Mapping[str, float]) -> float:
     """Return the steps that a dead time is cut into: a leg swings with sqrt(1/(3 C L)), a quarter radian each at most;
     64 leave (1/64)^2 of the dead time."""
-    capacitance, inductance = v["dead_time.capacitance"], min(motor.inductance_d, motor.inductance_q)
+    capacitance, inductance = _capacitance(motor, v), min(motor.inductance_d, motor.inductance_q)
     if not capacitance:
         return LEAST_SLICES
-    return max(LEAST_SLICES, math.ceil(4.0 * abs(v["dead_time.time"]) / math.sqrt(3.0 * capacitance * inductance)))
+    return max(LEAST_SLICES, math.ceil(4.0 * v["dead_time.time"] / math.sqrt(3.0 * capacitance * inductance)))
 
 
 def _longest_step(period: float, v: Mapping[str, float], shaft_rate: float, inertia: float) -> float:

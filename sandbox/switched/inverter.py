@@ -280,6 +280,19 @@ def slewed(b, level, current, span, link):
 
 
 @kernel
+def slice_of(state, b, off, i_a, i_b, i_c):
+    """Return the step (s) while legs are off: a small one, or as long as no diode's current can come to zero."""
+    step, current = NEVER, (i_a, i_b, i_c)
+    link = link_voltage(b, state[TIME], state[SUNK] + state[LINK_DIP])
+    for leg in range(3):
+        if off[leg]:
+            level, i = state[LEVEL + leg], current[leg]
+            kept = (level <= 0.0 and i > 0.0) or (level >= 1.0 and i < 0.0)
+            step = min(step, 0.5 * abs(i) * b.reluctant / link if kept else 0.0)
+    return max(step, b.dead_time / b.slices)
+
+
+@kernel
 def slew(state, b, mode, begin, end, tau, acc, off):
     """Advance from begin to end while legs are off (three of 0 or 1): their levels by the mean current of the step."""
     link = link_voltage(b, state[TIME] + begin, state[SUNK] + state[LINK_DIP])
@@ -381,7 +394,7 @@ def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end
         until = min(until, early, inside, pattern, end)
         off = (a_a < t_a, a_b < t_b, a_c < t_c)
         if b.capacitance > 0.0 and (off[0] or off[1] or off[2]):
-            until = min(until, t + abs(b.dead_time) / b.slices)
+            until = min(until, t + slice_of(state, b, off, i_a, i_b, i_c))
             slew(state, b, mode, t, until, load_torque, acceleration, off)
         else:
             integrate(state, b, mode, switch_vector(state), t, until, load_torque, acceleration)
