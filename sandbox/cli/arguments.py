@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,7 +30,16 @@ def number(text: str) -> float:
             return float(text)
         except ValueError:
             pass
-    raise ValueError(f"'{text[:40]}' is no number")
+    point = text[:40].replace(",", ".")
+    hint = f"; write {point}, with a point" if text.count(",") == 1 and _is_number(point) else ""
+    raise ValueError(f"'{text[:40]}' is no number{hint}")
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
 
 
 def positive_int(text: str) -> int:

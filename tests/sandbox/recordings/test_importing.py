@@ -18,7 +18,7 @@ from sandbox.cli import main
 from sandbox.drive.locked_test import Bench, paper_campaign
 from sandbox.recordings.campaign import read_campaign
 from sandbox.recordings.column_map import KIND
-from sandbox.recordings.importing import how_to_map, read_recordings, regular
+from sandbox.recordings.importing import how_to_map, read_recordings, regular, source_of
 from sandbox.recordings.writing import write_campaign
 
 DRIVE = load_drive("ipm_exchanged")
@@ -415,3 +415,14 @@ def test_an_index_that_pandas_saved_is_passed_over(tmp_path, index):
 def test_a_sentence_that_says_map_says_where_where_nothing_is_mapped():
     assert how_to_map("theta is turned: map it with scale = -1").endswith("([columns] in a file for --columns)")
     assert how_to_map("correct [drive] sampling_period") == "correct [drive] sampling_period"
+
+
+def test_a_flux_map_lies_beside_the_file_that_names_it_or_beside_the_log(tmp_path):
+    log, maps = tmp_path / "log", tmp_path / "maps"
+    log.mkdir()
+    maps.mkdir()
+    (log / "run.csv").write_text("t,i_q\n0,1\n")
+    (maps / "mine.toml").write_text('[flux_map]\nfile = "motor.csv"\n[[recording]]\nfile = "run.csv"\nrotor = "free"\n')
+    assert source_of(log, maps / "mine.toml").map_folder == log
+    (maps / "motor.csv").write_text("")
+    assert source_of(log, maps / "mine.toml").map_folder == maps
