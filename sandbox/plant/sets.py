@@ -111,8 +111,8 @@ def complete(motor: Motor, converter: Converter, values: Set | None = None) -> d
 def rows_of(motor: Motor, v: Set) -> dict[str, Any]:
     """Return the batch's rows (fields of `PLANT` and of the ports' NUMBERS and FURTHER) of one completed set."""
     neutral = library.neutral(motor)
-    rows: dict[str, Any] = {**machine_rows(motor, v), **{own: v[name] for own, name in _numbers()}}
-    for card in _several():
+    rows: dict[str, Any] = {**machine_rows(motor, v), **{own: v[name] for own, name in numbers()}}
+    for card in several():
         rows |= further_rows(card, v, neutral)
     rows["pairs"], rows["soft"] = float(motor.pole_pairs), 1.0 / v["bench.soft_current"]
     rows["shape"] = v["bench.soft_shape"]
@@ -145,14 +145,14 @@ def machine_rows(motor: Motor, v: Set) -> dict[str, float]:
 
 
 @cache
-def _numbers() -> tuple[tuple[str, str], ...]:
+def numbers() -> tuple[tuple[str, str], ...]:
     """Return the rows that hold effects' parameters, each with the parameter's name."""
     cards = [library.load_effect(name) for name in library.effect_names()]
     return tuple((field(c.name, n), c.public(1, n)) for c in cards for at in c.at for n in at.numbers)
 
 
 @cache
-def _several() -> tuple[Effect, ...]:
+def several() -> tuple[Effect, ...]:
     """Return the cards of effects that can be there several times."""
     return tuple(card for card in map(library.load_effect, library.effect_names()) if card.repeats > 1)
 
@@ -179,7 +179,7 @@ class Need(NamedTuple):
 
 
 @cache
-def _needs() -> tuple[Need, ...]:
+def needs() -> tuple[Need, ...]:
     """Return what all effects need, by their cards."""
     out = []
     for card in map(library.load_effect, library.effect_names()):
@@ -202,7 +202,7 @@ def _switches(card: Effect, at: At) -> tuple[str, ...]:
 def features_of(motor: Motor, v: Set) -> int:
     """Return what a completed set needs beside the bare plant (bits of `sandbox.plant.additions`)."""
     neutral, out = library.neutral(motor), add.ROUND if v["bench.soft_shape"] else 0
-    for bits, names, zero in _needs():
+    for bits, names, zero in needs():
         for name in names:
             if v[name] != (0.0 if zero else neutral[name]):
                 out |= bits
@@ -221,7 +221,7 @@ def batch_of(motor: Motor, converter: Converter, sets: Sequence[Set], lanes: int
     for name in FURTHER:
         w[name] = np.array([rows[name] for rows in compiled]).T
     neutral = library.neutral(motor)
-    for card in _several():
+    for card in several():
         count = max(len(further_parts(card, v, neutral)) for v in sets)
         for at in card.part(2).at if count else ():
             w[more(at.port)] = max(w[more(at.port)], count)

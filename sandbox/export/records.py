@@ -1,0 +1,63 @@
+"""The plant's records as structures in C: the batch of one lane, its room, and the named tuples of a period."""
+
+from __future__ import annotations
+
+from model.effects.card import REPEATED
+from model.inverter_table import MOST_POINTS
+from model.spline import SplineEnergy
+from sandbox.export.kinds import INT, LANE, REAL, Kind, Record, Rows, declared
+from sandbox.plant import batch, ports
+from sandbox.plant.period import Course, Push, Timing
+
+PUSH = Record("drive_push", tuple((f, REAL) for f in Push._fields))
+COURSE = Record("drive_course", tuple((f, PUSH if f == "push" else REAL) for f in Course._fields))
+TIMING = Record("drive_timing", tuple((f, REAL) for f in Timing._fields))
+TUPLES = {Push: PUSH, Course: COURSE, Timing: TIMING}
+TABLE = {f"table_{name}": MOST_POINTS for name in ("current", "volts", "sum")}
+
+
+def plant() -> Record:
+    """Return the batch's record, effects of one's own included."""
+    rows = {name: Rows((LANE,)) for name in (*batch.STATES, *batch.SCRATCH, *batch.PLANT, *batch.FIXED, *ports.NUMBERS)}
+    parts = {name: Rows((count, LANE)) for name, count in {**dict.fromkeys(batch.LAGS, 3), **ports.FURTHER}.items()}
+    counts: dict[str, Kind] = dict.fromkeys([*map(batch.more, REPEATED), "table_points"], INT)
+    table = {name: Rows((count,)) for name, count in TABLE.items()}
+    return Record("drive_plant", tuple({**rows, **parts, **counts, **table}.items()), pointed=True)
+
+
+def room() -> Record:
+    """Return the record of a period's pulses, as `batch.room_type`; whole numbers stay whole."""
+    fields: dict[str, Kind] = {}
+    kinds = batch.room_type(1)
+    for name in kinds.names or ():
+        kind, shape = kinds[name].subdtype or (kinds[name], ())
+        whole = kind.kind == "i"
+        sizes = tuple(LANE if name == "acts" and k == 1 else n for k, n in enumerate(shape))
+        fields[name] = Rows(sizes, whole) if sizes else (INT if whole else REAL)
+    return Record("drive_room", tuple(fields.items()), pointed=True)
+
+
+def flux_map(energy: SplineEnergy | None) -> Record | None:
+    """Return a flux map's record, its cells behind a pointer; None where the motor has a quartic."""
+    if energy is None:
+        return None
+    kinds = {"cells": Rows(tuple(int(n) for n in energy.cells.shape), fixed=True)}
+    return Record("drive_map", tuple((f, kinds.get(f, REAL)) for f in SplineEnergy._fields))
+
+
+def definition(record: Record, said: dict[str, str] | None = None) -> str:
+    """Return a structure's type definition, a field a line; said: words behind a field."""
+    lines = [f"    {_field(name, kind, record)};{f' /* {said[name]} */' if said and said.get(name) else ''}"
+             for name, kind in record.fields]  # fmt: skip
+    return "\n".join(["typedef struct {", *lines, f"}} {record.name};"])
+
+
+def _field(name: str, kind: Kind, record: Record) -> str:
+    """Return a field's declaration: rows are arrays, of the only lane plain numbers."""
+    if isinstance(kind, Rows) and record.pointed:
+        size = kind.size
+        return f"{kind.of} {name}" if kind.shape == (LANE,) else f"{kind.of} {name}[{size}]"
+    return declared(kind, name)
+
+
+SAID = {**batch.STATES, **batch.SCRATCH, **batch.PLANT, **batch.FIXED}
