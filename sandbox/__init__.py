@@ -37,6 +37,7 @@ if TYPE_CHECKING:  # where each name of the page is; read below, too
     )
     from sandbox.public.converting import convert_motor
     from sandbox.public.exporting import export_estimator
+    from sandbox.public.exporting_drive import export_drive
     from sandbox.public.loading import (
         load_estimator,
         load_estimator_library,
@@ -59,7 +60,7 @@ __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "list_tests",
     "describe", "use_effects", "plan", "check",
     "simulate", "compare", "tolerances", "sweep", "protocol", "bench", "audit", "maps", "identify", "diagnose",
-    "replay", "export_estimator", "verify", "show", "view",
+    "replay", "export_estimator", "export_drive", "verify", "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "compiled", "compiled_step",
     "get_include", "BadInput", "PhysicsError",
 ]  # fmt: skip

@@ -18,7 +18,7 @@ GROUPS = {
         "list_tests", "describe",
     ),
     "Run": ("simulate", "compare", "tolerances", "sweep", "protocol", "bench"),
-    "Without a run": ("audit", "maps", "convert_motor", "export_estimator"),
+    "Without a run": ("audit", "maps", "convert_motor", "export_estimator", "export_drive"),
     "Recordings": ("plan", "check", "identify", "diagnose", "replay"),
     "Look at results": ("show", "view", "verify"),
 }  # fmt: skip

@@ -13,6 +13,7 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "reference/made/recordings_checked": "sandbox/recordings/CHECKING.md",
     "reference/made/sweeps": "sandbox/sweep/README.md",
     "reference/made/estimators_in_c": "estimators/c/README.md",
+    "reference/made/drive_in_c": "sandbox/export/README.md",
     "reference/made/nomenclature": "model/NOMENCLATURE.md",
     "results/made/estimators": "estimators/README.md",
     "results/made/estimator_limits": "estimators/LIMITS.md",

@@ -15,7 +15,7 @@ from sandbox.output.tables import print_prose
 
 GROUPS = {
     "Simulate": (commands.compare, commands.simulate, commands.sweep, commands.protocol, commands.bench),
-    "Motor": (commands.audit, commands.maps, commands.motor, commands.export_estimator),
+    "Motor": (commands.audit, commands.maps, commands.motor, commands.export_estimator, commands.export_drive),
     "Recordings": (recorded.plan, recorded.check, recorded.identify, recorded.diagnose, recorded.replay),
     "Results": (commands.show, commands.view, commands.verify),
 }

@@ -143,6 +143,7 @@ Preset = Annotated[
 ]
 Result = Annotated[Path, Parameter(metavar="RESULT", help="folder that a command has written, or its JSON")]
 Radius = Annotated[Number | None, usual("180 % of rated", "A")]
+Speed = Annotated[Number | None, usual("twice rated speed", "RPM")]
 Dask = Annotated[
     str | None, several("ADDRESS", "address of a dask scheduler, tcp://...: its workers do the work (extra `dask`)")
 ]

@@ -328,6 +328,28 @@ def export_estimator(
     output.finish(sandbox.export_estimator(name, motor, belief), folder)
 
 
+def export_drive(
+    *,
+    motor: take.Motor = "ipm_exchanged",
+    effects: take.Effects = "",
+    effects_from: take.EffectsFrom = (),
+    top_speed: take.Speed = None,
+    no_fmu: take.Flag = False,
+    output: take.Tableless = take.Tableless(),
+) -> None:
+    """Motor, inverter and effects as C99 and as FMUs (FMI 2.0 and 3.0), for a test rig or another simulator.
+
+    Parameters
+    ----------
+    top_speed
+        of the shaft, up to which the plant's steps are short enough
+    no_fmu
+        write the C files alone
+    """
+    folder = output.checked("export-drive")
+    output.finish(sandbox.export_drive(motor, effects, top_speed_rpm=top_speed, fmu=not no_fmu), folder)
+
+
 def include() -> None:
     """The folder of the C header for an estimator of your own: cc -I "$(sensorless include)" ..."""
     print_prose(sandbox.get_include())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import Any, ClassVar
 
 from estimators.contract import MAX_PERIOD
 from model.effect_files import effects_of
@@ -15,32 +15,33 @@ from model.parameters import Drive
 from model.spline import SplineEnergy
 from sandbox.export.fmu import VERSIONS, unit_of
 from sandbox.export.source import HEADER, HERE, SOURCE, Number, source_of
-from sandbox.output.files import results, write_json
-from sandbox.output.provenance import Call, made_by
+from sandbox.output.tables import print_prose
 from sandbox.plant import sets
 from sandbox.public.calls import told
 from sandbox.public.loading import load_motor
+from sandbox.public.result import Result
 from sandbox.public.runs import Effects
 
-COMMAND = "export-drive"
 LOOP = "closed_loop.c"
 LOAD, SPEED = 0.8, 0.05  # of rated current and speed, of the program that closes the loop
 FASTEST = 2.0  # of rated speed: up to which steps are short enough, unless told
 
 
-@dataclass(frozen=True)
-class DriveExport:
+@dataclass(frozen=True, repr=False)
+class DriveExport(Result):
     """Files (name and content) of a drive, and its parameters with their bounds."""
 
+    command: ClassVar[str] = "export-drive"
+    kinds: ClassVar[tuple[str, ...]] = ()
     motor: str
     effects: dict[str, float]
     top_speed_rpm: float
     files: dict[str, bytes]
     numbers: tuple[Number, ...]
-    call: Call | None = None
 
-    def __repr__(self) -> str:
-        return f"<DriveExport: {self.motor}, {', '.join(self.files)}>"
+    def summary(self) -> str:
+        """Return whose drive it is, and its files."""
+        return f"{self.motor}, {', '.join(self.files)}"
 
     def as_json(self) -> dict[str, Any]:
         """Return what `export-drive.json` holds beyond its header."""
@@ -50,13 +51,17 @@ class DriveExport:
             "parameters": parameters, "files": list(self.files),
         }  # fmt: skip
 
-    def save(self, folder: str | Path) -> Path:
-        """Write every file and export-drive.json into a folder, together; return it."""
-        with results(Path(folder), COMMAND) as out:
-            for name, content in self.files.items():
-                (out / name).write_bytes(content)
-            write_json(out, COMMAND, self.as_json(), made=made_by(self.call, out.iterdir()))
-        return Path(folder)
+    def report(self) -> None:
+        """Print the files, and how they are used."""
+        print_prose(f"{self.motor} with {len(self.numbers)} parameters; steps for up to {self.top_speed_rpm:g} rpm")
+        print_prose(f"files: {', '.join(self.files)}")
+        print_prose(f"{HEADER} says how the drive is stepped; it is compiled by cc -std=c99 -O2 -c {SOURCE}")
+
+    def _write_more(self, out: Path) -> dict[str, Any]:
+        """Write every file."""
+        for name, content in self.files.items():
+            (out / name).write_bytes(content)
+        return {}
 
 
 def _stated(number: Number) -> dict[str, Any]:

@@ -31,7 +31,7 @@ ROWS = "withheld.rows.jsonl"
 SCORED = "withheld score"
 FUNCTIONS = (
     "simulate", "compare", "tolerances", "sweep", "protocol", "audit", "maps", "identify", "diagnose", "replay",
-    "export_estimator", "convert_motor",
+    "export_estimator", "export_drive", "convert_motor",
 )  # fmt: skip
 
 

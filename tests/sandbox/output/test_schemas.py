@@ -54,6 +54,7 @@ MADE = {
     "protocol": lambda folder: sandbox.protocol(["qnull"], ["ipm_exchanged"], ["load_step"]),
     "sweep": lambda folder: sandbox.sweep(SWEEP, folder / "runs", jobs=1),
     "tolerances": lambda folder: sandbox.tolerances("ipm_exchanged", LOADED, "qnull", percent=[10], draws=2, jobs=1),
+    "export-drive": lambda folder: sandbox.export_drive("ipm", {"dead_time.time": 1e-6}, fmu=False),
     "export-estimator": lambda folder: sandbox.export_estimator("qnull"),
     "motor": lambda folder: sandbox.convert_motor(
         ["poles=14", "kv=300", "r_ll=0.1ohm", "inductance=30uH", "current=20A", "voltage=24V"]

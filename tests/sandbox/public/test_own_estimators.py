@@ -71,6 +71,19 @@ def test_estimators_in_c_from_the_page(tmp_path):
         sandbox.export_estimator("ukf")
 
 
+@of("export_drive")
+def test_a_drive_from_the_page(tmp_path):
+    """What it does: tests/sandbox/export."""
+    export = sandbox.export_drive("ipm_exchanged", "dead_time.time=2e-6", fmu=False)
+    names = "sensorless_drive.h, sensorless_drive.c, closed_loop.c"
+    assert repr(export) == f"<DriveExport: ipm_exchanged, {names}>"
+    assert {p.name for p in export.save(tmp_path / "out").iterdir()} == {*export.files, "export-drive.json"}
+    with pytest.raises(sandbox.BadInput, match="did you mean 'dead_time.time'"):
+        sandbox.export_drive("ipm_exchanged", {"dead_time.tim": 2e-6})
+    with pytest.raises(sandbox.BadInput, match="top_speed_rpm = -1 is out of range"):
+        sandbox.export_drive("ipm_exchanged", top_speed_rpm=-1.0)
+
+
 def test_two_estimators_of_one_name_are_refused():
     one = dataclasses.replace(sandbox.load_estimator("qnull"), name="same")
     other = dataclasses.replace(one, summary="another")

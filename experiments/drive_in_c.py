@@ -1,0 +1,93 @@
+"""What an exported drive costs in C: microseconds a PWM period on one core, and what that means for a test rig.
+
+python -m experiments.drive_in_c     writes results/drive_in_c.{json,md}
+"""
+
+from __future__ import annotations
+
+import datetime
+import json
+import subprocess
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from string import Template
+
+from estimators.c.build import compiler
+from experiments.drawing import RESULTS
+from model.drive_files import load_drive
+from sandbox.public.exporting_drive import export_drive
+
+MOTOR, ROUNDS, PERIODS = "ipm_exchanged", 7, 40_000
+EFFECTS: dict[str, dict[str, float]] = {
+    "bare": {},
+    "dead time": {"dead_time.time": 2e-6},
+    "dead time, device drop": {"dead_time.time": 2e-6, "device_drop.threshold": 1.0},
+    "ten effects": {
+        "dead_time.time": 2e-6, "device_drop.threshold": 1.0, "iron_loss.core_resistance": 2000.0,
+        "flux_harmonics.psi_d6": 5e-4, "inductance_harmonics.gamma_6": 0.1, "cogging_torque.amplitude": 0.02,
+        "coulomb_friction.torque": 0.02, "dc_link_ripple.amplitude": 4.0, "current_filter.time_constant": 1.5e-5,
+        "skin_effect.resistance": 1.0,
+    },
+}  # fmt: skip
+TIMER = Template("""\
+#include "sensorless_drive.h"
+#include <stdio.h>
+#include <time.h>
+int main(void) {
+    static sensorless_drive drive;
+    sensorless_drive_input in = {{0.5, 0.5, 0.5}, 0, 0, 0, 0, {0}};
+    sensorless_drive_output out = {0};
+    struct timespec from, to;
+    int wrong = sensorless_drive_init(&drive, &sensorless_drive_parameters_of_$cname, SENSORLESS_FREE, (drive_real)0.4, 0, 0);
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &from);
+    for (int k = 0; k < $periods; k++) {
+        in.duty[0] = (drive_real)(0.5 + 0.002 * (k % 5));
+        for (int part = 0; part < $parts; part++) wrong |= sensorless_drive_part(&drive, &in, &out, part, $parts);
+    }
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &to);
+    printf("%.9g\\n", ((double)(to.tv_sec - from.tv_sec) + 1e-9 * (double)(to.tv_nsec - from.tv_nsec)) / $periods);
+    return wrong;
+}
+""")
+
+
+def cost(effects: Mapping[str, float], parts: int, double: bool) -> float:
+    """Return microseconds a period (least of several rounds), in so many parts."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = export_drive(MOTOR, effects, fmu=False).save(Path(name) / "c")
+        (folder / "timer.c").write_text(TIMER.substitute(cname=MOTOR, periods=PERIODS, parts=parts))
+        wide = ["-DSENSORLESS_FLOAT64"] if double else []
+        call = [str(compiler()), "-std=gnu99", "-O2", *wide, "-o", "timer", "timer.c", "sensorless_drive.c", "-lm"]
+        subprocess.run(call, cwd=folder, check=True)
+        runs = [subprocess.run(["./timer"], cwd=folder, capture_output=True, text=True, check=True) for _ in range(ROUNDS)]
+        return 1e6 * min(float(run.stdout) for run in runs)
+
+
+def main() -> None:
+    """Measure, and write the table."""
+    kinds = [("double", 1, True), ("float", 1, False), ("double, 10 parts", 10, True)]
+    rows = {name: {kind: cost(effects, parts, wide) for kind, parts, wide in kinds} for name, effects in EFFECTS.items()}
+    made = {"date": datetime.date.today().isoformat(), "motor": MOTOR, "period_us": 1e6 * load_drive(MOTOR).converter.sampling_period,
+            "microseconds_per_period": rows}  # fmt: skip
+    (RESULTS / "drive_in_c.json").write_text(json.dumps(made, indent=1) + "\n", encoding="utf-8")
+    (RESULTS / "drive_in_c.md").write_text(page(made), encoding="utf-8")
+
+
+def page(made: dict) -> str:
+    """Return the page of a measurement."""
+    rows, kinds = made["microseconds_per_period"], list(made["microseconds_per_period"]["bare"])
+    lines = [f"| {name} | {' | '.join(f'{rows[name][k]:.2f}' for k in kinds)} |" for name in rows]
+    head = [f"| effects | {' | '.join(kinds)} |", f"|---|{len(kinds) * '--:|'}"]
+    worst = max(row["double, 10 parts"] for row in rows.values()) / 10.0
+    return (
+        f"# An exported drive in C: microseconds a PWM period\n\n`python -m experiments.drive_in_c`, {made['date']}, one "
+        f"core, other programs beside it, least of {ROUNDS} rounds of {PERIODS} periods of {made['period_us']:g} µs; "
+        f"`{made['motor']}`, rotor free.\n\n" + "\n".join([*head, *lines]) + "\n\n"
+        f"A step of hardware in the loop takes one part: {worst:.2f} µs at the most here (its mean; a real-time system "
+        "needs room for the worst). A tenth of a period of 100 µs leaves 10 µs for it.\n"
+    )
+
+
+if __name__ == "__main__":
+    main()
