@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from functools import cache
-from typing import Literal
+from typing import Any, Literal
 
 from cyclopts import App, Group, Parameter
 
@@ -13,7 +14,7 @@ from sandbox.cli.arguments import Flag
 from sandbox.output.files import version
 from sandbox.output.tables import print_prose
 
-GROUPS = {
+GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Simulate": (commands.compare, commands.simulate, commands.sweep, commands.protocol, commands.bench),
     "Motor": (commands.audit, commands.maps, commands.motor, commands.export_estimator, commands.export_drive),
     "Recordings": (recorded.plan, recorded.check, recorded.identify, recorded.diagnose, recorded.replay),

@@ -104,6 +104,15 @@ def _binary(code: dict[str, str]) -> bytes:
         return (folder / "unit.so").read_bytes()
 
 
+def _root(tag: str, **attributes: str) -> Xml.Element:
+    return Xml.Element(tag, dict(attributes))
+
+
+def _child(parent: Xml.Element, tag: str, **attributes: str) -> Xml.Element:
+    """Return a new element inside another."""
+    return Xml.SubElement(parent, tag, dict(attributes))
+
+
 def _finite(value: float) -> float:
     return max(-INFINITE, min(INFINITE, value))
 
@@ -111,48 +120,48 @@ def _finite(value: float) -> float:
 def described(source: Source, model: str, token: str, period: float, version: int) -> bytes:
     """Return modelDescription.xml."""
     identity = {"guid": token} if version == 2 else {"instantiationToken": token}
-    root = Xml.Element(
+    root = _root(
         "fmiModelDescription", fmiVersion=VERSIONS[version], modelName=f"{source.motor} drive",
         generationTool="sensorless-sandbox", variableNamingConvention="flat",
         description="a permanent-magnet motor with inverter, shaft and sensors, PWM edge by PWM edge", **identity,
     )  # fmt: skip
     ability = {"canGetAndSetFMUstate": "true", "canSerializeFMUstate": "true"}
     if version == 3:
-        ability = {k.replace("FMUstate", "FMUState"): v for k, v in ability.items()} | {"fixedInternalStepSize": repr(period)}
-    run = Xml.SubElement(
-        root, "CoSimulation", modelIdentifier=model, canHandleVariableCommunicationStepSize="true", **ability
-    )
+        ability = {k.replace("FMUstate", "FMUState"): v for k, v in ability.items()} | {
+            "fixedInternalStepSize": repr(period)
+        }
+    run = _child(root, "CoSimulation", modelIdentifier=model, canHandleVariableCommunicationStepSize="true", **ability)
     if version == 2:
-        files = Xml.SubElement(run, "SourceFiles")
+        files = _child(run, "SourceFiles")
         for name in (SOURCE, "drive_fmu.c"):
-            Xml.SubElement(files, "File", name=name)
+            _child(files, "File", name=name)
     units = {v.unit for v in (*START, *INPUTS, *OUTPUTS)} | {n.unit for n in source.numbers} | {"s"}
-    _units(Xml.SubElement(root, "UnitDefinitions"), sorted(units - {""}))
-    Xml.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime="0.1", stepSize=repr(period))
-    variables = Xml.SubElement(root, "ModelVariables")
+    _units(_child(root, "UnitDefinitions"), sorted(units - {""}))
+    _child(root, "DefaultExperiment", startTime="0.0", stopTime="0.1", stepSize=repr(period))
+    variables = _child(root, "ModelVariables")
     _variables(variables, source.numbers, version)
-    structure = Xml.SubElement(root, "ModelStructure")
+    structure = _child(root, "ModelStructure")
     first = len(source.numbers) + len(START) + len(INPUTS)
     places = range(first, first + len(OUTPUTS))
     if version == 2:
         for kind in ("Outputs", "InitialUnknowns"):
-            listed = Xml.SubElement(structure, kind)
+            listed = _child(structure, kind)
             for at in places:
-                Xml.SubElement(listed, "Unknown", index=str(at + 1))
+                _child(listed, "Unknown", index=str(at + 1))
     else:
         for kind in ("Output", "InitialUnknown"):
             for at in places:
-                Xml.SubElement(structure, kind, valueReference=str(at))
+                _child(structure, kind, valueReference=str(at))
     Xml.indent(root)
     return Xml.tostring(root, encoding="utf-8", xml_declaration=True)
 
 
 def _units(element: Xml.Element, units: list[str]) -> None:
     for unit in units:
-        entry = Xml.SubElement(element, "Unit", name=unit)
+        entry = _child(element, "Unit", name=unit)
         if unit in BASE:
             powers = {k: str(v) for k, v in zip(("kg", "m", "s", "A", "rad"), BASE[unit], strict=True) if v}
-            Xml.SubElement(entry, "BaseUnit", **powers)
+            _child(entry, "BaseUnit", **powers)
 
 
 def _variables(element: Xml.Element, numbers: tuple[Number, ...], version: int) -> None:
@@ -178,18 +187,20 @@ def _variables(element: Xml.Element, numbers: tuple[Number, ...], version: int) 
                   "variability": "fixed"}  # fmt: skip
         bounds = {"start": str(start), "min": "0", "max": str(most)}
         if version == 2:
-            Xml.SubElement(Xml.SubElement(element, "ScalarVariable", **shared), "Integer", **bounds)
+            _child(_child(element, "ScalarVariable", **shared), "Integer", **bounds)
         else:
-            Xml.SubElement(element, "Int32", **shared, **bounds)
+            _child(element, "Int32", **shared, **bounds)
         reference += 1
     if version == 3:
-        Xml.SubElement(
+        _child(
             element, "Float64", name="time", valueReference=str(reference), causality="independent",
             variability="continuous", unit="s", description="s since the beginning",
         )  # fmt: skip
 
 
-def _real(element: Xml.Element, version: int, reference: int, v: Variable, causality: str, more: dict[str, str]) -> None:
+def _real(
+    element: Xml.Element, version: int, reference: int, v: Variable, causality: str, more: dict[str, str]
+) -> None:
     variability = "fixed" if causality == "parameter" else "discrete"
     shared = {"name": v.name, "valueReference": str(reference), "description": v.said, "causality": causality,
               "variability": variability}  # fmt: skip
@@ -197,17 +208,17 @@ def _real(element: Xml.Element, version: int, reference: int, v: Variable, causa
         shared["initial"] = "exact" if causality == "parameter" else "calculated"
     unit = {"unit": v.unit} if v.unit else {}
     if version == 2:
-        Xml.SubElement(Xml.SubElement(element, "ScalarVariable", **shared), "Real", **unit, **more)
+        _child(_child(element, "ScalarVariable", **shared), "Real", **unit, **more)
     else:
-        Xml.SubElement(element, "Float64", **shared, **unit, **more)
+        _child(element, "Float64", **shared, **unit, **more)
 
 
 def _build_description(model: str) -> bytes:
     root = Xml.Element("fmiBuildDescription", fmiVersion="3.0")
-    build = Xml.SubElement(root, "BuildConfiguration", modelIdentifier=model)
-    files = Xml.SubElement(build, "SourceFileSet", language="C99")
+    build = _child(root, "BuildConfiguration", modelIdentifier=model)
+    files = _child(build, "SourceFileSet", language="C99")
     for name in (SOURCE, "drive_fmu.c"):
-        Xml.SubElement(files, "SourceFile", name=name)
-    Xml.SubElement(files, "PreprocessorDefinition", name="SENSORLESS_FLOAT64")
+        _child(files, "SourceFile", name=name)
+    _child(files, "PreprocessorDefinition", name="SENSORLESS_FLOAT64")
     Xml.indent(root)
     return Xml.tostring(root, encoding="utf-8", xml_declaration=True)

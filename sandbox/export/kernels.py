@@ -34,7 +34,6 @@ from sandbox.export.kinds import (
 )
 from sandbox.export.layout import folded
 
-
 CALL = re.compile(r"\b[a-z]\w*\(")  # of a function: macros are in capitals
 WORDS = ("long", "short", "double", "register", "signed", "static", "auto", "const", "switch", "union", "volatile")
 

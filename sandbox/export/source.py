@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from collections.abc import Mapping
@@ -69,7 +70,8 @@ def own_numbers(drive: Drive, values: Mapping[str, float], top_speed: float) -> 
         _of(motor, "inductance_d", "at zero current, nominal"), _of(motor, "inductance_q", "at zero current, nominal"),
         _of(motor, "pole_pairs", "electrical angle over mechanical"),
         _of(converter, "current_resolution", "of a count of a reading; 0: none"),
-        _of(converter, "current_noise", "of a reading, rms"), _of(converter, "link_noise", "of the link's reading, rms"),
+        _of(converter, "current_noise", "of a reading, rms"),
+        _of(converter, "link_noise", "of the link's reading, rms"),
         Number("encoder_step", math.tau * motor.pole_pairs / counts if counts else 0.0, 0.0, math.tau, "rad",
                "of a count of the encoder, electrical; 0: none"),
         Number("longest_step", step, 1e-9, MOST_STEP, "s", f"of the integration: up to {top_speed:.4g} rad/s"),
@@ -307,7 +309,7 @@ def _table(converter: Converter) -> list[str]:
     if not points:
         return []
     total, sums = 0.0, [0.0]
-    for (i, u), (j, v) in zip(points, points[1:], strict=False):
+    for (i, u), (j, v) in itertools.pairwise(points):
         total += 0.5 * (u + v) * (j - i)
         sums.append(total)
     columns = {"current": [p[0] for p in points], "volts": [p[1] for p in points], "sum": sums}

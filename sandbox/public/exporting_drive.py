@@ -71,7 +71,10 @@ def _stated(number: Number) -> dict[str, Any]:
 
 @told
 def export_drive(
-    motor: str | Path | Drive = "ipm_exchanged", effects: Effects = None, *, top_speed_rpm: float | None = None,
+    motor: str | Path | Drive = "ipm_exchanged",
+    effects: Effects = None,
+    *,
+    top_speed_rpm: float | None = None,
     fmu: bool = True,
 ) -> DriveExport:
     """Return a drive with its effects as plain C99 and as FMUs: to run on a test rig, in Simulink, PLECS, OpenModelica.

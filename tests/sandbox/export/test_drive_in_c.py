@@ -84,10 +84,17 @@ FURTHER = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("extra", [FURTHER, {"current_sampling.delay": -3e-6}, {"current_sampling.jitter": 2e-6},
-                                   {"pwm_delay.delay": 2e-5, "current_sampling.delay": 5e-6},
-                                   {"bench.soft_shape": 0.5, "dead_time.time": 2e-6, "bench.load_torque_gain": 0.02},
-                                   {"dead_time.time": 3e-6, "dead_time.zone_width": 0.1, "dead_time.zone_shape": 1.0}])  # fmt: skip
+REST = (
+    FURTHER,
+    {"current_sampling.delay": -3e-6},
+    {"current_sampling.jitter": 2e-6},
+    {"pwm_delay.delay": 2e-5, "current_sampling.delay": 5e-6},
+    {"bench.soft_shape": 0.5, "dead_time.time": 2e-6, "bench.load_torque_gain": 0.02},
+    {"dead_time.time": 3e-6, "dead_time.zone_width": 0.1, "dead_time.zone_shape": 1.0},
+)
+
+
+@pytest.mark.parametrize("extra", REST)
 def test_what_typical_sizes_do_not_reach(drive, plain, extra):
     """Further orders, samples before their pattern, jitter by the same chances, the sign around zero current."""
     assert max(compared(drive, plain, "free", extra)) < GOAL
@@ -125,9 +132,7 @@ def test_parts_of_a_period(drive, plain):
         step = {"drive.longest_step": 0.5 * drive.converter.sampling_period / steps}
         found[parts, steps] = plain.run(recording, "free", effects | step, parts)
     rated = drive.motor.rated_current
-    coarse, fine = (
-        np.abs(found[8, n][:, CURRENT] - found[1, n][:, CURRENT]).max() / rated for n in (16, 64)
-    )
+    coarse, fine = (np.abs(found[8, n][:, CURRENT] - found[1, n][:, CURRENT]).max() / rated for n in (16, 64))
     assert fine < 1e-6
     assert fine < coarse / 8.0 or coarse < GOAL
     assert np.abs(within(found[8, 64][:, THETA] - found[1, 64][:, THETA], drive.motor.pole_pairs)).max() < 1e-6

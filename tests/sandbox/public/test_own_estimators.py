@@ -78,7 +78,7 @@ def test_a_drive_from_the_page(tmp_path):
     names = "sensorless_drive.h, sensorless_drive.c, closed_loop.c"
     assert repr(export) == f"<DriveExport: ipm_exchanged, {names}>"
     assert {p.name for p in export.save(tmp_path / "out").iterdir()} == {*export.files, "export-drive.json"}
-    with pytest.raises(sandbox.BadInput, match="did you mean 'dead_time.time'"):
+    with pytest.raises(sandbox.BadInput, match=r"did you mean 'dead_time\.time'"):
         sandbox.export_drive("ipm_exchanged", {"dead_time.tim": 2e-6})
     with pytest.raises(sandbox.BadInput, match="top_speed_rpm = -1 is out of range"):
         sandbox.export_drive("ipm_exchanged", top_speed_rpm=-1.0)
