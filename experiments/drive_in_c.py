@@ -18,7 +18,7 @@ from experiments.drawing import RESULTS
 from model.drive_files import load_drive
 from sandbox.public.exporting_drive import export_drive
 
-MOTOR, ROUNDS, PERIODS = "ipm_exchanged", 5, 40_000
+MOTOR, ROUNDS, PERIODS = "ipm_exchanged", 5, 20_000
 EFFECTS: dict[str, dict[str, float]] = {
     "bare": {},
     "dead time": {"dead_time.time": 2e-6},
@@ -30,6 +30,7 @@ EFFECTS: dict[str, dict[str, float]] = {
         "skin_effect.resistance": 1.0,
     },
 }  # fmt: skip
+KINDS = [("double", 1, True), ("float", 1, False), ("double, 10 parts", 10, True)]
 TIMER = Template("""\
 #include "sensorless_drive.h"
 #include <math.h>
@@ -55,26 +56,26 @@ int main(void) {
 """)
 
 
-def cost(effects: Mapping[str, float], parts: int, double: bool) -> float:
-    """Return microseconds a period (least of several rounds), in so many parts."""
+def costs(effects: Mapping[str, float]) -> dict[str, float]:
+    """Return microseconds a period, the least of several rounds, of each kind."""
     with tempfile.TemporaryDirectory() as name:
         folder = export_drive(MOTOR, effects, fmu=False).save(Path(name) / "c")
-        (folder / "timer.c").write_text(TIMER.substitute(cname=MOTOR, periods=PERIODS, parts=parts))
-        wide = ["-DSENSORLESS_FLOAT64"] if double else []
-        call = [str(compiler()), "-std=gnu99", "-O2", *wide, "-o", "timer", "timer.c", "sensorless_drive.c", "-lm"]
-        subprocess.run(call, cwd=folder, check=True)
-        runs = [
-            subprocess.run(["./timer"], cwd=folder, capture_output=True, text=True, check=True) for _ in range(ROUNDS)
-        ]
-        return 1e6 * min(float(run.stdout) for run in runs)
+        return {kind: cost(folder, parts, double) for kind, parts, double in KINDS}
+
+
+def cost(folder: Path, parts: int, double: bool) -> float:
+    """Return the same of an exported drive, in so many parts."""
+    (folder / "timer.c").write_text(TIMER.substitute(cname=MOTOR, periods=PERIODS, parts=parts))
+    wide = ["-DSENSORLESS_FLOAT64"] if double else []
+    call = [str(compiler()), "-std=gnu99", "-O2", *wide, "-o", "timer", "timer.c", "sensorless_drive.c", "-lm"]
+    subprocess.run(call, cwd=folder, check=True)
+    runs = [subprocess.run(["./timer"], cwd=folder, capture_output=True, text=True, check=True) for _ in range(ROUNDS)]
+    return 1e6 * min(float(run.stdout) for run in runs)
 
 
 def main() -> None:
     """Measure, and write the table."""
-    kinds = [("double", 1, True), ("float", 1, False), ("double, 10 parts", 10, True)]
-    rows = {
-        name: {kind: cost(effects, parts, wide) for kind, parts, wide in kinds} for name, effects in EFFECTS.items()
-    }
+    rows = {name: costs(effects) for name, effects in EFFECTS.items()}
     made = {
         "date": datetime.date.today().isoformat(), "motor": MOTOR,
         "period_us": 1e6 * load_drive(MOTOR).converter.sampling_period, "microseconds_per_period": rows,
@@ -91,7 +92,7 @@ def page(made: dict) -> str:
     worst = max(row["double, 10 parts"] for row in rows.values()) / 10.0
     return (
         f"# An exported drive in C: microseconds a PWM period\n\n`python -m experiments.drive_in_c`, {made['date']}, "
-        f"one core, other programs beside it, least of {ROUNDS} rounds of {PERIODS} periods of {made['period_us']:g} µs; "
+        f"one core beside other programs, least of {ROUNDS} rounds of {PERIODS} periods of {made['period_us']:g} µs; "
         f"`{made['motor']}`, rotor free, a turning voltage of 5 % of the link.\n\n"
         + "\n".join([*head, *lines])
         + "\n\n"
