@@ -66,7 +66,7 @@ int32_t sensorless_drive_init(sensorless_drive *drive, const sensorless_drive_pa
     w->off_c = R(1.0);
     drive->timing.period = drive->period;
     drive->timing.longest = drive_least(R(0.5) * drive->period, is->drive_longest_step);
-    drive->timing.tardy = additions_latest(w);
+    drive->timing.tardy = commutation_latest(w);
     drive->timing.first = w->jitter > R(0.0) ? R(-1.0) : w->sample;
     drive->timing.last = w->jitter > R(0.0) ? R(1.0) : w->sample;
     walking_at_rest(w, &c, &s, rest);
@@ -128,7 +128,7 @@ void sensorless_drive_look(const sensorless_drive *drive, sensorless_drive_outpu
     const drive_push still = {R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)};
     const drive_course course = {c, s, R(0.0), R(0.0), rotor._1, R(0.0), R(0.0), rotor._1, still};
     drive_real across;
-    period_at_start(w$map, drive->features, c, s, R(0.0), course, drive->span, R(0.0), R(0.0), R(0.0), R(0.0));
+    period_at_start(w$map, drive->features, c, s, R(0.0), course, drive->span);
     w->mid_a = w->psi_a;
     w->mid_b = w->psi_b;
     w->j_a = w->i_a;

@@ -16,8 +16,10 @@ if TYPE_CHECKING:
 OPERATORS = {ast.Add: ("+", 6), ast.Sub: ("-", 6), ast.Mult: ("*", 7), ast.Div: ("/", 7), ast.FloorDiv: ("/", 7),
              ast.Mod: ("%", 7), ast.BitAnd: ("&", 3), ast.BitOr: ("|", 3), ast.LShift: ("<<", 5)}  # fmt: skip
 COMPARED = {ast.Lt: "<", ast.LtE: "<=", ast.Gt: ">", ast.GtE: ">=", ast.Eq: "==", ast.NotEq: "!="}
-MATHS = {"cos": "COS", "sin": "SIN", "sqrt": "SQRT", "floor": "FLOOR", "ceil": "CEIL", "copysign": "COPYSIGN",
-         "hypot": "HYPOT", "exp": "EXP"}  # fmt: skip
+MATHS = (
+    "cos", "sin", "tan", "acos", "asin", "atan", "atan2", "exp", "log", "log1p", "expm1", "cosh", "sinh", "tanh",
+    "sqrt", "floor", "ceil", "copysign", "hypot", "fmod",
+)  # fmt: skip
 CHOSEN = {"min": "drive_least", "max": "drive_most"}
 ATOM, BITS = 9, 3
 
@@ -142,6 +144,9 @@ class Expressions:
         if kind == REAL:
             a = self.as_kind(left, REAL) if left.kind == INT else a
             b = self.as_kind(right, REAL) if right.kind == INT else b
+            if sign == "%":
+                return Text(f"drive_modulo({self.as_kind(left, REAL)}, {self.as_kind(right, REAL)})", REAL)
+            assert not isinstance(node.op, ast.FloorDiv), ast.unparse(node)
         return Text(f"{a} {sign} {b}", kind, binds)
 
     def _compare(self, node: ast.Compare) -> Text:
@@ -202,7 +207,8 @@ class Expressions:
         if name == "math.isfinite":
             return Text(f"isfinite({given[0].text})", INT)
         if name.startswith("math."):
-            return Text(f"{MATHS[name[5:]]}({', '.join(self.as_kind(a, REAL) for a in given)})", REAL)
+            assert name[5:] in MATHS, f"{name} has no translation"
+            return Text(f"{name[5:].upper()}({', '.join(self.as_kind(a, REAL) for a in given)})", REAL)
         if name in CHOSEN:
             return self._chosen(CHOSEN[name], given)
         if name == "abs":

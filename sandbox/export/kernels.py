@@ -135,6 +135,7 @@ class Function:
         self.tree, self.parameters = tree, [a.arg for a in tree.args.args]
         self.kinds = dict(zip(self.parameters, kinds, strict=True))
         self.locals: dict[str, Kind] = {}
+        self.now: dict[str, str] = {}  # what a name is called at present, where it was of another kind before
         self.read: set[str] = set()
         self.used: set[str] | None = None  # what an earlier pass has read
         self.fresh = 0
@@ -145,7 +146,7 @@ class Function:
         body = self.tree.body[1:] if ast.get_docstring(self.tree) else self.tree.body
         lines, self.used = self._block(body), None
         while self.read != self.used:  # what only dropped assignments read is not used, either
-            self.used, self.read, self.fresh = self.read, set[str](), 0
+            self.used, self.read, self.fresh, self.now = self.read, set[str](), 0, {}
             lines = self._block(body)
         while lines and lines[-1] == "return;":
             lines.pop()
@@ -166,8 +167,9 @@ class Function:
     def named(self, name: str) -> Text:
         """Return a variable or a constant."""
         if name in self.kinds or name in self.locals:
-            self.read.add(name)
-            return Text(name, self.kinds.get(name) or self.locals[name])
+            called = self.now.get(name, name)
+            self.read.add(called)
+            return Text(called, self.kinds.get(called) or self.locals[called])
         value = self.plain.__globals__[name]
         module = home_of(self.plain, name)
         return self.program.constant(module, name, value)
@@ -181,13 +183,17 @@ class Function:
             return getattr(owner, node.attr) if isinstance(owner, ModuleType) else None
         return None
 
-    def set_kind(self, name: str, kind: Kind) -> Kind:
-        """Note the kind of a variable; return what it is by now."""
+    def set_kind(self, name: str, kind: Kind) -> str:
+        """Note the kind of a variable; return what it is called: anew where it was of another kind before."""
         if name in self.parameters and name not in self.locals:
             assert self.kinds[name] == kind or {self.kinds[name], kind} == {REAL, INT}, f"{self.name}: {name}"
-            return self.kinds[name]
-        self.locals[name] = joined(self.locals.get(name, kind), kind)
-        return self.locals[name]
+            return name
+        called = self.now.get(name, name)
+        known = self.locals.get(called, kind)
+        if known != kind and {known, kind} != {REAL, INT}:
+            called = self.now[name] = f"{called}_{len(self.now) + 2}"
+        self.locals[called] = joined(self.locals.get(called, kind), kind)
+        return called
 
     # statements -------------------------------------------------------------------------------------------------------
     def _block(self, statements: list[ast.stmt]) -> list[str]:
@@ -314,10 +320,10 @@ class Function:
         if isinstance(value.kind, (Absent, Lane)):
             self.kinds[target.id] = value.kind
             return []
-        kind = self.set_kind(target.id, value.kind)
-        if self.used is not None and target.id not in self.used and target.id not in self.parameters:
+        name = self.set_kind(target.id, value.kind)
+        if self.used is not None and name not in self.used and name not in self.parameters:
             return [f"(void)({value.text});"] if CALL.search(value.text) else []
-        return [f"{target.id} = {e.as_kind(value, kind)};"]
+        return [f"{name} = {e.as_kind(value, self.kinds.get(name) or self.locals[name])};"]
 
 
 class _Renamed(ast.NodeTransformer):

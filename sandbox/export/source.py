@@ -18,9 +18,10 @@ from model.spline import SplineEnergy
 from sandbox.drive import loop, sensing
 from sandbox.drive.closed import longest_step
 from sandbox.export import records
+from sandbox.export.expressions import MATHS
 from sandbox.export.kernels import Program, literal
 from sandbox.export.kinds import INT, LANE, REAL, Absent, Kind, Record, Rows
-from sandbox.plant import additions, edges, fixed, sampling, sets
+from sandbox.plant import additions, commutation, edges, fixed, sampling, sets
 from sandbox.plant.compose import further_field
 from sandbox.plant.period import at_start, travel
 from sandbox.replay.walking import at_rest
@@ -116,7 +117,7 @@ def source_of(drive: Drive, values: Mapping[str, float], top_speed: float) -> So
         rows=_indented(_rows(drive, energy)), needs=_indented(_needs(drive.motor)), sound=_sound(),
         map=", drive_flux_map" if energy else "", travel_looking=looking,
     )  # fmt: skip
-    head = HEAD.substitute(header=HEADER, motor=drive.name)
+    head = HEAD.substitute(header=HEADER, motor=drive.name, macros=_macros())
     constants = [*_bounds(name, numbers), *(_map(energy) if energy else []), *_table(drive.converter)]
     whole = "\n\n".join([head, program.text(), *constants, text])
     return Source(_header(drive, numbers, name), whole, tuple(numbers), name)
@@ -130,35 +131,28 @@ HEAD = Template("""\
 #include <math.h>
 #include <string.h>
 
-#ifdef SENSORLESS_FLOAT64
-#define R(x) x
-#define COS(x) cos(x)
-#define SIN(x) sin(x)
-#define SQRT(x) sqrt(x)
-#define FLOOR(x) floor(x)
-#define CEIL(x) ceil(x)
-#define FABS(x) fabs(x)
-#define HYPOT(x, y) hypot(x, y)
-#define EXP(x) exp(x)
-#define COPYSIGN(x, y) copysign(x, y)
-#else
-#define R(x) x##f
-#define COS(x) cosf(x)
-#define SIN(x) sinf(x)
-#define SQRT(x) sqrtf(x)
-#define FLOOR(x) floorf(x)
-#define CEIL(x) ceilf(x)
-#define FABS(x) fabsf(x)
-#define HYPOT(x, y) hypotf(x, y)
-#define EXP(x) expf(x)
-#define COPYSIGN(x, y) copysignf(x, y)
-#endif
+$macros
 
 static inline drive_real drive_least(drive_real a, drive_real b) { return b < a ? b : a; }
 static inline drive_real drive_most(drive_real a, drive_real b) { return b > a ? b : a; }
 static inline int32_t drive_least_whole(int32_t a, int32_t b) { return b < a ? b : a; }
 static inline int32_t drive_most_whole(int32_t a, int32_t b) { return b > a ? b : a; }
-static inline drive_real drive_square(drive_real x) { return x * x; }""")
+static inline drive_real drive_square(drive_real x) { return x * x; }
+static inline drive_real drive_modulo(drive_real x, drive_real y) { /* has the sign of y */
+    const drive_real rest = FMOD(x, y);
+    return rest != R(0.0) && (rest < R(0.0)) != (y < R(0.0)) ? rest + y : rest;
+}""")
+
+
+def _macros() -> str:
+    """Return the functions of the mathematical library by names that are the same in double and float."""
+    of_two, names = ("atan2", "copysign", "fmod", "hypot"), sorted({*MATHS, "fabs"})
+    wide, narrow = ["#define R(x) x"], ["#define R(x) x##f"]
+    for name in names:
+        given = "(x, y)" if name in of_two else "(x)"
+        wide.append(f"#define {name.upper()}{given} {name}{given}")
+        narrow.append(f"#define {name.upper()}{given} {name}f{given}")
+    return "\n".join(["#ifdef SENSORLESS_FLOAT64", *wide, "#else", *narrow, "#endif"])
 
 
 def _template(name: str) -> Template:
@@ -187,7 +181,7 @@ def _translated(energy: SplineEnergy | None) -> tuple[Program, str]:
         if isinstance(value, int):
             p.constant("sandbox.plant.additions", name, value)
     p.translate(fixed.fix, (w, REAL))
-    p.translate(additions.latest, (w,))
+    p.translate(commutation.latest, (w,))
     p.translate(at_rest, (w, row, row, Rows((2, LANE))))
     p.translate(sampling.read, (w,))
     p.translate(loop.rotor, (w,))
@@ -195,7 +189,7 @@ def _translated(energy: SplineEnergy | None) -> tuple[Program, str]:
     p.translate(sensing.encoder, (w, INT, REAL, REAL, REAL))
     p.translate(loop.judge, (w, p.several((REAL, REAL))))
     p.translate(additions.turning, (w, REAL, REAL))
-    start = (w, the_map, INT, REAL, REAL, REAL, records.COURSE, *5 * (REAL,))
+    start = (w, the_map, INT, REAL, REAL, REAL, records.COURSE, REAL)
     p.translate(at_start, start)
     given = (w, the_map, records.TIMING, INT, room, records.COURSE, REAL, REAL)
     p.translate(travel, (*given, Rows((0,)), Rows((0, 2))))
@@ -239,6 +233,13 @@ def _rows(drive: Drive, energy: SplineEnergy | None) -> list[str]:
         f"w->load_gain = {_is('bench.load_torque_gain')};", f"w->load_offset = {_is('bench.load_torque_offset')};",
     ]  # fmt: skip
     lines += [f"w->{row} = {_is(name)};" for row, name in sets.numbers()]
+    shape = f"is->dead_time_zone_shape != R(0.0) ? is->dead_time_zone_shape : {_is('bench.soft_shape')}"
+    lines += ["if (is->dead_time_zone_width == R(0.0)) {"]  # as `sets.zone_of`
+    lines += [
+        f"    w->dead_time_zone_width = {_is('bench.soft_current')};",
+        f"    w->dead_time_zone_shape = {shape};",
+        "}",
+    ]
     lines += [line for card in sets.several() for line in _further(drive.motor, card)]
     table = drive.converter.inverter_table
     if table:
