@@ -9,6 +9,7 @@ import math
 import os
 import sys
 from dataclasses import fields
+from itertools import chain
 from keyword import iskeyword
 from pathlib import Path
 from types import ModuleType
@@ -181,9 +182,9 @@ def _try(card: Effect, file: Path) -> None:
 
 def _ask(card: Effect, values: dict[str, float], neutral: dict[str, float], drive: Drive) -> None:
     """Call a card's functions as a run does."""
-    asked = [f for f in (card.limits, card.inside) if f]
-    for limit in [x for f in asked for x in f(values, drive.motor, drive.converter)]:
-        if limit.size > 0.0 and not limit.size < limit.bound:
+    inside = card.inside(values, drive.motor, drive.converter) if card.inside else ()
+    for limit in chain(card.limits_at(values, drive.motor, drive.converter), inside):
+        if limit.broken:
             return  # nothing else is asked then
     for at in card.at:
         if PORTS[at.port].once:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -211,6 +211,11 @@ class Limit(NamedTuple):
     what: str
     simulated: bool = False
 
+    @property
+    def broken(self) -> bool:
+        """Whether the size is at its bound or beyond; a size of 0 or less has none."""
+        return self.size > 0.0 and not self.size < self.bound
+
 
 @dataclass(frozen=True)
 class Effect:
@@ -279,6 +284,14 @@ class Effect:
     def switched_off(self, values: Mapping[str, float], neutral: Mapping[str, float], k: int = 1) -> bool:
         """Return whether completed values leave the effect's k-th part off."""
         return all(values[n] == neutral[n] for n in self.switched_by[k - 1])
+
+    def limits_at(self, values: Mapping[str, float], motor: Motor, converter: Converter) -> Iterator[Limit]:
+        """Yield the limits at any completed values, possible or not, up to the first one broken: later ones may rest
+        on it, as a shaft's resonance on a load's inertia below that of all.  BadInput: the values have none at all."""
+        for limit in self.limits(values, motor, converter) if self.limits else ():
+            yield limit
+            if limit.broken:
+                return
 
     def is_on(self, values: Mapping[str, float], neutral: Mapping[str, float]) -> bool:
         """Return whether any part of the effect is there."""

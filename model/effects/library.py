@@ -208,10 +208,10 @@ def _hold(
     card: Effect, motor: Motor, converter: Converter, values: Mapping[str, float], simulated: bool = False
 ) -> None:
     """Raise BadInput for a size beyond a limit of its card; simulated: those of a simulated drive alone."""
-    asked = card.limits(values, motor, converter) if card.limits else ()
+    asked = (x for x in card.limits_at(values, motor, converter) if x.simulated == simulated)
     more = card.inside(values, motor, converter) if card.inside and simulated else ()
-    for limit in chain((x for x in asked if x.simulated == simulated), more):  # one by one: a later one may raise
-        if limit.size > 0.0 and not limit.size < limit.bound:
+    for limit in chain(asked, more):  # one by one: a later one may raise
+        if limit.broken:
             raise BadInput(
                 f"{limit.name}: {limit.size:g} is out of range; it must stay below {limit.bound:g} {limit.what}"
             )

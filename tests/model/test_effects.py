@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 
+import numpy as np
 import pytest
 
 from model.drive_files import load_drive
@@ -193,3 +194,31 @@ def test_sizes_that_no_drive_can_have_are_refused(effects, words):
     drive = load_drive("ipm_exchanged")
     with pytest.raises(BadInput, match=words):
         library.complete(drive.motor, drive.converter, effects)
+
+
+@pytest.mark.parametrize("name", [e for e in CANONICAL if library.load_effect(e).limits])
+def test_limits_can_be_asked_at_any_values(name):
+    """A fit asks on its way, where an inertia may lie below the load's share of it: told, never a failing root."""
+    card, rng = library.load_effect(name), np.random.default_rng(1)
+    known, neutral = library.parameters(), library.neutral(MOTOR)
+    own = [*(n for n in known if n.partition(".")[0] == name and not library.is_further(n)), "inertia.inertia"]
+    for _ in range(300):
+        values = dict(neutral)
+        for n in own:
+            p = known[n]
+            size = p.typical_for(MOTOR, CONVERTER) or neutral[n] or 1.0
+            drawn = float(rng.choice([p.low, p.high, neutral[n], size * 10.0 ** rng.uniform(-4.0, 4.0), -size]))
+            values[n] = min(max(drawn, p.low), p.high)
+        try:
+            told = list(card.limits_at(values, MOTOR, CONVERTER))
+        except BadInput:
+            continue
+        assert not any(x.broken for x in told[:-1])
+        assert all(not math.isnan(x.size) for x in told)
+
+
+def test_an_inertia_below_that_of_the_load_is_told_before_the_resonance():
+    values = library.neutral(MOTOR) | {"shaft_compliance.stiffness": 10.0, "shaft_compliance.load_inertia": 1e-3}
+    told = list(library.load_effect("shaft_compliance").limits_at(values | {"inertia.inertia": 9e-4}, MOTOR, CONVERTER))
+    assert [x.name for x in told] == ["shaft_compliance.load_inertia"]
+    assert told[0].broken

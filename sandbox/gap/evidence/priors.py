@@ -217,7 +217,7 @@ def of_part(card: Effect, k: int, drive: Drive, start: Set, at: Set | None = Non
 def limited(card: Effect, drive: Drive, values: Set) -> dict[str, float]:
     """Return the limits of a card that are of a parameter itself, by public name; none of sums and of products."""
     try:
-        asked = list(card.limits(values, drive.motor, drive.converter)) if card.limits else []
+        asked = list(card.limits_at(values, drive.motor, drive.converter))
     except BadInput:  # the values have none, as a shaft without a load
         return {}
     return {x.name: x.bound for x in asked if not x.simulated and x.size == values.get(x.name)}
