@@ -6,12 +6,9 @@ import ast
 import inspect
 import math
 from types import ModuleType
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 from sandbox.export.kinds import INT, LANE, REAL, Absent, Kind, Lane, Record, Rows, Several, declared
-
-if TYPE_CHECKING:
-    from sandbox.export.kernels import Function
 
 OPERATORS = {ast.Add: ("+", 6), ast.Sub: ("-", 6), ast.Mult: ("*", 7), ast.Div: ("/", 7), ast.FloorDiv: ("/", 7),
              ast.Mod: ("%", 7), ast.BitAnd: ("&", 3), ast.BitOr: ("|", 3), ast.LShift: ("<<", 5)}  # fmt: skip
@@ -33,6 +30,20 @@ class Text(NamedTuple):
     always: bool | None = None
 
 
+class User(Protocol):
+    """The function that expressions stand in: what its names are, and the program that it belongs to."""
+
+    program: Any
+    fresh: int  # temporary variables so far
+    read: set[str]  # variables that have been read
+
+    def named(self, name: str) -> Text:
+        """Return a variable or a constant."""
+
+    def found(self, node: ast.expr) -> Any:
+        """Return the Python object that a name or a module's attribute is; None where it is a variable."""
+
+
 def known(truth: bool) -> Text:
     """Return a truth known beforehand."""
     return Text(str(int(truth)), INT, ATOM, truth)
@@ -46,7 +57,7 @@ def bound(found: Text, binds: int) -> str:
 class Expressions:
     """Writes the expressions of one statement; `before` collects what must come before it."""
 
-    def __init__(self, user: Function) -> None:
+    def __init__(self, user: User) -> None:
         self.user, self.program = user, user.program
         self.before: list[str] = []
 
