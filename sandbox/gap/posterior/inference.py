@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from model.effects import library
-from sandbox.gap.evidence.fit import Fit, Weights, attempted, fit, rms_of
+from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
 from sandbox.gap.evidence.normal import Normal, Point
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates, further
@@ -220,6 +220,8 @@ class _Run:
         Fitted sets have the evidence of their own points; any other one stands to the best of them as the equations at
         its point say.  It ought to be fitted where that is more than the best one's, where it is near and parameters
         would move by more than slopes hold for, and where it only exchanges an effect for one that stands in for it.
+        None ought where the best one leaves several floors: something outside the library decides then, not one set or
+        another.
         """
         own = {k: e.log_evidence + log_prior(k, self.problem.settings) for k, e in fitted.items()}
         leader = max(own, key=lambda k: (own[k], k))
@@ -232,6 +234,8 @@ class _Run:
         if leader not in self.stand_ins:
             self.stand_ins[leader] = stand_ins(fitted[leader].model, leader, self.problem.settings.bend)
         near += [k for k in self.stand_ins[leader] if k not in {*near, *fitted, *impossible}]
+        if rms_of(fitted[leader].fit) > NEAR:
+            near = []
         told = {k: min(v, 0.0) for k, v in told.items()} | {k: v - top for k, v in own.items()}
         return told, near
 
