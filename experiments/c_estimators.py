@@ -37,7 +37,7 @@ from sandbox.evaluation.protocol import TESTS, Row, protocol
 from sandbox.evaluation.protocol_names import MOTORS
 from sandbox.evaluation.protocol_tests import GOAL_LOAD, Point, static_map
 from sandbox.evaluation.step_cost import step_ns
-from sandbox.public.exporting import golden_of, in_one_window, samples_of
+from sandbox.public.exports.estimator import golden_of, in_one_window, samples_of
 
 NAMES = generate.NAMES
 FOREIGN = generate.HERE / "examples" / "flux_observer.c"

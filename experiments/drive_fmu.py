@@ -22,7 +22,7 @@ from model.frames import rotate, stationary, wrapped
 from sandbox.drive.control import average, blank, current_control
 from sandbox.drive.design import belief_of, design
 from sandbox.plant.edges import duties
-from sandbox.public.exporting_drive import export_drive
+from sandbox.public.exports.drive import export_drive
 from sandbox.recordings.injection import carrier
 
 MOTOR, ESTIMATOR, LOAD, SPEED, ROTOR_DRIVEN = "ipm_exchanged", "qnull", 0.8, 0.05, 1  # of rated current and speed

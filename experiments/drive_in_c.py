@@ -16,7 +16,7 @@ from string import Template
 from estimators.c.build import compiler
 from experiments.drawing import RESULTS
 from model.drive_files import load_drive
-from sandbox.public.exporting_drive import export_drive
+from sandbox.public.exports.drive import export_drive
 
 MOTOR, ROUNDS, PERIODS = "ipm_exchanged", 5, 20_000
 EFFECTS: dict[str, dict[str, float]] = {

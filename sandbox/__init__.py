@@ -36,8 +36,8 @@ if TYPE_CHECKING:  # where each name of the page is; read below, too
         list_tests,
     )
     from sandbox.public.converting import convert_motor
-    from sandbox.public.exporting import export_estimator
-    from sandbox.public.exporting_drive import export_drive
+    from sandbox.public.exports.drive import export_drive
+    from sandbox.public.exports.estimator import export_estimator
     from sandbox.public.loading import (
         load_estimator,
         load_estimator_library,

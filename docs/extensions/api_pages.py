@@ -38,7 +38,7 @@ RESULTS = {
     "sandbox.public.campaigns.diagnosed.DiagnosisResult": "verdict",
     "sandbox.public.campaigns.moved.MotionResult": "verdict",
     "sandbox.public.campaigns.replayed.ReplayResult": "",
-    "sandbox.public.exporting.Export": "save",
+    "sandbox.public.exports.estimator.Export": "save",
     "sandbox.public.verifying.Verification": "same, sentence, save",
 }
 HEAD = """# Python

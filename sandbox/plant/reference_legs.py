@@ -10,17 +10,14 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from sandbox.plant.sets import zone_of
-
-if TYPE_CHECKING:
-    from sandbox.plant.reference import Reference
 
 Array = NDArray[np.float64]
 A = cmath.exp(2j * math.pi / 3.0)
@@ -29,10 +26,34 @@ LEVEL = 12  # first of three places in the state
 SHORT, NUDGE = 1e-15, 1e-10  # s: no time is left; over which a current's slope is looked at
 
 
+class Machine(Protocol):
+    """What legs need of the plant that they feed: parameters, the PWM period (s), and where it puts legs that move."""
+
+    v: Mapping[str, float]
+    legs: Commutating | None
+
+    @property
+    def period(self) -> float:
+        """The PWM period, s."""
+        ...
+
+    def current(self, t: float, y: Array) -> complex:
+        """Return the current (A) in the stator's frame."""
+        ...
+
+    def supply(self, t: float) -> float:
+        """Return the link's voltage (V)."""
+        ...
+
+    def slopes(self, t: float, y: Array, algebra: bool = True) -> Array:
+        """Return the state's time derivative."""
+        ...
+
+
 class Legs:
     """Commanded edges of three legs, and integration from one to the next."""
 
-    def __init__(self, plant: Reference) -> None:
+    def __init__(self, plant: Machine) -> None:
         self.plant, self.before = plant, [0.5, 0.5, 0.5]
 
     def commanded(self, t: float, duty: Array) -> list[Any]:
@@ -64,7 +85,7 @@ class Legs:
 class Late(Legs):
     """Edges late by the sign of the current."""
 
-    def __init__(self, plant: Reference) -> None:
+    def __init__(self, plant: Machine) -> None:
         super().__init__(plant)
         self.last, self.waiting = [(-1.0, 0)] * 3, dict[tuple[int, int], float]()  # act, number; level by leg, number
 
@@ -96,7 +117,7 @@ class Late(Legs):
 class Commutating(Legs):
     """Both switches of a leg off for the dead time behind each commanded edge."""
 
-    def __init__(self, plant: Reference) -> None:
+    def __init__(self, plant: Machine) -> None:
         super().__init__(plant)
         self.off, self.floats, self.number, self.wanted = [False] * 3, [False] * 3, [0] * 3, [0.0] * 3
         plant.legs = self

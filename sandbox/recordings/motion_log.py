@@ -19,10 +19,10 @@ from model.names import fitting
 from model.number_table import Table
 from model.parameters import finite
 from sandbox.recordings.campaign import Campaign, Finding, table_of
+from sandbox.recordings.checks.motion_clock import stretches
 from sandbox.recordings.column_map import Column, has_voltages, measured, phase_currents, source_columns, source_units
 from sandbox.recordings.copies import copied, own_rows, told
 from sandbox.recordings.importing import Source
-from sandbox.recordings.motion_clock import stretches
 from sandbox.recordings.stamps import segment_name
 from sandbox.recordings.turning import with_angle
 

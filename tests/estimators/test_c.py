@@ -24,7 +24,7 @@ from model.frames import rotate, wrapped
 from sandbox import export_estimator, load_motor, protocol, simulate
 from sandbox.cli import main
 from sandbox.drive.scenario import Scenario, Segment
-from sandbox.public.exporting import in_windows
+from sandbox.public.exports.estimator import in_windows
 
 NAMES = generate.NAMES
 DIGITS = 5e-9  # golden.json holds nine of them

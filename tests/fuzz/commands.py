@@ -26,7 +26,7 @@ PHYSICS = (  # replaced where the command line is tried: what stands before them
     "sandbox.withheld.making.make.make", "sandbox.replay.replay.prepare", "sandbox.gap.planning.bench_plan.plan",
     "sandbox.gap.planning.visible.visible",
     "sandbox.withheld.scoring.blind.score", "sandbox.evaluation.protocol.reversal_case", "sandbox.sweep.store.begin",
-    "sandbox.public.exporting.exported", "sandbox.public.verifying._again",
+    "sandbox.public.exports.estimator.exported", "sandbox.public.verifying._again",
 )  # fmt: skip
 
 

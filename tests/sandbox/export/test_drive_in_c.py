@@ -11,7 +11,7 @@ from model.effects import library
 from model.errors import BadInput
 from sandbox import export_estimator, load_motor
 from sandbox.export.source import HEADER, SOURCE
-from sandbox.public.exporting_drive import LOOP, export_drive
+from sandbox.public.exports.drive import LOOP, export_drive
 from tests.sandbox.export.driven import (
     CURRENT,
     READ,

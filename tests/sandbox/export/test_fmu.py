@@ -7,7 +7,7 @@ import pytest
 
 from estimators.c.build import compiler
 from sandbox import load_motor
-from sandbox.public.exporting_drive import export_drive
+from sandbox.public.exports.drive import export_drive
 from tests.sandbox.export.driven import ANGLE, differences, python_run, quiet, sizes, top_speed
 
 fmpy = pytest.importorskip("fmpy")

@@ -1,0 +1,1 @@
+"""What leaves the house: estimators and drives as C and FMU."""
