@@ -242,7 +242,7 @@ def own_card(monkeypatch):
 
     def forget():
         library.forget()
-        for kept in (sets._needs, sets._numbers, sets._several, sets._timing):
+        for kept in (sets.needs, sets.numbers, sets.several, sets._timing):
             kept.cache_clear()
 
     yield give
