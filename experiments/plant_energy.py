@@ -107,7 +107,7 @@ def balance(drive: Drive, effects: Mapping[str, float], rotor: str, speed: float
             course = plant.Course(math.cos(theta), math.sin(theta), 0.0, 0.0, omega, surge, 0.0, omega, push)
             span = plant.travel(w, flux_map, timing, features, room, course, k * h, span, looks, seen)
         theta = motor.pole_pairs * meter.turn()
-        plant.at_start(w, flux_map, features, math.cos(theta), math.sin(theta), 0.0, course, span, 0.0, 0.0, 0.0, 0.0)
+        plant.at_start(w, flux_map, features, math.cos(theta), math.sin(theta), 0.0, course, span)
     finally:
         plant.at_start, plant.in_middle, plant.lose, plant.moved = kept
     return meter.total | {"stored": meter.stored() - stored[0]}

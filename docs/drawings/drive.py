@@ -26,7 +26,7 @@ class Block(NamedTuple):
 
 BLOCKS = {
     "link": Block("DC link", ("supply", "drawn", "link")),
-    "pulses": Block("PWM pulses", ("delay", "edge", "sign")),
+    "pulses": Block("PWM pulses", ("delay", "edge", "commutation")),
     "legs": Block("inverter legs", ("leg",)),
     "winding": Block("winding", ("resistance", "winding", "skin"), ("resistance",)),
     "iron": Block(

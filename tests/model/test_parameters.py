@@ -108,7 +108,6 @@ def test_user_motor_with_defaults(tmp_path):
             ("250", "0.01] s", "us? write 0.00025"),
         ),
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\nsampling_period = 0.25", ("ms? write 0.00025",)),
-        ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[drive]\npwm_frequency = 8000", ("pwm_frequency", "1 / samp")),
         ("rated_speed_rpm = 3000|rated_speed_rpm = 3000\n[injection]\nwaveform = 'squar'", ("mean 'square'",)),
     ],
 )
