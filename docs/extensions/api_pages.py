@@ -39,7 +39,7 @@ RESULTS = {
     "sandbox.public.campaigns.moved.MotionResult": "verdict",
     "sandbox.public.campaigns.replayed.ReplayResult": "",
     "sandbox.public.exports.estimator.Export": "save",
-    "sandbox.public.verifying.Verification": "same, sentence, save",
+    "sandbox.public.verifying.Verification": "same, summary, save",
 }
 HEAD = """# Python
 
