@@ -110,7 +110,8 @@ def test_a_column_of_theory_is_there_where_theory_predicts_something(small_compa
     assert "theory" not in page
 
 
-def test_a_table_in_a_pipe_is_whole(capsys):
+def test_a_table_in_a_pipe_is_whole(capsys, monkeypatch):
+    monkeypatch.delenv("COLUMNS", raising=False)
     heads, row = [f"head {k}" for k in range(30)], ["123456.78"] * 30
     print_table("many", heads, [row])
     said = capsys.readouterr().out.splitlines()
