@@ -12,7 +12,8 @@ noise, and what is as rough as noise.  E is what lines, and thirds of an octave 
 than chance.  Most likely values would have v = 1 + e with e the mean excess of a reading: that is the case d = n, noise
 of another size, and it made a few per cent of misfit in a long recording worth thousands of nats.
 
-d is measured (`Settings.shapes`): the shapes of absent effects are found in what fits leave with z^2 = 1 + E/d.
+d is a number of the settings (`Settings.shapes`): sizes of absent effects, as a fit's residual shows them, have
+z^2 = 1 + E/d in the mean.
 """
 
 from __future__ import annotations
