@@ -9,10 +9,10 @@ from dataclasses import dataclass
 class Settings:
     """Prior chances and sizes; what the simulator is known to miss.
 
-    shapes: independent shapes that the misfit of one recording takes.  In the 12 recordings of one campaign with a large
-    misfit (s10 of the independent bench, whose truth is not known) the apparent sizes of effects that were not named
-    have a mean z^2 between E/28 and E/3300, half of them between E/160 and E/1300; single ones reach 0.4 E.  60 leans
-    to that tail, since one recording with such a size names a false effect.  It is chosen, not derived.
+    shapes: independent shapes that the misfit of one recording takes.  In 12 recordings of one campaign with a large
+    misfit (s10 of the independent bench, whose truth is not known) apparent sizes of effects that were not named have a
+    mean z^2 between E/28 and E/3300, half of them between E/160 and E/1300; single ones reach 0.4 E.  60 leans to that
+    tail, since one recording with such a size names a false effect.  It is chosen, not derived.
 
     more: chance of one more effect; the number of effects is geometric, so no effect at all has 1 - more.  unknown:
     chance that something outside the library is at work.  Both are choices that state how often a bench is asked about
