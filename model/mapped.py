@@ -33,7 +33,7 @@ from model.map_fit import choose_for_points
 from model.map_names import STATED
 from model.map_points import check_angle, read_points
 from model.map_quality import Quality, quality
-from model.names import check_file
+from model.names import check_file, check_path
 from model.parameters import Motor, build
 from model.spline import DEGREE, SplineEnergy, hessian
 
@@ -123,8 +123,9 @@ def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
             raise unknown("key in [flux_map]", key, KEYS)
     if "file" not in table:
         raise BadInput("[flux_map] lacks 'file'; name the map (.npz, .mat or .csv)")
-    file = check_file(table["file"], "[flux_map] file")
-    if "dataset" in table:
+    inside = "dataset" in table
+    file = (check_file if inside else check_path)(table["file"], "[flux_map] file")
+    if inside:
         names = [f.name for f in dataset(str(table["dataset"])).files]
         if file not in names:
             raise unknown(f"file of data set '{table['dataset']}'", file, names)
@@ -138,8 +139,8 @@ def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
 
 
 def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Path) -> MappedMotor:
-    """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in` sees), whose file lies in
-    `folder` or in a data set."""
+    """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in` sees), whose file is named
+    from `folder` or lies in a data set."""
     path = _path(table, folder)
     found = _remembered(path, _reading(table), _choice(table))
     spline, magnet = found.spline, found.magnet

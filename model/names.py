@@ -8,6 +8,7 @@ a terminal would obey, `html_text` what a browser would.
 from __future__ import annotations
 
 import html
+from pathlib import PurePosixPath
 
 from model.errors import BadInput, brief, shown
 
@@ -34,6 +35,20 @@ def check_file(file: object, what: str) -> str:
         raise BadInput(
             f"{what} = '{file[:LONGEST]}' is no file in the folder of the one that names it, or below; give a relative "
             f"path without '..', each part 1 to {LONGEST_FILE} {RULE}"
+        )
+    return file
+
+
+def check_path(file: object, what: str) -> str:
+    """Return the path of a file that may lie anywhere, e.g. '../maps/motor.mat'; BadInput where it can be none."""
+    if not isinstance(file, str):
+        raise BadInput(f"{what} = {brief(file)} is not a text; put it in quotes")
+    parts = PurePosixPath(file).parts
+    own = [part for k, part in enumerate(parts) if part != ".." and not (k == 0 and part == "/")]
+    if not own or parts[-1] == ".." or not all(_is_name(part, LONGEST_FILE) for part in own):
+        raise BadInput(
+            f"{what} = '{file[:LONGEST]}' is no path of a file; give it relative to the file that names it, or whole, "
+            f"with / between folders, each part 1 to {LONGEST_FILE} {RULE}"
         )
     return file
 
