@@ -139,8 +139,8 @@ def stand_in(values: Mapping[str, Any], table: Mapping[str, Any]) -> Motor:
 
 
 def mapped_motor(values: Mapping[str, Any], table: Mapping[str, Any], folder: Path) -> MappedMotor:
-    """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in` sees), whose file is named
-    from `folder` or lies in a data set."""
+    """Return the motor of a [motor] table and its [flux_map] (both right as far as `stand_in` sees), its file named
+    from `folder` or in a data set."""
     path = _path(table, folder)
     found = _remembered(path, _reading(table), _choice(table))
     spline, magnet = found.spline, found.magnet

@@ -1,8 +1,9 @@
-"""One line for whoever waits: "compiling once, about N s", when a kernel is compiled and not read from the cache.
+"""One line for whoever waits: "compiling once, up to about N s", when a kernel is compiled and not read from the cache.
 
 It goes to the logger `sensorless`, which Python prints to stderr unless it is told otherwise.  It is said once
-compiling has taken SHORT.  N is what it took on this machine the last time the same program was called with the same
-command, or USUAL where that was hardly anything.
+compiling has taken SHORT.  N is how long it went on, on this machine, the last time the same program was called with
+the same command (time in which several threads compile, or wait for each other, counts once), or USUAL where that was
+hardly anything.  Less is compiled, and it is over sooner, where some of it is in the cache.
 """
 
 from __future__ import annotations
@@ -32,8 +33,10 @@ class Watch(event.Listener):
         self.path = path
         self.call = " ".join([Path(sys.argv[0]).name, *sys.argv[1:2]])
         self.heard = self.said = False
-        self.seconds = 0.0
+        self.seconds = 0.0  # in which at least one thread compiled
         self.depth = threading.local()
+        self.lock = threading.Lock()
+        self.active, self.begun = 0, 0.0  # threads that compile, since when there is one
 
     def on_start(self, event: Any) -> None:
         """Say it once, when a function of our own is compiled and this has taken a while."""
@@ -41,24 +44,29 @@ class Watch(event.Listener):
         if function.__module__.partition(".")[0] not in ROOMS:
             return
         level, now = getattr(self.depth, "level", 0), time.perf_counter()
-        if level == 0:
-            self.depth.begun = now
         self.depth.level = level + 1
+        with self.lock:
+            if level == 0:
+                self.begun = self.begun if self.active else now
+                self.active += 1
+            late = not self.said and self.seconds + now - self.begun >= SHORT
+            self.said = self.said or late
         if not self.heard:
             self.heard = True
             atexit.register(self.remember)
-        if not self.said and self.seconds + now - self.depth.begun >= SHORT:
-            self.said = True
+        if late:
             expected = self.known().get(self.call, USUAL)
-            LOGGER.warning("compiling once, about %.0f s", expected if expected > 2.0 * SHORT else USUAL)
+            LOGGER.warning("compiling once, up to about %.0f s", expected if expected > 2.0 * SHORT else USUAL)
 
     def on_end(self, event: Any) -> None:
         """Add up the time."""
         level = getattr(self.depth, "level", 0)
         if level and event.data["dispatcher"].py_func.__module__.partition(".")[0] in ROOMS:
             self.depth.level = level - 1
-            if level == 1:
-                self.seconds += time.perf_counter() - self.depth.begun
+            with self.lock:
+                self.active -= level == 1
+                if level == 1 and not self.active:
+                    self.seconds += time.perf_counter() - self.begun
 
     def known(self) -> dict[str, float]:
         """Return the seconds of earlier times by what was called."""

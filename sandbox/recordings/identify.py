@@ -13,6 +13,7 @@ from model.errors import BadInput
 from model.exact_fit import exact
 from model.identification import first_order
 from model.levels import UNITS, Fit, Levels
+from model.mapped import without_map
 from model.parameters import Motor
 from sandbox.output.refitted import Refitted
 from sandbox.recordings.campaign import Campaign
@@ -35,9 +36,10 @@ class Identification:
         return f"<Identification: {self.campaign.name}, {', '.join(self.fits)}>"
 
     def motor(self, method: str = "exact") -> Motor:
-        """Return the nominal motor with the identified values in place, e.g. for `model.saliency.audit`."""
+        """Return the nominal motor with the identified values in place of its own (a flux map, too), e.g. for
+        `model.saliency.audit`."""
         values: dict[str, Any] = dict(self.fits[method].values)
-        return dataclasses.replace(self.campaign.drive.motor, **values)
+        return dataclasses.replace(without_map(self.campaign.drive.motor), **values)
 
     def refitted(self) -> Refitted:
         """Return the exact fit's motor and what stood between it and the readings, as files for the simulator.
