@@ -66,14 +66,11 @@ API fmi2Status fmi2SetReal(void *u, const unsigned references[], size_t count, c
     return CHECKED(done);
 }
 API fmi2Status fmi2GetInteger(void *u, const unsigned references[], size_t count, int values[]) {
+    int done = 1;
     for (size_t k = 0; k < count; k++) {
-        const int32_t *at = whole(&((unit *)u)->now, references[k]);
-        if (at == NULL) {
-            return 3;
-        }
-        values[k] = *at;
+        done &= unit_get_whole(u, references[k], &values[k]);
     }
-    return 0;
+    return CHECKED(done);
 }
 API fmi2Status fmi2SetInteger(void *u, const unsigned references[], size_t count, const int values[]) {
     int done = 1;
@@ -86,24 +83,11 @@ API fmi2Status fmi2DoStep(void *u, double now, double step, int keep) {
     (void)now, (void)keep;
     return CHECKED(unit_step(u, step));
 }
-API fmi2Status fmi2GetFMUstate(void *u, void **state) {
-    if (*state == NULL) {
-        *state = malloc(sizeof(unit_state));
-    }
-    if (*state != NULL) {
-        memcpy(*state, &((unit *)u)->now, sizeof(unit_state));
-    }
-    return CHECKED(*state != NULL);
-}
-API fmi2Status fmi2SetFMUstate(void *u, void *state) {
-    memcpy(&((unit *)u)->now, state, sizeof(unit_state));
-    return 0;
-}
+API fmi2Status fmi2GetFMUstate(void *u, void **state) { return CHECKED(unit_keep(u, state)); }
+API fmi2Status fmi2SetFMUstate(void *u, void *state) { return CHECKED(unit_restore(u, state)); }
 API fmi2Status fmi2FreeFMUstate(void *u, void **state) {
     (void)u;
-    free(*state);
-    *state = NULL;
-    return 0;
+    return CHECKED(state_forget(state));
 }
 API fmi2Status fmi2SerializedFMUstateSize(void *u, void *state, size_t *size) {
     (void)u, (void)state;
@@ -112,16 +96,11 @@ API fmi2Status fmi2SerializedFMUstateSize(void *u, void *state, size_t *size) {
 }
 API fmi2Status fmi2SerializeFMUstate(void *u, void *state, char bytes[], size_t size) {
     (void)u;
-    memcpy(bytes, state, size < sizeof(unit_state) ? size : sizeof(unit_state));
-    return CHECKED(size >= sizeof(unit_state));
+    return CHECKED(state_to_bytes(state, bytes, size));
 }
 API fmi2Status fmi2DeSerializeFMUstate(void *u, const char bytes[], size_t size, void **state) {
     (void)u;
-    *state = size == sizeof(unit_state) ? malloc(size) : NULL;
-    if (*state != NULL) {
-        memcpy(*state, bytes, size);
-    }
-    return CHECKED(*state != NULL);
+    return CHECKED(state_from_bytes(bytes, size, state));
 }
 
 /* Of the interface, but of no use here: each says that it is refused. */

@@ -65,14 +65,11 @@ API fmi3Status fmi3SetFloat64(void *u, const uint32_t references[], size_t count
     return CHECKED(done);
 }
 API fmi3Status fmi3GetInt32(void *u, const uint32_t references[], size_t count, int32_t values[], size_t room) {
-    for (size_t k = 0; k < count; k++) {
-        const int32_t *at = whole(&((unit *)u)->now, references[k]);
-        if (at == NULL || k >= room) {
-            return 3;
-        }
-        values[k] = *at;
+    int done = room >= count;
+    for (size_t k = 0; done && k < count; k++) {
+        done = unit_get_whole(u, references[k], &values[k]);
     }
-    return 0;
+    return CHECKED(done);
 }
 API fmi3Status fmi3SetInt32(void *u, const uint32_t references[], size_t count, const int32_t values[], size_t room) {
     int done = room >= count;
@@ -89,24 +86,11 @@ API fmi3Status fmi3DoStep(void *u, double now, double step, bool keep, bool *eve
     *reached = done ? now + step : now;
     return CHECKED(done);
 }
-API fmi3Status fmi3GetFMUState(void *u, void **state) {
-    if (*state == NULL) {
-        *state = malloc(sizeof(unit_state));
-    }
-    if (*state != NULL) {
-        memcpy(*state, &((unit *)u)->now, sizeof(unit_state));
-    }
-    return CHECKED(*state != NULL);
-}
-API fmi3Status fmi3SetFMUState(void *u, void *state) {
-    memcpy(&((unit *)u)->now, state, sizeof(unit_state));
-    return 0;
-}
+API fmi3Status fmi3GetFMUState(void *u, void **state) { return CHECKED(unit_keep(u, state)); }
+API fmi3Status fmi3SetFMUState(void *u, void *state) { return CHECKED(unit_restore(u, state)); }
 API fmi3Status fmi3FreeFMUState(void *u, void **state) {
     (void)u;
-    free(*state);
-    *state = NULL;
-    return 0;
+    return CHECKED(state_forget(state));
 }
 API fmi3Status fmi3SerializedFMUStateSize(void *u, void *state, size_t *size) {
     (void)u, (void)state;
@@ -115,16 +99,11 @@ API fmi3Status fmi3SerializedFMUStateSize(void *u, void *state, size_t *size) {
 }
 API fmi3Status fmi3SerializeFMUState(void *u, void *state, uint8_t bytes[], size_t size) {
     (void)u;
-    memcpy(bytes, state, size < sizeof(unit_state) ? size : sizeof(unit_state));
-    return CHECKED(size >= sizeof(unit_state));
+    return CHECKED(state_to_bytes(state, bytes, size));
 }
 API fmi3Status fmi3DeserializeFMUState(void *u, const uint8_t bytes[], size_t size, void **state) {
     (void)u;
-    *state = size == sizeof(unit_state) ? malloc(size) : NULL;
-    if (*state != NULL) {
-        memcpy(*state, bytes, size);
-    }
-    return CHECKED(*state != NULL);
+    return CHECKED(state_from_bytes(bytes, size, state));
 }
 
 /* Of the interface, but of no use here: each says that it is refused. */

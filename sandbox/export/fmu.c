@@ -123,6 +123,15 @@ static int32_t *whole(unit_state *n, uint32_t reference) {
     return reference == ROTOR ? &n->rotor : reference == SEED ? &n->seed : NULL;
 }
 
+static int unit_get_whole(unit *u, uint32_t reference, int32_t *value) {
+    const int32_t *at = whole(&u->now, reference);
+    if (at == NULL) {
+        return 0;
+    }
+    *value = *at;
+    return 1;
+}
+
 static int unit_set_whole(unit *u, uint32_t reference, int32_t value) {
     int32_t *at = whole(&u->now, reference);
     if (at == NULL || u->now.begun || value < 0 || (reference == ROTOR && value > SENSORLESS_FREE)) {
@@ -174,4 +183,45 @@ static int unit_step(unit *u, double step) {
     }
     tell(u, "a step is a whole number of PWM periods, or one of equal parts of a period, all of it alike");
     return 0;
+}
+
+/* States kept outside: a copy, and the same as bytes. */
+static int unit_keep(unit *u, void **state) {
+    if (*state == NULL) {
+        *state = malloc(sizeof(unit_state));
+    }
+    if (*state != NULL) {
+        memcpy(*state, &u->now, sizeof(unit_state));
+    }
+    return *state != NULL;
+}
+
+static int unit_restore(unit *u, const void *state) {
+    if (state == NULL) {
+        return 0;
+    }
+    memcpy(&u->now, state, sizeof(unit_state));
+    return 1;
+}
+
+static int state_forget(void **state) {
+    free(*state);
+    *state = NULL;
+    return 1;
+}
+
+static int state_to_bytes(const void *state, void *bytes, size_t size) {
+    if (state == NULL || size < sizeof(unit_state)) {
+        return 0;
+    }
+    memcpy(bytes, state, sizeof(unit_state));
+    return 1;
+}
+
+static int state_from_bytes(const void *bytes, size_t size, void **state) {
+    *state = size == sizeof(unit_state) ? malloc(size) : NULL;
+    if (*state != NULL) {
+        memcpy(*state, bytes, size);
+    }
+    return *state != NULL;
 }
