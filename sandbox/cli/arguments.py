@@ -127,6 +127,12 @@ Effects = Annotated[
         "what the plant has and the model lacks: effect.parameter=value,... or a file such as effects.toml",
     ),
 ]
+QuietBelow = Annotated[
+    Number | None, several("DB", "recommend only what stays below so much in the proxy for the injection's sound")
+]
+LossBelow = Annotated[
+    Number | None, several("W", "recommend only what adds less copper and core loss by its injection")
+]
 EffectsFrom = Annotated[
     tuple[Path, ...],
     several("FILE.py", "a Python file with effects of your own (may be repeated), beside those of the library"),

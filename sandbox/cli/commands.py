@@ -38,6 +38,8 @@ def compare(
     no_trace: take.Flag = False,
     tolerances: take.Percents = None,
     draws: Annotated[take.Count | None, take.usual("64")] = None,
+    quiet_below: take.QuietBelow = None,
+    loss_below: take.LossBelow = None,
     dask: take.Dask = None,
     output: take.NoisyParallel = take.NoisyParallel(),
 ) -> None:
@@ -60,7 +62,7 @@ def compare(
     with progress_bar("comparing", output.quiet) as progress:
         result = sandbox.compare(
             motor, scenario, [*named, *map(library, estimator_library)], effects=effects, seed=output.seed,
-            jobs=output.jobs, progress=progress,
+            jobs=output.jobs, progress=progress, quiet_below=quiet_below, loss_below=loss_below,
         )  # fmt: skip
     output.finish(result, folder, trace=not no_trace)
     if percent is None:
@@ -197,6 +199,8 @@ def protocol(
     estimator_library: take.Libraries = (),
     motors: Annotated[take.Names | None, take.usual("three, and `baldor_pmsyrm` where its map is at hand")] = None,
     tests: Annotated[take.Names | None, take.usual("all")] = None,
+    quiet_below: take.QuietBelow = None,
+    loss_below: take.LossBelow = None,
     dask: take.Dask = None,
     peer: take.Peer = False,
     anchors: take.Anchors = ANCHORS,
@@ -222,7 +226,7 @@ def protocol(
         result = sandbox.protocol(
             [*named, *map(library, estimator_library)], usual_motors() if motors is None else motors,
             LINES if tests is None else tests, seed=output.seed, jobs=output.jobs, keep=folder, cluster=dask,
-            progress=progress,
+            progress=progress, quiet_below=quiet_below, loss_below=loss_below,
         )  # fmt: skip
     if peer:
         from sandbox.evaluation.protocol import with_motulator

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
+from model.errors import BadInput
 from sandbox.evaluation.score import Row
 
 NEAR_DEG, NEAR = 0.2, 0.2  # degrees, share of the best's: nearer is no reason to choose (seeds differ by 0.09 degrees)
@@ -12,11 +15,52 @@ MANY = 4  # names that a sentence holds
 SLIGHT = 0.2  # degrees of the worst mean error: less is no gain to speak of
 
 
+class Costed(Protocol):
+    """Whatever has the largest costs of an injection: dB of the proxy for its sound, W of loss; None: not known."""
+
+    @property
+    def sound_db(self) -> float | None:
+        """The sound."""
+
+    @property
+    def loss_w(self) -> float | None:
+        """The loss."""
+
+
+class Limits(NamedTuple):
+    """What an estimator may cost to be recommended: sound (dB of the proxy) and added loss (W); None: anything."""
+
+    quiet_below: float | None = None
+    loss_below: float | None = None
+
+    def broken_by(self, s: Costed) -> str:
+        """Return which of them an estimator breaks, in words; nothing where it keeps both."""
+        parts = []
+        if self.quiet_below is not None and s.sound_db is not None and s.sound_db > self.quiet_below:
+            parts.append(f"is louder ({s.sound_db:.3g} dB) than {self.quiet_below:g} dB")
+        if self.loss_below is not None and s.loss_w is not None and s.loss_w > self.loss_below:
+            parts.append(f"adds {s.loss_w:.3g} W, more than {self.loss_below:g} W")
+        return " and ".join(parts)
+
+
+ANY = Limits()
+
+
+def limits_of(quiet_below: float | None, loss_below: float | None) -> Limits:
+    """Return limits (dB, W); BadInput for a number that is none."""
+    if quiet_below is not None and not math.isfinite(quiet_below):
+        raise BadInput(f"quiet_below = {quiet_below:g} is not finite; give dB of the sound proxy, such as 30")
+    if loss_below is not None and not (math.isfinite(loss_below) and loss_below >= 0.0):
+        raise BadInput(f"loss_below = {loss_below:g} is out of range; give W, at least 0")
+    return Limits(quiet_below, loss_below)
+
+
 @dataclass(frozen=True)
 class Standing:
     """The worst of one estimator with one belief over its evaluated segments; degrees electrical.
 
-    worst_mean, worst_p95: None where no segment was in lock; at: the segment of the worst mean.
+    worst_mean, worst_p95: None where no segment was in lock; at: the segment of the worst mean; then the largest costs
+    of the injection, see `injection_cost` (None where no segment could tell).
     """
 
     estimator: str
@@ -28,6 +72,12 @@ class Standing:
     worst_mean: float | None
     worst_p95: float | None
     at: Row | None
+    loss_w: float | None = None
+    loss_share: float | None = None
+    torque_ripple: float | None = None
+    sound_db: float | None = None
+    link_a: float | None = None
+    injected_v: float | None = None
 
     @property
     def kept(self) -> bool:
@@ -51,16 +101,25 @@ def _standing(estimator: str, belief: str, closed: bool, rows: Sequence[Row]) ->
         sum(not r.reference_held and not r.lost_lock for r in rows),
         None if at is None else abs(at.error_deg.mean or 0.0),
         max((r.error_deg.p95 or 0.0 for r in held), default=None), at,
+        **_costs(rows),
     )  # fmt: skip
 
 
-def best(found: Iterable[Standing]) -> tuple[Standing, ...]:
-    """Return those that keep lock and speed with the estimate in control and err as little as the best does.
+def _costs(rows: Iterable[Row]) -> dict[str, float | None]:
+    """Return the largest costs over segments, by their names."""
+    costs = [row.cost for row in rows if row.cost is not None]
+    names = ("loss_w", "loss_share", "torque_ripple", "sound_db", "link_a", "injected_v")
+    return {name: max((float(getattr(c, name)) for c in costs), default=None) for name in names}
+
+
+def best(found: Iterable[Standing], limits: Limits = ANY) -> tuple[Standing, ...]:
+    """Return those that keep lock, speed and limits with the estimate in control and err as little as the best does.
 
     The measure is the worst 95th percentile of the error's size; the best is first, the others are within NEAR_DEG or
     NEAR of it.
     """
-    kept = [(s.worst_p95, s) for s in found if s.closed_loop and s.kept and s.worst_p95 is not None]
+    able = (s for s in found if s.closed_loop and s.kept and not limits.broken_by(s))
+    kept = [(s.worst_p95, s) for s in able if s.worst_p95 is not None]
     kept.sort(key=lambda pair: pair[0])
     if not kept:
         return ()
@@ -68,9 +127,13 @@ def best(found: Iterable[Standing]) -> tuple[Standing, ...]:
     return tuple(s for p95, s in kept if p95 <= bound)
 
 
-def which(found: Sequence[Standing]) -> str:
-    """Return which estimator to take, in one or two sentences."""
-    chosen = best(found)
+def which(found: Sequence[Standing], limits: Limits = ANY) -> str:
+    """Return which estimator to take within limits, in one or two sentences."""
+    chosen = best(found, limits)
+    out = [s for s in found if s.closed_loop and not s.kept]
+    dear = [s for s in found if s.closed_loop and s.kept and limits.broken_by(s)]
+    if not chosen and dear:
+        return f"None of these within the limits.{_out([*out, *dear], limits)}"
     if not chosen:
         return "None of these: no estimator kept lock and speed in all of it with its estimate in control."
     worst = max(s.worst_p95 or 0.0 for s in chosen)
@@ -79,8 +142,13 @@ def which(found: Sequence[Standing]) -> str:
     if len(chosen) > 1:
         text += " They are too near each other to choose by error: take the cheaper or the more robust one, which "
         text += "`sensorless protocol` measures."
-    out = [s for s in found if s.closed_loop and not s.kept]
-    return text + (f" Out: {'; '.join(f'{said([s])} {why_out(s)}' for s in out)}." if out else "")
+    return text + _out([*out, *dear], limits)
+
+
+def _out(found: Sequence[Standing], limits: Limits) -> str:
+    """Return why estimators are no choice, nothing where there is none."""
+    reasons = [f"{said([s])} {limits.broken_by(s) if s.kept else why_out(s)}" for s in found]
+    return f" Out: {'; '.join(reasons)}." if reasons else ""
 
 
 def said(chosen: Sequence[Standing]) -> str:

@@ -11,17 +11,19 @@ from itertools import product
 
 from estimators.contract import Estimator
 from estimators.registry import AnyEstimator, load_estimator
-from model.effects.library import parameters
+from model.effects.library import parameters, true_motor
 from model.errors import BadInput
 from model.parameters import Drive
 from model.ratings import cautions
 from sandbox.drive.design import Design
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario
-from sandbox.drive.simulate import EXACT, MOST_SAMPLES, plant_named, simulate
+from sandbox.drive.simulate import EXACT, MOST_SAMPLES, Simulation, plant_named, simulate
+from sandbox.evaluation.choice import ANY, Limits, best, standings
+from sandbox.evaluation.injection_cost import injection_cost
 from sandbox.evaluation.score import Row, rows_of
 from sandbox.output.files import version
-from sandbox.plant.sets import BENCH
+from sandbox.plant.sets import BENCH, complete
 
 BELIEFS = ("linear", "saturated")
 ESTIMATORS = ("qnull", "inversion", "ekf")
@@ -53,6 +55,7 @@ class Comparison:
     scenario: Scenario
     runs: tuple[Run, ...]
     properties: dict[str, str | float]
+    limits: Limits = ANY
 
     def __repr__(self) -> str:
         return f"<Comparison: {self.drive.name}, {self.scenario.name}, {len(self.runs)} runs>"
@@ -76,6 +79,8 @@ class Comparison:
             "effects": self.effects,
             "cautions": list(cautions(self.drive)),
             "rows": [asdict(row) for row in self.rows],
+            "limits": self.limits._asdict(),
+            "chosen": [{"estimator": s.estimator, "belief": s.belief} for s in best(standings(self.rows), self.limits)],
             "cpu_seconds": sum(run.cpu_seconds for run in self.runs),
         }
 
@@ -89,11 +94,13 @@ def compare(
     jobs: int | None = None,
     progress: Callable[[float], None] | None = None,
     effects: Mapping[str, float] | None = None,
+    limits: Limits = ANY,
 ) -> Comparison:
     """Run every estimator (name, file or object) with both beliefs, closed and open, on up to `jobs` threads.
 
     The seed fixes the sensors' noise, the same in every run; very long runs are recorded thinned; `progress` is
-    told the fraction done; effects: as `simulate`, with any there is no theory.  Raises BadInput or PhysicsError.
+    told the fraction done; effects: as `simulate`, with any there is no theory; limits: of what is recommended.
+    Raises BadInput or PhysicsError.
     """
     loaded = distinct(estimators)
     if not loaded:
@@ -110,8 +117,7 @@ def compare(
         run = simulate(
             drive, scenario, loaded[name], belief, closed_loop=closed, seed=seed, stride=stride, effects=effects
         )
-        rows = rows_of(drive, scenario, run.recording, run.start_time, name, belief, closed)
-        rows = tuple(replace(r, predicted_mean_deg=None) for r in rows) if effects else rows
+        rows = judged(drive, scenario, run, loaded[name], belief, closed, effects)
         done += 1
         if progress:
             progress(done / len(cases))
@@ -120,7 +126,25 @@ def compare(
     first = one(cases[0])  # alone: compiles and designs what the others share
     with ThreadPoolExecutor(jobs or os.cpu_count() or 1) as pool:
         runs = (first, *pool.map(one, cases[1:]))
-    return Comparison(drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {}))
+    return Comparison(drive, scenario, runs, properties_of(drive, scenario, seed) | dict(effects or {}), limits)
+
+
+def judged(
+    drive: Drive, scenario: Scenario, run: Simulation, estimator: Estimator, belief: str, closed: bool,
+    effects: Mapping[str, float] | None,
+) -> tuple[Row, ...]:  # fmt: skip
+    """Return a row for each scored segment: the error, its theory where the plant has no effects, the cost."""
+    rows = rows_of(drive, scenario, run.recording, run.start_time, estimator.name, belief, closed)
+    values = complete(drive.motor, drive.converter, effects)
+    true = true_motor(drive.motor, values, keep_map=True)
+    found = []
+    for row in rows:
+        cost = None
+        if not row.lost_lock:
+            part = run.recording.between(row.t_start, row.t_end)
+            cost = injection_cost(drive, part, true, values, estimator.inside)
+        found.append(replace(row, cost=cost, predicted_mean_deg=None if effects else row.predicted_mean_deg))
+    return tuple(found)
 
 
 def stride_of(drive: Drive, scenario: Scenario, runs: int = 1) -> int:
@@ -169,8 +193,7 @@ def single(
     done = simulate(
         drive, scenario, loaded, belief, closed_loop=closed_loop, seed=seed, stride=stride, effects=effects, plant=plant
     )
-    rows = rows_of(drive, scenario, done.recording, done.start_time, loaded.name, belief, closed_loop)
-    rows = tuple(replace(r, predicted_mean_deg=None) for r in rows) if effects else rows
+    rows = judged(drive, scenario, done, loaded, belief, closed_loop, effects)
     run = Run(loaded.name, belief, closed_loop, done.recording, rows, done.cpu_seconds)
     made = properties_of(drive, scenario, seed) | {"plant": plant} | dict(effects or {})
     return Comparison(drive, scenario, (run,), made), done.design

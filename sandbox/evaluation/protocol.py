@@ -24,6 +24,7 @@ from model.kernels.kept import digest
 from model.kernels.sources import ROOT, source_key
 from model.parameters import Drive
 from sandbox.engine.processes import Cluster, spread
+from sandbox.evaluation.choice import ANY, Limits
 from sandbox.evaluation.compare import distinct
 from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
 from sandbox.evaluation.protocol_names import BELIEFS, ESTIMATORS, usual_motors
@@ -98,6 +99,7 @@ class Protocol:
 
     rows: tuple[Row, ...]
     seed: int
+    limits: Limits = ANY  # of what is recommended
     peer: tuple[float, float] | None = None  # CPU seconds a second and error rms (degrees) of motulator's reversal
 
     def __repr__(self) -> str:
@@ -108,7 +110,8 @@ class Protocol:
         cpu = sum(row.cpu_seconds for row in self.rows)
         peer = {"cpu_s_per_s": self.peer[0], "rms_deg": self.peer[1]} if self.peer else None
         tests = [row.as_json() for row in self.rows]
-        return {"seed": self.seed, "cpu_seconds": cpu, "peer": peer, "tests": tests}
+        limits = self.limits._asdict()
+        return {"seed": self.seed, "cpu_seconds": cpu, "limits": limits, "peer": peer, "tests": tests}
 
     def beside(self, cpu: float, rms: float) -> Protocol:
         """Return the protocol with the peer's reversal beside ours: CPU seconds a second, error rms (degrees)."""
@@ -119,7 +122,7 @@ class Protocol:
                 metrics = dict(row.outcome.metrics) | ratios
                 row = replace(row, outcome=replace(row.outcome, metrics=metrics, passed=beats_peer(ratios)))
             rows.append(row)
-        return Protocol(tuple(rows), self.seed, (cpu, rms))
+        return replace(self, rows=tuple(rows), peer=(cpu, rms))
 
 
 def units(motors: Iterable[str], estimators: Iterable[str], tests: Iterable[str]) -> list[Unit]:
@@ -171,10 +174,11 @@ def protocol(
     jobs: int = 2,
     keep: Path | None = None,
     cluster: Cluster | None = None,
+    limits: Limits = ANY,
     progress: Callable[[float], None] | None = None,
 ) -> Protocol:
     """Run every unit on up to `jobs` threads, or on a dask cluster where one is given (estimators by name or file);
-    `keep` is a folder in which finished units wait for the rest.
+    `keep` is a folder in which finished units wait for the rest; limits: of what is recommended.
 
     Estimators and motors are names, files or objects; units of objects and of estimators from files are not kept, as
     nobody knows whether they are still the same later.  Raises BadInput for what cannot be run (before anything runs,
@@ -218,7 +222,7 @@ def protocol(
     else:
         with ThreadPoolExecutor(jobs) as pool:
             list(pool.map(lambda u: keep_row(run_unit(u, loaded[u.motor], own[u.estimator], seed)), missing))
-    return Protocol(tuple(kept.rows[u] for u in todo), seed)
+    return Protocol(tuple(kept.rows[u] for u in todo), seed, limits)
 
 
 def _told(drive: Drive) -> bytes:

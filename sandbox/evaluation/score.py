@@ -15,6 +15,7 @@ from model.saliency import current_for_torque, local_angle, self_consistent_angl
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import torque_at_load
+from sandbox.evaluation.injection_cost import InjectionCost
 
 LOST_ANGLE = math.radians(45.0)
 LOST_TIME = 0.1  # s beyond LOST_ANGLE that count as lost lock
@@ -39,7 +40,7 @@ class Row:
 
     speed_rpm: asked for, or imposed; true_speed_rpm: the rotor's own, the mean over the window's second half;
     predicted_mean_deg: for small ripple, see `predicted_mean`; reference_held: whether a speed asked for was reached,
-    see `speed_held`.
+    see `speed_held`; cost: of the injection, None where lock was lost or the samples cannot tell.
     """
 
     estimator: str
@@ -55,6 +56,7 @@ class Row:
     t_start: float
     t_end: float
     true_speed_rpm: float | None = None
+    cost: InjectionCost | None = None
 
 
 def is_lost(recording: Recording) -> bool:

@@ -34,11 +34,13 @@ from sandbox.drive.inside import USUAL_READINGS, commanded, shift_of, shift_puls
 from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
+from sandbox.evaluation.injection_cost import InjectionCost, injection_cost
 from sandbox.plant.edges import duties
 from sandbox.recordings.injection import carrier, samples_per_period
 
 ROUNDS = 5  # the fastest counts: the machine's moods only add
 SPEEDS = (0.3, 0.2, 0.15, 0.1)  # of rated
+ADDED = ("copper_w", "loss_share", "torque_nm", "sound_db", "link_a")
 LOADED = Scenario("cost", (Segment(0.6, 1.0, ramp=0.1, settle=0.3),), start_up=False)
 
 
@@ -120,7 +122,7 @@ def cost(drive: Drive, name: AnyEstimator, belief: str, seed: int) -> dict[str, 
     step_ns; injected_v: amplitude; ripple_a: rms of the sampled current around its mean, both axes together;
     pwm_ripple_a: rms of the ripple between samples (pulses shifted where the estimator asks for it); loss_w: copper
     loss of both (iron loss not counted); torque_ripple, torque_ripple_at_speed: rms of the sampled torque over its
-    mean; at_speed: of rated.
+    mean; at_speed: of rated; copper_w and on, the same with `_at_speed`: see `injection_cost`, of both together.
     """
     estimator, motor = load_estimator(name), drive.motor
     run = simulate(drive, LOADED, estimator, belief, closed_loop=False, seed=seed)
@@ -134,12 +136,16 @@ def cost(drive: Drive, name: AnyEstimator, belief: str, seed: int) -> dict[str, 
     d, q, _ = flux_newton(motor.energy, float(late.i_d.mean()), float(late.i_q.mean()), 0.0, 0.0)
     u, gamma = complex(late.u_alpha.mean(), late.u_beta.mean()), hessian(motor.energy, d, q)
     inside = pwm_ripple(drive, u, float(late.theta[0]), gamma, shift_of(drive.converter) if estimator.inside else 0.0)
-    speed, turning = at_speed(drive, estimator, belief, seed)
+    speed, turning, fast = at_speed(drive, estimator, belief, seed)
+    still = injection_cost(drive, late, motor, None, estimator.inside)
+    added = {name: None if still is None else getattr(still, name) for name in ADDED}
+    added |= {f"{name}_at_speed": None if fast is None else getattr(fast, name) for name in ADDED}
     return {
         "step_ns": step_ns(drive, name, belief_of(drive, belief), np.ascontiguousarray(samples)),
         "injected_v": drive.injection.amplitude if estimator.injection in (PULSATING, ROTATING) else 0.0,
         "ripple_a": square**0.5, "pwm_ripple_a": inside, "loss_w": 1.5 * motor.resistance * (square + inside**2),
         "torque_ripple": torque_ripple(drive, late), "torque_ripple_at_speed": turning, "at_speed": speed,
+        **added,
     }  # fmt: skip
 
 
@@ -154,8 +160,10 @@ def torque_ripple(drive: Drive, r: Recording) -> float:
     return float(np.sqrt(np.mean(np.var(periods, axis=1))) / abs(np.mean(periods)))
 
 
-def at_speed(drive: Drive, estimator: Estimator, belief: str, seed: int) -> tuple[float | None, float | None]:
-    """Return the highest speed of SPEEDS that drive and bus allow (of rated) and the torque's ripple there."""
+def at_speed(
+    drive: Drive, estimator: Estimator, belief: str, seed: int
+) -> tuple[float | None, float | None, InjectionCost | None]:
+    """Return the highest speed of SPEEDS that drive and bus allow (of rated), torque's ripple and costs there."""
     for speed in SPEEDS:
         turning = Segment(0.6, 1.0, speed, ramp=0.2, settle=0.3)
         scenario = Scenario("cost at speed", (turning,), "driven", start_up=False)
@@ -163,5 +171,6 @@ def at_speed(drive: Drive, estimator: Estimator, belief: str, seed: int) -> tupl
             run = simulate(drive, scenario, estimator, belief, closed_loop=False, seed=seed)
         except (BadInput, PhysicsError):
             continue
-        return speed, torque_ripple(drive, run.recording.between(run.start_time + 0.35, turning.duration))
-    return None, None
+        late = run.recording.between(run.start_time + 0.35, turning.duration)
+        return speed, torque_ripple(drive, late), injection_cost(drive, late, drive.motor, None, estimator.inside)
+    return None, None, None

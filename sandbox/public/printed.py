@@ -10,8 +10,10 @@ import numpy as np
 
 from model.errors import PhysicsError
 from model.ratings import cautions
+from sandbox.evaluation.choice import ANY, standings, which
 from sandbox.evaluation.pages.compare_figure import NO_THEORY
 from sandbox.evaluation.pages.compare_tables import THEORY, comparison_tables, number_text, rpm_text, theory_of
+from sandbox.evaluation.pages.cost_figure import cost_table
 from sandbox.evaluation.protocol_names import BELIEFS
 from sandbox.output.tables import print_prose, print_table
 
@@ -39,6 +41,11 @@ def print_comparison(c: Comparison) -> None:
         theory += f" It is not made for {', '.join(without)}, {NO_THEORY}."
     if all(row.predicted_mean_deg is None for row in c.rows):
         theory = "theory: none, as it knows the motor alone, not the effects of this plant or these estimators."
+    found = standings(c.rows)
+    if any(s.loss_w is not None for s in found):
+        print_table("what the injection costs (largest of all segments, the estimate in control)", *cost_table(found))
+    if c.limits != ANY:
+        print_prose(f"Within the limits: {which(found, c.limits)}")
     print_cautions(c.drive)
     print_prose(f"Position error in electrical degrees, mean (95th percentile of its size); {theory}")
 

@@ -145,6 +145,8 @@ def protocol(
     motors: Iterable[str | Path | Drive] | str | Path | Drive | None = None,
     tests: Iterable[str] | str | None = None,
     *,
+    quiet_below: float | None = None,
+    loss_below: float | None = None,
     seed: int = 0,
     jobs: int | None = None,
     keep: str | Path | None = None,
@@ -161,6 +163,10 @@ def protocol(
         See `load_motor`; three by default, and a measured one where its flux map is at hand.
     tests : iterable of str, optional
         Names of tests, see `list_tests`; all by default.
+    quiet_below : float, optional
+        dB: what is recommended must stay below it in the proxy for the injection's sound (test `cost`).
+    loss_below : float, optional
+        W: likewise, of the copper loss that the injection adds.
     seed : int
         Seed of the sensors' noise.
     jobs : int, optional
@@ -197,12 +203,15 @@ def protocol(
         list(LINES) if tests is None else several(tests),
     )
     check_names(*names)
+    from sandbox.evaluation.choice import limits_of
+
+    limits = limits_of(quiet_below, loss_below)
     from sandbox.evaluation.protocol import protocol as run_all  # compiles
 
     return ProtocolResult(
         run_all(
             *names, seed=seed, jobs=jobs or os.cpu_count() or 1, keep=None if keep is None else Path(keep),
-            cluster=cluster, progress=progress,
+            cluster=cluster, limits=limits, progress=progress,
         )
     )  # fmt: skip
 

@@ -32,12 +32,16 @@ Effects = Mapping[str, float] | str | Path | None
 ROW_UNITS = {
     "load": "of rated current", "speed_rpm": "rpm", "true_speed_rpm": "rpm", "mean_deg": "deg",
     "rms_deg": "deg", "p95_deg": "deg", "max_deg": "deg", "transient_max_deg": "deg", "predicted_mean_deg": "deg",
-    "t_start": "s", "t_end": "s",
+    "t_start": "s", "t_end": "s", "copper_w": "W", "iron_w": "W", "loss_share": "of copper loss at rated current",
+    "torque_nm": "N m", "torque_ripple": "of rated torque", "sound_db": "dB", "link_a": "A", "injected_v": "V",
 }  # fmt: skip
 ROW_NAMES = (
     "estimator", "belief", "closed_loop", "load", "speed_rpm", "true_speed_rpm", "mean_deg", "rms_deg",
     "p95_deg", "max_deg", "transient_max_deg", "predicted_mean_deg", "lost_lock", "reference_held", "t_start", "t_end",
+    "copper_w", "iron_w", "loss_share", "torque_nm", "torque_ripple", "sound_db", "link_a", "injected_v",
 )  # fmt: skip
+
+COSTS = ROW_NAMES[-8:]  # of `InjectionCost`
 
 
 def row_columns(rows: Iterable[Row]) -> dict[str, Column]:
@@ -45,7 +49,7 @@ def row_columns(rows: Iterable[Row]) -> dict[str, Column]:
     flat = []
     for row in rows:
         error = {f"{key}_deg": value for key, value in asdict(row.error_deg).items()}
-        both = asdict(row) | error
+        both = asdict(row) | error | (asdict(row.cost) if row.cost else dict.fromkeys(COSTS))
         flat.append({name: both[name] for name in ROW_NAMES})
     return columns_of(flat, ROW_UNITS)
 
@@ -189,6 +193,18 @@ class ComparisonResult(Result):
 
         return comparison_figure(self.comparison, path, ax=ax)
 
+    def plot_cost(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
+        """Return position error beside loss and sound that the injection adds; a path is written as well.
+
+        ax: three axes of your own to draw in; see `Result.plot`.
+        """
+        from sandbox.evaluation.choice import standings
+        from sandbox.evaluation.pages.cost_figure import cost_figure
+
+        c = self.comparison
+        title = f"{c.drive.name}, {c.scenario.name}: what the injection costs"
+        return cost_figure(standings(self.rows), title, path, limits=c.limits, ax=ax)
+
     def report(self) -> None:
         """Print the position errors of both beliefs beside theory."""
         from sandbox.public.printed import print_comparison, print_simulated
@@ -330,6 +346,8 @@ def compare(
     estimators: Iterable[AnyEstimator] | AnyEstimator = ("qnull", "inversion", "ekf"),
     *,
     effects: Effects = None,
+    quiet_below: float | None = None,
+    loss_below: float | None = None,
     seed: int = 0,
     jobs: int | None = None,
     progress: Callable[[float], None] | None = None,
@@ -346,6 +364,10 @@ def compare(
         See `load_estimator`.
     effects : mapping, str or Path, optional
         As in `simulate`; theory does not know effects, so with any of them there is none to compare with.
+    quiet_below : float, optional
+        dB: what is recommended must stay below it in the proxy for the injection's sound, see `rows[...].cost`.
+    loss_below : float, optional
+        W: likewise, of the copper and core loss that the injection adds.
     seed : int
         Seed of the sensors' noise, the same in every run.
     jobs : int, optional
@@ -356,7 +378,8 @@ def compare(
     Returns
     -------
     ComparisonResult
-        `.rows`: estimator, belief, load, speed (rpm), position error (electrical degrees), the theory's mean.
+        `.rows`: estimator, belief, load, speed (rpm), position error (electrical degrees), the theory's mean, and
+        `.cost`: loss (W), torque ripple, sound and more that the injection adds.
 
     Raises
     ------
@@ -373,6 +396,10 @@ def compare(
     """
     scene, added = load_scenario(scenario), effects_of(effects)
     drive, own = ready(motor, several(estimators), added)
+    from sandbox.evaluation.choice import limits_of
     from sandbox.evaluation.compare import compare as run_all  # compiles
 
-    return ComparisonResult(run_all(drive, scene, own, seed=seed, jobs=jobs, progress=progress, effects=added or None))
+    limits = limits_of(quiet_below, loss_below)
+    return ComparisonResult(
+        run_all(drive, scene, own, seed=seed, jobs=jobs, progress=progress, effects=added or None, limits=limits)
+    )

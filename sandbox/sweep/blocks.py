@@ -44,6 +44,14 @@ RESULTS = {  # name: (type, unit, what it is)
     "rms_mean_deg": ("double", "deg", "rms over the segments of their mean errors"),
     "lost_lock": ("bool", "", "a pole slipped, or the error stayed beyond 45 degrees, in any scored segment"),
     "speed_held": ("bool", "", "the speed asked for was reached in every scored segment"),
+    "loss_w": (
+        "double",
+        "W",
+        "copper and core loss that the injection adds, the largest of any scored segment; null "
+        "where injection_cost is not asked for",
+    ),
+    "torque_ripple": ("double", "of rated torque", "its torque ripple, rms, likewise"),
+    "sound_db": ("double", "dB", "proxy for its sound, likewise (see sandbox/evaluation/injection_cost.py)"),
 }
 ARROW = {str: "string", bool: "bool", int: "int64", float: "double"}
 

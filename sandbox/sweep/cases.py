@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from estimators.contract import Belief
 from estimators.registry import load_estimator
 from model.drive_files import load_drive
-from model.effects.library import parameters, replaced, scaled
+from model.effects.library import parameters, replaced, scaled, true_motor
 from model.errors import BadInput, OwnCodeError, PhysicsError, sentence
 from model.parameters import Drive
 from model.spline import SplineEnergy
@@ -26,12 +26,21 @@ from sandbox.drive.feasible import check_call
 from sandbox.drive.recording import CHANNELS, Recording
 from sandbox.drive.scenario import Scenario, load_scenario
 from sandbox.drive.simulate import EXACT, LONGEST, Setup, Simulation, run_once, set_up
+from sandbox.evaluation.injection_cost import injection_cost
 from sandbox.evaluation.score import ErrorDeg, is_lost, speed_held, statistics
+from sandbox.plant.sets import complete
 from sandbox.sweep.keys import Value, keys
 from sandbox.sweep.plan import OWN, Sweep, again, scene_of
 
 OK, REFUSED, FAILED, ERROR, CRASHED = "ok", "refused", "failed", "error", "crashed"
-EACH_TIME = ("true_factor", "believed_factor", "effects", "seed", "closed_loop")  # need no other design
+EACH_TIME = (
+    "true_factor",
+    "believed_factor",
+    "effects",
+    "seed",
+    "closed_loop",
+    "injection_cost",
+)  # need no other design
 EFFECTS = {field: name for name, field in (*replaced().items(), *scaled().items())}
 OF_MAP = ("inductance_d", "inductance_q", "alpha_30", "alpha_12", "alpha_40", "alpha_22", "alpha_04")
 Case = Mapping[str, Value]
@@ -66,6 +75,9 @@ class Row(NamedTuple):
     rms_mean_deg: float | None = None
     lost_lock: bool | None = None
     speed_held: bool | None = None
+    loss_w: float | None = None
+    torque_ripple: float | None = None
+    sound_db: float | None = None
 
 
 class Run(NamedTuple):
@@ -93,8 +105,12 @@ def run_case(sweep: Sweep, case: Case) -> Run:
 def _run(sweep: Sweep, case: Case) -> Run:
     ready = made_ready(sweep.text, tuple((k, v) for k, v in case.items() if k.partition(".")[0] not in EACH_TIME))
     setup = _with_belief(ready, case)
-    done = run_once(setup, effects_of(setup.drive, case), closed_loop=bool(case["closed_loop"]), seed=int(case["seed"]))
-    return Run(row_of(ready, done), _traces(sweep, done.recording), done.cpu_seconds)
+    effects = effects_of(setup.drive, case)
+    done = run_once(setup, effects, closed_loop=bool(case["closed_loop"]), seed=int(case["seed"]))
+    row = row_of(ready, done)
+    if case.get("injection_cost") and not row.lost_lock:
+        row = _with_costs(row, ready, done.recording, effects)
+    return Run(row, _traces(sweep, done.recording), done.cpu_seconds)
 
 
 @lru_cache(maxsize=64)
@@ -233,6 +249,21 @@ def row_of(ready: Ready, done: Simulation) -> Row:
     worst = max(means, key=abs, default=None)
     together = math.sqrt(sum(m * m for m in means) / len(means)) if means else None
     return Row(OK, None, found.mean, found.rms, found.p95, found.max, worst, together, lost, held)
+
+
+def _with_costs(row: Row, ready: Ready, recording: Recording, effects: Mapping[str, float]) -> Row:
+    """Return a row with the largest costs of the injection over all scored stretches."""
+    setup, table = ready.setup, recording.table
+    values = complete(setup.drive.motor, setup.drive.converter, effects)
+    true = true_motor(setup.drive.motor, values, keep_map=True)
+    parts = [Recording(table[w.settled : w.end]) for w in ready.windows]
+    found = [injection_cost(setup.drive, part, true, values, setup.estimator.inside) for part in parts]
+    costs = [c for c in found if c is not None]
+    return row._replace(
+        loss_w=max((c.loss_w for c in costs), default=None),
+        torque_ripple=max((c.torque_ripple for c in costs), default=None),
+        sound_db=max((c.sound_db for c in costs), default=None),
+    )
 
 
 def _traces(sweep: Sweep, recording: Recording) -> NDArray[np.float64] | None:

@@ -51,6 +51,7 @@ def keys() -> dict[str, Key]:
         "belief": Key(str, "which model of the motor the estimator believes: saturated or linear"),
         "plant": Key(str, "exact or switched"),
         "closed_loop": Key(bool, "whether the estimate controls; otherwise the encoder"),
+        "injection_cost": Key(bool, "whether to work out what the injection costs (5 ms for each scored segment)"),
         "seed": Key(int, "of the sensors' noise", low=0, high=LARGEST_SEED),
         "duration": Key(float, "of the scenario that is run", "s", 1e-3, 3600.0),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
@@ -16,6 +17,8 @@ from sandbox.evaluation.pages import planes
 from sandbox.evaluation.pages.compare_figure import reading
 from sandbox.evaluation.pages.compare_sheets import most_current, over_angle, spectra, working
 from sandbox.evaluation.pages.compare_tables import comparison_tables
+from sandbox.evaluation.pages.cost_figure import READING as COSTS
+from sandbox.evaluation.pages.cost_figure import cost_svg, cost_table
 from sandbox.evaluation.pages.loci import angle_svg, estimator_svg, hodograph_svg, loci_svg
 from sandbox.output import looks
 from sandbox.output.document import answer, figure, fold, pairs, prose, table, write_page
@@ -68,6 +71,9 @@ def _run_parts(c: Comparison, run: Run, title: str) -> Iterator[str]:
     yield from _cautioned(c)
     yield answer("What is not in it?", _effects_said(c))
     yield figure(estimator_svg([run]), reading(c.runs))
+    if (cost := standings(run.rows)[0:1]) and cost[0].loss_w is not None:
+        yield "<h2>What the injection costs</h2>" + table(*cost_table([replace(cost[0], closed_loop=True)]))
+        yield f"<p class='soft'>{prose(COSTS)}</p>"
     yield from looked(c, [run])
     for heading, heads, rows in comparison_tables(c):
         yield fold(f"Every stretch: {heading}", table(heads, rows))
@@ -78,7 +84,7 @@ def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str
     """Yield the page's parts, the answers first."""
     found = standings(c.rows)
     yield f"<h1>{prose(title)}</h1>"
-    yield answer("Which estimator for this motor?", which(found))
+    yield answer("Which estimator for this motor?", which(found, c.limits))
     yield answer("What does believing the saturated model bring?", f"{gained(found)} {theory_held(c.rows)}")
     yield from _cautioned(c)
     then = f"see '{KNOWN}' below." if known else ASK
@@ -87,6 +93,13 @@ def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str
     yield "<h2>All estimators, the estimate in control</h2>" + _standings([s for s in found if s.closed_loop], asked)
     yield f"<p class='soft'>{prose(STANDINGS + (MISSED if asked else NOT_ASKED))}</p>"
     yield fold("The same, the encoder in control", _standings([s for s in found if not s.closed_loop], asked))
+    if any(s.loss_w is not None for s in found):
+        yield "<h2>What the injection costs</h2>" + table(*cost_table(found))
+        yield figure(
+            cost_svg(found, c.limits),
+            "Error, added loss and sound, the smallest error first; dashed: limits asked for.",
+        )
+        yield f"<p class='soft'>{prose(COSTS)}</p>"
     if known:
         yield f"<h2>{KNOWN}</h2>" + table(known.heads, known.lines)
         yield figure(known.drawing, "Each parameter of the belief is drawn evenly within ± so much; the plant stays.")
@@ -98,7 +111,7 @@ def parts(c: Comparison, title: str, known: Known | None = None) -> Iterator[str
     drawn = (f"<div><h3>{prose(name)}</h3>{figure(estimator_svg(own), '')}</div>" for name, own in groups.items())
     yield from pairs(drawn)
     yield f"<p class='soft'>{prose(reading(c.runs))}</p>"
-    chosen = next((s.estimator for s in best(found)), next(iter(groups), None))
+    chosen = next((s.estimator for s in best(found, c.limits)), next(iter(groups), None))
     if chosen is not None:
         yield f"<h2>{prose(chosen)} in detail</h2>"
         yield from looked(c, groups[chosen])

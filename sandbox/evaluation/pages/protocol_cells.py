@@ -70,7 +70,7 @@ def reading(result: Protocol) -> str:
     if any(" slow" in text for text in cells):
         parts.append("slow: the speed asked for not reached in time")
     if "cost" in tests:
-        parts.append("cost: a step, torque ripple at standstill/at speed")
+        parts.append("cost: a step, torque ripple at standstill/at speed, copper loss and sound proxy of the injection")
     goals = [mark for mark in marks if mark != HOLDS]
     if goals:
         met = {GOOD: "met", BAD: "not met"}
@@ -116,7 +116,9 @@ def cell(row: Row | None) -> str:
     if m.get("step_ns") is not None:
         ripples = [m.get(name) for name in ("torque_ripple", "torque_ripple_at_speed")]
         said = "/".join("–" if v is None else f"{100 * v:.1f}" for v in ripples)
-        return f"{m['step_ns']:.0f} ns, {said} %{mark}"
+        loss, sound = m.get("copper_w"), m.get("sound_db")
+        costs = "" if loss is None or sound is None else f", {loss:.2g} W, {sound:.0f} dB"
+        return f"{m['step_ns']:.0f} ns, {said} %{costs}{mark}"
     if "bandwidth_hz" in m:
         return f"{m['bandwidth_hz']:.0f} Hz{mark}" if m["bandwidth_hz"] is not None else f"–{mark}"
     lost = f", {m['lost']:.0f} lost" if m.get("lost") else ""

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sandbox.evaluation.choice import MANY, either, few
+from sandbox.evaluation.choice import ANY, MANY, Limits, either, few
 from sandbox.evaluation.pages.protocol_cells import BAD, CHECKS, GOOD, HOLDS, reading, table, tables
 from sandbox.evaluation.protocol import PEER, SHARED, TESTS, Protocol, Row
 from sandbox.evaluation.protocol_tests import MEAN_GOAL
@@ -26,7 +26,8 @@ NOT_IN_IT = (
 class Merit:
     """How an estimator with the saturated belief did on one motor.
 
-    worst_p95: degrees, over the tests of GAINED; step_ns: CPU of a step; None where not measured.
+    worst_p95: degrees, over the tests of GAINED; step_ns: CPU of a step; loss_w, sound_db: added by its injection at
+    rated load, the larger of standstill and speed; None where not measured.
     """
 
     estimator: str
@@ -35,6 +36,8 @@ class Merit:
     slow: tuple[str, ...]  # tests in which a speed was reached too late
     worst_p95: float | None
     step_ns: float | None
+    loss_w: float | None = None
+    sound_db: float | None = None
 
     @property
     def rank(self) -> tuple[int, int, int]:
@@ -54,18 +57,33 @@ def merits(rows: Sequence[Row], motor: str) -> tuple[Merit, ...]:
     for name in dict.fromkeys(r.unit.estimator for r in own):
         mine = [r for r in own if r.unit.estimator == name]
         judged = [r for r in mine if r.outcome.passed is not None]
-        cost = next((r.outcome.metrics.get("step_ns") for r in mine if r.unit.test == "cost"), None)
+        costs = next((r.outcome.metrics for r in mine if r.unit.test == "cost"), {})
         errors = [r.outcome.metrics.get("p95_deg") for r in mine if r.unit.test in GAINED]
         worst = max((e for e in errors if e is not None), default=None)
         slow = tuple(r.unit.test for r in mine if r.outcome.metrics.get("speed_missed"))
         missed = tuple(r for r in judged if not r.outcome.passed)
-        out.append(Merit(name, len(judged), missed, slow, worst, cost))
+        added = (_larger(costs, "copper_w"), _larger(costs, "sound_db"))
+        out.append(Merit(name, len(judged), missed, slow, worst, costs.get("step_ns"), *added))
     return tuple(sorted(out, key=Merit.order))
 
 
-def which(rows: Sequence[Row], motor: str) -> str:
-    """Return which estimator to take on a motor, in one to three sentences."""
-    found = [m for m in merits(rows, motor) if m.judged]
+def _larger(metrics: Mapping[str, float | None], name: str) -> float | None:
+    """Return the larger of a cost's two values, at standstill and at speed."""
+    return max((v for v in (metrics.get(name), metrics.get(f"{name}_at_speed")) if v is not None), default=None)
+
+
+def which(rows: Sequence[Row], motor: str, limits: Limits = ANY) -> str:
+    """Return which estimator to take on a motor within limits, in one to three sentences."""
+    every = [m for m in merits(rows, motor) if m.judged]
+    found = [m for m in every if not limits.broken_by(m)]
+    dear = "; ".join(f"{m.estimator} {limits.broken_by(m)}" for m in every if limits.broken_by(m))
+    if every and not found:
+        return f"None within the limits: {dear}."
+    return _which(found, rows, motor) + (f" Beyond the limits: {dear}." if dear else "")
+
+
+def _which(found: Sequence[Merit], rows: Sequence[Row], motor: str) -> str:
+    """Return the same of estimators within the limits."""
     if not found:
         return "None of these tests has a goal; run `static_map`, `load_step` or `robustness`."
     first = [m for m in found if m.rank == found[0].rank]
@@ -207,7 +225,7 @@ def parts(result: Protocol, title: str) -> Iterator[str]:
     motors = [motor for motor in every if motor != PEER]
     yield f"<h1>{prose(title)}</h1>"
     for motor in motors:
-        yield answer(f"Which estimator for {motor}?", which(result.rows, motor))
+        yield answer(f"Which estimator for {motor}?", which(result.rows, motor, result.limits))
     for motor in motors:
         yield answer(f"What does believing the saturated model bring on {motor}?", gained(result.rows, motor))
     missing = left_out(result.rows)

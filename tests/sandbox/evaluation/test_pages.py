@@ -112,8 +112,9 @@ def test_a_comparison_on_one_page(small_comparison, tmp_path):
     first = page.text.index("Which estimator for this motor?")
     assert first < page.text.index("What does believing") < page.text.index("All estimators")
     assert "with the saturated belief: in every segment within" in page.text
-    # two estimators over load; of the best: time, currents, flux, spectra; the rotor is locked, so no angle
-    assert page.drawings == 6
+    # costs; two estimators over load; of the best: time, currents, flux, spectra; the rotor is locked, so no angle
+    assert page.drawings == 7
+    assert "What the injection costs" in page.text
     assert "against the rotor's angle" not in page.text
     assert path.stat().st_size < 1_000_000
 

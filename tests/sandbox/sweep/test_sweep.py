@@ -81,6 +81,22 @@ def test_a_row_is_what_a_single_run_gives():
     assert row.rms_mean_deg == pytest.approx(np.sqrt(np.mean(np.square(means))), rel=1e-12)
 
 
+def test_a_row_has_what_the_injection_costs_where_it_is_asked_for():
+    scene = Scenario("own", (Segment(0.1, 1.0, ramp=0.02, settle=0.05),), start_up=False)
+    (wanted,) = sandbox.simulate("ipm_exchanged", scene, "qnull", effects={"iron_loss.core_resistance": 900.0}).rows
+    tables = {
+        "run": {"estimator": "qnull", "injection_cost": True, "effects": {"iron_loss": {"core_resistance": 900.0}}},
+        "scenario": {"start_up": False},
+        "segment": [{"duration": 0.1, "load": 1.0, "ramp": 0.02, "settle": 0.05}],
+    }
+    plan = sweep_of(tables)
+    row = run_case(plan, plan.case(0)).row
+    cost = wanted.cost
+    assert (row.loss_w, row.torque_ripple, row.sound_db) == (cost.loss_w, cost.torque_ripple, cost.sound_db)
+    assert cost.iron_w > 0.0
+    assert one_row().loss_w is None
+
+
 def test_a_belief_without_alphas_is_the_linear_one():
     alphas = {f"alpha_{n}": 0.0 for n in ("30", "12", "40", "22", "04")}
     assert one_row(believed_factor=alphas) == one_row(belief="linear")
