@@ -204,3 +204,9 @@ def test_rooms_of_the_diagnosis_stay_small():
     for room in (ROOT / "sandbox" / "gap").rglob("*"):
         if room.is_dir():
             assert len(list(room.glob("*.py"))) <= 15, room
+
+
+def test_no_test_imports_another():
+    """What several tests need stands in a file beside them, whose name does not begin with `test_`."""
+    for path in (ROOT / "tests").rglob("*.py"):
+        assert not [name for name in imported(path) if re.search(r"\.test_\w+$", name)], path

@@ -8,6 +8,7 @@ import pytest
 from model.drive_files import load_drive
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.report.answers import answer
+from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.replay import prepare
@@ -107,3 +108,9 @@ def with_a_stranger(small_answers):
     j = small_answers.diagnosis.best.evaluated
     prepared = prepare(with_added(small_answers.diagnosis.campaign))
     return j, dataclasses.replace(j.model, point=Point(prepared, j.model.point.values, j.model.point.turns))
+
+
+def start(folder):
+    """Return a campaign's nominal point, not fitted."""
+    campaign = read_campaign(folder)
+    return Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))

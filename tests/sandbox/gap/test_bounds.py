@@ -24,8 +24,7 @@ from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign
 from sandbox.recordings.writing import write_campaign
 from sandbox.replay.segments import Segment
-from tests.sandbox.gap.conftest import CASES, small_campaign
-from tests.sandbox.gap.test_evidence import start
+from tests.sandbox.gap.conftest import CASES, small_campaign, start
 
 DRIVE = load_drive("ipm_exchanged")
 RIPPLE = ("dc_link_ripple.amplitude", "dc_link_ripple.phase")

@@ -38,7 +38,7 @@ from sandbox.gap.posterior.settings import USUAL
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import NO_LIMITS, CampaignRecording, read_campaign
 from sandbox.replay.replay import prepare, replay
-from tests.sandbox.gap.test_evidence import start
+from tests.sandbox.gap.conftest import start
 
 stationary = stationary_kernel.py_func
 PAGE = Path(__file__).parents[3] / "sandbox" / "recordings" / "RECORDING.md"

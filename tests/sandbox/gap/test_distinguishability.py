@@ -13,7 +13,7 @@ from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.hypotheses import Hypothesis
 from sandbox.gap.posterior.settings import USUAL
 from sandbox.gap.report.distinguishability import alike
-from tests.sandbox.gap.test_evidence import start
+from tests.sandbox.gap.conftest import start
 
 SETS = (("dead_time",), ("device_drop",))
 

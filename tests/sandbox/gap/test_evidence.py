@@ -11,20 +11,13 @@ from scipy.stats import truncnorm
 from sandbox.gap.evidence import algebra as algebra_module
 from sandbox.gap.evidence.algebra import Algebra, Prior, between_segments, sandwich
 from sandbox.gap.evidence.fit import coordinates_of, fit
-from sandbox.gap.evidence.normal import Normal, Point, Segment, normal, possible
+from sandbox.gap.evidence.normal import Normal, Segment, normal, possible
 from sandbox.gap.evidence.priors import Coordinate, of_effect
 from sandbox.gap.posterior.candidates import at_typical
 from sandbox.gap.posterior.holdout import choices, held_out, weights_of
 from sandbox.gap.posterior.linear_model import linear_model
 from sandbox.plant.sets import complete
-from sandbox.recordings.campaign import read_campaign
-from sandbox.replay.replay import prepare
-from tests.sandbox.gap.conftest import DEAD_TIME
-
-
-def start(folder):
-    campaign = read_campaign(folder)
-    return Point(prepare(campaign), complete(campaign.drive.motor, campaign.drive.converter))
+from tests.sandbox.gap.conftest import DEAD_TIME, start
 
 
 def test_slopes_next_to_what_no_drive_can_have_are_taken_to_the_other_side(small_folder):

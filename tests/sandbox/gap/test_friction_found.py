@@ -12,7 +12,7 @@ from sandbox.recordings.campaign import Campaign, CampaignRecording
 from sandbox.replay.replay import prepare
 from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
-from tests.sandbox.replay.test_replay import DRIVE
+from tests.sandbox.replay.benches import DRIVE
 
 FASTEST, SAMPLES = 40.0, 6000  # rad/s, mechanical: eight times the hump's 5 rad/s
 

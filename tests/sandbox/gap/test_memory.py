@@ -19,7 +19,7 @@ from sandbox.replay.replay import prepare, replay
 from sandbox.replay.segments import Gathering, Part
 from sandbox.replay.stretches import stretches
 from tests.sandbox.gap.conftest import CASES, DEAD_TIME, DRIVE, small_campaign
-from tests.sandbox.replay.test_replay import campaign
+from tests.sandbox.replay.benches import campaign
 
 EFFECTS = ("dead_time", "pwm_delay")  # a late pattern: readings of one stretch belong to the next one
 TIGHT = 3e6  # bytes: slopes of the small campaign are 3.1 MB, of which a quarter of this is kept; stretches of 400

@@ -15,14 +15,14 @@ from sandbox.gap.planning.next_recording import Next
 from sandbox.gap.planning.visible import Visible
 from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording
 from tests.sandbox.gap.conftest import DRIVE
-from tests.sandbox.gap.test_values_planning import entry_of
+from tests.sandbox.gap.entries import named
 
 
 @pytest.mark.parametrize(("z", "word"), [(6.1, "clear"), (5.9, "faint"), (2.1, "faint"), (1.9, "not")])
 def test_clear_is_six_and_faint_two_standard_deviations(z, word):
     own = Visible({"a": z}, ())
     assert own.words("a") == word
-    assert bench_plan.Planned(entry_of(), "", own, ()).tells == (("a",) if word == "clear" else ())
+    assert bench_plan.Planned(named(), "", own, ()).tells == (("a",) if word == "clear" else ())
 
 
 def recorded(i_a, theta, name="r"):
@@ -143,13 +143,13 @@ def test_a_drive_that_names_no_encoder_is_planned_with_4096_counts(monkeypatch, 
 def test_experiments_are_in_the_order_of_what_they_add(monkeypatch):
     monkeypatch.setattr(bench_plan, "settings", lambda *_: "")
     told = [("x", {"a": 9.0, "b": 5.9}), ("y", {"a": 6.1, "b": 6.1}), ("z", {"b": 99.0, "c": 9.0}), ("w", {"c": 7.0})]
-    found = bench_plan._ordered(DRIVE, [(entry_of(n), Visible(sizes, ())) for n, sizes in told])
+    found = bench_plan._ordered(DRIVE, [(named(n), Visible(sizes, ())) for n, sizes in told])
     assert [(p.entry.name, p.adds) for p in found] == [("y", ("a", "b")), ("z", ("c",))]
 
 
 def test_setpoints_are_told_every_millisecond():
     """At 4 kHz every fourth sample; 6 pole pairs at 60 pi rad/s: 300 rpm; half of 400 V."""
-    entry = entry_of(link=0.5, injection=(5.0, 3.0))
+    entry = named(link=0.5, injection=(5.0, 3.0))
     entry = dataclasses.replace(entry, i_d=np.arange(8.0), i_q=-np.arange(8.0), speed=np.full(8, 60.0 * math.pi))
     first, second = bench_plan.setpoints(entry, DRIVE)
     expected = {"t_s": 1e-3, "i_d_A": 4.0, "i_q_A": -4.0, "speed_rpm": 300.0, "injected_d_V": 5.0, "injected_q_V": 3.0,
@@ -163,7 +163,7 @@ def test_a_bench_table_by_hand(monkeypatch, tmp_path, rotor, link):
     """60 pi rad/s of 6 pole pairs are 300 rpm, or as fast as the angle goes: 0.25 rad a millisecond, 398 rpm.  3 and
     4 V are 5 V phase peak, 3 V of them along a."""
     n = 8
-    entry = dataclasses.replace(entry_of("one", 1.0, injection=(0.0, 5.0), link=link), rotor=rotor)
+    entry = dataclasses.replace(named("one", 1.0, injection=(0.0, 5.0), link=link), rotor=rotor)
     entry = dataclasses.replace(entry, speed=np.full(n, -60.0 * math.pi), i_q=np.full(n, 1.5))
     columns = {"t": np.arange(n) * 1e-3, "theta": 0.25 * np.arange(n), "u_alpha": np.full(n, 3.0),
                "u_beta": np.full(n, 4.0), "u_dc": np.full(n, 400.0 * link)}  # fmt: skip
@@ -209,5 +209,5 @@ def test_an_eccentric_disc_is_no_more_than_a_misaligned_one_where_the_angle_stay
 
 def test_what_all_experiments_tell_together_is_listed():
     alone, whole = Visible({"a": 7.0, "b": 5.0}, ()), Visible({"a": 9.0, "b": 7.0, "c": 1.0}, ())
-    planned = bench_plan.Plan(DRIVE, (bench_plan.Planned(entry_of(), "", alone, ("a",)),), whole)
+    planned = bench_plan.Plan(DRIVE, (bench_plan.Planned(named(), "", alone, ("a",)),), whole)
     assert planned.adds == ("b",)

@@ -10,16 +10,12 @@ from scipy.stats import norm
 from model.errors import BadInput
 from sandbox.gap.evidence.priors import Coordinate
 from sandbox.gap.planning import next_recording as following
-from sandbox.gap.planning.menu import Entry
 from sandbox.gap.planning.next_recording import Tried, power
 from sandbox.recordings.campaign import NO_LIMITS, Campaign, CampaignRecording
 from tests.sandbox.gap.conftest import DRIVE
+from tests.sandbox.gap.entries import named
 
 SURE_OF_TWO = math.log(19.0)  # log evidence that leaves 0.95 to one of two: 0.95 / 0.05
-
-
-def entry_of(name="x", seconds=1.0, **more):
-    return Entry(name, name, "driven", *(np.zeros(8),) * 3, seconds=seconds, **more)
 
 
 def tried(told, apart=0.0, missed=0.0, name="x", seconds=1.0, n=2):
@@ -28,7 +24,7 @@ def tried(told, apart=0.0, missed=0.0, name="x", seconds=1.0, n=2):
     rows[0] = told
     np.fill_diagonal(rows, np.inf)
     apart = apart * (1.0 - np.eye(n)) if isinstance(apart, float) else np.array(apart)
-    return Tried(entry_of(name, seconds), rows, apart, np.full(n, missed))
+    return Tried(named(name, seconds), rows, apart, np.full(n, missed))
 
 
 def even(n):
@@ -72,7 +68,7 @@ def test_rivals_on_one_side_go_together(between, sides):
 
 
 def test_a_longer_recording_brings_as_much_more():
-    t = Tried(entry_of(), np.array([[1.0]]), np.array([[2.0]]), np.array([3.0])).longer(4.0)
+    t = Tried(named(), np.array([[1.0]]), np.array([[2.0]]), np.array([3.0])).longer(4.0)
     assert (t.told, t.apart, t.missed) == (4.0, 8.0, 12.0)
 
 
@@ -183,7 +179,7 @@ def test_what_an_entry_brings_is_told_row_by_row(monkeypatch, worst, kept):
         return own * (worst if a.effects[0] == 2 else 1.0), -own, 5.0 + a.effects[0]
 
     monkeypatch.setattr(following, "expected_evidence", brought)
-    found = following._tried(None, entry_of(), [(0.3, judged(k)) for k in range(3)], 1.0, 1)
+    found = following._tried(None, named(), [(0.3, judged(k)) for k in range(3)], 1.0, 1)
     assert (found is not None) == kept
     if kept:
         assert found.told.tolist() == [[math.inf, 1.0, 2.0], [10.0, math.inf, 12.0], [20.0, 21.0, math.inf]]
@@ -202,7 +198,7 @@ def recommending(monkeypatch):
 
         def allowed(drive, limits, seconds=0.5):
             asked.menus.append(seconds)
-            return [entry_of(n, seconds) for n in names]
+            return [named(n, seconds) for n in names]
 
         def once(campaign, entry, own, temperature, workers):
             asked.tried.append((entry.name, len(own)))

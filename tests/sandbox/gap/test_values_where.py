@@ -11,7 +11,7 @@ from sandbox.gap.location import decompose, outside
 from sandbox.gap.location.decompose import BINS, CURRENT_NAMES, SPEED_NAMES
 from sandbox.replay.inputs import LEGS
 from sandbox.replay.replay import Residual
-from tests.sandbox.gap.test_size import size_at
+from tests.sandbox.gap.sizes import size_at
 
 
 @pytest.mark.parametrize(

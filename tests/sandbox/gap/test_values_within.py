@@ -11,7 +11,7 @@ from model.parameters import Limits
 from sandbox.gap.planning import within as limiting
 from sandbox.gap.planning.within import Peaks, largest_current, within
 from sandbox.recordings.campaign import NO_LIMITS
-from tests.sandbox.gap.test_values_menu import drive_at, entry_of
+from tests.sandbox.gap.entries import drive_at, entry_of
 
 
 def looked_at(monkeypatch, *peaks):

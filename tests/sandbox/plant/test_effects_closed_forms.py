@@ -8,9 +8,9 @@ import pytest
 
 from sandbox.drive.sensing import encoder, read_current
 from sandbox.plant import additions as add
+from tests.sandbox.plant.closed_forms import iron, pulsed
 from tests.sandbox.plant.effect_motors import LINEAR, NO_MAGNET, TS, L, R, U, signs
 from tests.sandbox.plant.exact import Exact, exact, switched
-from tests.sandbox.switched.test_switched_effects import pulsed
 
 SALIENT = dataclasses.replace(NO_MAGNET, inductance_d=0.09, inductance_q=0.03)
 A = np.exp(2j * np.pi / 3)
@@ -69,14 +69,6 @@ def test_skin_effect_impedance_rises_with_frequency(plant):
     i = shorted(plant, {"skin_effect.resistance": r_1, "skin_effect.time_constant": tau}, omega)[-1]
     s = 1j * omega
     assert i == pytest.approx(-s * 0.1 / (R + s * L + r_1 * s * tau / (1 + s * tau)), rel=5e-5)
-
-
-def iron(omega, core, tau):
-    """Return the flux and terminal current (rotor frame) of a shorted turning motor: psi/L - phi_m/L + i_c = i,
-    R i = -j omega psi, i_c = j omega psi/(R_c (1 + j omega tau))."""
-    s = 1j * omega
-    psi = 0.1 / L / (1.0 / L + s / R + s / (core * (1.0 + s * tau)))
-    return psi, -s * psi / R
 
 
 @BOTH

@@ -11,9 +11,9 @@ from model.effects.coulomb_friction import drag
 from model.energy import energy
 from sandbox.switched.advance import replay
 from sandbox.switched.bench_numbers import bench, quiet
+from tests.sandbox.plant.closed_forms import iron
 from tests.sandbox.plant.effect_motors import CONVERTER, IPM, LINEAR, NO_MAGNET, TS
 from tests.sandbox.plant.exact import Exact
-from tests.sandbox.plant.test_effects_closed_forms import iron
 
 LATE = 6e-14 / TS  # edges at one instant are taken 1e-14 s apart, and the shaft moves on meanwhile
 

@@ -10,7 +10,7 @@ from sandbox.recordings.formats.parquet import with_volts
 from sandbox.recordings.importing import read_recordings
 from sandbox.recordings.writing import write_campaign
 from tests.sandbox.switched.other_plant import Other
-from tests.sandbox.switched.test_other_plant import NOMINAL, N, missed, plant, recorded, waves
+from tests.sandbox.switched.other_recordings import NOMINAL, N, missed, plant, recorded, waves
 
 NOISE = 0.012  # A rms: 0.2 % of the motor's rated current, as the project's drives have it
 

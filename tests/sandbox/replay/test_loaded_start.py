@@ -10,8 +10,8 @@ from model.errors import BadInput
 from model.mapped import MappedMotor
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import prepare, replay
-from tests.sandbox.replay.test_replay import record
-from tests.sandbox.switched.test_switched_mapped import one_cell
+from tests.sandbox.replay.benches import record
+from tests.sandbox.switched.one_cell import one_cell
 
 IPM = load_drive("ipm")
 NUMBERS = {n: getattr(IPM.motor, n) for n in type(IPM.motor).__dataclass_fields__ if not n.startswith("alpha_")}

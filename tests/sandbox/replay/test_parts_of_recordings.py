@@ -10,7 +10,7 @@ from model.effects import library
 from sandbox.gap.excerpts import SETTLED, excerpted
 from sandbox.recordings.campaign import Campaign
 from sandbox.replay.replay import ACCURACY, prepare, replay, residuals
-from tests.sandbox.replay.test_replay import CASES, DRIVE, MOTION, record, typical
+from tests.sandbox.replay.benches import CASES, DRIVE, MOTION, record, typical
 
 PERIOD = DRIVE.converter.sampling_period
 ROWS = math.ceil(SETTLED * max(DRIVE.motor.inductance_d, DRIVE.motor.inductance_q) / DRIVE.motor.resistance / PERIOD)

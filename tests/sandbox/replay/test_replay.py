@@ -11,7 +11,6 @@ import tomllib
 import numpy as np
 import pytest
 
-from model.drive_files import load_drive
 from model.effects import library
 from model.energy import flux_from_current, hessian
 from model.errors import BadInput
@@ -24,10 +23,8 @@ from sandbox.replay.sensitivity import all_parameters, sensitivities
 from sandbox.switched.advance import replay as switched
 from sandbox.switched.bench_numbers import bench, quiet
 from tests.data import recordings_folder
+from tests.sandbox.replay.benches import CASES, DRIVE, MOTION, campaign, record, typical
 
-DRIVE = load_drive("ipm")
-DRIVE = dataclasses.replace(DRIVE, converter=dataclasses.replace(DRIVE.converter, encoder_counts=1 << 16))
-CASES = (("locked", 0.0), ("driven", 20.0), ("driven", 100.0), ("free", 0.0))
 EXACT = 2e-5  # of rated current
 ORDERS = {  # several of each effect at once
     "flux_harmonics.psi_d6": 0.003, "flux_harmonics.2.psi_d": 0.002, "flux_harmonics.2.psi_q": -0.001,
@@ -36,35 +33,6 @@ ORDERS = {  # several of each effect at once
     "cogging_torque.amplitude": 0.02, "cogging_torque.order_mech": 36.0, "cogging_torque.2.amplitude": 0.03,
     "cogging_torque.2.order_mech": 12.0, "cogging_torque.2.phase": 1.0,
 }  # fmt: skip
-MOTION = 0.03  # standard deviations: what may be left of a free rotor's innovations without noise
-
-
-def record(effects, rotor, speed=0.0, n=700, load_torque=True, finer=1.0):
-    """Return a recording of the switched bench without noise: voltage, injection, a step of load for a free rotor."""
-    b, period, pairs = quiet(bench(DRIVE.motor, DRIVE.converter, effects)), DRIVE.converter.sampling_period, 6
-    b = b._replace(step=b.step / finer)
-    k = np.arange(n)
-    theta, middle = (0.3 + pairs * speed * period * (k + x) for x in (0.0, 0.5))
-    size = 12.0 + 0.1 * pairs * speed if rotor == "driven" else 12.0 * np.sin(2 * np.pi * k / 600)
-    u = size * np.exp(1j * (middle + 1.6)) + 30.0 * np.where(k % 8 < 4, 1, -1) * np.exp(1j * middle)
-    load, more = np.zeros(n), {"theta": theta, "speed": speed}
-    if rotor == "free":
-        u, load = (10.0 + 5.0 * np.sin(k / 50.0)).astype(complex), np.where(k > 300, 0.2, 0.0)
-        more = {"theta": 0.3, "load_torque": load}
-    r = switched(b, rotor, u.real, u.imag, 400.0, **more)
-    columns = {"t": k * period, "u_alpha": u.real, "u_beta": u.imag, "theta": r["theta"], "u_dc": np.full(n, 400.0)}
-    columns |= {name: r[name] for name in ("i_a", "i_b", "i_c")} | ({"load_torque": load} if load_torque else {})
-    return CampaignRecording(f"{rotor}_{speed:g}.parquet", rotor, "d", columns)
-
-
-def campaign(effects, cases=CASES, **more):
-    """Return a campaign of the switched bench."""
-    return Campaign("bench", DRIVE, tuple(record(effects, *c, **more) for c in cases), {}, {}, False)
-
-
-def typical(name):
-    """Return an effect at its typical size, without the jitter that no prediction shows."""
-    return {k: v for k, v in library.typical(name, DRIVE.motor, DRIVE.converter).items() if not k.endswith("jitter")}
 
 
 def gaps(recorded, prepared, values):

@@ -19,7 +19,7 @@ from sandbox.replay.free_rotor import (
 )
 from sandbox.replay.replay import prepare
 from sandbox.replay.smoothing import free_motion
-from tests.sandbox.replay.test_replay import DRIVE, campaign
+from tests.sandbox.replay.benches import DRIVE, campaign
 
 COUNT = 2.0 * np.pi * 2 / 4096
 

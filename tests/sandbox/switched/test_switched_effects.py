@@ -22,16 +22,12 @@ from sandbox.switched.inverter import (
 )
 from sandbox.switched.machine_state import DRIVEN, FREE, LOCKED, Driving
 from sandbox.switched.phase_machine import current_and_torque, friction, powers, stored_energy
+from tests.sandbox.plant.closed_forms import pulsed, settled
 from tests.sandbox.plant.effect_motors import CONVERTER, IPM, LINEAR, NO_MAGNET, TS, L, R, U, signs, vector
 
 
 def make(effects=None, motor=LINEAR):
     return quiet(bench(motor, CONVERTER, effects))
-
-
-def settled(b, u, n=800):
-    """Return the sampled current vector of a locked motor after a long time at constant voltage."""
-    return vector(replay(b, "locked", np.full(n, u.real), np.full(n, u.imag), U))[-1]
 
 
 def paper(motor, d, q):
@@ -49,14 +45,6 @@ def paper(motor, d, q):
 def test_every_effect_has_a_test():
     tested = " ".join(name for name in globals() if name.startswith("test_"))
     assert not [e for e in {name.partition(".")[0] for name in parameters()} if e not in tested]
-
-
-def pulsed(u, r, link=U):
-    """Return the exact sample of a linear R-L circuit in periodic steady state under centred pulses, along alpha."""
-    legs = np.array([u, -u / 2, -u / 2])
-    duty, a = 0.5 + (legs - u / 4) / U, r / L
-    level = np.exp(-a * 0.5 * (1 - duty) * TS) - np.exp(-a * 0.5 * (1 + duty) * TS)
-    return link / r * (2 * level[0] - level[1] - level[2]) / 3 / (1 - math.exp(-a * TS))
 
 
 def test_stator_resistance_sets_the_steady_current():

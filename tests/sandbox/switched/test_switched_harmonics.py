@@ -29,7 +29,7 @@ from sandbox.switched.phase_machine import (
     reservoir,
     stored_energy,
 )
-from tests.sandbox.switched.test_switched import ALL_ON, commands
+from tests.sandbox.switched.all_effects import ALL_ON, commands
 
 IPM = load_drive("ipm")
 MOTOR, POLES = IPM.motor, IPM.motor.pole_pairs

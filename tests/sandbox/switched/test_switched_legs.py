@@ -15,8 +15,8 @@ from sandbox.switched.leg import soft_sign, table_volts
 from sandbox.switched.machine_state import LOCKED
 from sandbox.switched.phase_machine import phase_currents, reservoir
 from sandbox.switched.unlisted import unlisted, with_leg_table, with_sign
+from tests.sandbox.plant.closed_forms import pulsed, settled
 from tests.sandbox.plant.effect_motors import CONVERTER, NO_MAGNET, TS, L, R, U, vector
-from tests.sandbox.switched.test_switched_effects import pulsed, settled
 
 PLAIN = quiet(bench(NO_MAGNET, CONVERTER))
 SMOOTH = dataclasses.replace(NO_MAGNET, inductance_d=0.5, inductance_q=0.5, resistance=200.0)  # hardly any ripple

@@ -12,8 +12,8 @@ from sandbox.switched.bench_numbers import bench, quiet
 from sandbox.switched.inverter import I_ALPHA, LINK_DIP, LINK_FEED, integrate
 from sandbox.switched.machine_state import LOCKED
 from sandbox.switched.unlisted import unlisted
+from tests.sandbox.plant.closed_forms import settled
 from tests.sandbox.plant.effect_motors import CONVERTER, NO_MAGNET, L, R, U
-from tests.sandbox.switched.test_switched_effects import settled
 
 PLAIN = quiet(bench(NO_MAGNET, CONVERTER))
 RATE, Z, D = 2.0 * math.pi * 900.0, 12.0, 0.08
