@@ -11,6 +11,8 @@ from hypothesis import settings
 
 from tests import balance, durations
 
+# before numpy is loaded: threads of BLAS in several workers wait for each other in loops (a fit took 100 times as long)
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 settings.register_profile("suite", deadline=None)  # the first call of a kernel compiles it
 settings.load_profile("suite")
 
