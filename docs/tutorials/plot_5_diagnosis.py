@@ -27,10 +27,11 @@ kept = json.loads((Path("..") / "stored" / "diagnosis.json").read_text())
 print("kept on", kept["date"], "by version", kept["version"])
 
 # %%
-# "Explained"
+# "Ambiguous"
 # -----------
-# The word in the blue field is the verdict. *Explained* means that one set of effects holds at least 95 % of the probability. The other verdicts are
-# *no gap* (nothing to explain), *ambiguous* (several sets are left) and *unknown* (something outside the library).
+# The word in the coloured field is the verdict. *Explained* would mean that one set of effects holds at least 95 % of the probability. Here the most
+# probable set holds 94 %, so a second one is named beside it: *ambiguous*. We will see below that the two differ by nothing that can be measured. The other
+# verdicts are *no gap* (nothing to explain) and *unknown* (something outside the library).
 
 print(kept["verdict"])
 
@@ -44,7 +45,7 @@ for finding in kept["where"]:
     print(f"{finding['share']:4.0%}  {finding['text']}")
 
 # %%
-# "64 % of the gap is voltage, mostly (88 %) on the d axis": it grows with speed and does not depend on current. This points to the machine, and there to
+# "89 % of the gap is voltage, mostly (87 %) on the d axis": it grows with speed and does not depend on current. This points to the machine, and there to
 # the magnets, because a voltage that grows with speed and does not depend on current is an induced one. The rest is motion, in the mechanics. "Of electrical order 6 in the rotor frame" means that it
 # repeats six times in one electrical turn.
 #
@@ -52,7 +53,7 @@ for finding in kept["where"]:
 # -------------------------
 # A *hypothesis* is a set of effects; the probabilities of all hypotheses add up to one.
 
-for hypothesis in kept["hypotheses"]:
+for hypothesis in kept["hypotheses"][:5]:
     effects = " + ".join(hypothesis["effects"]) or "no effect"
     print(f"{hypothesis['probability']:.3f}  {effects}")
 for name, p in kept["hypotheses"][0]["parameters"].items():
@@ -60,7 +61,9 @@ for name, p in kept["hypotheses"][0]["parameters"].items():
     print(f"{name:24} {p['value']:10.5g} [{low:.5g}, {high:.5g}] {p['unit']}")
 
 # %%
-# The brackets hold the 95 % interval. The list *All effects that may be there* gives a chance to every effect of the library, also to those that are in
+# The brackets hold the 95 % interval. All likely sets have the same two effects. The others add one more, whose size is zero or so small that these
+# recordings do not show it: the second set has a skin effect of 0 ohm, and its interval says that up to 1.4 ohm would not be seen. Every effect of the library
+# is kept in this way with the small chance that it is there unseen. The list *All effects that may be there* gives a chance to every effect of the library, also to those that are in
 # no likely hypothesis:
 
 for effect in kept["effects"][:5]:
@@ -105,7 +108,14 @@ for name, value in gap["position_error_deg"].items():
 #
 # "What next?"
 # ------------
-# Nothing is needed here. If the verdict is *ambiguous*, this sentence names the recording that would tell the hypotheses apart.
+# The sentence names a recording that tells the sets apart, within the limits of the bench, and how probable it is that one alone is left after it:
+
+recording = kept["next_recording"]
+print(f"{recording['description']}, {recording['seconds']:.0f} s; {recording['power']:.0%}")
+
+# %%
+# ``next_recording.csv`` holds it as a table. Record it, lay it into the campaign, and ``sensorless diagnose drill/campaigns/w001 --continue
+# sensorless-out/diagnose`` goes on from here. If a skin effect does not matter to you, nothing is needed: all sets agree on the two effects and their sizes.
 #
 # "Before you rely on it"
 # -----------------------

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import shlex
 import sys
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
 from typing import Any, Literal
 
 from cyclopts import App, Group, Parameter
@@ -60,9 +63,22 @@ def completion(shell: Literal["bash", "zsh", "fish", "powershell"], /, *, instal
     """
     app = application()
     if install:
-        print_prose(f"completion is written to {app.install_completion(shell=shell)}; open a new shell")
+        place = app.install_completion(shell=shell, add_to_startup=shell != "zsh")
+        if shell == "zsh":
+            start_zsh_with(place.parent)
+        print_prose(f"completion is written to {place}; open a new shell")
         return
     script = app.generate_completion(shell=shell)
     if shell == "zsh":  # a file of its folder is found by its name, what is evaluated is not
         script += "\n(( $+functions[compdef] )) && compdef _cyclopts_sensorless sensorless\n"
     sys.stdout.write(script)  # as it is, in a terminal, too
+
+
+def start_zsh_with(folder: Path) -> None:
+    """Let zsh look for completion in a folder; one whose start-up file leaves completion off turns it on, too."""
+    file = Path(os.environ.get("ZDOTDIR") or Path.home()) / ".zshrc"
+    text = file.read_text(encoding="utf-8") if file.is_file() else ""
+    path = f"fpath=({shlex.quote(str(folder))} $fpath)  # completion of sensorless\n"
+    if path not in text:
+        on = "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit }\n"
+        file.write_text(path + text + ("" if text.endswith("\n") or not text else "\n") + on, encoding="utf-8")

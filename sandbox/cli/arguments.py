@@ -66,14 +66,19 @@ def names_of(text: str) -> Words:
 
 
 def listed(kind: str) -> Parameter:
-    """Return how a shell completes an argument: the names of `sensorless list KIND`, each with its line."""
+    """Return how a shell completes an argument: the names of `sensorless list KIND`, each with its line.
 
-    def complete(_: object) -> dict[str, str]:
+    The last of several names with commas between them is completed. A kind in capitals is the argument that has it.
+    """
+
+    def complete(context: Any) -> dict[str, str]:
         """Return names and lines; the package is loaded when a shell asks."""
         import sandbox
 
-        found: dict[str, str] = getattr(sandbox, f"list_{kind}")()
-        return found
+        named = context[kind.lower()].raw if kind.isupper() else kind
+        found: dict[str, str] = getattr(sandbox, f"list_{named}")()
+        before = "".join(context.incomplete.rpartition(",")[:2])
+        return {before + name: line for name, line in found.items()}
 
     return Parameter(completer=complete)
 

@@ -30,7 +30,7 @@ def compare(
     *,
     motor: take.Motor = "ipm_exchanged",
     scenario: take.Scenario = "staircase",
-    estimators: Annotated[take.Names | None, take.usual(",".join(USUAL_ESTIMATORS))] = None,
+    estimators: Annotated[take.Names | None, take.listed("estimators"), take.usual(",".join(USUAL_ESTIMATORS))] = None,
     estimator: take.Estimators = (),
     estimator_library: take.Libraries = (),
     effects: take.Effects = "",
@@ -194,11 +194,13 @@ def kept(folder: Path, again: bool) -> str:
 
 def protocol(
     *,
-    estimators: Annotated[take.Names | None, take.usual("every compiled one")] = None,
+    estimators: Annotated[take.Names | None, take.listed("estimators"), take.usual("every compiled one")] = None,
     estimator: take.Estimators = (),
     estimator_library: take.Libraries = (),
-    motors: Annotated[take.Names | None, take.usual("three, and `baldor_pmsyrm` where its map is at hand")] = None,
-    tests: Annotated[take.Names | None, take.usual("all")] = None,
+    motors: Annotated[
+        take.Names | None, take.listed("motors"), take.usual("three, and `baldor_pmsyrm` where its map is at hand")
+    ] = None,
+    tests: Annotated[take.Names | None, take.listed("tests"), take.usual("all")] = None,
     quiet_below: take.QuietBelow = None,
     loss_below: take.LossBelow = None,
     dask: take.Dask = None,
@@ -360,7 +362,11 @@ def include() -> None:
 
 
 def list_names(
-    kind: Annotated[Kind, Parameter(metavar="KIND")], name: str | None = None, /, *, effects_from: take.EffectsFrom = ()
+    kind: Annotated[Kind, Parameter(metavar="KIND")],
+    name: Annotated[str | None, take.listed("KIND")] = None,
+    /,
+    *,
+    effects_from: take.EffectsFrom = (),
 ) -> None:
     """Names and one line each of motors, effects and so on.
 

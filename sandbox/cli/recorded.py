@@ -102,7 +102,9 @@ def diagnose(
     *,
     example: take.Flag = False,
     nominal: Literal["linear"] | None = None,
-    exclude: Annotated[take.Words, take.several("EFFECT", "an effect that is no candidate (may be repeated)")] = (),
+    exclude: Annotated[
+        take.Words, take.listed("effects"), take.several("EFFECT", "an effect that is no candidate (may be repeated)")
+    ] = (),
     columns: take.Columns = None,
     preset: take.Preset = None,
     earlier: Annotated[Path | None, Parameter(name="--continue", metavar="RESULT")] = None,

@@ -71,19 +71,25 @@ def test_the_version_is_that_of_the_installation(capsys):
         assert done.stdout == f"sensorless {sandbox.__version__}\n"
 
 
-BASH = """
-eval "$(sensorless completion bash)"
-shown() {{ COMP_WORDS=("$@"); COMP_CWORD=$(($# - 1)); COMP_LINE="$*"; COMP_POINT=${{#COMP_LINE}}; COMPREPLY=()
-  $(complete -p sensorless | sed 's/.*-F \\([^ ]*\\).*/\\1/') sensorless "${{@: -1}}" "${{@: -2:1}}"
-  printf '%s\\n' "${{COMPREPLY[@]}}"; }}
-shown {words}
-"""
 CASES = {
     "commands": (["sensorless", "com"], {"compare", "completion"}),
     "options": (["sensorless", "simulate", "--sce"], {"--scenario"}),
     "choices": (["sensorless", "simulate", "--belief", "l"], {"linear"}),
     "motors": (["sensorless", "simulate", "--motor", "spm_"], {"spm_exchanged"}),
     "estimators": (["sensorless", "compare", "--estimator", "qn"], {"qnull"}),
+    "several": (["sensorless", "compare", "--estimators", "qnull,inv"], {"qnull,inversion"}),
+    "cards": (["sensorless", "list", "effects", "dead"], {"dead_time"}),
+}
+START = {  # what makes a shell complete: evaluated, or installed for every new shell, also where a file leaves it off
+    "bash": {"evaluated": 'eval "$(sensorless completion bash)"\n', "installed": ""},
+    "zsh": {
+        "evaluated": 'autoload -Uz compinit && compinit -u\neval "$(sensorless completion zsh)"\n',
+        "installed": "", "installed before": "autoload -Uz compinit && compinit -u\n",
+    },
+}  # fmt: skip
+REPORT = {  # Ctrl-] writes the line that is being typed
+    "bash": "report() {{ printf '%s\\n' \"$READLINE_LINE\" > {0}/line; }}; bind -x '\"\\C-]\": report'\n",
+    "zsh": "report() {{ print -r -- \"$BUFFER\" > {0}/line }}; zle -N report; bindkey '^]' report\n",
 }
 
 
@@ -97,47 +103,53 @@ def shell(tmp_path_factory):
     return {**os.environ, "PATH": f"{place}{os.pathsep}{os.environ['PATH']}", "HOME": str(place)}
 
 
-@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
-@pytest.mark.parametrize("case", CASES)
-def test_bash_completes(case, shell):
-    words, wanted = CASES[case]
-    script = BASH.format(words=" ".join(f"'{w}'" for w in words))
-    done = subprocess.run(["bash", "-c", script], env=shell, capture_output=True, text=True)
-    assert set(done.stdout.split()) == wanted, done.stderr
+@pytest.mark.parametrize(("kind", "how"), [(kind, how) for kind in START for how in START[kind]])
+def test_a_shell_completes(kind, how, shell, tmp_path):
+    """A shell of its own behind a pseudo terminal: words, then a tab; the line it then has."""
+    if shutil.which(kind) is None:
+        pytest.skip(f"no {kind}")
+    file = tmp_path / f".{kind}rc"
+    file.write_text(START[kind][how])
+    around = {**shell, "HOME": str(tmp_path), "ZDOTDIR": str(tmp_path), "TERM": "dumb"}
+    if how != "evaluated":
+        install = ["sensorless", "completion", kind, "--install"]
+        for _ in range(2):
+            subprocess.run(install, env=around, check=True, capture_output=True)
+        assert file.read_text().count("completion of sensorless" if kind == "zsh" else "# Load sensorless") == 1
+    file.write_text(file.read_text() + REPORT[kind].format(tmp_path) + f"touch {tmp_path}/ready\n")
+    lines = typed(kind, around, tmp_path, [" ".join(words) for words, _ in CASES.values()])
+    for (words, wanted), line in zip(CASES.values(), lines, strict=True):
+        assert line.split()[:-1] == words[:-1]
+        found = line.split()[-1]
+        assert all(w.startswith(found) for w in wanted), line
+        assert len(found) >= len(words[-1]), line
+        assert len(wanted) > 1 or {found} == wanted, line
 
 
-@pytest.mark.skipif(shutil.which("zsh") is None, reason="no zsh")
-@pytest.mark.parametrize("case", CASES)
-def test_zsh_completes(case, shell, tmp_path):
-    """In a zsh of its own behind a pseudo terminal: the words, then a tab; what is completed is echoed."""
+def typed(kind: str, around: dict[str, str], place: Path, lines: list[str]) -> list[str]:
+    """Return what lines, each with a tab, become in an interactive shell (bash escapes commas, which is the same)."""
     import pty
     import time
 
-    words, wanted = CASES[case]
-    (tmp_path / ".zshrc").write_text(
-        f'PS1="> "; autoload -U compinit && compinit -u -d {tmp_path}/dump\n'
-        'eval "$(sensorless completion zsh)"\n'
-        f'report() {{ print -r -- "$BUFFER" > {tmp_path}/buffer }}\nzle -N report\nbindkey "^]" report\n'
-        f"touch {tmp_path}/ready\n"
-    )
     pid, terminal = pty.fork()
     if pid == 0:
-        os.execvpe("zsh", ["zsh", "-i"], {**shell, "ZDOTDIR": str(tmp_path), "TERM": "dumb"})
+        os.execvpe(kind, [kind, "-i"], around)
     try:
-        wait_for(tmp_path / "ready")
+        wait_for(place / "ready")
         time.sleep(0.5)
-        os.write(terminal, " ".join(words).encode() + b"\t\x1d")
-        wait_for(tmp_path / "buffer")
-        time.sleep(0.2)
-        found = (tmp_path / "buffer").read_text().split()
+        found = []
+        for line in lines:
+            os.write(terminal, line.encode() + b"\t\x1d")
+            wait_for(place / "line")
+            time.sleep(0.2)
+            found.append((place / "line").read_text().replace("\\", ""))
+            (place / "line").unlink()
+            os.write(terminal, b"\x15")  # Ctrl-U: an empty line
+        return found
     finally:
         os.close(terminal)
         os.kill(pid, 9)
         os.waitpid(pid, 0)
-    assert found[:-1] == words[:-1]
-    assert all(name.startswith(found[-1]) for name in wanted)
-    assert len(found[-1]) >= len(words[-1])
-    assert len(wanted) > 1 or {found[-1]} == wanted
 
 
 def wait_for(path: Path) -> None:
