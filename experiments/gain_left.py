@@ -116,6 +116,7 @@ def draw(found: list[Case]) -> Any:
         panel.set_yticks(range(len(own)), short)
         panel.set_ylim(len(own) - 0.5, -0.5)
         panel.set_xlim(left=-0.04 * panel.get_xlim()[1])
+        panel.locator_params(axis="x", nbins=5)
         panel.set_title(f"{motor}, {estimator}", fontsize=10)
         panel.set_xlabel("rms position error (°)")
     figure.supxlabel(

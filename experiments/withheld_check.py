@@ -200,15 +200,6 @@ def page(name: str, rows: Sequence[Row], results: Path) -> dict[str, Any]:
     return content
 
 
-def cell(figure: Any) -> str:
-    """Return a figure with its limits for a table."""
-    if not isinstance(figure, dict) or figure.get("value") is None:
-        return "–"
-    low, high = figure.get("low"), figure.get("high")
-    between = ", ".join("–" if x is None else f"{x:.3g}" for x in (low, high))
-    return f"{figure['value']:.3g} [{between}], n = {figure['n']}"
-
-
 def drawing(name: str) -> list[str]:
     """Return a check's figure with the sentence that says how to read it."""
     said = "Chances stated and met, smallest sizes found, and shares with their limits"
@@ -270,20 +261,40 @@ def wins_table(rows: Sequence[Row]) -> list[str]:
 def outside_table(outside: Sequence[Row], known: Sequence[Row]) -> list[str]:
     """Return the table of what is said of causes outside the library by their subsystem, beside known campaigns."""
     own, others = (scored([r for r in rows if r.method == OWN]).judged for rows in (outside, known))
-    lines = ["| subsystem | found | named beside | blamed | unknown_auroc |", "|---|---|---|---|---|"]
+    lines = [
+        "*Seen*: `unknown` stands in the first set. *Blamed*: a name that is not there stands in it, beside `unknown` "
+        "or in its place. *Told apart*: how well the chance of `unknown` separates these causes from all others (area "
+        "under ROC, 1: perfectly).",
+        "",
+        "| the cause lies in | seen | blamed beside it | blamed in its place | told apart |",
+        "|---|---|---|---|---|",
+    ]
+    said = {"found": "top1", "named": "top1", "blamed": "top1", "auroc": "unknown_auroc"}  # in percent, or not
     for subsystem, figures in by_subsystem(own, others).items():
-        lines.append(f"| {subsystem} | {' | '.join(cell(f.as_json()) for f in figures.values())} |")
+        cells = (words.cell(said[k], f.as_json()) for k, f in figures.items())
+        lines.append(f"| {subsystem} | {' | '.join(cells)} |")
     return lines
 
 
 def details(method: dict[str, Any]) -> list[str]:
     """Return how single effects fare by size, which campaigns were missed and which recordings settled nothing."""
-    sizes = ", ".join(f"{s}: {cell(f['top1'])}" for s, f in method["by_size"].items())
-    lines = [f"Top-1 of single effects by size: {sizes}.", ""] if sizes else []
-    for key, text in (("missed", "First hypothesis wrong"), ("unresolved", "Not settled by the recommended recording")):
-        told = "; ".join(" ".join(x).replace("_", " ") for x in method[key])
-        lines += [f"{text}: {told}.", ""] if told else []
+    sizes = [f"| {float(s):g} | {words.cell('top1', f['top1'])} |" for s, f in method["by_size"].items()]
+    head = ["| size of a single effect (medium size: 1) | named first (limits; cases) |", "|--:|---|"]
+    lines = [*head, *sizes, ""] if sizes else []
+    for key, text in (
+        ("missed", "Where something else was named first"),
+        ("unresolved", "Where the recommended recording settled nothing"),
+    ):
+        told = [f"- {name}: {_names(true)}; named {_names([said])}" for name, *true, _, said in method[key]]
+        lines += [f"{text}:", "", *told, ""] if told else []
     return lines
+
+
+def _names(effects: Sequence[str]) -> str:
+    """Return names of effects in a sentence."""
+    said = {"several": "several effects", "none": "nothing", "failed": "nothing, as it failed"}
+    plain = [said.get(e, e.replace("_", " ")) for e in effects]
+    return " and ".join(filter(None, (", ".join(plain[:-1]), *plain[-1:]))) or "nothing was wrong"
 
 
 def if_chances_held(rows: Sequence[Row]) -> list[str]:
@@ -297,8 +308,8 @@ def if_chances_held(rows: Sequence[Row]) -> list[str]:
     rng = np.random.default_rng(0)
     drawn = [calibration_error(stated, rng.random(stated.size) < stated) for _ in range(DRAWS)]
     median, most = np.percentile(drawn, [50.0, 95.0])
-    told = f"calibration_one of {many(stated.size, 'campaign')} would be {median:.2f} (median)"
-    return [f"If every stated chance held exactly, {told}, {most:.2f} or less in 95 % of draws.", ""]
+    told = f"in {many(stated.size, 'campaign')} they would differ by {median:.2f} from the share that was right"
+    return [f"If all stated chances held exactly, {told} (half of draws), by {most:.2f} at most in 95 % of draws.", ""]
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

@@ -38,11 +38,21 @@ const look = (page, width, d) => {
     if (!shown(s)) return;
     if (s.getBoundingClientRect().right > width + 1) say(`drawing cut: ${s.getAttribute("aria-label")}`);
     let least = 99;
-    s.querySelectorAll("text").forEach(t => {
-      const span = t.querySelector("tspan") || t;
-      if (t.textContent.trim()) least = Math.min(least, size(t, parseFloat(getComputedStyle(span).fontSize)));
+    const page = s.getBoundingClientRect();
+    const within = (node, name) => {
+      const own = node.getBoundingClientRect();
+      const over = Math.max(page.left - own.left, own.right - page.right, page.top - own.top, own.bottom - page.bottom);
+      if (over > 2) say(`letters ${over.toFixed(0)} px beyond their figure: ${name}`);
+    };
+    s.querySelectorAll("text, tspan").forEach(t => {
+      if (![...t.childNodes].some(n => n.nodeType == 3 && n.data.trim())) return;
+      least = Math.min(least, size(t.closest("text"), parseFloat(getComputedStyle(t).fontSize)));
+      within(t, t.textContent);
     });
-    s.querySelectorAll("g[id*=text_] > g").forEach(g => { least = Math.min(least, size(g, 100)); });
+    s.querySelectorAll("g[id*=text_] > g").forEach(g => {
+      least = Math.min(least, size(g, 100));
+      within(g, s.closest("figure")?.innerText.slice(0, 60));
+    });
     if (least < LEAST) say(`letters of ${least.toFixed(1)} pt: ${s.getAttribute("aria-label")}`);
   });
   if (d.documentElement.scrollWidth > width + 1) say(`page ${d.documentElement.scrollWidth} px wide`);

@@ -40,14 +40,18 @@ def widest(cell: str) -> float:
     width = 0.0
     for tag, text in re.findall(r"(<[^>]*>)?([^<]+)", breakable(cell)):
         letter = CODE if tag.startswith(("<code", '<span class="pre"', "<wbr")) else LETTER
-        for piece in re.split(r"[\s\u200b]+|(?<=[-–/])", html.unescape(text)):
+        for piece in re.split(r"[ \n\t\u200b]+|(?<=[-–/])", html.unescape(text)):  # not at a hard space
             width = max(width, letter * len(piece))
     return width
 
 
 def breakable(cell: str) -> str:
-    """Return a cell whose names in code may be broken after dots, underscores and commas, others after underscores."""
-    return UNDERSCORE.sub("<wbr>", NAME.sub(lambda m: m[1] + BREAK.sub("<wbr>", m[2]), cell))
+    """Return a cell whose names in code may be broken after dots, underscores and commas, others after underscores.
+
+    Percent signs stay with their number.
+    """
+    kept = re.sub(r"(?<=\d) (?=%)", "\u00a0", cell)
+    return UNDERSCORE.sub("<wbr>", NAME.sub(lambda m: m[1] + BREAK.sub("<wbr>", m[2]), kept))
 
 
 def table_of(text: str) -> Table:
@@ -80,7 +84,8 @@ def _fitted(text: str) -> str:
         def cell(found: re.Match[str]) -> str:
             """Return a cell."""
             head = next(places, "")
-            told = f' data-head="{head}"' if cards and found[2] == "d" else ""
+            said = re.sub(r"<[^>]*>", "", found[4]).strip()  # a card leaves out what is empty
+            told = f' data-head="{head}"' if cards and found[2] == "d" and said else ""
             return f"{found[1]}{told}{found[3]}{breakable(found[4])}{found[5]}"
 
         return CELL.sub(cell, match[0])

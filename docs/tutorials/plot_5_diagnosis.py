@@ -89,7 +89,9 @@ for key, colour, shift in (("before", "#de6210", -0.2), ("after", "#2e86de", 0.2
     panel.barh(rows, [r[key] for r in gap["recordings"]], 0.38, color=colour, label=key)
 panel.axvline(1, color="0.3", linewidth=0.8)
 panel.set(yticks=range(len(names)), yticklabels=names, xscale="log")
-panel.set(xlabel="residual over its noise (J)")
+panel.set(xlabel="residual over its noise (J)", xticks=[1, 2, 5, 10])
+panel.set_xticks([], minor=True)
+panel.xaxis.set_major_formatter("{x:g}")
 panel.invert_yaxis()
 panel.legend()
 
@@ -111,7 +113,9 @@ for name, value in gap["position_error_deg"].items():
 # The sentence names a recording that tells the sets apart, within the limits of the bench, and how probable it is that one alone is left after it:
 
 recording = kept["next_recording"]
-print(f"{recording['description']}, {recording['seconds']:.0f} s; {recording['power']:.0%}")
+print(
+    f"{recording['description']}, {recording['seconds']:.0f} s; {recording['power']:.0%}"
+)
 
 # %%
 # ``next_recording.csv`` holds it as a table. Record it, lay it into the campaign, and ``sensorless diagnose drill/campaigns/w001 --continue

@@ -180,12 +180,12 @@ CARD = Effect(
         r"H \;\text{+=}\; \tfrac12 \gamma_6 \bigl[\cos\,6\theta\,(\phi_d^2 - \phi_q^2) + 2 "
         r"\sin\,6\theta\,\phi_d\,\phi_q\bigr]",
         r"H \;\text{+=}\; \tfrac12 \gamma \bigl[\cos\,x\,(\phi_d^2 - \phi_q^2) + 2 \sin "
-        r"x\,\phi_d\,\phi_q\bigr] + \tfrac12 \gamma_\text{back} \bigl[\cos\,x\,(\phi_d^2 - "
-        r"\phi_q^2) - 2 \sin\,x\,\phi_d\,\phi_q\bigr]",
-        r"H \;\text{+=}\; \tfrac12 \gamma_\text{pulse} \cos\,x\,(\phi_d^2 + \phi_q^2) + \cos "
-        r"x\,(\alpha_{30}\,\phi_d^3 + \alpha_{12}\,\phi_d\,\phi_q^2) + \sin "
-        r"x\,(\alpha_{21}\,\phi_d^2\,\phi_q + \alpha_{03}\,\phi_q^3), \quad x = n\theta + "
-        r"\varphi",
+        r"x\,\phi_d\,\phi_q\bigr], \qquad x = n\theta + \varphi",
+        r"H \;\text{+=}\; \tfrac12 \gamma_\text{back} \bigl[\cos\,x\,(\phi_d^2 - \phi_q^2) - 2 "
+        r"\sin\,x\,\phi_d\,\phi_q\bigr]",
+        r"H \;\text{+=}\; \tfrac12 \gamma_\text{pulse} \cos\,x\,(\phi_d^2 + \phi_q^2)",
+        r"H \;\text{+=}\; \cos\,x\,(\alpha_{30}\,\phi_d^3 + \alpha_{12}\,\phi_d\,\phi_q^2) + "
+        r"\sin\,x\,(\alpha_{21}\,\phi_d^2\,\phi_q + \alpha_{03}\,\phi_q^3)",
         r"i = \frac{\partial H}{\partial \phi}, \qquad T \;\text{+=}\; "
         r"-\tfrac32\,p\,\frac{\partial H}{\partial \theta}",
     ),

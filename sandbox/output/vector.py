@@ -54,7 +54,7 @@ def _by_label(drawing: Figure, axes: Axes, labels: Sequence[str], xlabel: str, y
     """Name the lines of a drawing and its axes; return it as SVG."""
     axes.set_yticks(range(len(labels)), list(labels), parse_math=False)
     axes.set_ylim(len(labels) - 0.5, -0.5)
-    axes.set_xlabel(xlabel)
+    axes.set_xlabel(xlabel, x=1.0, ha="right")  # long names of lines leave an axis that may be shorter than its name
     axes.set_ylabel(ylabel)
     named(axes)
     return svg_text(drawing, "".join(labels) + xlabel)

@@ -10,6 +10,7 @@ import pytest
 from experiments import drawing, shares_truth, withheld_check
 from experiments.withheld_check import CHECKS, OWN, RESULTS, if_chances_held, keep, recompute
 from model.errors import BadInput
+from sandbox.output.tables import many
 from sandbox.withheld.scoring.metrics import by_subsystem
 from sandbox.withheld.scoring.rows import read_rows, write_rows
 from sandbox.withheld.scoring.tables_of_rows import by_method
@@ -49,7 +50,7 @@ def test_all_published_files_follow_from_rows_and_seal(results):
     )
     assert f"| One effect was wrong, and the diagnosis named it first. | {found} |  |  | `top1` |" in text
     assert "![Chances stated and met, smallest sizes found, and shares with their limits](mixed.svg)" in text
-    assert "w001 dead time -> iron loss" in text
+    assert "- w001: dead time; named iron loss" in text
     assert text.startswith("Made 2026-01-01 ")
     assert "`; 12 of 12 campaigns diagnosed, code `abc`." in text
     assert "Not run: narrow campaigns: pairs that look alike (12); campaigns of" in text
@@ -61,20 +62,22 @@ def test_all_published_files_follow_from_rows_and_seal(results):
 
 
 @pytest.mark.parametrize(
-    ("stated", "told"),
+    ("stated", "half", "most"),
     [
-        ([0.75], "of 1 campaign would be 0.25 (median), 0.75 or less"),  # right in three of four draws
-        ([1.0] * 4, "of 4 campaigns would be 0.00 (median), 0.00 or less"),
-        # both right, one, none: 0.1, 0.4, 0.9 in 0.81, 0.18, 0.01 of draws
-        ([0.9, 0.9], "of 2 campaigns would be 0.10 (median), 0.40 or less"),
+        ([0.75], "0.25", "0.75"),  # right in three of four draws
+        ([1.0] * 4, "0.00", "0.00"),
+        ([0.9, 0.9], "0.10", "0.40"),  # both right, one, none: 0.1, 0.4, 0.9 in 0.81, 0.18, 0.01 of draws
     ],
 )
-def test_few_campaigns_show_an_error_of_chances_by_luck(monkeypatch, stated, told):
+def test_few_campaigns_show_an_error_of_chances_by_luck(monkeypatch, stated, half, most):
+    told = f"in {many(len(stated), 'campaign')} they would differ by {half} from the share that was right (half of"
     one = [SimpleNamespace(kind="one", failed=False, top_probability=p) for p in stated]
     several = SimpleNamespace(kind="several", failed=False, top_probability=0.1)
     failed = SimpleNamespace(kind="one", failed=True, top_probability=0.0)
     monkeypatch.setattr(withheld_check, "scored", lambda rows: SimpleNamespace(judged=[*one, several, failed]))
-    assert told in if_chances_held([])[0]
+    said = if_chances_held([])[0]
+    assert told in said
+    assert f"by {most} at most in 95 %" in said
 
 
 def test_the_page_names_campaigns_where_a_simple_method_is_better(results):
@@ -109,14 +112,14 @@ def test_causes_outside_are_ranked_beside_the_known_campaigns_of_the_mixed_check
     (results / "outside.truth.json").write_bytes((results / "mixed.truth.json").read_bytes())
     assert recompute(results) == ["mixed", "outside"]
     text = (results / "README.md").read_text()
-    table = text[text.index("## Causes outside the library by subsystem") :].split("\n\n")[1].splitlines()
-    assert table[0] == "| subsystem | found | named beside | blamed | unknown_auroc |"
+    table = text[text.index("## Causes outside the library by subsystem") :].split("\n\n")[2].splitlines()
+    assert table[0] == "| the cause lies in | seen | blamed beside it | blamed in its place | told apart |"
     mixed = [r for r in rows if r.part == "blind"]
     auroc = by_subsystem(by_method(outside)[0].judged, by_method(mixed)[0].judged)
     assert [line.split(" | ")[0] for line in table[2:]] == [f"| {s}" for s in auroc]
     for line, figures in zip(table[2:], auroc.values(), strict=True):
-        assert line.endswith(f" n = {figures['auroc'].n} |")
-        assert f"{figures['auroc'].value:.3g} [" in line
+        assert line.endswith(f"; {figures['auroc'].n}) |")
+        assert f"| {figures['auroc'].value:.3g} (" in line
 
 
 def test_rows_of_another_seal_or_of_several_states_of_the_code_are_refused(results):

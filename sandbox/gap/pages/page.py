@@ -116,7 +116,8 @@ def _hypotheses(a: Answers, chosen: Sequence) -> str:
     rows = [
         f"<tr><td>{prose(listed.beside_first(h, a.diagnosis.best))}"
         f"<div class='bar' style='width:{100.0 * h.probability:.1f}%'></div></td>"
-        f"<td class='n'>{100.0 * h.probability:.1f} %</td><td class='n'>{_share(closed_by(a.diagnosis, h))}</td></tr>"
+        f"<td class='n'>{100.0 * h.probability:.1f}&nbsp;%</td>"
+        f"<td class='n'>{prose(_share(closed_by(a.diagnosis, h)))}</td></tr>"
         for h in chosen
     ]
     head = "<tr><th>effects</th><th class='n'>probability</th><th class='n'>gap closed</th></tr>"
