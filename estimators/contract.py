@@ -21,7 +21,7 @@ from numba import types
 from model.compiled import compiled_as, kernel
 from model.energy import AnyEnergy, Energy
 
-PULSATING, ROTATING, NONE, PWM = "pulsating", "rotating", "none", "pwm"
+PULSATING, ROTATING, NONE, PWM, RANDOM = "pulsating", "rotating", "none", "pwm", "random"
 MAX_PERIOD = 64  # samples in an injection period
 
 
@@ -237,9 +237,9 @@ class Estimator:
     compiled : bool, default True
         Whether `step` has the signature STEP of this module and runs inside the compiled loop. A step in Python
         (False) runs on a slower path.
-    injection : {'pulsating', 'rotating', 'none', 'pwm'}, default 'pulsating'
-        What it injects while it tracks ('pwm': nothing, it reads the ripple of the PWM itself); starting up always
-        pulsates.
+    injection : {'pulsating', 'rotating', 'none', 'pwm', 'random'}, default 'pulsating'
+        What it injects while it tracks ('pwm': nothing, it reads the ripple of the PWM itself; 'random': a square wave
+        of random cycles); starting up always pulsates.
     delay : str, default ''
         In words: how late it tells the angle.
     speeds : str, default ''

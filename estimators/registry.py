@@ -24,6 +24,8 @@ MODULES = {
     "qnull": "estimators.qnull",
     "inversion": "estimators.inversion",
     "rotating": "estimators.rotating",
+    "hfi45": "estimators.hfi45",
+    "random_frequency": "estimators.random_frequency",
     "table": "estimators.table",
     "arbitrary": "estimators.arbitrary",
     "pwm_ripple": "estimators.pwm_ripple",

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from estimators.contract import ROTATING, Belief, Estimate, Estimator, Tuning
+from estimators.contract import RANDOM, ROTATING, Belief, Estimate, Estimator, Tuning
 from estimators.startup import polarity_rise
 from model.drive_files import motor_names
 from model.energy import Energy, boundary_on_ray, flux_from_current
@@ -63,6 +63,12 @@ def check_injection(estimator: Estimator, drive: Drive) -> None:
             f"estimator '{estimator.name}' turns a square wave from sample to sample, in at least {LEAST_TURN} samples "
             f"a turn; '{drive.name}' injects a {injection.waveform} wave of {n} samples: inject a square wave of at "
             f"most {1.0 / (LEAST_TURN * drive.converter.sampling_period):g} Hz"
+        )
+    if estimator.injection == RANDOM and (injection.waveform != "square" or n % 4):
+        raise BadInput(
+            f"estimator '{estimator.name}' makes cycles of N and N/2 samples of a square wave, N a multiple of four; "
+            f"'{drive.name}' injects a {injection.waveform} wave of {n} samples: inject a square wave of "
+            f"{1.0 / (4 * max(1, round(n / 4)) * drive.converter.sampling_period):g} Hz"
         )
 
 

@@ -76,6 +76,7 @@ class Standing:
     loss_share: float | None = None
     torque_ripple: float | None = None
     sound_db: float | None = None
+    tone_db: float | None = None
     link_a: float | None = None
     injected_v: float | None = None
 
@@ -108,7 +109,7 @@ def _standing(estimator: str, belief: str, closed: bool, rows: Sequence[Row]) ->
 def _costs(rows: Iterable[Row]) -> dict[str, float | None]:
     """Return the largest costs over segments, by their names."""
     costs = [row.cost for row in rows if row.cost is not None]
-    names = ("loss_w", "loss_share", "torque_ripple", "sound_db", "link_a", "injected_v")
+    names = ("loss_w", "loss_share", "torque_ripple", "sound_db", "tone_db", "link_a", "injected_v")
     return {name: max((float(getattr(c, name)) for c in costs), default=None) for name in names}
 
 

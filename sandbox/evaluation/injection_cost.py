@@ -36,7 +36,7 @@ from model.energy import SOLVED, flux_newton, hessian
 from model.parameters import Drive, Motor
 from sandbox.drive.inside import commanded, shift_of, shift_pulses
 from sandbox.drive.recording import Recording
-from sandbox.evaluation.sound import weighted_rms
+from sandbox.evaluation.sound import loudest, weighted_power
 from sandbox.plant.edges import duties
 from sandbox.recordings.injection import samples_per_period
 
@@ -53,8 +53,9 @@ class InjectionCost:
     """What is added by the injection over a stretch in which the drive has settled.
 
     copper_w, iron_w: W, iron_w None where the plant has no core loss; loss_share: both over the copper loss at rated
-    current; torque_nm: rms (N m); torque_ripple: the same over rated torque; sound_db: see the module's text; link_a:
-    rms (A); injected_v: largest voltage beside the average (V), which the control cannot have.
+    current; torque_nm: rms (N m); torque_ripple: the same over rated torque; sound_db: see the module's text; tone_db:
+    of it the loudest tone alone, far below it where the sound hisses; link_a: rms (A); injected_v: largest voltage
+    beside the average (V), which the control cannot have.
     """
 
     copper_w: float
@@ -63,6 +64,7 @@ class InjectionCost:
     torque_nm: float
     torque_ripple: float
     sound_db: float
+    tone_db: float
     link_a: float
     injected_v: float
 
@@ -151,7 +153,7 @@ def injection_cost(
     size = float(np.sqrt(np.mean(torque**2)))
     return InjectionCost(
         copper, iron, (copper + (iron or 0.0)) / rated, size, size / motor.rated_torque,
-        sound_level(motor, full, base, points / h), _link(own, mean, full, base),
+        *sound_levels(motor, full, base, points / h), _link(own, mean, full, base),
         float(np.max(np.abs(own.u[:-1] - mean.u[:-1]))),
     )  # fmt: skip
 
@@ -226,13 +228,21 @@ def branch_current(psi: NDArray[np.complex128], step: float, resistance: float, 
     return np.asarray(found)
 
 
-def sound_level(motor: Motor, full: Course, base: Course, rate: float) -> float:
-    """Return the proxy for the sound (dB above REFERENCE) of a course against its base, instants `rate` (Hz) apart."""
+def sound_levels(motor: Motor, full: Course, base: Course, rate: float) -> tuple[float, float]:
+    """Return the proxy for the sound (dB above REFERENCE) of a course against its base, and its loudest tone's.
+
+    rate: Hz, of the instants.
+    """
     d, q, _ = flux_newton(motor.energy, 0.0, motor.rated_current, 0.0, 0.0)
     flux = (d + motor.magnet_flux) ** 2 + q * q
     radial = (np.abs(full.phi + motor.magnet_flux) ** 2 - np.abs(base.phi + motor.magnet_flux) ** 2) / flux
     tangential = (full.torque - base.torque) / motor.rated_torque
-    power = weighted_rms(radial, rate) ** 2 + weighted_rms(tangential, rate) ** 2
+    power = weighted_power(radial, rate) + weighted_power(tangential, rate)
+    return decibels(float(np.sum(power))), decibels(loudest(power))
+
+
+def decibels(power: float) -> float:
+    """Return a power in dB above REFERENCE squared, at least -120."""
     return 10.0 * math.log10(max(power, 1e-12 * REFERENCE**2) / REFERENCE**2)
 
 

@@ -21,7 +21,7 @@ LOST_ANGLE = math.radians(45.0)
 LOST_TIME = 0.1  # s beyond LOST_ANGLE that count as lost lock
 SPEED_SHARE = 0.1  # of the speed asked for: how far the mean speed may be from it
 # Their linear belief has a stationary point where the q ripple vanishes; the filter's moves with its model of R.
-WITH_THEORY = ("qnull", "inversion", "table", "arbitrary", "pwm_ripple", "pll3", "mechanical")
+WITH_THEORY = ("qnull", "random_frequency", "inversion", "table", "arbitrary", "pwm_ripple", "pll3", "mechanical")
 
 
 @dataclass(frozen=True)

@@ -13,6 +13,7 @@ from estimators.contract import (
     ESTIMATE,
     OVERSAMPLED,
     PULSATING,
+    RANDOM,
     ROTATING,
     SAMPLE,
     STATE,
@@ -40,7 +41,7 @@ from sandbox.recordings.injection import carrier, samples_per_period
 
 ROUNDS = 5  # the fastest counts: the machine's moods only add
 SPEEDS = (0.3, 0.2, 0.15, 0.1)  # of rated
-ADDED = ("copper_w", "loss_share", "torque_nm", "sound_db", "link_a")
+ADDED = ("copper_w", "loss_share", "torque_nm", "sound_db", "tone_db", "link_a")
 LOADED = Scenario("cost", (Segment(0.6, 1.0, ramp=0.1, settle=0.3),), start_up=False)
 
 
@@ -142,7 +143,7 @@ def cost(drive: Drive, name: AnyEstimator, belief: str, seed: int) -> dict[str, 
     added |= {f"{name}_at_speed": None if fast is None else getattr(fast, name) for name in ADDED}
     return {
         "step_ns": step_ns(drive, name, belief_of(drive, belief), np.ascontiguousarray(samples)),
-        "injected_v": drive.injection.amplitude if estimator.injection in (PULSATING, ROTATING) else 0.0,
+        "injected_v": drive.injection.amplitude if estimator.injection in (PULSATING, ROTATING, RANDOM) else 0.0,
         "ripple_a": square**0.5, "pwm_ripple_a": inside, "loss_w": 1.5 * motor.resistance * (square + inside**2),
         "torque_ripple": torque_ripple(drive, late), "torque_ripple_at_speed": turning, "at_speed": speed,
         **added,

@@ -33,15 +33,16 @@ ROW_UNITS = {
     "load": "of rated current", "speed_rpm": "rpm", "true_speed_rpm": "rpm", "mean_deg": "deg",
     "rms_deg": "deg", "p95_deg": "deg", "max_deg": "deg", "transient_max_deg": "deg", "predicted_mean_deg": "deg",
     "t_start": "s", "t_end": "s", "copper_w": "W", "iron_w": "W", "loss_share": "of copper loss at rated current",
-    "torque_nm": "N m", "torque_ripple": "of rated torque", "sound_db": "dB", "link_a": "A", "injected_v": "V",
+    "torque_nm": "N m", "torque_ripple": "of rated torque", "sound_db": "dB", "tone_db": "dB",
+    "link_a": "A", "injected_v": "V",
 }  # fmt: skip
 ROW_NAMES = (
     "estimator", "belief", "closed_loop", "load", "speed_rpm", "true_speed_rpm", "mean_deg", "rms_deg",
     "p95_deg", "max_deg", "transient_max_deg", "predicted_mean_deg", "lost_lock", "reference_held", "t_start", "t_end",
-    "copper_w", "iron_w", "loss_share", "torque_nm", "torque_ripple", "sound_db", "link_a", "injected_v",
+    "copper_w", "iron_w", "loss_share", "torque_nm", "torque_ripple", "sound_db", "tone_db", "link_a", "injected_v",
 )  # fmt: skip
 
-COSTS = ROW_NAMES[-8:]  # of `InjectionCost`
+COSTS = ROW_NAMES[-9:]  # of `InjectionCost`
 
 
 def row_columns(rows: Iterable[Row]) -> dict[str, Column]:

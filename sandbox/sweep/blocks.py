@@ -52,6 +52,7 @@ RESULTS = {  # name: (type, unit, what it is)
     ),
     "torque_ripple": ("double", "of rated torque", "its torque ripple, rms, likewise"),
     "sound_db": ("double", "dB", "proxy for its sound, likewise (see sandbox/evaluation/injection_cost.py)"),
+    "tone_db": ("double", "dB", "its loudest tone alone, likewise"),
 }
 ARROW = {str: "string", bool: "bool", int: "int64", float: "double"}
 

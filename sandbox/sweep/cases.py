@@ -78,6 +78,7 @@ class Row(NamedTuple):
     loss_w: float | None = None
     torque_ripple: float | None = None
     sound_db: float | None = None
+    tone_db: float | None = None
 
 
 class Run(NamedTuple):
@@ -263,6 +264,7 @@ def _with_costs(row: Row, ready: Ready, recording: Recording, effects: Mapping[s
         loss_w=max((c.loss_w for c in costs), default=None),
         torque_ripple=max((c.torque_ripple for c in costs), default=None),
         sound_db=max((c.sound_db for c in costs), default=None),
+        tone_db=max((c.tone_db for c in costs), default=None),
     )
 
 

@@ -260,3 +260,49 @@ def test_samples_carry_what_step_needs():
             out = estimator.step(state, sample, belief, tuning)
             assert np.isfinite(out).all(), name
         assert math.isfinite(state[OMEGA])
+
+
+def size_along(i_q, phi):
+    """Return |Gamma u| (1/H) of the true motor at i_d = 0, u along phi (rad) from d."""
+    dd, dq, qq = (float(x) for x in energy.hessian(MOTOR.energy, *energy.flux_from_current(MOTOR.energy, 0.0, i_q)))
+    c, s = math.cos(phi), math.sin(phi)
+    return math.hypot(dd * c + dq * s, dq * c + qq * s)
+
+
+@pytest.mark.parametrize("load", [0.6, 1.2])
+def test_45_degrees_beside_d_a_linear_belief_rests_where_the_size_is_the_expected_one(load):
+    """The saturated motor's ripple is as large there as the linear one's at 45 degrees; the encoder is in control.
+
+    R Gamma T / 2 pi is 0.1 here, and its square is in the ripple of either model; 0.3 degrees of the difference.
+    """
+    from scipy.optimize import brentq
+
+    wanted = math.hypot(1.0 / MOTOR.inductance_d, 1.0 / MOTOR.inductance_q) / math.sqrt(2.0)
+    i_q = load * MOTOR.rated_current
+    phi = brentq(lambda x: size_along(i_q, x) - wanted, 0.1, 1.4)
+    scene = Scenario("s", (Segment(0.5, load, ramp=0.1, settle=0.3),), start_up=False)
+    run = simulate(DRIVE, scene, load_estimator("hfi45"), "linear", closed_loop=False)
+    error = np.degrees(run.recording.between(run.start_time + 0.3, 1.0).error.mean())
+    assert error == pytest.approx(45.0 - math.degrees(phi), abs=0.3)
+
+
+def test_random_cycles_have_no_line():
+    """The signs sent: flux stays within that of the long cycle; the strongest line is far below a square wave's."""
+    run = simulate(DRIVE, Scenario("s", (Segment(1.2),), start_up=False), load_estimator("random_frequency"))
+    r = run.recording.between(0.1, 1.124)  # 4096 samples
+    along = (r.u_alpha * np.cos(r.theta_hat) + r.u_beta * np.sin(r.theta_hat)) / 30.0
+    signs = np.sign(along)
+    runs = np.diff(np.flatnonzero(np.diff(signs)))
+    assert set(runs.tolist()) <= {1, 2, 3, 4}  # quarters of 1 and 2 samples, halves of 2 and 4, joined quarters
+    flux = np.cumsum(signs)
+    assert np.ptp(flux) == 4.0  # +-2 samples of the long cycle: no cycle leaves a step of the mean
+    power = np.abs(np.fft.rfft(along * np.hanning(along.size))) ** 2
+    share = np.convolve(power, np.ones(3), "same").max() / power.sum()
+    assert share < 0.05  # of a square wave's power 81 % lies in one line: 8/pi^2
+
+
+def test_random_cycles_need_a_multiple_of_four_samples():
+    for change in ({"frequency": 2000.0}, {"waveform": "sine"}):
+        drive = dataclasses.replace(DRIVE, injection=dataclasses.replace(DRIVE.injection, **change))
+        with pytest.raises(BadInput, match="a multiple of four"):
+            simulate(drive, Scenario("s", (Segment(0.05),)), load_estimator("random_frequency"))

@@ -14,15 +14,16 @@ if TYPE_CHECKING:
     from sandbox.output.plots import Axes, Figure
 
 HEADS = (
-    "estimator, belief", "worst 95 %", "added loss", "of rated loss", "torque ripple", "sound proxy", "link ripple",
-    "volts lost",
+    "estimator, belief", "worst 95 %", "added loss", "of rated loss", "torque ripple", "sound proxy", "loudest tone",
+    "link ripple", "volts lost",
 )  # fmt: skip
 READING = (
     "What the injection adds beside the same currents and voltages averaged over it, the largest of all segments: "
     "copper loss, and core loss where the plant has the effect iron_loss, in W and over the copper loss at rated "
     "current; torque ripple (rms) over rated torque; a proxy for the sound, A-weighted radial and tangential force "
-    "against a thousandth of the rated ones, to compare methods on one motor (no sound pressure, no resonances); "
-    "ripple of the link's current (rms) below the PWM frequency; largest voltage that the control cannot have."
+    "against a thousandth of the rated ones, to compare methods on one motor (no sound pressure, no resonances), and "
+    "its loudest tone alone, far below it where it hisses and does not whistle; ripple of the link's current (rms) "
+    "below the PWM frequency; largest voltage that the control cannot have."
 )
 AXES = (("worst_p95", "95 % of errors\nbelow (°)"), ("loss_w", "added loss (W)"), ("sound_db", "sound proxy (dB)"))
 MARKS = {"saturated": "o", "linear": "s"}
@@ -37,7 +38,8 @@ def cost_table(found: Sequence[Standing]) -> tuple[list[str], list[list[str]]]:
 def _line(s: Standing) -> list[str]:
     values = (
         (s.worst_p95, "{:.2f}°", 1.0), (s.loss_w, "{:.3g} W", 1.0), (s.loss_share, "{:.2g} %", 100.0),
-        (s.torque_ripple, "{:.2g} %", 100.0), (s.sound_db, "{:.1f} dB", 1.0), (s.link_a, "{:.2g} A", 1.0),
+        (s.torque_ripple, "{:.2g} %", 100.0), (s.sound_db, "{:.1f} dB", 1.0), (s.tone_db, "{:.1f} dB", 1.0),
+        (s.link_a, "{:.2g} A", 1.0),
         (s.injected_v, "{:.3g} V", 1.0),
     )  # fmt: skip
     return [f"{s.estimator}, {s.belief}", *("–" if v is None else text.format(k * v) for v, text, k in values)]

@@ -144,7 +144,7 @@ def test_the_figure_names_each_estimator_and_marks_the_limits():
     assert sound.lines[-1].get_xdata()[0] == 30.0
     assert min(line.get_xdata()[0] for line in sound.lines) == 0.0  # what is not heard stands at the edge
     heads, lines = cost_table(found)
-    assert len(heads) == len(lines[0]) == len(lines[1]) == 8
+    assert len(heads) == len(lines[0]) == len(lines[1]) == 9
 
 
 @pytest.mark.parametrize(("given", "said"), [((math.nan, None), "not finite"), ((None, -1.0), "at least 0")])

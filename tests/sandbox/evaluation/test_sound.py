@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sandbox.evaluation.sound import CORNERS, a_weight, weighted_rms
+from sandbox.evaluation.sound import CORNERS, a_weight, loudest, weighted_power
 
 PRINTED = {  # Hz (nominal third octaves): dB, IEC 61672-1:2013, table 3
     10.0: -70.4, 20.0: -50.5, 31.5: -39.4, 63.0: -26.2, 125.0: -16.1, 250.0: -8.6, 500.0: -3.2, 1000.0: 0.0,
@@ -24,6 +24,20 @@ def test_weights_are_those_of_the_table(nominal, decibels):
     """Exact mid-frequencies are 10^(n/10) Hz; the table is rounded to 0.1 dB."""
     exact = 10.0 ** (round(10.0 * np.log10(nominal)) / 10.0)
     assert 20.0 * np.log10(a_weight(exact)) == pytest.approx(decibels, abs=0.05 + 1e-9)
+
+
+def weighted_rms(signal, rate):
+    return float(np.sqrt(np.sum(weighted_power(signal, rate))))
+
+
+def test_a_tone_is_loud_alone_and_noise_is_not():
+    rate, n = 48e3, 4800
+    t = np.arange(n) / rate
+    tone = weighted_power(np.sin(2.0 * np.pi * 1000.0 * t), rate)
+    assert loudest(tone) == pytest.approx(0.5, rel=2e-3)
+    noise = weighted_power(np.random.default_rng(2).standard_normal(n), rate)
+    # three of 2400 lines hold 1/800 of evenly spread power; of exponentially distributed ones the largest ln(800) + 2
+    assert loudest(noise) < (np.log(800.0) + 6.0) / 800.0 * float(np.max(a_weight(np.arange(1e3, 5e3)))) ** 2
 
 
 def test_sine_has_its_rms_times_its_weight():
