@@ -99,8 +99,8 @@ class Protocol:
 
     rows: tuple[Row, ...]
     seed: int
-    limits: Limits = ANY  # of what is recommended
     peer: tuple[float, float] | None = None  # CPU seconds a second and error rms (degrees) of motulator's reversal
+    limits: Limits = ANY  # of what is recommended
 
     def __repr__(self) -> str:
         return f"<Protocol: {len(self.rows)} rows, seed {self.seed}>"
@@ -222,7 +222,7 @@ def protocol(
     else:
         with ThreadPoolExecutor(jobs) as pool:
             list(pool.map(lambda u: keep_row(run_unit(u, loaded[u.motor], own[u.estimator], seed)), missing))
-    return Protocol(tuple(kept.rows[u] for u in todo), seed, limits)
+    return Protocol(tuple(kept.rows[u] for u in todo), seed, limits=limits)
 
 
 def _told(drive: Drive) -> bytes:
