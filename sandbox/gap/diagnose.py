@@ -23,6 +23,7 @@ from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, floor_of, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
+from sandbox.gap.excerpts import begun
 from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.holdout import held_out, weights_of
@@ -102,7 +103,7 @@ def diagnose(
     """
     began = time.perf_counter()
     report("reading")
-    own = campaign if isinstance(campaign, Campaign) else read_campaign(campaign)
+    own = begun(campaign if isinstance(campaign, Campaign) else read_campaign(campaign))
     spent: list[float] = []
     with counted(spent.append):
         d = _diagnosed(own, exclude, rivals, workers, memory, report)

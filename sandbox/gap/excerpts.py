@@ -11,7 +11,8 @@ is looked at, so the choice favours no effect.  Taken are, in this order:
 
 A block begins in mid-recording, where filters and iron are not at rest and the first reading is one noisy sample.  The
 replay goes through the rows before it, so that states settle; these rows are no part of the residual.  A free rotor's
-shaft may swing there, so a block of it has a block's length of such rows.
+shaft may swing there, so a block of it has a block's length of such rows.  A whole recording that begins under current
+gives its own first rows to that (`begun`).
 """
 
 from __future__ import annotations
@@ -27,6 +28,7 @@ from numpy.typing import NDArray
 from model.errors import BadInput
 from model.parameters import Motor
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Excerpt, Excerpts
+from sandbox.replay.inputs import AT_REST
 
 Array = NDArray[np.float64]
 MOST = 250_000  # samples that are all used: the largest campaign of the blind checks holds 169 920
@@ -155,6 +157,28 @@ def _signals(campaign: Campaign, r: CampaignRecording, own: slice) -> Array:
         math.sqrt(3.0) * np.hypot(r.u_alpha[own], r.u_beta[own]) / link, r.u_dc[own] / link, load, stands * cos,
         stands * sin,
     ])  # fmt: skip
+
+
+def begun(campaign: Campaign) -> Campaign:
+    """Return a campaign whose recordings that begin under current give their first rows to settling.
+
+    The first reading is one noisy sample; a start from it is wrong by that noise for L/R, alike to the last digit in
+    all effects that shift readings in time.  A recording keeps at least half of its rows.
+    """
+    motor, period = campaign.drive.motor, campaign.drive.converter.sampling_period
+    settling = rows_to_settle(motor, period)
+    return replace(campaign, recordings=tuple(_begun(r, motor, settling, period) for r in campaign.recordings))
+
+
+def _begun(r: CampaignRecording, motor: Motor, settling: int, period: float) -> CampaignRecording:
+    """Return one of them."""
+    alpha, beta = r.current
+    before = even(min(settling, 0.5 * len(r.t)))
+    if r.settling or not before or math.hypot(alpha[0], beta[0]) <= AT_REST * motor.rated_current:
+        return r
+    columns = {key: x[before:] for key, x in r.columns.items()} | {"t": r.t[before:] - r.t[before]}
+    first = {key: x[:before] for key, x in r.columns.items()} | {"t": r.t[:before] - r.t[before]}
+    return replace(r, columns=columns, settling=first, starts_at=r.starts_at + before * period)
 
 
 def rows_to_settle(motor: Motor, period: float) -> int:

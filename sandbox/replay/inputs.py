@@ -44,6 +44,7 @@ class Inputs:
     angle_floor: float  # rad rms of one encoder reading
     pole_pairs: float
     loaded: bool  # current flows at the first sample
+    turning: bool  # a free rotor turns there, by more than the motion filter takes for standing
     of: str = ""  # file of the recording that this one is a part of, or its own
     first: int = 0  # samples from that recording's beginning to the first one here
     settling: Inputs | None = None  # of the samples before: states settle in them, they are no part of the residual
@@ -68,7 +69,7 @@ class Inputs:
         motion = Motion(m.angle[own], m.speed[own], m.eccentric)
         return replace(
             self, track=self.track[own], read=self.read[own], motion=motion, loaded=self.loaded or first > 0,
-            first=self.first + first, settling=None if first else self.settling,
+            turning=self.turning or first > 0, first=self.first + first, settling=None if first else self.settling,
         )  # fmt: skip
 
     def turned(self, shift: float, period: float) -> Inputs:
@@ -166,7 +167,7 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
     current = math.hypot(*stationary(*(float(x) for x in read_currents[0] - off)))
     return Inputs(
         r.file, r.rotor, track, read_currents, motion, math.sqrt(variance), float(motor.pole_pairs),
-        current > AT_REST * motor.rated_current, r.origin, round(r.starts_at / period),
+        current > AT_REST * motor.rated_current, abs(float(motion.speed[0])) > count / period, r.origin, round(r.starts_at / period),
     )  # fmt: skip
 
 

@@ -143,7 +143,7 @@ def start_states(w: Any, r: Inputs, flux_map: SplineEnergy | None) -> None:
         d, q = d + w["magnet"][j] + rest[0, j], q + rest[1, j]
         w["psi_a"][j], w["psi_b"][j] = c[j] * d - s[j] * q, s[j] * d + c[j] * q
     w["eddy_a"], w["eddy_b"] = w["psi_a"], w["psi_b"]
-    if r.rotor == "free" and r.first > 0:
+    if r.rotor == "free" and (r.turning or r.first > 0):
         start_turning(w, r)
 
 

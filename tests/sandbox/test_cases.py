@@ -159,3 +159,10 @@ def test_03_a_size_that_needs_a_rated_speed_is_not_said_without_one():
     }  # fmt: skip
     stated = check(folder, columns=folder / "ratings.toml")
     assert stated.cannot == {}
+
+
+def test_21_a_log_that_begins_under_current_has_no_effect():
+    """Truth: none; a start from one noisy reading was explained as two delays."""
+    found = diagnose(cases_folder() / "21_start_in_the_middle").as_json()
+    assert found["verdict"] == "no_gap"
+    assert found["hypotheses"][0]["effects"] == []

@@ -26,7 +26,7 @@ def told(drive, duty, angle, speed, rotor="driven", load=0.0, eccentric=True):
     motion = Motion(np.asarray(angle, float), np.asarray(speed, float), eccentric)
     columns = {f"d_{x}": d for x, d in zip("abc", np.transpose(duty), strict=True)} | course_of(motion, pairs, period)
     track = with_columns(np.zeros(n, TRACK), columns | {"load": load, "read": motion.angle, "scale": 1.0, "link": 1.0})
-    inputs = Inputs("told", rotor, track, np.zeros((n, 3)), motion, 1.0, pairs, False)
+    inputs = Inputs("told", rotor, track, np.zeros((n, 3)), motion, 1.0, pairs, False, False)
     return Prepared(Campaign("told", drive, (), {}, {}, False), (inputs,), 1, 1.0, {})
 
 
