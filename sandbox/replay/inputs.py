@@ -167,7 +167,8 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
     current = math.hypot(*stationary(*(float(x) for x in read_currents[0] - off)))
     return Inputs(
         r.file, r.rotor, track, read_currents, motion, math.sqrt(variance), float(motor.pole_pairs),
-        current > AT_REST * motor.rated_current, abs(float(motion.speed[0])) > count / period, r.origin, round(r.starts_at / period),
+        current > AT_REST * motor.rated_current, abs(float(motion.speed[0])) > count / period, r.origin,
+        round(r.starts_at / period),
     )  # fmt: skip
 
 
