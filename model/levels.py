@@ -27,6 +27,10 @@ ON_AXIS = 0.08  # of the largest current: how far a level may lie from an axis t
 AT_ZERO = 0.02  # of the largest current: how far from zero to count as at zero
 
 
+class NoStaircase(BadInput):
+    """Recordings that are right, but not the staircases that the method needs."""
+
+
 @dataclass(frozen=True, repr=False)
 class Levels:
     """Steady levels, n of them, in the rotor frame the encoder gives; arrays lead with n, second axis d, q."""
@@ -90,7 +94,7 @@ class Fit:
 
 
 def require_information(levels: Levels) -> None:
-    """Raise BadInput naming the axis or the level without which parameters cannot be identified."""
+    """Raise NoStaircase naming the axis or the level without which parameters cannot be identified."""
     cases = (
         (D, D, "d", "d", "inductance_d, alpha_30 and alpha_40"),
         (D, Q, "d", "q", "alpha_12 and alpha_22"),
@@ -100,20 +104,20 @@ def require_information(levels: Levels) -> None:
     for axis, bias, injected, biased, names in cases:
         rows = levels.pick(axis, bias)
         if rows.size == 0:
-            raise BadInput(
+            raise NoStaircase(
                 f"no steady level with injection on {injected} and bias on {biased}: {names} cannot be identified; "
                 f"record a bias staircase on {biased} with injection on {injected}"
             )
         i = levels.current[rows, bias]
         if scale == 0.0 or np.ptp(i) < 0.2 * scale or len(_distinct(i, ON_AXIS * scale)) < 3:
             found = ", ".join(f"{x:.3g}" for x in _distinct(i, ON_AXIS * scale))
-            raise BadInput(
+            raise NoStaircase(
                 f"the staircase on {biased} with injection on {injected} has levels at {found} A only: {names} need at "
                 "least three, well apart; add levels"
             )
         if axis == D and bias == D and not (i.min() < -ON_AXIS * scale and i.max() > ON_AXIS * scale):
             side = "negative" if i.min() >= -ON_AXIS * scale else "positive"
-            raise BadInput(
+            raise NoStaircase(
                 f"the staircase on d with injection on d has no level at {side} i_d (range {i.min():.3g} to "
                 f"{i.max():.3g} A): alpha_30 and alpha_40 cannot be told apart; add levels of both signs"
             )

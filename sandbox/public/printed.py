@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from sandbox.evaluation.maps import Maps
     from sandbox.evaluation.score import ErrorDeg
     from sandbox.recordings.identify import Identification
+    from sandbox.replay.identified import OrdinaryIdentification
 
 
 def print_comparison(c: Comparison) -> None:
@@ -193,6 +194,24 @@ def print_identification(result: Identification) -> None:
     for name, fit in result.fits.items():
         share = "" if math.isnan(fit.misfit) else f", {fit.misfit:.3g} x what noise explains"
         print_prose(f"{name}: residual {1e3 * fit.residual_rms:.3g} mA rms{share}")
+    for remark in result.remarks:
+        print_prose(remark)
+
+
+def print_ordinary(result: OrdinaryIdentification) -> None:
+    """Print what ordinary recordings tell beside the nominal values, and what they cannot tell."""
+    nominal, fit = result.campaign.drive.motor, result.fit
+    lines = []
+    for name, value in fit.values.items():
+        low, high = fit.ci95(name)
+        lines.append([name, f"{getattr(nominal, name):.5g}", f"{value:.5g}\n[{low:.4g}, {high:.4g}]"])
+    heads = ["parameter", "nominal", "replay\n[95 % interval]"]
+    print_table(f"{result.campaign.name}: identified motor (SI)", heads, lines, fixed=2)
+    for name, why in fit.untold.items():
+        print_prose(f"cannot tell {name}: {why}")
+    print_prose(f"replay: residual {1e3 * fit.residual_rms:.3g} mA rms, {fit.misfit:.3g} x what noise explains")
+    beside = ", ".join(f"{name} = {value:.3g}" for name, value in fit.nuisance.items())
+    print_prose(f"fitted beside: {beside}")
     for remark in result.remarks:
         print_prose(remark)
 

@@ -35,6 +35,11 @@ class Identification:
     def __repr__(self) -> str:
         return f"<Identification: {self.campaign.name}, {', '.join(self.fits)}>"
 
+    def summary(self) -> str:
+        """Return the campaign, and what each fit leaves."""
+        left = ", ".join(f"{name} {1e3 * fit.residual_rms:.3g} mA rms" for name, fit in self.fits.items())
+        return f"{self.campaign.name}, {len(self.levels.axis)} levels, left by the fits: {left}"
+
     def motor(self, method: str = "exact") -> Motor:
         """Return the nominal motor with the identified values in place of its own (a flux map, too), e.g. for
         `model.saliency.audit`."""
@@ -87,6 +92,11 @@ def fit_as_json(fit: Fit) -> dict[str, Any]:
 
 def _number(x: float) -> float | None:
     return float(x) if math.isfinite(x) else None
+
+
+def staircases(campaign: Campaign) -> bool:
+    """Tell whether a campaign has what `identify` reads levels from: a locked rotor with injection."""
+    return any(r.rotor == "locked" and r.injection_axis != "none" for r in campaign.recordings)
 
 
 def identify(folder: str | Path | Campaign, columns: Path | None = None) -> Identification:

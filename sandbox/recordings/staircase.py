@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from model.errors import BadInput
-from model.levels import NONE, D, Levels, Q
+from model.levels import NONE, D, Levels, NoStaircase, Q
 from model.parameters import Drive
 from model.ripple import flux_ripple
 from sandbox.recordings.campaign import Campaign, CampaignRecording, Finding
@@ -56,7 +56,7 @@ def levels_of(campaign: Campaign) -> Levels:
     """Return the steady levels of all locked recordings with injection; BadInput names what stands in the way."""
     chosen = [r for r in campaign.recordings if r.rotor == "locked" and r.injection_axis != "none"]
     if not chosen:
-        raise BadInput(
+        raise NoStaircase(
             "no recording has a locked rotor and injection_axis 'd' or 'q'; identification needs "
             "bias staircases with injection"
         )
@@ -109,9 +109,9 @@ def _in_frame(alpha: Array, beta: Array, theta: float, n: int) -> Array:
 
 
 def steady(averages: Array, file: str, n: int) -> list[tuple[int, int]]:
-    """Return [start, end) of the steady stretches of period averages (P, channels); BadInput if there is none."""
+    """Return [start, end) of the steady stretches of period averages (P, channels); NoStaircase if there is none."""
     if len(averages) <= FEWEST:
-        raise BadInput(
+        raise NoStaircase(
             f"{file}: {len(averages)} injection periods in all; a steady level needs at least {FEWEST + 2 * MARGIN}"
         )
     step = np.diff(averages, axis=0)
@@ -133,7 +133,7 @@ def steady(averages: Array, file: str, n: int) -> list[tuple[int, int]]:
     kept = [(int(a), int(b)) for a, b in runs if b - a >= FEWEST]
     if not kept:
         longest = max((b - a + 2 * MARGIN for a, b in runs), default=0)
-        raise BadInput(
+        raise NoStaircase(
             f"{file}: no steady level: the longest stretch in which current and voltage stand still "
             f"has {longest} injection "
             f"periods ({longest * n} samples), needed are {FEWEST + 2 * MARGIN}; dwell longer at each level"

@@ -194,13 +194,17 @@ def check(
 
 
 def _of_identify(campaign: Campaign) -> list[Noticed]:
-    """Return what `identify` would refuse of a campaign's locked recordings with injection."""
+    """Return why `identify` would refuse a campaign's locked recordings with injection, or not read levels in them."""
     if not any(r.rotor == "locked" and r.injection_axis != "none" for r in campaign.recordings):
         return []
+    from model.levels import NoStaircase, require_information
     from sandbox.recordings.staircase import levels_of
 
     try:
-        levels_of(campaign)
+        require_information(levels_of(campaign))
+    except NoStaircase as error:
+        text = f"identify would take these as ordinary recordings, and tell R, mean inductances and no alphas: {error}"
+        return [Noticed(NOTE, Finding(campaign.name, "", None, text))]
     except BadInput as error:
         text = f"identify would refuse these recordings: {error}"
         return [Noticed(NOTE, Finding(campaign.name, "", None, text))]

@@ -1,4 +1,4 @@
-"""What locked-rotor recordings say of the motor."""
+"""What recordings say of the motor."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from sandbox.recordings.campaign import Campaign
 if TYPE_CHECKING:
     from sandbox.output.plots import AnyAxes, Figure
     from sandbox.recordings.identify import Identification
+    from sandbox.replay.identified import OrdinaryIdentification
 
 AnyCampaign = str | Path | Campaign
 
 
 @dataclass(frozen=True, repr=False)
 class IdentificationResult(Result):
-    """The motor that locked-rotor recordings show, by the paper's least squares and by the exact fit."""
+    """The motor that recordings show: by the paper's least squares and the exact fit to staircases at locked rotor, or
+    by a replay of ordinary recordings."""
 
     command: ClassVar[str] = "identify"
-    identification: Identification
+    identification: Identification | OrdinaryIdentification
 
     def summary(self) -> str:
         """Return the campaign, and what each fit leaves."""
-        found = self.identification
-        left = ", ".join(f"{name} {1e3 * fit.residual_rms:.3g} mA rms" for name, fit in found.fits.items())
-        return f"{found.campaign.name}, {len(found.levels.axis)} levels, left by the fits: {left}"
+        return self.identification.summary()
 
     def as_json(self) -> dict[str, Any]:
         """Return what `identify.json` holds beyond its header and the names of files."""
@@ -46,10 +46,14 @@ class IdentificationResult(Result):
         return columns_of(rows, {})
 
     def report(self) -> None:
-        """Print both fits beside the nominal values."""
-        from sandbox.public.printed import print_identification
+        """Print what was found beside the nominal values."""
+        from sandbox.public.printed import print_identification, print_ordinary
+        from sandbox.recordings.identify import Identification
 
-        print_identification(self.identification)
+        if isinstance(self.identification, Identification):
+            print_identification(self.identification)
+        else:
+            print_ordinary(self.identification)
 
     def _write_more(self, out: Path) -> dict[str, Any]:
         """Write motor.toml and effects.toml."""
@@ -57,25 +61,33 @@ class IdentificationResult(Result):
         return {}
 
     def plot(self, path: str | Path | None = None, *, ax: AnyAxes = None) -> Figure:
-        """Return measured slopes and the fits through them over current; a path is written as well.
+        """Return measured slopes and the fits through them over current, of ordinary recordings what the replay leaves
+        of each; a path is written as well.
 
-        ax: eight axes of your own to draw in, two rows of four; see `Result.plot`.
+        ax: eight axes of your own to draw in, two rows of four (one of ordinary recordings); see `Result.plot`.
         """
-        from sandbox.public.figures import identification_figure
+        from sandbox.public.figures import identification_figure, replay_figure
+        from sandbox.recordings.identify import Identification
 
-        return identification_figure(self.identification, path, ax=ax)
+        own = self.identification
+        if isinstance(own, Identification):
+            return identification_figure(own, path, ax=ax)
+        return replay_figure(f"{own.campaign.name}: the motor that was identified", own.fit.rms, path, ax=ax)
 
 
 @told
 def identify(
     campaign: AnyCampaign, columns: str | Path | None = None, preset: str | None = None
 ) -> IdentificationResult:
-    """Identify the motor of a campaign from its locked-rotor recordings with injection.
+    """Identify the motor of a campaign.
+
+    From bias staircases at locked rotor with injection come R, the inductances and how they saturate. From ordinary
+    recordings (a step, a sweep, a spin) come R, the mean inductances and the magnet flux, as far as they tell them.
 
     Parameters
     ----------
     campaign : str, Path or Campaign
-        See `read_campaign`; bias staircases at locked rotor, with injection on d and on q.
+        See `read_campaign`. Where locked recordings have injection, these alone are used.
     columns : str or Path, optional
         See `read_campaign`.
     preset : str, optional
@@ -84,7 +96,8 @@ def identify(
     Returns
     -------
     IdentificationResult
-        `.identification.fits["exact"].values` and `.ci95(name)`: resistance (ohm), inductances (H), alphas.
+        `.identification.fits["exact"].values` and `.ci95(name)`: resistance (ohm), inductances (H), alphas; of ordinary
+        recordings `.identification.fit.values`, and `.fit.untold`: what they cannot tell, and why.
 
     Raises
     ------
@@ -99,6 +112,15 @@ def identify(
     >>> round(found.identification.fits["exact"].values["resistance"], 2)  # ohm
     12.15
     """
+    from model.levels import NoStaircase
     from sandbox.recordings.identify import identify as fitted
+    from sandbox.recordings.identify import staircases
+    from sandbox.replay.identified import identify_ordinary
 
-    return IdentificationResult(fitted(read_campaign(campaign, columns, ("locked",), preset=preset)))
+    own, why = read_campaign(campaign, columns, preset=preset), ""
+    if staircases(own):
+        try:
+            return IdentificationResult(fitted(own))
+        except NoStaircase as error:
+            why = f"taken as ordinary recordings: {error}"
+    return IdentificationResult(identify_ordinary(own, why))

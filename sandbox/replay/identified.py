@@ -1,0 +1,84 @@
+"""What ordinary recordings say of a motor, as the command `identify` tells it: JSON, files for the simulator, words."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from model.effects.library import parameters
+from model.levels import UNITS
+from model.mapped import MappedMotor
+from sandbox.output.refitted import Refitted
+from sandbox.recordings.campaign import Campaign
+from sandbox.replay.ordinary import NAMES, OF_EFFECT, OrdinaryFit, fit_ordinary
+
+LARGE_MISFIT = 5.0  # times what noise explains, as for levels of staircases
+UNIT = {**UNITS, "magnet_flux": "Wb"}
+
+
+@dataclass(frozen=True, repr=False)
+class OrdinaryIdentification:
+    """A campaign of any commands, and what it says of the motor."""
+
+    campaign: Campaign
+    fit: OrdinaryFit
+    remarks: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<OrdinaryIdentification: {self.campaign.name}, {', '.join(self.fit.values)}>"
+
+    def summary(self) -> str:
+        """Return the campaign, what is told, and what the fit leaves."""
+        count = len(self.campaign.recordings)
+        left = f"{1e3 * self.fit.residual_rms:.3g} mA rms left"
+        return f"{self.campaign.name}, {count} ordinary recordings, told: {', '.join(self.fit.values)}; {left}"
+
+    def refitted(self) -> Refitted:
+        """Return the motor found and what stood between it and the readings, as files for the simulator."""
+        fit, own = self.fit, self.campaign.drive
+        units = {name: p.unit for name, p in parameters().items()}
+        said = f"Identified from ordinary recordings of '{self.campaign.name}' by identify"
+        effects = {name: value for name, value in fit.nuisance.items() if value}
+        if isinstance(own.motor, MappedMotor):
+            scales = {n: v / getattr(own.motor, n) for n, v in fit.values.items() if n.startswith("inductance")}
+            effects |= {OF_EFFECT[n]: v for n, v in scales.items()}
+            effects |= {OF_EFFECT[n]: fit.values[n] for n in ("magnet_flux",) if n in fit.values}
+        told = {**own.provenance, **dict.fromkeys(fit.values, "identified: replay of ordinary recordings")}
+        drive = dataclasses.replace(own, motor=fit.motor, provenance=told)
+        return Refitted(drive, effects, {}, {n: fit.ci95(n) for n in fit.values}, units, dict(fit.rms), said)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the command's JSON body; parameters that the recordings cannot tell stand in `cannot_tell`."""
+        fit = self.fit
+        told = {
+            n: {"value": fit.values[n], "ci95": list(fit.ci95(n)), "unit": UNIT[n]} for n in NAMES if n in fit.values
+        }
+        method = {
+            "parameters": told, "residual_rms": fit.residual_rms, "misfit": fit.misfit, "nuisance": dict(fit.nuisance)
+        }  # fmt: skip
+        return {
+            "campaign": self.campaign.name, "levels": 0, "methods": {"replay": method},
+            "cannot_tell": [{"parameter": n, "why": fit.untold[n]} for n in NAMES if n in fit.untold],
+            "simulator": self.refitted().as_json(), "remarks": list(self.remarks),
+        }  # fmt: skip
+
+
+def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentification:
+    """Return what a campaign's recordings say of R, L_d, L_q and magnet flux, whatever was commanded; BadInput where
+    they say nothing of any of them.
+
+    why: they are not taken as staircases, one sentence.
+    """
+    fit = fit_ordinary(campaign)
+    remarks = [f.text for f in campaign.findings] + [why] * bool(why)
+    if fit.misfit > LARGE_MISFIT:
+        remarks.append(
+            f"simulated and measured currents differ {math.sqrt(fit.misfit):.2g} times as much as the sensors' noise: "
+            "something else acts (saturation, iron loss, delay, a shifted log: see `sensorless check`); values are an "
+            "average over these currents, intervals are too narrow"
+        )
+    if fit.samples < fit.of_samples:
+        remarks.append(f"{fit.samples} of {fit.of_samples} samples are used, the same share of each recording")
+    return OrdinaryIdentification(campaign, fit, tuple(remarks))

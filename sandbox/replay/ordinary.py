@@ -1,0 +1,362 @@
+"""R, L_d, L_q and magnet flux from ordinary recordings: a step at locked rotor, a sweep, a spin at any commands.
+
+Two steps over the same recordings:
+
+1. linear least squares on the flux balance over windows (`sandbox.recordings.checks.balance` writes it out),
+2. from there the exact replay, by Gauss and Newton: the parameters whose simulated currents miss the measured ones
+   least.  The first errs where readings are noisy, since noise stands on both sides of its equations; the second does
+   not.
+
+Beside the motor the voltage that each leg loses and the offsets of two sensors are fitted.  Deviations are those of
+blocks of time (the "sandwich" of White, Econometrica 48 (1980) 817, with blocks as its independent pieces): what the
+model lacks is alike over many samples, so single samples would promise too much.  A parameter that the recordings
+leave open by more than TOLD of itself is not told: its start stands, and a sentence says why.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from model.effects.library import true_motor
+from model.errors import BadInput, PhysicsError
+from model.mapped import MappedMotor
+from model.parameters import Drive, Motor
+from sandbox.recordings.campaign import Campaign, CampaignRecording
+from sandbox.replay.replay import Prepared, prepare, replay, residuals
+
+Array = NDArray[np.float64]
+NAMES = ("resistance", "inductance_d", "inductance_q", "magnet_flux")
+OF_EFFECT = {
+    "resistance": "stator_resistance.resistance", "inductance_d": "inductance.scale_d",
+    "inductance_q": "inductance.scale_q", "magnet_flux": "magnet_flux.magnet_flux",
+}  # fmt: skip
+THRESHOLD, DEAD = LOST = ("device_drop.threshold", "dead_time.time")
+OFFSETS = ("current_offset.offset_a", "current_offset.offset_b")
+TOLD = 0.3  # relative standard deviation: beyond it an interval holds a half and twice the value
+BLOCKS = 40  # blocks of time that all recordings are cut into, for the scatter of what they say
+MOST = 60_000  # samples used: at 10 kHz six seconds of motion
+STEPS, ENOUGH = 12, 1e-3  # of Gauss and Newton; in standard deviations
+SHARE = 1e-3  # of a parameter: the step of its slope
+OFFSET, DROP = 0.01, 0.02  # priors, one standard deviation: of rated current; of the link, as voltage or as time
+FARTHEST = math.log(3.0)  # of a parameter in one step
+CHANGES = 5.0  # noises: the least rms change of a current that tells an inductance
+WIDE = {  # logarithm of the factor from the start within which one is looked for; inductances: inside a scale's bounds
+    "resistance": math.log(1e3), "magnet_flux": math.log(1e3), "inductance_d": math.log(4.0),
+    "inductance_q": math.log(4.0),
+}  # fmt: skip
+
+
+@dataclass(frozen=True, repr=False)
+class OrdinaryFit:
+    """What ordinary recordings say of a motor.
+
+    values, deviations: of what was told, by name of [motor]; untold: why the others are not; start: by the linear least
+    squares (nominal where it says nothing); nuisance: by public name of effects; residual_rms: A; misfit: the
+    residual's square over the noise's; files: of the recordings used; samples: used, of `of_samples`.
+    """
+
+    motor: Motor
+    values: Mapping[str, float]
+    deviations: Mapping[str, float]
+    untold: Mapping[str, str]
+    start: Mapping[str, float]
+    nuisance: Mapping[str, float]
+    residual_rms: float
+    misfit: float
+    rms: Mapping[str, float]
+    samples: int
+    of_samples: int
+
+    def ci95(self, name: str) -> tuple[float, float]:
+        """Return the 95 % interval of a parameter that is told."""
+        half = 1.959964 * self.deviations[name]
+        return self.values[name] - half, self.values[name] + half
+
+
+def fit_ordinary(campaign: Campaign, workers: int = 1) -> OrdinaryFit:
+    """Return R, L_d, L_q and magnet flux of a campaign's recordings, whatever was commanded.
+
+    BadInput where they say nothing of any of them.
+    """
+    used = _shortened(campaign)
+    begin, why = linear(used)
+    known = [n for n in NAMES if n not in why]
+    if not known:
+        raise BadInput(f"{campaign.name}: {'; '.join(why.values())}: nothing to identify; record steps of the current")
+    nominal = {n: float(getattr(campaign.drive.motor, n)) for n in NAMES}
+    starts = [_Search(prepare(_begun_at(used, x)), known, x, workers) for x in (begin, nominal) if min(x.values()) > 0]
+    x = _of_both(min(starts, key=lambda s: s.square_at_start()), known)
+    names = x.names
+    inner, scatter = x.information()
+    covariance: Array = np.asarray(np.linalg.inv(inner), dtype=np.float64)
+    sandwich = covariance @ scatter @ covariance
+    deviation = np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich)))
+    told, untold = [], dict(why)
+    for k, name in enumerate(known):  # in logarithms: relative
+        if deviation[k] < TOLD and not x.at_bound(k):
+            told.append(name)
+        else:
+            untold[name] = _why_open(name, k, names, covariance, float(deviation[k]))
+    values = x.values()
+    prepared, shown = x.prepared, x.residual_rms()
+    count = sum(len(r.t) for r in used.recordings)
+    motor = _with(campaign.drive.motor, {n: values[n] for n in told})
+    return OrdinaryFit(
+        motor, {n: values[n] for n in told}, {n: float(deviation[known.index(n)]) * values[n] for n in told}, untold,
+        begin, {n: values[n] for n in names[len(known) :]}, prepared.floor * math.sqrt(x.square()), x.square(), shown,
+        count, sum(len(r.t) for r in campaign.recordings),
+    )  # fmt: skip
+
+
+def _of_both(start: _Search, known: Sequence[str]) -> _Search:
+    """Return the fit with both ways to lose voltage, from the better one of the fits with either: where the current
+    goes through zero they differ, and a fit of both may stick at the wrong one."""
+    either = [start.beside([*known, one, *OFFSETS]).found() for one in LOST]
+    best = min(either, key=lambda s: s.square())
+    return best.beside([*known, *LOST, *OFFSETS]).found()
+
+
+def _begun_at(campaign: Campaign, begin: Mapping[str, float]) -> Campaign:
+    """Return a campaign whose nominal motor has the values found first; one with a flux map keeps it."""
+    drive = campaign.drive
+    own = dict(begin) if not isinstance(drive.motor, MappedMotor) else {"resistance": begin["resistance"]}
+    motor = replace(drive.motor, **own)  # type: ignore[arg-type]
+    return replace(campaign, drive=replace(drive, motor=motor))
+
+
+def _with(motor: Motor, values: Mapping[str, float]) -> Motor:
+    """Return a motor with values of its own replaced; one with a flux map keeps the map."""
+    effects = {OF_EFFECT[n]: v / (getattr(motor, n) if n.startswith("inductance") else 1.0) for n, v in values.items()}
+    return true_motor(motor, {**complete_neutral(motor), **effects}, keep_map=True)
+
+
+def complete_neutral(motor: Motor) -> dict[str, float]:
+    """Return the values of a motor that effects replace, as they are."""
+    from model.effects.library import replaced, scaled
+
+    return {n: getattr(motor, f) for n, f in replaced().items()} | dict.fromkeys(scaled(), 1.0)
+
+
+def _shortened(campaign: Campaign) -> Campaign:
+    """Return a campaign of at most MOST samples, of each recording the same share from its beginning on; a rotor that
+    is free counts as driven: its angle was measured, its torque is not asked."""
+    whole = sum(len(r.t) for r in campaign.recordings)
+    share = min(1.0, MOST / whole)
+    return replace(campaign, recordings=tuple(_part(r, share) for r in campaign.recordings))
+
+
+def _part(r: CampaignRecording, share: float) -> CampaignRecording:
+    rows = max(2, 2 * int(0.5 * share * len(r.t)))
+    rotor = "driven" if r.rotor == "free" else r.rotor
+    columns = {n: x[:rows] for n, x in r.columns.items() if n != "load_torque"}
+    return replace(r, rotor=rotor, columns=columns)
+
+
+def linear(campaign: Campaign) -> tuple[dict[str, float], dict[str, str]]:
+    """Return R (ohm), L_d, L_q (H) and magnet flux (Wb) by least squares on the flux balance, nominal where recordings
+    are silent, and why they are, by name."""
+    drive = campaign.drive
+    rows = [_equations(r, drive) for r in campaign.recordings]
+    a = np.concatenate([a for a, _ in rows])
+    b = np.concatenate([b for _, b in rows])
+    why = _silent(campaign)
+    keep = [k for k, n in enumerate(NAMES) if n not in why] + [4]
+    scale = np.sqrt(np.mean(a**2, axis=0))
+    keep = [k for k in keep if scale[k] > 0.0]
+    found = np.linalg.lstsq(a[:, keep] / scale[keep], b, rcond=1e-6)[0] / scale[keep]
+    told = dict(zip(keep, found, strict=True))
+    out = {}
+    for k, name in enumerate(NAMES):
+        nominal = max(float(getattr(drive.motor, name)), 1e-9)
+        value = float(told.get(k, nominal))
+        out[name] = value if value > 0.0 and 1e-3 < value / nominal < 1e3 else nominal
+    return out, why
+
+
+def _equations(r: CampaignRecording, drive: Drive) -> tuple[Array, Array]:
+    """Return columns (rows, 5) for R, L_d, L_q, magnet flux and a leg's lost voltage, and the flux (rows,) that voltage
+    gives, over windows of a recording in its stator frame."""
+    h = drive.converter.sampling_period
+    i_alpha, i_beta = r.current
+    i, u = i_alpha + 1j * i_beta, r.u_alpha + 1j * r.u_beta
+    size = max(1, min(8, (len(i) - 1) // 8))
+    ends = np.arange(0, len(i), size)
+    turn = np.exp(1j * r.theta)
+    own = i * np.conj(turn)
+    lost = sum(
+        (2.0 / 3.0) * np.exp(2j * math.pi / 3.0 * k) * np.sign(0.5 * (x[1:] + x[:-1]))
+        for k, x in enumerate((r.i_a, r.i_b, r.i_c))
+    )
+    over = [0.5 * h * (i[:-1] + i[1:]), h * lost, h * u[:-1]]
+    drop, legs, flux = (np.diff(np.concatenate([[0j], np.cumsum(x)])[ends]) for x in over)
+    steps = [np.diff(x[ends]) for x in (own.real * turn, 1j * own.imag * turn, turn)]
+    columns = [drop, *steps, legs]
+    return np.column_stack([np.concatenate([x.real, x.imag]) for x in columns]), np.concatenate([flux.real, flux.imag])
+
+
+def _silent(campaign: Campaign) -> dict[str, str]:
+    """Return the parameters that these recordings cannot show at all, and why."""
+    drive = campaign.drive
+    noise = math.hypot(drive.converter.current_noise, drive.converter.current_resolution)
+    floor = max(CHANGES * noise, 1e-4 * drive.motor.rated_current)
+    frames = []
+    for r in campaign.recordings:
+        alpha, beta = r.current
+        frames.append((alpha + 1j * beta) * np.exp(-1j * r.theta))
+    out = {}
+    largest = max(float(np.sqrt(np.mean(np.abs(x) ** 2))) for x in frames)
+    if largest < floor:
+        out["resistance"] = f"the current stays below {floor:.2g} A, {CHANGES:g} times the sensors' noise"
+    for name, part, axis, other in (("inductance_d", "real", "d", "q"), ("inductance_q", "imag", "q", "d")):
+        change = max(float(np.std(getattr(x, part))) for x in frames)
+        if change < floor:
+            out[name] = (
+                f"the current on {axis} changes by {change:.2g} A rms, the sensors' noise is {noise:.2g} A; step or "
+                f"inject on {axis}, too (all changes lie on {other})"
+            )
+    if all(r.rotor == "locked" or np.ptp(r.theta) == 0.0 for r in campaign.recordings):
+        out["magnet_flux"] = "no rotor turns (back-EMF alone tells it); record a spin"
+    return out
+
+
+def _why_open(name: str, k: int, names: Sequence[str], covariance: Array, deviation: float) -> str:
+    """Return why a parameter stays open, from what it is fitted beside."""
+    size = np.sqrt(np.diag(covariance))
+    alike = np.abs(covariance[k]) / (size[k] * size)
+    alike[k] = 0.0
+    other = int(np.argmax(alike))
+    spread = f"its standard deviation is {100.0 * deviation:.2g} % of it"
+    if deviation < TOLD:
+        return "it goes to the bound of what is looked for; the model is another one (saturation? units?)"
+    if alike[other] > 0.9:
+        words = dict.fromkeys(LOST, "the voltage that the inverter loses")
+        second = words.get(names[other], names[other])
+        return f"{spread}, since {second} looks alike on these data; record at several currents and both signs"
+    return f"{spread}; record larger steps of it" if name != "magnet_flux" else f"{spread}; spin faster"
+
+
+class _Search:
+    """Gauss and Newton on the replayed currents: positions of parameters (logarithms) and of nuisances (as they are).
+
+    Slopes are differences of replays that run together.
+    """
+
+    def __init__(self, prepared: Prepared, names: Sequence[str], begin: Mapping[str, float], workers: int) -> None:
+        self.prepared, self.names, self.workers = prepared, list(names), workers
+        drive = prepared.campaign.drive
+        self.motor, self.origin = drive.motor, begin
+        self.logs = np.array([n in NAMES for n in names])
+        self.begin = np.array([math.log(begin[n]) if n in NAMES else 0.0 for n in names])
+        self.x = self.begin.copy()
+        converter = drive.converter
+        own = {THRESHOLD: DROP * converter.dc_bus_voltage, DEAD: DROP * converter.sampling_period}
+        own |= dict.fromkeys(OFFSETS, OFFSET * drive.motor.rated_current)
+        self.prior = np.array([own.get(n, math.inf) for n in names])
+        self.step = np.where(self.logs, SHARE, [SHARE * own.get(n, 1.0) for n in names])
+        wide = [WIDE[n] if n in NAMES else math.inf for n in names]
+        lowest = [-w if n in NAMES else (0.0 if n in LOST else -math.inf) for n, w in zip(names, wide, strict=True)]
+        self.least, self.most = self.begin + np.array(lowest), self.begin + np.array(wide)
+        self.r = np.empty(0)
+
+    def beside(self, names: Sequence[str]) -> _Search:
+        """Return a search of other parameters that begins where this one stands."""
+        other = _Search(self.prepared, names, self.origin, self.workers)
+        here = dict(zip(self.names, self.x, strict=True))
+        other.x = np.array([here.get(n, v) for n, v in zip(other.names, other.x, strict=True)])
+        return other
+
+    def values(self, x: Array | None = None) -> dict[str, float]:
+        """Return parameters and nuisances at a place."""
+        at = self.x if x is None else x
+        return {n: float(math.exp(v) if log else v) for n, v, log in zip(self.names, at, self.logs, strict=True)}
+
+    def as_set(self, x: Array) -> dict[str, float]:
+        """Return a place as the replay takes it."""
+        out = {}
+        for n, v in self.values(x).items():
+            scale = getattr(self.motor, n) if n.startswith("inductance") else 1.0
+            out[OF_EFFECT.get(n, n)] = v / scale
+        return out
+
+    def residuals(self, places: Sequence[Array]) -> Array:
+        """Return residuals (n, places) of all currents over the noise floor."""
+        told = residuals(self.prepared, replay(self.prepared, [self.as_set(x) for x in places], workers=self.workers))
+        return np.concatenate([t.current.reshape(-1, len(places)) for t in told])
+
+    def cost(self, r: Array, x: Array) -> float:
+        """Return half the squares, those of nuisances' priors with them."""
+        return 0.5 * float(r @ r + np.sum((x / self.prior)[~self.logs] ** 2))
+
+    def slopes(self) -> Array:
+        """Return slopes (n, p) at the place, and keep the residual there."""
+        at = [self.x, *(self.x + self.step[k] * np.eye(len(self.x))[k] for k in range(len(self.x)))]
+        every = self.residuals(at)
+        self.r = every[:, 0]
+        return np.asarray((every[:, 1:] - every[:, :1]) / self.step)
+
+    def found(self) -> _Search:
+        """Go to the place of the least squares; PhysicsError where none is found."""
+        for _ in range(STEPS):
+            j = self.slopes()
+            weight = 1.0 / self.prior**2
+            inner = j.T @ j + np.diag(weight) + 1e-9 * np.diag(np.sum(j**2, axis=0))
+            down = -(j.T @ self.r + weight * self.x)
+            move = np.clip(np.linalg.lstsq(inner, down, rcond=None)[0], -FARTHEST, FARTHEST)
+            if not np.all(np.isfinite(move)):
+                raise PhysicsError(
+                    "these recordings and the nominal motor go nowhere together; check [motor] and units"
+                )
+            before, share = self.cost(self.r, self.x), 1.0
+            while share > 1e-3:
+                place = self.bounded(self.x + share * move)
+                r = self.residuals([place])[:, 0]
+                if np.all(np.isfinite(r)) and self.cost(r, place) <= before:
+                    break
+                share *= 0.5
+            else:
+                break
+            gone = before - self.cost(r, place)
+            self.x, self.r = place, r
+            if gone < ENOUGH * max(1.0, before / len(r)):
+                break
+        self.j = self.slopes()
+        return self
+
+    def bounded(self, x: Array) -> Array:
+        """Return a place inside the bounds."""
+        return np.asarray(np.clip(x, self.least, self.most))
+
+    def information(self) -> tuple[Array, Array]:
+        """Return what the slopes say (p, p), over noise or what is left where that is more, and its scatter from block
+        to block."""
+        inner = self.j.T @ self.j / max(self.square(), 1.0) + np.diag(1.0 / self.prior**2)
+        cuts = np.array_split(np.arange(len(self.r)), BLOCKS)
+        g = np.stack([self.j[c].T @ self.r[c] for c in cuts]) / max(self.square(), 1.0)
+        return inner, g.T @ g
+
+    def square_at_start(self) -> float:
+        """Return the mean square of what the start leaves, over the noise's; infinite where it predicts nothing."""
+        r = self.residuals([self.x])
+        return float(np.mean(r**2)) if np.all(np.isfinite(r)) else math.inf
+
+    def at_bound(self, k: int) -> bool:
+        """Tell whether a parameter stands at a bound."""
+        return bool(self.x[k] <= self.least[k] or self.x[k] >= self.most[k])
+
+    def square(self) -> float:
+        """Return the mean square of what is left, over the noise's."""
+        return float(np.mean(self.r**2))
+
+    def residual_rms(self) -> dict[str, float]:
+        """Return each recording's rms, over the noise floor."""
+        out, at = {}, 0
+        for r in self.prepared.recordings:
+            n = 3 * r.samples
+            out[r.file] = float(np.sqrt(np.mean(self.r[at : at + n] ** 2)))
+            at += n
+        return out
