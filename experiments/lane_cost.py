@@ -14,13 +14,16 @@ import numpy as np
 
 from model.drive_files import load_drive
 from sandbox.plant import additions as add
-from sandbox.plant.sets import complete, features_of
+from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.replay.grouping import ROOMS, VECTOR
-from sandbox.replay.replay import Prepared, block_of, prepare, run_block
+from sandbox.replay.grouping import ROOMS, SAMPLED, VECTOR
+from sandbox.replay.replay import Prepared, block_of, needs_of, prepare, run_block
 
 SAMPLES, TIMES = 4000, 25
-NAMES = ("LEG", "IRON", "SKIN", "FILTER", "ENERGY", "LINK", "MAGNETS", "COMMUTE", "ROUND", "WINDING", "DELAYED")
+NAMES = (
+    "LEG", "IRON", "SKIN", "FILTER", "ENERGY", "LINK", "MAGNETS", "COMMUTE", "ROUND", "WINDING", "DELAYED", "WOBBLE",
+    "SAMPLED",
+)  # fmt: skip
 ON = {
     "LEG": {"device_drop.threshold": 1.0, "device_drop.on_resistance": 0.05},
     "IRON": {"iron_loss.core_resistance": 500.0},
@@ -33,6 +36,8 @@ ON = {
     "ROUND": {"device_drop.threshold": 1.0, "bench.soft_shape": 0.5},
     "WINDING": {"winding_asymmetry.delta_a": 0.1},
     "DELAYED": {"pwm_delay.delay": 5e-6},
+    "WOBBLE": {"encoder_eccentricity.amplitude_mech": 0.005},
+    "SAMPLED": {"current_sampling.delay": 4e-5},  # the first lane; the others down to as much too early
 }
 
 
@@ -51,11 +56,12 @@ def driven() -> Prepared:
 def times(prepared: Prepared, effects: dict[str, float]) -> list[float]:
     """Return the ns a period of blocks of all sizes, the best of some."""
     drive, r = prepared.campaign.drive, prepared.recordings[0]
-    values = complete(drive.motor, drive.converter, effects)
     out = []
     for lanes in ROOMS:
-        block = block_of(prepared, range(lanes), [values] * lanes)
-        currents, moved, taken = np.empty((r.samples, 3, lanes)), np.empty((1, 1)), []
+        each = [{k: x * (1.0 - 2.0 * j / lanes) for k, x in effects.items()} for j in range(lanes)]
+        sets = each if "current_sampling.delay" in effects else [effects] * lanes
+        block = block_of(prepared, range(lanes), [complete(drive.motor, drive.converter, v) for v in sets])
+        currents, moved, taken = np.empty((r.samples + 1, 3, lanes)), np.empty((1, 1)), []
         for _ in range(TIMES):
             start = time.thread_time()
             run_block(prepared, r, block, currents, moved, 0)
@@ -72,7 +78,9 @@ def main() -> None:
     print(f"{'':10s}" + "".join(f"{n:>8d}" for n in ROOMS) + "   lanes: ns a period;  constant + each vector")
     for name, own in (("bare", bare), *((n, times(prepared, ON[n])) for n in NAMES)):
         values = complete(prepared.campaign.drive.motor, prepared.campaign.drive.converter, ON.get(name, {}))
-        if name != "bare" and not features_of(prepared.campaign.drive.motor, values) & getattr(add, name):
+        drive = prepared.campaign.drive
+        bit = SAMPLED if name == "SAMPLED" else getattr(add, name, 0)
+        if name != "bare" and not needs_of(drive.motor, drive.converter, values) & bit:
             raise ValueError(f"ON[{name!r}] does not switch {name} on")
         each, constant = np.polyfit(vectors, np.subtract(own, 0.0 if name == "bare" else bare)[1:], 1)
         print(f"{name:10s}" + "".join(f"{x:8.0f}" for x in own) + f"   {constant:8.0f} {each:8.0f}")

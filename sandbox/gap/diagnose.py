@@ -23,12 +23,13 @@ from sandbox.gap.evidence.fit import NEAR, Fit, attempted, fit, normalised
 from sandbox.gap.evidence.gap_size import Size, rms, size_of
 from sandbox.gap.evidence.noise import PLAUSIBLE, Noise, floor_of, noise_caution, noise_of
 from sandbox.gap.evidence.normal import Normal, Point, counted, normal
-from sandbox.gap.excerpts import begun
+from sandbox.gap.excerpts import begun, excerpted
 from sandbox.gap.posterior.estimates import Estimate, Held, estimates, held_ordinary
 from sandbox.gap.posterior.evaluated import EvaluatedModel
 from sandbox.gap.posterior.holdout import held_out, weights_of
 from sandbox.gap.posterior.hypotheses import UNKNOWN, Hypothesis, hypotheses
 from sandbox.gap.posterior.inference import Problem, infer
+from sandbox.gap.posterior.settings import USUAL as USUAL_SETTINGS
 from sandbox.gap.posterior.remainder import Remainder, remainder
 from sandbox.plant.sets import complete
 from sandbox.recordings.campaign import Campaign, CampaignRecording, read_campaign
@@ -123,10 +124,11 @@ def _diagnosed(
     hidden, count = out_of_sight(own), len(own.recordings)
     barred = (*exclude, *hidden)
     asked = tuple(s for s in rivals if not set(s) & set(hidden))
-    found = infer(Problem(start, weights_of(count), barred, asked, workers=workers, report=report))
+    short = _excerpts(own, start)
+    found = infer(Problem(start, weights_of(count), barred, asked, USUAL_SETTINGS, workers, report, short))
     noise = noise_of(own)
     report("measuring the gap")
-    left = held_out(found.first)
+    left = held_out(found.linear)
     before = _without(found.null, start, left, workers)
     told, after = _foretelling(hypotheses(found, misstated(noise), workers=workers), before, start, left, workers)
     best = told[0].evaluated
@@ -206,6 +208,15 @@ def _nominal(own: Campaign, memory: float, workers: int) -> tuple[Point, Normal]
             "`sensorless audit` shows where an energy stops being convex)"
         )
     return start, nominal
+
+
+def _excerpts(own: Campaign, start: Point) -> Point | None:
+    """Return the nominal point of a campaign cut to excerpts, on which the search for effects begins; None where that
+    would save little."""
+    if start.prepared.samples <= 2 * USUAL_SETTINGS.samples:
+        return None
+    short = prepare(in_order(excerpted(own, USUAL_SETTINGS.samples)), steps=start.prepared.steps)
+    return replace(start, prepared=replace(short, floor=start.prepared.floor, spare=start.prepared.spare))
 
 
 def in_order(campaign: Campaign) -> Campaign:

@@ -29,7 +29,7 @@ from model.errors import BadInput
 from model.parameters import Converter, Motor
 from sandbox.plant.sets import batch_of, complete, features_of, readings_at, sampled_at
 from sandbox.recordings.campaign import Campaign
-from sandbox.replay.grouping import grouped, room_of
+from sandbox.replay.grouping import SAMPLED, grouped, room_of
 from sandbox.replay.inputs import Inputs, inputs_of, noise_floor
 from sandbox.replay.stretches import Stretch
 from sandbox.replay.walking import Block, Running
@@ -200,7 +200,7 @@ def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
     """Return the blocks in which sets run: those that need the same effects together, so that none pays for others."""
     drive = prepared.campaign.drive
     complete_sets = [complete(drive.motor, drive.converter, s) for s in sets]
-    needs = [features_of(drive.motor, v) for v in complete_sets]
+    needs = [needs_of(drive.motor, drive.converter, v) for v in complete_sets]
     out = []
     late = [whole_periods(drive.motor, drive.converter, v) for v in complete_sets]
     for periods in sorted(set(late)):
@@ -208,6 +208,11 @@ def plan(prepared: Prepared, sets: Sequence[Set]) -> list[Block]:
         together = grouped([needs[k] for k in own])
         out += [block_of(prepared, [own[k] for k in group], complete_sets) for group in together]
     return out
+
+
+def needs_of(motor: Motor, converter: Converter, v: Set) -> int:
+    """Return what a completed set needs beside the bare plant, as blocks are chosen by (`grouping`)."""
+    return features_of(motor, v) | (SAMPLED if sampled_at(motor, converter, v) else 0)
 
 
 def whole_periods(motor: Motor, converter: Converter, v: Set) -> int:

@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from model.compiled import kernel
 from model.effects import library
 from model.errors import BadInput, unknown
-from sandbox.plant.sets import BENCH, complete, features_of, parameter_names
+from sandbox.plant.sets import BENCH, complete, parameter_names
 from sandbox.replay.grouping import grouped
-from sandbox.replay.replay import Prepared, Set, Shown, Walk, block_of, in_threads
+from sandbox.replay.replay import Prepared, Set, Shown, Walk, block_of, in_threads, needs_of
 from sandbox.replay.stretches import Stretch, stretches
 
 Array = NDArray[np.float64]
@@ -220,7 +220,8 @@ def _empty(prepared: Prepared, s: Stretch, p: int) -> Slopes:
 
 def _blocks(prepared: Prepared, sets: Sequence[Mapping[str, float]], columns: Sequence[int]):
     """Return blocks of the base and displaced sets, with their columns."""
-    base, *needs = (features_of(prepared.campaign.drive.motor, sets[k]) for k in (0, *(k + 1 for k in columns)))
+    drive = prepared.campaign.drive
+    base, *needs = (needs_of(drive.motor, drive.converter, sets[k]) for k in (0, *(k + 1 for k in columns)))
     found = [np.array([columns[k] for k in group]) for group in grouped(needs, base)]
     return [(block_of(prepared, [0, *(own + 1)], sets), own) for own in found]
 

@@ -3,7 +3,8 @@
     residual and slopes of all candidates at a point -> posterior over sets by algebra -> fit of the most probable set
 
 until the most probable set is the one that was fitted.  Far from the floor the misfit (`misfit`) makes the data count
-for less, so a round names what explains most, and the next one what is left.  Sets within a few nats of the best one
+for less, so a round names what explains most, and the next one what is left.  Of a long campaign the first rounds look
+at excerpts; what these name is only where the rounds on all of it begin.  Sets within a few nats of the best one
 are then fitted themselves and weighed at their own points; all others keep the chance that the algebra gives them.
 """
 
@@ -17,10 +18,11 @@ import numpy as np
 
 from model.effects import library
 from sandbox.gap.evidence.fit import NEAR, Fit, Weights, attempted, fit, rms_of
-from sandbox.gap.evidence.normal import Normal, Point
+from sandbox.gap.evidence.normal import Normal, Point, part_of
 from sandbox.gap.evidence.priors import ordinary, with_usual_sign
 from sandbox.gap.posterior.candidates import Candidate, candidates, further
 from sandbox.gap.posterior.evaluated import EvaluatedModel, evaluate
+from sandbox.gap.posterior.holdout import weights_of
 from sandbox.gap.posterior.linear_model import LinearModel, linear_model
 from sandbox.gap.posterior.misfit import misfit, weights
 from sandbox.gap.posterior.set_prior import Set, log_prior, possible
@@ -35,7 +37,7 @@ SMALL = 1e-6  # probability below which a set is not listed
 @dataclass(frozen=True)
 class Problem:
     """What is asked: a campaign at its nominal point, recordings that count, effects that are no candidates, sets that
-    are fitted whatever else is, settings, threads, and whom to tell."""
+    are fitted whatever else is, settings, threads, and whom to tell; excerpts: the same of parts of a long campaign."""
 
     start: Point
     fitted: Weights
@@ -44,19 +46,19 @@ class Problem:
     settings: Settings = USUAL
     workers: int = 1
     report: Report = lambda _: None
+    excerpts: Point | None = None
 
 
 @dataclass(frozen=True)
 class Inference:
     """The answer: ordinary deviations alone, every fitted set evaluated, probability of sets of effects (the most
-    probable first), the variance that estimates meet in every segment; first: the equations of all candidates beside
-    ordinary deviations alone."""
+    probable first), the variance that estimates meet in every segment; linear: the last equations of all candidates."""
 
     null: Fit
     evaluated: Mapping[Set, EvaluatedModel]
     sets: Mapping[Set, float]
     variance: Mapping[tuple[int, str], float]
-    first: LinearModel
+    linear: LinearModel
 
     @property
     def mean_variance(self) -> float:
@@ -84,14 +86,14 @@ class _Run:
         problem.report("fitting ordinary deviations")
         self.null = fit(problem.start, (), problem.fitted, workers=problem.workers)
         self.trace = problem.settings.trace_at(rms_of(self.null))
-        self.first: LinearModel | None = None  # all candidates beside ordinary deviations alone
+        self.linear: LinearModel | None = None  # the last equations of all candidates
         self.chosen: dict[str, Candidate] = {}
         self.stand_ins: dict[Set, list[Set]] = {}  # by set
         self.found: list[Candidate] = []  # all candidates, as the residual of ordinary deviations alone shows them
 
     def answer(self) -> Inference:
         """Return the answer."""
-        best, known = self.grown()
+        best, known = self.grown(self.begun())
         variance = misfit(best.point)
         fitted = {best.effects: self.evaluated(best, variance, known)}
         known = None
@@ -111,26 +113,47 @@ class _Run:
                 fitted[key] = self.evaluated(new, variance)
         total = sum(math.exp(v) for v in told.values())
         sets = {k: math.exp(v) / total for k, v in sorted(told.items(), key=lambda x: (-x[1], x[0]))}
-        assert self.first is not None
+        assert self.linear is not None
         kept = {k: p for k, p in sets.items() if p > SMALL or k in fitted}
-        return Inference(self.null, fitted, kept, variance, self.first)
+        return Inference(self.null, fitted, kept, variance, self.linear)
 
-    def grown(self) -> tuple[Fit, Normal | None]:
+    def begun(self) -> Fit:
+        """Return the fit, to a few per cent of what is left, of the set that excerpts name; without effects where there
+        are none, and where ordinary deviations leave little for them to name."""
+        p = self.problem
+        if p.excerpts is None or rms_of(self.null) <= p.settings.gap:
+            return self.null
+        parts = p.excerpts.prepared.recordings
+        short = replace(p, start=p.excerpts, fitted=weights_of(len(parts)), excerpts=None, report=lambda _: None)
+        with part_of(p.excerpts.prepared.samples / p.start.prepared.samples):
+            first = _Run(short)
+            found, _ = first.grown(first.null, whole=False)
+        if not found.effects:
+            return self.null
+        self.chosen = first.chosen
+        p.report(f"fitting {' + '.join(found.effects)}")
+        at = replace(p.start, values=found.point.values)
+        return attempted(at, found.effects, p.fitted, smooth=True, rough=True, workers=p.workers) or self.null
+
+    def grown(self, here: Fit, *, whole: bool = True) -> tuple[Fit, Normal | None]:
         """Return the fit of the most probable set: fitted, linearised anew, until the posterior names no other; and
-        the equations of all candidates at its point, where they are known."""
-        here, rough, known = self.null, False, None
-        seen: set[Set] = {()}
+        the equations of all candidates at its point, where they are known.
+
+        here: where the first round begins; whole: the last fit is one, else its first part is enough.
+        """
+        known, rough, seen = None, bool(here.effects), {here.effects, ()}
         self.problem.report("weighing all sets of effects")
         self.found = candidates(here.point, self.problem.exclude, chords=rms_of(here) > 1.0)
+        wide = 1 if here.effects else 2  # rounds that look at all candidates
         for turn in range(self.problem.settings.rounds):
-            sets = self.linearised(here, self.found if turn < 2 else self.candidates())
-            known, self.first = sets.model.normal, self.first or replace(sets.model, normal=sets.model.normal.bare())
+            sets = self.linearised(here, self.found if turn < wide else self.candidates())
+            known, self.linear = sets.model.normal, replace(sets.model, normal=sets.model.normal.bare())
             best = sets.best()
             self.choose(sets, best)
             key = sets.names(best)
             more = any(sets.model.candidates[k].part > 1 for k in best)
             stands = not more and (key == here.effects or key in seen)
-            if stands and not rough:
+            if stands and (not rough or not whole):
                 break
             rough = not stands
             new = self.fit_of(here.effects, here, known) if stands else self.fit_of(key, here, known, sets, best)
@@ -138,7 +161,7 @@ class _Run:
                 break
             seen.add(new.effects)
             here, known = new, None
-        if rough:
+        if rough and whole:
             return self.fit_of(here.effects, here, known) or here, None
         return here, known
 

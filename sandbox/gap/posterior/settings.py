@@ -57,6 +57,8 @@ class Settings:
     rivals: int = 4
     near: float = 5.0
     bend: float = 0.02
+    samples: int = 40_000
+    gap: float = 1.02
 
     def trace_at(self, rms: float) -> float:
         """Return the standard deviation of traces where ordinary deviations alone leave that normalised rms."""
