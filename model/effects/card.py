@@ -236,6 +236,9 @@ class Effect:
     do: what a person should do about it, one sentence from completed values, the nominal motor and the converter; asked
     for where the effect is on (`model.effects.advice`).
 
+    otherwise: values with which the effect has the other of its two forms, from completed values, the half-width (A) of
+    the zone in which a current's sign goes through zero, and the converter; a fit compares both.
+
     repeats: how many parts like its first it can have at once, that one included; they add up.  Parameters of the first
     are `effect.parameter`, of the k-th (k from 2 on) `effect.k.parameter`, neutral unless given; further: what parts
     from the second on are made of (None: of the same as the first).  A search that found one part looks for the next by
@@ -264,6 +267,7 @@ class Effect:
     further: Part | None = None
     formulas: tuple[str, ...] = ()
     do: Callable[[Mapping[str, float], Motor, Converter], str] | None = None
+    otherwise: Callable[[Mapping[str, float], float, Converter], dict[str, float]] | None = None
 
     def part(self, k: int) -> Part:
         """Return the k-th part (1 ... repeats)."""

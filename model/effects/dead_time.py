@@ -59,6 +59,14 @@ def do(v: Mapping[str, float], motor: Motor, converter: Converter) -> str:
     return f"set the dead-time compensation to {quantity(time, 's')} (more than now by that, where there is one)"
 
 
+def otherwise(v: Mapping[str, float], width: float, converter: Converter) -> dict[str, float]:
+    """Return the capacitance in place of a zone of half-width `width` (A), or none in place of one: the leg just slews
+    over in the dead time at half of the width, where the volts lost by all edges have the same slope at zero."""
+    if v["dead_time.capacitance"] > 0.0:
+        return {"dead_time.capacitance": 0.0}
+    return {"dead_time.capacitance": 0.25 * width * abs(v["dead_time.time"]) / converter.dc_bus_voltage}
+
+
 CARD = Effect(
     name="dead_time",
     summary="dead time of the legs: late edges, chosen by the current; legs slew, and are clamped by diodes",
@@ -89,7 +97,8 @@ CARD = Effect(
             0.0,
             1e-7,
             0.0,
-            fit="fixed",
+            fit="log",
+            spread=1.5,
             change=1e-10,
             title="output capacitance of each switch",
         ),
@@ -121,4 +130,5 @@ CARD = Effect(
     switches=("time",),
     limits=limits,
     do=do,
+    otherwise=otherwise,
 )

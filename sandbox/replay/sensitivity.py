@@ -55,7 +55,8 @@ def all_parameters() -> tuple[str, ...]:
     """Return every parameter that moves a prediction: all but pure noise, doubles of one number, what neither fits nor
     has a size, and further parts of effects."""
     known = library.parameters()
-    silent = {n for n, p in known.items() if not p.predicted or p.same_as or (p.fit == "fixed" and not p.typical)}
+    sized = {n for n, p in known.items() if p.typical or p.fit not in ("fixed", "log")}
+    silent = {n for n, p in known.items() if not p.predicted or p.same_as or n not in sized}
     return tuple(n for n in parameter_names() if n not in silent and not library.is_further(n))
 
 

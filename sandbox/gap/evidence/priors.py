@@ -198,6 +198,8 @@ def of_part(card: Effect, k: int, drive: Drive, start: Set, at: Set | None = Non
         twin = p.first and all(start[card.public(k, n)] == x for n, x in part.first_at.items())
         if p.fit == "fixed" or p.name in phases(part) or twin:
             continue
+        if p.fit == "log" and start[name] == 0.0:  # the effect's form without it
+            continue
         if p.fit == "log":
             out.append(Coordinate(name, math.log(start[name]), p.spread, "log", (name,)))
         elif p.fit == "reciprocal":

@@ -19,9 +19,10 @@ from model.errors import BadInput
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import WIDE, Coordinate, of_effect, of_part
 from sandbox.gap.evidence.spectrum import best_values, link_lines
-from sandbox.plant.sets import complete, further_parts
+from sandbox.plant.sets import complete, further_parts, soft_current
 
 CHORDS = (2.0, 4.0, 8.0, 16.0, 32.0)  # typical sizes: octaves up to three sampling periods of a delay
+ZONES = (1.0, 5.0, 25.0)  # times the usual zone of a current's sign: where an effect's other form begins
 BEGUN = 1e-3  # of an amplitude's typical size: a part that a fit begins with is on, and hardly more
 
 
@@ -78,6 +79,7 @@ def candidates(point: Point, exclude: Sequence[str] = (), *, chords: bool = True
             out += own
             if chords and len(own) == 1:
                 out += _chords(point, own[0])
+            out += _other_forms(point, effect)
     return out
 
 
@@ -135,6 +137,19 @@ def _chords(point: Point, slope: Candidate) -> Iterator[Candidate]:
     for to in (sign * k * size for k in CHORDS for sign in (1.0, -1.0)):
         if low <= own[0].mean + to <= high and possible(point, own[0].changes(point.values, own[0].mean + to)):
             yield replace(slope, chord=to)
+
+
+def _other_forms(point: Point, effect: str) -> Iterator[Candidate]:
+    """Yield an effect in its other form, as the finite change to its typical size; it has none at no size at all."""
+    drive, card = point.prepared.campaign.drive, library.load_effect(effect)
+    for width in ZONES if card.otherwise else ():
+        first = {**point.values, **{card.public(1, p.name): 0.0 for p in card.parameters if p.fit == "log"}}
+        (size,) = (c for c in of_effect(effect, drive, first) if c.form == "linear")
+        typical = size.mean + size.deviation / WIDE
+        values = {**first, **size.changes(first, typical)}
+        start = card.otherwise(values, width * soft_current(drive.motor), drive.converter)
+        if possible(point, {**values, **start}):
+            yield Candidate(effect, start, chord=typical - size.mean)
 
 
 def scanned(p: Parameter, pole_pairs: int) -> list[float]:

@@ -212,7 +212,22 @@ class _Run:
         at = towards(near, key, [c for e, c in self.chosen.items()])
         if sets is not None:
             at = self.moved(at, near, sets, best)
-        return attempted(at, key, p.fitted, smooth=True, rough=sets is not None, near=known, workers=p.workers)
+        found = attempted(at, key, p.fitted, smooth=True, rough=sets is not None, near=known, workers=p.workers)
+        return found if found is None or sets is not None else self.best_form(found)
+
+    def best_form(self, found: Fit) -> Fit:
+        """Return a fit, or that of the same set with an effect in its other form where that fits better."""
+        p, point = self.problem, found.point
+        drive, width = point.prepared.campaign.drive, point.values["bench.soft_current"]
+        for effect in found.effects:
+            card = library.load_effect(effect)
+            if card.otherwise is None:
+                continue
+            values = {**point.values, **card.otherwise(point.values, width, drive.converter)}
+            new = attempted(replace(point, values=values), found.effects, p.fitted, smooth=True, workers=p.workers)
+            if new is not None and new.objective < found.objective:
+                found = new
+        return found
 
     def moved(self, at: Point, near: Fit, sets: SetPosterior, best: Chosen) -> Point:
         """Return a point with chords at the size that the algebra gives them, and further parts begun."""
