@@ -223,10 +223,10 @@ class _Run:
             card = library.load_effect(effect)
             if card.otherwise is None:
                 continue
-            values = {**point.values, **card.otherwise(point.values, width, drive.converter)}
-            new = attempted(replace(point, values=values), found.effects, p.fitted, smooth=True, workers=p.workers)
+            at = replace(point, values={**point.values, **card.otherwise(point.values, width, drive.converter)})
+            new = attempted(at, found.effects, p.fitted, rough=True, leader=found.objective, workers=p.workers)
             if new is not None and new.objective < found.objective:
-                found = new
+                found = attempted(new.point, found.effects, p.fitted, smooth=True, workers=p.workers) or found
         return found
 
     def moved(self, at: Point, near: Fit, sets: SetPosterior, best: Chosen) -> Point:
