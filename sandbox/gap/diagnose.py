@@ -215,7 +215,7 @@ def _excerpts(own: Campaign, start: Point) -> Point | None:
     would save little."""
     if start.prepared.samples <= 2 * USUAL_SETTINGS.samples:
         return None
-    short = prepare(in_order(excerpted(own, USUAL_SETTINGS.samples)), steps=start.prepared.steps)
+    short = prepare(in_order(begun(excerpted(own, USUAL_SETTINGS.samples))), steps=start.prepared.steps)
     return replace(start, prepared=replace(short, floor=start.prepared.floor, spare=start.prepared.spare))
 
 
