@@ -142,7 +142,9 @@ def _chords(point: Point, slope: Candidate) -> Iterator[Candidate]:
 def _other_forms(point: Point, effect: str) -> Iterator[Candidate]:
     """Yield an effect in its other form, as the finite change to its typical size; it has none at no size at all."""
     drive, card = point.prepared.campaign.drive, library.load_effect(effect)
-    for width in ZONES if card.otherwise else ():
+    if card.otherwise is None:
+        return
+    for width in ZONES:
         first = {**point.values, **{card.public(1, p.name): 0.0 for p in card.parameters if p.fit == "log"}}
         (size,) = (c for c in of_effect(effect, drive, first) if c.form == "linear")
         typical = size.mean + size.deviation / WIDE
