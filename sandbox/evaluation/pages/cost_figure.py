@@ -26,6 +26,7 @@ READING = (
     "below the PWM frequency; largest voltage that the control cannot have."
 )
 AXES = (("worst_p95", "95 % of errors\nbelow (°)"), ("loss_w", "added loss (W)"), ("sound_db", "sound proxy (dB)"))
+WIDE = 3.0  # as many times from the smallest to the largest: an axis of powers; below, its names would overlap
 MARKS = {"saturated": "o", "linear": "s"}
 LEAST = {"loss_w": 1e-3, "sound_db": 0.0}  # what is less is drawn there: it neither heats nor is heard
 
@@ -47,25 +48,27 @@ def _line(s: Standing) -> list[str]:
 
 def cost_figure(
     found: Sequence[Standing], title: str = "", path: str | Path | None = None, *, limits: Limits = ANY,
-    ax: AnyAxes = None, width: float = 8.0,
+    ax: AnyAxes = None, phone: bool = False,
 ) -> Figure:  # fmt: skip
     """Draw error, added loss and sound of each estimator and belief side by side, the smallest error first.
 
-    limits: drawn dashed; ax: three axes of your own to draw in, see `page`; width: inches.
+    limits: drawn dashed; ax: three axes of your own to draw in, see `page`; phone: panels below each other.
     """
     known = sorted((s for s in found if s.closed_loop and s.worst_p95 is not None), key=lambda s: s.worst_p95 or 0.0)
     names = list(dict.fromkeys(s.estimator for s in known))
-    figure, panels = page((width, 1.2 + 0.26 * len(names)), 1, 3, ax, sharey=True)
+    rows, width = (len(AXES), PHONE) if phone else (1, 8.0)
+    figure, places = page((width, rows * (1.2 + 0.26 * len(names))), rows, len(AXES) // rows, ax, sharey=True)
+    panels = list(places.flat)
     bounds = {"loss_w": limits.loss_below, "sound_db": limits.quiet_below}
-    for axes, (name, label) in zip(panels[0], AXES, strict=True):
+    for axes, (name, label) in zip(panels, AXES, strict=True):
         _draw(axes, known, names, name)
         if (bound := bounds.get(name)) is not None:
             axes.axvline(bound, color="0.5", linewidth=0.9, linestyle=(0, (4, 2)), zorder=1)
         axes.set_xlabel(label)
     if names:
-        panels[0, 0].set_yticks(range(len(names)), names, parse_math=False)
-        panels[0, 0].set_ylim(len(names) - 0.5, -0.5)
-        named(panels[0, 1])
+        panels[0].set_yticks(range(len(names)), names, parse_math=False)
+        panels[0].set_ylim(len(names) - 0.5, -0.5)
+        named(panels[0 if phone else 1])
     if title:
         entitle(figure, title, ax)
     return drawn(figure, path)
@@ -79,14 +82,17 @@ def _draw(axes: Axes, known: Sequence[Standing], names: Sequence[str], quantity:
         y, mark = [names.index(s.estimator) for s in own], MARKS.get(belief, "D")
         face = colour_of(belief) if belief == "saturated" else "none"  # both are seen where they are alike
         axes.plot(x, y, mark, color=colour_of(belief), markerfacecolor=face, markersize=5, label=belief)
-    if quantity != "sound_db" and known:
+    low, high = axes.dataLim.intervalx
+    if quantity != "sound_db" and known and high > WIDE * low:
         axes.set_xscale("log")
         plain_ticks(axes)
+    else:
+        axes.locator_params(axis="x", nbins=4)
     axes.grid(color="0.5", alpha=0.25, linewidth=0.6)
     axes.spines[["top", "right"]].set_visible(False)
 
 
 def cost_svg(found: Sequence[Standing], limits: Limits) -> str:
     """Return the same for a page."""
-    drawing = cost_figure(found, limits=limits, width=1.5 * PHONE)
+    drawing = cost_figure(found, limits=limits, phone=True)
     return svg_text(drawing, "cost" + "".join(s.estimator + s.belief for s in found))

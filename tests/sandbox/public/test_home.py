@@ -117,8 +117,9 @@ def test_a_shell_completes(kind, how, shell, tmp_path):
             subprocess.run(install, env=around, check=True, capture_output=True)
         assert file.read_text().count("completion of sensorless" if kind == "zsh" else "# Load sensorless") == 1
     file.write_text(file.read_text() + REPORT[kind].format(tmp_path) + f"touch {tmp_path}/ready\n")
-    lines = typed(kind, around, tmp_path, [" ".join(words) for words, _ in CASES.values()])
-    for (words, wanted), line in zip(CASES.values(), lines, strict=True):
+    cases = list(CASES.values())[: None if how == "evaluated" else 2]
+    lines = typed(kind, around, tmp_path, [" ".join(words) for words, _ in cases])
+    for (words, wanted), line in zip(cases, lines, strict=True):
         assert line.split()[:-1] == words[:-1]
         found = line.split()[-1]
         assert all(w.startswith(found) for w in wanted), line
