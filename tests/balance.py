@@ -6,24 +6,31 @@ import importlib
 from pathlib import Path
 
 
-def compile_replays() -> None:
-    """Have the replay's kernels: for one set, for few and for many."""
+def compile_replays(rooms: slice) -> None:
+    """Have the replay's kernels for some of the numbers of sets that run side by side."""
     from sandbox.replay.grouping import ROOMS
     from sandbox.replay.replay import replay
     from tests.sandbox.plant.told import DRIVE, duties, told, turning
 
     prepared = told(DRIVE, duties(4), *turning(4))
-    for count in ROOMS:
+    for count in ROOMS[rooms]:
         replay(prepared, [{}] * count)
 
 
-def compile_loops() -> None:
-    """Have the closed loops on both plants, which are compiled when they are imported."""
+def compile_wide() -> None:
+    """Have the replays of some sets and of many."""
+    compile_replays(slice(1, None))
+
+
+def compile_narrow() -> None:
+    """Have the closed loops on both plants, compiled when they are imported, and the replay of one set, which shares
+    most of its functions with them."""
     for name in ("loop", "switched_loop"):
         importlib.import_module(f"sandbox.drive.{name}")
+    compile_replays(slice(1))
 
 
-FIRST = (compile_replays, compile_loops)  # about as long as each other
+FIRST = (compile_wide, compile_narrow)  # about as long as each other
 
 
 def compile_share(worker: int, workers: int) -> None:
