@@ -5,6 +5,7 @@ import hashlib
 import json
 import math
 import tomllib
+from functools import cache
 
 import numpy as np
 import pytest
@@ -244,15 +245,21 @@ def test_pairs_come_in_turn_and_so_do_their_effects():
     assert draw(found[0], 3).as_json()["pair"] == found[0].pair
 
 
+@cache
+def narrow_campaign(effect, pair):
+    """Return a narrow campaign with an effect at its usual size, and the truth as a replay takes it."""
+    drawn = draw(Case(0, "one", "ipm_exchanged", "scored", (effect,), (1.0,), None, pair), 11)
+    campaign = campaign_of(drawn)
+    return campaign, true_set(drawn, campaign)
+
+
 @pytest.mark.parametrize("pair", PAIRS)
 def test_a_narrow_campaign_is_one_operating_point_and_replays_at_the_truth(pair):
     """Two recordings with one kind of rotor at one link voltage; floor 1 as in the tests above (free rotors: 1.2)."""
-    drawn = draw(Case(0, "one", "ipm_exchanged", "scored", (PAIRS[pair][0][0],), (1.0,), None, pair), 11)
-    campaign = campaign_of(drawn)
+    campaign, values = narrow_campaign(PAIRS[pair][0][0], pair)
     assert len(campaign.recordings) == 2
     assert len({r.rotor for r in campaign.recordings}) == 1
     assert {r.dc_bus_voltage for r in campaign.recordings} == {None}
-    values = true_set(drawn, campaign)
     prepared = prepare(campaign, values)
     for found in residuals(prepared, replay(prepared, [values])):
         assert found.rms()[0] < 1.2
@@ -285,9 +292,8 @@ def test_the_effects_of_a_pair_look_alike(pair):
     offset and a magnet's flux, at one speed."""
     members, found = PAIRS[pair][0], []
     for effect, rival in (members, members[::-1]):
-        drawn = draw(Case(0, "one", "ipm_exchanged", "scored", (effect,), (1.0,), None, pair), 11)
-        campaign = campaign_of(drawn)
-        found.append(cosine(campaign, true_set(drawn, campaign), effect, rival))
+        campaign, values = narrow_campaign(effect, pair)
+        found.append(cosine(campaign, values, effect, rival))
     assert max(found) > (0.5 if pair == "one_speed" else 0.86)
     if pair == "one_voltage":
-        assert cosine(campaign, true_set(drawn, campaign), "encoder_offset", "magnet_flux") < 0.1
+        assert cosine(campaign, values, "encoder_offset", "magnet_flux") < 0.1
