@@ -260,9 +260,12 @@ class Limits:
     speed_rpm: float | None = quantity("rpm", 0.01, 2e5, default=None)  # largest mechanical speed; None: the same
     voltage: float | None = quantity("V of the DC link", 0.1, 1e5, default=None)  # largest; None: that of the converter
     can: tuple[str, ...] = ROTORS  # what the bench can do with the rotor: locked, driven, free
+    fixed_link: bool = False  # whether the link's voltage cannot be changed
 
     def __post_init__(self) -> None:
         check(self, "limits")
+        if not isinstance(self.fixed_link, bool):
+            raise BadInput(f"[limits] fixed_link = {brief(self.fixed_link)} must be true or false")
         if not isinstance(self.can, (list, tuple)) or not self.can:
             raise BadInput(f"[limits] can = {brief(self.can)} is no list; give some of {', '.join(ROTORS)}")
         for kind in self.can:

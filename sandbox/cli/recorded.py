@@ -10,7 +10,7 @@ from cyclopts import Parameter
 import sandbox
 from model.errors import BadInput
 from sandbox.cli import arguments as take
-from sandbox.output.tables import effort_bar, many
+from sandbox.output.tables import effort_bar, many, progress_bar
 
 
 def identify(
@@ -58,6 +58,7 @@ def plan(
     speed: Annotated[take.Number | None, take.usual("rated", "RPM")] = None,
     voltage: Annotated[take.Number | None, take.usual("the drive's", "V")] = None,
     can: Annotated[take.Names | None, take.usual("locked,driven,free")] = None,
+    fixed_link: take.Flag = False,
     effects_from: take.EffectsFrom = (),
     output: take.Short = take.Short(),
 ) -> None:
@@ -73,9 +74,15 @@ def plan(
         largest voltage of the DC link, V
     can
         what the bench can do with the rotor
+    fixed_link
+        the link's voltage cannot be changed
     """
     folder = output.checked("plan")
-    found = sandbox.plan(motor, current=current, speed_rpm=speed, voltage=voltage, can=can, jobs=output.jobs)
+    with progress_bar("planning", output.quiet) as progress:
+        found = sandbox.plan(
+            motor, current=current, speed_rpm=speed, voltage=voltage, can=can, fixed_link=fixed_link or None,
+            jobs=output.jobs, progress=progress,
+        )  # fmt: skip
     output.finish(found, folder)
 
 

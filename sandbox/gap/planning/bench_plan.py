@@ -7,7 +7,7 @@ size stands clear of noise and ordinary deviations are listed (`visible`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -54,10 +54,10 @@ class Plan:
         return tuple(e for e, z in self.together.sizes.items() if z >= CLEAR and e not in alone)
 
 
-def plan(drive: Drive, limits: Limits, *, workers: int = 1) -> Plan:
+def plan(drive: Drive, limits: Limits, *, workers: int = 1, progress: Callable[[float], None] | None = None) -> Plan:
     """Return experiments within a bench's limits, each the one that adds most to those before it, until none adds any.
 
-    BadInput where the limits leave no experiment.
+    progress: called with the share of the menu that has been simulated.  BadInput where the limits leave no experiment.
     """
     if drive.converter.encoder_counts is None:
         drive = replace(drive, converter=replace(drive.converter, encoder_counts=ENCODER))
@@ -66,7 +66,9 @@ def plan(drive: Drive, limits: Limits, *, workers: int = 1) -> Plan:
         raise BadInput("no experiment of the menu is within these limits; allow more current, speed or voltage")
     told: list[tuple[Entry, Visible]] = []
     simulated: dict[str, Campaign] = {}
-    for entry in entries:
+    for k, entry in enumerate(entries):
+        if progress is not None:
+            progress(k / len(entries))
         try:
             simulated[entry.name] = _simulated(drive, entry)
             told.append((entry, visible(simulated[entry.name], workers=workers)))

@@ -51,7 +51,7 @@ def within(entry: Entry, drive: Drive, limits: Limits) -> Entry | None:
 
     An imposed speed is shrunk into the limit of speed, and further only where the voltage does not suffice.
     """
-    if entry.rotor not in limits.can:
+    if entry.rotor not in limits.can or (limits.fixed_link and entry.link != 1.0):
         return None
     bus = drive.converter.dc_bus_voltage
     if limits.voltage is not None and limits.voltage < bus:

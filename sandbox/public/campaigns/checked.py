@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
@@ -236,7 +236,7 @@ class PlanResult(Result):
     """What to record on a bench: experiments in their order, each with what it adds, and setpoints over time."""
 
     command: ClassVar[str] = "plan"
-    kinds: ClassVar[tuple[str, ...]] = ()
+    kinds: ClassVar[tuple[str, ...]] = ("page",)
     plan: Plan
 
     def summary(self) -> str:
@@ -277,6 +277,13 @@ class PlanResult(Result):
             f"{self.plan.drive.name}: what the planned recordings tell", self.plan.together.sizes, path, ax=ax
         )
 
+    def to_html(self, path: str | Path) -> Path:
+        """Write the plan as one page (`.html`), its setpoints drawn over time; return it."""
+        from sandbox.gap.pages.plan_page import write_plan
+
+        write_plan(Path(path), self.plan, REPEATS)
+        return Path(path)
+
     def report(self) -> None:
         """Print the experiments and what stays alike."""
         print_prose(
@@ -313,7 +320,9 @@ def plan(
     speed_rpm: float | None = None,
     voltage: float | None = None,
     can: Sequence[str] | None = None,
+    fixed_link: bool | None = None,
     jobs: int = 1,
+    progress: Callable[[float], None] | None = None,
 ) -> PlanResult:
     """Return what to record on a bench so that a diagnosis can tell effects apart, by simulating the nominal motor.
 
@@ -330,8 +339,12 @@ def plan(
         V of the DC link; that of the drive by default.
     can : sequence of str
         What the bench can do with the rotor: 'locked', 'driven', 'free'; all of them by default.
+    fixed_link : bool, optional
+        Whether the link's voltage cannot be changed: no experiment then asks for another one.
     jobs : int
         Threads.
+    progress : callable, optional
+        Called with the share (0 to 1) that is done.
 
     Returns
     -------
@@ -353,12 +366,12 @@ def plan(
 
     drive = load_motor(motor)
     limits = NO_LIMITS if isinstance(motor, Drive) else load_limits(motor)
-    given = {"current": current, "speed_rpm": speed_rpm, "voltage": voltage, "can": can}
+    given = {"current": current, "speed_rpm": speed_rpm, "voltage": voltage, "can": can, "fixed_link": fixed_link}
     try:
         limits = dataclasses.replace(limits, **{k: v for k, v in given.items() if v is not None})  # type: ignore[arg-type]
     except BadInput as error:
         raise BadInput(str(error).replace("[limits] ", "")) from None  # these stand in no file
-    return PlanResult(planned(drive, limits, workers=jobs))
+    return PlanResult(planned(drive, limits, workers=jobs, progress=progress))
 
 
 def _read(

@@ -183,6 +183,8 @@ def test_a_bench_does_what_it_can(small_folder):
     """Kinds of rotor it cannot have are left out; limits too low for any current leave no experiment; a free rotor
     without a stated limit stays near its rated speed however long it is accelerated."""
     drive = read_campaign(small_folder).drive
+    assert {e.link for e in allowed(drive, Limits(fixed_link=True))} == {1.0}
+    assert {e.link for e in allowed(drive, NO_LIMITS)} != {1.0}
     assert {e.rotor for e in allowed(drive, Limits(can=("locked", "free")))} == {"locked", "free"}
     assert [e.name for e in allowed(drive, NO_LIMITS)] == [e.name for e in menu(drive)]
     one = next(e for e in menu(drive) if e.name == "locked_q_inject_d")
