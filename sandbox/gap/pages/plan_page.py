@@ -10,10 +10,13 @@ import numpy as np
 
 from model.parameters import Drive
 from sandbox.gap.planning.bench_plan import Plan, Planned
+from sandbox.gap.planning.visible import CLEAR
 from sandbox.output.document import answer, bullets, figure, prose, table, write_page
-from sandbox.output.vector import bars_svg, lines_svg
+from sandbox.output.tables import many
+from sandbox.output.vector import dots_svg, lines_svg
 
 DRAWN = 800  # points of a line
+LEAST = 0.01  # standard deviations: smaller ones are drawn there
 
 
 def write_plan(path: Path, plan: Plan, repeats: int) -> None:
@@ -30,7 +33,7 @@ def parts(plan: Plan, title: str, repeats: int) -> Iterator[str]:
     yield answer("What to record?", each)
     heads = ["experiment", "rotor", "seconds", "settings", "adds"]
     rows = [
-        [p.entry.name, p.entry.rotor, f"{p.entry.seconds:.3g}", p.settings, f"{len(p.adds)} effects"]
+        [p.entry.name, p.entry.rotor, f"{p.entry.seconds:.3g}", p.settings, many(len(p.adds), "effect")]
         for p in plan.experiments
     ]
     yield table(heads, rows)
@@ -48,7 +51,7 @@ def _experiment(k: int, p: Planned, drive: Drive) -> Iterator[str]:
     also = f" Injected beside: a square wave of {' and '.join(injected)}." if injected else ""
     link = f"DC link {p.entry.link * drive.converter.dc_bus_voltage:.4g} V."
     told = f"Setpoints of {p.entry.name}, every millisecond in {p.entry.name}.csv. {link}{also}"
-    yield figure(lines_svg(setpoint_lines(p, drive), "time (s)"), told)
+    yield figure(lines_svg(setpoint_lines(p, drive), "time (s)", alike=True), told)
 
 
 def setpoint_lines(p: Planned, drive: Drive) -> list[tuple[str, dict[str, tuple[list[float], list[float]]]]]:
@@ -68,12 +71,9 @@ def _together(plan: Plan) -> Iterator[str]:
     v = plan.together
     yield "<h2>What they tell together</h2>"
     by_size = sorted(v.sizes, key=lambda e: -v.sizes[e])
-    sizes = {"size": [math.log10(max(v.sizes[e], 1e-2)) for e in by_size]}
-    caption = (
-        "Typical size of each effect in standard deviations, as a power of ten (0.5: three of them): the larger, the "
-        "surer it is told."
-    )
-    yield figure(bars_svg(by_size, sizes, "log10 of standard deviations"), caption)
+    sizes = {"all recordings": [max(v.sizes[e], LEAST) for e in by_size]}
+    caption = f"Typical size of each effect in standard deviations; dashed: {CLEAR:g} of them, from where it is told."
+    yield figure(dots_svg(by_size, sizes, "standard deviations", mark=CLEAR), caption)
     said = []
     for word, text in (("faint", "only faintly told"), ("not", "not told")):
         names = ", ".join(e for e in v.sizes if v.words(e) == word)
