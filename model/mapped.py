@@ -17,6 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
 
 from model.arrays import MOST_BYTES
 from model.datasets import dataset, fetch
@@ -258,6 +260,23 @@ def map_quality(table: Mapping[str, Any], folder: Path) -> Quality:
     """Return how far the map of a [flux_map] table can be believed; folder: in which its file lies."""
     path = _path(table, folder)
     return quality(read_points(path, *_reading(table)), _remembered(path, _reading(table), _choice(table)).choice)
+
+
+def held_by_data(motor: Motor, i_d: NDArray[np.float64], i_q: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Tell which currents (A) lie inside the points of a motor's map, mirrored in i_q as its fit is; all of them where
+    the motor has no map, or its points lie on one line."""
+    if not isinstance(motor, MappedMotor) or motor.origin is None:
+        return np.ones(np.shape(i_d), dtype=bool)
+    points = read_points(motor.origin.path, *_reading(motor.origin.table))
+    scale = float(np.max(np.hypot(points.i_d, points.i_q)))
+    both = np.column_stack([np.tile(points.i_d, 2), np.concatenate([points.i_q, -points.i_q])]) / scale
+    try:
+        edges = ConvexHull(both).equations
+    except (QhullError, ValueError):
+        return np.ones(np.shape(i_d), dtype=bool)
+    place = np.column_stack([np.ravel(i_d), np.ravel(i_q)]) / scale
+    inside = np.max(place @ edges[:, :2].T + edges[:, 2], axis=1) <= 1e-9
+    return np.asarray(inside.reshape(np.shape(i_d)))
 
 
 def without_map(motor: Motor) -> Motor:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from model.energy import Energy, flux_newton, hessian, is_convex_to
 from model.errors import BadInput
 from model.first_order import inductances as first_inductances
+from model.mapped import held_by_data
 from model.parameters import Motor
 from model.saliency import tracking_sign
 
@@ -74,7 +75,10 @@ def maps(motor: Motor, radius: float | None = None, points: int = 61) -> Maps:
     i = np.linspace(-radius, radius, points)
     x, y = np.meshgrid(i, i, indexing="ij")
     gamma = np.full((3, points, points), np.nan)
+    held = held_by_data(motor, x, y)
     for k in np.ndindex(x.shape):
+        if not held[k]:
+            continue
         d, q, outside = flux_newton(m, float(x[k]), float(y[k]), 0.0, 0.0)
         if not outside and is_convex_to(m, d, q):
             gamma[(slice(None), *k)] = hessian(m, d, q)

@@ -10,6 +10,8 @@ from model.energy import flux_from_current, inductances
 from model.errors import BadInput, PhysicsError
 from model.fluxmap import FluxMap, write_map
 from model.kernels.kept import note, read, write
+from model.mapped import held_by_data, mapped_motor
+from tests.data import real_data
 
 TEXT = """
 [motor]
@@ -149,3 +151,15 @@ def test_a_kept_fit_that_is_whole_but_no_fit_is_made_anew(folder, name, value):
         name == "magnet" and value == 0.0
     )  # a motor may have none: nothing else that is kept says how large it is
     assert (found == first) != believed
+
+
+def test_currents_between_the_points_are_held_by_the_data():
+    """The SEW map: currents up to 16 A, corners beyond the circle without a value, i_d up to 1 A."""
+    folder = real_data() / "sew_map"
+    values = {"name": "sew", "pole_pairs": 4, "resistance": 0.208, "inertia": 0.02, "rated_current": 8.0}
+    values |= {"rated_torque": 4.4, "rated_speed_rpm": 3000.0}
+    table = {"file": "LUT_SEW_jax_grad.mat", "cells": [6, 6], "smooth": 0.1}
+    motor = mapped_motor(values, table, folder)
+    asked = np.array([[0.0, 0.0], [-10.0, 8.0], [-14.0, 14.0], [-14.0, -14.0], [5.0, 0.0]])
+    assert held_by_data(motor, *asked.T).tolist() == [True, True, False, False, False]
+    assert held_by_data(motor.linear, *asked.T).all()
