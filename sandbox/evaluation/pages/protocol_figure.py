@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from sandbox.output.plots import Axes, Figure
 
 
+LETTERS = 28  # of a line that fits a cell
 Cells = tuple[Sequence[str], Sequence[Sequence[str]]]  # heads and lines of a table of texts
 
 
@@ -44,7 +45,8 @@ def _draw_cells(axes: Axes, heads: Sequence[str], names: Sequence[str], cells: S
             face = colours.get(mark, "0.93" if text else "white")
             text = text.replace(f" {mark} ", f"\n{mark} ") if mark else text
             axes.fill_between([x + 0.02, x + 0.98], y + 0.04, y + 0.96, color=face, linewidth=0)
-            axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=6.5)
+            size = 6.5 if max(map(len, text.splitlines()), default=0) <= LETTERS else 5.5
+            axes.text(x + 0.5, y + 0.5, text, ha="center", va="center", fontsize=size)
     axes.set_xticks([x + 0.5 for x in range(len(heads))], heads, fontsize=8)
     axes.set_yticks([y + 0.5 for y in range(len(names))], names, fontsize=8)
     axes.set(xlim=(0, len(heads)), ylim=(len(names), 0))
