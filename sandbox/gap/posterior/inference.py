@@ -212,10 +212,13 @@ class _Run:
         at = towards(near, key, [c for e, c in self.chosen.items()])
         if sets is not None:
             at = self.moved(at, near, sets, best)
-        found = attempted(at, key, p.fitted, smooth=True, rough=sets is not None, near=known, workers=p.workers)
-        return found if found is None or sets is not None else self.best_form(found)
+        rough = sets is not None
+        found = attempted(at, key, p.fitted, smooth=True, rough=rough, near=known, workers=p.workers)
+        if found is None or (rough and not set(key) - set(near.effects)):
+            return found
+        return self.best_form(found, rough)
 
-    def best_form(self, found: Fit) -> Fit:
+    def best_form(self, found: Fit, rough: bool) -> Fit:
         """Return a fit, or that of the same set with an effect in its other form where that fits better."""
         p, point = self.problem, found.point
         drive, width = point.prepared.campaign.drive, point.values["bench.soft_current"]
@@ -226,7 +229,8 @@ class _Run:
             at = replace(point, values={**point.values, **card.otherwise(point.values, width, drive.converter)})
             new = attempted(at, found.effects, p.fitted, rough=True, leader=found.objective, workers=p.workers)
             if new is not None and new.objective < found.objective:
-                found = attempted(new.point, found.effects, p.fitted, smooth=True, workers=p.workers) or found
+                whole = None if rough else attempted(new.point, found.effects, p.fitted, smooth=True, workers=p.workers)
+                found = whole or new
         return found
 
     def moved(self, at: Point, near: Fit, sets: SetPosterior, best: Chosen) -> Point:
