@@ -197,11 +197,11 @@ def _within_bounds(task: Task, at: Point) -> tuple[Fit, float]:
     d.down(held, confirm=False)
     if d.steps and normalised(d.n, task.weights) > NEAR and not task.rough:
         d.down(held, confirm=True)
-    prior = free if normalised(d.n, task.weights) <= NEAR and not task.rough else held
+    prior = free if normalised(d.n, task.weights) <= NEAR else held
     if prior is free:
         if d.steps:
             d.again(free)
-        d.down(free, confirm=True)
+        d.down(free, confirm=not task.rough)
     smoother = 0.0
     if task.effects and not task.rough and any(r.rotor == "free" for r in d.point.prepared.recordings):
         again = tried(d.n, d.point.resmoothed(), prior, task.weights, task.workers)[0]

@@ -7,6 +7,7 @@ chooses the set of effects and where each of them begins; nothing is probed or s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import product
@@ -16,6 +17,7 @@ import numpy as np
 from model.effects import library
 from model.effects.card import Effect, Parameter
 from model.errors import BadInput
+from sandbox.gap.evidence.fit import NEAR
 from sandbox.gap.evidence.normal import Point
 from sandbox.gap.evidence.priors import WIDE, Coordinate, of_effect, of_part
 from sandbox.gap.evidence.spectrum import best_values, link_lines
@@ -56,6 +58,12 @@ class Candidate:
             off = [replace(c, step=self.chord, within=2.0 * abs(self.chord) / c.deviation) for c in off]
         return [replace(c, label=f"{c.label}{label}", along=along) for c in off]
 
+    @property
+    def slope(self) -> Candidate:
+        """The same effect by its slope, in its first form: in the other one it has none where it is off."""
+        forms = library.load_effect(self.effect).otherwise is not None
+        return replace(self, chord=0.0, start=dict.fromkeys(self.start, 0.0) if forms else self.start)
+
     def begun(self, point: Point) -> dict[str, float]:
         """Return the values with which a fit begins that has the candidate."""
         out = dict(self.start)
@@ -70,16 +78,18 @@ class Candidate:
         return out
 
 
-def candidates(point: Point, exclude: Sequence[str] = (), *, chords: bool = True) -> list[Candidate]:
-    """Return all candidates of the library at a point; chords: finite changes of delays beside their slopes."""
+def candidates(point: Point, exclude: Sequence[str] = (), *, left: float = math.inf) -> list[Candidate]:
+    """Return all candidates of the library at a point that leaves so many floors: of much, finite changes of delays
+    beside their slopes; of more, other forms of effects, which are told by their typical size alone."""
     out = []
     for effect in library.effect_names():
         if effect not in exclude:
             own = list(_beginnings(point, library.load_effect(effect)))
             out += own
-            if chords and len(own) == 1:
+            if left > 1.0 and len(own) == 1:
                 out += _chords(point, own[0])
-            out += _other_forms(point, effect)
+            if left > NEAR:
+                out += _other_forms(point, effect)
     return out
 
 

@@ -143,7 +143,7 @@ class _Run:
         """
         known, rough, seen = None, bool(here.effects), {here.effects, ()}
         self.problem.report("weighing all sets of effects")
-        self.found = candidates(here.point, self.problem.exclude, chords=rms_of(here) > 1.0)
+        self.found = candidates(here.point, self.problem.exclude, left=rms_of(here))
         wide = 1 if here.effects else 2  # rounds that look at all candidates
         for turn in range(self.problem.settings.rounds):
             sets = self.linearised(here, self.found if turn < wide else self.candidates())
@@ -197,7 +197,7 @@ class _Run:
         """Return the chosen candidates, of those that are chords the slopes, too: which of both the truth is nearer to
         depends on what stands in its place."""
         own = list(self.chosen.values())
-        return [x for c in own for x in ((replace(c, chord=0.0), c) if c.chord else (c,))]
+        return [x for c in own for x in ((c.slope, c) if c.chord else (c,))]
 
     def fit_of(
         self, key: Set, near: Fit, known: Normal | None, sets: SetPosterior | None = None, best: Chosen = ()
@@ -214,15 +214,16 @@ class _Run:
             at = self.moved(at, near, sets, best)
         rough = sets is not None
         found = attempted(at, key, p.fitted, smooth=True, rough=rough, near=known, workers=p.workers)
-        if found is None or (rough and not set(key) - set(near.effects)):
+        new = set(key) - set(near.effects)
+        if found is None or (rough and not new):
             return found
-        return self.best_form(found, rough)
+        return self.best_form(found, [e for e in key if e in new or key == near.effects], rough)
 
-    def best_form(self, found: Fit, rough: bool) -> Fit:
-        """Return a fit, or that of the same set with an effect in its other form where that fits better."""
+    def best_form(self, found: Fit, effects: Sequence[str], rough: bool) -> Fit:
+        """Return a fit, or that of the same set with one of these effects in its other form where that fits better."""
         p, point = self.problem, found.point
         drive, width = point.prepared.campaign.drive, point.values["bench.soft_current"]
-        for effect in found.effects:
+        for effect in effects:
             card = library.load_effect(effect)
             if card.otherwise is None:
                 continue

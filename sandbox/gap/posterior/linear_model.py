@@ -164,7 +164,8 @@ def linear_model(
 
 def _active(known: Candidate, drive: Drive, values: Mapping[str, float]) -> list[Coordinate]:
     """Return the coordinates of an effect that is on; of one that has no size, whether it is there."""
-    own = of_effect(known.effect, drive, {**values, **known.start}, values)
+    start = {k: x for k, x in known.start.items() if (x == 0.0) == (values[k] == 0.0)}  # of the form that is on
+    own = of_effect(known.effect, drive, {**values, **start}, values)
     if any(c.form != "log" for c in own):
         return own
     neutral = library.neutral(drive.motor)
