@@ -62,7 +62,7 @@ def traces(path: Path, effects: Sequence[str], values: Mapping[str, float]) -> I
     null = fit(nominal, (), weights)
     true = Point(prepare(campaign, values), complete(drive.motor, drive.converter, values))
     found = fit(true, tuple(effects), weights) if effects else null
-    first = {c.effect: c for c in reversed(candidates(null.point, out_of_sight(campaign), chords=False))}
+    first = {c.effect: c for c in reversed(candidates(null.point, out_of_sight(campaign), left=0.0))}
     at = linear_model(found.point, list(first.values()), tuple(effects), 1.0, weights)
     for effect in sorted(set(first) - set(effects)):
         prior = alone(at, effects, effect)

@@ -13,9 +13,9 @@ from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
 
 if TYPE_CHECKING:
+    from sandbox.identification.identified import OrdinaryIdentification
     from sandbox.output.plots import AnyAxes, Figure
     from sandbox.recordings.identify import Identification
-    from sandbox.replay.identified import OrdinaryIdentification
 
 AnyCampaign = str | Path | Campaign
 
@@ -113,9 +113,9 @@ def identify(
     12.15
     """
     from model.levels import NoStaircase
+    from sandbox.identification.identified import identify_ordinary
     from sandbox.recordings.identify import identify as fitted
     from sandbox.recordings.identify import staircases
-    from sandbox.replay.identified import identify_ordinary
 
     own, why = read_campaign(campaign, columns, preset=preset), ""
     if staircases(own):

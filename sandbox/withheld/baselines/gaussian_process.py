@@ -157,7 +157,7 @@ def odds(effects: Sequence[str]) -> float:
 
 def stand(process: Process, point: Point, effects: tuple[str, ...]) -> Stand:
     """Return a set linearised at a point, beside all that may join it."""
-    choices = candidates(point, (*process.exclude, *barred(effects)), chords=False)
+    choices = candidates(point, (*process.exclude, *barred(effects)), left=0.0)
     cols = columns(point, fit.with_effects(point, effects), choices)
     found = process.beside(point, cols.every)
     prior = held_but(found.normal, {c.label: c for c in cols.known})

@@ -90,7 +90,7 @@ def grown(walk: Walk, best: Visited) -> Visited | None:
     set takes its place; one that is part of an effect of the set is none.
     """
     point, out = best.fit.point, None
-    choices = candidates(point, (*walk.exclude, *barred(best.effects)), chords=False)
+    choices = candidates(point, (*walk.exclude, *barred(best.effects)), left=0.0)
     listed = screened(point, best.fit.normal.coordinates, choices, best.effects)
     own = best.criterion - best.fit.cost  # k log n of the set as it is
     unbent = replace(point, values=with_usual_sign(point.values, point.prepared.campaign.drive.motor))

@@ -10,9 +10,9 @@ from typing import Any
 from model.effects.library import parameters
 from model.levels import UNITS
 from model.mapped import MappedMotor
+from sandbox.identification.ordinary import NAMES, OF_EFFECT, OrdinaryFit, fit_ordinary
 from sandbox.output.refitted import Refitted
 from sandbox.recordings.campaign import Campaign
-from sandbox.replay.ordinary import NAMES, OF_EFFECT, OrdinaryFit, fit_ordinary
 
 LARGE_MISFIT = 5.0  # times what noise explains, as for levels of staircases
 UNIT = {**UNITS, "magnet_flux": "Wb"}

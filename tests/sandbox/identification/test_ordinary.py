@@ -12,8 +12,8 @@ from model.errors import BadInput
 from model.frames import phases
 from model.parameters import Converter, Drive, Injection, Motor
 from sandbox import Scenario, Segment, load_motor, read_campaign
+from sandbox.identification.ordinary import fit_ordinary, linear
 from sandbox.recordings.campaign import Campaign, CampaignRecording
-from sandbox.replay.ordinary import fit_ordinary, linear
 from tests.data import real_data
 from tests.schemas import misfits
 

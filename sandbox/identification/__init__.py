@@ -1,0 +1,1 @@
+"""Motors from ordinary recordings: R, inductances and magnet flux by least squares on replays of any commands."""
