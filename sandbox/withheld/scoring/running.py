@@ -27,7 +27,8 @@ Diagnose = Callable[[Path, tuple[str, ...]], Any]
 CODE = (  # what a diagnosis depends on, and what records where a recommended recording is made
     "model", "estimators", "sandbox/plant", "sandbox/recordings", "sandbox/replay", "sandbox/drive", "sandbox/gap",
     "sandbox/switched", "sandbox/withheld", "sandbox/engine", "sandbox/output/files.py", "sandbox/output/columns.py",
-    "sandbox/output/provenance.py", "sandbox/output/toml.py", "sandbox/evaluation/score.py", "sandbox/shadowing.py",
+    "sandbox/output/provenance.py", "sandbox/output/toml.py", "sandbox/evaluation/score.py",
+    "sandbox/evaluation/injection_cost.py", "sandbox/evaluation/sound.py", "sandbox/shadowing.py",
 )  # fmt: skip
 
 
