@@ -95,7 +95,7 @@ def test_a_probability_is_a_number_and_a_bar(monkeypatch):
     told = page._hypotheses(SimpleNamespace(diagnosis=SimpleNamespace(best=own[0])), own)
     assert "width:90.0%" in told
     assert ">90.0&nbsp;%<" in told
-    assert ">25.0 %<" in told
+    assert ">25.0&nbsp;%<" in told
 
 
 def test_six_hypotheses_are_printed(monkeypatch, capsys):
