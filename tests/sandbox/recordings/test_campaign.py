@@ -57,7 +57,7 @@ def test_a_benchs_limits_are_read_and_written(tmp_path):
     assert load_limits(folder / "campaign.toml") == stated  # what `sensorless plan --motor` reads
     for old, new, message in (
         ("current = 3", "current = 0", r"campaign.toml: \[limits\] current = 0.0 is out of range"),
-        ("voltage = 60.0", "link = 60.0", r"unknown key in \[limits\] 'link'; known: can, current, speed_rpm, voltage"),
+        ("voltage = 60.0", "link = 60.0", r"unknown key in \[limits\] 'link'; did you mean 'fixed_link'\?"),
         ('["locked", "driven"]', '["lokced"]', "unknown kind of rotor 'lokced'; did you mean 'locked'"),
         (
             '["locked", "driven"]',
