@@ -75,7 +75,7 @@ def test_part_and_whole_are_exchanged_and_never_both_named(criteria, best, monke
         found = [Promise(table[frozenset((*staying(effects, p.effect), p.effect))], p) for p in choices]
         return sorted(found, key=lambda p: p.criterion)
 
-    def choices(point, without, chords):
+    def choices(point, without, left):
         """Return the effects that may join."""
         return [Candidate(e, {}) for e in (PART, WHOLE, OTHER) if e not in without]
 

@@ -40,7 +40,7 @@ def fitted(monkeypatch):
         return sorted((Promise(TABLE["".join(sorted(known + p.effect))], p) for p in choices), key=lambda p: p[0])
 
     monkeypatch.setattr(
-        stepwise, "candidates", lambda point, without, chords: [Candidate(e, {}) for e in "abc" if e not in without]
+        stepwise, "candidates", lambda point, without, left: [Candidate(e, {}) for e in "abc" if e not in without]
     )
     monkeypatch.setattr(stepwise, "with_usual_sign", lambda values, motor: values)
     monkeypatch.setattr(stepwise, "screened", promises)
