@@ -7,6 +7,7 @@ both), the page holds both, and its width says which one is seen.
 from __future__ import annotations
 
 import html
+import os
 import re
 from pathlib import Path
 from typing import Any
@@ -55,7 +56,16 @@ class Inline(SphinxPostTransform):
         return str(self.app.builder.get_relative_uri(self.env.docname, page))
 
 
+def depends(app: Any, document: nodes.document) -> None:
+    """Tell that a page hangs on the narrow drawings, too; the builder knows the others."""
+    for node in document.findall(nodes.image):
+        narrow = Path(app.srcdir) / Path(node["uri"]).with_suffix(".narrow.svg")
+        if narrow.is_file():
+            app.env.note_dependency(os.path.relpath(narrow, app.srcdir))
+
+
 def setup(app: Any) -> dict[str, Any]:
     """Take part in writing every page; pages are made anew where a drawing has changed."""
     app.add_post_transform(Inline)
+    app.connect("doctree-read", depends)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
