@@ -30,7 +30,7 @@ print("kept on", kept["date"], "by version", kept["version"])
 # "Ambiguous"
 # -----------
 # The word in the coloured field is the verdict. *Explained* would mean that one set of effects holds at least 95 % of the probability. Here the most
-# probable set holds 94 %, so a second one is named beside it: *ambiguous*. We will see below that the two differ by nothing that can be measured. The other
+# probable set holds 94 %, so a second one is named beside it: *ambiguous*. We will see below that all likely sets have the same two effects. The other
 # verdicts are *no gap* (nothing to explain) and *unknown* (something outside the library).
 
 print(kept["verdict"])
@@ -62,7 +62,7 @@ for name, p in kept["hypotheses"][0]["parameters"].items():
 
 # %%
 # The brackets hold the 95 % interval. All likely sets have the same two effects. The others add one more, whose size is zero or so small that these
-# recordings do not show it: the second set has a skin effect of 0 ohm, and its interval says that up to 1.4 ohm would not be seen. Every effect of the library
+# recordings do not show it: the third set has a skin effect of 0 ohm, and its interval says that up to 1.3 ohm would not be seen. Every effect of the library
 # is kept in this way with the small chance that it is there unseen. The list *All effects that may be there* gives a chance to every effect of the library, also to those that are in
 # no likely hypothesis:
 
@@ -110,17 +110,13 @@ for name, value in gap["position_error_deg"].items():
 #
 # "What next?"
 # ------------
-# The sentence names a recording that tells the sets apart, within the limits of the bench, and how probable it is that one alone is left after it:
+# Where two sets name different causes, the sentence names a recording that tells them apart, within the limits of the bench; it is kept as ``next_recording.csv``.
+# You record it, lay it into the campaign, and ``sensorless diagnose drill/campaigns/w001 --continue sensorless-out/diagnose`` goes on from there. Here there is
+# none, as all likely sets agree on the two effects. The sentence then says which recordings show these effects best.
 
-recording = kept["next_recording"]
-print(
-    f"{recording['description']}, {recording['seconds']:.0f} s; {recording['power']:.0%}"
-)
+print(kept["next_recording"])
 
 # %%
-# ``next_recording.csv`` holds it as a table. Record it, lay it into the campaign, and ``sensorless diagnose drill/campaigns/w001 --continue
-# sensorless-out/diagnose`` goes on from here. If a skin effect does not matter to you, nothing is needed: all sets agree on the two effects and their sizes.
-#
 # "Before you rely on it"
 # -----------------------
 # The notes at the end of the page say what limits the answer. For this campaign: the choice among hypotheses saw all recordings, so only the parameters are tested
