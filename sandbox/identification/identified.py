@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from model.effects.library import parameters
+from model.errors import PhysicsError
 from model.levels import UNITS
 from model.mapped import MappedMotor
 from sandbox.identification.ordinary import NAMES, OF_EFFECT, OrdinaryFit, fit_ordinary
@@ -67,17 +68,18 @@ class OrdinaryIdentification:
 
 def identify_ordinary(campaign: Campaign, why: str = "") -> OrdinaryIdentification:
     """Return what a campaign's recordings say of R, L_d, L_q and magnet flux, whatever was commanded; BadInput where
-    they say nothing of any of them.
+    they say nothing of any of them, PhysicsError where no values of these explain them.
 
     why: they are not taken as staircases, one sentence.
     """
     fit = fit_ordinary(campaign)
     remarks = [f.text for f in campaign.findings] + [why] * bool(why)
     if fit.misfit > LARGE_MISFIT:
-        remarks.append(
-            f"simulated and measured currents differ {math.sqrt(fit.misfit):.2g} times as much as the sensors' noise: "
-            "something else acts (saturation, iron loss, delay, a shifted log: see `sensorless check`); values are an "
-            "average over these currents, intervals are too narrow"
+        raise PhysicsError(
+            f"{campaign.name}: with the best R, L_d, L_q and magnet flux, simulated and measured currents differ "
+            f"{math.sqrt(fit.misfit):.2g} times as much as the sensors' noise ({math.sqrt(LARGE_MISFIT):.2g} at most): "
+            "something else acts (saturation, iron loss, delay, a shifted log), and values would be wrong by more than "
+            "their intervals; see `sensorless check`, or `sensorless diagnose` for the cause"
         )
     if fit.samples < fit.of_samples:
         remarks.append(f"{fit.samples} of {fit.of_samples} samples are used, the same share of each recording")

@@ -18,6 +18,7 @@ VECTOR = 8
 SAMPLED = 1 << 20  # beside the plant's own bits: samples that are not taken as a pattern begins
 ALONE = 0.7  # of a VECTOR's time: a block of one lane; measured 0.44 (iron loss) to 0.79 (bare)
 # ns a period, measured by `experiments/lane_cost.py`: constant, and for every VECTOR lanes
+# (WOBBLE and SAMPLED on a busy machine, scaled by what BARE took there)
 BARE = (160.0, 480.0)
 COSTS = {
     add.LEG: (150.0, 310.0), add.IRON: (130.0, 400.0), add.SKIN: (170.0, 340.0), add.FILTER: (110.0, 230.0),

@@ -40,8 +40,9 @@ class Settings:
     are closer than that are both fitted.
 
     samples, gap: of a campaign of twice as many samples and more, whose ordinary deviations alone leave a J above
-    `gap`, the first rounds look at excerpts of so many.  They only choose where the rounds on all of it begin: no
-    practice campaign answered otherwise; with p05 (169 920 samples) the rounds on all of it fell from three to two.
+    `gap`, the first rounds look at excerpts of so many.  They only choose where the rounds on all of it begin.
+    Chosen, not derived: of six practice campaigns made again none answered otherwise; with p05 (169 920 samples) the
+    rounds on all of it fell from three to two.
     """
 
     shapes: float = 60.0

@@ -17,7 +17,7 @@ SCENE = Scenario(
     start_up=False,
 )
 LEFT = ("dead_time", "device_drop", "stator_resistance", "inductance")  # what can stand for a dead time, and two more
-MAP = {  # file, [flux_map], [motor], [drive] as printed in model/motors/mapped; SEW: as in exciting-environments
+MAP = {  # file, [flux_map], [motor], [drive] as printed in model/motors/mapped; SEW: chosen, no data sheet
     "baldor": (
         "baldor_pmsyrm/ABB_400rpm_map.mat", "cells = [20, 16]\nsmooth = 0.0003",
         (2, 0.63, 0.05, 12.4, 29.7, 1800.0), (125e-6, 540.0), 2e-6,
