@@ -17,6 +17,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+from matplotlib import pyplot as plt
 
 from model.frames import phases
 from sandbox import BadInput, Scenario, Segment, read_campaign, simulate
@@ -48,6 +49,10 @@ log = pd.DataFrame(
 (folder / "log").mkdir()
 log.to_csv(folder / "log" / "run.csv", index=False)
 print(log.head(3).round(2).to_string())
+
+figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3), layout="constrained")
+log.plot("Time", ["Ia", "Ib"], ax=left, xlabel="Time (ms)", ylabel="current (mA)")
+log.plot("Time", "Pos", ax=right, xlabel="Time (ms)", ylabel="mechanical angle (°)", legend=False)
 
 # %%
 # Describe it

@@ -142,7 +142,7 @@ def where(m: Motion) -> list[dict[str, Any]]:
     rows, known = [], numbers()
     for e, share in sorted(m.shares.items(), key=lambda x: -x[1]):
         order = orders(m, m.best)[0]["order"] if e == COGGING.effect else None
-        text = f"{known[e].shows} ({100.0 * share:.0f} % of the gap)"
+        text = f"{known[e].shows} ({round(100.0 * share)} % of the gap)"
         rows.append({"subsystem": known[e].card.subsystem, "channel": "torque", "region": "whole motion",
                      "order": order, "share": share, "text": text})  # fmt: skip
     return rows

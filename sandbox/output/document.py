@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 
 ENLARGE = "Click to enlarge; then wheel, two fingers or + and − zoom, dragging moves, × or Escape closes."
 LONG = 36  # letters: a cell with more is broken between words
+COLUMNS = 7  # of verdicts that stand within the text's width; more use a desk's whole screen
 MARKS = {"✓": "good", "✗": "bad", "○": "none"}  # ○: as it should be, but not good
 
 
@@ -79,7 +80,8 @@ def verdicts(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
         f"<tr><td>{prose(row[0])}</td>{''.join(map(_verdict, row[1:], heads[1:]))}</tr>" for row in rows
     )  # fmt: skip
     body = "".join(lines)
-    return f"<div class='wide marks stacked'><table><tr>{head}</tr>{body}</table></div>"
+    many = " many" if len(heads) > COLUMNS else ""
+    return f"<div class='wide marks stacked{many}'><table><tr>{head}</tr>{body}</table></div>"
 
 
 def _verdict(text: str, head: str) -> str:

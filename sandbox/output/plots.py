@@ -6,7 +6,7 @@ import io
 import os
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -69,6 +69,12 @@ def png(figure: Figure) -> bytes:
     out = io.BytesIO()
     figure.savefig(out, format="png")
     return out.getvalue()
+
+
+def framed(axes: Axes, grid: Literal["both", "x", "y"] = "both") -> None:
+    """Leave out a panel's upper and right frame, and draw a grid that is soft on light and on dark ground."""
+    axes.grid(axis=grid, color="0.5", alpha=0.25, linewidth=0.6)
+    axes.spines[["top", "right"]].set_visible(False)
 
 
 def plain_ticks(axes: Axes, which: str = "x") -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from sandbox.output.plots import page, plain_ticks, svg_text
+from sandbox.output.plots import framed, page, plain_ticks, svg_text
 
 if TYPE_CHECKING:
     from sandbox.output.plots import Axes, Figure
@@ -45,8 +45,8 @@ def dots_svg(
         axes.plot(list(values), range(len(labels)), "o", color=colour, markersize=size, label=name)
     axes.set_xscale("log")
     axes.set_xlim(0.75 * min(mark, *every), 1.4 * max(2.0 * mark, *every))
-    axes.grid(axis="y", color="0.5", alpha=0.25, linewidth=0.6)
     plain_ticks(axes)
+    framed(axes, "y")
     return _by_label(drawing, axes, labels, xlabel)
 
 

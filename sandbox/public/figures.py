@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from model.levels import AT_ZERO, D, Q
 from sandbox.output.looks import thinned
-from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, page
+from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, framed, page
 
 if TYPE_CHECKING:
     from model.levels import Levels
@@ -49,14 +49,13 @@ def run_figure(run: Run, title: str, path: str | Path | None = None, ax: AnyAxes
         for k, (name, values) in enumerate(lines.items()):
             panel.plot(*thinned(t, values), color=("#2e86de", "#de6210")[k], linewidth=0.9, label=name)
         panel.set_ylabel(label, fontsize=9)
-        panel.grid(axis="y", color="0.9", linewidth=0.6)
-        panel.spines[["top", "right"]].set_visible(False)
+        framed(panel, "y")
         if len(lines) > 1:
             panel.legend(
                 frameon=False, fontsize=8, ncols=2, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.0
             )
         for row in run.rows:
-            panel.axvspan(row.t_start, row.t_end, color="0.95", linewidth=0, zorder=0)
+            panel.axvspan(row.t_start, row.t_end, color="0.5", alpha=0.1, linewidth=0, zorder=0)
     largest = [row.transient_max_deg for row in run.rows if row.transient_max_deg is not None]
     if largest:  # starting up may err by half a turn, and would flatten all that counts
         reach = 1.1 * max(1.0, *largest)

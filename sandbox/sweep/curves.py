@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, page, plain_ticks
+from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, framed, page, plain_ticks
 from sandbox.output.vector import widths
 from sandbox.sweep.summary import curve
 
@@ -44,8 +44,7 @@ def yield_figure(
     axes.set(xscale="log", xlabel="largest mean position error (° electrical)", ylabel="drives that err less (%)")
     axes.set_ylim(0.0, 101.0)
     plain_ticks(axes)
-    axes.grid(color="0.9", linewidth=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
+    framed(axes)
     if curves:
         axes.legend(frameon=False, fontsize=9, loc="upper left")
     axes.set_title(title, parse_math=False, fontsize=11)
@@ -69,8 +68,7 @@ def tolerance_figure(rows: Sequence[Any], title: str, path: str | Path | None = 
             axes.plot(x, middle, "o-", markersize=4.0 + width, label=f"{belief}: median of draws", **how)
             axes.plot(x, most, "--", label="95 % of draws", **how)
         axes.set(title=name, xlabel="the belief's parameters off by up to ± (%)")
-        axes.grid(axis="y", color="0.9", linewidth=0.6)
-        axes.spines[["top", "right"]].set_visible(False)
+        framed(axes, "y")
     panels[0, 0].set_ylim(bottom=0.0)
     panels[0, 0].set_ylabel("position error, rms of means (° el.)")
     panels[0, -1].legend(frameon=False, fontsize=8)

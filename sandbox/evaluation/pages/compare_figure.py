@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from sandbox.output.plots import AnyAxes, colour_of, drawn, page
+from sandbox.output.plots import AnyAxes, colour_of, drawn, framed, page
 
 if TYPE_CHECKING:
     from sandbox.evaluation.compare import Comparison, Run
@@ -97,8 +97,7 @@ def draw_panel(axes: Axes, runs: Sequence[Run], loads: bool) -> None:
     else:
         axes.set_xticks(places, [f"{100 * row.load:.0f}\n{row.speed_rpm:.0f}" for row in segments])
     axes.tick_params(labelsize=9)
-    axes.grid(axis="y", color="0.5", alpha=0.25, linewidth=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
+    framed(axes, "y")
 
 
 def _draw_belief(axes: Axes, belief: str, rows: Sequence[Row], places: Sequence[float], shift: float) -> None:

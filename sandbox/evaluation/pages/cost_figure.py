@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from sandbox.evaluation.choice import ANY, Limits, Standing
-from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, page, plain_ticks, svg_text
+from sandbox.output.plots import AnyAxes, colour_of, drawn, entitle, framed, page, plain_ticks, svg_text
 from sandbox.output.vector import PHONE, named
 
 if TYPE_CHECKING:
@@ -88,8 +88,7 @@ def _draw(axes: Axes, known: Sequence[Standing], names: Sequence[str], quantity:
         plain_ticks(axes)
     else:
         axes.locator_params(axis="x", nbins=4)
-    axes.grid(color="0.5", alpha=0.25, linewidth=0.6)
-    axes.spines[["top", "right"]].set_visible(False)
+    framed(axes)
 
 
 def cost_svg(found: Sequence[Standing], limits: Limits) -> str:

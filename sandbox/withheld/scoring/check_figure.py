@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sandbox.output.plots import colour_of, page, plain_ticks, save
+from sandbox.output.plots import colour_of, framed, page, plain_ticks, save
 
 OPEN = (-1.0, 2.0)  # beyond the panel: where too few cases give no limit
 
@@ -47,7 +47,7 @@ def _floor_by_line(axes: Any, floor: Mapping[str, Mapping[str, Any]]) -> None:
     axes.set_yticks(range(len(floor)), [name.replace("_", " ") for name in floor], fontsize=9)
     axes.set_ylim(len(floor) - 0.5, -0.5)
     axes.set_xlabel("multiples of a medium size")
-    axes.grid(color="0.9", linewidth=0.6)
+    framed(axes)
 
 
 def _confusion(axes: Any, matrix: Mapping[str, Any]) -> None:
@@ -103,7 +103,7 @@ def _floor(axes: Any, floor: Mapping[str, Mapping[str, Any]]) -> None:
     axes.set_yscale("log", base=2)
     axes.set_xticks(range(len(floor)), list(floor), rotation=90, fontsize=8)
     axes.set_ylabel("size / medium")
-    axes.grid(axis="y", color="0.9", linewidth=0.6)
+    framed(axes, "y")
 
 
 def _limits(axes: Any, methods: Mapping[str, Mapping[str, Any]], words: Mapping[str, str] | None = None) -> None:
@@ -124,6 +124,6 @@ def _limits(axes: Any, methods: Mapping[str, Mapping[str, Any]], words: Mapping[
     axes.set_yticks(range(len(shares)), [(words or {}).get(k, k) for k in shares], fontsize=8)
     axes.set_xlim(-0.05, 1.05)
     axes.invert_yaxis()
-    axes.grid(axis="x", color="0.9", linewidth=0.6)
+    framed(axes, "x")
     axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=min(2, len(methods)), frameon=False)
     axes.set_title("figures, one-sided 95 % limits", fontweight="bold")
