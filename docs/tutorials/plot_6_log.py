@@ -51,8 +51,8 @@ log.to_csv(folder / "log" / "run.csv", index=False)
 print(log.head(3).round(2).to_string())
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(8, 3), layout="constrained")
-log.plot("Time", ["Ia", "Ib"], ax=left, xlabel="Time (ms)", ylabel="current (mA)")
-log.plot("Time", "Pos", ax=right, xlabel="Time (ms)", ylabel="mechanical angle (°)", legend=False)
+log.plot("Time", ["Ia", "Ib"], ax=left, ylabel="current (mA)")
+log.plot("Time", "Pos", ax=right, ylabel="mechanical angle (°)")
 
 # %%
 # Describe it
