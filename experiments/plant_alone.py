@@ -58,7 +58,7 @@ def alone(
         push = Push(load[k], 0.0, until, load[min(k + 1, n - 1)], 0.0)
         track[k] = encoder(w, bench.features, *at_sample(w, rig, push), 0.0)
         memory[U_ALPHA], memory[U_BETA] = recording.u_alpha[k], recording.u_beta[k]
-        progress(k, bench, rig, push, memory, looks, seen, rng)
+        progress(k, bench, rig, push, memory, looks, seen, rng, False)
         currents[k] = read_phases(w, rig, rng)
     read = np.stack([recording.i_a, recording.i_b, recording.i_c], axis=1)
     miss = np.sqrt(np.mean(np.sum((currents - read)[settled:] ** 2, axis=1) * 2.0 / 3.0)) / motor.rated_current

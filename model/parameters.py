@@ -21,7 +21,13 @@ LARGEST = 1e300
 WAVEFORMS = ("square", "sine", "random")
 LINKS = ("steady", "measured")  # what the true link voltage does, beside effects
 COMMANDS = ("volts", "duties", "nominal")  # what recorded commands are
+MODULATIONS = ("centred", "dpwm_min", "dpwm_max", "dpwm_60")  # which legs switch, see `sandbox.plant.gates.modulation`
+OVERMODULATIONS = ("nearest", "shortened", "six_step")  # what is made of a voltage that the legs cannot give
 ROTORS = ("locked", "driven", "free")  # what is done with a rotor while something is recorded
+TEXTS = (
+    "description", "waveform", "transformation", "rotor", "reference", "dc_link", "command", "modulation",
+    "overmodulation",
+)  # fmt: skip
 OVERLOAD = 2.5  # of rated current: the most that a scenario may ask for, and the worst point of every loop
 
 
@@ -46,7 +52,7 @@ def check(thing: Any, table: str) -> None:
             bound = f"[{low:g}, {high:g}] {f.metadata['unit']}".rstrip()
             hint = _meant(float(value), f.metadata) if abs(value) <= LARGEST else ""
             raise BadInput(f"[{table}] {f.name} = {brief(value)} is out of range; give a finite value in {bound}{hint}")
-    for name in ("description", "waveform", "transformation", "rotor", "reference", "dc_link", "command"):
+    for name in TEXTS:
         if not isinstance(getattr(thing, name, "") or "", str):
             raise BadInput(f"[{table}] {name} = {brief(getattr(thing, name))} is not a text; put it in quotes")
     if hasattr(thing, "name"):
@@ -168,6 +174,7 @@ class Converter:
     recordings show); command: u is in `volts` that the drive divides by u_dc, in `duties` (of the link), or divided by
     the `nominal` voltage; pwm_counts: of the counter in half a PWM period, to which duties are rounded.
 
+    modulation, overmodulation, least_pulse: how the drive makes pulses of a voltage (`sandbox.plant.gates.modulation`).
     readings, pulse_shift: for estimators that read inside the PWM period (usual values where None), not used by others.
     """
 
@@ -190,6 +197,12 @@ class Converter:
     readings: int | None = quantity("current readings inside a PWM period", 4, 32, default=None)
     # for the same; None: the usual
     pulse_shift: float | None = quantity("of a period, the legs' pulses against each other", 0.01, 0.25, default=None)
+    # `centred`, or discontinuous PWM, one leg at rest: `dpwm_min`, `dpwm_max`, `dpwm_60`
+    modulation: str = "centred"
+    # beyond the hexagon of what legs give: `nearest` point, `shortened`, `six_step`; None: control stays inside it
+    overmodulation: str | None = None
+    # shorter pulses and gaps of a leg are dropped
+    least_pulse: float = quantity("s", 0, 1e-3, default=0.0)
     inverter_table: Points | None = None  # a leg's voltage error (V) against its current (A)
 
     def __post_init__(self) -> None:
@@ -212,6 +225,20 @@ class Converter:
             raise BadInput(f"[drive] pwm_counts = {self.pwm_counts} is not whole; give the counter's counts")
         if self.readings is not None and self.readings != int(self.readings):
             raise BadInput(f"[drive] readings = {self.readings} is not whole; give a number of readings a period")
+        if self.modulation not in MODULATIONS:
+            raise unknown("[drive] modulation", self.modulation, MODULATIONS)
+        if self.overmodulation is not None and self.overmodulation not in OVERMODULATIONS:
+            raise unknown("[drive] overmodulation", self.overmodulation, OVERMODULATIONS)
+        if not self.least_pulse < 0.25 * self.sampling_period:
+            raise BadInput(
+                f"[drive] least_pulse = {self.least_pulse:g} s is out of range; pulses are as long as the voltage "
+                f"needs: give less than a quarter of sampling_period = {self.sampling_period:g} s"
+            )
+        if self.double and (self.modulation != "centred" or self.overmodulation or self.least_pulse):
+            raise BadInput(
+                "[drive] pwm_frequency says two updates a PWM period, in which pulses are not centred; leave "
+                "modulation, overmodulation and least_pulse away, or give one sample a PWM period"
+            )
         if not self.link_noise <= 0.1 * self.dc_bus_voltage:
             raise BadInput(
                 f"[drive] link_noise = {self.link_noise:g} V is out of range; duties are formed with that reading: "
@@ -232,6 +259,11 @@ class Converter:
     def voltage_limit(self) -> float:
         """Largest amplitude the inverter can give at every angle (circle inside the hexagon), V."""
         return self.dc_bus_voltage / math.sqrt(3.0)
+
+    @property
+    def command_limit(self) -> float:
+        """Largest amplitude that control asks for, V: as above, or with overmodulation that of the hexagon's corner."""
+        return self.voltage_limit if self.overmodulation is None else 2.0 / 3.0 * self.dc_bus_voltage
 
 
 @dataclass(frozen=True)

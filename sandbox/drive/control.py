@@ -53,6 +53,12 @@ def blank() -> np.ndarray:
 
 
 @kernel
+def rest(s):
+    """Forget what the integrators hold, as a drive does whose gates are blocked."""
+    s[INTEGRAL_D] = s[INTEGRAL_Q] = s[INTEGRAL_SPEED] = 0.0
+
+
+@kernel
 def average(s, i_d, i_q, n):
     """Take one current sample in the control frame; return the average over the last n."""
     j = int(s[CURSOR])

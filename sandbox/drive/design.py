@@ -129,7 +129,7 @@ def design(drive: Drive, start_up: bool = True) -> Design:
     control = Control(
         n, h, current.kp, current.kp, current.ki, current.ki, motor.magnet_flux,
         speed.kp, speed.ki, largest,
-        converter.voltage_limit, injection.amplitude,
+        converter.command_limit, injection.amplitude,
     )  # fmt: skip
     variance = 2.0 / 3.0 * (converter.current_noise**2 + converter.current_resolution**2 / 12.0)
     flux_variance = (VOLTAGE_UNCERTAINTY * converter.dc_bus_voltage * h) ** 2

@@ -19,6 +19,7 @@ from model.parameters import OVERLOAD, Drive
 from model.saliency import tracking_sign
 from sandbox.drive.design import Design
 from sandbox.drive.scenario import Scenario
+from sandbox.plant.gates.modulation import attainable
 from sandbox.recordings.injection import samples_per_period
 
 MOST_STEPS = 4_000_000_000  # of the plant in one run: three minutes and more
@@ -132,10 +133,11 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
     """Raise where a scenario cannot be run on a drive: saliency, domain, polarity, current, speed or voltage."""
     motor, m, converter = drive.motor, drive.motor.energy, drive.converter
     tracking_sign(m)
-    room = converter.voltage_limit - drive.injection.amplitude
+    able = attainable(converter)
+    room = able - drive.injection.amplitude
     if room <= 0.0:
         raise PhysicsError(
-            f"an injection of {drive.injection.amplitude:g} V exceeds the {converter.voltage_limit:.4g} V that a bus "
+            f"an injection of {drive.injection.amplitude:g} V exceeds the {able:.4g} V that a bus "
             f"of {converter.dc_bus_voltage:g} V gives; lower the injection or raise dc_bus_voltage"
         )
     if scenario.start_up:
@@ -158,7 +160,7 @@ def check_feasible(drive: Drive, scenario: Scenario, gains: Design) -> None:
         except PhysicsError as error:
             raise PhysicsError(str(error).replace("use another parameter set", other_set(drive))) from None
         u = math.hypot(motor.resistance * i_d - omega * q, motor.resistance * i_q + omega * (d + motor.magnet_flux))
-        if u > room:
+        if u > room and not s.blocked:
             raise PhysicsError(
                 f"load {100 * s.load:g} % at {100 * s.speed:g} % speed needs {u:.4g} V, but the bus of "
                 f"{converter.dc_bus_voltage:g} V leaves {room:.4g} V beside an injection of "

@@ -20,12 +20,14 @@ from estimators.contract import BELIEF, ESTIMATE, OVERSAMPLED, SAMPLE, STATE, TU
 from model.compiled import compiled_as, kernel, kernel_as
 from model.energy import min_eigenvalue
 from model.frames import rotate, stationary
-from sandbox.drive.control import CONTROL, SIZE, average, current_control, reorient, speed_control, speed_from
+from sandbox.drive.control import CONTROL, SIZE, average, current_control, reorient, rest, speed_control, speed_from
 from sandbox.drive.inside import ask, shift_pulses
 from sandbox.drive.recording import ROW
 from sandbox.drive.sensing import encoder, gather, instant, looked_at, read_link, read_phases
 from sandbox.plant.batch import numba_type, room_type
-from sandbox.plant.edges import duties, write_edges
+from sandbox.plant.edges import write_edges
+from sandbox.plant.gates.blocked import block
+from sandbox.plant.gates.modulation import PLAIN, Modulation, given, is_plain, modulated
 from sandbox.plant.period import Course, Push, Timing, travel
 
 DONE, OUTSIDE_DOMAIN, NOT_FINITE = 0, 1, 2
@@ -53,6 +55,7 @@ class Rig(NamedTuple):
     link: float  # V, nominal
     link_noise: float  # V rms, of its reading, by which duties are formed
     encoder_step: float  # rad, electrical, of one count; 0: no counts
+    modulation: Modulation = PLAIN
 
 
 RIG = numba.typeof(Rig(*5 * (0,), *7 * (0.0,)))
@@ -81,6 +84,7 @@ class Wanted(NamedTuple):
     i_q: float  # A
     omega: float  # rad/s, electrical
     i_d: float  # A
+    blocked: float  # 1: gates are blocked
 
 
 # a profile's breakpoints, between them straight lines: s from the scenario's begin, then what is wanted
@@ -102,7 +106,7 @@ def interpolate(profile, t, cursor):
     i_q = a.i_q + s * (b.i_q - a.i_q)
     omega = a.omega + s * (b.omega - a.omega)
     i_d = a.i_d + s * (b.i_d - a.i_d)
-    return Wanted(load, torque, i_q, omega, i_d), cursor
+    return Wanted(load, torque, i_q, omega, i_d, a.blocked), cursor
 
 
 @kernel
@@ -148,10 +152,11 @@ def shift(room, k, inside):
 
 
 @kernel
-def command(k, measured, sample, estimate, wanted, rig, control, controller, waveform):
+def command(k, measured, sample, estimate, wanted, rig, control, controller, waveform, blocked):
     """Return the voltage (alpha, beta) for the next interval and the q current reference.
 
-    measured: angle and speed from the encoder, by which an open loop controls.
+    measured: angle and speed from the encoder, by which an open loop controls; blocked: whether gates are, the voltage
+    is then what the magnets induce at the speed known: no current will flow when they switch again.
     """
     h = control.sampling_period
     i_q_ref, i_d_ref = wanted.i_q, wanted.i_d
@@ -165,7 +170,11 @@ def command(k, measured, sample, estimate, wanted, rig, control, controller, wav
         i_d_ref, i_q_ref = estimate.bias, 0.0
     elif rig.speed_controlled:
         i_q_ref = speed_control(controller, control, wanted.omega, omega, 0.0)
-    u_d, u_q = current_control(controller, control, i_d, i_q, i_d_ref, i_q_ref, wanted.omega)
+    if blocked:
+        rest(controller)
+        i_q_ref, u_d, u_q = 0.0, 0.0, omega * control.magnet_flux
+    else:
+        u_d, u_q = current_control(controller, control, i_d, i_q, i_d_ref, i_q_ref, wanted.omega)
     u_alpha, u_beta = rotate(u_d, u_q, angle + 1.5 * h * omega)  # centre of the interval it acts in
     pulse = control.amplitude * estimate.injection * waveform[(k + 1) % waveform.size]
     p_alpha, p_beta = rotate(pulse, 0.0, estimate.axis + 1.5 * h * estimate.omega)
@@ -209,15 +218,17 @@ def pushed(k, wanted, omega, delay, rig, profile, memory):
 
 
 @kernel
-def keep(memory, next_u):
-    """Remember the voltage that acted as the last one and the command as the one that acts next."""
-    memory[LAST_ALPHA], memory[LAST_BETA] = memory[U_ALPHA], memory[U_BETA]
+def keep(memory, told, next_u):
+    """Remember the voltage that acted, as the drive knows it, as the last one and the command as the one to act."""
+    memory[LAST_ALPHA], memory[LAST_BETA] = told
     memory[U_ALPHA], memory[U_BETA] = next_u
 
 
 @kernel
-def progress(k, bench, rig, push, memory, looks, seen, rng):
-    """Move the plant on over the pattern that starts at t_k + its delay, and hold the current sampled for t_k.
+def progress(k, bench, rig, push, memory, looks, seen, rng, blocked):
+    """Move the plant on over the pattern that starts at t_k + its delay, and hold the current sampled for t_k; return
+    the voltage (V) that the drive knows to act: the command, what its modulator made of it, or with blocked gates what
+    it measures at the legs.
 
     looks, seen: instants (s) looked at and the currents there, see `sensing.looked_at`; the first two are set here.
     """
@@ -225,7 +236,14 @@ def progress(k, bench, rig, push, memory, looks, seen, rng):
     for m in range(3):
         room.before[m] = room.duty[m]
     u_dc = rig.link * memory[LINK]
-    room.duty[0], room.duty[1], room.duty[2] = duties(memory[U_ALPHA], memory[U_BETA], u_dc)
+    told = (memory[U_ALPHA], memory[U_BETA])
+    legs = modulated(rig.modulation, told[0], told[1], u_dc)
+    if not is_plain(rig.modulation):
+        told = given(legs, u_dc)
+    room.duty[0], room.duty[1], room.duty[2] = legs
+    room.blocked = 1 if blocked else 0
+    if blocked:
+        block(room)
     write_edges(room, period)
     theta, omega = rotor(w)
     surge = 0.5 * push.imposed if rig.rotor == DRIVEN else w.surge[0]
@@ -239,9 +257,11 @@ def progress(k, bench, rig, push, memory, looks, seen, rng):
         w, bench.flux_map, bench.timing, bench.features, room, course, k * period, memory[SPAN], looks, seen,
     )  # fmt: skip
     memory[INSTANT] = after
-    if bench.timing.first == 0.0 and bench.timing.last == 0.0:
-        return
-    w.held_a[0], w.held_b[0] = held if early else (seen[0, 0], seen[0, 1])
+    if bench.timing.first != 0.0 or bench.timing.last != 0.0:
+        w.held_a[0], w.held_b[0] = held if early else (seen[0, 0], seen[0, 1])
+    if blocked:
+        told = (room.told[0] / period, room.told[1] / period)
+    return told
 
 
 @kernel
@@ -284,19 +304,22 @@ def run_compiled(step, state, bench, inside, rig, control, belief, tuning, profi
         measured = angle, speed_from(memory, ENCODER, angle, slope, rig.encoder_step, rig.sampling_period)
         if inside is not None:
             shift(bench.room, k, inside)
-        progress(k, bench, rig, push, memory, looks, seen, rng)
+        blocked = wanted.blocked > 0.0 and t >= rig.start_time
+        told = progress(k, bench, rig, push, memory, looks, seen, rng, blocked)
         reading = read_phases(w, rig, rng)
         sample = sample_of(k, reading, memory, primitive)
         estimate = ask(step, state, sample, inside, belief, tuning)
-        acting = (memory[U_ALPHA], memory[U_BETA])
-        u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
+        acting = told if blocked else (memory[U_ALPHA], memory[U_BETA])
+        u_alpha, u_beta, i_q = command(
+            k, measured, sample, estimate, wanted, rig, control, controller, waveform, blocked
+        )
         if k % rig.stride == 0:
             true, u_dc = at_start(w, theta), rig.link * memory[LINK]
             row = rows[k // rig.stride]
             record(row, t, (theta, omega), measured, reading, true, acting, estimate, wanted, i_q, u_dc)
         if inside is not None:
             gather(w, bench.room, rig, inside, rig.link * memory[LINK], seen, rng)
-        keep(memory, (u_alpha, u_beta))
+        keep(memory, told, (u_alpha, u_beta))
         status = judge(w, (u_alpha, u_beta))
         if status != DONE:
             return status, k

@@ -22,7 +22,7 @@ UNCERTAINTY = {  # relative standard deviations as a motor's identification stat
 }  # fmt: skip
 
 
-def bench_of(drive: Drive, estimator: Estimator | None = None) -> Drive:
+def bench_of(drive: Drive, estimator: Estimator | None = None, scenario: Scenario | None = None) -> Drive:
     """Return the drive as it is run for a recording: an encoder with counts, a link voltage read with noise.
 
     What the drive file states stays; the same numbers act in the run and stand in the campaign.  BadInput for an
@@ -32,6 +32,11 @@ def bench_of(drive: Drive, estimator: Estimator | None = None) -> Drive:
         raise BadInput(
             f"estimator '{estimator.name}' shifts the pulses inside the PWM period, recordings are of centred ones; "
             "record with another estimator"
+        )
+    if scenario is not None and any(s.blocked for s in scenario.segments):
+        raise BadInput(
+            f"scenario '{scenario.name}' blocks the gates, and recordings are of legs that switch as commanded; record "
+            "one without blocked = true"
         )
     c = drive.converter
     counts = COUNTS if c.encoder_counts is None else c.encoder_counts

@@ -39,6 +39,9 @@ class Segment:
         Whether its position errors count.
     current_d : float, default 0.0
         of rated current, -3 to 3: reference of i_d, where the scenario's `reference` is 'current'.
+    blocked : bool, default False
+        Whether the inverter's gates are blocked: no switch conducts and currents die away through the diodes. The next
+        segment is then a flying start.
 
     Raises
     ------
@@ -61,6 +64,7 @@ class Segment:
     settle: float | None = None
     score: bool = True
     current_d: float = quantity("of rated current", -3, 3, default=0.0)
+    blocked: bool = False
 
     def __post_init__(self) -> None:
         check(self, "segment")
@@ -70,8 +74,11 @@ class Segment:
         wait = finite(settle)
         if settle is not None and (wait is None or not 0.0 <= wait < self.duration):
             raise BadInput(f"[[segment]] settle = {brief(settle)} must lie in [0, duration = {self.duration:g}) s")
-        if not isinstance(self.score, bool):
-            raise BadInput(f"[[segment]] score = {brief(self.score)} is neither true nor false")
+        for name in ("score", "blocked"):
+            if not isinstance(getattr(self, name), bool):
+                raise BadInput(f"[[segment]] {name} = {brief(getattr(self, name))} is neither true nor false")
+        if self.blocked and self.current_d:
+            raise BadInput("[[segment]] current_d needs gates that switch; leave it or blocked = true away")
 
 
 @dataclass(frozen=True, repr=False)

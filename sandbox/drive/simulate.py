@@ -27,6 +27,7 @@ from sandbox.drive.inside import Inside, inside_of
 from sandbox.drive.recording import ROW, Recording
 from sandbox.drive.scenario import Scenario
 from sandbox.plant import sets
+from sandbox.plant.gates.modulation import modulation_of
 from sandbox.plant.sets import features_of
 from sandbox.recordings.injection import Carrier, carrier
 
@@ -59,23 +60,23 @@ def profile_of(drive: Drive, scenario: Scenario) -> NDArray[np.void]:
     rows: list[tuple[float, ...]] = []
     t = load = speed = i_d = 0.0  # starting up happens at rest without load
     for s in scenario.segments:
-        rows.append((t, *_wanted(drive, scenario, load, speed, i_d)))
+        rows.append((t, *_wanted(drive, scenario, load, speed, i_d, s.blocked)))
         if s.ramp or (s.load, s.speed, s.current_d) != (load, speed, i_d):
             for part in np.linspace(0.0, 1.0, 9)[1:]:  # torque is not linear in load
                 x, y = load + part * (s.load - load), speed + part * (s.speed - speed)
                 z = i_d + part * (s.current_d - i_d)
-                rows.append((t + part * s.ramp, *_wanted(drive, scenario, x, y, z)))
+                rows.append((t + part * s.ramp, *_wanted(drive, scenario, x, y, z, s.blocked)))
         t, load, speed, i_d = t + s.duration, s.load, s.speed, s.current_d
-        rows.append((t, *_wanted(drive, scenario, load, speed, i_d)))
+        rows.append((t, *_wanted(drive, scenario, load, speed, i_d, s.blocked)))
     return np.array(rows, loop.BREAKPOINT)
 
 
-def _wanted(drive: Drive, scenario: Scenario, load: float, speed: float, i_d: float) -> loop.Wanted:
+def _wanted(drive: Drive, scenario: Scenario, load: float, speed: float, i_d: float, blocked: bool) -> loop.Wanted:
     """Return what is wanted at a breakpoint; load, i_d: of rated current, speed: of rated speed."""
     motor = drive.motor
     torque = 0.0 if scenario.rotor != "free" else torque_at_load(drive, load)
     i_q = load * motor.rated_current if scenario.reference == "current" else 0.0
-    return loop.Wanted(load, torque, i_q, speed * motor.rated_omega, i_d * motor.rated_current)
+    return loop.Wanted(load, torque, i_q, speed * motor.rated_omega, i_d * motor.rated_current, float(blocked))
 
 
 @dataclass(frozen=True)
@@ -232,6 +233,11 @@ def _switched(
         if values[name] != of_bench[name]:
             raise BadInput(f"the switched plant has no '{name}'; leave it away, or take --plant exact")
     b = bench(drive.motor, drive.converter, {k: v for k, v in values.items() if k not in sets.BENCH})
+    if any(s.blocked for s in scenario.segments) and (inside or b.pwm_delay or b.sampling_delay or b.jitter):
+        raise BadInput(
+            "the switched plant samples at t_k alone where gates are blocked; leave pwm_delay, current_sampling and "
+            "estimators that read inside the period away, or take --plant exact"
+        )
     b = b._replace(step=min(b.step, plant_step))
     x = bench_of.start(b, scenario.start_angle)
     x[READINGS] = len(inside.readings) if inside else 0
@@ -246,7 +252,7 @@ def rig_of(drive: Drive, scenario: Scenario, closed: bool, n: int, stride: int, 
     return loop.Rig(
         n, stride, loop.CLOSED if closed else loop.OPEN, int(scenario.reference == "speed"), ROTORS[scenario.rotor],
         c.sampling_period, c.current_noise, c.current_resolution, start, c.dc_bus_voltage, c.link_noise,
-        counts,
+        counts, modulation_of(c),
     )  # fmt: skip
 
 

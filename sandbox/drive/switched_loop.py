@@ -51,6 +51,7 @@ from sandbox.drive.loop import (
 from sandbox.drive.sensing import read_link
 from sandbox.switched.advance import measure, sensor
 from sandbox.switched.bench_numbers import Bench
+from sandbox.switched.blocked import coast
 from sandbox.switched.inverter import (
     I_ALPHA,
     I_BETA,
@@ -61,9 +62,9 @@ from sandbox.switched.inverter import (
     SPEED,
     THETA,
     advance,
-    duties,
+    leg_duties,
 )
-from sandbox.switched.phase_machine import least_stiffness, phase_currents
+from sandbox.switched.phase_machine import least_stiffness, phase_currents, vector
 
 OFF = Bench._field_defaults.values()  # no map, no lists
 PLAIN = Bench._make([*(len(Bench._fields) - len(OFF)) * (0.0,), *OFF])
@@ -96,7 +97,7 @@ def gather(state, b, acting, u_dc, rng, inside):
     acting: the command (V); u_dc: the link as read, by which duties were formed.  A late sampler reads late here as
     well; jitter does not act on these readings.
     """
-    legs, readings = duties(acting[0], acting[1], u_dc), inside.readings
+    legs, readings = leg_duties(b, acting[0], acting[1], u_dc), inside.readings
     n = readings.shape[0]
     for j in range(n):
         slot = READINGS + 1 + 2 * j
@@ -112,13 +113,28 @@ def gather(state, b, acting, u_dc, rng, inside):
 
 
 @kernel
-def progress(k, x, b, mode, acting, read, torque, imposed, inside, rng):
-    """Advance the bench over [t_k, t_k+1), its pulses shifted and the current read inside where that is asked for."""
+def known(b, acting, u_dc):
+    """Return the voltage (V) that the drive knows to act: its command, or what its modulator makes of it."""
+    if b.pattern == 0.0 and b.beyond == 0.0 and b.told_pulse == 0.0:
+        return acting
+    d_a, d_b, d_c = leg_duties(b, acting[0], acting[1], u_dc)
+    u = u_dc * vector(d_a, d_b, d_c)
+    return u.real, u.imag
+
+
+@kernel
+def progress(k, x, b, mode, acting, read, torque, imposed, inside, rng, blocked):
+    """Advance the bench over [t_k, t_k+1), its pulses shifted and the current read inside where that is asked for;
+    return the voltage (V) that the drive knows to act."""
+    if blocked:
+        u = coast(x, b, mode, torque, imposed)
+        return u.real, u.imag
     if inside is not None:
         shift_pulses(x[SHIFT:], k, inside.shift)
     advance(x, b, mode, acting[0], acting[1], read, torque, imposed)
     if inside is not None:
         gather(x, b, acting, read, rng, inside)
+    return known(b, acting, read)
 
 
 @kernel_as(run_signature(BELIEF, ALONE))
@@ -146,11 +162,16 @@ def run_compiled(
         true = rotate(x[I_ALPHA], x[I_BETA], -x[THETA])
         sample = sample_of(k, reading, memory, primitive)
         estimate = ask(step, state, sample, inside, belief, tuning)
-        u_alpha, u_beta, i_q = command(k, measured, sample, estimate, wanted, rig, control, controller, waveform)
+        blocked = wanted.blocked > 0.0 and t >= rig.start_time
+        u_alpha, u_beta, i_q = command(
+            k, measured, sample, estimate, wanted, rig, control, controller, waveform, blocked
+        )
         if k % rig.stride == 0:
             record(rows[k // rig.stride], t, motion, measured, reading, true, acting, estimate, wanted, i_q, read)
-        progress(k, x, b, rig.rotor, acting, read, wanted.torque, imposed, inside, rng)
-        keep(memory, (u_alpha, u_beta))
+        told = progress(k, x, b, rig.rotor, acting, read, wanted.torque, imposed, inside, rng, blocked)
+        if blocked and k % rig.stride == 0:
+            rows[k // rig.stride].u_alpha, rows[k // rig.stride].u_beta = told
+        keep(memory, told, (u_alpha, u_beta))
         if not math.isfinite(x[PSI_ALPHA] + x[PSI_BETA] + x[SPEED] + x[THETA] + u_alpha + u_beta):
             return NOT_FINITE, k
         if not least_stiffness(b, complex(x[PSI_ALPHA], x[PSI_BETA]), x[THETA]) > 0.0:

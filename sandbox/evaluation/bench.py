@@ -45,7 +45,7 @@ def _many_periods(bench, rig, memory, rng, periods):
     looks, seen = np.full(2, -1.0), np.zeros((2, 2))
     for k in range(periods):
         memory[loop.U_ALPHA], memory[loop.U_BETA] = (-30.0 if (k // 4) & 1 else 30.0), 10.0
-        loop.progress(k, bench, rig, STILL, memory, looks, seen, rng)
+        loop.progress(k, bench, rig, STILL, memory, looks, seen, rng, False)
 
 
 def plant_second() -> float:

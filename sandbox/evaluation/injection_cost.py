@@ -37,7 +37,7 @@ from model.parameters import Drive, Motor
 from sandbox.drive.inside import commanded, shift_of, shift_pulses
 from sandbox.drive.recording import Recording
 from sandbox.evaluation.sound import loudest, weighted_power
-from sandbox.plant.edges import duties
+from sandbox.plant.gates.modulation import Modulation, modulated, modulation_of
 from sandbox.recordings.injection import samples_per_period
 
 Array = NDArray[np.float64]
@@ -97,7 +97,7 @@ class Course(NamedTuple):
 
 
 @kernel
-def _walk(m, i_d, i_q, theta, u_a, u_b, u_dc, legs, h, out):
+def _walk(m, how, i_d, i_q, theta, u_a, u_b, u_dc, legs, h, out):
     """Fill out (4, n, points) with i_d, i_q (A), phi_d, phi_q (Wb) of n periods h (s); return whether flux was found.
 
     i_d, i_q, theta: (n + 1,), at the periods' ends; u_a, u_b: V, stationary frame.
@@ -109,7 +109,7 @@ def _walk(m, i_d, i_q, theta, u_a, u_b, u_dc, legs, h, out):
         if status != SOLVED:
             return False
         dd, dq, qq = hessian(m, d, q)
-        duty = duties(u_a[k], u_b[k], u_dc[k])
+        duty = modulated(how, u_a[k], u_b[k], u_dc[k])
         whole_a, whole_b = commanded(h, h, duty, legs[k], u_dc[k])
         c, s = math.cos(theta[k]), math.sin(theta[k])
         for j in range(points):
@@ -143,7 +143,8 @@ def injection_cost(
     samples = _samples(some, shift_of(drive.converter) if shifted else 0.0, h)
     mean = _averaged(samples, AVERAGED * n)
     own = _cut(samples, AVERAGED * n // 2)
-    full, base, line = (_course(motor, s, h, points) for s in (own, mean, mean._replace(u=0.0 * mean.u)))
+    how = modulation_of(drive.converter)
+    full, base, line = (_course(motor, how, s, h, points) for s in (own, mean, mean._replace(u=0.0 * mean.u)))
     if full is None or base is None or line is None:
         return None
     copper = 1.5 * motor.resistance * _added(full.i, base.i, line.i)
@@ -183,13 +184,13 @@ def _averaged(s: Samples, n: int) -> Samples:
     return Samples(i, u, rest.theta, rest.u_dc, np.zeros_like(rest.legs))
 
 
-def _course(motor: Motor, s: Samples, h: float, points: int) -> Course | None:
+def _course(motor: Motor, how: Modulation, s: Samples, h: float, points: int) -> Course | None:
     """Return the course through samples; None where a current has no flux."""
     n = s.i.size - 1
     turn = np.exp(1j * 0.5 * (s.theta[:-1] + s.theta[1:]))
     u, out = s.u[:-1] * turn, np.empty((4, n, points))
     parts = [np.ascontiguousarray(x) for x in (s.i.real, s.i.imag, s.theta, u.real, u.imag, s.u_dc, s.legs)]
-    if not _walk(motor.energy, *parts, h, out):
+    if not _walk(motor.energy, how, *parts, h, out):
         return None
     d, q, phi_d, phi_q = out.reshape(4, -1)
     torque = 1.5 * motor.pole_pairs * ((phi_d + motor.magnet_flux) * q - phi_q * d)

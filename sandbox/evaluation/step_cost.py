@@ -36,7 +36,7 @@ from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.evaluation.injection_cost import InjectionCost, injection_cost
-from sandbox.plant.edges import duties
+from sandbox.plant.gates.modulation import modulated, modulation_of
 from sandbox.recordings.injection import carrier, samples_per_period
 
 ROUNDS = 5  # the fastest counts: the machine's moods only add
@@ -107,7 +107,8 @@ def pwm_ripple(drive: Drive, u: complex, theta: float, gamma: tuple[float, float
     u: mean voltage (V, stator frame); gamma: Hessian (1/H) in the rotor frame at theta (rad); shift: s, of the pulses.
     """
     h, u_dc = drive.converter.sampling_period, drive.converter.dc_bus_voltage
-    duty, x, legs, square = duties(u.real, u.imag, u_dc), (np.arange(400) + 0.5) / 400, np.zeros(3), 0.0
+    how = modulation_of(drive.converter)
+    duty, x, legs, square = modulated(how, u.real, u.imag, u_dc), (np.arange(400) + 0.5) / 400, np.zeros(3), 0.0
     for k in range(6):
         shift_pulses(legs, k, shift)
         psi = np.array([complex(*commanded(h * t, h, duty, legs, u_dc)) for t in x])

@@ -130,13 +130,16 @@ def room_type(lanes: int) -> np.dtype[Any]:
     The edges of a period in order of time: instant (s), unit vector of the leg, side (1 rises, -1 falls), whether one
     is switched (1 or 0), the leg, the place of the same leg's rising edge before it (-1: none).  duty, before: three
     legs', of this period and the last; shift: how late each leg's pulse is moved (s); half: of a PWM period
-    (`edges.write_edges`).  Waiting: six edges of this period, then one of each leg left by the last: when they act in
-    each lane (s), when all have (s; last: the latest of all), what they change of the legs' vector.
+    (`edges.write_edges`).  blocked: 1 with the gates of all switches off; level: of each leg then, of the link; told:
+    V s that the legs gave (`gates.blocked`).  Waiting: six edges of this period, then one of each leg left by the last:
+    when they act in each lane (s), when all have (s; last: the latest of all), what they change of the legs' vector.
     """
     edge = [(name, np.float64, (EDGES,)) for name in ("time", "x", "y", "side", "real")]
     place = [(name, np.int64, (EDGES,)) for name in ("leg", "mate")]
     legs = [(name, np.float64, (3,)) for name in ("duty", "before", "shift")]
-    more = [("half", np.int64), ("acts", np.float64, (EDGES + 3, lanes)), ("until", np.float64, (EDGES + 4,))]
+    legs += [("level", np.float64, (3,)), ("told", np.float64, (2,))]
+    more = [("half", np.int64), ("blocked", np.int64)]
+    more += [("acts", np.float64, (EDGES + 3, lanes)), ("until", np.float64, (EDGES + 4,))]
     change = [(name, np.float64, (EDGES + 3,)) for name in ("change_x", "change_y")]
     return np.dtype([*edge, *place, *legs, *more, *change], align=True)
 

@@ -20,6 +20,7 @@ from sandbox.plant.batch import CORE, FILTER, NEVER, SKIN
 from sandbox.plant.commutation import commutate
 from sandbox.plant.edges import EDGES, LEG_X, LEG_Y
 from sandbox.plant.electrical import begin, bend, dropped, lose, middle, nothing_lost, plain_step, stiffen
+from sandbox.plant.gates.blocked import PARTS, float_legs
 from sandbox.plant.mechanics import step_shaft
 from sandbox.plant.sampling import SHORTEST, hold_start, peek
 
@@ -316,7 +317,8 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
     c_0, s_0 = facing_at(course, 0.0)
     peeking = timing.first != 0.0 or timing.last != 0.0
     looking = peeking or len(looks) > 0
-    plain = flux_map is None and features & ADDED == 0 and not looking and w.table_points == 0
+    plain = flux_map is None and features & ADDED == 0 and not looking and w.table_points == 0 and room.blocked == 0
+    longest = timing.longest if room.blocked == 0 else min(timing.longest, period / PARTS)
     for g in range(EDGES + 1):
         x = y = side = real = 0.0
         if g > 0:
@@ -329,20 +331,24 @@ def travel(w, flux_map, timing, features, room, course, clock, span, looks, seen
                     add.orient(w, 0.0, course.rate)
                 c, s = facing_at(course, t)
                 at_start(w, magnetics, features, c, s, t / period, course, span)
-                if t == 0.0 and g == 0:
+                if room.blocked != 0 or (t == 0.0 and g == 0):
                     stiffen(w, magnetics, c, s)
+                if t == 0.0 and g == 0:
                     if features & add.ENERGY and features & add.MOVED:
                         add.stiffen_further(w, c, s)
                     first_instant(w, features, timing, room, course.rate)
                 if features & add.COMMUTE:
                     commutate(w, room, t, timing.tardy, course.rate, u_a, u_b, (x, y, side, real), False)
-            span = left if left <= timing.longest else left / math.ceil(left / timing.longest)
+            span = left if left <= longest else left / math.ceil(left / longest)
             x, y = TWO_THIRDS * side * x, TWO_THIRDS * side * y
             u_a, u_b = u_a + x, u_b + y
             taken = g - 1 if side != 0.0 else -1
             if features & add.LINK:
                 early = clock + t + 0.5 * (1.0 - GAUSS) * span
                 add.supply(w, early, early + GAUSS * span)
+            if room.blocked != 0:
+                x = y = 0.0
+                u_a, u_b = float_legs(w, room, span, course.rate)
             lossy = timing.tardy > 0.0 and (
                 enter(w, room, taken, t, span, timing.tardy)
                 if taken >= 0

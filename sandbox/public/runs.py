@@ -311,7 +311,7 @@ def simulate(
     if record is not None:
         from sandbox.drive.record import bench_of
 
-        drive = bench_of(drive, own)
+        drive = bench_of(drive, own, scene)
     stride = stride_of(drive, scene) if record is None else 1
     result, gains = single(
         drive, scene, own, belief, closed_loop=closed_loop, seed=seed, effects=added, plant=plant, stride=stride

@@ -17,6 +17,7 @@ from model.errors import BadInput
 from model.frames import stationary
 from model.parameters import Converter, Motor
 from sandbox.plant import additions, ports
+from sandbox.plant.gates.modulation import is_plain, modulated, modulation_of
 from sandbox.plant.mechanics import swing
 from sandbox.plant.sets import batch_of, complete, features_of
 from sandbox.recordings.campaign import Campaign, CampaignRecording
@@ -146,7 +147,7 @@ def _of_rows(campaign: Campaign, r: CampaignRecording, base: Mapping[str, float]
         raise BadInput(f"{r.file}: row {k} of column 'u_dc' is {r.u_dc[k]:g} V; duties need a positive link voltage")
     count = math.tau * motor.pole_pairs / converter.encoder_counts if converter.encoder_counts else 1e-4
     variance = max(count, 1e-9) ** 2 / 12.0
-    duty = np.ascontiguousarray(counted(duties(r.u_alpha, r.u_beta, r.u_dc), converter.pwm_counts).T)
+    duty = np.ascontiguousarray(counted(legs_of(r, converter), converter.pwm_counts).T)
     load = np.array(r.columns.get("load_torque", np.zeros(n)), dtype=float)
     motion = _motion(campaign, r, base, load, count)
     gains = np.zeros(n, GAINS)
@@ -197,6 +198,14 @@ def torque_noise(motor: Motor, converter: Converter) -> float:
     """Return the standard deviation (N m) of the torque that a sample's measured currents tell."""
     reluctance = abs(motor.inductance_d - motor.inductance_q) * motor.rated_current
     return 1.5 * motor.pole_pairs * max(motor.magnet_flux, reluctance) * noise_floor(converter)
+
+
+def legs_of(r: CampaignRecording, converter: Converter) -> Array:
+    """Return the legs' duties (n, 3) as the drive that made a recording modulates."""
+    how = modulation_of(converter)
+    if is_plain(how):
+        return duties(r.u_alpha, r.u_beta, r.u_dc)
+    return np.array([modulated(how, *row) for row in zip(r.u_alpha, r.u_beta, r.u_dc, strict=True)])
 
 
 def duties(u_alpha: Array, u_beta: Array, u_dc: Array) -> Array:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from model.effects.library import check_inside, complete, neutral
-from model.parameters import Converter, Motor
+from model.parameters import MODULATIONS, OVERMODULATIONS, Converter, Motor
 from sandbox.switched.flux_map import FluxMap, flux_map_of
 from sandbox.switched.harmonics import (
     CoggingHarmonic,
@@ -126,6 +126,9 @@ class Bench(NamedTuple):
     capacitance: float = 0.0  # F across each switch: legs slew in the dead time, and are clamped; edges know no sign
     slices: float = LEAST_SLICES  # steps over a dead time, in which legs slew
     reluctant: float = 0.0  # H: a current changes by twice the link's voltage over it at most
+    pattern: float = 0.0  # how the drive modulates, and what it does beyond the hexagon: see `modulation`
+    beyond: float = 0.0
+    told_pulse: float = 0.0  # s: the drive itself leaves out shorter pulses
     leg_table: Any = None  # voltage error of a leg, in place of dead time and device drop
     harmonics: Harmonics | None = None  # of any orders, beside the sixth ones above
     flux_map: FluxMap | None = None  # to which the harmonic series holds what effects add
@@ -203,6 +206,9 @@ def _compile(motor: Motor, converter: Converter, v: Mapping[str, float]) -> Benc
         "stiffness": stiffness,
         "damping": 2.0 * v["shaft_compliance.damping_ratio"] * math.sqrt(stiffness * reduced),
         "audit": 0.0,
+        "pattern": float(MODULATIONS.index(converter.modulation)),
+        "beyond": 1.0 + OVERMODULATIONS.index(converter.overmodulation) if converter.overmodulation else 0.0,
+        "told_pulse": converter.least_pulse,
         "common_offset": 0.0,
     }
     same_name = ("winding_asymmetry", "device_drop", "current_gain", "current_offset")

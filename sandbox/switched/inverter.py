@@ -17,9 +17,10 @@ from sandbox.switched.leg import HARD, TANH, edge_sign, given, reached, table_co
 from sandbox.switched.link import link_step, link_voltage, settled_link, stage
 from sandbox.switched.load_side import acting_load
 from sandbox.switched.machine_state import Driving, Moving, ahead, mean_rate
+from sandbox.switched.modulation import dwelt
 from sandbox.switched.phase_machine import A, phase_currents, powers, pull, slopes, vector
 from sandbox.switched.readers import channels
-from sandbox.switched.short_pulses import kept, together
+from sandbox.switched.short_pulses import kept, no_short, together
 
 PSI_ALPHA, PSI_BETA, CORE_ALPHA, CORE_BETA, SKIN_ALPHA, SKIN_BETA = range(6)
 THETA, SPEED, LOAD_SPEED, TWIST = range(6, 10)  # rad electrical; rad/s mechanical; rad mechanical
@@ -195,6 +196,18 @@ def duties(u_alpha, u_beta, u_dc):
 
 
 @kernel
+def leg_duties(b, u_alpha, u_beta, u_dc):
+    """Return the legs' duties as the drive knows them, `modulation` and its own least pulse included."""
+    if b.pattern == 0.0 and b.beyond == 0.0:
+        d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
+    else:
+        d_a, d_b, d_c = dwelt(b, u_alpha, u_beta, u_dc)
+    if b.told_pulse == 0.0:
+        return d_a, d_b, d_c
+    return no_short(b, b.told_pulse, d_a), no_short(b, b.told_pulse, d_b), no_short(b, b.told_pulse, d_c)
+
+
+@kernel
 def pulse(b, duty, shift):
     """Return a leg's commanded rising and falling edge (s after the start of its period); NEVER without a pulse.
 
@@ -363,7 +376,7 @@ def hold(state, b, first):
 @kernel
 def travel(state, b, mode, u_alpha, u_beta, u_dc, load_torque, acceleration, end):
     """Switch and integrate from t_k to t_k + end; edges beyond stay undone (see `advance`, `simulate.measure`)."""
-    d_a, d_b, d_c = duties(u_alpha, u_beta, u_dc)
+    d_a, d_b, d_c = leg_duties(b, u_alpha, u_beta, u_dc)
     d_a, d_b, d_c = together(b, kept(b, d_a), kept(b, d_b), kept(b, d_c))
     pattern = b.pwm_delay if b.sag != 0.0 else NEVER  # from then on these duties draw from the link
     t_a, t_b, t_c = int(state[CARRIED]), int(state[CARRIED + 1]), int(state[CARRIED + 2])

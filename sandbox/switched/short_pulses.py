@@ -11,10 +11,16 @@ def kept(b, duty):
 
     The gap's two halves lie at either end of the period; a dropped gap joins the pulse with its neighbours.
     """
+    return no_short(b, b.least_pulse, duty)
+
+
+@kernel
+def no_short(b, least, duty):
+    """Return a leg's duty where pulses and gaps shorter than the least (s) are left out."""
     on = duty * b.period
-    if on < b.least_pulse:
+    if on < least:
         return 0.0
-    return 1.0 if b.period - on < b.least_pulse else duty
+    return 1.0 if b.period - on < least else duty
 
 
 @kernel

@@ -122,3 +122,21 @@ def test_link_reading_noise_alone_changes_what_is_delivered():
     assert np.abs(out[0].u_dc - 400.0).max() == 0.0
     assert np.abs(out[0].i_d - out[1].i_d).max() < 1e-6
     assert np.abs(out[0].i_d - out[2].i_d).max() > 1e-5
+
+
+def test_a_drive_that_modulates_is_replayed_as_it_does(tmp_path):
+    """At the noise floor with the modulation that the campaign states."""
+    stated = dataclasses.replace(DRIVE.converter, modulation="dpwm_60", least_pulse=4e-6)
+    drive = dataclasses.replace(DRIVE, converter=stated)
+    scenario = Scenario("run", (Segment(0.1), Segment(0.4, 0.5, 0.05, ramp=0.2)), rotor="driven")
+    done = simulate(drive, scenario, load_estimator("qnull"), seed=3)
+    write_campaign(tmp_path / "c", campaign_of(drive, scenario, done.recording, "c"))
+    prepared = prepare(read_campaign(tmp_path / "c"))
+    found = residuals(prepared, replay(prepared, [{}]))[0]
+    assert found.rms()[0] == pytest.approx(1.0, abs=0.04)
+
+
+def test_blocked_gates_are_not_recorded():
+    blocked = Scenario("run", (Segment(0.1), Segment(0.1, blocked=True)))
+    with pytest.raises(BadInput, match="blocks the gates"):
+        bench_of(DRIVE, None, blocked)

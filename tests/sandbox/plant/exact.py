@@ -5,6 +5,7 @@ import numpy as np
 from sandbox.drive.closed import closed_bench, longest_step, looked_into
 from sandbox.drive.loop import INSTANT, LINK, MEMORY, SPAN, U_ALPHA, U_BETA, Rig, progress, rotor, shift
 from sandbox.drive.sensing import encoder, gather, looked_at, read_phases
+from sandbox.plant.gates.modulation import modulation_of
 from sandbox.plant.period import STILL
 from sandbox.plant.sets import complete, features_of
 from sandbox.switched.advance import replay
@@ -28,19 +29,20 @@ class Exact:
         self.bench = looked_into(self.bench) if inside else self.bench
         self.w, self.pairs, self.inside = self.bench.w, motor.pole_pairs, inside
         self.w["speed"][0] = self.pairs * speed
-        self.rig = Rig(*5 * (0,), converter.sampling_period, 0.0, 0.0, 0.0, converter.dc_bus_voltage, 0.0, 0.0)
+        self.rig = Rig(*5 * (0,), converter.sampling_period, 0.0, 0.0, 0.0, converter.dc_bus_voltage, 0.0, 0.0,
+                       modulation_of(converter))  # fmt: skip
         self.memory = np.zeros(MEMORY)
         self.memory[LINK], self.memory[INSTANT] = 1.0, self.w["sample"][0]
         self.looks, self.seen = looked_at(self.w, converter.sampling_period, inside)
         self.k, self.rng = 0, np.random.default_rng(0)
 
-    def advance(self, u, load=0.0):
+    def advance(self, u, load=0.0, blocked=False):
         """Return the current vector (A) read for t_k; the voltage u (complex, V) acts for a period from there."""
         self.memory[U_ALPHA], self.memory[U_BETA] = u.real, u.imag
         if self.inside:
             shift(self.bench.room, self.k, self.inside)
         push = STILL._replace(load=load, load_after=load)
-        progress(self.k, self.bench, self.rig, push, self.memory, self.looks, self.seen, self.rng)
+        progress(self.k, self.bench, self.rig, push, self.memory, self.looks, self.seen, self.rng, blocked)
         self.k += 1
         sample = vector(dict(zip(("i_a", "i_b", "i_c"), read_phases(self.w, self.rig, self.rng), strict=True)))
         if self.inside:

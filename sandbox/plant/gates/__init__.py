@@ -1,0 +1,1 @@
+"""What the gates of the legs are told: pulses of a voltage, or nothing (blocked)."""
