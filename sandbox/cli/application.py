@@ -64,14 +64,24 @@ def completion(shell: Literal["bash", "zsh", "fish", "powershell"], /, *, instal
     app = application()
     if install:
         place = app.install_completion(shell=shell, add_to_startup=shell != "zsh")
+        if shell == "bash":
+            place.write_text(with_commas(place.read_text(encoding="utf-8")), encoding="utf-8")
         if shell == "zsh":
             start_zsh_with(place.parent)
         print_prose(f"completion is written to {place}; open a new shell")
         return
     script = app.generate_completion(shell=shell)
+    if shell == "bash":
+        script = with_commas(script)
     if shell == "zsh":  # a file of its folder is found by its name, what is evaluated is not
         script += "\n(( $+functions[compdef] )) && compdef _cyclopts_sensorless sensorless\n"
     sys.stdout.write(script)  # as it is, in a terminal, too
+
+
+def with_commas(script: str) -> str:
+    """Return a script for bash that leaves commas as they are: escaped, they are no part of a word for the next tab."""
+    quoted = "printf -v _q '%q' \"$_x\"; "
+    return script.replace(quoted, quoted + "_q=${_q//\\\\,/,}; ")
 
 
 def start_zsh_with(folder: Path) -> None:
