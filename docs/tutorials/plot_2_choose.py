@@ -57,7 +57,7 @@ panel.legend()
 # %%
 # A fair test
 # -----------
-# ``protocol`` runs the same tests with every estimator and states the goal of each. ``load_step`` is one of its eleven tests: steps of load at
+# ``protocol`` runs the same tests with every estimator and states the goal of each. ``load_step`` is one of its twelve tests: steps of load at
 # standstill. The whole protocol over four motors takes some minutes; its table is under *Results*.
 
 done = protocol(["qnull", "ekf"], ["ipm_exchanged"], ["load_step"])

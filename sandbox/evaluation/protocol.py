@@ -26,6 +26,7 @@ from model.parameters import Drive
 from sandbox.engine.processes import Cluster, spread
 from sandbox.evaluation.choice import ANY, Limits
 from sandbox.evaluation.compare import distinct
+from sandbox.evaluation.protocol_modulation import modulation
 from sandbox.evaluation.protocol_motion import bandwidth, beats_peer, hand_over, reversal, reversal_case, with_peer
 from sandbox.evaluation.protocol_names import BELIEFS, ESTIMATORS, usual_motors
 from sandbox.evaluation.protocol_tests import (
@@ -54,6 +55,7 @@ TESTS: dict[str, Test] = {
     "bandwidth": bandwidth,
     "mission": mission,
     "reversal": reversal,
+    "modulation": modulation,
     "cost": costs,
 }
 SHARED = ("start",)  # the same for every estimator: run with the first

@@ -270,14 +270,14 @@ def test_a_protocol_on_one_page(tmp_path):
 
 
 def test_the_page_names_only_the_tests_that_ran(tmp_path):
-    """Two of eleven: no other stands in the caption, the legend or among the goals that are met."""
+    """Two of twelve: no other stands in the caption, the legend or among the goals that are met."""
     rows = [
         unit("a", test, None if b == "linear" else True, b, mean_deg=0.2, p95_deg=0.4)
         for test in ("load_step", "static_map") for b in ("linear", "saturated")
     ]  # fmt: skip
     protocol_page.write_protocol(tmp_path / "protocol.html", Protocol(tuple(rows), 0))
     text = Page(tmp_path / "protocol.html").text.replace("\xa0", " ")
-    assert "a with the saturated belief: meets all 2 goals. Only 2 of the protocol's 11 tests were run." in text
+    assert "a with the saturated belief: meets all 2 goals. Only 2 of the protocol's 12 tests were run." in text
     assert "Worst mean position error over static_map, load_step; dashed: the goal" in text
     assert "Tests that were not run: start, creep, hand_over," in text
     assert reading(Protocol(tuple(rows), 0)) == (

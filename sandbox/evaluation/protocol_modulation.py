@@ -1,0 +1,101 @@
+"""The protocol's test of drives as they modulate: discontinuous PWM, short pulses dropped, overmodulation, blocked gates.
+
+The drive's injection and gains stay; only what its modulator makes of the voltage changes, and estimators are told what
+that was.  Overmodulation is met with a link so low that rated load at the highest speed allowed needs, with the
+injection, ENOUGH of it: more than the circle inside the hexagon (0.577), less than the hexagon gives on average (0.606).  At a
+flying start gates have been blocked for PAUSE while the rotor turned, at its speed or a fifth slower and slower; of
+what follows only the last part is judged.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+from estimators.registry import AnyEstimator
+from model.energy import flux_from_current
+from model.errors import BadInput, PhysicsError
+from model.parameters import Drive
+from sandbox.drive.design import design
+from sandbox.drive.scenario import Scenario, Segment
+from sandbox.evaluation.protocol_tests import Case, Outcome, Point, points_of, summary
+
+SPEEDS = (0.3, 0.2, 0.15, 0.1, 0.05)  # of rated: the highest that the current loop allows
+ENOUGH = 0.6  # of the link
+PAUSE = 0.1  # s
+SHORT = 0.01  # of the period: 2.5 us at 4 kHz
+PATTERNS: dict[str, dict[str, Any]] = {
+    "centred": {}, "dpwm_min": {"modulation": "dpwm_min"}, "dpwm_max": {"modulation": "dpwm_max"},
+    "dpwm_60": {"modulation": "dpwm_60"},
+}  # fmt: skip
+
+
+def highest(drive: Drive) -> float:
+    """Return the highest of SPEEDS (of rated) that the current loop allows; BadInput where it is none."""
+    top = design(drive).top_omega / drive.motor.rated_omega
+    for speed in SPEEDS:
+        if 1.05 * speed < top:
+            return speed
+    raise BadInput(f"the current loop of '{drive.name}' allows {100 * top:.3g} % of rated speed; inject faster")
+
+
+def loaded(speed: float) -> Scenario:
+    """Return a driven rotor, at rest and at a speed (of rated), under rated load."""
+    segments = (Segment(0.4, 1.0, ramp=0.1, settle=0.2), Segment(0.6, 1.0, speed, ramp=0.2, settle=0.4))
+    return Scenario("loaded", segments, "driven", start_up=False, start_angle=0.5)
+
+
+def flying(speed: float, then: float) -> Scenario:
+    """Return a flying start: half load at a speed (of rated), gates blocked until it is another, half load again."""
+    segments = (
+        Segment(0.4, 0.5, speed, ramp=0.2, score=False),
+        Segment(PAUSE, 0.0, then, ramp=PAUSE, blocked=True, score=False),
+        Segment(0.5, 0.5, then, ramp=0.05, settle=0.3),
+    )
+    return Scenario("flying", segments, "driven", start_up=False, start_angle=0.5)
+
+
+def low_link(drive: Drive, speed: float) -> float:
+    """Return the link's voltage (V) of which rated load at a speed (of rated) and the injection need ENOUGH."""
+    motor = drive.motor
+    i_q, omega = motor.rated_current, speed * motor.rated_omega
+    d, q = flux_from_current(motor.energy, 0.0, i_q)
+    u = abs(complex(-omega * float(q), motor.resistance * i_q + omega * (float(d) + motor.magnet_flux)))
+    return (u + drive.injection.amplitude) / ENOUGH
+
+
+def cases(drive: Drive) -> list[tuple[Case, Drive]]:
+    """Return what is run: a case, and the drive it is run on."""
+    c, speed = drive.converter, highest(drive)
+
+    def made(**keys: Any) -> Drive:
+        """Return the drive with other keys of its converter."""
+        return dataclasses.replace(drive, converter=dataclasses.replace(c, **keys))
+
+    found = [(Case(loaded(speed), name), made(**keys)) for name, keys in PATTERNS.items()]
+    found.append((Case(loaded(speed), "short pulses"), made(least_pulse=SHORT * c.sampling_period)))
+    low = low_link(drive, speed)
+    for name in ("nearest", "shortened", "six_step"):
+        found.append((Case(loaded(speed), name), made(overmodulation=name, dc_bus_voltage=low)))
+    found.append((Case(flying(speed, speed), "flying start"), drive))
+    found.append((Case(flying(speed, 0.8 * speed), "flying start, slower"), drive))
+    return found
+
+
+def modulation(drive: Drive, estimator: AnyEstimator, belief: str, seed: int) -> Outcome:
+    """Every case of a drive that modulates; passed: lock kept in all, or found again after a flying start."""
+    points: list[Point] = []
+    metrics: dict[str, float | None] = {}
+    for case, plant in cases(drive):
+        try:
+            found = points_of(case, plant, estimator, belief, seed)
+        except PhysicsError:
+            found = [
+                Point(case.name, True, s.load, 0.0, s.speed, *4 * (None,), True, None, True, None)
+                for s in case.scenario.segments if s.score
+            ]  # fmt: skip
+        points += found
+        worst = summary(found)
+        metrics[f"{case.name}: mean_deg"] = None if worst["lost"] else worst["mean_deg"]
+    whole = summary(points)
+    return Outcome(tuple(points), whole | metrics, not whole["lost"])
