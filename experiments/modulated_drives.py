@@ -38,10 +38,10 @@ def main() -> None:
         f"- *flying start*: gates blocked for {PAUSE:g} s at that speed, half load before and after; *slower*: the "
         "rotor has lost a fifth of its speed meanwhile.",
         "",
-        "What reads the voltage that the magnets induce (`active_flux`, `hybrid`, the Kalman filters) follows the rotor "
-        "while gates are blocked. Injection alone has no ripple then: it goes on at its last speed, and ends at either "
-        "pole. Discontinuous PWM changes the mean error by less than 0.3 degrees, but `pwm_ripple` needs legs that "
-        "switch.",
+        "What reads the voltage that the magnets induce (`active_flux`, `hybrid`, the Kalman filters) follows the "
+        "rotor while gates are blocked. Injection alone has no ripple then: it goes on at its last speed, and ends at "
+        "either pole. Discontinuous PWM changes the mean error by less than 0.3 degrees, but `pwm_ripple` needs legs "
+        "that switch.",
         "",
         f"Made by `python -m experiments.modulated_drives`, {datetime.date.today()}, {version()}.",
         "",

@@ -20,6 +20,7 @@ PAGES = {  # page of the documentation (below docs/): file of the repository
     "results/made/estimator_constants": "estimators/CONSTANTS.md",
     "results/made/estimator_protocol": "experiments/results/estimator_protocol.md",
     "results/made/c_estimators": "experiments/results/c_estimators.md",
+    "results/made/modulated_drives": "experiments/results/modulated_drives.md",
     "results/made/peer_table": "experiments/results/peer_table.md",
     "results/made/injection_costs": "experiments/results/injection_costs.md",
     "results/made/main_job_ipm": "experiments/results/main_job_ipm.md",

@@ -1,10 +1,10 @@
-"""The protocol's test of drives as they modulate: discontinuous PWM, short pulses dropped, overmodulation, blocked gates.
+"""The protocol's test of drives as they modulate: discontinuous PWM, short pulses, overmodulation, blocked gates.
 
 The drive's injection and gains stay; only what its modulator makes of the voltage changes, and estimators are told what
 that was.  Overmodulation is met with a link so low that rated load at the highest speed allowed needs, with the
-injection, ENOUGH of it: more than the circle inside the hexagon (0.577), less than the hexagon gives on average (0.606).  At a
-flying start gates have been blocked for PAUSE while the rotor turned, at its speed or a fifth slower and slower; of
-what follows only the last part is judged.
+injection, ENOUGH of it: more than the circle inside the hexagon (0.577), less than the hexagon gives on average
+(0.606).  At a flying start gates have been blocked for PAUSE while the rotor turned, at its speed or down to a fifth
+less; of what follows only the last part is judged.
 """
 
 from __future__ import annotations

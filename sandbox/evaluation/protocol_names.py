@@ -24,8 +24,8 @@ LINES = {
     "bandwidth": "the frequency at which the estimate's answer to a swinging rotor has fallen by 3 dB",
     "mission": "210 s at low speed: loads up to 180 %, reversals, ramps, creeping; on one motor",
     "reversal": "motulator's run on motulator's motor; with --peer error (rms) and CPU beside motulator's",
-    "modulation": "discontinuous PWM, short pulses dropped, overmodulation to six steps, flying starts; asks that lock be "
-    "kept, or found again",
+    "modulation": "discontinuous PWM, short pulses dropped, overmodulation to six steps, flying starts; asks that lock "
+    "be kept, or found again",
     "cost": "the time of one step; torque ripple at standstill and at speed; copper loss and sound (a proxy, see "
     "injection_cost.py) that the injection adds at standstill",
 }

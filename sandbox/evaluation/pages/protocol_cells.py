@@ -15,12 +15,9 @@ from sandbox.output.tables import print_prose, print_table
 
 MARKS = GOOD, BAD, HOLDS = "✓", "✗", "○"
 GOAL = f"≤ {MEAN_GOAL:g} ({P95_GOAL:g})°"  # mean and 95th percentile of the error
-CHECKS = {
-    "robustness": "lock kept",
-    "reversal": "lock kept",
-    "modulation": "lock kept",
-    "attraction": "no third rest",
-}  # asked, instead of GOAL
+CHECKS = {  # asked, instead of GOAL
+    "robustness": "lock kept", "reversal": "lock kept", "modulation": "lock kept", "attraction": "no third rest",
+}  # fmt: skip
 
 
 def tables(result: Protocol) -> dict[str, tuple[list[str], list[list[str]]]]:

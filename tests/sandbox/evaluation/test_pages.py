@@ -197,7 +197,7 @@ ROWS = (
 def test_the_protocol_recommends_by_goals_then_cost():
     assert protocol_page.which(ROWS, "m") == (
         "b or a with the saturated belief: each meets the one goal there is. "
-        "Only 3 of the protocol's 11 tests were run. b costs least, 100 ns a step on this machine."
+        "Only 3 of the protocol's 12 tests were run. b costs least, 100 ns a step on this machine."
     )
     more = [unit(n, "creep", True, b, mean_deg=x) for n in "efghi" for b, x in (("linear", 7.0), ("saturated", 0.1))]
     assert protocol_page.gained([*ROWS, *more], "m").endswith("belief: 7° (e) to 9° (a) → 0.1° (e) to 0.2° (a).")
