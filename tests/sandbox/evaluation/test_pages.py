@@ -203,7 +203,7 @@ def test_the_protocol_recommends_by_goals_then_cost():
     assert protocol_page.gained([*ROWS, *more], "m").endswith("belief: 7° (e) to 9° (a) → 0.1° (e) to 0.2° (a).")
     late = unit("b", "load_step", True, mean_deg=0.1, p95_deg=0.2, speed_missed=3)
     assert protocol_page.which([*ROWS, late], "m").endswith(
-        "all 2 goals. Only 4 of the protocol's 11 tests were run. "
+        "all 2 goals. Only 4 of the protocol's 12 tests were run. "
         "But with b the speed asked for was not reached in time in load_step (○)."
     )
     assert protocol_page.gained(ROWS, "m") == "Worst mean error, linear → saturated belief: a 9° → 0.2°."
@@ -250,7 +250,7 @@ def test_where_none_meets_every_goal_it_says_why(metrics, said):
     rows = [unit("c", "creep", False, **metrics)]
     assert protocol_page.which(rows, "m") == (
         f"None meets every goal. Nearest: c with the saturated belief, 0 of 1. "
-        f"Only 1 of the protocol's 11 tests was run. c misses creep {said}."
+        f"Only 1 of the protocol's 12 tests was run. c misses creep {said}."
     )
 
 
