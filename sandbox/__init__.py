@@ -25,6 +25,7 @@ if TYPE_CHECKING:  # where each name of the page is; read below, too
     from sandbox.public.campaigns.diagnosed import diagnose
     from sandbox.public.campaigns.identified import identify
     from sandbox.public.campaigns.replayed import replay
+    from sandbox.public.campaigns.settings import check_settings
     from sandbox.public.catalogue import (
         describe,
         list_datasets,
@@ -60,7 +61,7 @@ __all__ = [  # noqa: RUF022 - in the order of the work: load, run, judge, look
     "list_motors", "list_scenarios", "list_estimators", "list_effects", "list_datasets", "list_presets", "list_tests",
     "describe", "use_effects", "plan", "check",
     "simulate", "compare", "tolerances", "sweep", "protocol", "bench", "audit", "maps", "identify", "diagnose",
-    "replay", "export_estimator", "export_drive", "verify", "show", "view",
+    "replay", "check_settings", "export_estimator", "export_drive", "verify", "show", "view",
     "Scenario", "Segment", "Estimator", "Belief", "Tuning", "Sample", "Estimate", "compiled", "compiled_step",
     "get_include", "BadInput", "PhysicsError",
 ]  # fmt: skip

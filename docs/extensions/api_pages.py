@@ -19,7 +19,7 @@ GROUPS = {
     ),
     "Run": ("simulate", "compare", "tolerances", "sweep", "protocol", "bench"),
     "Without a run": ("audit", "maps", "convert_motor", "export_estimator", "export_drive"),
-    "Recordings": ("plan", "check", "identify", "diagnose", "replay"),
+    "Recordings": ("plan", "check", "identify", "diagnose", "replay", "check_settings"),
     "Look at results": ("show", "view", "verify"),
 }  # fmt: skip
 RESULTS = {

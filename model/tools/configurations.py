@@ -3,7 +3,9 @@
 Where each key comes from: VESC firmware (`datatypes.h`, `mcpwm_foc.c`: L is the mean of L_d and L_q, which lie half of
 `foc_motor_ld_lq_diff` beside it; centre-aligned PWM at half of `foc_f_zv`), ODrive's reference (phase values, torque
 constant 8.27 / Kv), moteus' reference (`v_per_hz`: phase peak V per mechanical Hz), SimpleFOC's documentation
-(BLDCMotor(pole pairs, phase resistance, Kv, phase inductance)).  Not checked on the drives themselves.
+(BLDCMotor(pole pairs, phase resistance, Kv, phase inductance)).  Gains: VESC foc_current_kp, foc_current_ki (V/A,
+V/(A s)), and foc_dt_us; ODrive current_control_bandwidth (rad/s); moteus servo.pid_dq; SimpleFOC PID_current_q.  Not
+checked on the drives themselves.
 """
 
 from __future__ import annotations
@@ -31,10 +33,12 @@ VECTOR = 1.0 / (2.0 * math.pi)
 
 
 class Configuration(NamedTuple):
-    """What program wrote it, and statements: key of `model.tools.statements`, quantity as text."""
+    """What program wrote it; statements: key of `model.tools.statements`, quantity as text; control: the current loop's
+    current_kp (V/A), current_ki (V/(A s)), bandwidth (rad/s), and dead_time (s) made up for, as far as stated."""
 
     program: str
     stated: dict[str, str]
+    control: dict[str, float]
 
 
 def read_configuration(path: Path) -> Configuration:
@@ -46,7 +50,8 @@ def read_configuration(path: Path) -> Configuration:
         if any(_last(numbers, key) is not None for key in program.known_by):
             stated = {k: v for k, v in program.convert(numbers).items() if v}
             if stated:
-                return Configuration(program.name, stated)
+                control = {k: v for k, v in program.control(numbers).items() if v is not None}
+                return Configuration(program.name, stated, control)
     raise BadInput(f"{path.name}: nothing of a motor is known in it; {remedy}")
 
 
@@ -173,17 +178,45 @@ def _simplefoc(n: Mapping[str, float]) -> dict[str, str]:
     }  # fmt: skip
 
 
+def _vesc_control(n: Mapping[str, float]) -> dict[str, float | None]:
+    lost = _last(n, "foc_dt_us")
+    return {
+        "current_kp": _last(n, "foc_current_kp"), "current_ki": _last(n, "foc_current_ki"),
+        "dead_time": None if lost is None else 1e-6 * lost,
+    }  # fmt: skip
+
+
+def _odrive_control(n: Mapping[str, float]) -> dict[str, float | None]:
+    return {"bandwidth": _last(n, "current_control_bandwidth")}
+
+
+def _moteus_control(n: Mapping[str, float]) -> dict[str, float | None]:
+    return {"current_kp": _last(n, "pid_dq.kp"), "current_ki": _last(n, "pid_dq.ki")}
+
+
+def _simplefoc_control(n: Mapping[str, float]) -> dict[str, float | None]:
+    return {"current_kp": _last(n, "pid_current_q.p"), "current_ki": _last(n, "pid_current_q.i")}
+
+
 class Program(NamedTuple):
-    """A tool: its name, by which keys its configuration is known, and how they become statements."""
+    """A tool: its name, by which keys its configuration is known, how they become statements, and its control."""
 
     name: str
     known_by: tuple[str, ...]
     convert: Callable[[Mapping[str, float]], dict[str, str]]
+    control: Callable[[Mapping[str, float]], dict[str, float | None]]
 
 
 PROGRAMS = (
-    Program("VESC", ("foc_motor_r", "foc_motor_l", "foc_motor_flux_linkage"), _vesc),
-    Program("ODrive", tuple(f"{where}.{n}" for where in ("motor.config", "config.motor") for n in OF_ODRIVE), _odrive),
-    Program("SimpleFOC", ("simplefoc.p", "motor.phase_resistance", "motor.kv_rating"), _simplefoc),
-    Program("moteus", ("v_per_hz", "motor.poles", "motor.resistance_ohm", "winding_resistance"), _moteus),
+    Program("VESC", ("foc_motor_r", "foc_motor_l", "foc_motor_flux_linkage"), _vesc, _vesc_control),
+    Program(
+        "ODrive",
+        tuple(f"{where}.{n}" for where in ("motor.config", "config.motor") for n in OF_ODRIVE),
+        _odrive,
+        _odrive_control,
+    ),
+    Program("SimpleFOC", ("simplefoc.p", "motor.phase_resistance", "motor.kv_rating"), _simplefoc, _simplefoc_control),
+    Program(
+        "moteus", ("v_per_hz", "motor.poles", "motor.resistance_ohm", "winding_resistance"), _moteus, _moteus_control
+    ),
 )

@@ -20,7 +20,14 @@ from sandbox.output.tables import print_prose
 GROUPS: dict[str, tuple[Callable[..., Any], ...]] = {
     "Simulate": (commands.compare, commands.simulate, commands.sweep, commands.protocol, commands.bench),
     "Motor": (commands.audit, commands.maps, commands.motor, commands.export_estimator, commands.export_drive),
-    "Recordings": (recorded.plan, recorded.check, recorded.identify, recorded.diagnose, recorded.replay),
+    "Recordings": (
+        recorded.plan,
+        recorded.check,
+        recorded.identify,
+        recorded.diagnose,
+        recorded.replay,
+        recorded.settings,
+    ),
     "Results": (commands.show, commands.view, commands.verify),
 }
 

@@ -26,6 +26,29 @@ def identify(
     output.finish(sandbox.identify(campaign, columns, preset), folder)
 
 
+def settings(
+    result: Annotated[Path, Parameter(metavar="RESULT")],
+    /,
+    *,
+    config: Annotated[Path, Parameter(metavar="FILE")],
+    bandwidth: Annotated[take.Number | None, take.usual("what the configuration means", "HZ")] = None,
+    output: take.Tableless = take.Tableless(),
+) -> None:
+    """A drive's settings (VESC, ODrive, moteus, SimpleFOC) beside what identify or diagnose found: values and gains.
+
+    Parameters
+    ----------
+    result
+        folder that identify or diagnose has written
+    config
+        the drive's configuration
+    bandwidth
+        of the current loop
+    """
+    folder = output.checked("settings")
+    output.finish(sandbox.check_settings(result, config, bandwidth), folder)
+
+
 def check(
     campaign: take.Campaign,
     /,

@@ -44,7 +44,19 @@ def replayed(folder):
     return sandbox.replay(folder / "bench", {"current_offset.offset_a": 0.01})
 
 
+def set_beside(folder):
+    """Return settings beside a hand-made result: what is not told is null."""
+    folder.mkdir(exist_ok=True)
+    (folder / "identify.json").write_text('{"campaign": "c"}')
+    (folder / "motor.toml").write_text(
+        "[motor]\npole_pairs = 7\nresistance = 0.05\n[ci95]\nresistance = [0.04, 0.06]\n"
+    )
+    (folder / "vesc.xml").write_text("<a><foc_motor_r>0.1</foc_motor_r><foc_current_ki>50</foc_current_ki></a>")
+    return sandbox.check_settings(folder, folder / "vesc.xml")
+
+
 MADE = {
+    "settings": set_beside,
     "simulate": lambda folder: sandbox.simulate("ipm_exchanged", LOADED, effects="dead_time.time=1e-6"),
     "compare": lambda folder: sandbox.compare("ipm_exchanged", LOADED, ["qnull"]),
     "audit": lambda folder: sandbox.audit("spm"),  # not valid: violations and nulls
