@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -148,7 +148,7 @@ class Products:
     drive: Drive
     before: float
     noise: float
-    known: dict[tuple[int, int, float], Any] = field(default_factory=dict)
+    known: dict[tuple[str | int | float | None, ...], Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         r = self.recording
@@ -161,32 +161,47 @@ class Products:
             first = int(np.argmax(energy[ROWS:] - energy[:-ROWS]))
             own = slice(first, first + ROWS)
         self.columns: Columns = {n: x[own] for n, x in r.columns.items()}
+        self.at = np.arange(0, len(self.columns["theta"]), self.size)
 
     def of(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
         """Return the matrix (5, 5) of products, with signals and factor of the angle as some changes read them."""
-        key = (id(current), id(voltage), turn)
-        if key not in self.known:
-            self.known[key] = self._matrix(current, voltage, turn)
-        return self.known[key]
+        return self._kept("products", self._products, current, voltage, turn)
 
-    def _matrix(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
-        c, h = self.columns, self.drive.converter.sampling_period
-        i = current_of(c) if current is None or current.signal is None else current.signal(c)
-        u = voltage_of(c) if voltage is None or voltage.signal is None else voltage.signal(c)
-        theta = turn * c["theta"]
-        moved = np.exp(1j * (theta - c["theta"])) if turn != 1.0 else np.ones(1)
-        i, u = i * (moved if self.turns_i else 1.0), u * (moved if self.turns_u else 1.0)
-        at = np.arange(0, len(theta), self.size)
-        span, around = h * self.size, np.exp(1j * theta[at])
-        terms = [
-            np.diff(_sums(u[:-1])[at]) / self.size,
-            np.diff(_sums(0.5 * (i[:-1] + i[1:]))[at]) / self.size,
-            np.diff(i[at]) / span,
-            np.diff(around**2 * np.conj(i[at])) / span,
-            np.diff(around) / span,
-        ]
-        x = np.stack(terms, axis=1)
+    def _kept(self, what: str, made: Callable[..., Any], *key: Change | float | None) -> Any:
+        """Return what a method makes, made once: signals have as many values as a log has rows."""
+        own = (what, *(id(k) if isinstance(k, Change) else k for k in key))
+        if own not in self.known:
+            self.known[own] = made(*key)
+        return self.known[own]
+
+    def _products(self, current: Change | None, voltage: Change | None, turn: float) -> Any:
+        span = self.drive.converter.sampling_period * self.size
+        u = self._kept("voltage", self._voltage, voltage, turn if self.turns_u else 1.0)
+        mean, i = self._kept("current", self._current, current, turn if self.turns_i else 1.0)
+        around = np.exp(1j * (turn * self.columns["theta"][self.at]))
+        x = np.stack(
+            [u, mean, np.diff(i) / span, np.diff(around**2 * np.conj(i)) / span, np.diff(around) / span], axis=1
+        )
         return x.conj().T @ x
+
+    def _voltage(self, change: Change | None, turn: float) -> Complex:
+        """Return the means of the voltage over windows."""
+        signal = voltage_of if change is None or change.signal is None else change.signal
+        return self._means((signal(self.columns) * self._moved(turn))[:-1])
+
+    def _current(self, change: Change | None, turn: float) -> tuple[Complex, Complex]:
+        """Return the means of the current over windows, and its values where they begin."""
+        signal = current_of if change is None or change.signal is None else change.signal
+        i = signal(self.columns) * self._moved(turn)
+        return self._means(0.5 * (i[:-1] + i[1:])), i[self.at]
+
+    def _moved(self, turn: float) -> Any:
+        """Return what turns vectors that were made with the log's angle, read as `turn` times itself."""
+        theta = self.columns["theta"]
+        return np.exp(1j * (turn * theta - theta)) if turn != 1.0 else 1.0
+
+    def _means(self, x: Complex) -> Any:
+        return np.diff(np.concatenate([[0j], np.cumsum(x)])[self.at]) / self.size
 
     def shares(self, change: Sequence[Change], zeros: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return what stays unexplained at each zero of the angle (rad), of the voltage as it is then read."""
@@ -206,10 +221,6 @@ class Products:
         products = self.of(signal.get(CURRENT), signal.get(VOLTAGE), turn)
         rest = np.sum(np.conj(factors) * (products @ factors), axis=0).real
         return np.maximum(rest, 0.0) / max(scale[VOLTAGE] ** 2 * float(products[0, 0].real), 1e-300)
-
-
-def _sums(x: Complex) -> Complex:
-    return np.concatenate([[0j], np.cumsum(x)])
 
 
 class Unanswered(Finding):
