@@ -2,7 +2,7 @@
 2. Choose an estimator for your motor
 =====================================
 
-Eighteen estimators come with the package: sixteen kinds, two of which also come as readable twins in Python (``ekf_filterpy``,
+Twenty estimators come with the package: eighteen kinds, two of which also come as readable twins in Python (``ekf_filterpy``,
 ``ukf_filterpy``). Which one suits a drive depends on the motor, the speed range and the
 inverter. This page lists them, measures four of them on one motor, and says how to decide.
 """

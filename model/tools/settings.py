@@ -27,7 +27,10 @@ FACTORS = {  # stated over found, of which value, why
     math.sqrt(2.0): (("magnet_flux",), "sqrt(2) times: a peak value taken for an rms one"),
     1.0 / math.sqrt(2.0): (("magnet_flux",), "1/sqrt(2): an rms value taken for a peak one"),
     1.5: (("magnet_flux", "inductance_d", "inductance_q"), "3/2: the factor of the transformation counted twice"),
-    2.0 / 3.0: (("magnet_flux", "inductance_d", "inductance_q"), "2/3: the factor of the transformation left out"),
+    2.0 / 3.0: (
+        ("resistance", "magnet_flux", "inductance_d", "inductance_q"),
+        "2/3: the factor of the transformation left out (older VESC firmware stated R and L so)",
+    ),
 }
 UNITS = {
     "resistance": "ohm", "inductance_d": "H", "inductance_q": "H", "magnet_flux": "Wb", "current_kp": "V/A",

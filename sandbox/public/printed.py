@@ -17,7 +17,7 @@ from sandbox.evaluation.pages.cost_figure import cost_table
 from sandbox.evaluation.protocol_names import BELIEFS
 from sandbox.output.tables import print_prose, print_table
 
-KALMAN = ("ekf", "ukf", "ekf_filterpy", "ukf_filterpy")
+KALMAN = ("ekf", "ekf_current", "ukf", "ekf_filterpy", "ukf_filterpy")
 TYPE_3 = ("pll3", "pwm_ripple", "mechanical")
 TRIPLE = "margins of a type 2 loop; this estimator has a triple pole with the same crossover"
 

@@ -286,6 +286,29 @@ def test_45_degrees_beside_d_a_linear_belief_rests_where_the_size_is_the_expecte
     assert error == pytest.approx(45.0 - math.degrees(phi), abs=0.3)
 
 
+def stiffness_along(i_q, phi):
+    """Return u Gamma u (1/H) of the true motor at i_d = 0, u along phi (rad) from d."""
+    dd, dq, qq = (float(x) for x in energy.hessian(MOTOR.energy, *energy.flux_from_current(MOTOR.energy, 0.0, i_q)))
+    c, s = math.cos(phi), math.sin(phi)
+    return dd * c * c + 2.0 * dq * c * s + qq * s * s
+
+
+@pytest.mark.parametrize("load", [0.6, 1.2])
+def test_vesc_rests_where_the_ripple_along_the_injection_is_the_mean_of_both_axes(load):
+    """The firmware's equation: rest is where (1/L_d + 1/L_q)/2 is seen along the axis; bound as above."""
+    from scipy.optimize import brentq
+
+    wanted = 0.5 * (1.0 / MOTOR.inductance_d + 1.0 / MOTOR.inductance_q)
+    i_q = load * MOTOR.rated_current
+    phi = brentq(lambda x: stiffness_along(i_q, x) - wanted, 0.1, 1.4)
+    scene = Scenario("s", (Segment(0.5, load, ramp=0.1, settle=0.3),), start_up=False)
+    run = simulate(DRIVE, scene, load_estimator("vesc_hfi"), "linear", closed_loop=False)
+    error = np.degrees(run.recording.between(run.start_time + 0.3, 1.0).error.mean())
+    assert error == pytest.approx(45.0 - math.degrees(phi), abs=0.3)
+    saturated = simulate(DRIVE, scene, load_estimator("vesc_hfi"), closed_loop=False)
+    assert abs(np.degrees(saturated.recording.between(saturated.start_time + 0.3, 1.0).error.mean())) < 0.5
+
+
 def test_random_cycles_have_no_line():
     """The signs sent: flux stays within that of the long cycle; the strongest line is far below a square wave's."""
     run = simulate(DRIVE, Scenario("s", (Segment(1.2),), start_up=False), load_estimator("random_frequency"))

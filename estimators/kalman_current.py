@@ -1,0 +1,129 @@
+"""Extended Kalman filter on the currents, as textbooks and small drives have it, with the injection beside.
+
+State x = (i_alpha, i_beta, omega, theta), measured: its first two.  In the rotor's frame, phi the flux that a belief
+has at a current, Gamma its Hessian there, J a quarter turn:
+  d i / dt = Gamma (u - R i - omega J (phi + phi_m)) + omega J i    (turned to the stationary frame),
+  d omega / dt = noise,   d theta / dt = omega.
+With a linear belief this is the usual filter of a salient motor with constant L_d and L_q.  Mean by Heun's step, the
+transition by differences at its start.  The flux is not a state: what the voltage lacks is noise of the currents alone,
+Gamma times that of the flux, and is forgotten with them; `ekf` remembers it as flux.  Injection makes theta observable
+at standstill: Gamma u turns with theta.
+"""
+
+from __future__ import annotations
+
+from estimators.believed import believed_flux
+from estimators.contract import STEP, Estimator
+from estimators.demodulation import AXIS, PHASE, blank
+from estimators.kalman import SIZE, START_ANGLE, START_SPEED, F, P, X, sandwich, told
+from estimators.startup import TRACKING, start, tell
+from model.compiled import kernel, kernel_as
+from model.energy import hessian
+from model.frames import rotate
+
+SMALL_CURRENT, SMALL_ANGLE = 1e-4, 1e-4  # of the rated current; rad: steps of differences
+
+
+@kernel
+def slope(s, i_a, i_b, theta, u_a, u_b, belief):
+    """Return d i / dt (A/s) at a current, an angle and the state's speed."""
+    omega = s[X + 2]
+    i_d, i_q = rotate(i_a, i_b, -theta)
+    d, q = believed_flux(s, belief.energy, i_d, i_q)
+    dd, dq, qq = hessian(belief.energy, d, q)
+    v_d, v_q = rotate(u_a - belief.resistance * i_a, u_b - belief.resistance * i_b, -theta)
+    v_d, v_q = v_d + omega * q, v_q - omega * (d + belief.magnet_flux)
+    return rotate(dd * v_d + dq * v_q - omega * i_q, dq * v_d + qq * v_q + omega * i_d, theta)
+
+
+@kernel
+def predict(s, u_a, u_b, belief, tuning):
+    """Propagate mean (Heun) and covariance (differences at the start) over one sampling period."""
+    t, a, b, omega, theta = tuning.sampling_period, s[X], s[X + 1], s[X + 2], s[X + 3]
+    x, y, small = SMALL_CURRENT * tuning.bias, SMALL_ANGLE, 1.0 + abs(omega) * SMALL_ANGLE
+    p_a, p_b = slope(s, a, b, theta, u_a, u_b, belief)
+    for k in range(16):
+        s[F + k] = 0.0
+    for k in range(4):
+        if k == 0:
+            q_a, q_b, over = *slope(s, a + x, b, theta, u_a, u_b, belief), t / x
+        elif k == 1:
+            q_a, q_b, over = *slope(s, a, b + x, theta, u_a, u_b, belief), t / x
+        elif k == 2:
+            s[X + 2] = omega + small
+            q_a, q_b, over = *slope(s, a, b, theta, u_a, u_b, belief), t / small
+            s[X + 2] = omega
+        else:
+            q_a, q_b, over = *slope(s, a, b, theta + y, u_a, u_b, belief), t / y
+        s[F + k], s[F + 4 + k] = over * (q_a - p_a), over * (q_b - p_b)
+        s[F + 5 * k] += 1.0
+    s[F + 14] = t
+    e_a, e_b = slope(s, a + t * p_a, b + t * p_b, theta + t * omega, u_a, u_b, belief)
+    s[X], s[X + 1] = a + 0.5 * t * (p_a + e_a), b + 0.5 * t * (p_b + e_b)
+    s[X + 3] = theta + t * omega
+    sandwich(s, F, P, P)
+    gain = 0.5 * (belief.energy.gamma_d**2 + belief.energy.gamma_q**2)
+    s[P] += gain * tuning.flux_variance
+    s[P + 5] += gain * tuning.flux_variance
+    s[P + 10] += tuning.speed_variance
+
+
+@kernel
+def update(s, i_a, i_b, tuning):
+    """Correct with one current sample (Joseph form), the first two states themselves."""
+    v, e_a, e_b = tuning.current_variance, i_a - s[X], i_b - s[X + 1]
+    aa, ab, bb = s[P] + v, s[P + 1], s[P + 5] + v
+    det = aa * bb - ab * ab
+    for k in range(4):
+        a, b = s[P + 4 * k], s[P + 4 * k + 1]
+        s[F + 4 * k], s[F + 4 * k + 1] = -(a * bb - b * ab) / det, -(b * aa - a * ab) / det
+        s[F + 4 * k + 2] = s[F + 4 * k + 3] = 0.0
+    for k in range(4):
+        s[X + k] -= s[F + 4 * k] * e_a + s[F + 4 * k + 1] * e_b
+    k0, k1, k2, k3 = s[F], s[F + 4], s[F + 8], s[F + 12]
+    l0, l1, l2, l3 = s[F + 1], s[F + 5], s[F + 9], s[F + 13]
+    for k in range(4):
+        s[F + 5 * k] += 1.0
+    sandwich(s, F, P, P)
+    gains_a, gains_b = (k0, k1, k2, k3), (l0, l1, l2, l3)
+    for i in range(4):
+        for j in range(4):
+            s[P + 4 * i + j] += v * (gains_a[i] * gains_a[j] + gains_b[i] * gains_b[j])
+
+
+@kernel
+def begin(s, sample, tuning):
+    """Set mean and covariance from the position found by starting up."""
+    s[X], s[X + 1], s[X + 2], s[X + 3] = sample.i_alpha, sample.i_beta, 0.0, s[AXIS]
+    for k in range(16):
+        s[P + k] = 0.0
+    s[P] = s[P + 5] = tuning.current_variance
+    s[P + 10] = START_SPEED**2
+    s[P + 15] = START_ANGLE**2
+
+
+@kernel_as(STEP)
+def step(state, sample, belief, tuning):
+    """Take one sample; see the module's text."""
+    if state[PHASE] != TRACKING:
+        estimate = start(state, sample, belief, tuning)
+        if state[PHASE] == TRACKING:
+            begin(state, sample, tuning)
+        return estimate
+    predict(state, sample.u_alpha, sample.u_beta, belief, tuning)
+    update(state, sample.i_alpha, sample.i_beta, tuning)
+    return told(state, sample, tuning)
+
+
+def init(belief, tuning, angle=None):
+    """Return the state before starting up, or ready to track from a known angle (rad)."""
+    return tell(blank(SIZE), angle)
+
+
+ESTIMATOR = Estimator(
+    "ekf_current", "extended Kalman filter on currents, speed and angle, the voltage's lack forgotten", init, step,
+    delay="none of its own: a prediction by the model, corrected each sample",
+    speeds="all; at standstill it needs the injection",
+    source="Dhaouadi, Mohan, Norum, IEEE Trans. Power Electron. 6 (1991) 491 (states and measurement); Bolognani, "
+    "Tubiana, Zigliotto, IEEE Trans. Ind. Appl. 39 (2003); any belief by its flux and Hessian, derived here",
+)  # fmt: skip
