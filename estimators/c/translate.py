@@ -278,13 +278,6 @@ class _Writer:
         yield from after
 
 
-class _Place:
-    """Where a variable lives: the innermost block around all its uses, and whether it is declared where it is set."""
-
-    def __init__(self, block: tuple[int, ...], at_once: bool) -> None:
-        self.block, self.at_once = block, at_once
-
-
 def _touched(target: ast.expr) -> set[str]:
     return {
         n.id

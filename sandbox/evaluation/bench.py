@@ -198,7 +198,7 @@ WORDS = {
 }
 
 
-def told(name: str, value: float) -> tuple[str, str]:
+def in_words(name: str, value: float) -> tuple[str, str]:
     """Return what a figure is, in words, and its value with its unit."""
     for pattern, (words, unit) in WORDS.items():
         found = re.fullmatch(pattern, name)

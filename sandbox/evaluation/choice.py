@@ -138,8 +138,8 @@ def which(found: Sequence[Standing], limits: Limits = ANY) -> str:
     if not chosen:
         return "None of these: no estimator kept lock and speed in all of it with its estimate in control."
     worst = max(s.worst_p95 or 0.0 for s in chosen)
-    text = f"{said(chosen)}: in every segment within {worst:.2g}° of the true position 95 % of the time, the estimate "
-    text += "in control."
+    text = f"{clause_of(chosen)}: in every segment within {worst:.2g}° of the true position 95 % of the time, "
+    text += "the estimate in control."
     if len(chosen) > 1:
         text += " They are too near each other to choose by error: take the cheaper or the more robust one, which "
         text += "`sensorless protocol` measures."
@@ -148,11 +148,11 @@ def which(found: Sequence[Standing], limits: Limits = ANY) -> str:
 
 def _out(found: Sequence[Standing], limits: Limits) -> str:
     """Return why estimators are no choice, nothing where there is none."""
-    reasons = [f"{said([s])} {limits.broken_by(s) if s.kept else why_out(s)}" for s in found]
+    reasons = [f"{clause_of([s])} {limits.broken_by(s) if s.kept else why_out(s)}" for s in found]
     return f" Out: {'; '.join(reasons)}." if reasons else ""
 
 
-def said(chosen: Sequence[Standing]) -> str:
+def clause_of(chosen: Sequence[Standing]) -> str:
     """Return estimators and what they believe as one clause."""
     groups: dict[str, list[str]] = {}
     for s in chosen:

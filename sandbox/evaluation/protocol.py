@@ -202,7 +202,7 @@ def protocol(
     read = {str(m): load_drive(m) for m in files}  # last: what is to be downloaded comes after all else is read
     loaded = {name: motor if isinstance(motor, Drive) else read[str(motor)] for name, motor in drives.items()}
     loaded[PEER] = reversal_case()[0]
-    kept = Kept(keep, seed, {name: digest(_told(drive)) for name, drive in loaded.items()})
+    kept = Kept(keep, seed, {name: digest(_values_of(drive)) for name, drive in loaded.items()})
     missing = [u for u in todo if u not in kept.rows or isinstance(drives.get(u.motor), Drive)]
     lock, done = threading.Lock(), len(todo) - len(missing)
 
@@ -227,7 +227,7 @@ def protocol(
     return Protocol(tuple(kept.rows[u] for u in todo), seed, limits=limits)
 
 
-def _told(drive: Drive) -> bytes:
+def _values_of(drive: Drive) -> bytes:
     """Return all values of a drive; a flux map is told by its hash."""
     return repr((drive.motor, drive.converter, drive.injection, drive.provenance)).encode()
 

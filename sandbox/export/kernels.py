@@ -15,7 +15,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 from types import ModuleType
-from typing import Any, get_type_hints
+from typing import Any
 
 from sandbox.export.expressions import Expressions, Text, bound
 from sandbox.export.kinds import (
@@ -115,13 +115,6 @@ def literal(value: float) -> str:
     if math.isinf(value):
         return "INFINITY" if value > 0.0 else "(-INFINITY)"
     return f"R({value!r})"
-
-
-def record_of(kind: Any, name: str, kinds: dict[str, Kind]) -> Record:
-    """Return a named tuple as a structure; kinds: of fields that are no plain numbers."""
-    plain = {float: REAL, int: INT}
-    hints = get_type_hints(kind)
-    return Record(name, tuple((f, kinds[f] if f in kinds else plain[hints[f]]) for f in kind._fields))
 
 
 class Function:

@@ -31,7 +31,7 @@ from sandbox.motion.shaft import (
     reweighted,
     with_orders,
 )
-from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, not_told, numbers, users
+from sandbox.motion.torques import COGGING, DRY, INERTIA, LAG, VISCOUS, numbers, unidentifiable, users
 from sandbox.motion.windows import SAMPLES, STEP, averages, white
 from sandbox.recordings.motion_log import MotionCampaign
 
@@ -239,7 +239,7 @@ def _cannot(design: Design, nominal: Nominal, exclude: Sequence[str]) -> dict[st
         DRY.effect: design.dry(USUAL_WIDTH * design.fastest), INERTIA.effect: design.acceleration,
         VISCOUS.effect: design.speed, LAG.effect: design.slope, **{n.effect: design.of_users[n.size] for n in users()},
     }  # fmt: skip
-    known, found = numbers(), not_told()
+    known, found = numbers(), unidentifiable()
     if nominal.inertia is None:
         found[INERTIA.effect] = "no inertia is stated, so there is none to differ from; its value is estimated"
     for name, column in columns.items():

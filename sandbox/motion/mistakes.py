@@ -48,7 +48,7 @@ class Look:
     fastest: float
 
     @property
-    def told(self) -> list[float]:
+    def ratios(self) -> list[float]:
         """Ratios of inertia, speed and back-EMF."""
         return [self.inertia, self.speed, self.emf]
 
@@ -205,7 +205,7 @@ def _cost(campaign: MotionCampaign, seen: Look, m: Mistake) -> float:
     """Return the squared deviations that are left once a mistake is undone."""
     spreads = [SPREAD_INERTIA, SPREAD_PACE, 2.0 * SPREAD_PACE]
     total = 0.0
-    for k, (x, predicted, spread) in enumerate(zip(seen.told, m.ratios, spreads, strict=True)):
+    for k, (x, predicted, spread) in enumerate(zip(seen.ratios, m.ratios, spreads, strict=True)):
         if not _is(x):
             continue
         if x * predicted < 0.0:

@@ -94,7 +94,7 @@ def users() -> tuple[Number, ...]:
     return tuple(n for n in map(_of_card, _torques()) if n is not None)
 
 
-def not_told() -> dict[str, str]:
+def unidentifiable() -> dict[str, str]:
     """Return the user's effects that are torques of another kind, each with the reason why no motion tells them."""
     why = "its torque is not proportional to one number; record voltages, too"
     return {card.name: why for card in _torques() if _of_card(card) is None}

@@ -77,7 +77,7 @@ def rate_bar(title: str, quiet: bool, what: str = "runs") -> Iterator[Callable[[
     with Progress(*columns, console=Console(stderr=True), transient=True, speed_estimate_period=300.0) as bar:
         task = bar.add_task(title, total=None, rate="", count="")
 
-        def told(done: int, total: int) -> None:
+        def show(done: int, total: int) -> None:
             """Show it; what was there before the first call is not counted into the rate."""
             if bar.tasks[0].total is None:
                 bar.reset(task, total=total, completed=done, rate="", count="")
@@ -85,7 +85,7 @@ def rate_bar(title: str, quiet: bool, what: str = "runs") -> Iterator[Callable[[
             rate = f"{speed:.3g}/s" if speed else ""
             bar.update(task, completed=done, rate=rate, count=f"{done:,.0f} of {total:,.0f} {what}")
 
-        yield told
+        yield show
 
 
 @contextmanager

@@ -28,7 +28,7 @@ class _Object(Exception):
     """Raised where an argument is a Python object."""
 
 
-def told(function: Callable[P, R]) -> Callable[P, R]:
+def records_call(function: Callable[P, R]) -> Callable[P, R]:
     """Let a function's result (a dataclass with a field `call`) say how it was called."""
     signature = inspect.signature(function)
 

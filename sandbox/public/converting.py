@@ -12,7 +12,7 @@ from model.ratings import cautions
 from model.tools.stated_motor import StatedMotor, stated_motor
 from sandbox.output.tables import print_prose, print_table
 from sandbox.output.toml import toml_text
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.result import Result
 
 FILE = "motor.toml"
@@ -64,7 +64,7 @@ class ConvertedMotor(Result):
         return {}
 
 
-@told
+@records_call
 def convert_motor(stated: Sequence[str | Path], name: str = "motor") -> ConvertedMotor:
     """Return a motor's file from configurations of VESC, ODrive, moteus or SimpleFOC, and from values of data sheets.
 

@@ -11,7 +11,7 @@ import numpy as np
 from model.errors import BadInput
 from model.parameters import Drive
 from sandbox.output.columns import Column
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 
@@ -130,7 +130,7 @@ class MapsResult(Result):
         return {"arrays": "maps.npz"}
 
 
-@told
+@records_call
 def audit(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = None) -> AuditResult:
     """Return where a motor's model is valid: convexity, saliency, cross-saturation angle.
 
@@ -177,7 +177,7 @@ def _map_of(motor: str | Path | Drive) -> Quality | None:
     return None if table is None else map_quality(table, path.parent)
 
 
-@told
+@records_call
 def maps(motor: str | Path | Drive = "ipm_exchanged", radius: float | None = None, points: int = 61) -> MapsResult:
     """Return a motor's maps over the plane of currents: inductances, cross-saturation angle, gain.
 

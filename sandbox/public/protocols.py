@@ -14,7 +14,7 @@ from model.errors import unknown
 from model.parameters import Drive
 from sandbox.output.columns import Column, columns_of
 from sandbox.output.tables import many
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.loading import several
 from sandbox.public.result import Result
 
@@ -132,14 +132,14 @@ class BenchResult(Result):
 
     def report(self) -> None:
         """Print every figure."""
-        from sandbox.evaluation.bench import told as in_words
+        from sandbox.evaluation.bench import in_words
         from sandbox.output.tables import print_table
 
         rows = [list(in_words(*figure)) for part in (self.measured, self.ratios) for figure in part.items()]
         print_table("what it costs on this machine", ["what", "value"], rows)
 
 
-@told
+@records_call
 def protocol(
     estimators: Iterable[AnyEstimator] | AnyEstimator | None = None,
     motors: Iterable[str | Path | Drive] | str | Path | Drive | None = None,
@@ -230,7 +230,7 @@ def check_names(estimators: Iterable[AnyEstimator], motors: Iterable[str | Path 
             motor_file(motor)
 
 
-@told
+@records_call
 def bench(anchors: str | Path | None = None, python: str | None = None) -> BenchResult:
     """Measure what a plant step, a closed-loop second and the effects cost on this machine; about a minute.
 

@@ -14,7 +14,7 @@ from model.parameters import Drive
 from model.ratings import cautions
 from sandbox.drive.scenario import Scenario
 from sandbox.output.columns import Column, columns_of
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.loading import load_scenario, ready, several
 from sandbox.public.result import Result
 
@@ -240,7 +240,7 @@ def _worst(rows: Iterable[Row], belief: str) -> str:
     return f"{max(kept):.2f} deg" + (f" (lost in {lost} of {len(means)})" if lost else "")
 
 
-@told
+@records_call
 def simulate(
     motor: AnyMotor = "ipm_exchanged",
     scenario: AnyScenario = "staircase",
@@ -340,7 +340,7 @@ def check_new_folder(folder: Path, out: Path | None = None) -> None:
         raise BadInput(f"--record '{folder}' cannot be made below '{parent}'; give another place")
 
 
-@told
+@records_call
 def compare(
     motor: AnyMotor = "ipm_exchanged",
     scenario: AnyScenario = "staircase",

@@ -15,7 +15,7 @@ from model.errors import BadInput
 from sandbox.drive.scenario import Scenario
 from sandbox.output.columns import Column, columns_of, unit_of
 from sandbox.output.tables import many, print_prose, print_table
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.loading import several
 from sandbox.public.result import Result
 
@@ -170,7 +170,7 @@ class ToleranceResult(Result):
         return Known(*lines(self.rows), svg_text(figure, f"tolerances{self.motor}{self.scenario}"))
 
 
-@told
+@records_call
 def sweep(
     plan: str | Path | Mapping[str, Any],
     folder: str | Path,
@@ -243,7 +243,7 @@ def sweep(
     return SweepResult(found, Path(folder), cpu, kernel)
 
 
-@told
+@records_call
 def tolerances(
     motor: str | Path = "ipm_exchanged",
     scenario: str | Path | Scenario = "staircase",

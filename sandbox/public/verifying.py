@@ -127,7 +127,7 @@ def verify(result: str | Path, tolerance: float = CLOSE) -> Verification:
     stated = _read(path)
     made = stated["made_by"]
     found = _again(path, made["call"])
-    pairs = list(_pairs(_told(stated, found), found))
+    pairs = list(_pairs(_recomputed(stated, found), found))
     apart = [Difference(where, a, b) for where, a, b in pairs if not _agree(a, b, tolerance)]
     apart = [*_damaged(path.parent, made["files"]), *apart]
     largest = max((_distance(a, b) for _, a, b in pairs), default=0.0)
@@ -268,7 +268,7 @@ def _changed(made: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(shown(s) for s in [*said, *(f"{k} {old.get(k)} -> {new[k]}" for k in new if old.get(k) != new[k])])
 
 
-def _told(stated: Mapping[str, Any], found: Any) -> dict[str, Any]:
+def _recomputed(stated: Mapping[str, Any], found: Any) -> dict[str, Any]:
     """Return what of a result's JSON is recomputed: no header, no names of files."""
     return {k: v for k, v in stated.items() if k not in HEADER or k in found}
 

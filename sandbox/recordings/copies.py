@@ -102,7 +102,7 @@ def counted_once(campaign: Campaign) -> Campaign:
             recordings.append(r)
             continue
         keep = own_rows(copies[k], len(r.t))
-        findings.append(told(r.file, campaign.recordings[copies[k].of].file, copies[k], len(r.t)))
+        findings.append(copy_finding(r.file, campaign.recordings[copies[k].of].file, copies[k], len(r.t)))
         if keep is not None:
             recordings.append(_part(r, keep))
     return dataclasses.replace(campaign, recordings=tuple(recordings), findings=tuple(findings))
@@ -114,7 +114,7 @@ def own_rows(c: Copied, rows: int) -> slice | None:
     return keep if keep.stop - keep.start >= SHORTEST else None
 
 
-def told(file: str, of: str, c: Copied, rows: int) -> Finding:
+def copy_finding(file: str, of: str, c: Copied, rows: int) -> Finding:
     """Return the finding on a copy."""
     keep = own_rows(c, rows)
     kept = 0 if keep is None else keep.stop - keep.start

@@ -21,7 +21,7 @@ from model.parameters import finite
 from sandbox.recordings.campaign import Campaign, Finding, table_of
 from sandbox.recordings.checks.motion_clock import stretches
 from sandbox.recordings.column_map import Column, has_voltages, measured, phase_currents, source_columns, source_units
-from sandbox.recordings.copies import copied, own_rows, told
+from sandbox.recordings.copies import copied, copy_finding, own_rows
 from sandbox.recordings.importing import Source
 from sandbox.recordings.stamps import segment_name
 from sandbox.recordings.turning import with_angle
@@ -142,7 +142,8 @@ def read_motion(source: Source, why: str) -> MotionCampaign:
 def _counted_once(recordings: list[MotionRecording], findings: list[Finding]) -> list[MotionRecording]:
     """Return recordings without rows that stand in two of them, each with a finding."""
     copies = {c.at: c for c in copied([[r.angle, r.torque] for r in recordings])}
-    findings += [told(recordings[k].file, recordings[c.of].file, c, len(recordings[k].t)) for k, c in copies.items()]
+    for k, c in copies.items():
+        findings.append(copy_finding(recordings[k].file, recordings[c.of].file, c, len(recordings[k].t)))
     out = []
     for k, r in enumerate(recordings):
         keep = own_rows(copies[k], len(r.t)) if k in copies else slice(0, len(r.t))

@@ -89,13 +89,13 @@ def tolerances(
     whole, rows = sum(s.runs for s in sweeps.values()), []
     done = 0
 
-    def tell(runs: int, _: int) -> None:
+    def advance(runs: int, _: int) -> None:
         """Say how many of all runs are done."""
         if progress is not None:
             progress(done + runs, whole)
 
     for level, sweep in sweeps.items():
-        rows += _rows(sweep, rows_of(sweep, jobs=jobs, cluster=cluster, progress=tell), level)
+        rows += _rows(sweep, rows_of(sweep, jobs=jobs, cluster=cluster, progress=advance), level)
         done += sweep.runs
     return with_gains(rows)
 

@@ -91,13 +91,15 @@ def _which(found: Sequence[Merit], rows: Sequence[Row], motor: str) -> str:
     if not first[0].missed:
         verb = "meets" if len(first) == 1 else "each meets"
         text = f"{names} with the saturated belief: {verb} {_all(first[0].judged)}.{some}{_cheapest(first)}"
-        return text + late(first) + held([r for r in rows if r.unit.motor == motor], [m.estimator for m in first])
+        own = [r for r in rows if r.unit.motor == motor]
+        return text + speed_missed(first) + held(own, [m.estimator for m in first])
     text = f"None meets every goal. Nearest: {names} with the saturated belief"
     text += f", {first[0].judged - len(first[0].missed)} of {first[0].judged}.{some}"
-    return text + "".join(f" {m.estimator} misses {'; '.join(map(why, m.missed))}." for m in first[:3]) + late(first)
+    missed = (f" {m.estimator} misses {'; '.join(map(why, m.missed))}." for m in first[:3])
+    return f"{text}{''.join(missed)}{speed_missed(first)}"
 
 
-def late(first: Sequence[Merit]) -> str:
+def speed_missed(first: Sequence[Merit]) -> str:
     """Return in which tests these estimators did not let the drive reach its speed in time, nothing where in none."""
     tests: dict[tuple[str, ...], list[str]] = {}
     for m in first:

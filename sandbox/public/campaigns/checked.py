@@ -16,7 +16,7 @@ from sandbox.motion.checked import noticed_in_motion
 from sandbox.output.columns import Column, columns_of, table_of, write_table
 from sandbox.output.files import CORRECTED
 from sandbox.output.tables import many, print_prose, print_table
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.campaigns import drafting
 from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
@@ -127,7 +127,7 @@ class CheckResult(Result):
         return {}
 
 
-@told
+@records_call
 def check(
     campaign: str | Path | Campaign,
     *,
@@ -312,7 +312,7 @@ class PlanResult(Result):
         return {}
 
 
-@told
+@records_call
 def plan(
     motor: str | Path | Drive = "ipm_exchanged",
     *,

@@ -16,7 +16,7 @@ from model.errors import BadInput
 from model.given import MOST_JSON, given_bytes
 from sandbox.output.columns import Column, columns_of
 from sandbox.output.tables import print_prose
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.campaigns.moved import MotionResult, diagnose_motion
 from sandbox.public.loading import motion_only, read_campaign
 from sandbox.public.result import Result
@@ -158,7 +158,7 @@ class DiagnosisResult(Result):
         return {}
 
 
-@told
+@records_call
 def diagnose(
     campaign: AnyCampaign,
     *,

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from sandbox.output.columns import Column, columns_of
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.loading import read_campaign
 from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
@@ -75,7 +75,7 @@ class IdentificationResult(Result):
         return replay_figure(f"{own.campaign.name}: the motor that was identified", own.fit.rms, path, ax=ax)
 
 
-@told
+@records_call
 def identify(
     campaign: AnyCampaign, columns: str | Path | None = None, preset: str | None = None
 ) -> IdentificationResult:

@@ -14,7 +14,7 @@ from model.effect_files import effects_and_angles
 from model.parameters import Drive
 from sandbox.output.columns import Column
 from sandbox.output.tables import many, print_table
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.loading import load_motor, read_campaign
 from sandbox.public.result import Result
 from sandbox.recordings.campaign import Campaign
@@ -101,7 +101,7 @@ class ReplayResult(Result):
         return Path(path)
 
 
-@told
+@records_call
 def replay(
     campaign: AnyCampaign,
     effects: Mapping[str, float] | str | Path | None = None,

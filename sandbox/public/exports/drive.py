@@ -17,7 +17,7 @@ from sandbox.export.fmu import VERSIONS, unit_of
 from sandbox.export.source import HEADER, HERE, SOURCE, Number, source_of
 from sandbox.output.tables import print_prose
 from sandbox.plant import sets
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 from sandbox.public.runs import Effects
@@ -69,7 +69,7 @@ def _stated(number: Number) -> dict[str, Any]:
     return {k: None if v in (float("inf"), float("-inf")) else v for k, v in kept.items()}
 
 
-@told
+@records_call
 def export_drive(
     motor: str | Path | Drive = "ipm_exchanged",
     effects: Effects = None,

@@ -24,7 +24,7 @@ from sandbox.drive.recording import Recording
 from sandbox.drive.scenario import Scenario, Segment
 from sandbox.drive.simulate import simulate
 from sandbox.output.tables import print_prose
-from sandbox.public.calls import told
+from sandbox.public.calls import records_call
 from sandbox.public.loading import load_motor
 from sandbox.public.result import Result
 from sandbox.recordings.injection import carrier
@@ -104,7 +104,7 @@ def in_one_window(
     return np.array([step(state, Sample(*row), belief, tuning)[:3] for row in samples.tolist()])
 
 
-@told
+@records_call
 def export_estimator(
     estimator: str = "ekf", motor: str | Path | Drive = "ipm_exchanged", belief: str = "saturated"
 ) -> Export:

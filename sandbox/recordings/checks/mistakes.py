@@ -233,11 +233,11 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
     doubtful = [(r, b) for r, b in read if b.doubtful and not saturation_explains(r, drive)]
     found = explanations(doubtful, drive)
     if found and not found[0].gentle:
-        raise BadInput(_told(found, doubtful))
+        raise BadInput(_sentence(found, doubtful))
     off_axis(recordings, drive)
     if found:
         file = next(r.file for (r, _), good in zip(doubtful, found[0].answered, strict=True) if good)
-        return [Finding(file, found[0].column, None, _told(found, doubtful))]
+        return [Finding(file, found[0].column, None, _sentence(found, doubtful))]
     return [
         Unanswered(
             r.file, "u_alpha", b.worst_row,
@@ -249,7 +249,7 @@ def contradictions(recordings: Sequence[CampaignRecording], drive: Drive) -> lis
     ]  # fmt: skip
 
 
-def _told(found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]) -> str:
+def _sentence(found: Sequence[Reading], doubtful: Sequence[tuple[CampaignRecording, Balance]]) -> str:
     """Return the sentence on the readings that explain recordings."""
     m = found[0]
     answered = [x for x, good in zip(doubtful, m.answered, strict=True) if good]

@@ -65,7 +65,7 @@ def test_goal_beside_every_verdict_and_a_tick_only_for_what_is_good():
 @of("bench", "diagnose")
 def test_results_of_long_work_are_results(tmp_path):
     """Those of minutes are tested with their commands; here that their results can do what all results can."""
-    from sandbox.evaluation.bench import LOOP, PLANT, told
+    from sandbox.evaluation.bench import LOOP, PLANT, in_words
     from sandbox.public.campaigns.diagnosed import DiagnosisResult
     from sandbox.public.protocols import BenchResult
     from sandbox.public.result import Result
@@ -73,7 +73,7 @@ def test_results_of_long_work_are_results(tmp_path):
     measured = {PLANT: 0.002, LOOP: 0.01}
     result = BenchResult(measured, {"all_effects_to_none_cpu": 3.2})
     ratio = "CPU with every effect, to that without effects"
-    said = [told(*figure) for part in (measured, result.ratios) for figure in part.items()]
+    said = [in_words(*figure) for part in (measured, result.ratios) for figure in part.items()]
     assert said == [
         ("a simulated second of the plant alone, saturated", "2 ms of CPU"),
         ("a simulated second in closed loop, qnull", "10 ms of CPU"), (ratio, "3.2 x"),
