@@ -27,7 +27,7 @@ def inductances(m: Energy, i_d: ArrayLike, i_q: ArrayLike) -> tuple[Array, Array
     """Return L_dd, L_dq, L_qq in H to first order in the alphas.
 
     The paper prints L_dd and L_qq with one factor L_d (L_q) missing in each correction, which is dimensionally
-    wrong; these are the derivatives of its own fluxes (tests/model/test_first_order.py shows both).
+    wrong; these are the derivatives of its own fluxes (tests/model/test_energy.py shows both).
     """
     l_d, l_q = 1.0 / m.gamma_d, 1.0 / m.gamma_q
     x, y = l_d * np.asarray(i_d, dtype=float), l_q * np.asarray(i_q, dtype=float)

@@ -24,3 +24,9 @@ def test_parameters_of_a_test_count_together():
 
 def test_entries_name_files_that_are_there():
     assert all((durations.HERE / durations.file_of(test)).is_file() for test in durations.read())
+
+
+def test_a_file_whose_tests_were_measured_has_no_entry_of_its_own():
+    """It would mark all its quick tests as slow, as these are not kept."""
+    known = durations.read()
+    assert not {durations.file_of(test) for test in known if "::" in test} & set(known)

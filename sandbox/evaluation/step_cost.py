@@ -124,7 +124,7 @@ def cost(drive: Drive, name: AnyEstimator, belief: str, seed: int) -> dict[str, 
     step_ns; injected_v: amplitude; ripple_a: rms of the sampled current around its mean, both axes together;
     pwm_ripple_a: rms of the ripple between samples (pulses shifted where the estimator asks for it); loss_w: copper
     loss of both (iron loss not counted); torque_ripple, torque_ripple_at_speed: rms of the sampled torque over its
-    mean; at_speed: of rated; copper_w and on, the same with `_at_speed`: see `injection_cost`, of both together.
+    mean; at_speed: of rated; copper_w and on, the same at speed: see `injection_cost`, of both together.
     """
     estimator, motor = load_estimator(name), drive.motor
     run = simulate(drive, LOADED, estimator, belief, closed_loop=False, seed=seed)
