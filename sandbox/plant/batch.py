@@ -138,10 +138,10 @@ def room_type(lanes: int) -> np.dtype[Any]:
     place = [(name, np.int64, (EDGES,)) for name in ("leg", "mate")]
     legs = [(name, np.float64, (3,)) for name in ("duty", "before", "shift")]
     legs += [("level", np.float64, (3,)), ("told", np.float64, (2,))]
-    more = [("half", np.int64), ("blocked", np.int64)]
-    more += [("acts", np.float64, (EDGES + 3, lanes)), ("until", np.float64, (EDGES + 4,))]
+    flags = [(name, np.int64) for name in ("half", "blocked")]
+    more = [("acts", np.float64, (EDGES + 3, lanes)), ("until", np.float64, (EDGES + 4,))]
     change = [(name, np.float64, (EDGES + 3,)) for name in ("change_x", "change_y")]
-    return np.dtype([*edge, *place, *legs, *more, *change], align=True)
+    return np.dtype([*edge, *place, *legs, *flags, *more, *change], align=True)
 
 
 def blank_room(lanes: int) -> Any:
